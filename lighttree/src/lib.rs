@@ -1,0 +1,1 @@
+//! Light trees and lightcuts: many lights, few shadow rays, a known error.

@@ -1,0 +1,1 @@
+//! An MPEG-2 video encoder that takes the motion it is given.

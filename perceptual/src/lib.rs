@@ -1,0 +1,1 @@
+//! Visibility thresholds from DCT masking, invertible tone mapping, picture metrics.

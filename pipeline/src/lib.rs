@@ -1,0 +1,1 @@
+//! render2mpeg: an animated glTF scene in, an MPEG-2 video with global illumination out.

@@ -1,0 +1,139 @@
+//! A rectangle of samples.
+
+/// A rectangle of `width × height` samples in raster order.
+///
+/// Invariant: `data.len() == width * height`; there is no hidden padding.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Plane<T> {
+    data: Vec<T>,
+    width: usize,
+    height: usize,
+}
+
+impl<T: Copy> Plane<T> {
+    /// A plane with every sample equal to `value`.
+    pub fn filled(width: usize, height: usize, value: T) -> Self {
+        Self { data: vec![value; width * height], width, height }
+    }
+
+    /// A plane whose sample at column `x` and row `y` is `f(x, y)`.
+    pub fn from_fn(width: usize, height: usize, mut f: impl FnMut(usize, usize) -> T) -> Self {
+        let mut data = Vec::with_capacity(width * height);
+        for y in 0..height {
+            data.extend((0..width).map(|x| f(x, y)));
+        }
+        Self { data, width, height }
+    }
+
+    /// Takes over samples in raster order.
+    ///
+    /// # Panics
+    /// If `data.len() != width * height`.
+    pub fn from_vec(width: usize, height: usize, data: Vec<T>) -> Self {
+        assert_eq!(data.len(), width * height, "a {width}x{height} plane needs exactly that many samples");
+        Self { data, width, height }
+    }
+
+    /// Samples in a row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Number of rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// The sample at column `x`, row `y`.
+    ///
+    /// # Panics
+    /// Outside of the plane.
+    #[inline]
+    pub fn get(&self, x: usize, y: usize) -> T {
+        self.row(y)[x]
+    }
+
+    /// The sample nearest to column `x`, row `y`: outside of the plane the border repeats.
+    #[inline]
+    pub fn get_clamped(&self, x: isize, y: isize) -> T {
+        let x = x.clamp(0, self.width as isize - 1) as usize;
+        let y = y.clamp(0, self.height as isize - 1) as usize;
+        self.data[y * self.width + x]
+    }
+
+    /// Replaces the sample at column `x`, row `y`.
+    ///
+    /// # Panics
+    /// Outside of the plane.
+    #[inline]
+    pub fn set(&mut self, x: usize, y: usize, value: T) {
+        self.row_mut(y)[x] = value;
+    }
+
+    /// Row `y`, `width` samples.
+    #[inline]
+    pub fn row(&self, y: usize) -> &[T] {
+        &self.data[y * self.width..][..self.width]
+    }
+
+    /// Row `y`, to be changed.
+    #[inline]
+    pub fn row_mut(&mut self, y: usize) -> &mut [T] {
+        &mut self.data[y * self.width..][..self.width]
+    }
+
+    /// All rows from top to bottom.
+    pub fn rows(&self) -> impl Iterator<Item = &[T]> {
+        self.data.chunks_exact(self.width.max(1))
+    }
+
+    /// All samples in raster order.
+    pub fn samples(&self) -> &[T] {
+        &self.data
+    }
+
+    /// All samples in raster order, to be changed: hand out `chunks_mut(width * rows)` to threads.
+    pub fn samples_mut(&mut self) -> &mut [T] {
+        &mut self.data
+    }
+
+    /// A plane of the same size with `f` of every sample.
+    pub fn map<U: Copy>(&self, f: impl FnMut(T) -> U) -> Plane<U> {
+        Plane { data: self.data.iter().copied().map(f).collect(), width: self.width, height: self.height }
+    }
+
+    /// The 8×8 block whose upper left sample is `(8 * column, 8 * row)`; beyond the plane the last row and column repeat.
+    pub fn block(&self, column: usize, row: usize) -> [T; 64] {
+        let (left, top) = (8 * column, 8 * row);
+        if left + 8 <= self.width && top + 8 <= self.height {
+            let mut out = [self.data[top * self.width + left]; 64];
+            for y in 0..8 {
+                out[8 * y..][..8].copy_from_slice(&self.row(top + y)[left..left + 8]);
+            }
+            out
+        } else {
+            std::array::from_fn(|i| self.get_clamped((left + i % 8) as isize, (top + i / 8) as isize))
+        }
+    }
+
+    /// Columns and rows of 8×8 blocks that cover the plane.
+    pub fn block_counts(&self) -> (usize, usize) {
+        (self.width.div_ceil(8), self.height.div_ceil(8))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_repeat_the_border() {
+        let plane = Plane::from_fn(10, 9, |x, y| (x + 100 * y) as i32);
+        let corner = plane.block(1, 1);
+        assert_eq!(corner[0], 808);
+        assert_eq!(corner[7], 809, "columns beyond the last repeat it");
+        assert_eq!(corner[63], 809, "rows too");
+        assert_eq!(plane.block(0, 0)[9], 101);
+        assert_eq!(plane.block_counts(), (2, 2));
+    }
+}
