@@ -1,1 +1,50 @@
-//! Visibility thresholds from DCT masking, invertible tone mapping, picture metrics.
+//! How exact a picture has to be when it will be watched as an MPEG-2 video.
+//!
+//! A picture and the codec's quantiser scale go in; out comes, pixel by pixel, how wrong its luminance may be without anybody seeing
+//! it after compression: [`tolerable_error`], after \[Herzog08\] with Watson's masking model \[Watson93\]. [`Feedback`] carries
+//! that from frame to frame along the motion. Around it: [`ToneMap`], curves that can be undone; [`YCbCr`], the picture that an
+//! MPEG-2 encoder takes; and metrics ([`psnr`], [`ssim`], …) for reports. The README lists the references and what is known of extremes.
+//!
+//! ```
+//! use perceptual::{MaskingModel, ToneMap, YCbCr, luminance_plane, tolerable_error};
+//! use plane::Plane;
+//!
+//! let radiance = Plane::from_fn(32, 16, |x, y| [0.1 + 0.2 * ((x ^ y) % 2) as f32; 3]);
+//! let (tone_map, model) = (ToneMap::default(), MaskingModel::default());
+//! let picture = YCbCr::from_radiance(&radiance, &tone_map);
+//! let luminance = luminance_plane(&radiance);
+//! let fine = tolerable_error(&picture.luma, &luminance, 2.0, &tone_map, &model);
+//! let coarse = tolerable_error(&picture.luma, &luminance, 32.0, &tone_map, &model);
+//! assert!(coarse.samples().iter().sum::<f32>() > fine.samples().iter().sum::<f32>());
+//! ```
+#![forbid(unsafe_code)]
+
+mod feedback;
+mod masking;
+mod metric;
+mod table;
+mod threshold_map;
+mod tonemap;
+mod ycbcr;
+
+pub use crate::feedback::{DEFAULT_WEIGHT, Feedback};
+pub use crate::masking::{
+    CONTRAST_MASKING_EXPONENT, DEFAULT_INTRA_MATRIX, LUMINANCE_MASKING_EXPONENT, MaskingModel, mean_dc,
+};
+pub use crate::metric::{Components, mse, psnr, relative_mse, rmse, ssim};
+pub use crate::threshold_map::{
+    NO_MATCH, RELATIVE_FLOOR, ThresholdMap, TolerableError, blend, carry, still_matches, tolerable_error,
+    tolerable_error_counted,
+};
+pub use crate::tonemap::{Display, Operator, OutOfRange, ToneMap, UnknownOperator};
+pub use crate::ycbcr::{LUMINANCE_WEIGHTS, WHITE_LUMA, YCbCr, luminance, luminance_plane};
+
+/// `value` taken into `low…high`; NaN becomes `low`.
+#[inline]
+fn bounded(value: f32, low: f32, high: f32) -> f32 {
+    if value > low { value.min(high) } else { low }
+}
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

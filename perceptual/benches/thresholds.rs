@@ -1,0 +1,96 @@
+//! Figures per 512×512 picture. One core: `RAYON_NUM_THREADS=1 cargo bench -p perceptual`.
+
+use divan::{Bencher, black_box};
+use perceptual::{
+    DEFAULT_WEIGHT, Feedback, MaskingModel, Operator, ToneMap, YCbCr, blend, carry, luminance_plane, ssim,
+    still_matches, tolerable_error,
+};
+use plane::Plane;
+
+fn main() {
+    divan::main();
+}
+
+const SIZE: usize = 512;
+
+/// Waves of several lengths, a colour cast, and noise from a fixed seed.
+fn radiance() -> Plane<[f32; 3]> {
+    let mut state = 7u32;
+    Plane::from_fn(SIZE, SIZE, |x, y| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let noise = (state >> 8) as f32 / (1 << 24) as f32;
+        let wave = (x as f32 * 0.05).sin() * (y as f32 * 0.31).cos();
+        let level = 0.3 + 0.2 * wave + 0.1 * noise;
+        [level, 0.8 * level, 0.5 * level]
+    })
+}
+
+fn picture() -> (YCbCr, Plane<f32>) {
+    let radiance = radiance();
+    (YCbCr::from_radiance(&radiance, &ToneMap::default()), luminance_plane(&radiance))
+}
+
+/// Eqs. (1) to (4).
+#[divan::bench(args = [1.0, 8.0, 112.0])]
+fn thresholds_of_a_frame(bencher: Bencher, quantiser_scale: f32) {
+    let (picture, luminance) = picture();
+    let (tone_map, model) = (ToneMap::default(), MaskingModel::default());
+    bencher.bench(|| tolerable_error(&picture.luma, &luminance, quantiser_scale, &tone_map, &model));
+}
+
+/// Eqs. (1) to (5), with the curve's table already made.
+#[divan::bench]
+fn feedback_of_a_frame(bencher: Bencher) {
+    let (picture, luminance) = picture();
+    let still = still_matches(SIZE, SIZE);
+    let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), DEFAULT_WEIGHT);
+    bencher.bench_local(|| feedback.observe(&picture.luma, &luminance, 8.0, Some(&still)).get(0, 0));
+}
+
+/// Eqs. (1) to (3) alone.
+#[divan::bench]
+fn masking_of_a_frame(bencher: Bencher) {
+    let (picture, _) = picture();
+    let model = MaskingModel::default();
+    bencher.bench(|| model.worst_case_luma(&picture.luma, 8.0));
+}
+
+#[divan::bench]
+fn blending_thresholds(bencher: Bencher) {
+    let (e, still) = (Plane::filled(SIZE, SIZE, 0.01f32), still_matches(SIZE, SIZE));
+    bencher.bench(|| blend(&e, &e, &still, 0.5));
+}
+
+#[divan::bench]
+fn carrying_thresholds(bencher: Bencher) {
+    let (e, still) = (Plane::filled(SIZE, SIZE, 0.01f32), still_matches(SIZE, SIZE));
+    bencher.bench(|| carry(&e, &still));
+}
+
+#[divan::bench(args = Operator::ALL)]
+fn tone_mapping_to_ycbcr(bencher: Bencher, operator: Operator) {
+    let (radiance, tone_map) = (radiance(), ToneMap::of(operator));
+    bencher.bench(|| YCbCr::from_radiance(&radiance, &tone_map));
+}
+
+#[divan::bench]
+fn transforming_all_blocks(bencher: Bencher) {
+    let (picture, _) = picture();
+    let (columns, rows) = picture.luma.block_counts();
+    let blocks: Vec<_> = (0..columns * rows).map(|i| picture.luma.block(i % columns, i / columns)).collect();
+    bencher.bench(|| blocks.iter().map(|block| plane::dct(black_box(block))[9]).sum::<f32>());
+}
+
+#[divan::bench]
+fn transforming_all_blocks_back(bencher: Bencher) {
+    let (picture, _) = picture();
+    let (columns, rows) = picture.luma.block_counts();
+    let blocks: Vec<_> = (0..columns * rows).map(|i| picture.luma.block(i % columns, i / columns)).collect();
+    bencher.bench(|| blocks.iter().map(|block| plane::idct(black_box(block))[9]).sum::<f32>());
+}
+
+#[divan::bench]
+fn structural_similarity(bencher: Bencher) {
+    let (picture, _) = picture();
+    bencher.bench(|| ssim(&picture.y, &picture.y));
+}

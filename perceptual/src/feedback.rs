@@ -1,0 +1,95 @@
+//! The loop over frames: what was seen in frame t decides how exact frame t+1 has to be.
+
+use crate::threshold_map::{LuminanceScale, ThresholdMap, blend, carry, scaled_error};
+use crate::{MaskingModel, ToneMap};
+use plane::Plane;
+
+/// Weight of the past in eq. (5), \[Herzog08, §5.2\].
+pub const DEFAULT_WEIGHT: f32 = 0.5;
+
+/// Holds ΔY(t) from frame to frame.
+///
+/// Frames are observed in display order. Equal inputs give equal thresholds, bit by bit, whatever the number of threads.
+///
+/// ```
+/// use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap, YCbCr, luminance_plane, still_matches};
+/// use plane::Plane;
+///
+/// let tone_map = ToneMap::default();
+/// let mut feedback = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT);
+/// let still = still_matches(32, 16);
+/// assert_eq!(feedback.thresholds_for_next(&still).get(3, 4), None, "2 % of luminance before anything was seen");
+///
+/// let radiance = Plane::from_fn(32, 16, |x, _| [0.1 + 0.01 * x as f32; 3]);
+/// let picture = YCbCr::from_radiance(&radiance, &tone_map);
+/// feedback.observe(&picture.luma, &luminance_plane(&radiance), 8.0, None);
+/// assert!(feedback.thresholds_for_next(&still).get(3, 4).unwrap() >= 0.02 * 0.13);
+/// ```
+pub struct Feedback {
+    model: MaskingModel,
+    scale: LuminanceScale,
+    weight: f32,
+    thresholds: Plane<f32>,
+    non_finite: usize,
+}
+
+impl Feedback {
+    /// No frame seen yet. `weight` is w of eq. (5), 0…1: how much of the past is kept.
+    pub fn new(model: MaskingModel, tone_map: ToneMap, weight: f32) -> Self {
+        let scale = LuminanceScale::new(&tone_map);
+        Self { model, scale, weight, thresholds: Plane::default(), non_finite: 0 }
+    }
+
+    /// Takes in frame t and returns ΔY(t).
+    ///
+    /// `luma` in code values above black, `luminance` linear, `quantiser_scale` 1…112. `matches` says where each pixel was in
+    /// the frame observed before (see [`blend`]); `None` says that nothing is known of it, as after a cut.
+    /// A change of picture size starts afresh.
+    ///
+    /// # Panics
+    /// If the planes differ in size.
+    pub fn observe(
+        &mut self,
+        luma: &Plane<f32>,
+        luminance: &Plane<f32>,
+        quantiser_scale: f32,
+        matches: Option<&Plane<u32>>,
+    ) -> &Plane<f32> {
+        let e = scaled_error(luma, luminance, quantiser_scale, &self.scale, &self.model);
+        self.non_finite = e.non_finite;
+        let same_size = (self.thresholds.width(), self.thresholds.height()) == (luma.width(), luma.height());
+        self.thresholds = match matches {
+            Some(matches) if same_size => blend(&e.error, &self.thresholds, matches, self.weight),
+            _ => e.error,
+        };
+        &self.thresholds
+    }
+
+    /// ΔY(t) fetched along the motion of frame t+1: `matches` says where each of its pixels was in the last observed frame.
+    ///
+    /// Before the first frame, 2 % of luminance everywhere.
+    pub fn thresholds_for_next(&self, matches: &Plane<u32>) -> ThresholdMap {
+        carry(&self.thresholds, matches)
+    }
+
+    /// ΔY of the last observed frame; an empty plane before the first.
+    pub fn thresholds(&self) -> &Plane<f32> {
+        &self.thresholds
+    }
+
+    /// Pixels of the last observed frame whose luma or luminance was not finite.
+    pub fn non_finite(&self) -> usize {
+        self.non_finite
+    }
+
+    /// Forgets all frames.
+    pub fn reset(&mut self) {
+        self.thresholds = Plane::default();
+        self.non_finite = 0;
+    }
+
+    /// Puts back ΔY of the last observed frame, as [`Feedback::thresholds`] gave it: for continuing an interrupted film.
+    pub fn restore(&mut self, thresholds: Plane<f32>) {
+        self.thresholds = thresholds;
+    }
+}

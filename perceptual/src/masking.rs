@@ -1,0 +1,291 @@
+//! What the codec may do to a block unseen: luminance and contrast masking in the DCT domain.
+//!
+//! Watson's model \[Watson93\] with the intra matrix of MPEG-2 as base thresholds, as \[Herzog08, §5.1 and §5.2\] use it:
+//!
+//! ```text
+//! (1)  t_ij = q_ij (c_00 / c̄_00)^(0.649 γ)
+//! (2)  m_ij = t_ij max(1, |c_ij| / t_ij)^0.7                   m_00 = t_00
+//! (3)  ĉ_ij = ½ sign(c_ij) s q_min                             if |c_ij| < ½ q_ij s   (vanishes in the stream)
+//!      ĉ_ij = c_ij + ½ sign(c_ij) s m_ij                       otherwise
+//!
+//!   c_ij   orthonormal DCT of a block of luma, black = 0, white = 219: the scale in which the quantiser's steps act
+//!   c̄_00   mean of c_00 over all blocks of the picture          q_ij   intra quantiser matrix
+//!   γ      display gamma, 2.0 by default                        s      quantiser_scale / 16
+//!   q_min  smallest q_ij other than q_00; 16 by default
+//! ```
+//!
+//! # What the sources leave open, and what is done here
+//! - sign(0) = +. Coefficients that vanish are replaced by a wave in the direction of their sign; in a block that is exactly
+//!   flat all signs are positive, and the 63 waves meet in the block's upper left sample: it gets nearly seven times the tolerance
+//!   of the block, whose root mean square is ½ s q_min code values whatever the signs (the transform is orthonormal).
+//! - The first case of (3) replaces a coefficient; it does not add to it. The DC goes through the same cases: in a block
+//!   darker than ½ q_00 s (mean luma ¹⁄₁₆ q_00 s; black in practice) it is replaced by ½ s q_min.
+//! - `c_00 / c̄_00` is kept within 1/16…16 ([`MaskingModel::max_luminance_ratio`]), so that a lone white block in a
+//!   black picture stays finite and a black block keeps a threshold above zero. A black picture (c̄_00 = 0) has ratio 1 everywhere.
+
+use crate::bounded;
+use plane::{Plane, dct, idct};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Exponent of luminance masking in linear luminance \[Watson93\]; the display gamma multiplies it in eq. (1).
+pub const LUMINANCE_MASKING_EXPONENT: f32 = 0.649;
+/// Exponent of contrast masking, the same for all AC frequencies \[Watson93\].
+pub const CONTRAST_MASKING_EXPONENT: f32 = 0.7;
+/// The divisor in s = quantiser_scale / 16: MPEG-2's step for coefficient ij is q_ij · quantiser_scale / 16.
+const QUANTISER_SCALE_UNIT: f32 = 16.0;
+/// c̄_00 below this is a black picture: less than 2·10⁻⁴ code values on average.
+const BLACK_MEAN_DC: f32 = 1e-3;
+
+/// MPEG-2's default matrix for intra blocks in raster order (ISO/IEC 13818-2, 6.3.11).
+#[rustfmt::skip]
+pub const DEFAULT_INTRA_MATRIX: [u8; 64] = [
+     8, 16, 19, 22, 26, 27, 29, 34,
+    16, 16, 22, 24, 27, 29, 34, 37,
+    19, 22, 26, 27, 29, 34, 34, 38,
+    22, 22, 26, 27, 29, 34, 37, 40,
+    22, 26, 27, 29, 32, 35, 40, 48,
+    26, 27, 29, 32, 35, 40, 48, 58,
+    26, 27, 29, 34, 38, 46, 56, 69,
+    27, 29, 35, 38, 46, 56, 69, 83,
+];
+
+/// The numbers of the masking model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MaskingModel {
+    /// q_ij in raster order, 1…255 each (0 counts as 1). Default: [`DEFAULT_INTRA_MATRIX`].
+    #[serde(with = "matrix")]
+    pub intra_matrix: [u8; 64],
+    /// γ of the display in eq. (1). Default 2.0 \[Herzog08, §5.1\].
+    pub display_gamma: f32,
+    /// Bound r on c_00 / c̄_00, kept within 1/r…r; at least 1. Default 16, ours: above the ratio of white to the mean of a
+    /// picture whose mean luma is 14, so that only pictures that are nearly black reach it.
+    pub max_luminance_ratio: f32,
+}
+
+impl Default for MaskingModel {
+    fn default() -> Self {
+        Self { intra_matrix: DEFAULT_INTRA_MATRIX, display_gamma: 2.0, max_luminance_ratio: 16.0 }
+    }
+}
+
+/// `s = quantiser_scale / 16`, for a scale taken into 1…112 (ISO/IEC 13818-2, Table 7-6).
+fn step_multiplier(quantiser_scale: f32) -> f32 {
+    bounded(quantiser_scale, 1.0, 112.0) / QUANTISER_SCALE_UNIT
+}
+
+impl MaskingModel {
+    /// Eq. (1): thresholds of a block with DC coefficient `dc` in a picture with the mean `mean_dc`, before contrast masking.
+    pub fn luminance_thresholds(&self, dc: f32, mean_dc: f32) -> [f32; 64] {
+        let factor = self.luminance_factor(dc, mean_dc);
+        self.intra_matrix.map(|q| f32::from(q.max(1)) * factor)
+    }
+
+    /// Eq. (2): thresholds `t` raised by the block's own contrast `c`.
+    pub fn contrast_thresholds(t: &[f32; 64], c: &[f32; 64]) -> [f32; 64] {
+        std::array::from_fn(|i| match i {
+            0 => t[0],
+            _ => t[i] * (c[i].abs() / t[i]).max(1.0).powf(CONTRAST_MASKING_EXPONENT),
+        })
+    }
+
+    /// Eq. (3): the coefficients `c` of a block, distorted as far as quantisation and masking `m` allow.
+    pub fn worst_case(&self, c: &[f32; 64], m: &[f32; 64], quantiser_scale: f32) -> [f32; 64] {
+        let (s, q_min) = (step_multiplier(quantiser_scale), self.smallest_ac());
+        std::array::from_fn(|i| {
+            let sign = if c[i] < 0.0 { -1.0 } else { 1.0 };
+            let q = f32::from(self.intra_matrix[i].max(1));
+            if c[i].abs() < 0.5 * q * s { 0.5 * sign * s * q_min } else { c[i] + 0.5 * sign * s * m[i] }
+        })
+    }
+
+    /// Eqs. (1) to (3) for all blocks of a picture: the luma ŷ′ that a viewer could not tell from `luma`.
+    ///
+    /// `luma` in code values above black, before rounding; values that are not finite count as black, others are taken into
+    /// −16…239, what eight bits hold. The result is neither rounded nor clipped. `quantiser_scale` is taken into 1…112.
+    pub fn worst_case_luma(&self, luma: &Plane<f32>, quantiser_scale: f32) -> Plane<f32> {
+        let (width, height) = (luma.width(), luma.height());
+        let mut out = Plane::filled(width, height, 0.0);
+        if width == 0 || height == 0 {
+            return out;
+        }
+        let columns = luma.block_counts().0;
+        let fast = FastMasking::new(self, mean_dc(luma), quantiser_scale);
+        out.samples_mut().par_chunks_mut(8 * width).enumerate().for_each(|(row, strip)| {
+            for column in 0..columns {
+                let block = idct(&fast.worst_case(&dct(&finite_block(luma, column, row))));
+                let left = 8 * column;
+                let inside = (width - left).min(8);
+                for (line, samples) in strip.chunks_exact_mut(width).zip(block.chunks_exact(8)) {
+                    line[left..left + inside].copy_from_slice(&samples[..inside]);
+                }
+            }
+        });
+        out
+    }
+
+    /// `(c_00 / c̄_00)^(0.649 γ)`, within the bounds of the model.
+    fn luminance_factor(&self, dc: f32, mean_dc: f32) -> f32 {
+        if mean_dc.is_nan() || mean_dc < BLACK_MEAN_DC {
+            return 1.0;
+        }
+        let bound = bounded(self.max_luminance_ratio, 1.0, 1e6);
+        let gamma = if self.display_gamma.is_nan() { 2.0 } else { self.display_gamma.clamp(0.0, 4.0) };
+        bounded(dc / mean_dc, 1.0 / bound, bound).powf(LUMINANCE_MASKING_EXPONENT * gamma)
+    }
+
+    /// q_min.
+    fn smallest_ac(&self) -> f32 {
+        f32::from(self.intra_matrix[1..].iter().copied().fold(u8::MAX, u8::min).max(1))
+    }
+}
+
+/// c̄_00: the mean of the DC coefficients over all blocks of a plane of luma. 0 for a plane without samples.
+pub fn mean_dc(luma: &Plane<f32>) -> f32 {
+    let (columns, rows) = luma.block_counts();
+    if columns * rows == 0 {
+        return 0.0;
+    }
+    let dc = |column, row| {
+        // Eight sums side by side: one after the other, each addition would wait for the last.
+        let mut sums = [0.0f32; 8];
+        for line in finite_block(luma, column, row).chunks_exact(8) {
+            for (sum, value) in sums.iter_mut().zip(line) {
+                *sum += value;
+            }
+        }
+        sums.iter().sum::<f32>() / 8.0
+    };
+    let of_row = |row| (0..columns).map(|column| f64::from(dc(column, row))).sum::<f64>();
+    // Rows are collected and then added up in order, so that the number of threads does not change the sum.
+    let sums: Vec<f64> = (0..rows).into_par_iter().map(of_row).collect();
+    (sums.iter().sum::<f64>() / (columns * rows) as f64) as f32
+}
+
+/// A block of luma with everything brought into the range of eight bits.
+fn finite_block(luma: &Plane<f32>, column: usize, row: usize) -> [f32; 64] {
+    luma.block(column, row).map(|v| if v.is_finite() { v.clamp(-16.0, 239.0) } else { 0.0 })
+}
+
+/// Eqs. (1) to (3) in one pass over a block, without branches or calls, so that it becomes vector code.
+///
+/// Eq. (2) rearranged: t max(1, |c| / t)^0.7 = max(t, t^0.3 |c|^0.7), and t^0.3 = q^0.3 · factor^0.3, where q^0.3 is known.
+struct FastMasking<'a> {
+    model: &'a MaskingModel,
+    mean_dc: f32,
+    q: [f32; 64],
+    q_power: [f32; 64],
+    s: f32,
+    vanishing: f32,
+}
+
+impl<'a> FastMasking<'a> {
+    fn new(model: &'a MaskingModel, mean_dc: f32, quantiser_scale: f32) -> Self {
+        let q = model.intra_matrix.map(|q| f32::from(q.max(1)));
+        let s = step_multiplier(quantiser_scale);
+        let q_power = q.map(|q| q.powf(1.0 - CONTRAST_MASKING_EXPONENT));
+        Self { model, mean_dc, q, q_power, s, vanishing: 0.5 * s * model.smallest_ac() }
+    }
+
+    fn worst_case(&self, c: &[f32; 64]) -> [f32; 64] {
+        let factor = self.model.luminance_factor(c[0], self.mean_dc);
+        let factor_power = factor.powf(1.0 - CONTRAST_MASKING_EXPONENT);
+        let half = 0.5 * self.s;
+        let powers = contrast_powers(c);
+        let mut out = [0.0; 64];
+        for i in 0..64 {
+            let size = c[i].abs();
+            let m = (self.q[i] * factor).max(self.q_power[i] * factor_power * powers[i]);
+            let distorted = if size < half * self.q[i] { self.vanishing } else { size + half * m };
+            out[i] = if c[i] < 0.0 { -distorted } else { distorted };
+        }
+        // m_00 = t_00.
+        if c[0].abs() >= half * self.q[0] {
+            let m = self.q[0] * factor;
+            out[0] = c[0] + if c[0] < 0.0 { -half * m } else { half * m };
+        }
+        out
+    }
+}
+
+/// `|c|^0.7` of all coefficients.
+///
+/// Not inlined: the compiler would move each power into the branch that needs it, and then compute them one by one.
+#[inline(never)]
+fn contrast_powers(c: &[f32; 64]) -> [f32; 64] {
+    c.map(|c| contrast_power(c.abs()))
+}
+
+/// `x^0.7` for x from 0 to 1e6, within a relative 1e-5; ordinary arithmetic only. (0 gives less than 1e-20.)
+#[inline(always)]
+fn contrast_power(x: f32) -> f32 {
+    const SQRT_HALF: u32 = std::f32::consts::FRAC_1_SQRT_2.to_bits();
+    const TWO_OVER_LN_2: f32 = 2.0 / std::f32::consts::LN_2;
+    /// 1.5 · 2²³: adding it rounds to a whole number in the low bits.
+    const ROUNDER: f32 = 12_582_912.0;
+    // log2(x) = exponent + log2(mantissa), the mantissa from √½ to √2, by the series of the area hyperbolic tangent.
+    let bits = x.max(1e-30).to_bits();
+    let exponent = (bits.wrapping_sub(SQRT_HALF) as i32) >> 23;
+    let mantissa = f32::from_bits(bits.wrapping_sub((exponent << 23) as u32));
+    let z = (mantissa - 1.0) / (mantissa + 1.0);
+    let zz = z * z;
+    let log2 = exponent as f32 + TWO_OVER_LN_2 * z * (1.0 + zz * (1.0 / 3.0 + zz * (0.2 + zz * (1.0 / 7.0))));
+    // 2^y = 2^whole · 2^rest, rest from −½ to ½, by the exponential series up to the fifth power.
+    let y = CONTRAST_MASKING_EXPONENT * log2;
+    let shifted = y + ROUNDER;
+    let rest = (y - (shifted - ROUNDER)) * std::f32::consts::LN_2;
+    let series = 1.0 + rest * (1.0 + rest * (0.5 + rest * (1.0 / 6.0 + rest * (1.0 / 24.0 + rest * (1.0 / 120.0)))));
+    f32::from_bits(series.to_bits().wrapping_add(shifted.to_bits() << 23))
+}
+
+/// 64 numbers in a settings file: serde derives arrays of up to 32.
+mod matrix {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
+
+    pub fn serialize<S: Serializer>(matrix: &[u8; 64], serializer: S) -> Result<S::Ok, S::Error> {
+        matrix.as_slice().serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[u8; 64], D::Error> {
+        let entries = Vec::<u8>::deserialize(deserializer)?;
+        entries.try_into().map_err(|entries: Vec<u8>| D::Error::invalid_length(entries.len(), &"64 matrix entries"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fast_power_is_the_power() {
+        for i in 0..=100_000 {
+            let x = 1e-6 * 10f64.powf(i as f64 * 1.2e-4);
+            let fast = f64::from(contrast_power(x as f32));
+            assert!((fast / f64::from(x as f32).powf(0.7) - 1.0).abs() < 1e-5, "{x}: {fast}");
+        }
+        assert!(contrast_power(0.0) < 1e-20);
+    }
+
+    #[test]
+    fn fast_block_is_the_chain_of_equations() {
+        let model = MaskingModel::default();
+        let mut state = 1u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        for quantiser_scale in [1.0, 2.0, 16.0, 62.0, 112.0] {
+            let fast = FastMasking::new(&model, 800.0, quantiser_scale);
+            for _ in 0..200 {
+                let spread = 300.0 * random();
+                let mut c: [f32; 64] = std::array::from_fn(|_| spread * (random() - 0.5));
+                c[0] = 1752.0 * random();
+                let m = MaskingModel::contrast_thresholds(&model.luminance_thresholds(c[0], 800.0), &c);
+                for (fast, plain) in fast.worst_case(&c).iter().zip(model.worst_case(&c, &m, quantiser_scale)) {
+                    assert!((fast - plain).abs() <= 2e-5 * plain.abs(), "{fast} {plain}");
+                }
+            }
+        }
+    }
+}

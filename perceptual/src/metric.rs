@@ -1,0 +1,136 @@
+//! How far a picture is from another, for reports: squared errors, PSNR, and structural similarity \[Wang04\].
+//!
+//! All functions take the picture to be judged first and the reference second, and panic if they differ in size.
+//! Sums run in `f64`, in raster order. Errors of planes without samples are 0.
+
+use plane::Plane;
+
+/// A sample that consists of numbers: a single one, or the components of a colour.
+pub trait Components: Copy {
+    /// The numbers.
+    fn components(&self) -> &[f32];
+}
+
+impl Components for f32 {
+    fn components(&self) -> &[f32] {
+        std::slice::from_ref(self)
+    }
+}
+
+impl Components for [f32; 3] {
+    fn components(&self) -> &[f32] {
+        self
+    }
+}
+
+/// Added to the squared reference in [`relative_mse`], so that black pixels do not decide it; ours, the customary value of
+/// denoising papers for pictures exposed to about 1.
+const RELATIVE_MSE_EPSILON: f64 = 0.01;
+
+fn assert_same_size<T: Copy>(a: &Plane<T>, b: &Plane<T>) {
+    let size = (a.width(), a.height());
+    assert_eq!(size, (b.width(), b.height()), "the two pictures must have the same size");
+}
+
+/// Mean of `term(value, reference)` over all components.
+fn mean<T: Components>(picture: &Plane<T>, reference: &Plane<T>, term: impl Fn(f64, f64) -> f64) -> f64 {
+    assert_same_size(picture, reference);
+    let (mut sum, mut count) = (0.0, 0usize);
+    for (a, b) in picture.samples().iter().zip(reference.samples()) {
+        for (&a, &b) in a.components().iter().zip(b.components()) {
+            sum += term(f64::from(a), f64::from(b));
+            count += 1;
+        }
+    }
+    sum / count.max(1) as f64
+}
+
+/// Mean squared error of 8-bit planes, in squared code values.
+pub fn mse(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
+    assert_same_size(picture, reference);
+    let square = |(&a, &b): (&u8, &u8)| u64::from(a.abs_diff(b)).pow(2);
+    let sum: u64 = picture.samples().iter().zip(reference.samples()).map(square).sum();
+    sum as f64 / picture.samples().len().max(1) as f64
+}
+
+/// Peak signal-to-noise ratio of 8-bit planes in dB, peak 255; infinite for equal pictures.
+///
+/// ```
+/// use plane::Plane;
+/// let (black, off_by_one) = (Plane::filled(8, 8, 16u8), Plane::filled(8, 8, 17u8));
+/// assert!((perceptual::psnr(&off_by_one, &black) - 48.1308).abs() < 1e-4);
+/// ```
+pub fn psnr(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
+    10.0 * (255.0 * 255.0 / mse(picture, reference)).log10()
+}
+
+/// Root of the mean squared error, in the unit of the samples; colours: over all components.
+pub fn rmse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> f64 {
+    mean(picture, reference, |a, b| (a - b).powi(2)).sqrt()
+}
+
+/// Mean of (a − b)² / (b² + 0.01): squared errors relative to the reference b.
+pub fn relative_mse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> f64 {
+    mean(picture, reference, |a, b| (a - b).powi(2) / (b * b + RELATIVE_MSE_EPSILON))
+}
+
+/// Samples on each side of the centre of the window of [`ssim`].
+const RADIUS: usize = 5;
+/// Width of its Gaussian in samples \[Wang04, §III-C\].
+const SIGMA: f64 = 1.5;
+
+/// Structural similarity of 8-bit planes \[Wang04\]: 1 for equal pictures, less for all others.
+///
+/// ```text
+/// SSIM = (2 μ_a μ_b + C1) (2 σ_ab + C2) / ((μ_a² + μ_b² + C1) (σ_a² + σ_b² + C2))      C1 = (0.01·255)², C2 = (0.03·255)²
+/// ```
+///
+/// Means and variances under an 11×11 Gaussian window of σ = 1.5 samples; the mean over all places where the window lies within
+/// the picture. Pictures smaller than the window: over all places, with the border repeated.
+pub fn ssim(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
+    assert_same_size(picture, reference);
+    let (width, height) = (picture.width(), picture.height());
+    if width == 0 || height == 0 {
+        return 1.0;
+    }
+    const C1: f64 = 0.01 * 255.0 * 0.01 * 255.0;
+    const C2: f64 = 0.03 * 255.0 * 0.03 * 255.0;
+    let moment = |product: fn(f64, f64) -> f64| {
+        windowed(&Plane::from_fn(width, height, |x, y| {
+            product(f64::from(picture.get(x, y)), f64::from(reference.get(x, y)))
+        }))
+    };
+    let (mean_a, mean_b) = (moment(|a, _| a), moment(|_, b| b));
+    let (aa, bb, ab) = (moment(|a, _| a * a), moment(|_, b| b * b), moment(|a, b| a * b));
+    let places = |length: usize| if length > 2 * RADIUS { RADIUS..length - RADIUS } else { 0..length };
+    let mut sum = 0.0;
+    for y in places(height) {
+        for x in places(width) {
+            let (a, b) = (mean_a.get(x, y), mean_b.get(x, y));
+            let (variance_a, variance_b) = (aa.get(x, y) - a * a, bb.get(x, y) - b * b);
+            let covariance = ab.get(x, y) - a * b;
+            sum +=
+                (2.0 * a * b + C1) * (2.0 * covariance + C2) / ((a * a + b * b + C1) * (variance_a + variance_b + C2));
+        }
+    }
+    sum / (places(height).len() * places(width).len()) as f64
+}
+
+/// Weights of the window along one axis; they sum to 1.
+fn window() -> [f64; 2 * RADIUS + 1] {
+    let bell = |i: usize| (-(i as f64 - RADIUS as f64).powi(2) / (2.0 * SIGMA * SIGMA)).exp();
+    let total: f64 = (0..=2 * RADIUS).map(bell).sum();
+    std::array::from_fn(|i| bell(i) / total)
+}
+
+/// The plane under the window, border repeated.
+fn windowed(plane: &Plane<f64>) -> Plane<f64> {
+    let weights = window();
+    let offset = |i: usize, k: usize| (i + k) as isize - RADIUS as isize;
+    let along = Plane::from_fn(plane.width(), plane.height(), |x, y| {
+        weights.iter().enumerate().map(|(k, w)| w * plane.get_clamped(offset(x, k), y as isize)).sum::<f64>()
+    });
+    Plane::from_fn(plane.width(), plane.height(), |x, y| {
+        weights.iter().enumerate().map(|(k, w)| w * along.get_clamped(x as isize, offset(y, k))).sum::<f64>()
+    })
+}

@@ -1,0 +1,395 @@
+//! Tone mapping that can be undone: linear radiance to a display value in 0…1, and back along the same curve.
+//!
+//! A value travels through three steps, each per channel, each with an exact inverse in closed form:
+//!
+//! ```text
+//! x = exposure · radiance            v = curve(x), 0…1, linear display light            display = transfer(v), 0…1
+//! ```
+//!
+//! The way back is needed by eq. (4) of \[Herzog08\]: what the codec may change in luma is asked for in luminance.
+//! Sources: \[Reinhard02\] for the two Reinhard curves (eqs. 3 and 4 there, without local adaptation), \[Hable10\] for the filmic
+//! curve, IEC 61966-2-1 for sRGB.
+//!
+//! # Differs from the sources
+//! - Every curve works per channel; \[Reinhard02\] scales luminance.
+//! - The filmic curve has a slightly stronger toe than printed, and a fixed gain so that 18 % grey stays 18 %: it can take the place
+//!   of sRGB without a change of brightness.
+//! - [`ToneMap::decode`] of display white is finite for Reinhard's global curve too, which never reaches white: it stops at
+//!   a curve value of 255/256. The last half code value of 8-bit luma begins below that, so no picture can tell the difference.
+
+use crate::bounded;
+use serde::{Deserialize, Serialize};
+use std::{fmt, str::FromStr};
+
+/// Curve value at which the inverse of Reinhard's global curve stops, so that decoding white stays finite (x = 255).
+const REINHARD_LIMIT: f64 = 1.0 - 1.0 / 256.0;
+/// Smallest exposed value at which [`ToneMap::derivative`] is taken: a pure power has an infinite slope at 0.
+const SMALLEST_SLOPE_ARGUMENT: f64 = 1e-9;
+
+/// How linear light becomes display light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Operator {
+    /// Clip at 1, then the power `1 / gamma`. [`ToneMap::display`] is not consulted.
+    Gamma,
+    /// Clip at 1, then the sRGB transfer curve. [`ToneMap::display`] is not consulted.
+    Srgb,
+    /// `x / (1 + x)` \[Reinhard02, eq. 3\], then the display's transfer curve. Never clips.
+    Reinhard,
+    /// `x (1 + x / white²) / (1 + x)` \[Reinhard02, eq. 4\], then the display's transfer curve. `white` becomes 1.
+    ExtendedReinhard,
+    /// A filmic curve with a slight toe and a soft shoulder \[Hable10\], then the display's transfer curve.
+    /// Grey of 0.18 keeps its value; 3.54 becomes 1.
+    #[default]
+    Filmic,
+}
+
+impl Operator {
+    /// All operators, in the order in which help texts name them.
+    pub const ALL: [Self; 5] = [Self::Gamma, Self::Srgb, Self::Reinhard, Self::ExtendedReinhard, Self::Filmic];
+
+    /// The name used in settings files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Gamma => "gamma",
+            Self::Srgb => "srgb",
+            Self::Reinhard => "reinhard",
+            Self::ExtendedReinhard => "extended_reinhard",
+            Self::Filmic => "filmic",
+        }
+    }
+}
+
+impl fmt::Display for Operator {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A name that is not one of [`Operator::ALL`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownOperator(pub String);
+
+impl fmt::Display for UnknownOperator {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let known = Operator::ALL.map(Operator::name).join(", ");
+        write!(f, "unknown tone mapping operator \"{}\" (expected one of: {known})", self.0)
+    }
+}
+
+impl std::error::Error for UnknownOperator {}
+
+impl FromStr for Operator {
+    type Err = UnknownOperator;
+
+    /// Accepts `-` for `_`.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let wanted = text.replace('-', "_");
+        Self::ALL.into_iter().find(|operator| operator.name() == wanted).ok_or_else(|| UnknownOperator(text.to_owned()))
+    }
+}
+
+/// How display light becomes the display value, for the operators that leave it open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Display {
+    /// The piecewise curve of IEC 61966-2-1.
+    #[default]
+    Srgb,
+    /// The power `1 / gamma`.
+    Gamma,
+}
+
+/// A tone mapping: which operator, and its numbers.
+///
+/// Settings outside of their ranges are brought into them, so that no setting makes a picture non-finite;
+/// [`ToneMap::check`] tells about them.
+///
+/// In a settings file, every field may be left out:
+///
+/// ```toml
+/// [tone_map]
+/// operator = "extended_reinhard"
+/// exposure = 1.5
+/// white = 6.0
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ToneMap {
+    /// The curve.
+    pub operator: Operator,
+    /// Factor on radiance before the curve, 1e-12…1e12; two stops brighter is 4. Default 1.
+    pub exposure: f32,
+    /// Exponent of the display, 1…4, for [`Operator::Gamma`] and [`Display::Gamma`]. Default 2.2.
+    pub gamma: f32,
+    /// Exposed radiance that [`Operator::ExtendedReinhard`] maps to white, 0.01…1000. Default 4.
+    pub white: f32,
+    /// Transfer curve after the Reinhard and filmic curves. Default sRGB.
+    pub display: Display,
+}
+
+impl Default for ToneMap {
+    fn default() -> Self {
+        Self { operator: Operator::Filmic, exposure: 1.0, gamma: 2.2, white: 4.0, display: Display::Srgb }
+    }
+}
+
+/// A setting of [`ToneMap`] outside of its range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutOfRange {
+    /// Name of the field.
+    pub field: &'static str,
+    /// Its value.
+    pub value: f32,
+    /// Smallest and largest useful value.
+    pub range: (f32, f32),
+}
+
+impl fmt::Display for OutOfRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "tone mapping: {} is {} (expected {}…{})", self.field, self.value, self.range.0, self.range.1)
+    }
+}
+
+impl std::error::Error for OutOfRange {}
+
+const EXPOSURE_RANGE: (f32, f32) = (1e-12, 1e12);
+const GAMMA_RANGE: (f32, f32) = (1.0, 4.0);
+const WHITE_RANGE: (f32, f32) = (0.01, 1000.0);
+
+/// `value` within `range`, `otherwise` for NaN.
+fn within(value: f32, range: (f32, f32), otherwise: f32) -> f64 {
+    f64::from(if value.is_nan() { otherwise } else { value.clamp(range.0, range.1) })
+}
+
+impl ToneMap {
+    /// Clip and power `1 / gamma`, exposure 1.
+    pub fn gamma(gamma: f32) -> Self {
+        Self { operator: Operator::Gamma, gamma, ..Self::default() }
+    }
+
+    /// Clip and sRGB, exposure 1.
+    pub fn srgb() -> Self {
+        Self::of(Operator::Srgb)
+    }
+
+    /// The operator with default numbers.
+    pub fn of(operator: Operator) -> Self {
+        Self { operator, ..Self::default() }
+    }
+
+    /// Extended Reinhard with sRGB, exposure 1.
+    pub fn extended_reinhard(white: f32) -> Self {
+        Self { operator: Operator::ExtendedReinhard, white, ..Self::default() }
+    }
+
+    /// The same curve with another exposure.
+    pub fn with_exposure(self, exposure: f32) -> Self {
+        Self { exposure, ..self }
+    }
+
+    /// The first setting that is not a number within its range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        let fields = [
+            ("exposure", self.exposure, EXPOSURE_RANGE),
+            ("gamma", self.gamma, GAMMA_RANGE),
+            ("white", self.white, WHITE_RANGE),
+        ];
+        match fields.into_iter().find(|(_, value, range)| !(range.0..=range.1).contains(value)) {
+            Some((field, value, range)) => Err(OutOfRange { field, value, range }),
+            None => Ok(()),
+        }
+    }
+
+    /// Display value, 0…1, of linear radiance.
+    ///
+    /// Never falls with `linear`; 0 for negative values and NaN; saturates at 1.
+    pub fn encode(&self, linear: f32) -> f32 {
+        // `max` turns NaN into 0.
+        let x = self.exposure() * f64::from(linear.max(0.0));
+        self.transfer().forward(self.curve().forward(x)) as f32
+    }
+
+    /// Linear radiance of a display value: the inverse of [`ToneMap::encode`] up to saturation.
+    ///
+    /// Values below 0 and NaN count as 0, values above 1 as 1. Display white decodes to the least radiance that saturates;
+    /// with [`Operator::Reinhard`], which never saturates, to 255 / exposure.
+    pub fn decode(&self, display: f32) -> f32 {
+        let v = self.transfer().inverse(f64::from(bounded(display, 0.0, 1.0)));
+        ((self.curve().inverse(v) / self.exposure()).min(f64::from(f32::MAX))) as f32
+    }
+
+    /// Slope of [`ToneMap::encode`]: display value per unit of radiance. 0 once saturated.
+    ///
+    /// A pure power has an infinite slope at 0; there, the slope at an exposed radiance of 1e-9 is given.
+    pub fn derivative(&self, linear: f32) -> f32 {
+        let x = (self.exposure() * f64::from(linear.max(0.0))).max(SMALLEST_SLOPE_ARGUMENT);
+        let (curve, transfer) = (self.curve(), self.transfer());
+        let slope = transfer.slope(curve.forward(x)) * curve.slope(x) * self.exposure();
+        slope.min(f64::from(f32::MAX)) as f32
+    }
+
+    /// Least radiance at which [`ToneMap::decode`] stops: what display white stands for.
+    pub fn saturation(&self) -> f32 {
+        self.decode(1.0)
+    }
+
+    fn exposure(&self) -> f64 {
+        within(self.exposure, EXPOSURE_RANGE, 1.0)
+    }
+
+    fn curve(&self) -> Curve {
+        match self.operator {
+            Operator::Gamma | Operator::Srgb => Curve::Clip,
+            Operator::Reinhard => Curve::Reinhard,
+            Operator::ExtendedReinhard => Curve::ExtendedReinhard { white: within(self.white, WHITE_RANGE, 4.0) },
+            Operator::Filmic => Curve::Filmic,
+        }
+    }
+
+    fn transfer(&self) -> Transfer {
+        match (self.operator, self.display) {
+            (Operator::Gamma, _) => Transfer::Power(within(self.gamma, GAMMA_RANGE, 2.2)),
+            (Operator::Srgb, _) | (_, Display::Srgb) => Transfer::Srgb,
+            (_, Display::Gamma) => Transfer::Power(within(self.gamma, GAMMA_RANGE, 2.2)),
+        }
+    }
+}
+
+/// Exposed radiance x ≥ 0 to display light v in 0…1.
+#[derive(Clone, Copy)]
+enum Curve {
+    Clip,
+    Reinhard,
+    ExtendedReinhard { white: f64 },
+    Filmic,
+}
+
+impl Curve {
+    fn forward(self, x: f64) -> f64 {
+        match self {
+            Self::Clip => x.min(1.0),
+            // Written so that an infinite x gives 1.
+            Self::Reinhard => 1.0 - 1.0 / (1.0 + x),
+            Self::ExtendedReinhard { white } if x < white => x * (1.0 + x / (white * white)) / (1.0 + x),
+            Self::Filmic if x < filmic::WHITE => filmic::forward(x),
+            Self::ExtendedReinhard { .. } | Self::Filmic => 1.0,
+        }
+    }
+
+    fn inverse(self, v: f64) -> f64 {
+        match self {
+            Self::Clip => v,
+            Self::Reinhard => {
+                let v = v.min(REINHARD_LIMIT);
+                v / (1.0 - v)
+            }
+            // The positive root of x²/white² + (1 − v) x − v = 0, in the form that does not cancel.
+            Self::ExtendedReinhard { white } => {
+                let rest = 1.0 - v;
+                2.0 * v / (rest + (rest * rest + 4.0 * v / (white * white)).sqrt())
+            }
+            Self::Filmic => filmic::inverse(v),
+        }
+    }
+
+    fn slope(self, x: f64) -> f64 {
+        match self {
+            Self::Clip if x < 1.0 => 1.0,
+            Self::Reinhard => (1.0 + x).powi(-2),
+            Self::ExtendedReinhard { white } if x < white => {
+                (1.0 + x * (2.0 + x) / (white * white)) / ((1.0 + x) * (1.0 + x))
+            }
+            Self::Filmic if x < filmic::WHITE => filmic::slope(x),
+            Self::Clip | Self::ExtendedReinhard { .. } | Self::Filmic => 0.0,
+        }
+    }
+}
+
+/// The filmic curve of \[Hable10\], divided by its value at white.
+///
+/// ```text
+/// h(x) = (x (A x + C B) + D E) / (x (A x + B) + D F) − E / F          v = h(GAIN x) / h(W)
+/// ```
+///
+/// A quotient of quadratics: its inverse is the root of a quadratic.
+mod filmic {
+    /// Shoulder strength, linear strength, linear angle, toe strength, toe numerator, toe denominator: as printed in \[Hable10\],
+    /// but for the toe numerator.
+    const A: f64 = 0.15;
+    const B: f64 = 0.50;
+    const C: f64 = 0.10;
+    const D: f64 = 0.20;
+    /// Ours; 0.02 in the source, which in front of an sRGB display leaves no toe at all. With 0.024 the curve is up to a tenth steeper
+    /// than proportional between 1 % and 5 % grey: shadows keep depth, and nothing is crushed to black.
+    const E: f64 = 0.024;
+    const F: f64 = 0.30;
+    /// Linear white, as printed there.
+    const W: f64 = 11.2;
+    /// Ours: solves h(0.18 · GAIN) = 0.18 · h(W), so that 18 % grey is kept. The tests check it.
+    const GAIN: f64 = 3.160_697_751_730_8;
+    /// Exposed radiance that becomes 1.
+    pub const WHITE: f64 = W / GAIN;
+
+    fn unscaled(x: f64) -> f64 {
+        // h(x) with E/F taken off before the division: x (A (1 − E/F) x + B (C − E/F)) / denominator, no cancellation near 0.
+        let ratio = E / F;
+        x * (A * (1.0 - ratio) * x + B * (C - ratio)) / (x * (A * x + B) + D * F)
+    }
+
+    pub fn forward(x: f64) -> f64 {
+        unscaled(GAIN * x) / unscaled(W)
+    }
+
+    pub fn inverse(v: f64) -> f64 {
+        // y = h + E/F:  A (1 − y) x² + B (C − y) x − D F h = 0, which has one positive root.
+        let h = v * unscaled(W);
+        let y = h + E / F;
+        let (a, b, c) = (A * (1.0 - y), B * (C - y), D * F * h);
+        let root = (b * b + 4.0 * a * c).sqrt();
+        let x = if b > 0.0 { 2.0 * c / (b + root) } else { (root - b) / (2.0 * a) };
+        x / GAIN
+    }
+
+    pub fn slope(x: f64) -> f64 {
+        let x = GAIN * x;
+        let ratio = E / F;
+        let (p, q) = (A * (1.0 - ratio), B * (C - ratio));
+        let denominator = x * (A * x + B) + D * F;
+        let numerator = (2.0 * p * x + q) * denominator - x * (p * x + q) * (2.0 * A * x + B);
+        GAIN * numerator / (denominator * denominator * unscaled(W))
+    }
+}
+
+/// Display light v to display value, both 0…1.
+#[derive(Clone, Copy)]
+enum Transfer {
+    Srgb,
+    Power(f64),
+}
+
+impl Transfer {
+    fn forward(self, v: f64) -> f64 {
+        match self {
+            Self::Srgb if v <= 0.003_130_8 => 12.92 * v,
+            Self::Srgb => 1.055 * v.powf(1.0 / 2.4) - 0.055,
+            Self::Power(gamma) => v.powf(1.0 / gamma),
+        }
+    }
+
+    fn inverse(self, display: f64) -> f64 {
+        match self {
+            Self::Srgb if display <= 12.92 * 0.003_130_8 => display / 12.92,
+            Self::Srgb => ((display + 0.055) / 1.055).powf(2.4),
+            Self::Power(gamma) => display.powf(gamma),
+        }
+    }
+
+    fn slope(self, v: f64) -> f64 {
+        match self {
+            Self::Srgb if v <= 0.003_130_8 => 12.92,
+            Self::Srgb => 1.055 / 2.4 * v.powf(1.0 / 2.4 - 1.0),
+            Self::Power(gamma) => v.powf(1.0 / gamma - 1.0) / gamma,
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! Linear RGB pictures to what an MPEG-2 encoder takes: 8-bit Y′C_BC_R 4:2:0, limited range, Rec. ITU-R BT.709.
+//!
+//! ```text
+//! Y′  = 16 + 219 (0.2126 R′ + 0.7152 G′ + 0.0722 B′)
+//! C_B = 128 + 224 (B′ − Y′₁) / 1.8556        C_R = 128 + 224 (R′ − Y′₁) / 1.5748        Y′₁ = (Y′ − 16) / 219
+//! ```
+//!
+//! Chroma samples lie where MPEG-2 puts them (ISO/IEC 13818-2, 6.1.1.8): in line with every second luma column, half-way
+//! between two luma rows. They are filtered to that place with [1 2 1]/4 along the rows and [1 1]/2 across them.
+
+use crate::{ToneMap, table::EncodeTable};
+use plane::Plane;
+use rayon::prelude::*;
+
+/// Weights of red, green and blue in luminance and in luma (Rec. ITU-R BT.709).
+pub const LUMINANCE_WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
+/// Luma of white in code values above black.
+pub const WHITE_LUMA: f32 = 219.0;
+/// Code value of black.
+const BLACK: f32 = 16.0;
+/// Code values per unit of B′ − Y′ and of R′ − Y′.
+const CB_SCALE: f32 = 224.0 / 1.8556;
+const CR_SCALE: f32 = 224.0 / 1.5748;
+
+/// Luminance of linear RGB, in the unit of its components.
+#[inline]
+pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    LUMINANCE_WEIGHTS[0] * r + LUMINANCE_WEIGHTS[1] * g + LUMINANCE_WEIGHTS[2] * b
+}
+
+/// Luminance of every pixel. Negative components count as 0, as in the tone map; a pixel that is not finite has luminance 0.
+pub fn luminance_plane(radiance: &Plane<[f32; 3]>) -> Plane<f32> {
+    radiance.map(|rgb| {
+        let luminance = luminance(rgb.map(|c| c.max(0.0)));
+        if luminance.is_finite() && rgb.iter().all(|c| c.is_finite()) { luminance } else { 0.0 }
+    })
+}
+
+/// A tone-mapped picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct YCbCr {
+    /// Y′, 16…235.
+    pub y: Plane<u8>,
+    /// C_B, 16…240, half as wide and half as high (rounded up).
+    pub cb: Plane<u8>,
+    /// C_R, 16…240, of the size of `cb`.
+    pub cr: Plane<u8>,
+    /// Luma before rounding, in code values above black: 0 is black, 219 white, so that the steps of the codec's quantiser
+    /// have their size here. This is what masking works on.
+    pub luma: Plane<f32>,
+    /// Pixels with a component that was NaN or infinite; they were replaced by black.
+    pub non_finite: usize,
+}
+
+/// Tone-mapped R′G′B′ of a row, and its luma.
+#[derive(Default, Clone)]
+struct Row {
+    rgb: Vec<[f32; 3]>,
+    luma: Vec<f32>,
+}
+
+impl Row {
+    /// Fills the row; returns how many pixels were not finite.
+    fn fill(&mut self, radiance: &[[f32; 3]], table: &EncodeTable) -> usize {
+        let mut non_finite = 0;
+        self.rgb.clear();
+        self.rgb.extend(radiance.iter().map(|pixel| {
+            if pixel.iter().all(|c| c.is_finite()) {
+                pixel.map(|c| table.get(c))
+            } else {
+                non_finite += 1;
+                [0.0; 3]
+            }
+        }));
+        self.luma.clear();
+        self.luma.extend(self.rgb.iter().map(|&rgb| luminance(rgb).clamp(0.0, 1.0)));
+        non_finite
+    }
+}
+
+/// Two luma rows and the chroma row between them.
+struct Strip<'a> {
+    radiance: &'a [[f32; 3]],
+    y: &'a mut [u8],
+    luma: &'a mut [f32],
+    cb: &'a mut [u8],
+    cr: &'a mut [u8],
+}
+
+impl Strip<'_> {
+    fn convert(self, width: usize, table: &EncodeTable, rows: &mut [Row; 2]) -> usize {
+        let mut non_finite = 0;
+        let luma_rows = self.radiance.len() / width;
+        for (i, row) in rows.iter_mut().enumerate().take(luma_rows) {
+            non_finite += row.fill(&self.radiance[i * width..][..width], table);
+            let range = i * width..(i + 1) * width;
+            for ((y, luma), &value) in self.y[range.clone()].iter_mut().zip(&mut self.luma[range]).zip(&row.luma) {
+                *luma = WHITE_LUMA * value;
+                *y = (BLACK + *luma).round() as u8;
+            }
+        }
+        // The last row of an odd height stands for the missing one.
+        let [upper, lower] = [&rows[0], &rows[luma_rows - 1]];
+        // Twice B′ − Y′ and R′ − Y′ in column x, both rows together.
+        let differences = |x: usize| {
+            let of = |row: &Row| (row.rgb[x][2] - row.luma[x], row.rgb[x][0] - row.luma[x]);
+            let ((b0, r0), (b1, r1)) = (of(upper), of(lower));
+            (b0 + b1, r0 + r1)
+        };
+        let code = |scale: f32, sum: f32| (128.0 + scale * 0.125 * sum).round().clamp(16.0, 240.0) as u8;
+        let mut left = differences(0);
+        for (i, (cb, cr)) in self.cb.iter_mut().zip(self.cr).enumerate() {
+            let middle = differences(2 * i);
+            let right = differences((2 * i + 1).min(width - 1));
+            *cb = code(CB_SCALE, left.0 + 2.0 * middle.0 + right.0);
+            *cr = code(CR_SCALE, left.1 + 2.0 * middle.1 + right.1);
+            left = right;
+        }
+        non_finite
+    }
+}
+
+impl YCbCr {
+    /// Tone maps linear RGB radiance and converts it, each value rounded to the nearest code. Any size.
+    pub fn from_radiance(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap) -> Self {
+        let (width, height) = (radiance.width(), radiance.height());
+        let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
+        let mut out = Self {
+            y: Plane::filled(width, height, BLACK as u8),
+            cb: Plane::filled(chroma_width, chroma_height, 128),
+            cr: Plane::filled(chroma_width, chroma_height, 128),
+            luma: Plane::filled(width, height, 0.0),
+            non_finite: 0,
+        };
+        if width == 0 || height == 0 {
+            return out;
+        }
+        let table = EncodeTable::new(tone_map);
+        let luma_strips =
+            out.y.samples_mut().par_chunks_mut(2 * width).zip(out.luma.samples_mut().par_chunks_mut(2 * width));
+        let chroma_strips =
+            out.cb.samples_mut().par_chunks_mut(chroma_width).zip(out.cr.samples_mut().par_chunks_mut(chroma_width));
+        out.non_finite = radiance
+            .samples()
+            .par_chunks(2 * width)
+            .zip(luma_strips)
+            .zip(chroma_strips)
+            .map_init(<[Row; 2]>::default, |rows, ((radiance, (y, luma)), (cb, cr))| {
+                Strip { radiance, y, luma, cb, cr }.convert(width, &table, rows)
+            })
+            .sum();
+        out
+    }
+
+    /// The picture as 8-bit R′G′B′, for previews.
+    ///
+    /// Chroma is interpolated linearly from where MPEG-2 sites it.
+    pub fn to_rgb8(&self) -> Plane<[u8; 3]> {
+        let chroma = |plane: &Plane<u8>, x: usize, y: usize| {
+            let (column, row) = ((x / 2) as isize, (y / 2) as isize);
+            let next_column = column + (x % 2) as isize;
+            // Luma row 2j lies a quarter of a chroma row above chroma row j, luma row 2j + 1 as far below.
+            let next_row = if y.is_multiple_of(2) { row - 1 } else { row + 1 };
+            let along = |row| {
+                0.5 * (f32::from(plane.get_clamped(column, row)) + f32::from(plane.get_clamped(next_column, row)))
+            };
+            0.75 * along(row) + 0.25 * along(next_row) - 128.0
+        };
+        Plane::from_fn(self.y.width(), self.y.height(), |x, y| {
+            let luma = (f32::from(self.y.get(x, y)) - BLACK) / WHITE_LUMA;
+            let b = luma + chroma(&self.cb, x, y) / CB_SCALE;
+            let r = luma + chroma(&self.cr, x, y) / CR_SCALE;
+            let [wr, wg, wb] = LUMINANCE_WEIGHTS;
+            let g = (luma - wr * r - wb * b) / wg;
+            [r, g, b].map(|c| (255.0 * c).round().clamp(0.0, 255.0) as u8)
+        })
+    }
+}

@@ -1,0 +1,161 @@
+//! The loop over frames: steady state, no drift, cuts, flashes, broken frames, threads.
+
+use perceptual::{
+    DEFAULT_WEIGHT, Feedback, MaskingModel, NO_MATCH, ToneMap, YCbCr, luminance_plane, still_matches, tolerable_error,
+};
+use plane::Plane;
+
+const WIDTH: usize = 19;
+const HEIGHT: usize = 10;
+
+struct Frame {
+    luma: Plane<f32>,
+    luminance: Plane<f32>,
+}
+
+fn tone_map() -> ToneMap {
+    ToneMap::default()
+}
+
+fn frame_of(radiance: &Plane<[f32; 3]>) -> Frame {
+    Frame { luma: YCbCr::from_radiance(radiance, &tone_map()).luma, luminance: luminance_plane(radiance) }
+}
+
+fn frame(brightness: f32) -> Frame {
+    frame_of(&Plane::from_fn(WIDTH, HEIGHT, |x, y| [brightness * (0.2 + 0.1 * ((x * 7 + y * 3) % 5) as f32); 3]))
+}
+
+fn feedback(weight: f32) -> Feedback {
+    Feedback::new(MaskingModel::default(), tone_map(), weight)
+}
+
+fn alone(frame: &Frame, quantiser_scale: f32) -> Plane<f32> {
+    tolerable_error(&frame.luma, &frame.luminance, quantiser_scale, &tone_map(), &MaskingModel::default())
+}
+
+fn largest_ratio(a: &Plane<f32>, b: &Plane<f32>) -> f32 {
+    a.samples().iter().zip(b.samples()).map(|(a, b)| (a / b).max(b / a)).fold(0.0, f32::max)
+}
+
+#[test]
+fn ten_thousand_still_frames_settle_and_stay() {
+    let (still, bright, dim) = (still_matches(WIDTH, HEIGHT), frame(3.0), frame(0.5));
+    let e = alone(&dim, 8.0);
+    for weight in [0.0, 0.3, DEFAULT_WEIGHT, 0.9] {
+        let mut feedback = feedback(weight);
+        feedback.observe(&bright.luma, &bright.luminance, 112.0, None);
+        let mut settled = None;
+        for t in 1..=10_000 {
+            let thresholds = feedback.observe(&dim.luma, &dim.luminance, 8.0, Some(&still));
+            if t == 500 {
+                settled = Some(thresholds.clone());
+            }
+        }
+        assert_eq!(Some(feedback.thresholds()), settled.as_ref(), "no drift at w = {weight}");
+        let ratio = largest_ratio(feedback.thresholds(), &e);
+        assert!(ratio < 1.0 + 1e-5, "w = {weight}: {ratio}");
+    }
+}
+
+#[test]
+fn the_past_fades_by_its_weight() {
+    let (still, bright, dim) = (still_matches(WIDTH, HEIGHT), frame(3.0), frame(0.5));
+    let mut feedback = feedback(0.5);
+    let first = feedback.observe(&bright.luma, &bright.luminance, 8.0, None).get(4, 4);
+    let now = alone(&dim, 8.0).get(4, 4);
+    for t in 1..6 {
+        let threshold = feedback.observe(&dim.luma, &dim.luminance, 8.0, Some(&still)).get(4, 4);
+        let wanted = now + (first - now) * 0.5f32.powi(t);
+        assert!((threshold / wanted - 1.0).abs() < 1e-5, "frame {t}: {threshold} {wanted}");
+    }
+}
+
+#[test]
+fn a_cut_forgets() {
+    let (bright, dim) = (frame(3.0), frame(0.5));
+    let mut feedback = feedback(0.5);
+    feedback.observe(&bright.luma, &bright.luminance, 8.0, None);
+    assert_eq!(feedback.observe(&dim.luma, &dim.luminance, 8.0, None), &alone(&dim, 8.0));
+    let nothing_matches = Plane::filled(WIDTH, HEIGHT, NO_MATCH);
+    feedback.observe(&bright.luma, &bright.luminance, 8.0, None);
+    assert_eq!(feedback.observe(&dim.luma, &dim.luminance, 8.0, Some(&nothing_matches)), &alone(&dim, 8.0));
+    let map = feedback.thresholds_for_next(&nothing_matches);
+    assert!((0..WIDTH).all(|x| map.get(x, 3).is_none()));
+    // A picture of another size starts afresh.
+    let small = frame_of(&Plane::filled(8, 8, [0.5; 3]));
+    assert_eq!(feedback.observe(&small.luma, &small.luminance, 8.0, Some(&still_matches(8, 8))), &alone(&small, 8.0));
+}
+
+#[test]
+fn a_flashing_light_keeps_thresholds_between_its_two_states() {
+    let (still, on, off) = (still_matches(WIDTH, HEIGHT), frame(3.0), frame(0.01));
+    let (high, low) = (alone(&on, 8.0), alone(&off, 8.0));
+    let mut feedback = feedback(0.5);
+    for t in 0..1000 {
+        let frame = if t % 2 == 0 { &on } else { &off };
+        let thresholds = feedback.observe(&frame.luma, &frame.luminance, 8.0, Some(&still));
+        for i in 0..WIDTH * HEIGHT {
+            let (a, b) = (high.samples()[i], low.samples()[i]);
+            let here = thresholds.samples()[i];
+            assert!(here >= a.min(b) * 0.9999 && here <= a.max(b) * 1.0001, "frame {t}: {here}");
+        }
+    }
+}
+
+#[test]
+fn a_broken_frame_passes() {
+    let (still, good) = (still_matches(WIDTH, HEIGHT), frame(1.0));
+    let mut broken = frame(1.0);
+    broken.luma.set(3, 3, f32::NAN);
+    broken.luminance.set(4, 3, f32::INFINITY);
+    let mut feedback = feedback(0.5);
+    feedback.observe(&broken.luma, &broken.luminance, 8.0, Some(&still));
+    assert_eq!(feedback.non_finite(), 2);
+    for _ in 0..200 {
+        feedback.observe(&good.luma, &good.luminance, 8.0, Some(&still));
+    }
+    assert_eq!(feedback.non_finite(), 0);
+    assert!(largest_ratio(feedback.thresholds(), &alone(&good, 8.0)) < 1.0 + 1e-5);
+}
+
+#[test]
+fn thresholds_travel_with_the_picture() {
+    let first = frame(1.0);
+    let mut feedback = feedback(0.5);
+    feedback.observe(&first.luma, &first.luminance, 8.0, None);
+    // Everything moves by two pixels to the right; what comes in at the left was not seen before.
+    let moved = Plane::from_fn(WIDTH, HEIGHT, |x, y| if x < 2 { NO_MATCH } else { (y * WIDTH + x - 2) as u32 });
+    let map = feedback.thresholds_for_next(&moved);
+    assert_eq!(map.get(1, 5), None);
+    assert_eq!(map.get(9, 5), Some(feedback.thresholds().get(7, 5)));
+}
+
+#[test]
+fn a_film_can_be_continued() {
+    let (still, first, second) = (still_matches(WIDTH, HEIGHT), frame(1.0), frame(2.0));
+    let (mut whole, mut continued) = (feedback(0.5), feedback(0.5));
+    let saved = whole.observe(&first.luma, &first.luminance, 8.0, None).clone();
+    continued.restore(saved);
+    let wanted = whole.observe(&second.luma, &second.luminance, 8.0, Some(&still));
+    assert_eq!(continued.observe(&second.luma, &second.luminance, 8.0, Some(&still)), wanted);
+    whole.reset();
+    assert_eq!(whole.thresholds_for_next(&still).get(0, 0), None);
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let radiance = Plane::from_fn(203, 151, |x, y| [0.1 + 0.001 * ((x * 31 + y * 17) % 611) as f32, 0.2, 0.3]);
+            let frame = frame_of(&radiance);
+            let mut feedback = feedback(0.5);
+            feedback.observe(&frame.luma, &frame.luminance, 5.0, None);
+            feedback.observe(&frame.luma, &frame.luminance, 9.0, Some(&still_matches(203, 151))).clone()
+        })
+    };
+    let one = run(1);
+    for threads in [2, 3, 8] {
+        assert_eq!(run(threads), one);
+    }
+}
