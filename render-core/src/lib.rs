@@ -1,1 +1,67 @@
-//! Scenes, rays, photons and direct light: what there is to see in a frame.
+//! Scenes, rays, photons and direct light: what there is to see in a frame, and where it was in the one before.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+pub mod scene;
+
+mod accel;
+mod anchor;
+mod direct;
+mod emitter;
+mod gbuffer;
+mod photon;
+mod surface;
+
+pub mod image_file;
+pub mod sampling;
+
+pub use accel::{Accelerator, Geometry, Hit};
+pub use anchor::{Anchor, AnchorGrid, Anchors};
+pub use direct::{DirectLights, Receiver};
+pub use emitter::{
+    AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, Emission, Emitters, PhotonSource, PointLight, SunLight,
+    dome_lights,
+};
+pub use gbuffer::{Correspondence, GBuffer, MACROBLOCK, NO_MATCH, NOTHING, PixelSurface};
+pub use photon::{Energies, trace_photons};
+pub use surface::{Surface, Surfaces};
+
+use glam::{Vec3, Vec3A};
+
+/// Rec.709 luminance of a linear RGB radiance, in the radiance's unit.
+#[inline]
+pub fn luminance(rgb: Vec3) -> f32 {
+    rgb.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
+/// How large the scene is, and what counts as nothing beside it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Units {
+    /// Middle of the scene's box.
+    pub center: Vec3A,
+    /// Radius of a ball around it, metres; never 0.
+    pub radius: f32,
+    /// Rays start this far off their surface: some hundred times the rounding of a coordinate.
+    pub epsilon: f32,
+}
+
+impl Units {
+    /// Measures `scene` over its animation, so that nothing that moves leaves the ball.
+    pub fn of(scene: &scene::Scene) -> Self {
+        let steps = if scene.channels.is_empty() { 1 } else { 33 };
+        let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for step in 0..steps {
+            let pose = scene.pose(scene.duration() * step as f32 / 32.0);
+            if let Some((min, max)) = scene.bounds(&pose) {
+                corners = (corners.0.min(min), corners.1.max(max));
+            }
+        }
+        if !corners.0.cmple(corners.1).all() {
+            corners = (Vec3A::splat(-1.0), Vec3A::ONE);
+        }
+        let center = (corners.0 + corners.1) / 2.0;
+        let radius = ((corners.1 - corners.0).length() / 2.0).max(1e-6);
+        let largest = corners.0.abs().max(corners.1.abs()).max_element();
+        Self { center, radius, epsilon: 2e-5 * largest.max(radius) }
+    }
+}

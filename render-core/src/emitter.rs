@@ -1,0 +1,335 @@
+//! What sends light out: surfaces, points, directions, the sky; as power, as photons, and as points to shade with.
+
+use crate::sampling::{
+    Distribution, concentric_disc, cosine_hemisphere, frame, halton, radical_inverse, triangle, uniform_sphere,
+};
+use crate::scene::{PunctualKind, Scene, mesh_interpolate};
+use crate::surface::Surfaces;
+use crate::{Units, luminance};
+use glam::{Vec2, Vec3, Vec3A};
+
+/// A glowing surface: all emissive triangles of one instance.
+#[derive(Clone, Debug)]
+pub struct AreaLight {
+    /// Index into [`Scene::instances`].
+    pub instance: usize,
+    /// Emissive triangles, their areas [m²] and mean emission.
+    triangles: Vec<(usize, f32, Vec3)>,
+    choice: Distribution,
+    /// Square metres, one side.
+    pub area: f32,
+    double_sided: bool,
+}
+
+/// A point of a glowing surface that stands for a share of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AreaSample {
+    /// A little off the surface, metres.
+    pub position: Vec3A,
+    /// Unit normal of the glowing side.
+    pub normal: Vec3A,
+    /// Intensity along the normal [W·sr⁻¹]: radiance times the share of the area.
+    pub intensity: Vec3,
+    /// The share of the area [m²].
+    pub area: f32,
+}
+
+/// A directional light at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SunLight {
+    /// Unit vector towards the light.
+    pub towards: Vec3A,
+    /// Irradiance of a surface that faces it [W·m⁻²].
+    pub irradiance: Vec3,
+    /// Half the angle that its disc spans, radians.
+    pub angular_radius: f32,
+}
+
+/// A point or spot light at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointLight {
+    /// Metres.
+    pub position: Vec3A,
+    /// Unit vector along the axis of a spot.
+    pub axis: Vec3A,
+    /// On the axis [W·sr⁻¹].
+    pub intensity: Vec3,
+    /// Shape of the cone.
+    pub kind: PunctualKind,
+}
+
+impl PointLight {
+    /// Intensity towards `point`.
+    pub fn intensity_towards(&self, point: Vec3A) -> Vec3 {
+        let direction = (point - self.position).normalize_or_zero();
+        self.intensity * self.kind.falloff(direction.dot(self.axis))
+    }
+}
+
+/// All lights of the scene at one time.
+#[derive(Clone, Debug)]
+pub struct Emitters {
+    /// Glowing surfaces.
+    pub areas: Vec<AreaLight>,
+    /// Point and spot lights.
+    pub points: Vec<PointLight>,
+    /// Directional lights.
+    pub suns: Vec<SunLight>,
+    /// Centre and radius of a ball around the scene, for light from far away.
+    ball: (Vec3A, f32),
+}
+
+/// A photon on its way out.
+#[derive(Clone, Copy, Debug)]
+pub struct Emission {
+    /// Where it starts, a little off the surface.
+    pub origin: Vec3A,
+    /// Unit vector.
+    pub direction: Vec3A,
+    /// Linear RGB flux [W].
+    pub flux: Vec3,
+}
+
+/// Dimensions of the Halton sequence that an emission uses.
+pub const EMISSION_DIMENSIONS: usize = 5;
+
+/// Radius of the dome of far lights in radii of the scene: far enough that its parallax is below a pixel's width.
+const DOME_RADII: f32 = 100.0;
+
+impl Emitters {
+    /// Gathers the lights. `units` gives the ball around the scene.
+    pub fn new(surfaces: &Surfaces, pose: &crate::scene::Pose, units: &Units) -> Self {
+        let scene = surfaces.scene();
+        let areas = (0..scene.instances.len()).filter_map(|instance| AreaLight::new(surfaces, instance)).collect();
+        let (mut points, mut suns) = (Vec::new(), Vec::new());
+        for light in &scene.punctual_lights {
+            let world = &pose.world[light.node];
+            let axis = world.transform_vector3a(-Vec3A::Z).try_normalize().unwrap_or(-Vec3A::Y);
+            match light.kind {
+                PunctualKind::Directional => suns.push(SunLight {
+                    towards: -axis,
+                    irradiance: light.color,
+                    angular_radius: scene.settings.sun.angular_diameter.to_radians() / 2.0,
+                }),
+                kind => points.push(PointLight { position: world.translation, axis, intensity: light.color, kind }),
+            }
+        }
+        Self { areas, points, suns, ball: (units.center, units.radius) }
+    }
+
+    /// Starts photon `index` of `count`, the same every time it is asked for; `None` when nothing shines.
+    pub fn photons<'a>(&'a self, scene: &'a Scene) -> Option<PhotonSource<'a>> {
+        let (center, radius) = self.ball;
+        let disc = std::f32::consts::PI * radius * radius;
+        let mut powers: Vec<Vec3> = self.areas.iter().map(AreaLight::power).collect();
+        powers.extend(self.points.iter().map(|light| light.intensity * cone_solid_angle(light.kind)));
+        powers.extend(self.suns.iter().map(|sun| sun.irradiance * disc));
+        if let Some(sky) = &scene.sky {
+            let count = 4096;
+            let sum: Vec3 = (0..count).map(|i| sky.radiance(uniform_sphere(hammersley(i, count)))).sum();
+            powers.push(sum * (4.0 * std::f32::consts::PI / count as f32) * disc);
+        }
+        let choice = Distribution::new(powers.iter().map(|&power| f64::from(luminance(power))))?;
+        Some(PhotonSource { emitters: self, scene, choice, center, radius })
+    }
+}
+
+/// Solid angle that the light of a cone would fill at full intensity.
+fn cone_solid_angle(kind: PunctualKind) -> f32 {
+    match kind {
+        PunctualKind::Spot { outer, .. } => {
+            let steps = 256;
+            let outer_cos = outer.cos();
+            let step = (1.0 - outer_cos) / steps as f32;
+            let sum: f32 = (0..steps).map(|i| kind.falloff(outer_cos + (i as f32 + 0.5) * step)).sum();
+            std::f32::consts::TAU * sum * step
+        }
+        _ => 4.0 * std::f32::consts::PI,
+    }
+}
+
+/// Emits photons with probability in proportion to power.
+pub struct PhotonSource<'a> {
+    emitters: &'a Emitters,
+    scene: &'a Scene,
+    choice: Distribution,
+    center: Vec3A,
+    radius: f32,
+}
+
+impl PhotonSource<'_> {
+    /// Photon `index` of `count`.
+    pub fn emit(&self, surfaces: &Surfaces, seed: u64, index: u64, count: u64) -> Emission {
+        let u = |dimension| halton(seed, index, dimension);
+        let (light, probability, rest) = self.choice.pick(f64::from(u(0)));
+        let share = 1.0 / (probability as f32 * count as f32);
+        let (e, place, way) = (self.emitters, Vec2::new(u(1), u(2)), Vec2::new(u(3), u(4)));
+        if let Some(area) = e.areas.get(light) {
+            let sample = area.sample(surfaces, rest, place, way.x);
+            // The same number chose the side; what it has left over is as good as new.
+            let way = if area.double_sided { Vec2::new((way.x * 2.0).fract(), way.y) } else { way };
+            let direction = cosine_hemisphere(sample.normal.into(), way);
+            // Radiance · area · π is the flux; the point was chosen with density radiance/area-weighted.
+            let flux = sample.intensity * std::f32::consts::PI * share;
+            return Emission { origin: sample.position, direction: direction.into(), flux };
+        }
+        let light = light - e.areas.len();
+        if let Some(point) = e.points.get(light) {
+            let solid_angle = cone_solid_angle(point.kind);
+            let (direction, weight) = match point.kind {
+                PunctualKind::Spot { outer, .. } => {
+                    let cos = 1.0 - way.x * (1.0 - outer.cos());
+                    let (x, y) = frame(point.axis.into());
+                    let (sin, angle) = ((1.0 - cos * cos).max(0.0).sqrt(), std::f32::consts::TAU * way.y);
+                    let direction = x * (sin * angle.cos()) + y * (sin * angle.sin()) + Vec3::from(point.axis) * cos;
+                    let cap = std::f32::consts::TAU * (1.0 - outer.cos());
+                    (direction, point.kind.falloff(cos) * cap / solid_angle)
+                }
+                _ => (uniform_sphere(way), 1.0),
+            };
+            let flux = point.intensity * (solid_angle * weight * share);
+            return Emission { origin: point.position, direction: direction.normalize().into(), flux };
+        }
+        let light = light - e.points.len();
+        let disc_area = std::f32::consts::PI * self.radius * self.radius;
+        let (towards, flux) = match e.suns.get(light) {
+            Some(sun) => (sun.direction(way), sun.irradiance * (disc_area * share)),
+            None => {
+                let towards = uniform_sphere(way);
+                let sky = self.scene.sky.expect("the last power is the sky's");
+                (towards.into(), sky.radiance(towards) * (4.0 * std::f32::consts::PI * disc_area * share))
+            }
+        };
+        let (x, y) = frame(towards.into());
+        let on_disc = concentric_disc(place) * self.radius;
+        let origin = self.center + towards * (self.radius * 1.01) + Vec3A::from(x * on_disc.x + y * on_disc.y);
+        Emission { origin, direction: -towards, flux }
+    }
+}
+
+impl SunLight {
+    /// A unit vector towards a point of the disc, for `u` in the unit square.
+    pub fn direction(&self, u: Vec2) -> Vec3A {
+        let (x, y) = frame(self.towards.into());
+        let p = concentric_disc(u) * self.angular_radius.sin();
+        (self.towards + Vec3A::from(x * p.x + y * p.y)).normalize()
+    }
+}
+
+impl AreaLight {
+    fn new(surfaces: &Surfaces, instance: usize) -> Option<Self> {
+        let scene = surfaces.scene();
+        let mesh = &scene.meshes[scene.instances[instance].mesh];
+        let material = &scene.materials[mesh.material];
+        if !material.emits() || material.unlit {
+            return None;
+        }
+        let mut triangles = Vec::new();
+        for t in 0..mesh.triangles.len() {
+            let [a, b, c] = surfaces.corners(instance, t);
+            let area = (b - a).cross(c - a).length() / 2.0;
+            // The mean over a few points of the triangle: emission textures are smooth at that scale.
+            let texture = material.emission_texture.map(|slot| {
+                let texture = &scene.textures[slot.texture];
+                let at = |u, v| mesh_interpolate(&mesh.uvs[slot.uv_set], mesh.triangles[t], u, v);
+                let sum: Vec3 = (0..64)
+                    .map(|i| {
+                        let (u, v) = triangle(hammersley(i, 64));
+                        at(u, v).map_or(Vec3::ONE, |uv| texture.sample(slot.map(uv), texture.size().x / 16.0).0)
+                    })
+                    .sum();
+                sum / 64.0
+            });
+            triangles.push((t, area, material.emission * texture.unwrap_or(Vec3::ONE)));
+        }
+        let choice = Distribution::new(triangles.iter().map(|(_, area, e)| f64::from(area * luminance(*e))))?;
+        let area = triangles.iter().map(|(_, area, _)| area).sum();
+        Some(Self { instance, triangles, choice, area, double_sided: material.double_sided })
+    }
+
+    /// Radiant flux of all its glowing sides [W], linear RGB.
+    pub fn power(&self) -> Vec3 {
+        let one_side: Vec3 = self.triangles.iter().map(|(_, area, e)| *e * *area * std::f32::consts::PI).sum();
+        if self.double_sided { one_side * 2.0 } else { one_side }
+    }
+
+    /// A point with density in proportion to emitted luminance, standing for the whole light.
+    fn sample(&self, surfaces: &Surfaces, which: f64, place: Vec2, side: f32) -> AreaSample {
+        let (index, probability, _) = self.choice.pick(which);
+        let (t, area, emission) = self.triangles[index];
+        let [a, b, c] = surfaces.corners(self.instance, t);
+        let (u, v) = triangle(place);
+        let mirrored = if surfaces.world(self.instance).matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
+        let sides = if self.double_sided { 2.0 } else { 1.0 };
+        let turn = if self.double_sided && side >= 0.5 { -mirrored } else { mirrored };
+        let normal = ((b - a).cross(c - a) * turn).normalize_or_zero();
+        let share = sides * area / probability as f32;
+        let position = a + (b - a) * u + (c - a) * v;
+        let offset = position.abs().max_element().max((b - a).length()) * 1e-5;
+        AreaSample { position: position + normal * offset, normal, intensity: emission * share, area: share }
+    }
+
+    /// How many triangles glow.
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Largest side of the box around the glowing triangles, metres.
+    pub fn extent(&self, surfaces: &Surfaces) -> f32 {
+        let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for &(t, _, _) in &self.triangles {
+            for corner in surfaces.corners(self.instance, t) {
+                corners = (corners.0.min(corner), corners.1.max(corner));
+            }
+        }
+        (corners.1 - corners.0).max_element()
+    }
+
+    /// `count` points that together stand for the light, spread evenly by emitted power.
+    pub fn samples(&self, surfaces: &Surfaces, count: usize) -> Vec<AreaSample> {
+        (0..count as u64)
+            .map(|i| {
+                let which = (i as f64 + 0.5) / count as f64;
+                // Side by bases 2, place by 3 and 5: the strata of `which` already walk along the triangles.
+                let place = Vec2::new(radical_inverse(2, i), radical_inverse(3, i));
+                let mut sample = self.sample(surfaces, which, place, radical_inverse(5, i));
+                sample.intensity /= count as f32;
+                sample.area /= count as f32;
+                sample
+            })
+            .collect()
+    }
+}
+
+/// A light of the sky's dome: a point so far away that it lights the whole scene from one side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DomeLight {
+    /// On the dome, metres.
+    pub position: Vec3A,
+    /// Intensity [W·sr⁻¹] such that its irradiance at the scene's centre is radiance times solid angle.
+    pub intensity: Vec3,
+}
+
+/// The sky as `count` points of a dome far outside of the scene; none without a sky.
+pub fn dome_lights(scene: &Scene, units: &Units, count: usize) -> Vec<DomeLight> {
+    let Some(sky) = &scene.sky else { return Vec::new() };
+    let distance = units.radius * DOME_RADII;
+    let solid_angle = 4.0 * std::f32::consts::PI / count as f32;
+    (0..count)
+        .map(|i| {
+            // A golden spiral: the most even spread of a given number of directions.
+            let y = 1.0 - (2.0 * i as f32 + 1.0) / count as f32;
+            let angle = i as f32 * 2.399_963_1;
+            let radius = (1.0 - y * y).max(0.0).sqrt();
+            let direction = Vec3::new(radius * angle.cos(), y, radius * angle.sin());
+            let intensity = sky.radiance(direction) * (solid_angle * distance * distance);
+            DomeLight { position: units.center + Vec3A::from(direction) * distance, intensity }
+        })
+        .filter(|light| luminance(light.intensity) > 0.0)
+        .collect()
+}
+
+/// Point `index` of a set of `count` that covers the unit square evenly.
+pub(crate) fn hammersley(index: usize, count: usize) -> Vec2 {
+    Vec2::new((index as f32 + 0.5) / count as f32, radical_inverse(2, index as u64))
+}

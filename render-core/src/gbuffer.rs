@@ -1,0 +1,183 @@
+//! The first surface that each pixel sees, and where that same point was a frame ago.
+
+use crate::accel::Accelerator;
+use crate::scene::View;
+use crate::surface::Surfaces;
+use glam::{Affine3A, Vec2, Vec3, Vec3A};
+use plane::Plane;
+use rayon::prelude::*;
+
+/// Side of the tiles that rays are shot in: an MPEG-2 macroblock.
+pub const MACROBLOCK: usize = 16;
+
+/// [`GBuffer::instance`] of a pixel that sees no surface.
+pub const NOTHING: u32 = u32::MAX;
+
+/// What a pixel sees. Vectors are stored as plain triples: no padding.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelSurface {
+    /// World space, metres; where nothing is seen, the unit direction of the ray.
+    pub position: [f32; 3],
+    /// Unit normal of the triangle, towards the viewer.
+    pub geometric_normal: [f32; 3],
+    /// Unit normal to shade with.
+    pub shading_normal: [f32; 3],
+    /// Linear RGB reflectance.
+    pub albedo: [f32; 3],
+    /// Radiance that leaves without being lit [W·m⁻²·sr⁻¹].
+    pub emission: [f32; 3],
+    /// Metres along the camera's axis; infinite where nothing is seen.
+    pub depth: f32,
+    /// Index into the scene's instances, or [`NOTHING`].
+    pub instance: u32,
+}
+
+/// One picture's worth of first hits.
+#[derive(Clone, Debug)]
+pub struct GBuffer {
+    /// One per pixel.
+    pub pixels: Plane<PixelSurface>,
+    /// The view they were seen from.
+    pub view: View,
+    /// Where the instances stood.
+    pub world: Vec<Affine3A>,
+}
+
+impl GBuffer {
+    /// Shoots a ray through the centre of every pixel, macroblock by macroblock.
+    pub fn trace(accelerator: &Accelerator, surfaces: &Surfaces, view: &View, width: usize, height: usize) -> Self {
+        let tile_rows: Vec<Vec<PixelSurface>> = (0..height.div_ceil(MACROBLOCK))
+            .into_par_iter()
+            .map(|tile_row| {
+                let top = tile_row * MACROBLOCK;
+                let rows = MACROBLOCK.min(height - top);
+                let mut strip = vec![EMPTY; rows * width];
+                for left in (0..width).step_by(MACROBLOCK) {
+                    let columns = MACROBLOCK.min(width - left);
+                    for y in 0..rows {
+                        for x in left..left + columns {
+                            let pixel = Vec2::new(x as f32 + 0.5, (top + y) as f32 + 0.5);
+                            strip[y * width + x] = see(accelerator, surfaces, view, pixel);
+                        }
+                    }
+                }
+                strip
+            })
+            .collect();
+        let world = (0..surfaces.scene().instances.len()).map(|instance| *surfaces.world(instance)).collect();
+        Self { pixels: Plane::from_vec(width, height, tile_rows.concat()), view: *view, world }
+    }
+}
+
+const EMPTY: PixelSurface = PixelSurface {
+    position: [0.0; 3],
+    geometric_normal: [0.0; 3],
+    shading_normal: [0.0; 3],
+    albedo: [0.0; 3],
+    emission: [0.0; 3],
+    depth: f32::INFINITY,
+    instance: NOTHING,
+};
+
+fn see(accelerator: &Accelerator, surfaces: &Surfaces, view: &View, pixel: Vec2) -> PixelSurface {
+    let (origin, direction) = view.ray(pixel);
+    let Some(hit) = accelerator.closest(origin, direction) else {
+        let sky = surfaces.scene().sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
+        return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
+    };
+    let depth = view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);
+    let surface = surfaces.at(&hit, direction, view.pixel_width(depth));
+    PixelSurface {
+        position: surface.position.into(),
+        geometric_normal: surface.geometric_normal.into(),
+        shading_normal: surface.shading_normal.into(),
+        albedo: surface.albedo.into(),
+        emission: surface.emission.into(),
+        depth,
+        instance: hit.instance,
+    }
+}
+
+/// Where the surface points of a picture were in another picture, usually the one before.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Correspondence {
+    /// `motion_px`: place in the other picture minus place in this one, pixels, x right, y down;
+    /// NaN where the point was not visible there.
+    pub motion: Plane<[f32; 2]>,
+    /// Raster index of the pixel of the other picture that shows the same surface, or [`NO_MATCH`].
+    pub matches: Plane<u32>,
+}
+
+/// [`Correspondence::matches`] of a pixel that was not visible.
+pub const NO_MATCH: u32 = u32::MAX;
+
+/// Two normals count as alike when the cosine between them is at least this: 25°, a smooth surface's turn within pixels.
+const ALIKE_COSINE: f32 = 0.9;
+/// Two points count as on the same surface when they are this near to its plane, in units of their depth.
+const ALIKE_DEPTH: f32 = 0.005;
+
+impl Correspondence {
+    /// Projects every point of `current` into `other`, carried along by the instance it sits on.
+    pub fn between(current: &GBuffer, other: &GBuffer) -> Self {
+        let (width, height) = (current.pixels.width(), current.pixels.height());
+        // Other world from current world; most instances stand still.
+        let carry: Vec<Affine3A> = current
+            .world
+            .iter()
+            .zip(&other.world)
+            .map(|(now, then)| if now == then { Affine3A::IDENTITY } else { *then * now.inverse() })
+            .collect();
+        let rows: Vec<(Vec<[f32; 2]>, Vec<u32>)> = (0..height)
+            .into_par_iter()
+            .map(|y| {
+                (0..width)
+                    .map(|x| {
+                        let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                        match locate(current.pixels.get(x, y), &carry, other) {
+                            Some((place, index)) => ((place - centre).to_array(), index),
+                            None => ([f32::NAN; 2], NO_MATCH),
+                        }
+                    })
+                    .unzip()
+            })
+            .collect();
+        let (motion, matches): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
+        Self {
+            motion: Plane::from_vec(width, height, motion.concat()),
+            matches: Plane::from_vec(width, height, matches.concat()),
+        }
+    }
+}
+
+/// Place of a surface point in `other` and the nearest of the four pixels around it that shows the same surface.
+fn locate(pixel: PixelSurface, carry: &[Affine3A], other: &GBuffer) -> Option<(Vec2, u32)> {
+    let sky = pixel.instance == NOTHING;
+    let (place, point, normal) = if sky {
+        (other.view.project_direction(pixel.position.into())?, Vec3A::ZERO, Vec3A::ZERO)
+    } else {
+        let then = &carry[pixel.instance as usize];
+        let point = then.transform_point3a(pixel.position.into());
+        let normal = then.transform_vector3a(pixel.geometric_normal.into()).normalize_or_zero();
+        (other.view.project(point)?.0, point, normal)
+    };
+    let corner = place - 0.5;
+    let (left, top) = (corner.x.floor(), corner.y.floor());
+    let mut best: Option<(f32, u32)> = None;
+    for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+        let (x, y) = (left + dx, top + dy);
+        if x < 0.0 || y < 0.0 || x >= other.pixels.width() as f32 || y >= other.pixels.height() as f32 {
+            continue;
+        }
+        let candidate = other.pixels.get(x as usize, y as usize);
+        let alike = candidate.instance == pixel.instance
+            && (sky || {
+                let apart = normal.dot(Vec3A::from(candidate.position) - point).abs();
+                apart <= ALIKE_DEPTH * candidate.depth && normal.dot(candidate.geometric_normal.into()) >= ALIKE_COSINE
+            });
+        let distance = (corner - Vec2::new(x, y)).length_squared();
+        if alike && best.is_none_or(|(nearest, _)| distance < nearest) {
+            best = Some((distance, y as u32 * other.pixels.width() as u32 + x as u32));
+        }
+    }
+    best.map(|(_, index)| (place, index))
+}

@@ -1,0 +1,183 @@
+//! Numbers that look random but are a function of what they are for, and the shapes they are bent into.
+
+use glam::{Vec2, Vec3};
+
+/// Bases of the Halton sequence; a photon path uses one per dimension.
+const PRIMES: [u32; 40] = [
+    2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89, 97, 101, 103, 107, 109,
+    113, 127, 131, 137, 139, 149, 151, 157, 163, 167, 173,
+];
+
+/// The radical inverse of `index` in `base`: its digits mirrored at the point, 0 ≤ value < 1.
+pub fn radical_inverse(base: u32, mut index: u64) -> f32 {
+    let inverse = 1.0 / f64::from(base);
+    let (mut value, mut scale) = (0.0f64, inverse);
+    while index > 0 {
+        value += (index % u64::from(base)) as f64 * scale;
+        index /= u64::from(base);
+        scale *= inverse;
+    }
+    (value as f32).min(ONE_MINUS_EPSILON)
+}
+
+/// The largest `f32` below 1.
+pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// Point `index` of the Halton sequence in dimension `dimension`; hashed numbers beyond dimension 40.
+///
+/// Each dimension is shifted by a number that depends on `seed`, modulo 1 (Cranley & Patterson 1976).
+pub fn halton(seed: u64, index: u64, dimension: usize) -> f32 {
+    match PRIMES.get(dimension) {
+        Some(&base) => {
+            let value = radical_inverse(base, index) + hash_unit(seed, dimension as u64, 0);
+            if value < 1.0 { value } else { (value - 1.0).min(ONE_MINUS_EPSILON) }
+        }
+        None => hash_unit(seed, index, dimension as u64),
+    }
+}
+
+/// A number in 0…1 (1 excluded) that is a function of three keys.
+pub fn hash_unit(seed: u64, a: u64, b: u64) -> f32 {
+    (hash(seed, a, b) >> 40) as f32 / (1u64 << 24) as f32
+}
+
+/// 64 well-mixed bits (the finaliser of SplitMix64, Steele et al. 2014, over the keys in turn).
+pub fn hash(seed: u64, a: u64, b: u64) -> u64 {
+    let mix = |mut z: u64| {
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    };
+    let golden = 0x9e37_79b9_7f4a_7c15u64;
+    mix(mix(mix(seed.wrapping_add(golden)).wrapping_add(a.wrapping_mul(golden)).wrapping_add(golden))
+        ^ b.wrapping_mul(golden))
+}
+
+/// Two unit vectors that form a right-handed frame with the unit vector `n` (Duff et al. 2017).
+pub fn frame(n: Vec3) -> (Vec3, Vec3) {
+    let sign = 1.0f32.copysign(n.z);
+    let a = -1.0 / (sign + n.z);
+    let b = n.x * n.y * a;
+    (Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3::new(b, sign + n.y * n.y * a, -n.y))
+}
+
+/// A direction about `n` with density cos θ / π.
+pub fn cosine_hemisphere(n: Vec3, u: Vec2) -> Vec3 {
+    let (x, y) = frame(n);
+    let (radius, angle) = (u.x.sqrt(), std::f32::consts::TAU * u.y);
+    (x * (radius * angle.cos()) + y * (radius * angle.sin()) + n * (1.0 - u.x).max(0.0).sqrt()).normalize()
+}
+
+/// A direction on the whole sphere with density 1 / (4π).
+pub fn uniform_sphere(u: Vec2) -> Vec3 {
+    let z = 1.0 - 2.0 * u.x;
+    let (radius, angle) = ((1.0 - z * z).max(0.0).sqrt(), std::f32::consts::TAU * u.y);
+    Vec3::new(radius * angle.cos(), radius * angle.sin(), z)
+}
+
+/// A point of the unit disc, areas and neighbourhoods kept (Shirley & Chiu 1997).
+pub fn concentric_disc(u: Vec2) -> Vec2 {
+    let p = u * 2.0 - 1.0;
+    if p == Vec2::ZERO {
+        return Vec2::ZERO;
+    }
+    let quarter = std::f32::consts::FRAC_PI_4;
+    let (radius, angle) =
+        if p.x.abs() > p.y.abs() { (p.x, quarter * p.y / p.x) } else { (p.y, quarter * (2.0 - p.x / p.y)) };
+    Vec2::new(radius * angle.cos(), radius * angle.sin())
+}
+
+/// Barycentric `(u, v)` spread evenly over a triangle.
+pub fn triangle(u: Vec2) -> (f32, f32) {
+    let root = u.x.sqrt();
+    (root * (1.0 - u.y), root * u.y)
+}
+
+/// Picks an index with probability in proportion to its weight.
+#[derive(Clone, Debug)]
+pub struct Distribution {
+    cumulative: Vec<f64>,
+}
+
+impl Distribution {
+    /// `None` when no weight is positive. Weights that are negative or not finite count as 0.
+    pub fn new(weights: impl IntoIterator<Item = f64>) -> Option<Self> {
+        let mut sum = 0.0;
+        let cumulative: Vec<f64> = weights
+            .into_iter()
+            .map(|weight| {
+                sum += if weight.is_finite() { weight.max(0.0) } else { 0.0 };
+                sum
+            })
+            .collect();
+        (sum > 0.0).then_some(Self { cumulative })
+    }
+
+    /// Sum of the weights.
+    pub fn total(&self) -> f64 {
+        *self.cumulative.last().expect("a distribution has weights")
+    }
+
+    /// The index at `u` (0…1), its probability, and where within its share `u` lies, 0…1.
+    pub fn pick(&self, u: f64) -> (usize, f64, f64) {
+        let target = u * self.total();
+        let mut index = self.cumulative.partition_point(|&c| c <= target).min(self.cumulative.len() - 1);
+        // Rounding must never pick an entry of weight 0.
+        while index > 0 && self.share(index) <= 0.0 {
+            index -= 1;
+        }
+        while self.share(index) <= 0.0 {
+            index += 1;
+        }
+        let before = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
+        let share = self.share(index);
+        (index, share / self.total(), ((target - before) / share).clamp(0.0, 1.0))
+    }
+
+    fn share(&self, index: usize) -> f64 {
+        self.cumulative[index] - if index == 0 { 0.0 } else { self.cumulative[index - 1] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn radical_inverses_mirror_the_digits() {
+        assert_eq!(radical_inverse(2, 6), 0.375); // 110 -> 0.011
+        assert!((radical_inverse(3, 5) - 7.0 / 9.0).abs() < 1e-7); // 12 -> 0.21
+        assert!((0..10_000).all(|i| halton(7, i, 3) < 1.0));
+    }
+
+    #[test]
+    fn frequencies_are_probabilities() {
+        let d = Distribution::new([1.0, 0.0, 3.0, f64::NAN, 4.0]).unwrap();
+        let mut count = [0u32; 5];
+        for i in 0..8000 {
+            let (index, probability, _) = d.pick((f64::from(i) + 0.5) / 8000.0);
+            count[index] += 1;
+            assert!((probability - [1.0, 0.0, 3.0, 0.0, 4.0][index] / 8.0).abs() < 1e-12);
+        }
+        assert_eq!(count, [1000, 0, 3000, 0, 4000]);
+        assert!(Distribution::new([0.0, -1.0]).is_none());
+        assert_eq!(d.pick(1.0).0, 4);
+    }
+
+    #[test]
+    fn warps_have_their_moments() {
+        let n = Vec3::new(1.0, -2.0, 0.5).normalize();
+        let count = 20_000u64;
+        let mean = |f: &dyn Fn(Vec2) -> f32| {
+            (0..count).map(|i| f(Vec2::new(radical_inverse(2, i), radical_inverse(3, i))) as f64).sum::<f64>()
+                / count as f64
+        };
+        // ∫ cos θ · cos θ / π dω = 2/3; ∫ z² / 4π = 1/3; mean radius² of a disc = 1/2.
+        assert!((mean(&|u| cosine_hemisphere(n, u).dot(n)) - 2.0 / 3.0).abs() < 1e-3);
+        assert!((mean(&|u| uniform_sphere(u).z.powi(2)) - 1.0 / 3.0).abs() < 1e-3);
+        assert!((mean(&|u| concentric_disc(u).length_squared()) - 0.5).abs() < 1e-3);
+        assert!((mean(&|u| triangle(u).0) - 1.0 / 3.0).abs() < 1e-3);
+        let (x, y) = frame(n);
+        assert!(x.dot(n).abs() < 1e-6 && y.dot(n).abs() < 1e-6 && x.cross(y).dot(n) > 0.999);
+    }
+}

@@ -1,0 +1,159 @@
+//! Keys and what lies between them (glTF 2.0, appendix C).
+
+use super::Transform;
+use glam::{Quat, Vec3};
+
+/// How values between two keys come about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Interpolation {
+    /// The earlier key holds.
+    Step,
+    /// On the straight line, or the great arc for rotations.
+    Linear,
+    /// Hermite spline; each key has an in-tangent, a value and an out-tangent.
+    CubicSpline,
+}
+
+/// What is animated, with the values of all keys (three per key for splines).
+#[derive(Clone, Debug)]
+pub enum Track {
+    /// Metres.
+    Translation(Vec<Vec3>),
+    /// Quaternions.
+    Rotation(Vec<Quat>),
+    /// Factors.
+    Scale(Vec<Vec3>),
+}
+
+/// One property of one node over time.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// Index into the scene's nodes.
+    pub node: usize,
+    /// Seconds of the keys, ascending, at least one.
+    pub times: Vec<f32>,
+    /// The keys' values.
+    pub track: Track,
+    /// What lies between them.
+    pub interpolation: Interpolation,
+}
+
+impl Channel {
+    /// Writes the value at `time` into `transform`; before the first and after the last key these hold.
+    pub fn apply(&self, time: f32, transform: &mut Transform) {
+        match &self.track {
+            Track::Translation(keys) => transform.translation = self.vector(keys, time),
+            Track::Scale(keys) => transform.scale = self.vector(keys, time),
+            Track::Rotation(keys) => transform.rotation = self.rotation(keys, time),
+        }
+    }
+
+    /// Whether any two keys differ.
+    pub fn changes(&self) -> bool {
+        let stride = self.stride();
+        let differ = |n: usize, same: &dyn Fn(usize, usize) -> bool| {
+            // Splines may also leave their keys between them, along non-zero tangents.
+            n > stride && (self.interpolation == Interpolation::CubicSpline || (1..n).any(|k| !same(k, 0)))
+        };
+        match &self.track {
+            Track::Translation(keys) | Track::Scale(keys) => differ(keys.len(), &|a, b| keys[a] == keys[b]),
+            Track::Rotation(keys) => differ(keys.len(), &|a, b| keys[a] == keys[b]),
+        }
+    }
+
+    fn stride(&self) -> usize {
+        if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
+    }
+
+    /// Key before `time`, the seconds to the next one, and the place between them, 0…1.
+    fn segment(&self, time: f32) -> (usize, f32, f32) {
+        let after = self.times.partition_point(|&key| key <= time);
+        if after == 0 || after == self.times.len() {
+            return (after.saturating_sub(1), 0.0, 0.0);
+        }
+        let length = self.times[after] - self.times[after - 1];
+        (after - 1, length, if length > 0.0 { (time - self.times[after - 1]) / length } else { 0.0 })
+    }
+
+    fn vector(&self, keys: &[Vec3], time: f32) -> Vec3 {
+        let (key, length, t) = self.segment(time);
+        match self.interpolation {
+            _ if t == 0.0 => keys[key * self.stride() + self.stride() / 2],
+            Interpolation::Step => keys[key],
+            Interpolation::Linear => keys[key].lerp(keys[key + 1], t),
+            Interpolation::CubicSpline => {
+                let [a, b, c, d] = hermite(t, length);
+                let k = 3 * key;
+                keys[k + 1] * a + keys[k + 2] * b + keys[k + 4] * c + keys[k + 3] * d
+            }
+        }
+    }
+
+    fn rotation(&self, keys: &[Quat], time: f32) -> Quat {
+        let (key, length, t) = self.segment(time);
+        let value = match self.interpolation {
+            _ if t == 0.0 => keys[key * self.stride() + self.stride() / 2],
+            Interpolation::Step => keys[key],
+            // slerp takes the short way whatever the signs of the two quaternions.
+            Interpolation::Linear => keys[key].slerp(keys[key + 1], t),
+            Interpolation::CubicSpline => {
+                let [a, b, c, d] = hermite(t, length);
+                let k = 3 * key;
+                keys[k + 1] * a + keys[k + 2] * b + keys[k + 4] * c + keys[k + 3] * d
+            }
+        };
+        if value.length_squared() > 0.0 { value.normalize() } else { Quat::IDENTITY }
+    }
+}
+
+/// Weights of value, out-tangent, next value and next in-tangent.
+fn hermite(t: f32, length: f32) -> [f32; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [2.0 * t3 - 3.0 * t2 + 1.0, length * (t3 - 2.0 * t2 + t), 3.0 * t2 - 2.0 * t3, length * (t3 - t2)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn channel(interpolation: Interpolation, track: Track) -> Channel {
+        Channel { node: 0, times: vec![1.0, 3.0], track, interpolation }
+    }
+
+    fn at(channel: &Channel, time: f32) -> Transform {
+        let mut transform = Transform { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
+        channel.apply(time, &mut transform);
+        transform
+    }
+
+    #[test]
+    fn linear_step_and_ends() {
+        let keys = || Track::Translation(vec![Vec3::ZERO, Vec3::new(4.0, 0.0, 0.0)]);
+        let linear = channel(Interpolation::Linear, keys());
+        assert_eq!(at(&linear, 0.0).translation.x, 0.0);
+        assert_eq!(at(&linear, 1.5).translation.x, 1.0);
+        assert_eq!(at(&linear, 9.0).translation.x, 4.0);
+        assert_eq!(at(&channel(Interpolation::Step, keys()), 2.9).translation.x, 0.0);
+        assert!(linear.changes());
+    }
+
+    #[test]
+    fn a_spline_follows_its_cubic() {
+        // x(t) = t³ on 1…3 as a Hermite segment: the spline must give the cubic back.
+        let x = |t: f32| Vec3::new(t * t * t, 0.0, 0.0);
+        let slope = |t: f32| Vec3::new(3.0 * t * t, 0.0, 0.0);
+        let keys = vec![slope(1.0), x(1.0), slope(1.0), slope(3.0), x(3.0), slope(3.0)];
+        let spline = channel(Interpolation::CubicSpline, Track::Translation(keys));
+        for t in [1.0f32, 1.3, 2.0, 2.9, 3.0] {
+            assert!((at(&spline, t).translation.x - t * t * t).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn rotations_take_the_short_arc() {
+        let quarter = Quat::from_rotation_y(std::f32::consts::FRAC_PI_2);
+        let track = Track::Rotation(vec![Quat::IDENTITY, -quarter]);
+        let half = at(&channel(Interpolation::Linear, track), 2.0).rotation;
+        assert!(half.dot(Quat::from_rotation_y(std::f32::consts::FRAC_PI_4)).abs() > 0.99999);
+    }
+}

@@ -1,0 +1,151 @@
+//! From points in the world to pixels and back.
+
+use glam::{Affine3A, Vec2, Vec3, Vec3A};
+
+/// How a camera sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// Vertical field of view in radians.
+    Perspective {
+        /// Angle between the upper and the lower border of the picture.
+        yfov: f32,
+    },
+    /// Half the picture's height in metres.
+    Orthographic {
+        /// Distance from the axis to the upper border.
+        ymag: f32,
+    },
+}
+
+/// A camera on a node, looking along the node's −z with +y up.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// Name of the node or of the camera, or empty.
+    pub name: String,
+    /// Index into the scene's nodes.
+    pub node: usize,
+    /// How it sees.
+    pub projection: Projection,
+}
+
+/// A camera at one time, with a picture of one size. Pixels have their centres at `(x + 0.5, y + 0.5)`, y down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    world_from_camera: Affine3A,
+    camera_from_world: Affine3A,
+    projection: Projection,
+    half_height: f32,
+    width: f32,
+    height: f32,
+}
+
+impl View {
+    /// A view from the node transform `world_from_camera` (its scale is ignored) on `width × height` pixels.
+    pub fn new(world_from_camera: Affine3A, projection: Projection, width: usize, height: usize) -> Self {
+        let m = world_from_camera.matrix3;
+        let z = m.z_axis.try_normalize().unwrap_or(Vec3A::Z);
+        let x = m.y_axis.cross(z).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
+        let mut rigid = Affine3A::IDENTITY;
+        rigid.matrix3 = glam::Mat3A::from_cols(x, z.cross(x), z);
+        rigid.translation = world_from_camera.translation;
+        let half_height = match projection {
+            Projection::Perspective { yfov } => (yfov / 2.0).tan(),
+            Projection::Orthographic { ymag } => ymag,
+        };
+        Self {
+            world_from_camera: rigid,
+            camera_from_world: rigid.inverse(),
+            projection,
+            half_height,
+            width: width as f32,
+            height: height as f32,
+        }
+    }
+
+    /// Origin and unit direction of the ray through `pixel`.
+    pub fn ray(&self, pixel: Vec2) -> (Vec3A, Vec3A) {
+        let scale = 2.0 * self.half_height / self.height;
+        let x = (pixel.x - self.width / 2.0) * scale;
+        let y = (self.height / 2.0 - pixel.y) * scale;
+        let m = &self.world_from_camera;
+        match self.projection {
+            Projection::Perspective { .. } => (m.translation, m.transform_vector3a(Vec3A::new(x, y, -1.0)).normalize()),
+            Projection::Orthographic { .. } => (m.transform_point3a(Vec3A::new(x, y, 0.0)), -m.matrix3.z_axis),
+        }
+    }
+
+    /// Pixel and depth (metres along the axis) of a point; `None` behind the camera.
+    pub fn project(&self, point: Vec3A) -> Option<(Vec2, f32)> {
+        let p = self.camera_from_world.transform_point3a(point);
+        self.pixel_of(p, -p.z)
+    }
+
+    /// Pixel of a point infinitely far away in `direction`; `None` behind the camera.
+    pub fn project_direction(&self, direction: Vec3A) -> Option<Vec2> {
+        let d = self.camera_from_world.transform_vector3a(direction);
+        match self.projection {
+            Projection::Perspective { .. } => self.pixel_of(d, -d.z).map(|(pixel, _)| pixel),
+            Projection::Orthographic { .. } => None,
+        }
+    }
+
+    fn pixel_of(&self, p: Vec3A, depth: f32) -> Option<(Vec2, f32)> {
+        if depth.is_nan() || depth <= 0.0 {
+            return None;
+        }
+        let divisor = match self.projection {
+            Projection::Perspective { .. } => depth,
+            Projection::Orthographic { .. } => 1.0,
+        };
+        let scale = self.height / (2.0 * self.half_height * divisor);
+        let pixel = Vec2::new(self.width / 2.0 + p.x * scale, self.height / 2.0 - p.y * scale);
+        pixel.is_finite().then_some((pixel, depth))
+    }
+
+    /// Width in metres that a pixel covers at `depth` metres, facing the camera.
+    pub fn pixel_width(&self, depth: f32) -> f32 {
+        let at_one = 2.0 * self.half_height / self.height;
+        match self.projection {
+            Projection::Perspective { .. } => at_one * depth,
+            Projection::Orthographic { .. } => at_one,
+        }
+    }
+
+    /// Where the camera is.
+    pub fn position(&self) -> Vec3A {
+        self.world_from_camera.translation
+    }
+
+    /// A view of the whole box from its front and a little above, for scenes without a camera.
+    pub fn around(min: Vec3A, max: Vec3A) -> (Affine3A, Projection) {
+        let (center, radius) = ((min + max) / 2.0, ((max - min).length() / 2.0).max(1e-6));
+        let yfov = 0.6f32;
+        let from = center + Vec3A::new(0.35, 0.3, 1.0).normalize() * radius / (yfov / 2.0).sin();
+        let z = (from - center).normalize();
+        let x = Vec3::Y.cross(z.into()).normalize();
+        let mut world = Affine3A::IDENTITY;
+        world.matrix3 = glam::Mat3A::from_cols(x.into(), z.cross(x.into()), z);
+        world.translation = from;
+        (world, Projection::Perspective { yfov })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn projecting_a_ray_gives_its_pixel_back() {
+        let world = Affine3A::from_rotation_translation(glam::Quat::from_rotation_y(0.7), Vec3::new(1.0, 2.0, 3.0));
+        for projection in [Projection::Perspective { yfov: 0.8 }, Projection::Orthographic { ymag: 2.0 }] {
+            let view = View::new(world, projection, 640, 360);
+            for pixel in [Vec2::new(0.5, 0.5), Vec2::new(320.0, 180.0), Vec2::new(639.5, 359.5)] {
+                let (origin, direction) = view.ray(pixel);
+                let (back, depth) = view.project(origin + direction * 5.0).unwrap();
+                assert!((back - pixel).length() < 1e-3, "{pixel} became {back}");
+                assert!(depth > 0.0 && depth <= 5.001);
+                assert!(view.project(origin - direction * 5.0).is_none());
+            }
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! What there is to see, and where it is at a time: nodes, meshes, materials, lights, cameras.
+
+mod animation;
+mod camera;
+mod gltf_file;
+mod light;
+mod material;
+mod mesh;
+mod settings;
+mod sky;
+mod texture;
+
+pub use animation::{Channel, Interpolation, Track};
+pub use camera::{Camera, Projection, View};
+pub use gltf_file::{LoadError, load};
+pub use light::{PunctualKind, PunctualLight};
+pub use material::{Material, TextureSlot};
+pub use mesh::Mesh;
+pub(crate) use mesh::interpolate as mesh_interpolate;
+pub use settings::SceneSettings;
+pub use sky::Sky;
+pub use texture::{Texture, Wrap};
+
+use glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A};
+
+/// A node of the hierarchy with its transform at rest.
+#[derive(Clone, Debug)]
+pub struct Node {
+    /// Name in the file, or empty.
+    pub name: String,
+    /// Index of the parent; always smaller than the node's own index.
+    pub parent: Option<usize>,
+    /// Scale, rotation and translation of the rest pose relative to the parent.
+    pub rest: Transform,
+}
+
+/// Translation, rotation, scale: what glTF animates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transform {
+    /// Metres.
+    pub translation: Vec3,
+    /// Unit quaternion.
+    pub rotation: Quat,
+    /// Factor along each axis.
+    pub scale: Vec3,
+}
+
+impl Transform {
+    /// The transform as an affine map.
+    pub fn matrix(&self) -> Affine3A {
+        Affine3A::from_scale_rotation_translation(self.scale, self.rotation, self.translation)
+    }
+}
+
+/// A mesh hung from a node.
+#[derive(Clone, Copy, Debug)]
+pub struct Instance {
+    /// Index into [`Scene::nodes`].
+    pub node: usize,
+    /// Index into [`Scene::meshes`].
+    pub mesh: usize,
+}
+
+/// A scene as loaded: everything that does not depend on time, and the tracks that do.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// Parents come before their children.
+    pub nodes: Vec<Node>,
+    /// One per glTF primitive: a single material each.
+    pub meshes: Vec<Mesh>,
+    /// What the meshes refer to; never empty when there is a mesh.
+    pub materials: Vec<Material>,
+    /// What the materials refer to.
+    pub textures: Vec<Texture>,
+    /// Meshes in their places.
+    pub instances: Vec<Instance>,
+    /// Point, spot and directional lights.
+    pub punctual_lights: Vec<PunctualLight>,
+    /// The cameras of the file.
+    pub cameras: Vec<Camera>,
+    /// The animation that plays.
+    pub channels: Vec<Channel>,
+    /// Light from all around, if the scene has any.
+    pub sky: Option<Sky>,
+    /// What the TOML file beside the scene says.
+    pub settings: SceneSettings,
+    /// What was read but is not rendered, a line each, for the user.
+    pub warnings: Vec<String>,
+}
+
+/// Where everything is at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pose {
+    /// World from local, one per node.
+    pub world: Vec<Affine3A>,
+}
+
+impl Scene {
+    /// Places every node at `time` seconds.
+    pub fn pose(&self, time: f32) -> Pose {
+        let mut local: Vec<Transform> = self.nodes.iter().map(|node| node.rest).collect();
+        for channel in &self.channels {
+            channel.apply(time, &mut local[channel.node]);
+        }
+        let mut world: Vec<Affine3A> = Vec::with_capacity(self.nodes.len());
+        for (node, transform) in self.nodes.iter().zip(&local) {
+            let matrix = transform.matrix();
+            world.push(node.parent.map_or(matrix, |parent| world[parent] * matrix));
+        }
+        Pose { world }
+    }
+
+    /// For each node, whether its place in the world changes with time.
+    pub fn moving_nodes(&self) -> Vec<bool> {
+        let mut moving = vec![false; self.nodes.len()];
+        for channel in self.channels.iter().filter(|channel| channel.changes()) {
+            moving[channel.node] = true;
+        }
+        for index in 0..self.nodes.len() {
+            moving[index] |= self.nodes[index].parent.is_some_and(|parent| moving[parent]);
+        }
+        moving
+    }
+
+    /// Seconds until the last key of the animation; 0 without one.
+    pub fn duration(&self) -> f32 {
+        self.channels.iter().filter_map(|channel| channel.times.last()).fold(0.0, |longest, &time| longest.max(time))
+    }
+
+    /// Corners of the box around all meshes in `pose`; `None` when nothing has a volume to show.
+    pub fn bounds(&self, pose: &Pose) -> Option<(Vec3A, Vec3A)> {
+        let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for instance in &self.instances {
+            let world = pose.world[instance.node];
+            for &position in &self.meshes[instance.mesh].positions {
+                let point = world.transform_point3a(position.into());
+                corners = (corners.0.min(point), corners.1.max(point));
+            }
+        }
+        corners.0.cmple(corners.1).all().then_some(corners)
+    }
+
+    /// The camera that films: the one the settings name, else the first that moves, else the first.
+    pub fn filming_camera(&self) -> Option<&Camera> {
+        let named = self.settings.camera.name.as_deref();
+        let moving = self.moving_nodes();
+        named
+            .and_then(|name| self.cameras.iter().find(|camera| camera.name == name))
+            .or_else(|| self.cameras.iter().find(|camera| moving[camera.node]))
+            .or(self.cameras.first())
+    }
+
+    /// The filming camera's view in `pose`; a scene without a camera is seen whole, from its front.
+    pub fn view(&self, pose: &Pose, width: usize, height: usize) -> View {
+        match self.filming_camera() {
+            Some(camera) => View::new(pose.world[camera.node], camera.projection, width, height),
+            None => {
+                let rest = self.pose(0.0);
+                let (min, max) = self.bounds(&rest).unwrap_or((Vec3A::splat(-1.0), Vec3A::ONE));
+                let (world, projection) = View::around(min, max);
+                View::new(world, projection, width, height)
+            }
+        }
+    }
+
+    /// Triangles of all instances.
+    pub fn triangle_count(&self) -> usize {
+        self.instances.iter().map(|instance| self.meshes[instance.mesh].triangles.len()).sum()
+    }
+}
+
+/// Normals go through the inverse transpose; written with cofactors so that singular maps stay finite.
+pub(crate) fn normal_matrix(world: &Affine3A) -> Mat3A {
+    let m = world.matrix3;
+    let cofactors = Mat3A::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+    // Mirroring flips the cross products: keep normals on the side the file put them.
+    if m.determinant() < 0.0 { cofactors * -1.0 } else { cofactors }
+}

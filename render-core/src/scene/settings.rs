@@ -1,0 +1,109 @@
+//! The TOML file beside a scene: what glTF cannot say.
+
+use super::Sky;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// Contents of `SCENE.toml`; every part may be left out.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneSettings {
+    /// How radiance becomes display values; kept as a table, since the tone curves are another crate's.
+    pub tone_mapping: Option<toml::Table>,
+    /// Light from all around.
+    pub sky: Option<Sky>,
+    /// For directional lights.
+    #[serde(default)]
+    pub sun: Sun,
+    /// Which camera films.
+    #[serde(default)]
+    pub camera: CameraChoice,
+    /// How long, how fast.
+    #[serde(default)]
+    pub video: Video,
+}
+
+/// What glTF does not say of directional lights.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sun {
+    /// Degrees that the light's disc spans in the sky; 0 gives hard shadows.
+    pub angular_diameter: f32,
+}
+
+impl Default for Sun {
+    /// The sun as seen from the earth.
+    fn default() -> Self {
+        Self { angular_diameter: 0.53 }
+    }
+}
+
+/// Which camera films.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraChoice {
+    /// Name of a camera or of its node; the first moving camera, else the first, when left out.
+    pub name: Option<String>,
+}
+
+/// Length and rate of the video.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Video {
+    /// Pictures.
+    pub frames: Option<u32>,
+    /// Pictures a second.
+    pub fps: Option<f64>,
+}
+
+impl SceneSettings {
+    /// Where the settings of `scene` are expected: the same name, ending in `.toml`.
+    pub fn path_for(scene: &Path) -> PathBuf {
+        scene.with_extension("toml")
+    }
+
+    /// Parses the text of a settings file; the message names line and key.
+    ///
+    /// # Errors
+    /// Bad TOML, unknown keys, values out of range.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let settings: Self = toml::from_str(text).map_err(|error| error.to_string().trim_end().replace('\n', " "))?;
+        let radiances = settings.sky.iter().flat_map(|sky| [sky.zenith, sky.horizon, sky.ground]).flatten();
+        if let Some(bad) = radiances.into_iter().find(|r| !r.is_finite() || *r < 0.0) {
+            return Err(format!("[sky] radiance {bad} must be finite and not negative"));
+        }
+        if !(0.0..=90.0).contains(&settings.sun.angular_diameter) {
+            return Err(format!("[sun] angular_diameter {} must lie in 0..=90 degrees", settings.sun.angular_diameter));
+        }
+        if settings.video.frames == Some(0) {
+            return Err("[video] frames must be at least 1".into());
+        }
+        if settings.video.fps.is_some_and(|fps| !fps.is_finite() || fps <= 0.0) {
+            return Err("[video] fps must be positive".into());
+        }
+        Ok(settings)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_what_is_there_and_names_what_is_wrong() {
+        let settings = SceneSettings::parse("[sky]\nzenith=[1,2,3]\nhorizon=[1,1,1]\n[video]\nframes=5").unwrap();
+        assert_eq!(settings.sky.unwrap().zenith, [1.0, 2.0, 3.0]);
+        assert_eq!(settings.video.frames, Some(5));
+        assert_eq!(SceneSettings::parse("").unwrap(), SceneSettings::default());
+        for (text, word) in [
+            ("[sky]\nzenit=[1,1,1]", "zenit"),
+            ("[video]\nframes=0", "frames"),
+            ("[sun]\nangular_diameter=-1", "angular_diameter"),
+            ("[sky]\nzenith=[nan,0,0]\nhorizon=[0,0,0]", "sky"),
+            ("[video", "video"),
+        ] {
+            let message = SceneSettings::parse(text).unwrap_err();
+            assert!(message.contains(word) && !message.contains('\n'), "{message}");
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! Images on surfaces, filtered so that they neither shimmer nor blur.
+
+use glam::{Vec2, Vec3};
+use std::sync::LazyLock;
+
+/// How coordinates outside of 0…1 are read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wrap {
+    /// The picture is tiled.
+    Repeat,
+    /// Tiled, every other tile mirrored.
+    Mirror,
+    /// The border continues.
+    Clamp,
+}
+
+/// An sRGB image with its mip levels, each half the size of the one before.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    levels: Vec<Level>,
+    wrap: [Wrap; 2],
+}
+
+#[derive(Clone, Debug)]
+struct Level {
+    width: usize,
+    height: usize,
+    texels: Vec<[u8; 4]>,
+}
+
+/// sRGB code value to linear (IEC 61966-2-1).
+static SRGB_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|code| {
+        let c = code as f64 / 255.0;
+        (if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }) as f32
+    })
+});
+
+fn linear_to_srgb(c: f32) -> u8 {
+    let c = c.clamp(0.0, 1.0);
+    let e = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+    (e * 255.0 + 0.5) as u8
+}
+
+impl Texture {
+    /// Takes over `width × height` RGBA texels (sRGB colour, linear opacity) and builds the mip levels.
+    ///
+    /// # Panics
+    /// If the size is zero or the number of texels is not `width * height`.
+    pub fn new(width: usize, height: usize, texels: Vec<[u8; 4]>, wrap: [Wrap; 2]) -> Self {
+        assert!(width > 0 && height > 0 && texels.len() == width * height, "{width}x{height} texels expected");
+        let mut levels = vec![Level { width, height, texels }];
+        while let Some(last) = levels.last().filter(|level| level.width > 1 || level.height > 1) {
+            let half = last.half();
+            levels.push(half);
+        }
+        Self { levels, wrap }
+    }
+
+    /// Texels of the finest level along x and y.
+    pub fn size(&self) -> Vec2 {
+        Vec2::new(self.levels[0].width as f32, self.levels[0].height as f32)
+    }
+
+    /// Trilinear look-up: linear RGB and opacity at `uv`, blurred to `footprint` texels of the finest level.
+    pub fn sample(&self, uv: Vec2, footprint: f32) -> (Vec3, f32) {
+        let lod = footprint.max(1.0).log2().min((self.levels.len() - 1) as f32);
+        let (fine, blend) = (lod as usize, lod.fract());
+        let (color, alpha) = self.bilinear(fine, uv);
+        if blend == 0.0 || fine + 1 >= self.levels.len() {
+            return (color, alpha);
+        }
+        let (coarse_color, coarse_alpha) = self.bilinear(fine + 1, uv);
+        (color.lerp(coarse_color, blend), alpha + (coarse_alpha - alpha) * blend)
+    }
+
+    /// Mean linear colour.
+    pub fn mean(&self) -> Vec3 {
+        self.sample(Vec2::ZERO, f32::MAX).0
+    }
+
+    fn bilinear(&self, level: usize, uv: Vec2) -> (Vec3, f32) {
+        let level = &self.levels[level];
+        // NaN and infinity become 0: a broken coordinate shows a texel, not a crash.
+        let place = |c: f32, n: usize| {
+            let c = if c.is_finite() { c } else { 0.0 };
+            let p = c.rem_euclid(2.0).max(-1.0) * n as f32 - 0.5;
+            (p.floor() as i64, p - p.floor())
+        };
+        let clamp = |c: f32, wrap: Wrap| if wrap == Wrap::Clamp { c.clamp(0.0, 1.0 - f32::EPSILON) } else { c };
+        let (x, fx) = place(clamp(uv.x, self.wrap[0]), level.width);
+        let (y, fy) = place(clamp(uv.y, self.wrap[1]), level.height);
+        let mut color = Vec3::ZERO;
+        let mut alpha = 0.0;
+        for (dx, dy, weight) in
+            [(0, 0, (1.0 - fx) * (1.0 - fy)), (1, 0, fx * (1.0 - fy)), (0, 1, (1.0 - fx) * fy), (1, 1, fx * fy)]
+        {
+            let column = wrap_index(x + dx, level.width, self.wrap[0]);
+            let row = wrap_index(y + dy, level.height, self.wrap[1]);
+            let [r, g, b, a] = level.texels[row * level.width + column];
+            let linear = |code: u8| SRGB_TO_LINEAR[code as usize];
+            color += Vec3::new(linear(r), linear(g), linear(b)) * weight;
+            alpha += f32::from(a) / 255.0 * weight;
+        }
+        (color, alpha)
+    }
+}
+
+fn wrap_index(i: i64, n: usize, wrap: Wrap) -> usize {
+    let size = n as i64;
+    match wrap {
+        Wrap::Repeat => i.rem_euclid(size) as usize,
+        Wrap::Clamp => i.clamp(0, size - 1) as usize,
+        Wrap::Mirror => {
+            let twice = i.rem_euclid(2 * size);
+            twice.min(2 * size - 1 - twice) as usize
+        }
+    }
+}
+
+impl Level {
+    /// Box filter in linear light; an odd row or column counts twice at the border.
+    fn half(&self) -> Level {
+        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
+        let mut texels = Vec::with_capacity(width * height);
+        for y in 0..height {
+            for x in 0..width {
+                let mut sum = [0.0f32; 4];
+                for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                    let column = (2 * x + dx).min(self.width - 1);
+                    let row = (2 * y + dy).min(self.height - 1);
+                    let texel = self.texels[row * self.width + column];
+                    for c in 0..3 {
+                        sum[c] += SRGB_TO_LINEAR[texel[c] as usize];
+                    }
+                    sum[3] += f32::from(texel[3]);
+                }
+                texels.push([
+                    linear_to_srgb(sum[0] / 4.0),
+                    linear_to_srgb(sum[1] / 4.0),
+                    linear_to_srgb(sum[2] / 4.0),
+                    (sum[3] / 4.0 + 0.5) as u8,
+                ]);
+            }
+        }
+        Level { width, height, texels }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checker() -> Texture {
+        let texels = (0..16).map(|i| if (i % 4 + i / 4) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] }).collect();
+        Texture::new(4, 4, texels, [Wrap::Repeat; 2])
+    }
+
+    #[test]
+    fn texel_centres_are_exact_and_tile() {
+        let texture = checker();
+        let (color, alpha) = texture.sample(Vec2::new(0.125, 0.125), 1.0);
+        assert_eq!((color, alpha), (Vec3::ONE, 1.0));
+        assert_eq!(texture.sample(Vec2::new(0.375, 0.125), 1.0).0, Vec3::ZERO);
+        assert_eq!(texture.sample(Vec2::new(-0.875, 3.125), 1.0).0, Vec3::ONE);
+    }
+
+    #[test]
+    fn far_away_a_checker_is_grey_in_linear_light() {
+        let mean = checker().mean();
+        assert!((mean.x - 0.5).abs() < 0.01, "{mean}");
+    }
+
+    #[test]
+    fn mirror_and_clamp_stay_inside() {
+        assert_eq!(wrap_index(-1, 4, Wrap::Mirror), 0);
+        assert_eq!(wrap_index(4, 4, Wrap::Mirror), 3);
+        assert_eq!(wrap_index(9, 4, Wrap::Clamp), 3);
+        assert_eq!(wrap_index(-1, 4, Wrap::Repeat), 3);
+    }
+
+    #[test]
+    fn broken_coordinates_show_a_texel() {
+        for bad in [f32::NAN, f32::INFINITY, 1e30, -1e30] {
+            let (color, _) = checker().sample(Vec2::splat(bad), f32::NAN);
+            assert!(color.is_finite());
+        }
+    }
+}
