@@ -1,1 +1,70 @@
 //! An MPEG-2 video encoder that takes the motion it is given.
+//!
+//! It writes ISO/IEC 13818-2:2000 Main Profile: progressive 4:2:0 pictures of 8 bits, I and P, at a constant quantiser.
+//! Make an [`Encoder`] by a [`Config`], give it each [`Frame`], and where pixels were before if that is known
+//! ([`MotionField`]); each frame gives a [`Packet`], whose reconstruction is what a decoder will show.
+//!
+//! ```
+//! use mpeg2enc::{Config, Frame, FrameRate, MotionField};
+//! use plane::Plane;
+//!
+//! let mut encoder = Config::new(64, 48, FrameRate::FPS_25).with_gop(12).with_quantiser_scale(6).encoder()?;
+//! let mut stream = Vec::new();
+//! for time in 0..10 {
+//!     // A pattern that moves one pixel to the left in each frame: it was one pixel farther right before.
+//!     let luma = Plane::from_fn(64, 48, |x, y| (128.0 + 90.0 * ((x + time) as f32 * 0.4 + y as f32 * 0.1).sin()) as u8);
+//!     let frame = Frame::new(luma, Plane::filled(32, 24, 110), Plane::filled(32, 24, 140))?;
+//!     let motion = MotionField::new(Plane::filled(64, 48, [1.0, 0.0]));
+//!     let packet = encoder.push(&frame, Some(&motion));
+//!     assert!(packet.psnr_y > 35.0);
+//!     stream.extend(packet.data);
+//! }
+//! stream.extend(encoder.finish());
+//! assert_eq!(stream[..4], [0, 0, 1, 0xb3]); // sequence_header_code: the stream plays as an .m2v file
+//! # Ok::<(), mpeg2enc::ConfigError>(())
+//! ```
+//!
+//! All that reaches the stream is integer arithmetic over fixed slices: the same frames give the same bits on every
+//! processor and with any number of threads (those of the `rayon` pool that `push` is called in).
+//! Numbers of clauses and tables in this crate are those of the edition of 2000.
+#![forbid(unsafe_code)]
+
+mod config; // what to encode
+mod frame; // pictures
+
+mod level; // limits of Main Profile
+
+mod encoder; // the way of a picture
+
+mod motion; // vectors: given, predicted, searched
+
+mod picture; // slices
+
+mod decide; // intra, inter, skipped
+mod predict; // motion compensation
+
+mod dct;
+mod quant; // levels and back
+mod trellis; // which levels cost least
+
+mod header; // syntax above the macroblock
+mod macroblock; // syntax of a macroblock
+mod scan;
+mod vlc; // code words
+
+mod bits;
+
+pub use crate::{
+    config::{Config, ConfigError, FrameRate, QuantiserScaleCode, quantiser_scale_code},
+    encoder::{Encoder, Packet},
+    frame::{Frame, psnr},
+    header::PictureType,
+    level::Level,
+    motion::MotionField,
+    picture::PictureStatistics,
+    quant::DEFAULT_INTRA_MATRIX,
+};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

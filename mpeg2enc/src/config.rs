@@ -1,0 +1,276 @@
+//! What to encode: plain values, checked once.
+
+use crate::{Encoder, Level};
+
+/// The largest distance of I pictures: no macroblock is predicted more than 131 times before it is coded intra again,
+/// so that the differences of inverse transforms, which the standard allows, do not add up without end.
+pub(crate) const GROUP_MAX: u32 = 132;
+/// The largest width and height that horizontal_size and vertical_size can say (6.3.3, 14 bits).
+const SIZE_MAX: usize = 16383;
+
+/// Something in a [`Config`] or [`Frame`](crate::Frame) that cannot be encoded.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// Width or height out of range.
+    #[error("a picture of {width}x{height} cannot be encoded; width and height go from 1 to {SIZE_MAX}")]
+    Size {
+        /// The width asked for.
+        width: usize,
+        /// The height asked for.
+        height: usize,
+    },
+    /// No frame_rate_code says this rate.
+    #[error("{fps} frames a second have no code in MPEG-2; use one of 23.976, 24, 25, 29.97, 30, 50, 59.94, 60")]
+    FrameRate {
+        /// The rate asked for.
+        fps: f64,
+    },
+    /// Distance of I pictures out of range.
+    #[error("a group of {pictures} pictures is not allowed; the distance of I pictures goes from 1 to {GROUP_MAX}")]
+    GroupOfPictures {
+        /// The distance asked for.
+        pictures: u32,
+    },
+    /// Neither table of quantiser_scale_code has the value.
+    #[error("quantiser_scale {value} does not exist; nearest are {nearest} and {second}")]
+    QuantiserScale {
+        /// The value asked for.
+        value: u32,
+        /// The nearest that exists.
+        nearest: u32,
+        /// The nearest but one.
+        second: u32,
+    },
+    /// Main Profile has no such precision.
+    #[error("an intra DC precision of {bits} bits is not in Main Profile; use 8, 9 or 10")]
+    IntraDcPrecision {
+        /// The precision asked for.
+        bits: u32,
+    },
+    /// The level that was asked for is too low.
+    #[error(
+        "{width}x{height} at {fps:.3} frames a second is beyond {level:?} Level; {}",
+        match .lowest { Some(lowest) => format!("{lowest:?} Level or above holds it"), None => "no level holds it: leave the level out".into() }
+    )]
+    Level {
+        /// The level asked for.
+        level: Level,
+        /// The width asked for.
+        width: usize,
+        /// The height asked for.
+        height: usize,
+        /// The rate asked for.
+        fps: f64,
+        /// The lowest level that is enough.
+        lowest: Option<Level>,
+    },
+    /// A plane of a frame has the wrong size.
+    #[error("{plane} has {width}x{height} samples; with this luma it needs {expected_width}x{expected_height}")]
+    PlaneSize {
+        /// Name of the plane.
+        plane: &'static str,
+        /// Its width.
+        width: usize,
+        /// Its height.
+        height: usize,
+        /// The width it needs.
+        expected_width: usize,
+        /// The height it needs.
+        expected_height: usize,
+    },
+}
+
+/// A frame rate that MPEG-2 has a code for (Table 6-4).
+///
+/// ```
+/// use mpeg2enc::FrameRate;
+/// assert_eq!(FrameRate::from_fps(25.0)?.fps(), 25.0);
+/// assert_eq!(FrameRate::from_fps(29.97)?.fps(), 30000.0 / 1001.0);
+/// assert!(FrameRate::from_fps(26.0).is_err());
+/// # Ok::<(), mpeg2enc::ConfigError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameRate {
+    code: u8,
+}
+
+/// Table 6-4, as (numerator, denominator) for frame_rate_code 1, 2, 3, …
+const FRAME_RATES: [(u32, u32); 8] =
+    [(24000, 1001), (24, 1), (25, 1), (30000, 1001), (30, 1), (50, 1), (60000, 1001), (60, 1)];
+
+impl FrameRate {
+    /// 25 frames a second.
+    pub const FPS_25: Self = Self { code: 3 };
+    /// 30 frames a second.
+    pub const FPS_30: Self = Self { code: 5 };
+
+    /// The rate nearest to `fps`, if it is less than 0.01 frames a second away.
+    pub fn from_fps(fps: f64) -> Result<Self, ConfigError> {
+        (1..=8)
+            .map(|code| Self { code })
+            .find(|rate| (rate.fps() - fps).abs() < 0.01)
+            .ok_or(ConfigError::FrameRate { fps })
+    }
+
+    /// Frames a second.
+    pub fn fps(self) -> f64 {
+        let (numerator, denominator) = self.fraction();
+        f64::from(numerator) / f64::from(denominator)
+    }
+
+    /// Frames a second as a fraction, such as (30000, 1001).
+    pub fn fraction(self) -> (u32, u32) {
+        FRAME_RATES[usize::from(self.code) - 1]
+    }
+
+    /// frame_rate_code (6.3.3).
+    pub fn code(self) -> u8 {
+        self.code
+    }
+}
+
+/// quantiser_scale for quantiser_scale_code 1 to 31 with q_scale_type 1 (Table 7-6).
+#[rustfmt::skip]
+const NON_LINEAR: [u32; 31] = [
+    1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 18, 20, 22, 24, 28, 32, 36, 40, 44, 48, 52, 56, 64, 72, 80, 88, 96, 104, 112,
+];
+
+/// How a quantiser_scale is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QuantiserScaleCode {
+    /// False for the linear table (2, 4, … 62), true for the other (1 … 112).
+    pub q_scale_type: bool,
+    /// quantiser_scale_code, 1 to 31.
+    pub code: u8,
+}
+
+/// The code of a quantiser_scale (7.4.2.2, Table 7-6): even values to 62 by the linear table, others by the non-linear.
+///
+/// ```
+/// use mpeg2enc::quantiser_scale_code;
+/// assert_eq!(quantiser_scale_code(16)?.code, 8);
+/// assert!(quantiser_scale_code(7)?.q_scale_type);
+/// let message = quantiser_scale_code(113).unwrap_err().to_string();
+/// assert_eq!(message, "quantiser_scale 113 does not exist; nearest are 112 and 104");
+/// # Ok::<(), mpeg2enc::ConfigError>(())
+/// ```
+pub fn quantiser_scale_code(quantiser_scale: u32) -> Result<QuantiserScaleCode, ConfigError> {
+    if (2..=62).contains(&quantiser_scale) && quantiser_scale.is_multiple_of(2) {
+        return Ok(QuantiserScaleCode { q_scale_type: false, code: (quantiser_scale / 2) as u8 });
+    }
+    if let Some(index) = NON_LINEAR.iter().position(|&scale| scale == quantiser_scale) {
+        return Ok(QuantiserScaleCode { q_scale_type: true, code: index as u8 + 1 });
+    }
+    let mut scales: Vec<u32> = NON_LINEAR.into_iter().chain((1..=31).map(|code| 2 * code)).collect();
+    scales.sort_unstable();
+    scales.dedup();
+    scales.sort_by_key(|scale| scale.abs_diff(quantiser_scale));
+    Err(ConfigError::QuantiserScale { value: quantiser_scale, nearest: scales[0], second: scales[1] })
+}
+
+/// Settings of an [`Encoder`]; [`Config::encoder`] checks them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) frame_rate: FrameRate,
+    pub(crate) gop: u32,
+    pub(crate) quantiser_scale: u32,
+    pub(crate) intra_dc_precision: u32,
+    pub(crate) level: Option<Level>,
+}
+
+impl Config {
+    /// Pictures of this size, in luma samples: an I picture every 15, quantiser_scale 8, intra DC of 8 bits.
+    ///
+    /// Width and height go from 1 to 16383. A multiple of 4096 cannot be written as horizontal_size or vertical_size
+    /// (6.3.3): it is coded as one sample more, which decoders that do not look at the display size will show.
+    pub fn new(width: usize, height: usize, frame_rate: FrameRate) -> Self {
+        Self { width, height, frame_rate, gop: 15, quantiser_scale: 8, intra_dc_precision: 8, level: None }
+    }
+
+    /// Distance between I pictures, 1 to 132.
+    pub fn with_gop(self, pictures: u32) -> Self {
+        Self { gop: pictures, ..self }
+    }
+
+    /// Quantiser of every macroblock: 1 to 8, even values to 62, 64, multiples of 8 to 112.
+    pub fn with_quantiser_scale(self, quantiser_scale: u32) -> Self {
+        Self { quantiser_scale, ..self }
+    }
+
+    /// Bits of the DC coefficient of intra blocks, 8 to 10 (intra_dc_precision, 6.3.10).
+    pub fn with_intra_dc_precision(self, bits: u32) -> Self {
+        Self { intra_dc_precision: bits, ..self }
+    }
+
+    /// States this level instead of the lowest that holds size and rate.
+    pub fn with_level(self, level: Level) -> Self {
+        Self { level: Some(level), ..self }
+    }
+
+    /// The level that the stream will state; beyond High Level, where none is right, it states High.
+    pub fn level(&self) -> Level {
+        self.level.or_else(|| Level::lowest(self.width, self.height, self.frame_rate.fps())).unwrap_or(Level::High)
+    }
+
+    /// Checks everything and starts an encoder.
+    pub fn encoder(self) -> Result<Encoder, ConfigError> {
+        let (width, height, fps) = (self.width, self.height, self.frame_rate.fps());
+        if !(1..=SIZE_MAX).contains(&width) || !(1..=SIZE_MAX).contains(&height) {
+            return Err(ConfigError::Size { width, height });
+        }
+        if !(1..=GROUP_MAX).contains(&self.gop) {
+            return Err(ConfigError::GroupOfPictures { pictures: self.gop });
+        }
+        quantiser_scale_code(self.quantiser_scale)?;
+        if !(8..=10).contains(&self.intra_dc_precision) {
+            return Err(ConfigError::IntraDcPrecision { bits: self.intra_dc_precision });
+        }
+        if let Some(level) = self.level.filter(|level| !level.limits().hold(width, height, fps)) {
+            let lowest = Level::lowest(width, height, fps);
+            return Err(ConfigError::Level { level, width, height, fps, lowest });
+        }
+        Ok(Encoder::new(self))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_code_gives_its_scale() {
+        for scale in 0..200 {
+            match quantiser_scale_code(scale) {
+                Ok(QuantiserScaleCode { q_scale_type: false, code }) => assert_eq!(2 * u32::from(code), scale),
+                Ok(QuantiserScaleCode { q_scale_type: true, code }) => {
+                    assert_eq!(NON_LINEAR[usize::from(code) - 1], scale)
+                }
+                Err(error) => {
+                    assert!(error.to_string().starts_with(&format!("quantiser_scale {scale} does not exist")))
+                }
+            }
+        }
+        let nearest = |scale| quantiser_scale_code(scale).unwrap_err().to_string();
+        assert!(nearest(0).ends_with("nearest are 1 and 2"));
+        assert!(nearest(63).ends_with("nearest are 62 and 64"));
+    }
+
+    #[test]
+    fn errors_name_value_and_range() {
+        let config = || Config::new(64, 48, FrameRate::FPS_25);
+        let message = |config: Config| config.encoder().err().expect("an error").to_string();
+        assert!(message(Config::new(0, 48, FrameRate::FPS_25)).contains("0x48"));
+        assert!(message(Config::new(64, 16384, FrameRate::FPS_25)).contains("1 to 16383"));
+        assert!(message(config().with_gop(0)).contains("1 to 132"));
+        assert!(message(config().with_gop(133)).contains("133"));
+        assert!(message(config().with_quantiser_scale(9)).contains("8 and 10"));
+        assert!(message(config().with_intra_dc_precision(11)).contains("8, 9 or 10"));
+        let big = Config::new(1280, 720, FrameRate::FPS_25).with_level(Level::Main);
+        assert!(message(big).contains("High1440 Level or above"));
+        assert!(FrameRate::from_fps(12.5).unwrap_err().to_string().contains("23.976"));
+        assert!(FrameRate::from_fps(f64::NAN).is_err());
+    }
+}

@@ -1,0 +1,167 @@
+//! Headers of sequence, group and picture (6.2.2, 6.2.3).
+
+use crate::{
+    bits::{BitSink, BitWriter},
+    config::{Config, QuantiserScaleCode},
+};
+
+const PICTURE_START_CODE: u8 = 0x00;
+const SEQUENCE_HEADER_CODE: u8 = 0xb3;
+const EXTENSION_START_CODE: u8 = 0xb5;
+const SEQUENCE_END_CODE: u8 = 0xb7;
+const GROUP_START_CODE: u8 = 0xb8;
+
+const SEQUENCE_EXTENSION_ID: u32 = 1;
+const SEQUENCE_DISPLAY_EXTENSION_ID: u32 = 2;
+const PICTURE_CODING_EXTENSION_ID: u32 = 8;
+
+/// vbv_delay of a stream of variable bit rate (6.3.9).
+const VBV_DELAY_VARIABLE: u32 = 0xffff;
+/// f_code where no vector is used (6.3.10).
+const F_CODE_UNUSED: u32 = 15;
+
+/// Coding type of a picture (Table 6-12).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureType {
+    /// Intra: needs no other picture.
+    I = 1,
+    /// Predicted from the picture before.
+    P = 2,
+}
+
+/// What the headers of one picture say.
+#[derive(Clone, Copy)]
+pub(crate) struct PictureHeader {
+    pub picture_type: PictureType,
+    /// Place in the group of pictures.
+    pub temporal_reference: u32,
+    /// f_code[0][0] and f_code[0][1]: horizontal and vertical reach of vectors.
+    pub f_code: [u32; 2],
+    pub intra_dc_precision: u32,
+    pub quantiser: QuantiserScaleCode,
+}
+
+/// The size that horizontal_size or vertical_size says: its low 12 bits shall not be zero (6.3.3),
+/// so such a picture is coded one sample larger and the display size tells the true one.
+fn coded_size(size: usize) -> u32 {
+    let size = size as u32;
+    if size.is_multiple_of(4096) { size + 1 } else { size }
+}
+
+/// Width and height in whole macroblocks: mb_width and mb_height (6.3.3).
+pub(crate) fn macroblock_counts(width: usize, height: usize) -> (usize, usize) {
+    (coded_size(width).div_ceil(16) as usize, coded_size(height).div_ceil(16) as usize)
+}
+
+/// sequence_header(), sequence_extension(), sequence_display_extension() (6.2.2.1, 6.2.2.3, 6.2.2.4).
+pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
+    let (horizontal_size, vertical_size) = (coded_size(config.width), coded_size(config.height));
+    let limits = config.level().limits();
+    // Beyond the highest level the bounds grow with the sample rate.
+    let rate = (config.width * config.height) as f64 * config.frame_rate.fps() / limits.luma_samples_per_second;
+    let growth = rate.ceil().max(1.0) as u64;
+    let bit_rate = (limits.bits_per_second * growth / 400).min((1 << 30) - 1) as u32;
+    let vbv_buffer_size = (limits.vbv_buffer_size * growth).min((1 << 18) - 1) as u32;
+
+    writer.start_code(SEQUENCE_HEADER_CODE);
+    writer.put(horizontal_size & 0xfff, 12); // horizontal_size_value
+    writer.put(vertical_size & 0xfff, 12); // vertical_size_value
+    writer.put(1, 4); // aspect_ratio_information: square samples
+    writer.put(config.frame_rate.code().into(), 4); // frame_rate_code
+    writer.put(bit_rate & 0x3_ffff, 18); // bit_rate_value
+    writer.put(1, 1); // marker_bit
+    writer.put(vbv_buffer_size & 0x3ff, 10); // vbv_buffer_size_value
+    writer.put(0, 1); // constrained_parameters_flag
+    writer.put(0, 1); // load_intra_quantiser_matrix
+    writer.put(0, 1); // load_non_intra_quantiser_matrix
+
+    writer.start_code(EXTENSION_START_CODE);
+    writer.put(SEQUENCE_EXTENSION_ID, 4); // extension_start_code_identifier
+    writer.put(0b0100 << 4 | limits.level_indication, 8); // profile_and_level_indication: Main Profile
+    writer.put(1, 1); // progressive_sequence
+    writer.put(1, 2); // chroma_format: 4:2:0
+    writer.put(horizontal_size >> 12, 2); // horizontal_size_extension
+    writer.put(vertical_size >> 12, 2); // vertical_size_extension
+    writer.put(bit_rate >> 18, 12); // bit_rate_extension
+    writer.put(1, 1); // marker_bit
+    writer.put(vbv_buffer_size >> 10, 8); // vbv_buffer_size_extension
+    writer.put(1, 1); // low_delay: no B pictures
+    writer.put(0, 2); // frame_rate_extension_n
+    writer.put(0, 5); // frame_rate_extension_d
+
+    writer.start_code(EXTENSION_START_CODE);
+    writer.put(SEQUENCE_DISPLAY_EXTENSION_ID, 4); // extension_start_code_identifier
+    writer.put(5, 3); // video_format: unspecified
+    writer.put(1, 1); // colour_description
+    writer.put(1, 8); // colour_primaries: Rec. ITU-R BT.709
+    writer.put(1, 8); // transfer_characteristics: Rec. ITU-R BT.709
+    writer.put(1, 8); // matrix_coefficients: Rec. ITU-R BT.709
+    writer.put(config.width as u32, 14); // display_horizontal_size
+    writer.put(1, 1); // marker_bit
+    writer.put(config.height as u32, 14); // display_vertical_size
+}
+
+/// group_of_pictures_header() (6.2.2.6) of a closed group that begins with picture `number` of the sequence.
+pub(crate) fn put_group_header(writer: &mut BitWriter, config: &Config, number: u64) {
+    let per_second = config.frame_rate.fps().round() as u64;
+    let seconds = number / per_second;
+    writer.start_code(GROUP_START_CODE);
+    writer.put(0, 1); // time_code: drop_frame_flag
+    writer.put((seconds / 3600 % 24) as u32, 5); // time_code_hours
+    writer.put((seconds / 60 % 60) as u32, 6); // time_code_minutes
+    writer.put(1, 1); // marker_bit
+    writer.put((seconds % 60) as u32, 6); // time_code_seconds
+    writer.put((number % per_second) as u32, 6); // time_code_pictures
+    writer.put(1, 1); // closed_gop
+    writer.put(0, 1); // broken_link
+}
+
+/// picture_header() and picture_coding_extension() (6.2.3, 6.2.3.1).
+pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader) {
+    writer.start_code(PICTURE_START_CODE);
+    writer.put(picture.temporal_reference, 10); // temporal_reference
+    writer.put(picture.picture_type as u32, 3); // picture_coding_type
+    writer.put(VBV_DELAY_VARIABLE, 16); // vbv_delay
+    if picture.picture_type == PictureType::P {
+        writer.put(0, 1); // full_pel_forward_vector
+        writer.put(7, 3); // forward_f_code: f_code of the extension is used
+    }
+    writer.put(0, 1); // extra_bit_picture
+
+    let f_code = if picture.picture_type == PictureType::P { picture.f_code } else { [F_CODE_UNUSED; 2] };
+    writer.start_code(EXTENSION_START_CODE);
+    writer.put(PICTURE_CODING_EXTENSION_ID, 4); // extension_start_code_identifier
+    writer.put(f_code[0], 4); // f_code[0][0]: forward horizontal
+    writer.put(f_code[1], 4); // f_code[0][1]: forward vertical
+    writer.put(F_CODE_UNUSED, 4); // f_code[1][0]: backward horizontal
+    writer.put(F_CODE_UNUSED, 4); // f_code[1][1]: backward vertical
+    writer.put(picture.intra_dc_precision - 8, 2); // intra_dc_precision
+    writer.put(3, 2); // picture_structure: frame picture
+    writer.put(0, 1); // top_field_first
+    writer.put(1, 1); // frame_pred_frame_dct
+    writer.put(0, 1); // concealment_motion_vectors
+    writer.put(picture.quantiser.q_scale_type.into(), 1); // q_scale_type
+    writer.put(0, 1); // intra_vlc_format: Table B.14
+    writer.put(0, 1); // alternate_scan
+    writer.put(0, 1); // repeat_first_field
+    writer.put(1, 1); // chroma_420_type: the same as progressive_frame
+    writer.put(1, 1); // progressive_frame
+    writer.put(0, 1); // composite_display_flag
+}
+
+/// The beginning of slice() in macroblock row `row` (6.2.4).
+pub(crate) fn put_slice_header(writer: &mut BitWriter, row: usize, height: usize, quantiser: QuantiserScaleCode) {
+    if coded_size(height) > 2800 {
+        writer.start_code((row % 128 + 1) as u8); // slice_start_code: slice_vertical_position
+        writer.put((row / 128) as u32, 3); // slice_vertical_position_extension
+    } else {
+        writer.start_code((row + 1) as u8);
+    }
+    writer.put(quantiser.code.into(), 5); // quantiser_scale_code
+    writer.put(0, 1); // extra_bit_slice
+}
+
+/// sequence_end_code (6.2.2).
+pub(crate) fn put_sequence_end(writer: &mut BitWriter) {
+    writer.start_code(SEQUENCE_END_CODE);
+}

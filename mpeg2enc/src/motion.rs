@@ -1,0 +1,304 @@
+//! Vectors of a picture: candidates from outside or from neighbours, and a search around them.
+
+mod coarse;
+mod field;
+
+pub use field::MotionField;
+
+use crate::{Frame, predict::for_each_row};
+use coarse::CoarseSearch;
+use plane::Plane;
+use rayon::prelude::*;
+
+/// A vector in half luma samples, as coded (7.6.3): from a macroblock to its place in the reference picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct HalfSample {
+    pub x: i32,
+    pub y: i32,
+}
+
+impl HalfSample {
+    pub const ZERO: Self = Self { x: 0, y: 0 };
+
+    fn offset(self, x: i32, y: i32) -> Self {
+        Self { x: self.x + x, y: self.y + y }
+    }
+}
+
+/// The vectors that a macroblock may have.
+#[derive(Clone, Copy)]
+struct Range {
+    x: (i32, i32),
+    y: (i32, i32),
+}
+
+impl Range {
+    /// Inside of the reference picture (7.6.3.8), and within the reach of the largest f_code of the level.
+    fn new(reference: &Plane<u8>, column: usize, row: usize, f_code_max: [u32; 2]) -> Self {
+        let range = |size: usize, position: usize, f_code: u32| {
+            let reach = 16 << (f_code - 1);
+            let (first, last) = (-2 * position as i32, 2 * (size - 16 - position) as i32);
+            (first.max(-reach), last.min(reach - 1))
+        };
+        Self {
+            x: range(reference.width(), 16 * column, f_code_max[0]),
+            y: range(reference.height(), 16 * row, f_code_max[1]),
+        }
+    }
+
+    fn contains(&self, vector: HalfSample) -> bool {
+        (self.x.0..=self.x.1).contains(&vector.x) && (self.y.0..=self.y.1).contains(&vector.y)
+    }
+
+    fn clamp(&self, vector: HalfSample) -> HalfSample {
+        HalfSample { x: vector.x.clamp(self.x.0, self.x.1), y: vector.y.clamp(self.y.0, self.y.1) }
+    }
+}
+
+/// The smallest f_code whose reach holds every vector component (Table 7-8).
+pub(crate) fn f_code(components: impl Iterator<Item = i32>) -> u32 {
+    let (low, high) = components.fold((0, 0), |(low, high), c| (low.min(c), high.max(c)));
+    (1..).find(|f_code| -low <= 16 << (f_code - 1) && high < 16 << (f_code - 1)).expect("some reach is enough")
+}
+
+/// What the search of one picture knows.
+pub(crate) struct Estimate<'a> {
+    /// The picture to be coded, in whole macroblocks.
+    pub source: &'a Frame,
+    /// The reconstructed picture before it.
+    pub reference: &'a Frame,
+    /// Where surfaces were in the reference picture.
+    pub field: Option<&'a MotionField>,
+    /// Vectors of the picture before, or empty.
+    pub before: &'a [HalfSample],
+    pub quantiser_scale: u32,
+    pub f_code_max: [u32; 2],
+}
+
+/// A step of half a sample in each of eight directions.
+const NEIGHBOURS: [(i32, i32); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+/// Steps of the search by whole samples.
+const DIAMOND: [(i32, i32); 4] = [(-2, 0), (2, 0), (0, -2), (0, 2)];
+/// Mean absolute difference a sample above which more is tried, and what each step of quantiser_scale adds in eighths:
+/// a coarse reference differs that much from its own source. Ours, tuned by the example `encode_y4m`.
+const POOR_MATCH: u32 = 2;
+const POOR_MATCH_EIGHTHS: u32 = 1;
+
+impl Estimate<'_> {
+    /// The vector of every macroblock in raster order; rows do not depend on each other.
+    pub fn vectors(&self) -> Vec<HalfSample> {
+        let (columns, rows) = (self.source.width() / 16, self.source.height() / 16);
+        let coarse = self
+            .field
+            .is_none_or(MotionField::has_uncovered)
+            .then(|| CoarseSearch::new(&self.source.luma, &self.reference.luma));
+        (0..rows)
+            .into_par_iter()
+            .flat_map_iter(|row| {
+                let mut left = HalfSample::ZERO;
+                let coarse = coarse.as_ref();
+                (0..columns).map(move |column| {
+                    left = self.vector(column, row, left, coarse);
+                    left
+                })
+            })
+            .collect()
+    }
+
+    fn vector(&self, column: usize, row: usize, left: HalfSample, coarse: Option<&CoarseSearch>) -> HalfSample {
+        let range = Range::new(&self.reference.luma, column, row, self.f_code_max);
+        let mut search = Search {
+            source: std::array::from_fn(|y| {
+                self.source.luma.row(16 * row + y)[16 * column..][..16].try_into().expect("16 samples")
+            }),
+            reference: &self.reference.luma,
+            x2: 32 * column as i32,
+            y2: 32 * row as i32,
+            range,
+            predicted: left,
+            // The root of the price of a bit in squared errors, 0.4·quantiser_scale, in sixteenths.
+            price: (6 * self.quantiser_scale).max(1),
+            best: HalfSample::ZERO,
+            best_cost: u32::MAX,
+            best_error: u32::MAX,
+        };
+        search.try_vector(HalfSample::ZERO);
+        if search.best_error == 0 {
+            return HalfSample::ZERO;
+        }
+        search.try_vector(left);
+        let candidates = self.field.map(|field| field.candidates(column, row));
+        for &vector in candidates.iter().flat_map(|candidates| candidates.vectors()) {
+            search.try_vector(vector);
+        }
+        let poor = 256 * POOR_MATCH + 256 * POOR_MATCH_EIGHTHS * self.quantiser_scale / 8;
+        // Where every pixel moved alike only half-sample neighbours are left to try.
+        let known = candidates.is_some_and(|candidates| candidates.one_motion);
+        if !known && search.best_error > poor / 4 {
+            let columns = self.source.width() / 16;
+            let index = row * columns + column;
+            for neighbour in [Some(index), index.checked_sub(columns), Some(index + 1), Some(index + columns)] {
+                if let Some(&vector) = neighbour.and_then(|neighbour| self.before.get(neighbour)) {
+                    search.try_vector(vector);
+                }
+            }
+            search.descend();
+        }
+        if search.best_error > poor {
+            if let Some(coarse) = coarse.filter(|_| !known) {
+                let found = coarse.search(column, row);
+                if search.try_vector(found) {
+                    search.descend();
+                }
+            } else if known {
+                search.descend(); // highlights and shadows move otherwise than their surface
+            }
+        }
+        search.refine();
+        search.best
+    }
+}
+
+/// The search for one macroblock.
+struct Search<'a> {
+    source: [&'a [u8; 16]; 16],
+    reference: &'a Plane<u8>,
+    x2: i32,
+    y2: i32,
+    range: Range,
+    predicted: HalfSample,
+    price: u32,
+    best: HalfSample,
+    best_cost: u32,
+    best_error: u32,
+}
+
+impl Search<'_> {
+    /// Tries a vector, brought into range; true if it is the best so far.
+    fn try_vector(&mut self, vector: HalfSample) -> bool {
+        let vector = self.range.clamp(vector);
+        if vector == self.best && self.best_cost != u32::MAX {
+            return false;
+        }
+        let bits = component_bits(vector.x - self.predicted.x) + component_bits(vector.y - self.predicted.y);
+        let price = (self.price * bits) >> 4;
+        if price >= self.best_cost {
+            return false;
+        }
+        let error = self.absolute_error(vector);
+        let cost = error + price;
+        if cost < self.best_cost {
+            (self.best, self.best_cost, self.best_error) = (vector, cost, error);
+            return true;
+        }
+        false
+    }
+
+    /// Follows the steepest of four whole-sample steps until none is better.
+    fn descend(&mut self) {
+        for _ in 0..24 {
+            let center = self.best;
+            for (x, y) in DIAMOND {
+                let next = center.offset(x, y);
+                if self.range.contains(next) {
+                    self.try_vector(next);
+                }
+            }
+            if self.best == center {
+                break;
+            }
+        }
+    }
+
+    /// Tries the half-sample neighbours, twice if one is better.
+    fn refine(&mut self) {
+        for _ in 0..2 {
+            let center = self.best;
+            for (x, y) in NEIGHBOURS {
+                let next = center.offset(x, y);
+                if self.range.contains(next) {
+                    self.try_vector(next);
+                }
+            }
+            if self.best == center {
+                break;
+            }
+        }
+    }
+
+    /// Sum of absolute luma differences.
+    fn absolute_error(&self, vector: HalfSample) -> u32 {
+        let mut sum = 0;
+        for_each_row::<16>(self.reference, self.x2 + vector.x, self.y2 + vector.y, 16, |i, row| {
+            sum += self.source[i].iter().zip(row).map(|(&a, &b)| u32::from(a.abs_diff(b))).sum::<u32>();
+        });
+        sum
+    }
+}
+
+/// About the bits of a vector difference, for a middling f_code.
+fn component_bits(delta: i32) -> u32 {
+    2 * (32 - delta.unsigned_abs().leading_zeros()) + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn f_codes_at_the_borders_of_their_reach() {
+        assert_eq!(f_code([].into_iter()), 1);
+        assert_eq!(f_code([-16, 15].into_iter()), 1);
+        assert_eq!(f_code([16].into_iter()), 2);
+        assert_eq!(f_code([-17].into_iter()), 2);
+        assert_eq!(f_code([-4096, 4095].into_iter()), 9);
+    }
+
+    /// Noise of two scales that does not repeat, blended between whole positions.
+    fn texture(x: f64, y: f64) -> u8 {
+        let hash = |x: i64, y: i64| {
+            let mixed = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b)).wrapping_mul(0x2545_f491_4f6c_dd1d);
+            f64::from((mixed >> 40) as u8)
+        };
+        let smooth = |x: f64, y: f64| {
+            let (i, j) = (x.floor() as i64, y.floor() as i64);
+            let (u, v) = (x - x.floor(), y - y.floor());
+            let upper = hash(i, j) * (1.0 - u) + hash(i + 1, j) * u;
+            let lower = hash(i, j + 1) * (1.0 - u) + hash(i + 1, j + 1) * u;
+            upper * (1.0 - v) + lower * v
+        };
+        (0.7 * smooth(x / 9.0, y / 9.0) + 0.3 * smooth(x / 3.0 + 50.0, y / 3.0)) as u8
+    }
+
+    fn moved(x: f64, y: f64) -> Frame {
+        let luma = Plane::from_fn(128, 96, |i, j| texture(i as f64 + x, j as f64 + y));
+        Frame { luma, ..Frame::black(128, 96) }
+    }
+
+    #[test]
+    fn a_pan_is_found_without_and_with_a_field() {
+        for (x, y) in [(3.0, -2.0), (13.5, 7.0), (-24.0, 0.5)] {
+            let (reference, source) = (moved(0.0, 0.0), moved(x, y));
+            let field = MotionField::new(Plane::filled(128, 96, [x as f32, y as f32]));
+            for field in [None, Some(&field)] {
+                let estimate = Estimate {
+                    source: &source,
+                    reference: &reference,
+                    field,
+                    before: &[],
+                    quantiser_scale: 4,
+                    f_code_max: [7, 4],
+                };
+                let vectors = estimate.vectors();
+                let truth = HalfSample { x: (2.0 * x) as i32, y: (2.0 * y) as i32 };
+                for (i, &vector) in vectors.iter().enumerate() {
+                    let range = Range::new(&reference.luma, i % 8, i / 8, [7, 4]);
+                    assert!(range.contains(vector));
+                    if range.contains(truth) {
+                        assert_eq!(vector, truth, "macroblock {i}, with a field: {}", field.is_some());
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! Half-sample motion compensation (7.6.4), and the samples of one macroblock.
+
+use crate::{Frame, motion::HalfSample};
+use plane::Plane;
+
+/// The six blocks of a macroblock in coding order: four of luma, Cb, Cr (6.1.3), each in raster order.
+pub(crate) type Samples = [[u8; 64]; 6];
+
+/// Place of a block of a macroblock: which plane, and its upper left sample there.
+fn place(frame: &Frame, block: usize, column: usize, row: usize) -> (&Plane<u8>, usize, usize) {
+    match block {
+        0..4 => (&frame.luma, 16 * column + 8 * (block & 1), 16 * row + 8 * (block >> 1)),
+        4 => (&frame.cb, 8 * column, 8 * row),
+        _ => (&frame.cr, 8 * column, 8 * row),
+    }
+}
+
+/// The samples of macroblock `(column, row)` of a frame in whole macroblocks.
+pub(crate) fn samples(frame: &Frame, column: usize, row: usize) -> Samples {
+    std::array::from_fn(|block| {
+        let (plane, x, y) = place(frame, block, column, row);
+        plane.block(x / 8, y / 8)
+    })
+}
+
+/// The prediction of macroblock `(column, row)` from `reference` with `vector`.
+///
+/// The vector of chroma is half of it, rounded toward zero (7.6.3.7).
+pub(crate) fn predict(reference: &Frame, column: usize, row: usize, vector: HalfSample) -> Samples {
+    let chroma = HalfSample { x: vector.x / 2, y: vector.y / 2 };
+    std::array::from_fn(|block| {
+        let (plane, x, y) = place(reference, block, column, row);
+        let vector = if block < 4 { vector } else { chroma };
+        let mut out = [0; 64];
+        for_each_row::<8>(plane, 2 * x as i32 + vector.x, 2 * y as i32 + vector.y, 8, |i, row| {
+            out[8 * i..8 * i + 8].copy_from_slice(row);
+        });
+        out
+    })
+}
+
+/// Calls `take` with each of `height` rows of `N` predicted samples (7.6.4).
+///
+/// `(x2, y2)` is the upper left sample in half samples; the rectangle, with the neighbours that half positions need,
+/// lies inside of the plane.
+#[inline(always)]
+pub(crate) fn for_each_row<const N: usize>(
+    plane: &Plane<u8>,
+    x2: i32,
+    y2: i32,
+    height: usize,
+    mut take: impl FnMut(usize, &[u8; N]),
+) {
+    let (x, y) = ((x2 >> 1) as usize, (y2 >> 1) as usize);
+    let at = |x: usize, y: usize| -> &[u8; N] { plane.row(y)[x..x + N].try_into().expect("a slice of N samples") };
+    match (x2 & 1, y2 & 1) {
+        (0, 0) => (0..height).for_each(|i| take(i, at(x, y + i))),
+        (1, 0) => (0..height).for_each(|i| take(i, &mean_of_two(at(x, y + i), at(x + 1, y + i)))),
+        (0, _) => (0..height).for_each(|i| take(i, &mean_of_two(at(x, y + i), at(x, y + i + 1)))),
+        _ => (0..height).for_each(|i| {
+            let (a, b) = (at(x, y + i), at(x + 1, y + i));
+            let (c, d) = (at(x, y + i + 1), at(x + 1, y + i + 1));
+            let sum = |k: usize| u16::from(a[k]) + u16::from(b[k]) + u16::from(c[k]) + u16::from(d[k]);
+            take(i, &std::array::from_fn(|k| ((sum(k) + 2) >> 2) as u8));
+        }),
+    }
+}
+
+#[inline(always)]
+fn mean_of_two<const N: usize>(a: &[u8; N], b: &[u8; N]) -> [u8; N] {
+    std::array::from_fn(|k| ((u16::from(a[k]) + u16::from(b[k]) + 1) >> 1) as u8)
+}
+
+/// Sum of squared differences of all samples.
+pub(crate) fn squared_error(a: &Samples, b: &Samples) -> u32 {
+    a.iter().zip(b).map(|(a, b)| block_squared_error(a, b)).sum()
+}
+
+/// Sum of squared differences of one block.
+pub(crate) fn block_squared_error(a: &[u8; 64], b: &[u8; 64]) -> u32 {
+    a.iter().zip(b).map(|(&a, &b)| (i32::from(a) - i32::from(b)).pow(2) as u32).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn predictions_follow_the_definition() {
+        let plane = |scale: usize| Plane::from_fn(32 * scale, 32 * scale, |x, y| ((x * 37) ^ (y * 91)) as u8);
+        let frame = Frame { luma: plane(1), cb: plane(1).map(|s| s ^ 21), cr: plane(1).map(|s| s ^ 99) };
+        let frame = Frame { luma: plane(2), ..frame };
+        for vector in [(0, 0), (5, 0), (0, 7), (-9, 3), (3, -10), (-1, -1), (6, 8)] {
+            let vector = HalfSample { x: vector.0, y: vector.1 };
+            let predicted = predict(&frame, 1, 2, vector);
+            for (block, samples) in predicted.iter().enumerate() {
+                let (plane, x, y) = place(&frame, block, 1, 2);
+                let v = if block < 4 { vector } else { HalfSample { x: vector.x / 2, y: vector.y / 2 } };
+                for (i, &sample) in samples.iter().enumerate() {
+                    // The mean of the four samples around, of which two or four are the same at whole positions.
+                    let (x2, y2) = (2 * (x + i % 8) as i32 + v.x, 2 * (y + i / 8) as i32 + v.y);
+                    let at = |x2: i32, y2: i32| u32::from(plane.get((x2 >> 1) as usize, (y2 >> 1) as usize));
+                    let sum = at(x2, y2) + at(x2 + 1, y2) + at(x2, y2 + 1) + at(x2 + 1, y2 + 1);
+                    assert_eq!(u32::from(sample), (sum + 2) / 4, "{vector:?} block {block} sample {i}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! Levels that cost least: squared error plus the price of their bits, over a whole block.
+//!
+//! Each coefficient may keep its level, lose one, or become zero.
+//! The bits of a level depend on the run of zeros before it, so the best choice is a shortest path (Viterbi)
+//! from one non-zero level to the next; lengths are those of Table B.14 itself.
+
+use crate::{
+    dct::COEFFICIENT_BITS,
+    quant::Kind,
+    vlc::{coefficient_bits, first_coefficient_bits},
+};
+
+/// A path that ends with a non-zero level, or before the first coefficient.
+#[derive(Clone, Copy)]
+struct Node {
+    /// Place after the level.
+    next: usize,
+    level: i32,
+    /// Error saved against all zeros, and the price of the bits.
+    cost: i64,
+    /// Index of the node before.
+    from: usize,
+}
+
+/// Changes the `levels` (transmission order, no signs, zero from `end` on) of a block and returns their new end.
+///
+/// `magnitudes` are the coefficients' with [`COEFFICIENT_BITS`] fractional bits, `restore` the inverse quantisation of
+/// a level at a place, `lambda` the price of a bit. The DC coefficient of an intra block takes no part.
+pub(crate) fn choose(
+    magnitudes: &[i32; 64],
+    levels: &mut [i32; 64],
+    end: usize,
+    kind: Kind,
+    lambda: i64,
+    restore: impl Fn(usize, i32) -> i32,
+) -> usize {
+    let start = if kind == Kind::Intra { 1 } else { 0 };
+    // An empty inter block needs no End of block.
+    let (end_bits, mut best_end) = if kind == Kind::Intra { (0, (0, 0)) } else { (2, (0, 0)) };
+    let mut nodes = [Node { next: start, level: 0, cost: 0, from: 0 }; 65];
+    let mut node_count = 1;
+    let mut alive = [0usize; 65];
+    let mut alive_count = 1;
+    for i in start..end {
+        let level = levels[i];
+        if level == 0 {
+            continue;
+        }
+        let magnitude = i64::from(magnitudes[i]);
+        let mut best = Node { next: i + 1, level, cost: i64::MAX, from: 0 };
+        for candidate in (level - 1).max(1)..=level {
+            let error = magnitude - (i64::from(restore(i, candidate)) << COEFFICIENT_BITS);
+            let saved = error * error - magnitude * magnitude;
+            for &from in &alive[..alive_count] {
+                let run = i - nodes[from].next;
+                let bits = if kind == Kind::Inter && from == 0 {
+                    first_coefficient_bits(run, candidate as u32)
+                } else {
+                    coefficient_bits(run, candidate as u32)
+                };
+                let cost = nodes[from].cost + saved + lambda * i64::from(bits);
+                if cost < best.cost {
+                    best = Node { level: candidate, cost, from, ..best };
+                }
+            }
+        }
+        nodes[node_count] = best;
+        if best.cost + end_bits * lambda < best_end.0 {
+            best_end = (best.cost + end_bits * lambda, node_count);
+        }
+        // A later path that is cheaper has the shorter run as well: the dearer ones cannot win any more.
+        while alive_count > 0 && nodes[alive[alive_count - 1]].cost >= best.cost {
+            alive_count -= 1;
+        }
+        alive[alive_count] = node_count;
+        alive_count += 1;
+        node_count += 1;
+    }
+    levels[start..end].fill(0);
+    let new_end = if best_end.1 == 0 { 0 } else { nodes[best_end.1].next };
+    let mut node = best_end.1;
+    while node != 0 {
+        levels[nodes[node].next - 1] = nodes[node].level;
+        node = nodes[node].from;
+    }
+    new_end
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_changes_when_bits_are_free() {
+        let magnitudes: [i32; 64] = std::array::from_fn(|i| if i % 3 == 0 { 8 * (10 * i as i32 + 15) } else { 0 });
+        let restore = |_: usize, level: i32| (2 * level + 1) * 5;
+        let levels: [i32; 64] = std::array::from_fn(|i| magnitudes[i] / 80);
+        let mut chosen = levels;
+        assert_eq!(choose(&magnitudes, &mut chosen, 64, Kind::Inter, 0, restore), 64);
+        assert_eq!(chosen, levels);
+    }
+
+    #[test]
+    fn nothing_is_left_when_bits_are_dear() {
+        let mut levels = [1; 64];
+        assert_eq!(choose(&[100; 64], &mut levels, 64, Kind::Inter, 1 << 30, |_, level| 12 * level), 0);
+        assert_eq!(levels, [0; 64]);
+    }
+
+    #[test]
+    fn no_choice_of_a_small_block_is_cheaper() {
+        // Every combination of level, level − 1 and zero over five coefficients.
+        let lambda = 700;
+        let restore = |_: usize, level: i32| (2 * level + 1) * 4;
+        for seed in 0..200 {
+            let mut magnitudes = [0; 64];
+            for (i, magnitude) in magnitudes.iter_mut().take(5).enumerate() {
+                *magnitude = (seed * 37 + i as i32 * 101 + seed * i as i32 * 13) % 200;
+            }
+            let nearest = magnitudes.map(|m| m / 64);
+            let cost = |levels: &[i32; 64]| {
+                let (mut cost, mut run, mut first, mut any) = (0i64, 0, true, false);
+                for i in 0..5 {
+                    let restored = if levels[i] == 0 { 0 } else { restore(i, levels[i]) << COEFFICIENT_BITS };
+                    cost += i64::from(magnitudes[i] - restored).pow(2);
+                    if levels[i] == 0 {
+                        run += 1;
+                    } else {
+                        let count = if first { first_coefficient_bits } else { coefficient_bits };
+                        cost += lambda * i64::from(count(run, levels[i] as u32));
+                        (run, first, any) = (0, false, true);
+                    }
+                }
+                cost + if any { 2 * lambda } else { 0 }
+            };
+            let mut least = i64::MAX;
+            for combination in 0..3i32.pow(5) {
+                let mut levels = [0; 64];
+                for i in 0..5 {
+                    let choice = combination / 3i32.pow(i as u32) % 3;
+                    levels[i] = if choice == 2 { 0 } else { (nearest[i] - choice).max(0) };
+                }
+                least = least.min(cost(&levels));
+            }
+            let mut chosen = nearest;
+            choose(&magnitudes, &mut chosen, 5, Kind::Inter, lambda, restore);
+            let found = cost(&chosen);
+            assert!(found <= least + lambda, "{found} instead of {least} for {magnitudes:?}");
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! Variable length codes: which elements become which code words (clause 7.2, Annex B).
+
+mod tables;
+
+use crate::{
+    bits::{BitSink, Vlc},
+    quant::Block,
+};
+pub(crate) use tables::{CODED_BLOCK_PATTERN, I_INTRA, P_CODED, P_INTRA, P_MOTION, P_MOTION_CODED};
+use tables::{
+    DCT_COEFFICIENTS, DCT_DC_SIZE_CHROMINANCE, DCT_DC_SIZE_LUMINANCE, END_OF_BLOCK, ESCAPE, FIRST_COEFFICIENT_ONE,
+    LEVELS, MACROBLOCK_ADDRESS_INCREMENT, MACROBLOCK_ESCAPE, MOTION_CODE, RUNS,
+};
+
+/// Bits of an escape-coded coefficient: the code, run of 6 and level of 12 bits.
+const ESCAPE_BITS: u32 = ESCAPE.length + 18;
+
+/// macroblock_escape as often as needed, then macroblock_address_increment (6.2.5, 6.3.17).
+pub(crate) fn put_macroblock_address_increment(sink: &mut impl BitSink, mut increment: usize) {
+    while increment > 33 {
+        sink.put_code(MACROBLOCK_ESCAPE);
+        increment -= 33;
+    }
+    sink.put_code(MACROBLOCK_ADDRESS_INCREMENT[increment - 1]);
+}
+
+/// motion_code and motion_residual of one vector component (6.2.5.2.1, 7.6.3.1).
+///
+/// `delta` is vector minus prediction in half samples; it is brought into the range of `f_code` here.
+pub(crate) fn put_motion_component(sink: &mut impl BitSink, delta: i32, f_code: u32) {
+    let r_size = f_code - 1;
+    let f = 1 << r_size;
+    let (low, high, range) = (-16 * f, 16 * f - 1, 32 * f);
+    let delta = if delta < low {
+        delta + range
+    } else if delta > high {
+        delta - range
+    } else {
+        delta
+    };
+    debug_assert!((low..=high).contains(&delta), "vector difference {delta} does not fit f_code {f_code}");
+    if delta == 0 {
+        return sink.put_code(MOTION_CODE[0]);
+    }
+    let before = delta.unsigned_abs() - 1;
+    sink.put_code(MOTION_CODE[(before >> r_size) as usize + 1].signed(delta < 0));
+    if r_size > 0 {
+        sink.put(before & (f as u32 - 1), r_size); // motion_residual
+    }
+}
+
+/// dct_dc_size and dct_dc_differential (6.2.6, 7.2.1).
+fn put_dc(sink: &mut impl BitSink, differential: i32, luminance: bool) {
+    let size = 32 - differential.unsigned_abs().leading_zeros();
+    let table = if luminance { &DCT_DC_SIZE_LUMINANCE } else { &DCT_DC_SIZE_CHROMINANCE };
+    sink.put_code(table[size as usize]);
+    if size > 0 {
+        let value = if differential > 0 { differential } else { differential + (1 << size) - 1 };
+        sink.put(value as u32, size);
+    }
+}
+
+/// The code of a coefficient without its sign; [`Vlc::NONE`] if it needs an escape.
+#[inline]
+fn coefficient_code(run: usize, level: u32) -> Vlc {
+    if run < RUNS && (level as usize) < LEVELS { DCT_COEFFICIENTS[run][level as usize] } else { Vlc::NONE }
+}
+
+/// Bits by run and level, the sign included.
+static COEFFICIENT_BITS: [[u8; LEVELS]; 64] = {
+    let mut bits = [[ESCAPE_BITS as u8; LEVELS]; 64];
+    let mut run = 0;
+    while run < RUNS {
+        let mut level = 0;
+        while level < LEVELS {
+            if DCT_COEFFICIENTS[run][level].length > 0 {
+                bits[run][level] = DCT_COEFFICIENTS[run][level].length as u8 + 1;
+            }
+            level += 1;
+        }
+        run += 1;
+    }
+    bits
+};
+
+/// Bits of a coefficient that is not the first one of a non-intra block.
+#[inline]
+pub(crate) fn coefficient_bits(run: usize, level: u32) -> u32 {
+    if (level as usize) < LEVELS { COEFFICIENT_BITS[run % 64][level as usize].into() } else { ESCAPE_BITS }
+}
+
+/// Bits of the first coefficient of a non-intra block.
+#[inline]
+pub(crate) fn first_coefficient_bits(run: usize, level: u32) -> u32 {
+    if run == 0 && level == 1 { FIRST_COEFFICIENT_ONE.length + 1 } else { coefficient_bits(run, level) }
+}
+
+/// One run and level (7.2.2.1), by escape where Table B.14 has no code (7.2.2.3).
+#[inline]
+fn put_coefficient(sink: &mut impl BitSink, run: usize, level: i16) {
+    let code = coefficient_code(run, level.unsigned_abs().into());
+    if code.length > 0 {
+        sink.put_code(code.signed(level < 0));
+    } else {
+        sink.put_code(ESCAPE);
+        sink.put(run as u32, 6);
+        sink.put(level as u32 & 0xfff, 12);
+    }
+}
+
+/// An intra block: the DC differential to `dc_prediction`, coefficients, End of block (6.2.6).
+pub(crate) fn put_intra_block(sink: &mut impl BitSink, block: &Block, dc_prediction: i32, luminance: bool) {
+    put_dc(sink, i32::from(block.levels[0]) - dc_prediction, luminance);
+    put_coefficients(sink, block, 1);
+}
+
+/// A coded non-intra block (6.2.6).
+pub(crate) fn put_inter_block(sink: &mut impl BitSink, block: &Block) {
+    debug_assert!(block.end > 0, "a coded block has a coefficient");
+    let first = block.levels[0];
+    if first.unsigned_abs() == 1 {
+        sink.put_code(FIRST_COEFFICIENT_ONE.signed(first < 0));
+        put_coefficients(sink, block, 1);
+    } else {
+        put_coefficients(sink, block, 0);
+    }
+}
+
+fn put_coefficients(sink: &mut impl BitSink, block: &Block, start: usize) {
+    let mut run = 0;
+    for &level in block.levels.iter().take(block.end).skip(start) {
+        if level == 0 {
+            run += 1;
+        } else {
+            put_coefficient(sink, run, level);
+            run = 0;
+        }
+    }
+    sink.put_code(END_OF_BLOCK);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bits::BitCounter;
+
+    #[test]
+    fn bit_counts_agree_with_the_writer() {
+        for run in 0..63 {
+            for level in 1..=2047i16 {
+                let mut counter = BitCounter::default();
+                put_coefficient(&mut counter, run, -level);
+                assert_eq!(counter.0 as u32, coefficient_bits(run, level as u32));
+            }
+        }
+    }
+
+    #[test]
+    fn motion_residual_restores_the_difference() {
+        // The decoding process of 7.6.3.1 on what the writer makes of each difference.
+        struct Words(Vec<(u32, u32)>);
+        impl BitSink for Words {
+            fn put(&mut self, value: u32, length: u32) {
+                self.0.push((value, length));
+            }
+            fn bits(&self) -> u64 {
+                0
+            }
+        }
+        for f_code in 1..=9u32 {
+            let f = 1i32 << (f_code - 1);
+            for delta in -32 * f + 1..32 * f {
+                let mut words = Words(Vec::new());
+                put_motion_component(&mut words, delta, f_code);
+                let (value, length) = words.0[0];
+                let decoded = if (value, length) == (1, 1) {
+                    0
+                } else {
+                    let negative = value & 1 == 1;
+                    let code =
+                        MOTION_CODE.iter().position(|c| c.signed(negative) == Vlc { code: value, length }).unwrap();
+                    let residual = words.0.get(1).map_or(0, |word| word.0 as i32);
+                    let magnitude = (code as i32 - 1) * f + residual + 1;
+                    if negative { -magnitude } else { magnitude }
+                };
+                assert_eq!((decoded - delta).rem_euclid(32 * f), 0, "f_code {f_code}");
+            }
+        }
+    }
+}
