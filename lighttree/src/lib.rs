@@ -1,1 +1,23 @@
-//! Light trees and lightcuts: many lights, few shadow rays, a known error.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+mod bounds; // box and cone of a cluster
+mod build;
+mod cut; // the lightcut
+mod error_bound; // how wrong a cluster can be
+mod exhaustive; // the sum over every light: the truth
+mod light; // what is clustered
+mod receiver; // where light arrives
+#[cfg(test)]
+mod testing;
+mod tree; // nodes and their invariants
+mod update; // new intensities // random scenes
+
+pub use crate::bounds::Region;
+pub use crate::build::BuildParams;
+pub use crate::cut::{Cut, Scratch, Stop};
+pub use crate::exhaustive::exhaustive;
+pub use crate::light::{Emission, LUMINANCE_WEIGHTS, Light, luminance};
+pub use crate::receiver::{Lambert, Phong, Receiver};
+pub use crate::tree::LightTree;
+pub use crate::update::UpdateStats;

@@ -1,1 +1,17 @@
-//! render2mpeg: an animated glTF scene in, an MPEG-2 video with global illumination out.
+//! Renderer, light tree, masking model and encoder, joined into one loop.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+pub mod message;
+pub mod output;
+pub mod plan;
+pub mod report;
+pub mod settings;
+pub mod stage;
+
+mod run;
+
+pub use plan::Plan;
+pub use report::Report;
+pub use run::render;
+pub use settings::{Settings, Wishes};

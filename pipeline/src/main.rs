@@ -1,1 +1,93 @@
-fn main() {}
+//! `render2mpeg`: arguments, settings, run, report. The one place that prints errors and sets the exit code.
+
+mod args;
+mod progress;
+
+use anyhow::{Context, Result};
+use args::{Arguments, Command};
+use clap::Parser;
+use pipeline::output::Output;
+use pipeline::{Plan, Settings};
+use render_core::scene;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// As shells report a command that was interrupted: 128 + SIGINT.
+const INTERRUPTED: u8 = 130;
+
+fn main() -> ExitCode {
+    match run(Arguments::parse().command) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("render2mpeg: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> Result<ExitCode> {
+    match command {
+        Command::Plan { job } => {
+            let (path, wishes) = job.wishes();
+            let scene = scene::load(&path)?;
+            let settings = Settings::new(path, &scene, wishes)?;
+            settings.encoder_config()?.encoder()?;
+            print!("{}", Plan::new(&scene, &settings).table());
+            scene.warnings.iter().for_each(|warning| println!("note: {warning}"));
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Render { job, output, report, exr, y4m, threads, quiet } => {
+            if let Some(threads) = threads {
+                rayon::ThreadPoolBuilder::new()
+                    .num_threads(threads.into())
+                    .build_global()
+                    .context("the threads cannot be started")?;
+            }
+            let (path, mut wishes) = job.wishes();
+            (wishes.output, wishes.exr, wishes.y4m) = (output, exr, y4m);
+            render(path, wishes, report, quiet)
+        }
+    }
+}
+
+fn render(path: PathBuf, wishes: pipeline::Wishes, report: Option<PathBuf>, quiet: bool) -> Result<ExitCode> {
+    let scene = scene::load(&path)?;
+    let settings = Settings::new(path, &scene, wishes)?;
+    // All that can be wrong with the settings or the places of the files is said before the first ray.
+    settings.encoder_config()?.encoder()?;
+    if let Some(folder) = &settings.exr {
+        std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
+    }
+    let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
+    let output = Output::create(&settings.output)?;
+    drop(Output::create(&report_path)?);
+    let plan = Plan::new(&scene, &settings);
+
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = stop.clone();
+    ctrlc::set_handler(move || {
+        // The second time, the user means it.
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(INTERRUPTED.into());
+        }
+    })
+    .context("Ctrl-C cannot be watched for")?;
+
+    let progress = progress::Progress::new(&settings, &scene, quiet);
+    let result = pipeline::render(&scene, &settings, &plan, output, &stop, |frame| progress.frame(frame));
+    progress.clear();
+    let report = result?;
+    report.write(&report_path)?;
+    if !quiet {
+        progress::summary(&report, &settings.output, &report_path);
+    }
+    Ok(if report.summary.interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+/// `film.m2v` → `film.report.json`; a device has no neighbours, so its report goes to this folder.
+fn report_beside(output: &Path) -> PathBuf {
+    let device = std::fs::metadata(output).is_ok_and(|metadata| !metadata.is_file());
+    if device { PathBuf::from("render2mpeg.report.json") } else { output.with_extension("report.json") }
+}

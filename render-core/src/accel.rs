@@ -58,6 +58,9 @@ pub struct Accelerator {
     scale: f32,
 }
 
+/// With this many groups or fewer, testing each box in turn beats walking a tree of them.
+const FEW_GROUPS: usize = 8;
+
 struct Placed {
     group: Arc<Group>,
     /// Local from scaled world; `None` for the identity.
@@ -182,21 +185,23 @@ impl Accelerator {
     pub fn closest(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let ray = Ray::new(origin * self.scale, direction, 0.0, f32::INFINITY);
         let mut best: Option<(f32, usize, usize, Ray)> = None;
-        match &self.groups[..] {
-            // One group, usually the whole static scene: nothing to choose on the top level.
-            [only] => best = only.closest(&ray).map(|(t, i, local)| (t, 0, i, local)),
-            groups => {
-                self.top.ray_traverse(ray, &mut RayHit::none(), |r, slot| {
-                    let place = self.top.primitive_indices[slot] as usize;
-                    match groups[place].closest(r) {
-                        Some((t, i, local)) if t < r.tmax => {
-                            best = Some((t, place, i, local));
-                            t
-                        }
-                        _ => f32::INFINITY,
-                    }
-                });
+        let mut visit = |r: &Ray, place: usize| match self.groups[place].closest(r) {
+            Some((t, i, local)) if t < r.tmax => {
+                best = Some((t, place, i, local));
+                t
             }
+            _ => f32::INFINITY,
+        };
+        if self.groups.len() <= FEW_GROUPS {
+            let mut ray = ray;
+            for place in 0..self.groups.len() {
+                if self.groups[place].bounds.intersect_ray(&ray) < ray.tmax {
+                    ray.tmax = ray.tmax.min(visit(&ray, place));
+                }
+            }
+        } else {
+            self.top
+                .ray_traverse(ray, &mut RayHit::none(), |r, slot| visit(r, self.top.primitive_indices[slot] as usize));
         }
         best.map(|(t, place, i, local)| {
             let group = &self.groups[place].group;
@@ -225,12 +230,12 @@ impl Accelerator {
 
     #[inline]
     fn blocked(&self, ray: &Ray) -> bool {
-        match &self.groups[..] {
-            [only] => only.blocks(ray),
-            groups => !self.top.ray_traverse_miss(*ray, |r, slot| {
-                if groups[self.top.primitive_indices[slot] as usize].blocks(r) { 0.0 } else { f32::INFINITY }
-            }),
+        if self.groups.len() <= FEW_GROUPS {
+            return self.groups.iter().any(|placed| placed.bounds.intersect_ray(ray) < ray.tmax && placed.blocks(ray));
         }
+        !self.top.ray_traverse_miss(*ray, |r, slot| {
+            if self.groups[self.top.primitive_indices[slot] as usize].blocks(r) { 0.0 } else { f32::INFINITY }
+        })
     }
 
     /// Every triangle in turn: what [`Accelerator::closest`] is tested against.

@@ -5,7 +5,8 @@
 
 use crate::accel::Accelerator;
 use crate::anchor::{Anchor, Anchors};
-use crate::emitter::{AreaSample, Emitters, PointLight, hammersley};
+use crate::emitter::{AreaSample, Emitters, PointLight};
+use crate::sampling::sobol_point;
 use crate::surface::Surfaces;
 use glam::{Vec3, Vec3A};
 use std::cell::Cell;
@@ -13,6 +14,9 @@ use std::cell::Cell;
 /// Points of an area light, and how many are asked first: when these agree on all or nothing, so would the rest.
 const AREA_SAMPLES: usize = 64;
 const FIRST_AREA_SAMPLES: usize = 16;
+/// Softening of a point of an area light, in units of its own share's: as small as keeps contact finite. With the full
+/// share a panel seen from its own width comes out 0.5 % dark, since its points already average over each other.
+const AREA_SOFTENING: f32 = 1.0 / 8.0;
 /// The same for the disc of the sun, which is small.
 const SUN_SAMPLES: usize = 32;
 const FIRST_SUN_SAMPLES: usize = 8;
@@ -49,17 +53,14 @@ impl DirectLights {
     ) -> Self {
         let carried = anchors.carried_in_world(surfaces).into_iter().zip(carried_energy);
         Self {
-            areas: areas
-                .iter()
-                .map(|&place| spread_early(emitters.areas[place].samples(surfaces, AREA_SAMPLES)))
-                .collect(),
+            areas: areas.iter().map(|&place| emitters.areas[place].samples(surfaces, AREA_SAMPLES)).collect(),
             points: emitters.points.clone(),
             suns: emitters
                 .suns
                 .iter()
                 .map(|sun| {
-                    let directions = (0..SUN_SAMPLES).map(|i| sun.direction(hammersley(i, SUN_SAMPLES))).collect();
-                    (sun.irradiance, spread_early(directions))
+                    let directions = (0..SUN_SAMPLES as u64).map(|i| sun.direction(sobol_point(i))).collect();
+                    (sun.irradiance, directions)
                 })
                 .collect(),
             carried: carried
@@ -74,31 +75,43 @@ impl DirectLights {
     pub fn irradiance(&self, accelerator: &Accelerator, receiver: &Receiver, rays: &Cell<u64>) -> Vec3 {
         let mut sum = Vec3::ZERO;
         for samples in &self.areas {
-            sum += gather(samples, FIRST_AREA_SAMPLES, |sample| {
-                let softening = sample.area / std::f32::consts::PI;
-                let e = from_disc(receiver, sample.position, sample.normal, sample.intensity, softening);
-                shadowed(e, || accelerator.occluded(receiver.position, sample.position), rays)
-            });
+            sum += gather(
+                samples,
+                FIRST_AREA_SAMPLES,
+                rays,
+                |s| {
+                    from_disc(
+                        receiver,
+                        s.position,
+                        s.normal,
+                        s.intensity,
+                        AREA_SOFTENING * s.area / std::f32::consts::PI,
+                    )
+                },
+                |s| accelerator.occluded(receiver.position, s.position),
+            );
         }
         for light in &self.points {
             let (cos, r2) = receiver.cosine_to(light.position);
             let e = light.intensity_towards(receiver.position) * (cos / r2.max(f32::MIN_POSITIVE));
-            sum += shadowed(e, || accelerator.occluded(receiver.position, light.position), rays).0;
+            sum += gather(&[e], 1, rays, |e| *e, |_| accelerator.occluded(receiver.position, light.position));
         }
         for (irradiance, directions) in &self.suns {
-            sum += gather(directions, FIRST_SUN_SAMPLES, |&towards| {
-                let cos = if receiver.geometric_normal.dot(towards) > 0.0 {
-                    receiver.normal.dot(towards).max(0.0)
-                } else {
-                    0.0
-                };
-                let e = *irradiance * (cos / SUN_SAMPLES as f32);
-                shadowed(e, || accelerator.occluded_towards(receiver.position, towards), rays)
-            });
+            sum += gather(
+                directions,
+                FIRST_SUN_SAMPLES,
+                rays,
+                |&towards| {
+                    let above = receiver.geometric_normal.dot(towards) > 0.0;
+                    let cos = if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 };
+                    *irradiance * (cos / SUN_SAMPLES as f32)
+                },
+                |&towards| accelerator.occluded_towards(receiver.position, towards),
+            );
         }
         for (anchor, intensity) in &self.carried {
             let e = from_disc(receiver, anchor.position, anchor.normal, *intensity, self.carried_softening);
-            sum += shadowed(e, || accelerator.occluded(receiver.position, anchor.position), rays).0;
+            sum += gather(&[e], 1, rays, |e| *e, |_| accelerator.occluded(receiver.position, anchor.position));
         }
         sum
     }
@@ -126,43 +139,43 @@ fn from_disc(receiver: &Receiver, position: Vec3A, normal: Vec3A, intensity: Vec
     intensity * (cos_light * cos / (r2 * (r2 + softening)))
 }
 
-/// The value if nothing is in the way, and whether light could have come, and did.
+/// Sums `unshadowed` over the samples that `occluded` lets through; each call of it is a ray.
+///
+/// After the first few, visibility is no longer asked when these all agreed; what they agree on then holds for the rest.
 #[inline]
-fn shadowed(e: Vec3, occluded: impl FnOnce() -> bool, rays: &Cell<u64>) -> (Vec3, Option<bool>) {
-    if e == Vec3::ZERO {
-        return (e, None);
-    }
-    rays.set(rays.get() + 1);
-    if occluded() { (Vec3::ZERO, Some(false)) } else { (e, Some(true)) }
-}
-
-/// Sums over samples; after the first few, stops asking for visibility when these all agreed.
-#[inline]
-fn gather<T>(samples: &[T], first: usize, mut ask: impl FnMut(&T) -> (Vec3, Option<bool>)) -> Vec3 {
+fn gather<T>(
+    samples: &[T],
+    first: usize,
+    rays: &Cell<u64>,
+    unshadowed: impl Fn(&T) -> Vec3,
+    occluded: impl Fn(&T) -> bool,
+) -> Vec3 {
     let mut sum = Vec3::ZERO;
-    let (mut lit, mut dark) = (false, false);
-    for sample in &samples[..first] {
-        let (e, visible) = ask(sample);
-        sum += e;
-        lit |= visible == Some(true);
-        dark |= visible == Some(false);
-    }
-    if lit && dark {
-        for sample in &samples[first..] {
-            sum += ask(sample).0;
+    let (mut lit, mut dark) = (0, 0);
+    for (index, sample) in samples.iter().enumerate() {
+        let e = unshadowed(sample);
+        if e == Vec3::ZERO {
+            continue;
         }
-        sum
-    } else {
-        // All of one kind: the first ones speak for the rest.
-        sum * (samples.len() as f32 / first as f32)
+        let agreed = index >= first && (lit == 0 || dark == 0);
+        if agreed && lit == 0 && dark > 0 {
+            break;
+        }
+        // Without a vote so far, as when the first few all lie below the horizon, each is asked.
+        let blocked = if agreed && lit > 0 {
+            false
+        } else {
+            rays.set(rays.get() + 1);
+            occluded(sample)
+        };
+        if blocked {
+            dark += 1;
+        } else {
+            lit += 1;
+            sum += e;
+        }
     }
-}
-
-/// Orders samples so that the first 2ᵏ of them are spread over the whole set: bit-reversed indices.
-fn spread_early<T: Copy>(samples: Vec<T>) -> Vec<T> {
-    let bits = samples.len().trailing_zeros();
-    debug_assert!(samples.len().is_power_of_two());
-    (0..samples.len()).map(|i| samples[i.reverse_bits() >> (usize::BITS - bits)]).collect()
+    sum
 }
 
 impl Receiver {

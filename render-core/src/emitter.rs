@@ -1,7 +1,8 @@
 //! What sends light out: surfaces, points, directions, the sky; as power, as photons, and as points to shade with.
 
 use crate::sampling::{
-    Distribution, concentric_disc, cosine_hemisphere, frame, halton, radical_inverse, triangle, uniform_sphere,
+    Distribution, concentric_disc, cosine_hemisphere, frame, halton, radical_inverse, sobol_point, triangle,
+    uniform_sphere,
 };
 use crate::scene::{PunctualKind, Scene, mesh_interpolate};
 use crate::surface::Surfaces;
@@ -13,12 +14,22 @@ use glam::{Vec2, Vec3, Vec3A};
 pub struct AreaLight {
     /// Index into [`Scene::instances`].
     pub instance: usize,
-    /// Emissive triangles, their areas [m²] and mean emission.
-    triangles: Vec<(usize, f32, Vec3)>,
+    patches: Vec<Patch>,
     choice: Distribution,
     /// Square metres, one side.
     pub area: f32,
     double_sided: bool,
+}
+
+/// A triangle that glows, or a parallelogram of two: those let points be spread over the whole of a panel.
+#[derive(Clone, Copy, Debug)]
+struct Patch {
+    triangle: usize,
+    parallelogram: bool,
+    /// Square metres.
+    area: f32,
+    /// Mean over the patch [W·m⁻²·sr⁻¹].
+    emission: Vec3,
 }
 
 /// A point of a glowing surface that stands for a share of it.
@@ -224,7 +235,7 @@ impl AreaLight {
         if !material.emits() || material.unlit {
             return None;
         }
-        let mut triangles = Vec::new();
+        let mut patches: Vec<Patch> = Vec::new();
         for t in 0..mesh.triangles.len() {
             let [a, b, c] = surfaces.corners(instance, t);
             let area = (b - a).cross(c - a).length() / 2.0;
@@ -240,45 +251,70 @@ impl AreaLight {
                     .sum();
                 sum / 64.0
             });
-            triangles.push((t, area, material.emission * texture.unwrap_or(Vec3::ONE)));
+            let emission = material.emission * texture.unwrap_or(Vec3::ONE);
+            let completes = patches.last().is_some_and(|last| {
+                // Corners p q r and p r s with q − p = r − s, as exporters split a rectangle.
+                let [p, q, r] = surfaces.corners(instance, last.triangle);
+                let tolerance = 1e-4 * (r - p).length();
+                !last.parallelogram
+                    && last.triangle + 1 == t
+                    && (a - p).length() <= tolerance
+                    && (b - r).length() <= tolerance
+                    && ((q - p) - (r - c)).length() <= tolerance
+            });
+            match patches.last_mut() {
+                Some(last) if completes => {
+                    last.parallelogram = true;
+                    last.emission =
+                        (last.emission * last.area + emission * area) / (last.area + area).max(f32::MIN_POSITIVE);
+                    last.area += area;
+                }
+                _ => patches.push(Patch { triangle: t, parallelogram: false, area, emission }),
+            }
         }
-        let choice = Distribution::new(triangles.iter().map(|(_, area, e)| f64::from(area * luminance(*e))))?;
-        let area = triangles.iter().map(|(_, area, _)| area).sum();
-        Some(Self { instance, triangles, choice, area, double_sided: material.double_sided })
+        let choice = Distribution::new(patches.iter().map(|p| f64::from(p.area * luminance(p.emission))))?;
+        let area = patches.iter().map(|patch| patch.area).sum();
+        Some(Self { instance, patches, choice, area, double_sided: material.double_sided })
     }
 
     /// Radiant flux of all its glowing sides [W], linear RGB.
     pub fn power(&self) -> Vec3 {
-        let one_side: Vec3 = self.triangles.iter().map(|(_, area, e)| *e * *area * std::f32::consts::PI).sum();
+        let one_side: Vec3 = self.patches.iter().map(|p| p.emission * p.area * std::f32::consts::PI).sum();
         if self.double_sided { one_side * 2.0 } else { one_side }
     }
 
     /// A point with density in proportion to emitted luminance, standing for the whole light.
     fn sample(&self, surfaces: &Surfaces, which: f64, place: Vec2, side: f32) -> AreaSample {
         let (index, probability, _) = self.choice.pick(which);
-        let (t, area, emission) = self.triangles[index];
+        let Patch { triangle: t, parallelogram, area, emission } = self.patches[index];
         let [a, b, c] = surfaces.corners(self.instance, t);
-        let (u, v) = triangle(place);
         let mirrored = if surfaces.world(self.instance).matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
         let sides = if self.double_sided { 2.0 } else { 1.0 };
         let turn = if self.double_sided && side >= 0.5 { -mirrored } else { mirrored };
         let normal = ((b - a).cross(c - a) * turn).normalize_or_zero();
         let share = sides * area / probability as f32;
-        let position = a + (b - a) * u + (c - a) * v;
+        let position = if parallelogram {
+            a + (b - a) * place.x + (c - b) * place.y
+        } else {
+            let (u, v) = triangle(place);
+            a + (b - a) * u + (c - a) * v
+        };
         let offset = position.abs().max_element().max((b - a).length()) * 1e-5;
         AreaSample { position: position + normal * offset, normal, intensity: emission * share, area: share }
     }
 
-    /// How many triangles glow.
-    pub fn triangle_count(&self) -> usize {
-        self.triangles.len()
+    /// How many separate pieces glow: rectangles, or triangles that belong to none.
+    pub fn patch_count(&self) -> usize {
+        self.patches.len()
     }
 
     /// Largest side of the box around the glowing triangles, metres.
     pub fn extent(&self, surfaces: &Surfaces) -> f32 {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-        for &(t, _, _) in &self.triangles {
-            for corner in surfaces.corners(self.instance, t) {
+        for patch in &self.patches {
+            let [a, b, c] = surfaces.corners(self.instance, patch.triangle);
+            // The fourth corner of a parallelogram lies across from the second.
+            for corner in [a, b, c, if patch.parallelogram { a + c - b } else { a }] {
                 corners = (corners.0.min(corner), corners.1.max(corner));
             }
         }
@@ -289,10 +325,10 @@ impl AreaLight {
     pub fn samples(&self, surfaces: &Surfaces, count: usize) -> Vec<AreaSample> {
         (0..count as u64)
             .map(|i| {
-                let which = (i as f64 + 0.5) / count as f64;
-                // Side by bases 2, place by 3 and 5: the strata of `which` already walk along the triangles.
-                let place = Vec2::new(radical_inverse(2, i), radical_inverse(3, i));
-                let mut sample = self.sample(surfaces, which, place, radical_inverse(5, i));
+                // Strata of power for the patch, in an order that has nothing to do with the place within it:
+                // any first few of the points are spread over the whole light.
+                let which = (f64::from(radical_inverse(3, i)) + 0.5 / count as f64).min(1.0);
+                let mut sample = self.sample(surfaces, which, sobol_point(i), radical_inverse(5, i));
                 sample.intensity /= count as f32;
                 sample.area /= count as f32;
                 sample

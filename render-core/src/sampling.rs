@@ -20,6 +20,21 @@ pub fn radical_inverse(base: u32, mut index: u64) -> f32 {
     (value as f32).min(ONE_MINUS_EPSILON)
 }
 
+/// Point `index` of the (0, 2)-sequence of Sobol' in the unit square: every first 2ᵏ points have one in each
+/// elementary interval of area 2⁻ᵏ (Kollig & Keller 2002).
+pub fn sobol_point(index: u64) -> Vec2 {
+    let (mut rest, mut column, mut y) = (index as u32, 1u32 << 31, 0u32);
+    while rest > 0 {
+        if rest & 1 == 1 {
+            y ^= column;
+        }
+        column ^= column >> 1;
+        rest >>= 1;
+    }
+    let y = (f64::from(y) / 4_294_967_296.0) as f32;
+    Vec2::new(radical_inverse(2, index), y.min(ONE_MINUS_EPSILON))
+}
+
 /// The largest `f32` below 1.
 pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 
@@ -148,6 +163,20 @@ mod tests {
         assert_eq!(radical_inverse(2, 6), 0.375); // 110 -> 0.011
         assert!((radical_inverse(3, 5) - 7.0 / 9.0).abs() < 1e-7); // 12 -> 0.21
         assert!((0..10_000).all(|i| halton(7, i, 3) < 1.0));
+    }
+
+    #[test]
+    fn sobol_points_fill_every_elementary_interval() {
+        for across in 0..=6u32 {
+            let down = 6 - across;
+            let mut seen = [false; 64];
+            for i in 0..64 {
+                let p = sobol_point(i);
+                let cell =
+                    (p.x * (1 << across) as f32) as usize + ((p.y * (1 << down) as f32) as usize * (1 << across));
+                assert!(!std::mem::replace(&mut seen[cell], true), "two points in a cell of {across} by {down} bits");
+            }
+        }
     }
 
     #[test]

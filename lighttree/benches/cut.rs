@@ -1,0 +1,92 @@
+//! Building, updating and cutting trees of several sizes; lights on the walls of a box, receivers on its floor.
+
+use divan::{Bencher, black_box};
+use glam::Vec3;
+use lighttree::{BuildParams, Emission, Lambert, Light, LightTree, Scratch, Stop};
+
+const SIZES: [usize; 3] = [2_000, 10_000, 100_000];
+
+fn main() {
+    divan::main();
+}
+
+/// Reproducible numbers in 0 … 1: fractional parts of multiples of roots (Roberts' R3 sequence).
+fn spread(k: usize) -> Vec3 {
+    let step = [0.819_172_5, 0.671_043_6, 0.549_700_5f64];
+    Vec3::from_array(step.map(|s| (s * (k + 1) as f64).fract() as f32))
+}
+
+fn walls(count: usize) -> Vec<Light> {
+    (0..count)
+        .map(|k| {
+            let p = spread(k) * 2.0 - 1.0;
+            let (position, axis) = match k % 3 {
+                0 => (p.with_x(1.0), Vec3::NEG_X),
+                1 => (p.with_y(1.0), Vec3::NEG_Y),
+                _ => (p.with_z(1.0), Vec3::NEG_Z),
+            };
+            let intensity = Vec3::splat((0.1 + p.x * p.x) / count as f32);
+            Light { position, emission: Emission::Cosine(axis), intensity }
+        })
+        .collect()
+}
+
+fn params(count: usize) -> BuildParams {
+    BuildParams { softening2: 12.0 / (std::f32::consts::PI * count as f32), seed: 1 }
+}
+
+fn floor() -> Vec<Lambert> {
+    (0..256)
+        .map(|k| Lambert {
+            position: (spread(k) * 2.0 - 1.0).with_z(-1.0),
+            normal: Vec3::Z,
+            reflectance: Vec3::new(0.7, 0.5, 0.3),
+        })
+        .collect()
+}
+
+#[divan::bench(args = SIZES, sample_count = 5)]
+fn build(bencher: Bencher, count: usize) {
+    let lights = walls(count);
+    bencher.bench(|| LightTree::build(black_box(&lights), params(count)));
+}
+
+#[divan::bench(args = SIZES)]
+fn update(bencher: Bencher, count: usize) {
+    let lights = walls(count);
+    let mut tree = LightTree::build(&lights, params(count));
+    let intensities: Vec<Vec3> = lights.iter().map(|light| light.intensity * 1.5).collect();
+    bencher.bench_local(|| tree.update(black_box(&intensities)));
+}
+
+/// 256 cuts, everything visible: time divided by the counter is that of one visited node.
+fn cuts(bencher: Bencher, count: usize, stop: Stop) {
+    let tree = LightTree::build(&walls(count), params(count));
+    let receivers = floor();
+    let mut scratch = Scratch::default();
+    let mut visit = || {
+        let cuts = receivers.iter().map(|receiver| tree.lightcut(receiver, stop, |_, _| true, &mut scratch));
+        cuts.map(|cut| u64::from(cut.nodes_visited)).sum::<u64>()
+    };
+    let visited = visit();
+    bencher.counter(divan::counter::ItemsCount::new(visited)).bench_local(visit);
+}
+
+#[divan::bench(args = SIZES)]
+fn cut_absolute(bencher: Bencher, count: usize) {
+    cuts(bencher, count, Stop::Absolute(2e-4));
+}
+
+#[divan::bench(args = SIZES)]
+fn cut_relative(bencher: Bencher, count: usize) {
+    cuts(bencher, count, Stop::Relative { fraction: 0.02, known_luminance: 0.0 });
+}
+
+#[divan::bench(args = SIZES)]
+fn exhaustive(bencher: Bencher, count: usize) {
+    let tree = LightTree::build(&walls(count), params(count));
+    let receiver = floor()[0];
+    bencher
+        .counter(divan::counter::ItemsCount::new(count))
+        .bench(|| tree.exhaustive(black_box(&receiver), |_, _| true));
+}

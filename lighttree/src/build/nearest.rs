@@ -1,0 +1,199 @@
+//! Nearest-partner search among the living clusters.
+
+use glam::Vec3A;
+
+use super::cluster::{Cluster, Kind, Metric, union_cosine};
+
+/// Clusters per leaf of the search tree; 4 … 8 measured alike.
+const LEAF_SIZE: usize = 6;
+/// Of the extent of axes (2 at most), how much counts as a length when the search tree splits, in c.
+/// Lights at right angles cost as much as a distance of about 0.3 c (β = 45°).
+const AXIS_SCALE: f32 = 0.3;
+const DEAD: u32 = u32::MAX;
+
+/// A static tree over the clusters alive when it was made. A merged cluster takes the slot of one of its parts: it is
+/// larger than the part, so the bounds above stay lower bounds of costs.
+pub(super) struct Neighborhood<'a> {
+    metric: &'a Metric,
+    slots: Vec<Cluster>,
+    /// Slot of each cluster by its number, or [`DEAD`].
+    slot_of: Vec<u32>,
+    nodes: Vec<SearchNode>,
+    alive: usize,
+}
+
+/// What the union with any cluster below has to cover at least.
+struct SearchNode {
+    /// Largest `low`, smallest `high` of the boxes.
+    low: Vec3A,
+    high: Vec3A,
+    /// Box of the member axes of oriented clusters; empty (low > high) without any.
+    axis_low: Vec3A,
+    axis_high: Vec3A,
+    luminance: f32,
+    has_omni: bool,
+    first: u32,
+    last: u32,
+    /// Second child, the first follows its parent; 0 in leaves.
+    second: u32,
+}
+
+impl<'a> Neighborhood<'a> {
+    /// Room for cluster numbers below `capacity`.
+    pub fn new(clusters: Vec<Cluster>, capacity: usize, metric: &'a Metric) -> Self {
+        let mut this =
+            Self { metric, alive: clusters.len(), slots: clusters, slot_of: vec![DEAD; capacity], nodes: Vec::new() };
+        for (slot, cluster) in (0u32..).zip(&this.slots) {
+            this.slot_of[cluster.id as usize] = slot;
+        }
+        this.rebuild();
+        this
+    }
+
+    pub fn is_alive(&self, id: u32) -> bool {
+        self.slot_of[id as usize] != DEAD
+    }
+
+    /// Whether half of the slots have died since the last rebuild.
+    pub fn is_sparse(&self) -> bool {
+        2 * self.alive < self.slots.len()
+    }
+
+    /// Replaces two clusters by their union.
+    pub fn merge(&mut self, a: u32, b: u32, id: u32, cone: crate::bounds::Cone) {
+        let (slot_a, slot_b) = (self.slot_of[a as usize], self.slot_of[b as usize]);
+        let merged = self.slots[slot_a as usize].merged(&self.slots[slot_b as usize], id, cone);
+        self.slots[slot_a as usize] = merged;
+        self.slots[slot_b as usize].id = DEAD;
+        self.slot_of[id as usize] = slot_a;
+        self.slot_of[a as usize] = DEAD;
+        self.slot_of[b as usize] = DEAD;
+        self.alive -= 1;
+    }
+
+    /// Drops the dead slots and makes the tree anew.
+    pub fn rebuild(&mut self) {
+        self.slots.retain(|cluster| cluster.id != DEAD);
+        self.nodes.clear();
+        let mut slots = std::mem::take(&mut self.slots);
+        self.split(&mut slots, 0);
+        for (slot, cluster) in (0u32..).zip(&slots) {
+            self.slot_of[cluster.id as usize] = slot;
+        }
+        self.slots = slots;
+    }
+
+    fn split(&mut self, clusters: &mut [Cluster], first: usize) {
+        let node = self.nodes.len();
+        self.nodes.push(SearchNode::around(clusters, first));
+        if clusters.len() <= LEAF_SIZE {
+            return;
+        }
+        let key = widest_dimension(clusters, AXIS_SCALE * self.metric.orientation2.sqrt());
+        let middle = clusters.len() / 2;
+        clusters.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)).then(a.id.cmp(&b.id)));
+        let (left, right) = clusters.split_at_mut(middle);
+        self.split(left, first);
+        self.nodes[node].second = self.nodes.len() as u32;
+        self.split(right, first + middle);
+    }
+
+    /// The living cluster with the cheapest union and that cost; `None` if there is no other.
+    pub fn nearest(&self, id: u32) -> Option<(f32, u32)> {
+        let own = self.slots[self.slot_of[id as usize] as usize];
+        let mut best = (f32::INFINITY, DEAD);
+        // Median splits: the depth is that of a balanced tree of fewer than 2³² slots.
+        let mut stack = [(0.0f32, 0u32); 40];
+        let mut top = 1;
+        while top > 0 {
+            top -= 1;
+            let (bound, index) = stack[top];
+            // A cost that overflowed is still a partner.
+            if bound >= best.0 && best.1 != DEAD {
+                continue;
+            }
+            let node = &self.nodes[index as usize];
+            if node.second == 0 {
+                for cluster in &self.slots[node.first as usize..node.last as usize] {
+                    if cluster.id != id && cluster.id != DEAD {
+                        let cost = own.cost(cluster, self.metric);
+                        if cost < best.0 || best.1 == DEAD || (cost == best.0 && cluster.id < best.1) {
+                            best = (cost, cluster.id);
+                        }
+                    }
+                }
+                continue;
+            }
+            let near = (self.nodes[index as usize + 1].lower_bound(&own, self.metric), index + 1);
+            let far = (self.nodes[node.second as usize].lower_bound(&own, self.metric), node.second);
+            let (near, far) = if near.0 <= far.0 { (near, far) } else { (far, near) };
+            stack[top] = far;
+            stack[top + 1] = near;
+            top += 2;
+        }
+        (best.1 != DEAD).then_some(best)
+    }
+}
+
+impl SearchNode {
+    fn around(clusters: &[Cluster], first: usize) -> Self {
+        let mut node = Self {
+            low: Vec3A::NEG_INFINITY,
+            high: Vec3A::INFINITY,
+            axis_low: Vec3A::INFINITY,
+            axis_high: Vec3A::NEG_INFINITY,
+            luminance: f32::INFINITY,
+            has_omni: false,
+            first: first as u32,
+            last: (first + clusters.len()) as u32,
+            second: 0,
+        };
+        for cluster in clusters {
+            node.low = node.low.max(cluster.low);
+            node.high = node.high.min(cluster.high);
+            node.luminance = node.luminance.min(cluster.luminance);
+            node.has_omni |= cluster.kind == Kind::Omni;
+            if cluster.kind == Kind::Oriented {
+                node.axis_low = node.axis_low.min(cluster.member_axis);
+                node.axis_high = node.axis_high.max(cluster.member_axis);
+            }
+        }
+        node
+    }
+
+    /// No union of `cluster` with one below this node costs less (up to rounding).
+    #[inline]
+    fn lower_bound(&self, cluster: &Cluster, metric: &Metric) -> f32 {
+        let diagonal2 = (cluster.high.max(self.high) - cluster.low.min(self.low)).length_squared();
+        let spread = match cluster.kind {
+            Kind::Omni if self.has_omni => 0.0,
+            Kind::Oriented if self.axis_low.x <= self.axis_high.x => {
+                let products = (cluster.axis * self.axis_low).max(cluster.axis * self.axis_high);
+                1.0 - union_cosine(cluster, products.element_sum().min(1.0), 1.0, 0.0)
+            }
+            _ => 2.0,
+        };
+        let turn = metric.orientation2 * spread * spread;
+        (cluster.luminance + self.luminance) * (metric.coincidence2 + diagonal2 + turn)
+    }
+}
+
+/// The coordinate in which the clusters lie furthest apart: one of the position, or of the axis times a length.
+fn widest_dimension(clusters: &[Cluster], axis_length: f32) -> impl Fn(&Cluster) -> f32 + use<> {
+    let coordinates = move |c: &Cluster| {
+        let axis = if c.kind == Kind::Oriented { c.member_axis } else { Vec3A::ZERO };
+        [0.5 * (c.low + c.high), axis * axis_length]
+    };
+    let mut low = [Vec3A::INFINITY; 2];
+    let mut high = [Vec3A::NEG_INFINITY; 2];
+    for cluster in clusters {
+        for ((low, high), c) in low.iter_mut().zip(&mut high).zip(coordinates(cluster)) {
+            *low = low.min(c);
+            *high = high.max(c);
+        }
+    }
+    let extent = [high[0] - low[0], high[1] - low[1]];
+    let which = usize::from(extent[1].max_element() > extent[0].max_element());
+    let dimension = extent[which].max_position();
+    move |c| coordinates(c)[which][dimension]
+}

@@ -1,0 +1,33 @@
+//! Every light: the truth for cuts.
+
+use glam::{DVec3, Vec3};
+
+use crate::light::{Light, unshadowed};
+use crate::receiver::Receiver;
+use crate::tree::LightTree;
+
+/// Sum over all lights with the estimator of [`LightTree::lightcut`] \[W·m⁻²·sr⁻¹\], in `f64`.
+///
+/// `visible` is asked, with the light and its index, for each light that would contribute.
+pub fn exhaustive<R: Receiver>(
+    lights: &[Light],
+    softening2: f32,
+    receiver: &R,
+    mut visible: impl FnMut(&Light, usize) -> bool,
+) -> Vec3 {
+    let mut radiance = DVec3::ZERO;
+    for (index, light) in lights.iter().enumerate() {
+        let contribution = unshadowed(receiver, light, softening2) * light.intensity;
+        if contribution != Vec3::ZERO && visible(light, index) {
+            radiance += contribution.as_dvec3();
+        }
+    }
+    radiance.as_vec3()
+}
+
+impl LightTree {
+    /// [`exhaustive`] over the lights of this tree.
+    pub fn exhaustive<R: Receiver>(&self, receiver: &R, visible: impl FnMut(&Light, usize) -> bool) -> Vec3 {
+        exhaustive(&self.lights, self.softening2, receiver, visible)
+    }
+}

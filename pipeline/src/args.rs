@@ -1,0 +1,141 @@
+//! What was typed.
+
+use clap::{Args, Parser, Subcommand};
+use pipeline::Wishes;
+use pipeline::settings::{Lighting, Size, Thresholds};
+use std::path::PathBuf;
+
+/// Renders an animated glTF scene with global illumination into an MPEG-2 video.
+///
+/// Renderer and encoder work for each other: the renderer gives the encoder exact motion vectors, and the encoder
+/// gives the renderer, one frame later, the error that each pixel may have before anyone could see it.
+#[derive(Parser)]
+#[command(
+    name = "render2mpeg",
+    version,
+    after_help = "Examples:
+  render2mpeg render scenes/cornell/cornell.glb
+  render2mpeg render scene.glb -o film.m2v --size 1280x720 --frames 50 --qscale 16
+  render2mpeg render scene.glb --thresholds fixed:0.02      the original Lightcuts, for comparison
+  render2mpeg plan scene.glb"
+)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Subcommand)]
+pub enum Command {
+    /// Render a scene into a video.
+    Render {
+        /// What and how.
+        #[command(flatten)]
+        job: Job,
+        /// The video: .m2v, an MPEG-2 elementary stream [default: the scene's name, in this folder]
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+        /// Where the JSON report goes [default: beside the video, .report.json]
+        #[arg(long, value_name = "FILE")]
+        report: Option<PathBuf>,
+        /// Also write every frame as linear OpenEXR into this folder
+        #[arg(long, value_name = "DIR")]
+        exr: Option<PathBuf>,
+        /// Also write the frames before compression, as YUV4MPEG2
+        #[arg(long, value_name = "FILE")]
+        y4m: Option<PathBuf>,
+        /// Threads [default: one per processor]; the result is the same for any number
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+        threads: Option<u16>,
+        /// No progress, no summary: only errors are shown
+        #[arg(short, long)]
+        quiet: bool,
+    },
+    /// Show what a scene needs, what is left out, and why; render nothing.
+    Plan {
+        /// What and how.
+        #[command(flatten)]
+        job: Job,
+    },
+}
+
+/// What to render and how.
+#[derive(Args)]
+pub struct Job {
+    /// A glTF 2.0 scene, .glb or .gltf; a TOML file of the same name beside it says what glTF cannot
+    pub scene: PathBuf,
+    /// Pictures to make [default: as the scene's TOML file says, else as long as its animation, else 100]
+    #[arg(long, value_name = "N")]
+    pub frames: Option<u32>,
+    /// Pictures a second: 23.976, 24, 25, 29.97, 30, 50, 59.94 or 60 [default: as the TOML file says, else 25]
+    #[arg(long)]
+    pub fps: Option<f64>,
+    /// Of the picture, in pixels [default: 512x512]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+    /// MPEG-2's quantiser_scale, 1 (best) to 112 (smallest); ffmpeg's -q:v is half of it [default: 8]
+    #[arg(long, value_name = "Q")]
+    pub qscale: Option<u32>,
+    /// Pictures from one I picture to the next, at most 132 [default: 15]
+    #[arg(long, value_name = "N")]
+    pub gop: Option<u32>,
+    /// The error a pixel may have: "perceptual", or "fixed:SHARE" of its luminance [default: perceptual]
+    #[arg(long, value_name = "KIND")]
+    pub thresholds: Option<Thresholds>,
+    /// How indirect light is computed [default: lightcuts]
+    #[arg(long, value_enum)]
+    pub lighting: Option<Lighting>,
+    /// Anchor lights that carry the indirect light [default: 2000 for a box, up to 9000 for a building]
+    #[arg(long, value_name = "N")]
+    pub vpls: Option<usize>,
+    /// Photons a frame [default: 150 for each anchor light]
+    #[arg(long, value_name = "N")]
+    pub photons: Option<u64>,
+    /// Seed of photons and light tree [default: 1]
+    #[arg(long, value_name = "S")]
+    pub seed: Option<u64>,
+    /// Run every stage for every frame, needed or not; the bits are the same
+    #[arg(long)]
+    pub run_everything: bool,
+    /// Keep the renderer's motion from the encoder, which then searches
+    #[arg(long)]
+    pub no_motion: bool,
+}
+
+impl Job {
+    /// The scene's path, and what was asked for.
+    pub fn wishes(self) -> (PathBuf, Wishes) {
+        let Job {
+            scene,
+            frames,
+            fps,
+            size,
+            qscale,
+            gop,
+            thresholds,
+            lighting,
+            vpls,
+            photons,
+            seed,
+            run_everything,
+            no_motion,
+        } = self;
+        let wishes = Wishes {
+            frames,
+            fps,
+            size,
+            qscale,
+            gop,
+            thresholds,
+            lighting,
+            vpls,
+            photons,
+            seed,
+            run_everything,
+            no_motion,
+            ..Wishes::default()
+        };
+        (scene, wishes)
+    }
+}

@@ -1,0 +1,116 @@
+//! What travels between the stages, each thing stamped with its frame.
+
+use lighttree::LightTree;
+use perceptual::{ToneMap, YCbCr};
+use plane::Plane;
+use render_core::{Accelerator, Correspondence, DirectLights, GBuffer};
+use std::sync::Arc;
+
+/// Seconds of the stages and counts of one frame; each stage fills in its part.
+#[derive(Clone, Debug, Default)]
+pub struct FrameFigures {
+    /// Placing of objects and the ray tree [s].
+    pub update: f64,
+    /// Photon tracing [s].
+    pub photons: f64,
+    /// Build or update of the light tree [s].
+    pub tree: f64,
+    /// Primary rays and motion [s].
+    pub visibility: f64,
+    /// Direct light, summed over threads [s].
+    pub direct: f64,
+    /// Lightcuts, summed over threads [s].
+    pub indirect: f64,
+    /// Tone mapping and conversion [s].
+    pub tone_map: f64,
+    /// Encoding [s].
+    pub encode: f64,
+    /// Masking [s].
+    pub thresholds: f64,
+    /// Share of the tree's inner nodes whose children changed places.
+    pub tree_swaps_share: f64,
+    /// Over the pixels that see a surface.
+    pub cut_size_mean: f64,
+    /// Largest cut of a pixel.
+    pub cut_size_max: u32,
+    /// Of direct light and cuts.
+    pub shadow_rays: u64,
+    /// Mean of threshold by luminance over the pixels that see a surface.
+    pub threshold_mean_relative: f64,
+    /// Pixels whose radiance was not finite; shown black.
+    pub non_finite: usize,
+}
+
+/// A frame up to where thresholds are needed.
+pub struct Prepared {
+    /// Which one.
+    pub frame: u32,
+    /// The scene, ready for shadow rays.
+    pub accelerator: Arc<Accelerator>,
+    /// What lights a pixel directly.
+    pub direct: Arc<DirectLights>,
+    /// What lights it otherwise.
+    pub tree: Arc<LightTree>,
+    /// What each pixel sees.
+    pub seen: Arc<GBuffer>,
+    /// Where that was in the frame before; none for the first.
+    pub correspondence: Option<Arc<Correspondence>>,
+    /// Rays start this far off their surface, metres.
+    pub epsilon: f32,
+    /// So far.
+    pub figures: FrameFigures,
+}
+
+/// A frame as light.
+pub struct Shaded {
+    /// Which one.
+    pub frame: u32,
+    /// Linear RGB [W·m⁻²·sr⁻¹].
+    pub radiance: Plane<[f32; 3]>,
+    /// As in [`Prepared`].
+    pub correspondence: Option<Arc<Correspondence>>,
+    /// So far.
+    pub figures: FrameFigures,
+}
+
+/// A frame as a picture, for the encoder.
+pub struct Displayed {
+    /// Which one.
+    pub frame: u32,
+    /// Y′C_BC_R.
+    pub picture: Arc<YCbCr>,
+    /// As in [`Prepared`].
+    pub correspondence: Option<Arc<Correspondence>>,
+    /// So far.
+    pub figures: FrameFigures,
+}
+
+/// The same frame, for the masking model.
+pub struct ToMask {
+    /// Which one.
+    pub frame: u32,
+    /// Its luma.
+    pub picture: Arc<YCbCr>,
+    /// Its luminance before tone mapping.
+    pub luminance: Plane<f32>,
+    /// The curve between the two.
+    pub tone_map: ToneMap,
+    /// As in [`Prepared`].
+    pub correspondence: Option<Arc<Correspondence>>,
+}
+
+/// ΔY of a frame, on its way back to the renderer.
+pub struct LuminanceThresholds {
+    /// The frame that they were derived from; the frame after it uses them.
+    pub of: u32,
+    /// [W·m⁻²·sr⁻¹] of luminance.
+    pub delta: Plane<f32>,
+}
+
+/// Seconds that masking frame `of` took, for the report: it ends after the frame has left the encoder's queue.
+pub struct MaskingTime {
+    /// Which frame.
+    pub of: u32,
+    /// How long [s].
+    pub seconds: f64,
+}

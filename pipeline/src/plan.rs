@@ -1,0 +1,166 @@
+//! What a scene needs, and what is left out of it, and why: decided before the first frame.
+//!
+//! Leaving out never changes a bit of the output: what is left out would have computed the same again.
+
+use crate::settings::{Lighting, Settings, Thresholds};
+use render_core::scene::Scene;
+use serde::Serialize;
+
+/// How often a stage runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// Every frame.
+    On,
+    /// For the first frame; its result is kept.
+    Once,
+    /// Never.
+    Off,
+}
+
+/// A line of the plan.
+#[derive(Clone, Debug, Serialize)]
+pub struct Step {
+    /// Name of the stage.
+    pub stage: &'static str,
+    /// How often it runs.
+    pub state: State,
+    /// Why.
+    pub reason: String,
+}
+
+/// How often each stage runs for a scene.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Placing what moves, and the top level of the ray tree.
+    pub placing: State,
+    /// Photons and the energies of the anchor lights.
+    pub photons: State,
+    /// New energies into the light tree.
+    pub tree_update: State,
+    /// Primary rays.
+    pub primary_rays: State,
+    /// Anchor lights on moving things.
+    pub moving_anchors: State,
+    /// Any anchor lights at all.
+    pub indirect: State,
+    /// The masking model and the way back.
+    pub masking: State,
+    steps: Vec<Step>,
+}
+
+impl Plan {
+    /// Looks at `scene` and `settings`.
+    pub fn new(scene: &Scene, settings: &Settings) -> Self {
+        let moving = scene.moving_nodes();
+        let thing_moves = scene.instances.iter().any(|instance| moving[instance.node]);
+        let light_moves = scene.punctual_lights.iter().any(|light| moving[light.node]);
+        let camera_moves = scene.filming_camera().is_some_and(|camera| moving[camera.node]);
+        let material = |instance: &render_core::scene::Instance| &scene.materials[scene.meshes[instance.mesh].material];
+        let reflects = scene.instances.iter().any(|instance| {
+            let material = material(instance);
+            !material.unlit && material.base_color.max_element() > 0.0
+        });
+        let area_lights = scene.instances.iter().filter(|i| material(i).emits() && !material(i).unlit).count();
+        let cells = |wanted: State| if settings.leave_out || wanted != State::Once { wanted } else { State::On };
+        let mut steps = Vec::new();
+        let mut step = |stage, state, reason: &str| -> State {
+            let wanted = cells(state);
+            let reason =
+                if wanted == state { reason.to_owned() } else { format!("{reason}; run all the same, as asked") };
+            steps.push(Step { stage, state: wanted, reason });
+            wanted
+        };
+
+        let placing = if thing_moves {
+            step("placing of objects", State::On, "something moves")
+        } else {
+            step("placing of objects", State::Once, "nothing but the camera moves")
+        };
+        let (photons, tree_update) = match (reflects, thing_moves || light_moves) {
+            (false, _) => (
+                step("photons", State::Off, "no surface reflects light"),
+                step("light tree update", State::Off, "no surface reflects light"),
+            ),
+            (true, true) => (
+                step("photons", State::On, "what moves changes the way of the light"),
+                step("light tree update", State::On, "the energies change"),
+            ),
+            (true, false) => (
+                step("photons", State::Once, "nothing that light meets ever moves"),
+                step("light tree update", State::Once, "the energies stay"),
+            ),
+        };
+        let moving_anchors = match (reflects, thing_moves) {
+            (true, true) => step("anchor lights on moving objects", State::On, "something moves and reflects"),
+            _ => step("anchor lights on moving objects", State::Off, "no moving object"),
+        };
+        let primary_rays = if thing_moves || camera_moves {
+            step("primary rays and motion", State::On, if camera_moves { "the camera moves" } else { "objects move" })
+        } else {
+            step("primary rays and motion", State::Once, "nothing moves in the picture")
+        };
+        let on = |present: bool| if present { State::On } else { State::Off };
+        let area_reason = format!("{area_lights} glowing surfaces");
+        step("area lights", on(area_lights > 0), if area_lights > 0 { &area_reason } else { "no surface glows" });
+        let punctual = scene.punctual_lights.len();
+        let punctual_reason = format!("{punctual} in the file");
+        step("punctual lights", on(punctual > 0), if punctual > 0 { &punctual_reason } else { "none in the file" });
+        let sky = scene.sky.is_some();
+        step("sky", on(sky), if sky { "its dome is part of the light tree" } else { "no sky in the scene's settings" });
+        let textures = scene.textures.len();
+        let texture_reason = format!("{textures} images on visible surfaces");
+        step(
+            "textures",
+            on(textures > 0),
+            if textures > 0 { &texture_reason } else { "no image on a visible surface" },
+        );
+        let indirect = match settings.lighting {
+            _ if !reflects => step("indirect light", State::Off, "no surface reflects light"),
+            Lighting::Lightcuts => step("indirect light", State::On, "a lightcut for each pixel"),
+            Lighting::AllLights => step("indirect light", State::On, "every light at each pixel, as asked"),
+        };
+        let masking = match (settings.lighting, settings.thresholds) {
+            (Lighting::AllLights, _) => step("masking thresholds", State::Off, "without cuts nothing stops at them"),
+            (_, Thresholds::Fixed(_)) => step("masking thresholds", State::Off, "thresholds are fixed, as asked"),
+            _ => step("masking thresholds", State::On, "they steer the cuts of the next frame"),
+        };
+        step(
+            "motion for the encoder",
+            on(settings.motion && primary_rays != State::Off),
+            if settings.motion { "vectors are known, no search" } else { "left out, as asked" },
+        );
+        Self { placing, photons, tree_update, primary_rays, moving_anchors, indirect, masking, steps }
+    }
+
+    /// The plan line by line.
+    pub fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// The plan as a table for the terminal.
+    pub fn table(&self) -> String {
+        let width = self.steps.iter().map(|step| step.stage.len()).max().unwrap_or(0);
+        let mut table = format!("{:width$}  state  reason\n", "stage");
+        for Step { stage, state, reason } in &self.steps {
+            let state = match state {
+                State::On => "on",
+                State::Once => "once",
+                State::Off => "off",
+            };
+            table.push_str(&format!("{stage:width$}  {state:5}  {reason}\n"));
+        }
+        table
+    }
+}
+
+impl State {
+    /// Whether the stage has work to do for frame `n`.
+    pub fn runs(self, n: u32) -> bool {
+        match self {
+            State::On => true,
+            State::Once => n == 0,
+            State::Off => false,
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! What a person at a terminal sees while the frames are made, and at the end.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use pipeline::Settings;
+use pipeline::report::{FrameReport, Report};
+use render_core::scene::Scene;
+use std::path::Path;
+
+/// A line that shows how far the run is; nothing when standard error is not a terminal.
+pub struct Progress {
+    bar: ProgressBar,
+}
+
+impl Progress {
+    /// Says what is about to happen, and starts the line.
+    pub fn new(settings: &Settings, scene: &Scene, quiet: bool) -> Self {
+        if quiet {
+            return Self { bar: ProgressBar::hidden() };
+        }
+        eprintln!(
+            "{}: {} triangles, {} frames of {}x{} at {} fps, quantiser_scale {}",
+            settings.scene.display(),
+            scene.triangle_count(),
+            settings.frames,
+            settings.size.width,
+            settings.size.height,
+            settings.fps,
+            settings.qscale,
+        );
+        scene.warnings.iter().for_each(|warning| eprintln!("note: {warning}"));
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {per_sec}  {eta} left  {msg}")
+            .expect("the template is correct");
+        let bar = ProgressBar::new(settings.frames.into()).with_style(style);
+        bar.tick();
+        Self { bar }
+    }
+
+    /// Moves on by a frame.
+    pub fn frame(&self, frame: &FrameReport) {
+        let quality = frame.psnr_y.map_or(String::new(), |psnr| format!(", {psnr:.1} dB"));
+        let kilobits = frame.bits as f64 / 1000.0;
+        self.bar.set_message(format!("cut {:.0}, {kilobits:.0} kbit{quality}", frame.cut_size_mean));
+        self.bar.inc(1);
+    }
+
+    /// Takes the line away.
+    pub fn clear(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// The figures that matter most, and where everything is.
+pub fn summary(report: &Report, video: &Path, report_path: &Path) {
+    let s = &report.summary;
+    let rate = s.bits * report.settings.fps / 1000.0;
+    let psnr = s.psnr_y.map_or("equal to the source".into(), |psnr| format!("{psnr:.1} dB"));
+    eprintln!("{} frames in {:.1} s{}", s.frames, s.wall_seconds, if s.interrupted { ", interrupted" } else { "" });
+    eprintln!(
+        "  lighting  {:.2} s direct + {:.2} s cuts a frame, {:.0} lights a cut, threshold {:.1} % of luminance",
+        s.seconds.direct,
+        s.seconds.indirect,
+        s.cut_size_mean,
+        100.0 * s.threshold_mean_relative,
+    );
+    eprintln!("  video     {rate:.0} kbit/s, luma PSNR {psnr}");
+    if let Some(bytes) = s.peak_memory_bytes {
+        eprintln!("  memory    {:.0} MB at most", bytes as f64 / 1e6);
+    }
+    let broken: usize = report.frames.iter().map(|frame| frame.non_finite_pixels).sum();
+    if broken > 0 {
+        eprintln!("  warning   {broken} pixels were not finite and are shown black");
+    }
+    eprintln!("video:  {}", video.display());
+    eprintln!("report: {}", report_path.display());
+}

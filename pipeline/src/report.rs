@@ -1,0 +1,292 @@
+//! What a run did and cost, as JSON. The names are kept stable; `schema` counts changes.
+
+use crate::message::FrameFigures;
+use crate::plan::Step;
+use crate::settings::Settings;
+use anyhow::{Context, Result};
+use render_core::scene::Scene;
+use serde::Serialize;
+use std::path::Path;
+
+/// The whole report.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Version of the layout.
+    pub schema: u32,
+    /// Version of the program.
+    pub program: String,
+    /// What was rendered.
+    pub scene: SceneReport,
+    /// Every choice of the run, defaults filled in.
+    pub settings: Settings,
+    /// What ran, and what was left out and why.
+    pub plan: Vec<Step>,
+    /// One per frame.
+    pub frames: Vec<FrameReport>,
+    /// Over all frames.
+    pub summary: Summary,
+}
+
+/// What was rendered.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneReport {
+    /// The scene file.
+    pub file: std::path::PathBuf,
+    /// Triangles of all instances.
+    pub triangles: usize,
+    /// Meshes in their places.
+    pub instances: usize,
+    /// Images in use.
+    pub textures: usize,
+    /// Length of the animation [s].
+    pub duration: f32,
+    /// What was read but not rendered.
+    pub warnings: Vec<String>,
+}
+
+/// Seconds of the stages of a frame. `direct` and `indirect` are summed over threads, the others are by the clock.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Seconds {
+    /// Placing of objects and the ray tree.
+    pub update: f64,
+    /// Photon tracing.
+    pub photons: f64,
+    /// Build or update of the light tree.
+    pub tree: f64,
+    /// Primary rays and motion.
+    pub visibility: f64,
+    /// Direct light.
+    pub direct: f64,
+    /// Cuts.
+    pub indirect: f64,
+    /// Tone mapping and colour conversion.
+    pub tone_map: f64,
+    /// Encoding.
+    pub encode: f64,
+    /// Masking.
+    pub thresholds: f64,
+    /// Sum of all.
+    pub total: f64,
+}
+
+/// One frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct FrameReport {
+    /// From 0, in display order.
+    pub index: u32,
+    /// "I" or "P".
+    pub picture_type: &'static str,
+    /// Of the coded picture, headers included.
+    pub bits: u64,
+    /// quantiser_scale.
+    pub qscale: u32,
+    /// Of the coded luma against the uncoded [dB]; null when they are equal.
+    pub psnr_y: Option<f64>,
+    /// Of the stages.
+    pub seconds: Seconds,
+    /// Clusters in a pixel's cut.
+    pub cut_size_mean: f64,
+    /// Largest cut.
+    pub cut_size_max: u32,
+    /// Shadow rays of direct light and cuts.
+    pub shadow_rays: u64,
+    /// Irradiance cache: records in use. None are kept: every pixel has a cut of its own.
+    pub cache_records: u64,
+    /// Irradiance cache: records made.
+    pub cache_new: u64,
+    /// Share of the light tree's inner nodes whose children changed places.
+    pub tree_swaps_share: f64,
+    /// Threshold by luminance.
+    pub threshold_mean_relative: f64,
+    /// Multiplier on the thresholds: 1, the bound itself decides.
+    pub kappa: f64,
+    /// 95th percentile of true error by threshold; null, since no pixel is audited.
+    pub audit_error_p95: Option<f64>,
+    /// Pixels whose radiance was not finite; shown black.
+    pub non_finite_pixels: usize,
+}
+
+/// Means over the frames, and totals.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Summary {
+    /// Frames in the stream.
+    pub frames: u32,
+    /// Whether the run was ended early by the user.
+    pub interrupted: bool,
+    /// Of all pictures.
+    pub bits_total: u64,
+    /// Mean.
+    pub bits: f64,
+    /// Mean over the frames that have one [dB].
+    pub psnr_y: Option<f64>,
+    /// Means.
+    pub seconds: Seconds,
+    /// Mean.
+    pub cut_size_mean: f64,
+    /// Largest of all frames.
+    pub cut_size_max: u32,
+    /// Mean.
+    pub shadow_rays: f64,
+    /// Mean over the frames that took thresholds from the one before.
+    pub threshold_mean_relative: f64,
+    /// Mean.
+    pub tree_swaps_share: f64,
+    /// By the clock, loading included [s].
+    pub wall_seconds: f64,
+    /// Of all threads [s]; null where the system does not tell.
+    pub cpu_seconds: Option<f64>,
+    /// Most memory that was ever in use; null where the system does not tell.
+    pub peak_memory_bytes: Option<u64>,
+}
+
+impl FrameReport {
+    /// Puts together what the encoder and the stages before it know.
+    pub fn new(
+        index: u32,
+        picture_type: &'static str,
+        bits: u64,
+        qscale: u32,
+        psnr_y: Option<f64>,
+        figures: FrameFigures,
+    ) -> Self {
+        let mut seconds = Seconds {
+            update: figures.update,
+            photons: figures.photons,
+            tree: figures.tree,
+            visibility: figures.visibility,
+            direct: figures.direct,
+            indirect: figures.indirect,
+            tone_map: figures.tone_map,
+            encode: figures.encode,
+            thresholds: figures.thresholds,
+            total: 0.0,
+        };
+        seconds.total = seconds.sum();
+        Self {
+            index,
+            picture_type,
+            bits,
+            qscale,
+            psnr_y,
+            seconds,
+            cut_size_mean: figures.cut_size_mean,
+            cut_size_max: figures.cut_size_max,
+            shadow_rays: figures.shadow_rays,
+            cache_records: 0,
+            cache_new: 0,
+            tree_swaps_share: figures.tree_swaps_share,
+            threshold_mean_relative: figures.threshold_mean_relative,
+            kappa: 1.0,
+            audit_error_p95: None,
+            non_finite_pixels: figures.non_finite,
+        }
+    }
+
+    /// Adds the seconds that masking this frame took.
+    pub fn add_masking(&mut self, seconds: f64) {
+        self.seconds.thresholds = seconds;
+        self.seconds.total = self.seconds.sum();
+    }
+}
+
+impl Seconds {
+    fn parts(&self) -> [f64; 9] {
+        let s = self;
+        [s.update, s.photons, s.tree, s.visibility, s.direct, s.indirect, s.tone_map, s.encode, s.thresholds]
+    }
+
+    fn sum(&self) -> f64 {
+        self.parts().iter().sum()
+    }
+
+    fn mean<'a>(all: impl Iterator<Item = &'a Seconds> + Clone) -> Seconds {
+        let count = all.clone().count().max(1) as f64;
+        let mut sums = [0.0; 9];
+        for seconds in all {
+            sums.iter_mut().zip(seconds.parts()).for_each(|(sum, part)| *sum += part / count);
+        }
+        let [update, photons, tree, visibility, direct, indirect, tone_map, encode, thresholds] = sums;
+        let total = sums.iter().sum();
+        Seconds { update, photons, tree, visibility, direct, indirect, tone_map, encode, thresholds, total }
+    }
+}
+
+impl Report {
+    /// A report of `frames`, made in `wall_seconds`.
+    pub fn new(
+        scene: &Scene,
+        settings: &Settings,
+        plan: &[Step],
+        frames: Vec<FrameReport>,
+        interrupted: bool,
+        wall_seconds: f64,
+    ) -> Self {
+        let count = frames.len().max(1) as f64;
+        let mean = |f: &dyn Fn(&FrameReport) -> f64| frames.iter().map(f).sum::<f64>() / count;
+        let psnrs: Vec<f64> = frames.iter().filter_map(|frame| frame.psnr_y).collect();
+        let steered: Vec<f64> = frames.iter().skip(1).map(|frame| frame.threshold_mean_relative).collect();
+        let summary = Summary {
+            frames: frames.len() as u32,
+            interrupted,
+            bits_total: frames.iter().map(|frame| frame.bits).sum(),
+            bits: mean(&|frame| frame.bits as f64),
+            psnr_y: (!psnrs.is_empty()).then(|| psnrs.iter().sum::<f64>() / psnrs.len() as f64),
+            seconds: Seconds::mean(frames.iter().map(|frame| &frame.seconds)),
+            cut_size_mean: mean(&|frame| frame.cut_size_mean),
+            cut_size_max: frames.iter().map(|frame| frame.cut_size_max).max().unwrap_or(0),
+            shadow_rays: mean(&|frame| frame.shadow_rays as f64),
+            threshold_mean_relative: steered.iter().sum::<f64>() / steered.len().max(1) as f64,
+            tree_swaps_share: mean(&|frame| frame.tree_swaps_share),
+            wall_seconds,
+            cpu_seconds: cpu_seconds(),
+            peak_memory_bytes: peak_memory_bytes(),
+        };
+        Self {
+            schema: 1,
+            program: concat!("render2mpeg ", env!("CARGO_PKG_VERSION")).into(),
+            scene: SceneReport {
+                file: settings.scene.clone(),
+                triangles: scene.triangle_count(),
+                instances: scene.instances.len(),
+                textures: scene.textures.len(),
+                duration: scene.duration(),
+                warnings: scene.warnings.clone(),
+            },
+            settings: settings.clone(),
+            plan: plan.to_vec(),
+            frames,
+            summary,
+        }
+    }
+
+    /// Writes the report, whole or not at all.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let mut output = crate::output::Output::create(path)?;
+        let mut text = serde_json::to_string_pretty(self).context("the report cannot be put into JSON")?;
+        text.push('\n');
+        output.write(text.as_bytes())?;
+        output.finish()
+    }
+}
+
+/// CPU time of the whole process.
+#[cfg(unix)]
+fn cpu_seconds() -> Option<f64> {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
+}
+
+#[cfg(not(unix))]
+fn cpu_seconds() -> Option<f64> {
+    None
+}
+
+/// The kernel's high-water mark of resident memory (proc(5), VmHWM); Linux only.
+fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)
+}

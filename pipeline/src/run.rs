@@ -1,0 +1,89 @@
+//! The stages as threads, joined by bounded channels; the first failure ends all.
+
+use crate::message::MaskingTime;
+use crate::output::Output;
+use crate::plan::Plan;
+use crate::report::{FrameReport, Report};
+use crate::settings::Settings;
+use crate::stage::{display, encode, mask, prepare, shade};
+use anyhow::{Result, anyhow};
+use crossbeam_channel::{bounded, unbounded};
+use render_core::scene::Scene;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::ScopedJoinHandle;
+use std::time::Instant;
+
+/// Renders `scene` into `output` and reports what it took.
+///
+/// `progress` is called with each finished frame. When `stop` becomes true, no further frame is begun, and the stream ends
+/// in order. Blocks until all is done; the caller names the threads that rayon may use by installing a pool.
+///
+/// # Errors
+/// The first failure of a stage: an output that cannot be written, settings without an encoder, or a fault of our own.
+pub fn render(
+    scene: &Scene,
+    settings: &Settings,
+    plan: &Plan,
+    mut output: Output,
+    stop: &AtomicBool,
+    mut progress: impl FnMut(&FrameReport) + Send,
+) -> Result<Report> {
+    let begin = Instant::now();
+    let mut reports: Vec<FrameReport> = Vec::new();
+    // One frame in each channel: a stage may be one ahead, and memory is bounded.
+    let (prepared_out, prepared_in) = bounded(1);
+    let (shaded_out, shaded_in) = bounded(1);
+    let (encode_out, encode_in) = bounded(1);
+    let (mask_out, mask_in) = bounded(1);
+    // The way back. It holds one map: shading frame n takes that of n−1 before it makes anything new.
+    let (thresholds_out, thresholds_in) = bounded(1);
+    let (times_out, times_in) = unbounded::<MaskingTime>();
+    std::thread::scope(|scope| {
+        let output = &mut output;
+        let reports = &mut reports;
+        let stages: [(&str, ScopedJoinHandle<Result<()>>); 5] = [
+            (
+                "encode",
+                scope.spawn(move || {
+                    encode::run(settings, &encode_in, output, |frame| {
+                        progress(&frame);
+                        reports.push(frame);
+                    })
+                }),
+            ),
+            ("display", scope.spawn(move || display::run(settings, plan, &shaded_in, &encode_out, &mask_out))),
+            (
+                "mask",
+                scope.spawn(move || {
+                    mask::run(settings, &mask_in, &thresholds_out, &times_out);
+                    Ok(())
+                }),
+            ),
+            (
+                "shade",
+                scope.spawn(move || {
+                    shade::run(settings, plan, &prepared_in, &thresholds_in, &shaded_out);
+                    Ok(())
+                }),
+            ),
+            (
+                "prepare",
+                scope.spawn(move || {
+                    prepare::run(scene, settings, plan, stop, &prepared_out);
+                    Ok(())
+                }),
+            ),
+        ];
+        // A stage that fails drops its ends, and the others follow: all are joined before any is reported.
+        let results = stages.map(|(name, stage)| {
+            stage.join().unwrap_or_else(|_| Err(anyhow!("the {name} stage failed: a fault of this program")))
+        });
+        results.into_iter().collect::<Result<Vec<()>>>()
+    })?;
+    for MaskingTime { of, seconds } in times_in {
+        reports[of as usize].add_masking(seconds);
+    }
+    output.finish()?;
+    let interrupted = stop.load(Ordering::Relaxed) && (reports.len() as u32) < settings.frames;
+    Ok(Report::new(scene, settings, plan.steps(), reports, interrupted, begin.elapsed().as_secs_f64()))
+}

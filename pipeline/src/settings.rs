@@ -1,0 +1,250 @@
+//! What is meant: every choice of a run, checked and with its default filled in.
+
+use anyhow::{Context, Result, bail};
+use perceptual::ToneMap;
+use render_core::scene::Scene;
+use serde::Serialize;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// How indirect light is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Lighting {
+    /// A cut through the light tree for each pixel, as fine as its threshold asks for.
+    Lightcuts,
+    /// Every light at every pixel: slow, the reference that cuts are measured against.
+    AllLights,
+}
+
+/// Where the error that a pixel may have comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Thresholds {
+    /// From the masking model, one frame later.
+    Perceptual,
+    /// A fixed share of each pixel's luminance; 0.02 is the original Lightcuts.
+    Fixed(f32),
+}
+
+impl FromStr for Thresholds {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "perceptual" {
+            return Ok(Self::Perceptual);
+        }
+        let share = text.strip_prefix("fixed:").and_then(|share| share.parse::<f32>().ok());
+        share.filter(|share| (0.0..=1.0).contains(share)).map(Self::Fixed).ok_or_else(|| {
+            format!(
+                "\"{text}\" is neither \"perceptual\" nor \"fixed:SHARE\" with a share of 0 to 1, such as fixed:0.02"
+            )
+        })
+    }
+}
+
+impl Serialize for Thresholds {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Perceptual => serializer.serialize_str("perceptual"),
+            Self::Fixed(share) => serializer.serialize_str(&format!("fixed:{share}")),
+        }
+    }
+}
+
+/// Width and height of the picture in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Size {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+/// Largest side that the size fields of the sequence header and its extension hold (6.2.2.1, 6.2.2.3).
+const LARGEST_SIDE: usize = 16383;
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("\"{text}\" is not a size such as 512x512, with sides of 1 to {LARGEST_SIDE} pixels");
+        let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
+        let side = |text: &str| text.parse::<usize>().ok().filter(|side| (1..=LARGEST_SIDE).contains(side));
+        Ok(Self { width: side(width).ok_or_else(wrong)?, height: side(height).ok_or_else(wrong)? })
+    }
+}
+
+/// Every choice of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Settings {
+    /// The scene file.
+    pub scene: PathBuf,
+    /// The video file.
+    pub output: PathBuf,
+    /// Pictures to make.
+    pub frames: u32,
+    /// Pictures a second.
+    pub fps: f64,
+    /// Of the picture.
+    pub size: Size,
+    /// The standard's quantiser_scale, 1…112.
+    pub qscale: u32,
+    /// Pictures from one I picture to the next.
+    pub gop: u32,
+    /// Where thresholds come from.
+    pub thresholds: Thresholds,
+    /// How indirect light is computed.
+    pub lighting: Lighting,
+    /// Anchor lights on surfaces at rest.
+    pub vpls: usize,
+    /// Anchor lights on surfaces that move.
+    pub moving_vpls: usize,
+    /// Photons a frame.
+    pub photons: u64,
+    /// Seed of photons and representatives.
+    pub seed: u64,
+    /// Leave out what the scene does not need.
+    pub leave_out: bool,
+    /// Give the encoder the renderer's motion.
+    pub motion: bool,
+    /// How radiance becomes light on a display.
+    pub tone_map: ToneMap,
+    /// Whether the first frame sets the exposure.
+    pub auto_exposure: bool,
+    /// Folder for linear frames as OpenEXR, if wanted.
+    pub exr: Option<PathBuf>,
+    /// File for the frames before compression, if wanted.
+    pub y4m: Option<PathBuf>,
+}
+
+/// What a user may leave open, and what then holds.
+#[derive(Clone, Debug, Default)]
+pub struct Wishes {
+    /// See [`Settings`] for each.
+    pub output: Option<PathBuf>,
+    /// Default: what the scene's TOML file says, else its animation's length, else 100.
+    pub frames: Option<u32>,
+    /// Default: what the scene's TOML file says, else 25.
+    pub fps: Option<f64>,
+    /// Default: 512x512, as in the paper.
+    pub size: Option<Size>,
+    /// Default: 8.
+    pub qscale: Option<u32>,
+    /// Default: 15.
+    pub gop: Option<u32>,
+    /// Default: perceptual.
+    pub thresholds: Option<Thresholds>,
+    /// Default: lightcuts.
+    pub lighting: Option<Lighting>,
+    /// Default: 2000 for a box to 9000 for a building.
+    pub vpls: Option<usize>,
+    /// Default: 150 for each anchor light, as in the paper.
+    pub photons: Option<u64>,
+    /// Default: 1.
+    pub seed: Option<u64>,
+    /// Default: leave out.
+    pub run_everything: bool,
+    /// Default: the encoder is given the motion.
+    pub no_motion: bool,
+    /// See [`Settings`].
+    pub exr: Option<PathBuf>,
+    /// See [`Settings`].
+    pub y4m: Option<PathBuf>,
+}
+
+/// Photons for each anchor light: 3·10⁵ for 2000 in table 1 of [Herzog08].
+const PHOTONS_PER_ANCHOR: u64 = 150;
+/// Anchor lights on moving things: each is asked at every pixel, and their light is a small part of the whole.
+const MOVING_ANCHORS: usize = 24;
+
+impl Settings {
+    /// Fills in `wishes` for `scene`, loaded from `path`.
+    ///
+    /// # Errors
+    /// A wish, or a setting of the scene, that cannot be met; the message says what could.
+    pub fn new(path: PathBuf, scene: &Scene, wishes: Wishes) -> Result<Self> {
+        let output = match wishes.output {
+            Some(output) => output,
+            None => PathBuf::from(path.file_stem().context("the scene's path has no file name")?).with_extension("m2v"),
+        };
+        let extension = output.extension().and_then(|extension| extension.to_str());
+        if let Some(other @ ("mpg" | "ts" | "mp4" | "mkv" | "avi" | "mov")) = extension {
+            bail!("{}: .{other} files are not written; name the output .m2v", output.display());
+        }
+        let video = scene.settings.video;
+        let fps = wishes.fps.or(video.fps).unwrap_or(25.0);
+        if !(fps.is_finite() && fps > 0.0) {
+            bail!("--fps {fps} must be positive");
+        }
+        let animated = (f64::from(scene.duration()) * fps).round().clamp(0.0, 1e6) as u32;
+        let frames = wishes.frames.or(video.frames).unwrap_or(if animated > 0 { animated } else { 100 });
+        if frames == 0 {
+            bail!("--frames 0: a video has at least one frame");
+        }
+        let vpls = wishes.vpls.unwrap_or_else(|| render_core::Anchors::default_count(scene));
+        if !(1..=10_000_000).contains(&vpls) {
+            bail!("--vpls {vpls} must lie in 1..=10000000");
+        }
+        let settings_file = render_core::scene::SceneSettings::path_for(&path);
+        let (tone_map, auto_exposure) = match &scene.settings.tone_mapping {
+            None => (ToneMap::default(), true),
+            Some(table) => {
+                let tone_map: ToneMap = table.clone().try_into().map_err(|error: toml::de::Error| {
+                    anyhow::anyhow!("{}: [tone_mapping] {}", settings_file.display(), error.message())
+                })?;
+                tone_map.check().with_context(|| format!("{}", settings_file.display()))?;
+                (tone_map, !table.contains_key("exposure"))
+            }
+        };
+        Ok(Self {
+            scene: path,
+            output,
+            frames,
+            fps,
+            size: wishes.size.unwrap_or(Size { width: 512, height: 512 }),
+            qscale: wishes.qscale.unwrap_or(8),
+            gop: wishes.gop.unwrap_or(15),
+            thresholds: wishes.thresholds.unwrap_or(Thresholds::Perceptual),
+            lighting: wishes.lighting.unwrap_or(Lighting::Lightcuts),
+            vpls,
+            moving_vpls: MOVING_ANCHORS,
+            photons: wishes.photons.unwrap_or(PHOTONS_PER_ANCHOR * vpls as u64),
+            seed: wishes.seed.unwrap_or(1),
+            leave_out: !wishes.run_everything,
+            motion: !wishes.no_motion,
+            tone_map,
+            auto_exposure,
+            exr: wishes.exr,
+            y4m: wishes.y4m,
+        })
+    }
+
+    /// The encoder that these settings ask for.
+    ///
+    /// # Errors
+    /// A size, rate, quantiser or group of pictures that the standard does not have; the message names what it has.
+    pub fn encoder_config(&self) -> Result<mpeg2enc::Config> {
+        let rate = mpeg2enc::FrameRate::from_fps(self.fps)?;
+        Ok(mpeg2enc::Config::new(self.size.width, self.size.height, rate)
+            .with_gop(self.gop)
+            .with_quantiser_scale(self.qscale))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_and_thresholds_are_read_or_explained() {
+        assert_eq!("640x360".parse(), Ok(Size { width: 640, height: 360 }));
+        for bad in ["0x0", "512", "x", "99999x1", "-1x5"] {
+            assert!(bad.parse::<Size>().unwrap_err().contains("512x512"), "{bad}");
+        }
+        assert_eq!("fixed:0.02".parse(), Ok(Thresholds::Fixed(0.02)));
+        assert_eq!("perceptual".parse(), Ok(Thresholds::Perceptual));
+        for bad in ["fixed", "fixed:-1", "fixed:nan", "watson"] {
+            assert!(bad.parse::<Thresholds>().unwrap_err().contains("fixed:0.02"), "{bad}");
+        }
+    }
+}

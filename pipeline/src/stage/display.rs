@@ -1,0 +1,120 @@
+//! Radiance into what a display shows: tone curve and Y′C_BC_R. Here light changes its unit to code values.
+
+use crate::message::{Displayed, Shaded, ToMask};
+use crate::plan::{Plan, State};
+use crate::settings::Settings;
+use anyhow::{Context, Result};
+use crossbeam_channel::{Receiver, Sender};
+use glam::Vec3;
+use perceptual::{YCbCr, luminance_plane};
+use plane::Plane;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Luminance that the middle of a picture is brought to when nobody said how bright it should be: photography's grey card.
+const MIDDLE_GREY: f64 = 0.18;
+
+/// Tone maps frame after frame, for the encoder and, with masking on, for the masking model.
+///
+/// # Errors
+/// A file for linear or uncompressed frames cannot be written.
+pub fn run(
+    settings: &Settings,
+    plan: &Plan,
+    frames: &Receiver<Shaded>,
+    to_encode: &Sender<Displayed>,
+    to_mask: &Sender<ToMask>,
+) -> Result<()> {
+    let mut tone_map = settings.tone_map;
+    let mut uncompressed = match &settings.y4m {
+        Some(path) => Some(Y4m::create(path, settings)?),
+        None => None,
+    };
+    for Shaded { frame, radiance, correspondence, mut figures } in frames {
+        let start = Instant::now();
+        let luminance = luminance_plane(&radiance);
+        if settings.auto_exposure && frame == 0 {
+            tone_map = tone_map.with_exposure(exposure_for(&luminance));
+        }
+        let picture = Arc::new(YCbCr::from_radiance(&radiance, &tone_map));
+        figures.non_finite = picture.non_finite;
+        figures.tone_map = start.elapsed().as_secs_f64();
+        if let Some(folder) = &settings.exr {
+            let path = folder.join(format!("frame_{frame:05}.exr"));
+            let linear = radiance.map(Vec3::from);
+            render_core::image_file::write_exr(&path, &linear).map_err(anyhow::Error::msg)?;
+        }
+        if let Some(file) = &mut uncompressed {
+            file.write(&picture)?;
+        }
+        if plan.masking == State::On {
+            let message =
+                ToMask { frame, picture: picture.clone(), luminance, tone_map, correspondence: correspondence.clone() };
+            if to_mask.send(message).is_err() {
+                break;
+            }
+        }
+        if to_encode.send(Displayed { frame, picture, correspondence, figures }).is_err() {
+            break;
+        }
+    }
+    if let Some(file) = uncompressed {
+        file.finish()?;
+    }
+    Ok(())
+}
+
+/// Brings the geometric mean of the lit pixels' luminance to middle grey.
+fn exposure_for(luminance: &Plane<f32>) -> f32 {
+    let logs: Vec<f64> = luminance.samples().iter().filter(|&&y| y > 0.0).map(|&y| f64::from(y).ln()).collect();
+    if logs.is_empty() {
+        return 1.0;
+    }
+    let mean = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
+    ((MIDDLE_GREY / mean) as f32).clamp(1e-12, 1e12)
+}
+
+/// Uncompressed frames in a YUV4MPEG2 file, chroma sited as MPEG-2 has it.
+struct Y4m<'a> {
+    path: &'a std::path::Path,
+    file: BufWriter<File>,
+}
+
+impl<'a> Y4m<'a> {
+    fn create(path: &'a std::path::Path, settings: &Settings) -> Result<Self> {
+        let context = || format!("{} cannot be written", path.display());
+        let mut file = BufWriter::new(File::create(path).with_context(context)?);
+        let (numerator, denominator) = mpeg2enc::FrameRate::from_fps(settings.fps)?.fraction();
+        let (width, height) = (settings.size.width, settings.size.height);
+        writeln!(file, "YUV4MPEG2 W{width} H{height} F{numerator}:{denominator} Ip A1:1 C420mpeg2")
+            .with_context(context)?;
+        Ok(Self { path, file })
+    }
+
+    fn write(&mut self, picture: &YCbCr) -> Result<()> {
+        let planes = [&picture.y, &picture.cb, &picture.cr];
+        let written = self
+            .file
+            .write_all(b"FRAME\n")
+            .and_then(|()| planes.iter().try_for_each(|plane| self.file.write_all(plane.samples())));
+        written.with_context(|| format!("{} cannot be written", self.path.display()))
+    }
+
+    fn finish(mut self) -> Result<()> {
+        self.file.flush().with_context(|| format!("{} cannot be written", self.path.display()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exposure_brings_the_middle_to_grey() {
+        let picture = Plane::from_fn(4, 1, |x, _| [0.0, 10.0, 1000.0, 100.0][x]);
+        assert!((exposure_for(&picture) - 0.0018).abs() < 1e-6);
+        assert_eq!(exposure_for(&Plane::filled(2, 2, 0.0)), 1.0);
+    }
+}

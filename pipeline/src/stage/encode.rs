@@ -1,0 +1,43 @@
+//! Pictures into the stream, with the renderer's motion; and a line for the report from each.
+
+use crate::message::{Displayed, FrameFigures};
+use crate::output::Output;
+use crate::report::FrameReport;
+use crate::settings::Settings;
+use anyhow::Result;
+use crossbeam_channel::Receiver;
+use mpeg2enc::{Frame, MotionField, PictureType};
+use std::time::Instant;
+
+/// Encodes frame after frame into `output`, and calls `done` with the report of each.
+///
+/// # Errors
+/// The output cannot be written, or the settings fit no encoder.
+pub fn run(
+    settings: &Settings,
+    frames: &Receiver<Displayed>,
+    output: &mut Output,
+    mut done: impl FnMut(FrameReport),
+) -> Result<()> {
+    let mut encoder = settings.encoder_config()?.encoder()?;
+    for Displayed { frame, picture, correspondence, mut figures } in frames {
+        let start = Instant::now();
+        let known = correspondence.as_ref().filter(|_| settings.motion);
+        let motion = known.map(|correspondence| MotionField::new(correspondence.motion.clone()));
+        let coded = Frame::new(picture.y.clone(), picture.cb.clone(), picture.cr.clone())?;
+        let packet = encoder.push(&coded, motion.as_ref());
+        figures.encode = start.elapsed().as_secs_f64();
+        output.write(&packet.data)?;
+        done(report(frame, &packet, figures));
+    }
+    output.write(&encoder.finish())
+}
+
+fn report(index: u32, packet: &mpeg2enc::Packet, figures: FrameFigures) -> FrameReport {
+    let picture_type = match packet.picture_type {
+        PictureType::I => "I",
+        PictureType::P => "P",
+    };
+    let psnr_y = packet.psnr_y.is_finite().then_some(packet.psnr_y);
+    FrameReport::new(index, picture_type, packet.bits, packet.quantiser_scale, psnr_y, figures)
+}

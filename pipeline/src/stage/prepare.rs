@@ -1,0 +1,214 @@
+//! Everything about a frame that needs no thresholds: objects, photons, light tree, primary rays, motion.
+
+use crate::message::{FrameFigures, Prepared};
+use crate::plan::{Plan, State};
+use crate::settings::Settings;
+use crossbeam_channel::Sender;
+use glam::Vec3;
+use lighttree::{BuildParams, Emission, Light, LightTree};
+use render_core::scene::{Pose, Scene};
+use render_core::{
+    Accelerator, Anchors, Correspondence, DirectLights, Emitters, GBuffer, Geometry, Surfaces, Units, dome_lights,
+    trace_photons,
+};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Directions that the sky is split into: 5° apart, below the size of the shadows that a sky throws.
+const DOME_LIGHTS: usize = 1024;
+/// Points that glowing surfaces are split into when they are lights of the tree, all together.
+const EMITTER_POINTS: f32 = 2048.0;
+/// The same for a single surface, at least and at most.
+const POINTS_OF_A_SURFACE: (f32, f32) = (16.0, 1024.0);
+/// More glowing surfaces than this are lights of the tree: asking each at every pixel would cost more than a cut.
+const MOST_SAMPLED_SURFACES: usize = 8;
+/// A surface of more pieces than this, and larger than this share of the scene, is a crowd of lights, not one.
+const FEW_PATCHES: usize = 4;
+const SMALL_EXTENT: f32 = 0.1;
+
+/// Makes frames 0, 1, 2 … and sends them on; stops early when `stop` is set.
+pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, stop: &AtomicBool, out: &Sender<Prepared>) {
+    let mut preparation = Preparation::new(scene, settings, plan);
+    for n in 0..settings.frames {
+        if stop.load(Ordering::Relaxed) || out.send(preparation.frame(n)).is_err() {
+            break;
+        }
+    }
+}
+
+/// What is kept from frame to frame.
+struct Preparation<'a> {
+    scene: &'a Scene,
+    settings: &'a Settings,
+    plan: &'a Plan,
+    geometry: Geometry,
+    units: Units,
+    anchors: Anchors,
+    kept: Option<Kept>,
+}
+
+struct Kept {
+    accelerator: Arc<Accelerator>,
+    direct: Arc<DirectLights>,
+    tree: Arc<LightTree>,
+    seen: Arc<GBuffer>,
+    carried: Vec<Vec3>,
+    /// Intensities of the lights behind the anchors in the tree: surfaces and sky, which do not change.
+    constant: Vec<Vec3>,
+}
+
+impl<'a> Preparation<'a> {
+    fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan) -> Self {
+        let units = Units::of(scene);
+        let rest = scene.pose(0.0);
+        let carried = if plan.moving_anchors == State::Off { 0 } else { settings.moving_vpls };
+        let fixed = if plan.photons == State::Off { 0 } else { settings.vpls };
+        let anchors = Anchors::spread(scene, &Surfaces::new(scene, &rest), &units, fixed, carried);
+        Self { scene, settings, plan, geometry: Geometry::new(scene), units, anchors, kept: None }
+    }
+
+    fn frame(&mut self, n: u32) -> Prepared {
+        let mut figures = FrameFigures::default();
+        let start = Instant::now();
+        let pose = self.scene.pose((f64::from(n) / self.settings.fps) as f32);
+        let surfaces = Surfaces::new(self.scene, &pose);
+        let accelerator = match &self.kept {
+            Some(kept) if !self.plan.placing.runs(n) => kept.accelerator.clone(),
+            _ => Arc::new(self.geometry.place(&pose)),
+        };
+        figures.update = start.elapsed().as_secs_f64();
+
+        let lights = self.lights(n, &pose, &surfaces, &accelerator, &mut figures);
+
+        let start = Instant::now();
+        let size = self.settings.size;
+        let seen = match &self.kept {
+            Some(kept) if !self.plan.primary_rays.runs(n) => kept.seen.clone(),
+            _ => {
+                let view = self.scene.view(&pose, size.width, size.height);
+                Arc::new(GBuffer::trace(&accelerator, &surfaces, &view, size.width, size.height))
+            }
+        };
+        let correspondence = self.kept.as_ref().map(|before| Arc::new(Correspondence::between(&seen, &before.seen)));
+        figures.visibility = start.elapsed().as_secs_f64();
+
+        let (tree, direct, carried, constant) = lights;
+        let kept = Kept { accelerator, direct, tree, seen, carried, constant };
+        let prepared = Prepared {
+            frame: n,
+            accelerator: kept.accelerator.clone(),
+            direct: kept.direct.clone(),
+            tree: kept.tree.clone(),
+            seen: kept.seen.clone(),
+            correspondence,
+            epsilon: self.units.epsilon,
+            figures,
+        };
+        self.kept = Some(kept);
+        prepared
+    }
+
+    /// The light tree and the direct lights of frame `n`, with the energies they have there.
+    #[allow(clippy::type_complexity, reason = "handed straight to the one caller")]
+    fn lights(
+        &mut self,
+        n: u32,
+        pose: &Pose,
+        surfaces: &Surfaces,
+        accelerator: &Accelerator,
+        figures: &mut FrameFigures,
+    ) -> (Arc<LightTree>, Arc<DirectLights>, Vec<Vec3>, Vec<Vec3>) {
+        if let Some(kept) = self.kept.as_ref().filter(|_| !self.plan.photons.runs(n) && !self.plan.placing.runs(n)) {
+            return (kept.tree.clone(), kept.direct.clone(), kept.carried.clone(), kept.constant.clone());
+        }
+        let start = Instant::now();
+        let emitters = Emitters::new(surfaces, pose, &self.units);
+        let energies = trace_photons(
+            accelerator,
+            surfaces,
+            &emitters,
+            &self.anchors,
+            &self.units,
+            if self.plan.photons == State::Off { 0 } else { self.settings.photons },
+            self.settings.seed,
+        );
+        figures.photons = start.elapsed().as_secs_f64();
+
+        let start = Instant::now();
+        let sampled = self.sampled_areas(&emitters, surfaces);
+        let mut intensities: Vec<Vec3> = energies.fixed.iter().map(|&flux| flux / std::f32::consts::PI).collect();
+        let (tree, constant) = match self.kept.take() {
+            Some(kept) => {
+                intensities.extend(&kept.constant);
+                let mut tree = kept.tree;
+                // The same energies again are no news: an update would only reshuffle representatives.
+                if tree.lights().iter().map(|light| light.intensity).ne(intensities.iter().copied()) {
+                    figures.tree_swaps_share = Arc::make_mut(&mut tree).update(&intensities).swapped_share;
+                }
+                let constant = kept.constant;
+                self.kept = Some(Kept { tree: tree.clone(), constant: Vec::new(), carried: Vec::new(), ..kept });
+                (tree, constant)
+            }
+            None => {
+                let others = self.lights_that_stay(&emitters, surfaces, &sampled);
+                let constant = others.iter().map(|light| light.intensity).collect();
+                let anchors = self.anchors.fixed.iter().zip(intensities).map(|(anchor, intensity)| Light {
+                    position: anchor.position.into(),
+                    emission: Emission::Cosine(anchor.normal.into()),
+                    intensity,
+                });
+                let lights: Vec<Light> = anchors.chain(others).collect();
+                let softening2 = self.anchors.area_share / std::f32::consts::PI;
+                (Arc::new(LightTree::build(&lights, BuildParams { softening2, seed: self.settings.seed })), constant)
+            }
+        };
+        figures.tree = start.elapsed().as_secs_f64();
+        let direct = DirectLights::new(&emitters, surfaces, &self.anchors, &energies.carried, &sampled);
+        (tree, Arc::new(direct), energies.carried, constant)
+    }
+
+    /// Places of the glowing surfaces that each pixel asks for itself: few and compact ones, and those that move.
+    fn sampled_areas(&self, emitters: &Emitters, surfaces: &Surfaces) -> Vec<usize> {
+        let moving = self.scene.moving_nodes();
+        let moves = |place: usize| moving[self.scene.instances[emitters.areas[place].instance].node];
+        let compact = |place: usize| {
+            let light = &emitters.areas[place];
+            light.patch_count() <= FEW_PATCHES || light.extent(surfaces) <= SMALL_EXTENT * self.units.radius
+        };
+        let places = 0..emitters.areas.len();
+        let few: Vec<usize> = places.clone().filter(|&place| !moves(place) && compact(place)).collect();
+        if few.len() <= MOST_SAMPLED_SURFACES {
+            places.filter(|&place| moves(place) || compact(place)).collect()
+        } else {
+            places.filter(|&place| moves(place)).collect()
+        }
+    }
+
+    /// The lights of the tree that keep their energy: glowing surfaces that are not in `sampled`, and the sky.
+    fn lights_that_stay(&self, emitters: &Emitters, surfaces: &Surfaces, sampled: &[usize]) -> Vec<Light> {
+        let luminance = render_core::luminance;
+        let areas: Vec<_> = (0..emitters.areas.len()).filter(|place| !sampled.contains(place)).collect();
+        let power: f32 = areas.iter().map(|&place| luminance(emitters.areas[place].power())).sum();
+        let mut lights = Vec::new();
+        for place in areas {
+            let area = &emitters.areas[place];
+            let (least, most) = POINTS_OF_A_SURFACE;
+            let by_power = EMITTER_POINTS * luminance(area.power()) / power.max(f32::MIN_POSITIVE);
+            // A surface of many small panels needs a few points on each.
+            let by_panels = (4 * area.patch_count()) as f32;
+            let count = by_power.max(by_panels).clamp(least, most) as usize;
+            lights.extend(area.samples(surfaces, count).into_iter().map(|sample| Light {
+                position: sample.position.into(),
+                emission: Emission::Cosine(sample.normal.into()),
+                intensity: sample.intensity,
+            }));
+        }
+        lights.extend(dome_lights(self.scene, &self.units, DOME_LIGHTS).into_iter().map(|light| Light {
+            position: light.position.into(),
+            emission: Emission::Omni,
+            intensity: light.intensity,
+        }));
+        lights
+    }
+}

@@ -1,0 +1,162 @@
+//! Direct light and photons against closed forms.
+
+mod common;
+
+use common::{add, material, quad, rest, room};
+use glam::{Quat, Vec3, Vec3A, vec3};
+use render_core::scene::{Node, PunctualKind, PunctualLight, Scene, Transform};
+use render_core::{
+    Anchors, DirectLights, Emitters, Energies, Geometry, Receiver, Surfaces, Units, luminance, trace_photons,
+};
+use std::cell::Cell;
+use std::f32::consts::{FRAC_PI_2, PI};
+
+/// Irradiance at `position` with normal +y, all glowing surfaces asked one by one.
+fn irradiance(scene: &Scene, position: Vec3) -> Vec3 {
+    let pose = scene.pose(0.0);
+    let surfaces = Surfaces::new(scene, &pose);
+    let accelerator = Geometry::new(scene).place(&pose);
+    let emitters = Emitters::new(&surfaces, &pose, &Units::of(scene));
+    let all: Vec<usize> = (0..emitters.areas.len()).collect();
+    let direct = DirectLights::new(&emitters, &surfaces, &Anchors::default(), &[], &all);
+    let receiver = Receiver { position: position.into(), normal: Vec3A::Y, geometric_normal: Vec3A::Y };
+    direct.irradiance(&accelerator, &receiver, &Cell::new(0))
+}
+
+/// Form factor from a point facing +y to a rectangle of sides `a`, `b` above it at `h`, one corner straight overhead
+/// (Howell's catalogue, configuration B-3).
+fn corner_form_factor(a: f32, b: f32, h: f32) -> f32 {
+    let (x, y) = (a / h, b / h);
+    let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
+    (x / rx * (y / rx).atan() + y / ry * (x / ry).atan()) / (2.0 * PI)
+}
+
+#[test]
+fn a_rectangle_lights_as_its_form_factor_says() {
+    let panel = |half: f32| quad(vec3(-half, 2.0, -half), Vec3::X * 2.0 * half, Vec3::Z * 2.0 * half);
+    for half in [0.1f32, 0.5, 1.0] {
+        let mut scene = Scene::default();
+        add(&mut scene, rest(Vec3::ZERO), panel(half), material(Vec3::ZERO, vec3(3.0, 2.0, 1.0)));
+        let expected = 4.0 * corner_form_factor(half, half, 2.0) * PI * 3.0;
+        let found = irradiance(&scene, Vec3::ZERO);
+        assert!((found.x / expected - 1.0).abs() < 0.005, "half side {half}: {} instead of {expected}", found.x);
+        assert!((found.y / found.x - 2.0 / 3.0).abs() < 1e-5, "colour is kept");
+        // From behind it is dark.
+        assert_eq!(irradiance(&scene, vec3(0.0, 3.0, 0.0)), Vec3::ZERO);
+    }
+}
+
+#[test]
+fn punctual_lights_follow_their_laws() {
+    let mut scene = Scene::default();
+    add(&mut scene, rest(Vec3::ZERO), quad(vec3(9.0, -1.0, 9.0), Vec3::Z, Vec3::X), material(Vec3::ONE, Vec3::ZERO));
+    let down = Quat::from_rotation_x(-FRAC_PI_2);
+    let mut light = |translation, rotation, kind, color| {
+        scene.nodes.push(Node { name: String::new(), parent: None, rest: Transform { rotation, ..rest(translation) } });
+        scene.punctual_lights = vec![PunctualLight { node: scene.nodes.len() - 1, color, kind }];
+        irradiance(&scene, Vec3::ZERO)
+    };
+    let near = |found: Vec3, expected: f32| {
+        assert!((found.x - expected).abs() < 1e-3 * expected.max(0.01), "{found} for {expected}")
+    };
+    let grey = Vec3::splat;
+    near(light(vec3(0.0, 2.0, 0.0), Quat::IDENTITY, PunctualKind::Point, grey(8.0)), 2.0);
+    // 45°: cos / r² = (1/√2) / 8.
+    near(light(vec3(2.0, 2.0, 0.0), Quat::IDENTITY, PunctualKind::Point, grey(8.0)), 0.5f32.sqrt());
+    near(light(Vec3::ZERO, down, PunctualKind::Directional, grey(5.0)), 5.0);
+    near(
+        light(Vec3::ZERO, Quat::from_rotation_x(-FRAC_PI_2 + 1.0), PunctualKind::Directional, grey(5.0)),
+        5.0 * 1.0f32.cos(),
+    );
+    let cone = PunctualKind::Spot { inner: 0.2, outer: 0.4 };
+    near(light(vec3(0.0, 2.0, 0.0), down, cone, grey(8.0)), 2.0);
+    near(light(vec3(0.0, 2.0, 0.0), Quat::IDENTITY, cone, grey(8.0)), 0.0);
+}
+
+#[test]
+fn a_half_covered_panel_gives_half_its_light() {
+    let mut scene = Scene::default();
+    let panel = quad(vec3(-0.5, 2.0, -0.5), Vec3::X, Vec3::Z);
+    add(&mut scene, rest(Vec3::ZERO), panel, material(Vec3::ZERO, Vec3::ONE));
+    let open = irradiance(&scene, Vec3::ZERO).x;
+    let screen = quad(vec3(0.0, 1.0, -5.0), Vec3::X * 5.0, Vec3::Z * 10.0);
+    add(&mut scene, rest(Vec3::ZERO), screen, material(Vec3::ZERO, Vec3::ZERO));
+    let half = irradiance(&scene, Vec3::ZERO).x;
+    assert!((half / open - 0.5).abs() < 0.02, "{half} of {open}");
+}
+
+fn photons(scene: &Scene, count: u64) -> (Anchors, Energies) {
+    let pose = scene.pose(0.0);
+    let surfaces = Surfaces::new(scene, &pose);
+    let accelerator = Geometry::new(scene).place(&pose);
+    let units = Units::of(scene);
+    let emitters = Emitters::new(&surfaces, &pose, &units);
+    let anchors = Anchors::spread(scene, &surfaces, &units, 600, 0);
+    let energies = trace_photons(&accelerator, &surfaces, &emitters, &anchors, &units, count, 3);
+    (anchors, energies)
+}
+
+#[test]
+fn in_a_furnace_the_reflected_flux_is_the_geometric_series() {
+    for albedo in [0.2f32, 0.5, 0.8] {
+        let mut scene = Scene::default();
+        add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(albedo), vec3(1.0, 2.0, 0.5)));
+        let (anchors, energies) = photons(&scene, 40_000);
+        let area = 24.0;
+        assert!((energies.emitted.x / (PI * area) - 1.0).abs() < 1e-3, "power of the walls: {}", energies.emitted.x);
+        let series = albedo / (1.0 - albedo);
+        let ratio = luminance(energies.reflected) / luminance(energies.emitted);
+        assert!((ratio / series - 1.0).abs() < 0.01, "albedo {albedo}: {ratio} instead of {series}");
+        let held: Vec3 = energies.fixed.iter().sum();
+        assert!((luminance(held) / luminance(energies.reflected) - 1.0).abs() < 1e-4, "anchors hold what photons left");
+        // The room is closed, but a ray exactly through an edge may slip between the two triangles that share it.
+        assert!(luminance(energies.lost) < 1e-3 * luminance(energies.emitted), "{} lost", energies.lost);
+        // Evenly lit, evenly held: no anchor may stand out.
+        let mean = luminance(held) / anchors.fixed.len() as f32;
+        let spread = energies.fixed.iter().map(|&e| (luminance(e) / mean - 1.0).powi(2)).sum::<f32>() / 600.0;
+        assert!(spread.sqrt() < 0.35, "relative spread {}", spread.sqrt());
+    }
+}
+
+#[test]
+fn emitted_power_is_the_closed_form_for_every_kind_of_light() {
+    let floor = || quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0);
+    let scene_with = |kind: Option<PunctualKind>| {
+        let mut scene = Scene::default();
+        add(&mut scene, rest(Vec3::ZERO), floor(), material(Vec3::splat(0.5), Vec3::ZERO));
+        scene.nodes.push(Node {
+            name: String::new(),
+            parent: None,
+            rest: Transform { rotation: Quat::from_rotation_x(-FRAC_PI_2), ..rest(Vec3::Y) },
+        });
+        match kind {
+            Some(kind) => scene.punctual_lights.push(PunctualLight { node: 1, color: Vec3::ONE, kind }),
+            None => scene.sky = Some(render_core::scene::Sky { zenith: [1.0; 3], horizon: [1.0; 3], ground: [1.0; 3] }),
+        }
+        scene
+    };
+    let power = |kind| {
+        let scene = scene_with(kind);
+        (photons(&scene, 100_000).1, Units::of(&scene).radius)
+    };
+    let (point, _) = power(Some(PunctualKind::Point));
+    assert!((point.emitted.x / (4.0 * PI) - 1.0).abs() < 1e-3);
+    let (sun, radius) = power(Some(PunctualKind::Directional));
+    assert!((sun.emitted.x / (PI * radius * radius) - 1.0).abs() < 1e-3);
+    // Irradiance 1 on the floor's 4 m², half of it reflected: nothing else is there to be lit.
+    assert!((sun.reflected.x / 2.0 - 1.0).abs() < 0.01, "{}", sun.reflected.x);
+    let (sky, _) = power(None);
+    // A sky of radiance 1 gives irradiance π on either side; only the front reflects.
+    assert!((sky.reflected.x / (2.0 * PI) - 1.0).abs() < 0.02, "{}", sky.reflected.x);
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let mut scene = Scene::default();
+    add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.6), Vec3::ONE));
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| photons(&scene, 5000).1)
+    };
+    assert_eq!(with(1), with(3));
+}
