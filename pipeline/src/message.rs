@@ -6,7 +6,7 @@ use plane::Plane;
 use render_core::{Accelerator, Correspondence, DirectLights, GBuffer};
 use std::sync::Arc;
 
-/// Seconds of the stages and counts of one frame; each stage fills in its part.
+/// CPU seconds of the stages and counts of one frame; each stage fills in its part.
 #[derive(Clone, Debug, Default)]
 pub struct FrameFigures {
     /// Placing of objects and the ray tree [s].
@@ -17,9 +17,9 @@ pub struct FrameFigures {
     pub tree: f64,
     /// Primary rays and motion [s].
     pub visibility: f64,
-    /// Direct light, summed over threads [s].
+    /// Direct light [s].
     pub direct: f64,
-    /// Lightcuts, summed over threads [s].
+    /// Lightcuts [s].
     pub indirect: f64,
     /// Tone mapping and conversion [s].
     pub tone_map: f64,

@@ -44,7 +44,7 @@ pub struct SceneReport {
     pub warnings: Vec<String>,
 }
 
-/// Seconds of the stages of a frame. `direct` and `indirect` are summed over threads, the others are by the clock.
+/// CPU seconds of the stages of a frame, summed over threads: waiting, and other programs, do not count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Seconds {
     /// Placing of objects and the ray tree.

@@ -52,13 +52,7 @@ pub fn render(
                 }),
             ),
             ("display", scope.spawn(move || display::run(settings, plan, &shaded_in, &encode_out, &mask_out))),
-            (
-                "mask",
-                scope.spawn(move || {
-                    mask::run(settings, &mask_in, &thresholds_out, &times_out);
-                    Ok(())
-                }),
-            ),
+            ("mask", scope.spawn(move || mask::run(settings, &mask_in, &thresholds_out, &times_out))),
             (
                 "shade",
                 scope.spawn(move || {

@@ -3,7 +3,7 @@
 use divan::counter::ItemsCount;
 use glam::Vec3A;
 use render_core::scene::load;
-use render_core::{GBuffer, Geometry, Surfaces};
+use render_core::{Busy, GBuffer, Geometry, Surfaces};
 use std::path::Path;
 
 fn main() {
@@ -24,7 +24,9 @@ fn primary_rays_128x128(bencher: divan::Bencher, name: &str) {
     let accelerator = Geometry::new(&scene).place(&pose);
     let surfaces = Surfaces::new(&scene, &pose);
     let view = scene.view(&pose, 128, 128);
-    bencher.counter(ItemsCount::new(128usize * 128)).bench(|| GBuffer::trace(&accelerator, &surfaces, &view, 128, 128));
+    bencher
+        .counter(ItemsCount::new(128usize * 128))
+        .bench(|| GBuffer::trace(&accelerator, &surfaces, &view, (128, 128), &Busy::default()));
 }
 
 #[divan::bench(args = SCENES, sample_count = 10)]
@@ -33,7 +35,7 @@ fn shadow_rays_between_pixels(bencher: divan::Bencher, name: &str) {
     let pose = scene.pose(0.0);
     let accelerator = Geometry::new(&scene).place(&pose);
     let view = scene.view(&pose, 128, 128);
-    let seen = GBuffer::trace(&accelerator, &Surfaces::new(&scene, &pose), &view, 128, 128);
+    let seen = GBuffer::trace(&accelerator, &Surfaces::new(&scene, &pose), &view, (128, 128), &Busy::default());
     let points: Vec<Vec3A> = seen
         .pixels
         .samples()

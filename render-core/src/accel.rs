@@ -68,6 +68,35 @@ struct Placed {
     bounds: Aabb,
 }
 
+/// A triangle that a ray met, before its barycentrics are known.
+struct Found {
+    t: f32,
+    place: usize,
+    triangle: usize,
+    local: Ray,
+}
+
+/// The part of an [`Accelerator`] that a bundle of rays can reach.
+pub struct Packet<'a> {
+    accelerator: &'a Accelerator,
+    /// `None` when too many remain for testing each in turn.
+    groups: Option<Vec<usize>>,
+}
+
+impl Packet<'_> {
+    /// As [`Accelerator::closest`], for a ray of the packet.
+    #[inline]
+    pub fn closest(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
+        match &self.groups {
+            None => self.accelerator.closest(origin, direction),
+            Some(groups) => {
+                let ray = Ray::new(origin * self.accelerator.scale, direction, 0.0, f32::INFINITY);
+                self.accelerator.closest_among(ray, groups.iter().copied())
+            }
+        }
+    }
+}
+
 impl Group {
     fn new(triangles: Vec<Triangle>, owners: Vec<(u32, u32)>) -> Self {
         let bvh = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
@@ -184,31 +213,67 @@ impl Accelerator {
     /// The first surface along the ray from `origin` in the unit `direction`.
     pub fn closest(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let ray = Ray::new(origin * self.scale, direction, 0.0, f32::INFINITY);
-        let mut best: Option<(f32, usize, usize, Ray)> = None;
-        let mut visit = |r: &Ray, place: usize| match self.groups[place].closest(r) {
-            Some((t, i, local)) if t < r.tmax => {
-                best = Some((t, place, i, local));
-                t
-            }
-            _ => f32::INFINITY,
-        };
         if self.groups.len() <= FEW_GROUPS {
-            let mut ray = ray;
-            for place in 0..self.groups.len() {
-                if self.groups[place].bounds.intersect_ray(&ray) < ray.tmax {
-                    ray.tmax = ray.tmax.min(visit(&ray, place));
-                }
-            }
-        } else {
-            self.top
-                .ray_traverse(ray, &mut RayHit::none(), |r, slot| visit(r, self.top.primitive_indices[slot] as usize));
+            return self.closest_among(ray, 0..self.groups.len());
         }
-        best.map(|(t, place, i, local)| {
-            let group = &self.groups[place].group;
-            let uv = group.triangles[i].compute_barycentric(&local);
-            let (instance, triangle) = group.owners[i];
-            Hit { distance: t / self.scale, instance, triangle, u: uv.x, v: uv.y }
-        })
+        let mut best: Option<Found> = None;
+        self.top.ray_traverse(ray, &mut RayHit::none(), |r, slot| {
+            let place = self.top.primitive_indices[slot] as usize;
+            match self.groups[place].closest(r) {
+                Some((t, triangle, local)) if t < r.tmax => {
+                    best = Some(Found { t, place, triangle, local });
+                    t
+                }
+                _ => f32::INFINITY,
+            }
+        });
+        best.map(|found| self.hit(found))
+    }
+
+    /// Rays that lie between four corner rays from one origin, given in order around the border: what the whole
+    /// packet misses is ruled out once. Parallel rays rule out nothing.
+    pub fn packet(&self, corners: [(Vec3A, Vec3A); 4]) -> Packet<'_> {
+        let origin = corners[0].0;
+        if corners.iter().any(|(other, _)| *other != origin) {
+            return Packet { accelerator: self, groups: None };
+        }
+        let middle: Vec3A = corners.iter().map(|(_, direction)| *direction).sum();
+        let sides: [Vec3A; 4] = std::array::from_fn(|i| {
+            let inward = corners[i].1.cross(corners[(i + 1) % 4].1);
+            if inward.dot(middle) < 0.0 { -inward } else { inward }
+        });
+        let origin = origin * self.scale;
+        let inside = |place: &usize| {
+            let Aabb { min, max } = self.groups[*place].bounds;
+            sides.iter().all(|side| {
+                // The corner of the box that lies farthest inward.
+                let corner = Vec3A::select(side.cmpge(Vec3A::ZERO), max, min);
+                side.dot(corner - origin) >= -1e-4 * (corner - origin).length() * side.length()
+            })
+        };
+        let groups: Vec<usize> = (0..self.groups.len()).filter(inside).collect();
+        Packet { accelerator: self, groups: (groups.len() <= FEW_GROUPS).then_some(groups) }
+    }
+
+    fn closest_among(&self, mut ray: Ray, places: impl IntoIterator<Item = usize>) -> Option<Hit> {
+        let mut best: Option<Found> = None;
+        for place in places {
+            let placed = &self.groups[place];
+            if placed.bounds.intersect_ray(&ray) < ray.tmax
+                && let Some((t, triangle, local)) = placed.closest(&ray)
+            {
+                best = Some(Found { t, place, triangle, local });
+                ray.tmax = t;
+            }
+        }
+        best.map(|found| self.hit(found))
+    }
+
+    fn hit(&self, Found { t, place, triangle, local }: Found) -> Hit {
+        let group = &self.groups[place].group;
+        let uv = group.triangles[triangle].compute_barycentric(&local);
+        let (instance, index) = group.owners[triangle];
+        Hit { distance: t / self.scale, instance, triangle: index, u: uv.x, v: uv.y }
     }
 
     /// Whether anything stands between `from` and `to`. Both ends should be a little off their surfaces.

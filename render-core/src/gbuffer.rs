@@ -1,6 +1,7 @@
 //! The first surface that each pixel sees, and where that same point was a frame ago.
 
-use crate::accel::Accelerator;
+use crate::Busy;
+use crate::accel::{Accelerator, Packet};
 use crate::scene::View;
 use crate::surface::Surfaces;
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
@@ -44,24 +45,37 @@ pub struct GBuffer {
 }
 
 impl GBuffer {
-    /// Shoots a ray through the centre of every pixel, macroblock by macroblock.
-    pub fn trace(accelerator: &Accelerator, surfaces: &Surfaces, view: &View, width: usize, height: usize) -> Self {
+    /// Shoots a ray through the centre of every pixel, macroblock by macroblock; adds the work to `busy`.
+    pub fn trace(
+        accelerator: &Accelerator,
+        surfaces: &Surfaces,
+        view: &View,
+        (width, height): (usize, usize),
+        busy: &Busy,
+    ) -> Self {
         let tile_rows: Vec<Vec<PixelSurface>> = (0..height.div_ceil(MACROBLOCK))
             .into_par_iter()
             .map(|tile_row| {
-                let top = tile_row * MACROBLOCK;
-                let rows = MACROBLOCK.min(height - top);
-                let mut strip = vec![EMPTY; rows * width];
-                for left in (0..width).step_by(MACROBLOCK) {
-                    let columns = MACROBLOCK.min(width - left);
-                    for y in 0..rows {
-                        for x in left..left + columns {
-                            let pixel = Vec2::new(x as f32 + 0.5, (top + y) as f32 + 0.5);
-                            strip[y * width + x] = see(accelerator, surfaces, view, pixel);
+                busy.measure(|| {
+                    let top = tile_row * MACROBLOCK;
+                    let rows = MACROBLOCK.min(height - top);
+                    let mut strip = vec![EMPTY; rows * width];
+                    for left in (0..width).step_by(MACROBLOCK) {
+                        let columns = MACROBLOCK.min(width - left);
+                        // The macroblock's rays are one packet: what lies outside of it is ruled out for all 256 at once.
+                        let (right, bottom) = ((left + columns) as f32, (top + rows) as f32);
+                        let corners =
+                            [(left as f32, top as f32), (right, top as f32), (right, bottom), (left as f32, bottom)];
+                        let packet = accelerator.packet(corners.map(|(x, y)| view.ray(Vec2::new(x, y))));
+                        for y in 0..rows {
+                            for x in left..left + columns {
+                                let pixel = Vec2::new(x as f32 + 0.5, (top + y) as f32 + 0.5);
+                                strip[y * width + x] = see(&packet, surfaces, view, pixel);
+                            }
                         }
                     }
-                }
-                strip
+                    strip
+                })
             })
             .collect();
         let world = (0..surfaces.scene().instances.len()).map(|instance| *surfaces.world(instance)).collect();
@@ -79,9 +93,9 @@ const EMPTY: PixelSurface = PixelSurface {
     instance: NOTHING,
 };
 
-fn see(accelerator: &Accelerator, surfaces: &Surfaces, view: &View, pixel: Vec2) -> PixelSurface {
+fn see(packet: &Packet, surfaces: &Surfaces, view: &View, pixel: Vec2) -> PixelSurface {
     let (origin, direction) = view.ray(pixel);
-    let Some(hit) = accelerator.closest(origin, direction) else {
+    let Some(hit) = packet.closest(origin, direction) else {
         let sky = surfaces.scene().sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
     };
@@ -117,8 +131,8 @@ const ALIKE_COSINE: f32 = 0.9;
 const ALIKE_DEPTH: f32 = 0.005;
 
 impl Correspondence {
-    /// Projects every point of `current` into `other`, carried along by the instance it sits on.
-    pub fn between(current: &GBuffer, other: &GBuffer) -> Self {
+    /// Projects every point of `current` into `other`, carried along by the instance it sits on; adds the work to `busy`.
+    pub fn between(current: &GBuffer, other: &GBuffer, busy: &Busy) -> Self {
         let (width, height) = (current.pixels.width(), current.pixels.height());
         // Other world from current world; most instances stand still.
         let carry: Vec<Affine3A> = current
@@ -130,15 +144,14 @@ impl Correspondence {
         let rows: Vec<(Vec<[f32; 2]>, Vec<u32>)> = (0..height)
             .into_par_iter()
             .map(|y| {
-                (0..width)
-                    .map(|x| {
-                        let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                        match locate(current.pixels.get(x, y), &carry, other) {
-                            Some((place, index)) => ((place - centre).to_array(), index),
-                            None => ([f32::NAN; 2], NO_MATCH),
-                        }
-                    })
-                    .unzip()
+                let find = |x| {
+                    let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                    match locate(current.pixels.get(x, y), &carry, other) {
+                        Some((place, index)) => ((place - centre).to_array(), index),
+                        None => ([f32::NAN; 2], NO_MATCH),
+                    }
+                };
+                busy.measure(|| (0..width).map(find).unzip())
             })
             .collect();
         let (motion, matches): (Vec<_>, Vec<_>) = rows.into_iter().unzip();

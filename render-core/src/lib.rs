@@ -6,6 +6,7 @@ pub mod scene;
 
 mod accel;
 mod anchor;
+mod busy;
 mod direct;
 mod emitter;
 mod gbuffer;
@@ -15,8 +16,9 @@ mod surface;
 pub mod image_file;
 pub mod sampling;
 
-pub use accel::{Accelerator, Geometry, Hit};
+pub use accel::{Accelerator, Geometry, Hit, Packet};
 pub use anchor::{Anchor, AnchorGrid, Anchors};
+pub use busy::Busy;
 pub use direct::{DirectLights, Receiver};
 pub use emitter::{
     AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, Emission, Emitters, PhotonSource, PointLight, SunLight,

@@ -8,7 +8,7 @@ use crate::anchor::{AnchorGrid, Anchors};
 use crate::emitter::{EMISSION_DIMENSIONS, Emitters};
 use crate::sampling::{cosine_hemisphere, halton};
 use crate::surface::Surfaces;
-use crate::{Units, luminance};
+use crate::{Busy, Units, luminance};
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -42,15 +42,15 @@ struct Sums {
     lost: DVec3,
 }
 
-/// Traces `count` photons. Twice the same call gives the same bits, for any number of threads.
+/// Traces `count` photons, with numbers that follow from `seed`; adds the work to `busy`. Twice the same call gives the same bits, for any number of threads.
 pub fn trace_photons(
     accelerator: &Accelerator,
     surfaces: &Surfaces,
     emitters: &Emitters,
     anchors: &Anchors,
     units: &Units,
-    count: u64,
-    seed: u64,
+    (count, seed): (u64, u64),
+    busy: &Busy,
 ) -> Energies {
     let mut energies = Energies {
         fixed: vec![Vec3::ZERO; anchors.fixed.len()],
@@ -119,7 +119,7 @@ pub fn trace_photons(
         }
         sums
     };
-    let chunks: Vec<Sums> = (0..CHUNKS).into_par_iter().map(walk).collect();
+    let chunks: Vec<Sums> = (0..CHUNKS).into_par_iter().map(|chunk| busy.measure(|| walk(chunk))).collect();
     let (mut emitted, mut reflected, mut lost) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
     for sums in &chunks {
         energies.fixed.iter_mut().zip(&sums.fixed).for_each(|(total, part)| *total += *part);

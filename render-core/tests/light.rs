@@ -92,7 +92,8 @@ fn photons(scene: &Scene, count: u64) -> (Anchors, Energies) {
     let units = Units::of(scene);
     let emitters = Emitters::new(&surfaces, &pose, &units);
     let anchors = Anchors::spread(scene, &surfaces, &units, 600, 0);
-    let energies = trace_photons(&accelerator, &surfaces, &emitters, &anchors, &units, count, 3);
+    let energies =
+        trace_photons(&accelerator, &surfaces, &emitters, &anchors, &units, (count, 3), &render_core::Busy::default());
     (anchors, energies)
 }
 

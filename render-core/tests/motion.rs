@@ -5,7 +5,7 @@ mod common;
 use common::{add, material, quad, rest};
 use glam::{Quat, Vec2, Vec3, vec3};
 use render_core::scene::{Camera, Channel, Interpolation, Node, Projection, Scene, Track, Transform};
-use render_core::{Accelerator, Correspondence, GBuffer, Geometry, NO_MATCH, NOTHING, Surfaces};
+use render_core::{Accelerator, Busy, Correspondence, GBuffer, Geometry, NO_MATCH, NOTHING, Surfaces};
 
 const SIZE: usize = 128;
 const YFOV: f32 = 0.9;
@@ -13,7 +13,13 @@ const YFOV: f32 = 0.9;
 fn seen(scene: &Scene, time: f32) -> GBuffer {
     let pose = scene.pose(time);
     let accelerator: Accelerator = Geometry::new(scene).place(&pose);
-    GBuffer::trace(&accelerator, &Surfaces::new(scene, &pose), &scene.view(&pose, SIZE, SIZE), SIZE, SIZE)
+    GBuffer::trace(
+        &accelerator,
+        &Surfaces::new(scene, &pose),
+        &scene.view(&pose, SIZE, SIZE),
+        (SIZE, SIZE),
+        &Busy::default(),
+    )
 }
 
 /// A wall at z = −6, a board in front of it that moves and turns, and a camera that moves and turns.
@@ -51,7 +57,7 @@ fn pixel(place: Transform, p: Vec3) -> Vec2 {
 fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
     let scene = scene();
     let (before, now) = (seen(&scene, 0.0), seen(&scene, 1.0));
-    let correspondence = Correspondence::between(&now, &before);
+    let correspondence = Correspondence::between(&now, &before, &Busy::default());
     let camera =
         [rest(Vec3::ZERO), Transform { rotation: Quat::from_rotation_y(0.05), ..rest(vec3(0.13, 0.07, -0.2)) }];
     let (mut checked, mut board, mut worst) = (0, 0, 0.0f32);
@@ -92,7 +98,7 @@ fn what_was_hidden_has_no_vector() {
     scene.channels.truncate(1);
     // The board slides right by 0.6 m: at its left border a strip of wall comes into view.
     scene.channels[0].track = Track::Translation(vec![vec3(0.0, 0.0, -3.0), vec3(0.6, 0.0, -3.0)]);
-    let correspondence = Correspondence::between(&seen(&scene, 1.0), &seen(&scene, 0.0));
+    let correspondence = Correspondence::between(&seen(&scene, 1.0), &seen(&scene, 0.0), &Busy::default());
     let focal = SIZE as f32 / 2.0 / (YFOV / 2.0).tan();
     let border = |left: f32| SIZE as f32 / 2.0 + focal * left / 3.0;
     let (was, is) = (border(-0.8), border(-0.2));
@@ -113,7 +119,7 @@ fn at_rest_everything_is_its_own_match() {
     let mut scene = scene();
     scene.channels.clear();
     let frame = seen(&scene, 0.0);
-    let correspondence = Correspondence::between(&frame, &seen(&scene, 1.0));
+    let correspondence = Correspondence::between(&frame, &seen(&scene, 1.0), &Busy::default());
     for (index, (motion, &found)) in
         correspondence.motion.samples().iter().zip(correspondence.matches.samples()).enumerate()
     {

@@ -8,10 +8,10 @@ use crossbeam_channel::{Receiver, Sender};
 use glam::Vec3;
 use perceptual::{YCbCr, luminance_plane};
 use plane::Plane;
+use render_core::Busy;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::sync::Arc;
-use std::time::Instant;
 
 /// Luminance that the middle of a picture is brought to when nobody said how bright it should be: photography's grey card.
 const MIDDLE_GREY: f64 = 0.18;
@@ -28,19 +28,24 @@ pub fn run(
     to_mask: &Sender<ToMask>,
 ) -> Result<()> {
     let mut tone_map = settings.tone_map;
+    let pool = super::pool_of_one()?;
     let mut uncompressed = match &settings.y4m {
         Some(path) => Some(Y4m::create(path, settings)?),
         None => None,
     };
     for Shaded { frame, radiance, correspondence, mut figures } in frames {
-        let start = Instant::now();
-        let luminance = luminance_plane(&radiance);
-        if settings.auto_exposure && frame == 0 {
-            tone_map = tone_map.with_exposure(exposure_for(&luminance));
-        }
-        let picture = Arc::new(YCbCr::from_radiance(&radiance, &tone_map));
+        let busy = Busy::default();
+        let (luminance, picture) = pool.install(|| {
+            busy.measure(|| {
+                let luminance = luminance_plane(&radiance);
+                if settings.auto_exposure && frame == 0 {
+                    tone_map = tone_map.with_exposure(exposure_for(&luminance));
+                }
+                (luminance, Arc::new(YCbCr::from_radiance(&radiance, &tone_map)))
+            })
+        });
         figures.non_finite = picture.non_finite;
-        figures.tone_map = start.elapsed().as_secs_f64();
+        figures.tone_map = busy.seconds();
         if let Some(folder) = &settings.exr {
             let path = folder.join(format!("frame_{frame:05}.exr"));
             let linear = radiance.map(Vec3::from);

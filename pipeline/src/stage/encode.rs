@@ -7,7 +7,7 @@ use crate::settings::Settings;
 use anyhow::Result;
 use crossbeam_channel::Receiver;
 use mpeg2enc::{Frame, MotionField, PictureType};
-use std::time::Instant;
+use render_core::Busy;
 
 /// Encodes frame after frame into `output`, and calls `done` with the report of each.
 ///
@@ -19,14 +19,15 @@ pub fn run(
     output: &mut Output,
     mut done: impl FnMut(FrameReport),
 ) -> Result<()> {
+    let pool = super::pool_of_one()?;
     let mut encoder = settings.encoder_config()?.encoder()?;
     for Displayed { frame, picture, correspondence, mut figures } in frames {
-        let start = Instant::now();
+        let busy = Busy::default();
         let known = correspondence.as_ref().filter(|_| settings.motion);
         let motion = known.map(|correspondence| MotionField::new(correspondence.motion.clone()));
         let coded = Frame::new(picture.y.clone(), picture.cb.clone(), picture.cr.clone())?;
-        let packet = encoder.push(&coded, motion.as_ref());
-        figures.encode = start.elapsed().as_secs_f64();
+        let packet = pool.install(|| busy.measure(|| encoder.push(&coded, motion.as_ref())));
+        figures.encode = busy.seconds();
         output.write(&packet.data)?;
         done(report(frame, &packet, figures));
     }

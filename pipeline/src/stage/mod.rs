@@ -8,3 +8,10 @@ pub mod encode;
 pub mod mask;
 pub mod prepare;
 pub mod shade;
+
+/// A pool of one thread for a stage whose work is short: in the common pool it would queue behind a picture's worth of
+/// macroblocks, and its time could not be told from theirs.
+fn pool_of_one() -> anyhow::Result<rayon::ThreadPool> {
+    use anyhow::Context;
+    rayon::ThreadPoolBuilder::new().num_threads(1).build().context("a thread cannot be started")
+}

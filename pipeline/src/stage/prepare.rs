@@ -2,18 +2,17 @@
 
 use crate::message::{FrameFigures, Prepared};
 use crate::plan::{Plan, State};
-use crate::settings::Settings;
+use crate::settings::{Settings, Size};
 use crossbeam_channel::Sender;
 use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, Anchors, Correspondence, DirectLights, Emitters, GBuffer, Geometry, Surfaces, Units, dome_lights,
-    trace_photons,
+    Accelerator, Anchors, Busy, Correspondence, DirectLights, Emitters, GBuffer, Geometry, Surfaces, Units,
+    dome_lights, trace_photons,
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 
 /// Directions that the sky is split into: 5° apart, below the size of the shadows that a sky throws.
 const DOME_LIGHTS: usize = 1024;
@@ -70,28 +69,29 @@ impl<'a> Preparation<'a> {
 
     fn frame(&mut self, n: u32) -> Prepared {
         let mut figures = FrameFigures::default();
-        let start = Instant::now();
+        let busy = Busy::default();
         let pose = self.scene.pose((f64::from(n) / self.settings.fps) as f32);
         let surfaces = Surfaces::new(self.scene, &pose);
         let accelerator = match &self.kept {
             Some(kept) if !self.plan.placing.runs(n) => kept.accelerator.clone(),
-            _ => Arc::new(self.geometry.place(&pose)),
+            _ => busy.measure(|| Arc::new(self.geometry.place(&pose))),
         };
-        figures.update = start.elapsed().as_secs_f64();
+        figures.update = busy.seconds();
 
         let lights = self.lights(n, &pose, &surfaces, &accelerator, &mut figures);
 
-        let start = Instant::now();
-        let size = self.settings.size;
+        let busy = Busy::default();
+        let Size { width, height } = self.settings.size;
         let seen = match &self.kept {
             Some(kept) if !self.plan.primary_rays.runs(n) => kept.seen.clone(),
             _ => {
-                let view = self.scene.view(&pose, size.width, size.height);
-                Arc::new(GBuffer::trace(&accelerator, &surfaces, &view, size.width, size.height))
+                let view = self.scene.view(&pose, width, height);
+                Arc::new(GBuffer::trace(&accelerator, &surfaces, &view, (width, height), &busy))
             }
         };
-        let correspondence = self.kept.as_ref().map(|before| Arc::new(Correspondence::between(&seen, &before.seen)));
-        figures.visibility = start.elapsed().as_secs_f64();
+        let correspondence =
+            self.kept.as_ref().map(|before| Arc::new(Correspondence::between(&seen, &before.seen, &busy)));
+        figures.visibility = busy.seconds();
 
         let (tree, direct, carried, constant) = lights;
         let kept = Kept { accelerator, direct, tree, seen, carried, constant };
@@ -122,7 +122,7 @@ impl<'a> Preparation<'a> {
         if let Some(kept) = self.kept.as_ref().filter(|_| !self.plan.photons.runs(n) && !self.plan.placing.runs(n)) {
             return (kept.tree.clone(), kept.direct.clone(), kept.carried.clone(), kept.constant.clone());
         }
-        let start = Instant::now();
+        let busy = Busy::default();
         let emitters = Emitters::new(surfaces, pose, &self.units);
         let energies = trace_photons(
             accelerator,
@@ -130,12 +130,12 @@ impl<'a> Preparation<'a> {
             &emitters,
             &self.anchors,
             &self.units,
-            if self.plan.photons == State::Off { 0 } else { self.settings.photons },
-            self.settings.seed,
+            (if self.plan.photons == State::Off { 0 } else { self.settings.photons }, self.settings.seed),
+            &busy,
         );
-        figures.photons = start.elapsed().as_secs_f64();
+        figures.photons = busy.seconds();
 
-        let start = Instant::now();
+        let busy = Busy::default();
         let sampled = self.sampled_areas(&emitters, surfaces);
         let mut intensities: Vec<Vec3> = energies.fixed.iter().map(|&flux| flux / std::f32::consts::PI).collect();
         let (tree, constant) = match self.kept.take() {
@@ -144,7 +144,8 @@ impl<'a> Preparation<'a> {
                 let mut tree = kept.tree;
                 // The same energies again are no news: an update would only reshuffle representatives.
                 if tree.lights().iter().map(|light| light.intensity).ne(intensities.iter().copied()) {
-                    figures.tree_swaps_share = Arc::make_mut(&mut tree).update(&intensities).swapped_share;
+                    let update = busy.measure(|| Arc::make_mut(&mut tree).update(&intensities));
+                    figures.tree_swaps_share = update.swapped_share;
                 }
                 let constant = kept.constant;
                 self.kept = Some(Kept { tree: tree.clone(), constant: Vec::new(), carried: Vec::new(), ..kept });
@@ -160,10 +161,17 @@ impl<'a> Preparation<'a> {
                 });
                 let lights: Vec<Light> = anchors.chain(others).collect();
                 let softening2 = self.anchors.area_share / std::f32::consts::PI;
-                (Arc::new(LightTree::build(&lights, BuildParams { softening2, seed: self.settings.seed })), constant)
+                let tree = busy.measure(|| {
+                    let mut tree = LightTree::build(&lights, BuildParams { softening2, seed: self.settings.seed });
+                    // The first update turns the draws that the swap rule objects to: better now than between frames.
+                    let drawn: Vec<Vec3> = lights.iter().map(|light| light.intensity).collect();
+                    tree.update(&drawn);
+                    tree
+                });
+                (Arc::new(tree), constant)
             }
         };
-        figures.tree = start.elapsed().as_secs_f64();
+        figures.tree = busy.seconds();
         let direct = DirectLights::new(&emitters, surfaces, &self.anchors, &energies.carried, &sampled);
         (tree, Arc::new(direct), energies.carried, constant)
     }

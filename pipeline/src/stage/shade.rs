@@ -10,9 +10,8 @@ use lighttree::{Lambert, Scratch, Stop};
 use perceptual::ThresholdMap;
 use plane::Plane;
 use rayon::prelude::*;
-use render_core::{MACROBLOCK, NOTHING, PixelSurface, luminance};
+use render_core::{Busy, MACROBLOCK, NOTHING, PixelSurface, luminance};
 use std::cell::Cell;
-use std::time::Instant;
 
 /// Share of the luminance that a pixel without a threshold may be wrong by [Walter05], [Herzog08, 5.3].
 const WITHOUT_THRESHOLD: f32 = 0.02;
@@ -104,27 +103,26 @@ fn shade_tile(
     let accelerator = &*prepared.accelerator;
     let rays = Cell::new(0);
 
-    let start = Instant::now();
-    let mut light: Vec<Vec3> = places()
-        .map(|(x, y)| {
-            let pixel = prepared.seen.pixels.get(x, y);
-            let emission = Vec3::from(pixel.emission);
-            let albedo = Vec3::from(pixel.albedo);
-            if pixel.instance == NOTHING || albedo == Vec3::ZERO {
-                return emission;
-            }
-            let receiver = render_core::Receiver {
-                position: off_surface(&pixel, prepared.epsilon),
-                normal: pixel.shading_normal.into(),
-                geometric_normal: pixel.geometric_normal.into(),
-            };
-            let irradiance = prepared.direct.irradiance(accelerator, &receiver, &rays);
-            emission + albedo * irradiance / std::f32::consts::PI
-        })
-        .collect();
-    let direct = start.elapsed().as_secs_f64();
+    let busy = Busy::default();
+    let direct_light = places().map(|(x, y)| {
+        let pixel = prepared.seen.pixels.get(x, y);
+        let emission = Vec3::from(pixel.emission);
+        let albedo = Vec3::from(pixel.albedo);
+        if pixel.instance == NOTHING || albedo == Vec3::ZERO {
+            return emission;
+        }
+        let receiver = render_core::Receiver {
+            position: off_surface(&pixel, prepared.epsilon),
+            normal: pixel.shading_normal.into(),
+            geometric_normal: pixel.geometric_normal.into(),
+        };
+        let irradiance = prepared.direct.irradiance(accelerator, &receiver, &rays);
+        emission + albedo * irradiance / std::f32::consts::PI
+    });
+    let mut light: Vec<Vec3> = busy.measure(|| direct_light.collect());
+    let direct = busy.seconds();
 
-    let start = Instant::now();
+    let busy = Busy::default();
     let mut tile = Tile {
         radiance: Vec::new(),
         direct,
@@ -135,58 +133,61 @@ fn shade_tile(
         surfaces: 0,
         thresholds: Vec::new(),
     };
-    for ((x, y), light) in places().zip(&mut light) {
-        let pixel = prepared.seen.pixels.get(x, y);
-        if pixel.instance == NOTHING {
-            continue;
-        }
-        tile.surfaces += 1;
-        if plan.indirect == State::Off || pixel.albedo == [0.0; 3] {
-            continue;
-        }
-        let position = off_surface(&pixel, prepared.epsilon);
-        let lambert = Lambert {
-            position: position.into(),
-            normal: pixel.shading_normal.into(),
-            reflectance: pixel.albedo.into(),
-        };
-        let geometric_normal = Vec3A::from(pixel.geometric_normal);
-        let visible = |lamp: &lighttree::Light, _: usize| {
-            let lamp = Vec3A::from(lamp.position);
-            // A light below the triangle's own plane is hidden by it, whatever the smooth normal says.
-            geometric_normal.dot(lamp - position) > 0.0 && !accelerator.occluded(position, lamp)
-        };
-        let known = luminance(*light);
-        let (stop, threshold) = match (settings.thresholds, map.get(x, y)) {
-            (Thresholds::Perceptual, Some(delta)) => (Stop::Absolute(delta), Some(delta)),
-            (Thresholds::Perceptual, None) => (relative(WITHOUT_THRESHOLD, known), None),
-            (Thresholds::Fixed(share), _) => (relative(share, known), None),
-        };
-        match settings.lighting {
-            Lighting::Lightcuts => {
-                let cut = prepared.tree.lightcut(&lambert, stop, visible, scratch);
-                *light += cut.radiance;
-                tile.shadow_rays += u64::from(cut.shadow_rays);
-                tile.cut_size += u64::from(cut.size);
-                tile.cut_size_max = tile.cut_size_max.max(cut.size);
-                let total = luminance(*light);
-                let share = if let Thresholds::Fixed(share) = settings.thresholds { share } else { WITHOUT_THRESHOLD };
-                tile.thresholds.push((threshold.unwrap_or(share * total), total));
+    busy.measure(|| {
+        for ((x, y), light) in places().zip(&mut light) {
+            let pixel = prepared.seen.pixels.get(x, y);
+            if pixel.instance == NOTHING {
+                continue;
             }
-            Lighting::AllLights => {
-                let asked = Cell::new(0u64);
-                *light += prepared.tree.exhaustive(&lambert, |lamp, index| {
-                    asked.set(asked.get() + 1);
-                    visible(lamp, index)
-                });
-                tile.shadow_rays += asked.get();
-                tile.cut_size += prepared.tree.len() as u64;
-                tile.cut_size_max = prepared.tree.len() as u32;
-                tile.thresholds.push((0.0, luminance(*light)));
+            tile.surfaces += 1;
+            if plan.indirect == State::Off || pixel.albedo == [0.0; 3] {
+                continue;
+            }
+            let position = off_surface(&pixel, prepared.epsilon);
+            let lambert = Lambert {
+                position: position.into(),
+                normal: pixel.shading_normal.into(),
+                reflectance: pixel.albedo.into(),
+            };
+            let geometric_normal = Vec3A::from(pixel.geometric_normal);
+            let visible = |lamp: &lighttree::Light, _: usize| {
+                let lamp = Vec3A::from(lamp.position);
+                // A light below the triangle's own plane is hidden by it, whatever the smooth normal says.
+                geometric_normal.dot(lamp - position) > 0.0 && !accelerator.occluded(position, lamp)
+            };
+            let known = luminance(*light);
+            let (stop, threshold) = match (settings.thresholds, map.get(x, y)) {
+                (Thresholds::Perceptual, Some(delta)) => (Stop::Absolute(delta), Some(delta)),
+                (Thresholds::Perceptual, None) => (relative(WITHOUT_THRESHOLD, known), None),
+                (Thresholds::Fixed(share), _) => (relative(share, known), None),
+            };
+            match settings.lighting {
+                Lighting::Lightcuts => {
+                    let cut = prepared.tree.lightcut(&lambert, stop, visible, scratch);
+                    *light += cut.radiance;
+                    tile.shadow_rays += u64::from(cut.shadow_rays);
+                    tile.cut_size += u64::from(cut.size);
+                    tile.cut_size_max = tile.cut_size_max.max(cut.size);
+                    let total = luminance(*light);
+                    let share =
+                        if let Thresholds::Fixed(share) = settings.thresholds { share } else { WITHOUT_THRESHOLD };
+                    tile.thresholds.push((threshold.unwrap_or(share * total), total));
+                }
+                Lighting::AllLights => {
+                    let asked = Cell::new(0u64);
+                    *light += prepared.tree.exhaustive(&lambert, |lamp, index| {
+                        asked.set(asked.get() + 1);
+                        visible(lamp, index)
+                    });
+                    tile.shadow_rays += asked.get();
+                    tile.cut_size += prepared.tree.len() as u64;
+                    tile.cut_size_max = prepared.tree.len() as u32;
+                    tile.thresholds.push((0.0, luminance(*light)));
+                }
             }
         }
-    }
-    tile.indirect = start.elapsed().as_secs_f64();
+    });
+    tile.indirect = busy.seconds();
     tile.shadow_rays += rays.get();
     tile.radiance = light.iter().map(Vec3::to_array).collect();
     tile

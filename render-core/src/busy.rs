@@ -1,0 +1,45 @@
+//! How long threads really worked: CPU time, which waiting and other programs do not lengthen.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// CPU time of pieces of work, summed over the threads that did them.
+///
+/// The work of one [`Busy::measure`] must stay on its thread: measure inside of a parallel loop, not around it.
+///
+/// ```
+/// let busy = render_core::Busy::default();
+/// let sum: u64 = busy.measure(|| (0..1000).sum());
+/// assert!(sum == 499_500 && busy.seconds() < 1.0);
+/// ```
+#[derive(Debug, Default)]
+pub struct Busy {
+    nanoseconds: AtomicU64,
+}
+
+impl Busy {
+    /// Does `work` and adds the time it took.
+    pub fn measure<T>(&self, work: impl FnOnce() -> T) -> T {
+        let start = thread_nanoseconds();
+        let result = work();
+        self.nanoseconds.fetch_add(thread_nanoseconds().saturating_sub(start), Ordering::Relaxed);
+        result
+    }
+
+    /// Sum so far.
+    pub fn seconds(&self) -> f64 {
+        self.nanoseconds.load(Ordering::Relaxed) as f64 * 1e-9
+    }
+}
+
+/// CPU time of this thread; where the system does not tell, time by the clock.
+#[cfg(unix)]
+fn thread_nanoseconds() -> u64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
+}
+
+#[cfg(not(unix))]
+fn thread_nanoseconds() -> u64 {
+    static START: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
+    START.get_or_init(std::time::Instant::now).elapsed().as_nanos() as u64
+}
