@@ -8,10 +8,11 @@ mod error_bound; // how wrong a cluster can be
 mod exhaustive; // the sum over every light: the truth
 mod light; // what is clustered
 mod receiver; // where light arrives
+mod store; // trees as bytes
 #[cfg(test)]
-mod testing;
+mod testing; // random scenes
 mod tree; // nodes and their invariants
-mod update; // new intensities // random scenes
+mod update; // new intensities
 
 pub use crate::bounds::Region;
 pub use crate::build::BuildParams;
@@ -19,5 +20,6 @@ pub use crate::cut::{Cut, Scratch, Stop};
 pub use crate::exhaustive::exhaustive;
 pub use crate::light::{Emission, LUMINANCE_WEIGHTS, Light, luminance};
 pub use crate::receiver::{Lambert, Phong, Receiver};
+pub use crate::store::StoreError;
 pub use crate::tree::LightTree;
 pub use crate::update::UpdateStats;

@@ -124,6 +124,12 @@ impl LightTree {
         if self.nodes.len() != expected {
             return Err(format!("{} nodes for {} lights, expected {expected}", self.nodes.len(), self.lights.len()));
         }
+        if self.extents.len() != self.nodes.len() {
+            return Err(format!("{} extents for {} nodes", self.extents.len(), self.nodes.len()));
+        }
+        if let Some(k) = self.misplaced.iter().find(|&&k| k as usize >= self.lights.len()) {
+            return Err(format!("light {k} is misplaced, but there are {}", self.lights.len()));
+        }
         let mut reached = vec![false; self.nodes.len()];
         let mut found = vec![false; self.lights.len()];
         let mut stack = if expected > 0 { vec![(0, 1)] } else { Vec::new() };
@@ -141,6 +147,9 @@ impl LightTree {
             let first = node.children();
             if first <= index || first + 1 >= self.nodes.len() {
                 return Err(format!("node {index} has children at {first}"));
+            }
+            if node.representative_child as usize != first && node.representative_child as usize != first + 1 {
+                return Err(format!("node {index} is represented by node {}, no child", node.representative_child));
             }
             let chosen = self.nodes[node.representative_child as usize].representative;
             if node.representative != chosen {
