@@ -1,1 +1,65 @@
-//! Writes the shipped scenes.
+#![doc = include_str!("../README.md")]
+
+pub mod animation;
+pub mod arches;
+pub mod atrium;
+mod buffer;
+pub mod cloth;
+pub mod columns;
+pub mod conference;
+pub mod cornell;
+pub mod glass;
+pub mod glb;
+pub mod mesh;
+pub mod nave;
+pub mod noise;
+pub mod patterns;
+pub mod pictures;
+pub mod shapes;
+pub mod stone;
+pub mod texture;
+pub mod toml;
+pub mod wood;
+
+use glb::Scene;
+use toml::Settings;
+
+/// A scene that ships with the project.
+#[derive(Clone, Copy)]
+pub struct Shipped {
+    /// The name of its folder and files.
+    pub name: &'static str,
+    /// Makes the scene.
+    pub build: fn() -> Scene,
+    /// What the file beside it says.
+    pub settings: Settings,
+}
+
+/// Frames of an animation at 25 a second.
+const fn frames(duration: f32) -> u32 {
+    (duration * 25.0) as u32
+}
+
+/// All shipped scenes.
+pub const SCENES: &[Shipped] = &[
+    Shipped {
+        name: "cornell",
+        build: cornell::build,
+        settings: Settings { exposure: 1.0, sky: None, frames: frames(cornell::DURATION) },
+    },
+    Shipped {
+        name: "atrium",
+        build: atrium::build,
+        settings: Settings { exposure: 1.25, sky: Some(atrium::SKY), frames: frames(atrium::DURATION) },
+    },
+    Shipped {
+        name: "conference",
+        build: conference::build,
+        settings: Settings { exposure: 1.0, sky: None, frames: frames(conference::DURATION) },
+    },
+    Shipped {
+        name: "nave",
+        build: nave::build,
+        settings: Settings { exposure: 1.0, sky: None, frames: frames(nave::DURATION) },
+    },
+];

@@ -1,0 +1,300 @@
+//! Arches, the walls they open, and the vaults that they carry.
+
+use glam::{Vec2, Vec3, vec2};
+
+use crate::mesh::{Mesh, Vertex};
+use crate::shapes::{Frame, sweep};
+
+/// Half of an arch, unit span and unit rise: the point and the derivative at an angle share.
+///
+/// `point` is how far beyond the middle the arc's centre lies: 0 is a round arch, 1 an equilateral
+/// pointed one.
+fn half_arch(point: f32, share: f32) -> (Vec2, Vec2) {
+    let radius = 1.0 + point;
+    let top = (point / radius).acos();
+    let angle = top * (1.0 - share);
+    let rise = radius * top.sin();
+    (
+        vec2(radius * angle.cos() - point, radius * angle.sin() / rise),
+        vec2(radius * angle.sin(), -radius * angle.cos() / rise),
+    )
+}
+
+/// Points of an arch from its left foot over the crown to its right foot, `steps` on each side, with
+/// the normals that point into the opening. A pointed crown comes twice, once for each side.
+pub fn arch_points(half: f32, rise: f32, point: f32, steps: usize) -> Vec<(Vec2, Vec2)> {
+    let side = |sign: f32, k: usize| {
+        let (p, d) = half_arch(point, k as f32 / steps as f32);
+        let position = vec2(sign * p.x * half, p.y * rise);
+        let tangent = vec2(d.x * half, d.y * rise).normalize();
+        (position, vec2(sign * tangent.y, -tangent.x))
+    };
+    let mut out: Vec<(Vec2, Vec2)> = (0..=steps).rev().map(|k| side(-1.0, k)).collect();
+    out.extend((if point > 0.0 { 0 } else { 1 }..=steps).map(|k| side(1.0, k)));
+    out
+}
+
+/// The rise of an arch of true circular arcs.
+pub fn natural_rise(half: f32, point: f32) -> f32 {
+    half * (1.0 + 2.0 * point).sqrt()
+}
+
+/// The plane of a wall: `along` to the right seen from the visible side, which is `out`.
+#[derive(Clone, Copy, Debug)]
+pub struct Plane {
+    /// Where position 0 of the wall at height 0 lies.
+    pub origin: Vec3,
+    /// The level direction along the wall.
+    pub along: Vec3,
+    /// The visible side.
+    pub out: Vec3,
+}
+
+impl Plane {
+    /// The point at a position along the wall, a height, and a distance before it.
+    pub fn at(&self, s: f32, y: f32, out: f32) -> Vec3 {
+        self.origin + self.along * s + Vec3::Y * y + self.out * out
+    }
+
+    /// The other face of a wall that is this thick.
+    pub fn behind(&self, thickness: f32) -> Plane {
+        Plane { origin: self.origin - self.out * thickness, along: self.along, out: -self.out }
+    }
+
+    /// A rectangle of the wall, `out` before it.
+    pub fn rectangle(&self, mesh: &mut Mesh, s: [f32; 2], y: [f32; 2], out: f32) {
+        let p = [(s[0], y[0]), (s[1], y[0]), (s[1], y[1]), (s[0], y[1])];
+        mesh.quad_facing(p.map(|(s, y)| self.at(s, y, out)), self.out);
+    }
+
+    /// A picture on the wall: the whole texture once, upright.
+    pub fn picture(&self, mesh: &mut Mesh, s: [f32; 2], y: [f32; 2], out: f32) {
+        let p = [(s[0], y[0]), (s[1], y[0]), (s[1], y[1]), (s[0], y[1])];
+        let uv = [vec2(0.0, 1.0), vec2(1.0, 1.0), vec2(1.0, 0.0), vec2(0.0, 0.0)];
+        mesh.quad_uv(p.map(|(s, y)| self.at(s, y, out)), uv);
+    }
+
+    /// A raised field with slanted edges: `inset` wide, from `low` to `high` before the wall.
+    pub fn field(&self, mesh: &mut Mesh, s: [f32; 2], y: [f32; 2], inset: f32, low: f32, high: f32) {
+        let outer = [(s[0], y[0]), (s[1], y[0]), (s[1], y[1]), (s[0], y[1])].map(|(s, y)| self.at(s, y, low));
+        let (a, b) = ([s[0] + inset, s[1] - inset], [y[0] + inset, y[1] - inset]);
+        let inner = [(a[0], b[0]), (a[1], b[0]), (a[1], b[1]), (a[0], b[1])].map(|(s, y)| self.at(s, y, high));
+        for i in 0..4 {
+            let k = (i + 1) % 4;
+            mesh.quad_facing([outer[i], outer[k], inner[k], inner[i]], self.out);
+        }
+        self.rectangle(mesh, a, b, high);
+    }
+
+    /// A box before the wall: positions, heights and distances before it.
+    pub fn block(&self, mesh: &mut Mesh, s: [f32; 2], y: [f32; 2], out: [f32; 2]) {
+        let a = self.at(s[0], y[0], out[0]);
+        let b = self.at(s[1], y[1], out[1]);
+        mesh.cuboid(a.min(b), a.max(b));
+    }
+}
+
+/// An arched opening of a wall.
+#[derive(Clone, Copy, Debug)]
+pub struct Opening {
+    /// Position of its middle along the wall.
+    pub centre: f32,
+    /// Half its width.
+    pub half: f32,
+    /// Height of its lower edge.
+    pub sill: f32,
+    /// Height where the arch begins.
+    pub spring: f32,
+    /// How pointed the arch is; 0 is round.
+    pub point: f32,
+}
+
+impl Opening {
+    /// The height of the crown.
+    pub fn crown(&self) -> f32 {
+        self.spring + natural_rise(self.half, self.point)
+    }
+
+    fn curve(&self, steps: usize) -> Vec<(Vec2, Vec2)> {
+        let mut points = arch_points(self.half, natural_rise(self.half, self.point), self.point, steps);
+        for (p, _) in &mut points {
+            *p += vec2(self.centre, self.spring);
+        }
+        points
+    }
+
+    /// The inner faces of the opening, from the plane `depth` backwards.
+    pub fn reveal(&self, mesh: &mut Mesh, plane: &Plane, depth: f32, steps: usize) {
+        let mut points = vec![(vec2(self.centre - self.half, self.sill), Vec2::X)];
+        if self.spring > self.sill {
+            points.push((vec2(self.centre - self.half, self.spring), Vec2::X));
+        }
+        let curve = self.curve(steps);
+        let mut frames = Vec::new();
+        let frame = |(p, n): &(Vec2, Vec2)| Frame {
+            origin: plane.at(p.x, p.y, 0.0),
+            x: plane.along * n.x + Vec3::Y * n.y,
+            y: plane.out,
+        };
+        frames.extend(points.iter().map(frame));
+        frames.extend(curve.iter().skip(if points.len() > 1 { 1 } else { 0 }).map(frame));
+        frames.push(frame(&(vec2(self.centre + self.half, self.sill), Vec2::NEG_X)));
+        sweep(mesh, &frames, &[vec2(0.0, -depth), vec2(0.0, 0.0)]);
+        if self.sill > 0.0 && self.spring > self.sill {
+            let (l, r) = (self.centre - self.half, self.centre + self.half);
+            mesh.quad_facing(
+                [
+                    plane.at(l, self.sill, 0.0),
+                    plane.at(r, self.sill, 0.0),
+                    plane.at(r, self.sill, -depth),
+                    plane.at(l, self.sill, -depth),
+                ],
+                Vec3::Y,
+            );
+        }
+    }
+
+    /// A band round the arch; the profile is (distance from the opening's edge, distance before the
+    /// wall), from the outer edge inwards. With `jambs` it goes down to the sill.
+    pub fn archivolt(&self, mesh: &mut Mesh, plane: &Plane, profile: &[Vec2], steps: usize, jambs: bool) {
+        let frame = |(p, n): &(Vec2, Vec2)| Frame {
+            origin: plane.at(p.x, p.y, 0.0),
+            x: -(plane.along * n.x + Vec3::Y * n.y),
+            y: plane.out,
+        };
+        let mut frames: Vec<Frame> = self.curve(steps).iter().map(frame).collect();
+        if jambs {
+            frames.insert(0, frame(&(vec2(self.centre - self.half, self.sill), Vec2::X)));
+            frames.push(frame(&(vec2(self.centre + self.half, self.sill), Vec2::NEG_X)));
+        }
+        sweep(mesh, &frames, profile);
+    }
+
+    /// A pane that fills the opening, `depth` behind the plane; `uv` gives the texture coordinate of
+    /// a point of the pane whose width is -1..1 and height 0..1.
+    pub fn pane(&self, mesh: &mut Mesh, plane: &Plane, depth: f32, steps: usize, uv: impl Fn(f32, f32) -> Vec2) {
+        let height = self.crown() - self.sill;
+        let corner = |x: f32, y: f32| Vertex {
+            position: plane.at(x, y, -depth),
+            normal: plane.out,
+            uv: uv((x - self.centre) / self.half, (y - self.sill) / height),
+        };
+        let curve = self.curve(steps);
+        for w in curve.windows(2) {
+            let (a, b) = (w[0].0, w[1].0);
+            mesh.grid(1, 1, |i, j| {
+                let p = if i == 0 { a } else { b };
+                corner(p.x, if j == 0 { self.sill } else { p.y })
+            });
+        }
+    }
+}
+
+/// One face of a wall with openings (sorted along it): positions `s`, heights `y`.
+pub fn wall(mesh: &mut Mesh, plane: &Plane, s: [f32; 2], y: [f32; 2], openings: &[Opening], steps: usize) {
+    let mut face = |p: [Vec2; 4]| {
+        mesh.quad_facing(p.map(|p| plane.at(p.x, p.y, 0.0)), plane.out);
+    };
+    let mut rectangle = |a: f32, b: f32, low: f32, high: f32| {
+        if b - a > 1e-4 && high - low > 1e-4 {
+            face([vec2(a, low), vec2(b, low), vec2(b, high), vec2(a, high)]);
+        }
+    };
+    let mut from = s[0];
+    for o in openings {
+        rectangle(from, o.centre - o.half, y[0], y[1]);
+        rectangle(o.centre - o.half, o.centre + o.half, y[0], o.sill);
+        from = o.centre + o.half;
+    }
+    rectangle(from, s[1], y[0], y[1]);
+    for o in openings {
+        for w in o.curve(steps).windows(2) {
+            let (a, b) = (w[0].0, w[1].0);
+            if (b.x - a.x).abs() > 1e-5 {
+                face([a, b, vec2(b.x, y[1]), vec2(a.x, y[1])]);
+            }
+        }
+    }
+}
+
+/// Half a web of a groin vault, seen from below: level lines run outwards from the groin between
+/// `centre` and `corner` to the wall, whose middle is `middle` (x and z each).
+pub fn half_web(
+    mesh: &mut Mesh,
+    centre: Vec2,
+    middle: Vec2,
+    corner: Vec2,
+    spring: f32,
+    arch: (f32, f32),
+    steps: usize,
+) {
+    let (rise, point) = arch;
+    let (out, side) = (middle - centre, corner - middle);
+    let width = side.length();
+    mesh.grid(steps, 1, |i, j| {
+        let share = i as f32 / steps as f32;
+        let (p, d) = half_arch(point, share);
+        let along = if j == 0 { p.x } else { 1.0 };
+        let flat = centre + out * along + side * p.x;
+        let tangent = vec2(d.x * width, d.y * rise).normalize();
+        let across = side / width * tangent.y;
+        Vertex {
+            position: Vec3::new(flat.x, spring + p.y * rise, flat.y),
+            normal: Vec3::new(across.x, -tangent.x, across.y),
+            uv: vec2(along * out.length(), share * (width + 0.6 * rise)),
+        }
+    });
+}
+
+/// A groin vault over the rectangle from `min` to `max` (x and z), seen from below.
+pub fn groin_vault(mesh: &mut Mesh, min: Vec2, max: Vec2, spring: f32, arch: (f32, f32), steps: usize) {
+    let centre = (min + max) / 2.0;
+    let half = (max - min) / 2.0;
+    for (u, v) in [(Vec2::X, Vec2::Y), (Vec2::Y, Vec2::X), (Vec2::NEG_X, Vec2::Y), (Vec2::NEG_Y, Vec2::X)] {
+        let middle = centre + u * half;
+        for sign in [-1.0, 1.0] {
+            half_web(mesh, centre, middle, middle + v * half * sign, spring, arch, steps);
+        }
+    }
+}
+
+/// The section of a rib: its width and how far it hangs below the vault.
+#[derive(Clone, Copy, Debug)]
+pub struct RibSection {
+    /// Across.
+    pub width: f32,
+    /// Downwards.
+    pub depth: f32,
+    /// Only from the first foot to the crown.
+    pub half: bool,
+}
+
+/// A rib along the arch from `a` over the crown to `b`, both at the height of the springing.
+pub fn rib(mesh: &mut Mesh, a: Vec3, b: Vec3, arch: (f32, f32), section: RibSection, steps: usize) {
+    let axis = (b - a).normalize();
+    let side = axis.cross(Vec3::Y);
+    let mut points = arch_points(a.distance(b) / 2.0, arch.0, arch.1, steps);
+    if section.half {
+        points.truncate(steps + 1);
+    }
+    let frames: Vec<Frame> = points
+        .iter()
+        .map(|(p, n)| Frame {
+            origin: (a + b) / 2.0 + axis * p.x + Vec3::Y * p.y,
+            x: side,
+            y: axis * n.x + Vec3::Y * n.y,
+        })
+        .collect();
+    let (w, d) = (section.width / 2.0, section.depth);
+    let profile = [
+        vec2(w, -0.3 * d),
+        vec2(w, 0.45 * d),
+        vec2(0.62 * w, 0.85 * d),
+        vec2(0.35 * w, d),
+        vec2(-0.35 * w, d),
+        vec2(-0.62 * w, 0.85 * d),
+        vec2(-w, 0.45 * d),
+        vec2(-w, -0.3 * d),
+    ];
+    sweep(mesh, &frames, &profile);
+}

@@ -1,0 +1,88 @@
+//! The binary half of a glTF file.
+
+use serde_json::{Map, Value, json};
+
+/// The binary chunk with its views and accessors.
+#[derive(Default)]
+pub(crate) struct Writer {
+    bytes: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+}
+
+impl Writer {
+    /// Appends bytes as a view of their own and returns its index.
+    pub(crate) fn view(&mut self, data: &[u8], target: Option<u32>) -> usize {
+        let mut view = json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": data.len()});
+        if let Some(target) = target {
+            view["target"] = json!(target);
+        }
+        self.bytes.extend_from_slice(data);
+        // Accessors must start at multiples of their component size.
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        self.views.push(view);
+        self.views.len() - 1
+    }
+
+    /// Appends an accessor of floats, with its bounds where the format asks for them.
+    pub(crate) fn floats(&mut self, data: &[f32], kind: &str, target: Option<u32>, bounds: bool) -> usize {
+        let width = match kind {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            _ => 4,
+        };
+        let bytes: Vec<u8> = data.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let view = self.view(&bytes, target);
+        let mut accessor = json!({
+            "bufferView": view, "componentType": 5126, "count": data.len() / width, "type": kind
+        });
+        if bounds {
+            let pick = |f: fn(f32, f32) -> f32, start: f32| -> Vec<f32> {
+                (0..width).map(|c| data.iter().skip(c).step_by(width).copied().fold(start, f)).collect()
+            };
+            accessor["min"] = json!(pick(f32::min, f32::INFINITY));
+            accessor["max"] = json!(pick(f32::max, f32::NEG_INFINITY));
+        }
+        self.accessors.push(accessor);
+        self.accessors.len() - 1
+    }
+
+    /// Appends an accessor of indices, two bytes each where they fit.
+    pub(crate) fn indices(&mut self, data: &[u32]) -> usize {
+        let small = data.iter().all(|&i| i < 65_535);
+        let bytes: Vec<u8> = if small {
+            data.iter().flat_map(|&i| (i as u16).to_le_bytes()).collect()
+        } else {
+            data.iter().flat_map(|i| i.to_le_bytes()).collect()
+        };
+        let view = self.view(&bytes, Some(34963));
+        self.accessors.push(json!({
+            "bufferView": view, "componentType": if small { 5123 } else { 5125 },
+            "count": data.len(), "type": "SCALAR"
+        }));
+        self.accessors.len() - 1
+    }
+
+    /// The whole file, from the rest of its description.
+    pub(crate) fn finish(mut self, mut root: Map<String, Value>) -> Vec<u8> {
+        root.insert("bufferViews".into(), self.views.into());
+        root.insert("accessors".into(), self.accessors.into());
+        root.insert("buffers".into(), json!([{"byteLength": self.bytes.len()}]));
+        let mut text = serde_json::to_vec(&root).expect("plain values");
+        text.resize(text.len().next_multiple_of(4), b' ');
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        let total = 12 + 8 + text.len() + 8 + self.bytes.len();
+        let mut out = Vec::with_capacity(total);
+        out.extend(b"glTF");
+        for word in [2, total as u32, text.len() as u32] {
+            out.extend(word.to_le_bytes());
+        }
+        out.extend(b"JSON");
+        out.extend(&text);
+        out.extend((self.bytes.len() as u32).to_le_bytes());
+        out.extend(b"BIN\0");
+        out.extend(&self.bytes);
+        out
+    }
+}

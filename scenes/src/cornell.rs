@@ -1,0 +1,148 @@
+//! The Cornell box: the measured room, papered and floored, with its two blocks in motion.
+//!
+//! The measurements and reflectances are those that Cornell's Program of Computer Graphics
+//! published for its box. Here they are in metres and turned about the vertical, so that the
+//! camera looks along -z as glTF's does; the red wall stays on the left.
+
+use std::f32::consts::TAU;
+
+use glam::{Quat, Vec3, vec3};
+
+use crate::animation::{Path, look_at, rotation};
+use crate::glb::{Material, Model, Scene};
+use crate::mesh::{Mesh, Vertex};
+use crate::patterns::{damask, linen, marble, plaster};
+use crate::wood::herringbone;
+
+/// Seconds of animation.
+pub const DURATION: f32 = 6.0;
+
+const WHITE: Vec3 = vec3(0.725, 0.71, 0.68);
+const RED: Vec3 = vec3(0.63, 0.065, 0.05);
+const GREEN: Vec3 = vec3(0.14, 0.45, 0.091);
+/// The published emission, scaled so that white surfaces come out near a radiance of 0.4.
+const EMISSION: Vec3 = vec3(17.0 * 3.0, 12.0 * 3.0, 4.0 * 3.0);
+
+/// A published point, in millimetres, in the scene's axes.
+fn at(x: f32, y: f32, z: f32) -> Vec3 {
+    vec3(278.0 - x, y, -z) / 1000.0
+}
+
+/// A block without its bottom about its own axis: the published corners of its top.
+fn block(corners: [[f32; 2]; 4], height: f32) -> (Mesh, Vec3) {
+    let mut top = corners.map(|[x, z]| at(x, height, z));
+    let centre = top.iter().sum::<Vec3>() / 4.0;
+    let centre = vec3(centre.x, 0.0, centre.z);
+    top = top.map(|p| p - centre);
+    let mut mesh = Mesh::new();
+    mesh.quad_facing(top, Vec3::Y);
+    for i in 0..4 {
+        let (a, b) = (top[i], top[(i + 1) % 4]);
+        let floor = |p: Vec3| vec3(p.x, 0.0, p.z);
+        mesh.quad_facing([floor(a), floor(b), b, a], a + b - 2.0 * Vec3::Y * a.y);
+    }
+    (mesh, centre)
+}
+
+/// A wall whose four corners need not lie in one plane exactly, divided so that the bend is even.
+fn wall(mesh: &mut Mesh, [a, b, c, d]: [Vec3; 4], towards: Vec3) {
+    let normal = (c - a).cross(d - b).normalize();
+    let normal = normal * normal.dot(towards).signum();
+    mesh.grid(4, 4, |i, j| {
+        let (s, t) = (i as f32 / 4.0, j as f32 / 4.0);
+        let position = a.lerp(b, s).lerp(d.lerp(c, s), t);
+        Vertex { position, normal, uv: crate::mesh::planar_uv(position, normal) }
+    });
+}
+
+/// The scene.
+pub fn build() -> Scene {
+    let mut scene = Scene::new("cornell");
+    let red = scene.textured("red damask", 0.14, &damask(768, RED, 0.42));
+    let green = scene.textured("green damask", 0.14, &damask(768, GREEN, 0.42));
+    let plaster = scene.textured("plaster", 0.6, &plaster(512, WHITE, 0.16, 1));
+    let oak = scene.textured("oak parquet", 0.32, &herringbone(1024, vec3(0.68, 0.57, 0.43), 16, 3));
+    let linen = scene.textured("linen", 0.10, &linen(512, WHITE, 64, 21));
+    let stone = marble(768, vec3(0.78, 0.77, 0.75), vec3(0.20, 0.22, 0.25), 4).with_mean(WHITE);
+    let stone = scene.textured("marble", 0.36, &stone);
+    let frame = scene.plain("frame", vec3(0.45, 0.38, 0.26));
+    let skirting = scene.plain("skirting", vec3(0.62, 0.60, 0.56));
+    let lamp = scene.material(Material::glowing("lamp", EMISSION));
+
+    let mut room = Model::new();
+    let floor = [at(552.8, 0.0, 0.0), at(0.0, 0.0, 0.0), at(0.0, 0.0, 559.2), at(549.6, 0.0, 559.2)];
+    let ceiling = [at(556.0, 548.8, 0.0), at(0.0, 548.8, 0.0), at(0.0, 548.8, 559.2), at(556.0, 548.8, 559.2)];
+    let [fl, fr, br, bl] = floor;
+    let [cl, cr, ctr, ctl] = ceiling;
+    wall(room.of(oak), floor, Vec3::Y);
+    wall(room.of(plaster), ceiling, Vec3::NEG_Y);
+    wall(room.of(plaster), [bl, br, ctr, ctl], Vec3::Z);
+    wall(room.of(red), [fl, bl, ctl, cl], Vec3::X);
+    wall(room.of(green), [fr, br, ctr, cr], Vec3::NEG_X);
+    // A skirting board along the three walls, standing 4 mm off them.
+    let board = |model: &mut Model, a: Vec3, b: Vec3, inward: Vec3| {
+        let (height, depth) = (Vec3::Y * 0.016, inward * 0.004);
+        let (a, b) = (a + depth, b + depth);
+        model.of(skirting).quad_facing([a, b, b + height, a + height], inward);
+        let (a, b) = (a + height, b + height);
+        model.of(skirting).quad_facing([a, b, b - 1.5 * depth, a - 1.5 * depth], Vec3::Y);
+    };
+    board(&mut room, fl, bl, Vec3::X);
+    board(&mut room, fr, br, Vec3::NEG_X);
+    board(&mut room, bl, br, Vec3::Z);
+    // The lamp hangs 3 mm under the ceiling in a frame that reaches 3 mm lower.
+    let (x0, x1) = (at(343.0, 0.0, 0.0).x, at(213.0, 0.0, 0.0).x);
+    let (z0, z1) = (at(0.0, 0.0, 332.0).z, at(0.0, 0.0, 227.0).z);
+    let (top, bottom, rim) = (0.5488, 0.5428, 0.006);
+    let mut panel = Model::new();
+    panel.of(lamp).quad_facing([(x0, z0), (x1, z0), (x1, z1), (x0, z1)].map(|(x, z)| vec3(x, 0.5458, z)), Vec3::NEG_Y);
+    let bars = [
+        (x0 - rim, x0, z0 - rim, z1 + rim),
+        (x1, x1 + rim, z0 - rim, z1 + rim),
+        (x0, x1, z0 - rim, z0),
+        (x0, x1, z1, z1 + rim),
+    ];
+    for (a, b, c, d) in bars {
+        room.of(frame).cuboid_without(vec3(a, bottom, c), vec3(b, top, d), &[crate::mesh::Side::Top]);
+    }
+    scene.show("room", room);
+    scene.show("lamp", panel);
+
+    let (mesh, home) = block([[130.0, 65.0], [82.0, 225.0], [240.0, 272.0], [290.0, 114.0]], 165.0);
+    let mut model = Model::new();
+    *model.of(linen) = mesh;
+    let short = scene.mesh("short block", model);
+    let short = scene.node("short block", Some(short), home, Quat::IDENTITY);
+    // A loop in the free corner of the floor; the blocks never touch.
+    let step = |x: f32, z: f32| home + vec3(-x, 0.0, -z) / 1000.0;
+    let slide = Path::closed(&[
+        (0.0, step(0.0, 0.0)),
+        (1.5, step(-35.0, 12.0)),
+        (3.0, step(-5.0, -18.0)),
+        (4.5, step(32.0, -26.0)),
+        (DURATION, step(0.0, 0.0)),
+    ]);
+    scene.animate(short, slide.translation());
+
+    let (mesh, home) = block([[423.0, 247.0], [265.0, 296.0], [314.0, 456.0], [472.0, 406.0]], 330.0);
+    let mut model = Model::new();
+    *model.of(stone) = mesh;
+    let tall = scene.mesh("tall block", model);
+    let tall = scene.node("tall block", Some(tall), home, Quat::IDENTITY);
+    // A quarter turn a second and a half: what a display stand does.
+    scene.animate(tall, rotation(DURATION, 8.0, |t| Quat::from_rotation_y(TAU * t / DURATION)));
+
+    // From the published viewpoint, a little nearer so that the walls' edges stay outside the
+    // picture, gently in and to the side.
+    let walk = Path::new(&[
+        (0.0, at(278.0, 273.0, -755.0)),
+        (2.0, at(290.0, 279.0, -735.0)),
+        (4.0, at(304.0, 285.0, -705.0)),
+        (DURATION, at(300.0, 283.0, -675.0)),
+    ]);
+    let view = |t: f32| look_at(walk.at(t), at(278.0, 268.0, 280.0));
+    let camera = scene.camera(39.3f32.to_radians(), walk.at(0.0), view(0.0));
+    scene.animate(camera, walk.translation());
+    scene.animate(camera, rotation(DURATION, 25.0, view));
+    scene
+}

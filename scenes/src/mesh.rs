@@ -1,0 +1,187 @@
+//! Triangle meshes and the few primitives everything is built from.
+//!
+//! Texture coordinates are kept in metres here; the writer divides them by the size of the
+//! material's texture, so that one shape can carry any material at the right scale.
+
+use glam::{Mat3, Mat4, Vec2, Vec3, vec2};
+
+/// A corner of a triangle: position, unit normal, texture coordinate in metres.
+#[derive(Clone, Copy, Debug)]
+pub struct Vertex {
+    /// Position in metres.
+    pub position: Vec3,
+    /// Unit normal towards the visible side.
+    pub normal: Vec3,
+    /// Texture coordinate in metres.
+    pub uv: Vec2,
+}
+
+/// An indexed triangle mesh.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// The corners.
+    pub vertices: Vec<Vertex>,
+    /// Three indices for each triangle, counter-clockwise seen from the visible side.
+    pub indices: Vec<u32>,
+}
+
+/// Texture coordinates of a flat face: metres along the horizontal and down the slope, so that
+/// courses of stone stay level and neighbouring faces of one plane continue each other.
+pub fn planar_uv(position: Vec3, normal: Vec3) -> Vec2 {
+    if normal.y.abs() > 0.75 {
+        return vec2(position.x, position.z);
+    }
+    let right = Vec3::Y.cross(normal).normalize();
+    let up = normal.cross(right);
+    vec2(position.dot(right), -position.dot(up))
+}
+
+/// The sides of a box, to name those that are left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Towards +x.
+    Right,
+    /// Towards -x.
+    Left,
+    /// Towards +y.
+    Top,
+    /// Towards -y.
+    Bottom,
+    /// Towards +z.
+    Front,
+    /// Towards -z.
+    Back,
+}
+
+impl Mesh {
+    /// An empty mesh.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The number of triangles.
+    pub fn triangles(&self) -> usize {
+        self.indices.len() / 3
+    }
+
+    /// Adds a triangle of existing corners, turned so that it agrees with their normals;
+    /// a triangle without area is dropped.
+    pub fn face(&mut self, a: u32, b: u32, c: u32) {
+        let [p, q, r] = [a, b, c].map(|i| self.vertices[i as usize]);
+        let cross = (q.position - p.position).cross(r.position - p.position);
+        if cross.length_squared() < 1e-14 {
+            return;
+        }
+        if cross.dot(p.normal + q.normal + r.normal) >= 0.0 {
+            self.indices.extend([a, b, c]);
+        } else {
+            self.indices.extend([a, c, b]);
+        }
+    }
+
+    /// Adds a vertex and returns its index.
+    pub fn vertex(&mut self, position: Vec3, normal: Vec3, uv: Vec2) -> u32 {
+        let normal = normal.normalize();
+        self.vertices.push(Vertex { position, normal, uv });
+        self.vertices.len() as u32 - 1
+    }
+
+    /// A flat quad, counter-clockwise seen from its visible side, with world-scale texture.
+    pub fn quad(&mut self, corners: [Vec3; 4]) {
+        let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalize();
+        self.quad_uv(corners, corners.map(|p| planar_uv(p, normal)));
+    }
+
+    /// A quad with texture coordinates of its own.
+    pub fn quad_uv(&mut self, corners: [Vec3; 4], uv: [Vec2; 4]) {
+        let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalize();
+        let i = [0, 1, 2, 3].map(|k| self.vertex(corners[k], normal, uv[k]));
+        self.face(i[0], i[1], i[2]);
+        self.face(i[0], i[2], i[3]);
+    }
+
+    /// A flat quad seen from the side `towards`, whatever the order of its corners.
+    pub fn quad_facing(&mut self, corners: [Vec3; 4], towards: Vec3) {
+        let [a, b, c, d] = corners;
+        if (c - a).cross(d - b).dot(towards) >= 0.0 {
+            self.quad([a, b, c, d]);
+        } else {
+            self.quad([d, c, b, a]);
+        }
+    }
+
+    /// An axis-aligned box.
+    pub fn cuboid(&mut self, min: Vec3, max: Vec3) {
+        self.cuboid_without(min, max, &[]);
+    }
+
+    /// An axis-aligned box without some of its sides.
+    pub fn cuboid_without(&mut self, min: Vec3, max: Vec3, without: &[Side]) {
+        let corner = |x: bool, y: bool, z: bool| {
+            Vec3::new(if x { max.x } else { min.x }, if y { max.y } else { min.y }, if z { max.z } else { min.z })
+        };
+        let (f, t) = (false, true);
+        let sides = [
+            (Side::Right, Vec3::X, [(t, f, t), (t, f, f), (t, t, f), (t, t, t)]),
+            (Side::Left, Vec3::NEG_X, [(f, f, f), (f, f, t), (f, t, t), (f, t, f)]),
+            (Side::Top, Vec3::Y, [(f, t, t), (t, t, t), (t, t, f), (f, t, f)]),
+            (Side::Bottom, Vec3::NEG_Y, [(f, f, f), (t, f, f), (t, f, t), (f, f, t)]),
+            (Side::Front, Vec3::Z, [(f, f, t), (t, f, t), (t, t, t), (f, t, t)]),
+            (Side::Back, Vec3::NEG_Z, [(t, f, f), (f, f, f), (f, t, f), (t, t, f)]),
+        ];
+        for (side, normal, corners) in sides {
+            if !without.contains(&side) {
+                self.quad_facing(corners.map(|(x, y, z)| corner(x, y, z)), normal);
+            }
+        }
+    }
+
+    /// A grid of `nu` × `nv` quads whose corners `f(i, j)` gives; the normals decide the winding.
+    pub fn grid(&mut self, nu: usize, nv: usize, f: impl Fn(usize, usize) -> Vertex) {
+        let first = self.vertices.len() as u32;
+        for i in 0..=nu {
+            for j in 0..=nv {
+                let v = f(i, j);
+                self.vertex(v.position, v.normal, v.uv);
+            }
+        }
+        let at = |i: usize, j: usize| first + (i * (nv + 1) + j) as u32;
+        for i in 0..nu {
+            for j in 0..nv {
+                self.face(at(i, j), at(i + 1, j), at(i + 1, j + 1));
+                self.face(at(i, j), at(i + 1, j + 1), at(i, j + 1));
+            }
+        }
+    }
+
+    /// A smooth surface over the unit square, `size` metres of texture each way. The visible side
+    /// is that of the cross product of the derivatives along u and v.
+    pub fn surface(&mut self, nu: usize, nv: usize, size: Vec2, f: impl Fn(f32, f32) -> Vec3) {
+        const H: f32 = 2e-3;
+        self.grid(nu, nv, |i, j| {
+            let (u, v) = (i as f32 / nu as f32, j as f32 / nv as f32);
+            let du = f(u + H, v) - f(u - H, v);
+            let dv = f(u, v + H) - f(u, v - H);
+            let normal = du.cross(dv).try_normalize().unwrap_or(Vec3::Y);
+            Vertex { position: f(u, v), normal, uv: vec2(u, v) * size }
+        });
+    }
+
+    /// Adds another mesh, moved by a transform.
+    pub fn append(&mut self, other: &Mesh, transform: Mat4) {
+        let first = self.vertices.len() as u32;
+        let normals = Mat3::from_mat4(transform).inverse().transpose();
+        for v in &other.vertices {
+            self.vertices.push(Vertex {
+                position: transform.transform_point3(v.position),
+                normal: (normals * v.normal).normalize(),
+                uv: v.uv,
+            });
+        }
+        let mirrored = Mat3::from_mat4(transform).determinant() < 0.0;
+        for t in other.indices.chunks_exact(3) {
+            let t = if mirrored { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] };
+            self.indices.extend(t.map(|i| first + i));
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! The windows: glowing leaded panes in splayed openings behind stone tracery.
+
+use std::f32::consts::TAU;
+
+use glam::{Vec3, vec2, vec3};
+
+use super::shell::{aisle_wall, along, apse_wall, nave_wall, sorted};
+use super::{BAY, BAYS, NAVE, Stones};
+use crate::arches::{Opening, Plane};
+use crate::columns::archivolt;
+use crate::glb::{MaterialId, Model, Scene};
+use crate::shapes::{Frame, arc, ring, sweep};
+
+/// How far the glass lies behind the wall's face.
+const DEPTH: f32 = 0.42;
+
+/// The high windows of one side, the chancel's among them.
+pub(super) fn clerestory_windows(plane: &Plane) -> Vec<Opening> {
+    let one = |i: usize| Opening {
+        centre: along(plane, BAY * (i as f32 + 0.5)),
+        half: 1.3,
+        sill: 8.95,
+        spring: 11.2,
+        point: 0.8,
+    };
+    sorted((0..=BAYS).map(one).collect())
+}
+
+/// The windows of one aisle.
+pub(super) fn aisle_windows(plane: &Plane) -> Vec<Opening> {
+    let one = |i: usize| Opening {
+        centre: along(plane, BAY * (i as f32 + 0.5)),
+        half: 1.1,
+        sill: 1.95,
+        spring: 4.0,
+        point: 0.8,
+    };
+    sorted((0..BAYS).map(one).collect())
+}
+
+/// The window of each wall of the apse.
+pub(super) fn apse_window() -> Opening {
+    Opening { centre: NAVE / 2.0, half: 1.25, sill: 3.2, spring: 9.3, point: 0.8 }
+}
+
+/// Adds all windows.
+pub(super) fn add(scene: &mut Scene, stones: &Stones) {
+    let mut glass = Model::new();
+    let mut tracery = Model::new();
+    for side in [-1.0, 1.0] {
+        let plane = nave_wall(side);
+        for o in clerestory_windows(&plane) {
+            window(&mut glass, &mut tracery, stones, stones.high_glass, &plane, &o);
+        }
+        let plane = aisle_wall(side);
+        for o in aisle_windows(&plane) {
+            window(&mut glass, &mut tracery, stones, stones.aisle_glass, &plane, &o);
+        }
+    }
+    for i in 0..3 {
+        window(&mut glass, &mut tracery, stones, stones.apse_glass, &apse_wall(i), &apse_window());
+    }
+    rose_window(&mut glass, &mut tracery, stones);
+    scene.show("tracery", tracery);
+    scene.show("glass", glass);
+}
+
+fn window(glass: &mut Model, tracery: &mut Model, stones: &Stones, pane: MaterialId, plane: &Plane, o: &Opening) {
+    o.reveal(tracery.of(stones.trim), plane, DEPTH, 10);
+    o.archivolt(tracery.of(stones.trim), plane, &archivolt(0.20, 0.06), 10, true);
+    o.pane(glass.of(pane), plane, DEPTH - 0.01, 10, |x, y| vec2(0.5 + 0.5 * x, 1.0 - y));
+    // Two lights under pointed heads, a ring above them, all 12 cm before the glass.
+    let face = Plane { origin: plane.origin - plane.out * (DEPTH - 0.10), ..*plane };
+    let stone = tracery.of(stones.trim);
+    let (w, d) = (0.055, 0.07);
+    let mullion = [vec2(w, -d), vec2(w, 0.0), vec2(0.4 * w, d), vec2(-0.4 * w, d), vec2(-w, 0.0), vec2(-w, -d)];
+    let upright = |y: f32| Frame { origin: face.at(o.centre, y, 0.0), x: -face.along, y: face.out };
+    let low = o.spring - 0.1 * o.half;
+    sweep(stone, &[upright(low + 0.55 * o.half), upright(o.sill)], &mullion);
+    let edge = [vec2(0.05, -d), vec2(0.05, 0.0), vec2(0.02, d), vec2(-0.02, d), vec2(-0.05, 0.0), vec2(-0.05, -d)];
+    for sign in [-1.0, 1.0] {
+        let light = Opening { centre: o.centre + sign * o.half / 2.0, half: o.half / 2.0, spring: low, ..*o };
+        light.archivolt(stone, &face, &edge, 7, false);
+    }
+    let head = face.at(o.centre, o.spring + 0.80 * o.half, 0.0);
+    ring(stone, head, face.out, 0.36 * o.half, 0.05, 18);
+}
+
+/// The round window above the west door, set on the wall in a heavy ring.
+fn rose_window(glass: &mut Model, tracery: &mut Model, stones: &Stones) {
+    let (centre, radius) = (vec3(0.0, 10.9, -0.03), 2.3);
+    let rim = |i: usize| {
+        let (sin, cos) = (TAU * (i % 32) as f32 / 32.0).sin_cos();
+        (centre + radius * Vec3::new(cos, sin, 0.0), vec2(0.5 + 0.5 * cos, 0.5 - 0.5 * sin))
+    };
+    let mesh = glass.of(stones.rose_glass);
+    let middle = mesh.vertex(centre, Vec3::NEG_Z, vec2(0.5, 0.5));
+    for i in 0..32 {
+        let [a, b] = [i, i + 1].map(|k| {
+            let (p, uv) = rim(k);
+            mesh.vertex(p, Vec3::NEG_Z, uv)
+        });
+        mesh.face(middle, a, b);
+    }
+    for (r, t) in [(radius, 0.12), (radius + 0.25, 0.08), (radius * 0.5, 0.06), (radius * 0.25, 0.05)] {
+        ring(tracery.of(stones.trim), centre, Vec3::Z, r, t, 32);
+    }
+    let section = arc(glam::Vec2::ZERO, 0.05, 0.0, 360.0, 6);
+    for i in 0..12 {
+        let (sin, cos) = (TAU * i as f32 / 12.0).sin_cos();
+        let out = Vec3::new(cos, sin, 0.0);
+        let frame = |r: f32| Frame { origin: centre + out * r, x: Vec3::Z, y: out.cross(Vec3::Z) };
+        sweep(tracery.of(stones.trim), &[frame(radius * 0.25), frame(radius)], &section);
+    }
+}

@@ -1,0 +1,45 @@
+//! Periodic noise and hashing: everything a procedural texture that repeats needs.
+
+/// A hash of three integers to 0..1.
+pub fn hash(x: i32, y: i32, seed: u32) -> f32 {
+    let mut h =
+        (x as u32).wrapping_mul(0x8da6_b343) ^ (y as u32).wrapping_mul(0xd816_3841) ^ seed.wrapping_mul(0xcb1a_b31f);
+    h ^= h >> 16;
+    h = h.wrapping_mul(0x7feb_352d);
+    h ^= h >> 15;
+    h = h.wrapping_mul(0x846c_a68b);
+    h ^= h >> 16;
+    (h >> 8) as f32 / (1 << 24) as f32
+}
+
+/// The usual smooth step between two edges.
+pub fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
+    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// Linear interpolation.
+pub fn mix(a: f32, b: f32, t: f32) -> f32 {
+    a + (b - a) * t
+}
+
+/// Value noise over the unit square that repeats, with `nx` × `ny` cells; 0..1.
+pub fn value(u: f32, v: f32, nx: i32, ny: i32, seed: u32) -> f32 {
+    let (x, y) = (u * nx as f32, v * ny as f32);
+    let (x0, y0) = (x.floor(), y.floor());
+    let (fx, fy) = (x - x0, y - y0);
+    let (sx, sy) = (fx * fx * (3.0 - 2.0 * fx), fy * fy * (3.0 - 2.0 * fy));
+    let at = |dx: i32, dy: i32| hash((x0 as i32 + dx).rem_euclid(nx), (y0 as i32 + dy).rem_euclid(ny), seed);
+    mix(mix(at(0, 0), at(1, 0), sx), mix(at(0, 1), at(1, 1), sx), sy)
+}
+
+/// Several octaves of value noise, each twice as fine and half as strong; 0..1, mean near ½.
+pub fn fractal(u: f32, v: f32, nx: i32, ny: i32, octaves: u32, seed: u32) -> f32 {
+    let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
+    for octave in 0..octaves {
+        sum += weight * value(u, v, nx << octave, ny << octave, seed + octave * 101);
+        total += weight;
+        weight *= 0.5;
+    }
+    sum / total
+}

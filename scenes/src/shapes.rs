@@ -1,0 +1,224 @@
+//! Shapes swept from a profile: turned on a lathe, drawn along a path, mitred round corners.
+//!
+//! A profile is a chain of points in its own plane; the visible side is to the right of the
+//! direction of travel, so a profile that rises along +y shows its face towards +x.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::{Vec2, Vec3, vec2, vec3};
+
+use crate::mesh::{Mesh, Vertex};
+
+/// Neighbouring stretches of a profile that bend less than this (cosine) are shaded as one curve.
+const SMOOTH: f32 = 0.75;
+
+/// The normals at both ends of every stretch of a profile.
+fn profile_normals(profile: &[Vec2]) -> Vec<[Vec2; 2]> {
+    let flat: Vec<Vec2> = profile
+        .windows(2)
+        .map(|w| {
+            let d = (w[1] - w[0]).normalize_or_zero();
+            vec2(d.y, -d.x)
+        })
+        .collect();
+    let joined = |a: Vec2, b: Vec2| if a.dot(b) > SMOOTH { (a + b).normalize() } else { a };
+    (0..flat.len())
+        .map(|i| {
+            let before = if i > 0 { joined(flat[i], flat[i - 1]) } else { flat[i] };
+            let after = if i + 1 < flat.len() { joined(flat[i], flat[i + 1]) } else { flat[i] };
+            [before, after]
+        })
+        .collect()
+}
+
+/// Points of an arc in a profile, both ends included; angles in degrees.
+pub fn arc(centre: Vec2, radius: f32, from: f32, to: f32, steps: usize) -> Vec<Vec2> {
+    (0..=steps)
+        .map(|i| {
+            let a = (from + (to - from) * i as f32 / steps as f32).to_radians();
+            centre + radius * vec2(a.cos(), a.sin())
+        })
+        .collect()
+}
+
+/// A profile put together from pieces, without doubled points.
+pub fn chain(pieces: &[&[Vec2]]) -> Vec<Vec2> {
+    let mut out: Vec<Vec2> = Vec::new();
+    for p in pieces.iter().flat_map(|p| p.iter()) {
+        if out.last().is_none_or(|q| q.distance(*p) > 1e-5) {
+            out.push(*p);
+        }
+    }
+    out
+}
+
+/// A body turned about the vertical through `centre`; the profile is (radius, height), upwards.
+/// The texture goes round in `around` metres, best a whole number of repeats.
+pub fn lathe(mesh: &mut Mesh, centre: Vec3, profile: &[Vec2], segments: usize, around: f32) {
+    let normals = profile_normals(profile);
+    let mut length = 0.0;
+    for (w, n) in profile.windows(2).zip(&normals) {
+        let step = w[0].distance(w[1]);
+        mesh.grid(segments, 1, |i, j| {
+            let (sin, cos) = (TAU * (i % segments) as f32 / segments as f32).sin_cos();
+            let (p, m) = (w[j], n[j]);
+            Vertex {
+                position: centre + vec3(p.x * cos, p.y, p.x * sin),
+                normal: vec3(m.x * cos, m.y, m.x * sin),
+                uv: vec2(around * i as f32 / segments as f32, -(length + step * j as f32)),
+            }
+        });
+        length += step;
+    }
+}
+
+/// A place on a path: the profile's origin and the directions of its axes.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    /// Where the profile's origin lies.
+    pub origin: Vec3,
+    /// The profile's x axis.
+    pub x: Vec3,
+    /// The profile's y axis.
+    pub y: Vec3,
+}
+
+impl Frame {
+    fn point(&self, p: Vec2) -> Vec3 {
+        self.origin + self.x * p.x + self.y * p.y
+    }
+}
+
+/// Draws a profile along a curve, shaded smoothly along it.
+pub fn sweep(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
+    let normals = profile_normals(profile);
+    let mut lengths = vec![0.0];
+    for w in frames.windows(2) {
+        lengths.push(lengths[lengths.len() - 1] + w[0].origin.distance(w[1].origin));
+    }
+    let mut across = 0.0;
+    for (w, n) in profile.windows(2).zip(&normals) {
+        let step = w[0].distance(w[1]);
+        mesh.grid(frames.len() - 1, 1, |i, j| Vertex {
+            position: frames[i].point(w[j]),
+            normal: frames[i].x * n[j].x + frames[i].y * n[j].y,
+            uv: vec2(lengths[i], -(across + step * j as f32)),
+        });
+        across += step;
+    }
+}
+
+/// Draws a moulding along level straight stretches with mitred corners. The profile's x axis points
+/// to the right of the way from corner to corner, its y axis up.
+pub fn moulding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]) {
+    let n = corners.len();
+    let right = |i: usize| (corners[(i + 1) % n] - corners[i % n]).normalize().cross(Vec3::Y);
+    let normals = profile_normals(profile);
+    let stretches = if closed { n } else { n - 1 };
+    let miter = |i: usize| {
+        let after = right(i.min(stretches - 1));
+        let before = if i > 0 {
+            right(i - 1)
+        } else if closed {
+            right(n - 1)
+        } else {
+            after
+        };
+        let after = if !closed && i == n - 1 {
+            before
+        } else if closed {
+            right(i % n)
+        } else {
+            after
+        };
+        (before + after) / (1.0 + before.dot(after))
+    };
+    for s in 0..stretches {
+        let (a, b) = (corners[s], corners[(s + 1) % n]);
+        let (ma, mb) = (miter(s), miter((s + 1) % n.max(1)));
+        let (ma, mb) = if closed { (ma, mb) } else { (ma, miter(s + 1)) };
+        let (forward, side) = ((b - a).normalize(), right(s));
+        let mut across = 0.0;
+        for (w, m) in profile.windows(2).zip(&normals) {
+            let step = w[0].distance(w[1]);
+            mesh.grid(1, 1, |i, j| {
+                let (end, miter) = if i == 0 { (a, ma) } else { (b, mb) };
+                let position = end + miter * w[j].x + Vec3::Y * w[j].y;
+                let uv = vec2(position.dot(forward), -(across + step * j as f32));
+                Vertex { position, normal: side * m[j].x + Vec3::Y * m[j].y, uv }
+            });
+            across += step;
+        }
+    }
+}
+
+/// A body of horizontal outline whose size follows a profile of (scale, height), upwards: bases,
+/// shafts and capitals of compound piers. The outline may run either way round the axis.
+pub fn loft(mesh: &mut Mesh, centre: Vec3, outline: &[Vec2], profile: &[Vec2]) {
+    let n = outline.len();
+    let edges: Vec<Vec2> = (0..n)
+        .map(|i| {
+            let d = outline[(i + 1) % n] - outline[i];
+            let m = vec2(d.y, -d.x).normalize();
+            m * (outline[i] + outline[(i + 1) % n]).dot(m).signum()
+        })
+        .collect();
+    let heights = profile_normals(profile);
+    let (mut around, mut up) = (0.0, 0.0);
+    for i in 0..n {
+        let (before, here, after) = (edges[(i + n - 1) % n], edges[i], edges[(i + 1) % n]);
+        let joined = |other: Vec2| if here.dot(other) > SMOOTH { (here + other).normalize() } else { here };
+        let (p, q) = (outline[i], outline[(i + 1) % n]);
+        let width = p.distance(q);
+        for (w, m) in profile.windows(2).zip(&heights) {
+            let step = w[0].distance(w[1]);
+            mesh.grid(1, 1, |a, b| {
+                let (corner, normal) = if a == 0 { (p, joined(before)) } else { (q, joined(after)) };
+                let corner = corner * w[b].x;
+                let level = m[b].x.max(0.05);
+                Vertex {
+                    position: centre + vec3(corner.x, w[b].y, corner.y),
+                    normal: vec3(normal.x * level, m[b].y, normal.y * level),
+                    uv: vec2(around + width * a as f32, -(up + step * b as f32)),
+                }
+            });
+            up += step;
+        }
+        up = 0.0;
+        around += width;
+    }
+}
+
+/// A ball.
+pub fn ball(mesh: &mut Mesh, centre: Vec3, radius: f32, segments: usize) {
+    let profile: Vec<Vec2> = (0..=segments / 2)
+        .map(|i| {
+            let a = PI * (i as f32 / (segments / 2) as f32 - 0.5);
+            radius * vec2(a.cos().max(0.0), a.sin())
+        })
+        .collect();
+    lathe(mesh, centre, &profile, segments, TAU * radius);
+}
+
+/// A round bar from point to point, without its ends.
+pub fn bar(mesh: &mut Mesh, a: Vec3, b: Vec3, radius: f32, segments: usize) {
+    let axis = (b - a).normalize();
+    let x = axis.any_orthonormal_vector();
+    let y = axis.cross(x);
+    let circle = arc(Vec2::ZERO, radius, 0.0, 360.0, segments);
+    sweep(mesh, &[Frame { origin: a, x, y }, Frame { origin: b, x, y }], &circle);
+}
+
+/// A ring about `axis` of round section.
+pub fn ring(mesh: &mut Mesh, centre: Vec3, axis: Vec3, radius: f32, thickness: f32, segments: usize) {
+    let x = axis.normalize().any_orthonormal_vector();
+    let y = axis.normalize().cross(x);
+    let frames: Vec<Frame> = (0..=segments)
+        .map(|i| {
+            let (sin, cos) = (TAU * (i % segments) as f32 / segments as f32).sin_cos();
+            let out = x * cos + y * sin;
+            Frame { origin: centre + out * radius, x: out, y: axis.normalize() }
+        })
+        .collect();
+    sweep(mesh, &frames, &arc(Vec2::ZERO, thickness, 0.0, 360.0, 8));
+}

@@ -1,0 +1,76 @@
+//! Procedural pictures: linear reflectances in, JPEG bytes out.
+
+use glam::Vec3;
+use image::codecs::jpeg::JpegEncoder;
+
+/// A picture of linear Rec.709 reflectances (or, for emissive panes, relative radiances).
+#[derive(Clone, Debug)]
+pub struct Texture {
+    /// Pixels each way.
+    pub size: usize,
+    /// Rows from the top.
+    pub pixels: Vec<Vec3>,
+}
+
+impl Texture {
+    /// A square picture; `f(u, v)` gives the value at a point of the unit square, v downwards.
+    /// Four samples are averaged for each pixel.
+    pub fn new(size: usize, f: impl Fn(f32, f32) -> Vec3) -> Self {
+        let mut pixels = Vec::with_capacity(size * size);
+        for y in 0..size {
+            for x in 0..size {
+                let mut sum = Vec3::ZERO;
+                for (dx, dy) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
+                    sum += f((x as f32 + dx) / size as f32, (y as f32 + dy) / size as f32);
+                }
+                pixels.push(sum * 0.25);
+            }
+        }
+        Self { size, pixels }
+    }
+
+    /// The mean over all pixels.
+    pub fn mean(&self) -> Vec3 {
+        // Summed in double precision: a million terms lose digits otherwise.
+        let mut sum = glam::DVec3::ZERO;
+        for p in &self.pixels {
+            sum += p.as_dvec3();
+        }
+        (sum / self.pixels.len() as f64).as_vec3()
+    }
+
+    /// The same pattern scaled so that its mean is the given reflectance.
+    pub fn with_mean(mut self, mean: Vec3) -> Self {
+        let scale = mean / self.mean();
+        for p in &mut self.pixels {
+            *p *= scale;
+        }
+        self
+    }
+
+    /// The picture as a JPEG in sRGB.
+    pub fn jpeg(&self, quality: u8) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(self.pixels.len() * 3);
+        for p in &self.pixels {
+            bytes.extend(p.to_array().map(|x| (srgb(x.clamp(0.0, 1.0)) * 255.0 + 0.5) as u8));
+        }
+        let mut out = Vec::new();
+        JpegEncoder::new_with_quality(&mut out, quality)
+            .encode(&bytes, self.size as u32, self.size as u32, image::ExtendedColorType::Rgb8)
+            .expect("a picture of matching size in memory");
+        out
+    }
+}
+
+/// The sRGB transfer curve, linear to encoded.
+pub fn srgb(x: f32) -> f32 {
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// A linear colour from the encoded one that picture editors show.
+pub fn from_srgb(r: u8, g: u8, b: u8) -> Vec3 {
+    Vec3::new(r as f32, g as f32, b as f32).map(|c| {
+        let c = c / 255.0;
+        if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+    })
+}

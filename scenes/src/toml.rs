@@ -1,0 +1,48 @@
+//! The settings file beside each scene.
+
+use glam::Vec3;
+
+/// The sky and the sun's size, for scenes under the open sky.
+#[derive(Clone, Copy, Debug)]
+pub struct Sky {
+    /// Radiance overhead.
+    pub zenith: Vec3,
+    /// Radiance at the horizon.
+    pub horizon: Vec3,
+    /// Radiance below the horizon.
+    pub ground: Vec3,
+    /// Degrees across.
+    pub sun_diameter: f32,
+}
+
+/// What the settings file says.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Factor on radiance before the tone curve.
+    pub exposure: f32,
+    /// None where there is no sky.
+    pub sky: Option<Sky>,
+    /// Frames of the whole animation at 25 a second.
+    pub frames: u32,
+}
+
+impl Settings {
+    /// The text of the file.
+    pub fn to_toml(&self) -> String {
+        let mut s = format!("[tone_mapping]\noperator = \"filmic\"\nexposure = {:?}\n", self.exposure);
+        if let Some(sky) = self.sky {
+            let rgb = |c: Vec3| format!("[{:?}, {:?}, {:?}]", c.x, c.y, c.z);
+            s += "\n# Radiance in W/(m² sr), linear Rec.709.\n[sky]\n";
+            s += &format!(
+                "zenith = {}\nhorizon = {}\nground = {}\n",
+                rgb(sky.zenith),
+                rgb(sky.horizon),
+                rgb(sky.ground)
+            );
+            s += &format!("\n# Degrees across.\n[sun]\nangular_diameter = {:?}\n", sky.sun_diameter);
+        }
+        s += "\n[camera]\nname = \"camera\"\n";
+        s += &format!("\n[video]\nframes = {}\nfps = 25\n", self.frames);
+        s
+    }
+}
