@@ -7,7 +7,7 @@ use crate::Units;
 use crate::sampling::{Distribution, radical_inverse, triangle};
 use crate::scene::Scene;
 use crate::surface::Surfaces;
-use glam::{Vec3, Vec3A};
+use glam::Vec3A;
 
 /// A place that stands for the light its share of surface sends back.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,35 +120,53 @@ impl Anchor {
     }
 }
 
-/// Where anchors are near a point: cells of one kernel radius in a table sorted by cell.
+/// Where anchors are near a point: a grid of cells at least a kernel's radius wide over the box around the anchors.
 pub struct AnchorGrid {
     points: Vec<Anchor>,
     /// Original index of each point.
     index: Vec<u32>,
-    /// Sorted (cell key, first point); a point's neighbours lie in 27 cells.
-    cells: std::collections::HashMap<[i32; 3], (u32, u32)>,
+    /// First point of each cell, and the end of the last: cells in x, then y, then z.
+    first: Vec<u32>,
+    low: Vec3A,
+    size: [usize; 3],
     cell: f32,
     radius: f32,
 }
 
 /// Anchors that a kernel is expected to hold: enough to be smooth, few enough to stay local.
 const ANCHORS_PER_KERNEL: f32 = 8.0;
+/// Most cells along an axis: 8 MB of them at worst.
+const MOST_CELLS: f32 = 128.0;
 
 impl AnchorGrid {
     /// Sorts `anchors`, each standing for `area_share` m².
     pub fn new(anchors: &[Anchor], area_share: f32) -> Self {
         let radius = (ANCHORS_PER_KERNEL * area_share / std::f32::consts::PI).sqrt().max(f32::MIN_POSITIVE);
-        let cell = radius;
-        let key = |anchor: &Anchor| cell_of(anchor.position, cell);
-        let mut order: Vec<u32> = (0..anchors.len() as u32).collect();
-        order.sort_by_key(|&i| (key(&anchors[i as usize]), i));
-        let points: Vec<Anchor> = order.iter().map(|&i| anchors[i as usize]).collect();
-        let mut cells = std::collections::HashMap::new();
-        for (i, point) in points.iter().enumerate() {
-            let range = cells.entry(key(point)).or_insert((i as u32, i as u32));
-            range.1 = i as u32 + 1;
-        }
-        Self { points, index: order, cells, cell, radius }
+        let low = anchors.iter().fold(Vec3A::INFINITY, |low, anchor| low.min(anchor.position));
+        let high = anchors.iter().fold(Vec3A::NEG_INFINITY, |high, anchor| high.max(anchor.position));
+        let extent = if anchors.is_empty() { Vec3A::ZERO } else { high - low };
+        let cell = radius.max(extent.max_element() / (MOST_CELLS - 1.0));
+        let size = (extent / cell).to_array().map(|cells| cells as usize + 1);
+        let mut grid = Self { points: Vec::new(), index: Vec::new(), first: Vec::new(), low, size, cell, radius };
+        let mut order: Vec<(usize, u32)> =
+            anchors.iter().zip(0..).map(|(anchor, i)| (grid.place(grid.cell_of(anchor.position)), i)).collect();
+        order.sort_unstable();
+        grid.first =
+            (0..=size.iter().product()).map(|cell| order.partition_point(|&(place, _)| place < cell) as u32).collect();
+        grid.points = order.iter().map(|&(_, i)| anchors[i as usize]).collect();
+        grid.index = order.iter().map(|&(_, i)| i).collect();
+        grid
+    }
+
+    /// The cell of a point; outside of the box, the nearest.
+    fn cell_of(&self, position: Vec3A) -> [usize; 3] {
+        let at = ((position - self.low) / self.cell).to_array();
+        // Negative values and NaN become 0.
+        std::array::from_fn(|axis| (at[axis] as usize).min(self.size[axis] - 1))
+    }
+
+    fn place(&self, [x, y, z]: [usize; 3]) -> usize {
+        (z * self.size[1] + y) * self.size[0] + x
     }
 
     /// Calls `give(anchor, weight)` for the anchors near `position` that face like `normal`; the weights sum to 1.
@@ -165,22 +183,21 @@ impl AnchorGrid {
     ) -> bool {
         let mut near: [(u32, f32); 64] = [(0, 0.0); 64];
         let (mut count, mut sum) = (0, 0.0);
-        let center = cell_of(position, self.cell);
-        for i in 0..27 {
-            let cell = [
-                center[0].saturating_add(i % 3 - 1),
-                center[1].saturating_add(i / 3 % 3 - 1),
-                center[2].saturating_add(i / 9 - 1),
-            ];
-            let Some(&(first, end)) = self.cells.get(&cell) else { continue };
-            for p in first..end {
+        let center = self.cell_of(position);
+        let [xs, ys, zs] =
+            std::array::from_fn(|axis| center[axis].saturating_sub(1)..=(center[axis] + 1).min(self.size[axis] - 1));
+        for (z, y) in zs.flat_map(|z| ys.clone().map(move |y| (z, y))) {
+            // The cells of a row lie behind each other, and so do their points.
+            let row = self.first[self.place([*xs.start(), y, z])]..self.first[self.place([*xs.end(), y, z]) + 1];
+            for p in row {
                 let anchor = &self.points[p as usize];
                 let d2 = anchor.position.distance_squared(position) / (self.radius * self.radius);
                 // Half a right angle apart, or well off the plane: another wall, not this one.
-                let same_wall = anchor.normal.dot(normal) > 0.7
+                let same_wall = d2 < 1.0
+                    && anchor.normal.dot(normal) > 0.7
                     && normal.dot(anchor.position - position).abs() < 0.3 * self.radius
                     && instance.is_none_or(|instance| instance == anchor.instance);
-                if d2 < 1.0 && same_wall && count < near.len() {
+                if same_wall && count < near.len() {
                     near[count] = (p, 1.0 - d2);
                     sum += 1.0 - d2;
                     count += 1;
@@ -193,23 +210,116 @@ impl AnchorGrid {
             }
             return true;
         }
-        let fitting = |strict: bool| {
-            self.points
-                .iter()
-                .enumerate()
-                .filter(|(_, a)| instance.is_none_or(|instance| instance == a.instance))
-                .filter(|(_, a)| !strict || a.normal.dot(normal) > 0.0)
-                .map(|(p, a)| (p, a.position.distance_squared(position)))
-                .min_by(|a, b| a.1.total_cmp(&b.1))
-        };
-        match fitting(true).or_else(|| fitting(false)) {
-            Some((p, _)) => give(self.index[p] as usize, 1.0),
+        match self.nearest(position, normal, instance) {
+            Some(p) => give(self.index[p] as usize, 1.0),
             None => return false,
         }
         true
     }
+
+    /// The nearest anchor that faces to the same side, else the nearest at all: in cubes of cells that grow
+    /// until what they hold is nearer than anything outside of them could be.
+    fn nearest(&self, position: Vec3A, normal: Vec3A, instance: Option<u32>) -> Option<usize> {
+        let center = self.cell_of(position);
+        let most = *self.size.iter().max()?;
+        let mut best: [Option<(f32, usize)>; 2] = [None, None];
+        for reach in 0..=most {
+            let span =
+                |axis: usize| center[axis].saturating_sub(reach)..=(center[axis] + reach).min(self.size[axis] - 1);
+            for z in span(2) {
+                for y in span(1) {
+                    for x in span(0) {
+                        let away = [x.abs_diff(center[0]), y.abs_diff(center[1]), z.abs_diff(center[2])];
+                        // Only the shell is new.
+                        if away.iter().max() != Some(&reach) {
+                            continue;
+                        }
+                        let place = self.place([x, y, z]);
+                        for p in self.first[place] as usize..self.first[place + 1] as usize {
+                            let anchor = &self.points[p];
+                            if instance.is_some_and(|instance| instance != anchor.instance) {
+                                continue;
+                            }
+                            let d2 = anchor.position.distance_squared(position);
+                            let away = usize::from(anchor.normal.dot(normal) <= 0.0);
+                            if best[away].is_none_or(|(nearest, _)| d2 < nearest) {
+                                best[away] = Some((d2, p));
+                            }
+                        }
+                    }
+                }
+            }
+            // Cells beyond this shell are at least so far away.
+            let beyond = reach as f32 * self.cell;
+            if best[0].is_some_and(|(d2, _)| d2 <= beyond * beyond) {
+                break;
+            }
+        }
+        best[0].or(best[1]).map(|(_, p)| p)
+    }
 }
 
-fn cell_of(position: Vec3A, cell: f32) -> [i32; 3] {
-    (Vec3::from(position) / cell).floor().to_array().map(|c| c as i32)
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::hash_unit;
+
+    fn random(key: u64) -> Vec3A {
+        Vec3A::new(hash_unit(1, key, 0), hash_unit(1, key, 1), hash_unit(1, key, 2)) * 2.0 - 1.0
+    }
+
+    #[test]
+    fn the_nearest_that_fits_is_found() {
+        let anchors: Vec<Anchor> = (0..500)
+            .map(|k| Anchor {
+                position: random(k) * Vec3A::new(3.0, 1.0, 0.1),
+                normal: random(1000 + k).normalize(),
+                instance: (k % 3) as u32,
+            })
+            .collect();
+        let grid = AnchorGrid::new(&anchors, 0.01);
+        for k in 0..300 {
+            let (position, normal) = (random(5000 + k) * 4.0, random(9000 + k).normalize());
+            let instance = (k % 2 == 0).then_some((k % 3) as u32);
+            let fits = |a: &&Anchor| instance.is_none_or(|i| i == a.instance) && a.normal.dot(normal) > 0.0;
+            let expected = anchors
+                .iter()
+                .filter(fits)
+                .map(|a| a.position.distance_squared(position))
+                .min_by(f32::total_cmp)
+                .unwrap();
+            let found = grid.points[grid.nearest(position, normal, instance).unwrap()];
+            assert!(fits(&&found));
+            assert_eq!(found.position.distance_squared(position), expected);
+        }
+    }
+
+    #[test]
+    fn weights_sum_to_one_and_nothing_is_given_across_walls() {
+        let anchors: Vec<Anchor> = (0..400)
+            .map(|k| {
+                let at = random(k) * Vec3A::new(1.0, 0.0, 1.0);
+                // Two floors, one above the other, facing up and down.
+                let up = k % 2 == 0;
+                Anchor {
+                    position: at + Vec3A::Y * if up { 0.0 } else { 0.02 },
+                    normal: if up { Vec3A::Y } else { -Vec3A::Y },
+                    instance: 0,
+                }
+            })
+            .collect();
+        let grid = AnchorGrid::new(&anchors, 4.0 / 200.0);
+        for k in 0..100 {
+            let mut sum = 0.0;
+            let at = random(777 + k) * Vec3A::new(0.9, 0.0, 0.9);
+            assert!(grid.splat(at, Vec3A::Y, None, |anchor, weight| {
+                assert!(anchor % 2 == 0, "the other side's anchor took light");
+                sum += weight;
+            }));
+            assert!((sum - 1.0f32).abs() < 1e-5);
+        }
+        assert!(
+            !AnchorGrid::new(&[], 1.0).splat(Vec3A::ZERO, Vec3A::Y, None, |_, _| unreachable!("there is no anchor"))
+        );
+    }
 }

@@ -15,7 +15,7 @@ use crate::patterns::{damask, linen, marble, plaster};
 use crate::wood::herringbone;
 
 /// Seconds of animation.
-pub const DURATION: f32 = 6.0;
+pub const DURATION: f32 = 4.0;
 
 const WHITE: Vec3 = vec3(0.725, 0.71, 0.68);
 const RED: Vec3 = vec3(0.63, 0.065, 0.05);
@@ -117,9 +117,9 @@ pub fn build() -> Scene {
     let step = |x: f32, z: f32| home + vec3(-x, 0.0, -z) / 1000.0;
     let slide = Path::closed(&[
         (0.0, step(0.0, 0.0)),
-        (1.5, step(-35.0, 12.0)),
-        (3.0, step(-5.0, -18.0)),
-        (4.5, step(32.0, -26.0)),
+        (0.25 * DURATION, step(-35.0, 12.0)),
+        (0.5 * DURATION, step(-5.0, -18.0)),
+        (0.75 * DURATION, step(32.0, -26.0)),
         (DURATION, step(0.0, 0.0)),
     ]);
     scene.animate(short, slide.translation());
@@ -129,15 +129,15 @@ pub fn build() -> Scene {
     *model.of(stone) = mesh;
     let tall = scene.mesh("tall block", model);
     let tall = scene.node("tall block", Some(tall), home, Quat::IDENTITY);
-    // A quarter turn a second and a half: what a display stand does.
+    // A quarter turn a second: what a display stand does.
     scene.animate(tall, rotation(DURATION, 8.0, |t| Quat::from_rotation_y(TAU * t / DURATION)));
 
     // From the published viewpoint, a little nearer so that the walls' edges stay outside the
     // picture, gently in and to the side.
     let walk = Path::new(&[
         (0.0, at(278.0, 273.0, -755.0)),
-        (2.0, at(290.0, 279.0, -735.0)),
-        (4.0, at(304.0, 285.0, -705.0)),
+        (DURATION / 3.0, at(290.0, 279.0, -735.0)),
+        (DURATION / 1.5, at(304.0, 285.0, -705.0)),
         (DURATION, at(300.0, 283.0, -675.0)),
     ]);
     let view = |t: f32| look_at(walk.at(t), at(278.0, 268.0, 280.0));

@@ -38,12 +38,14 @@ pub struct Material {
     pub emission: Vec3,
     /// Picture that the emission is multiplied by.
     pub emission_texture: Option<TextureId>,
+    /// A thin layer that reflects on both sides, such as cloth; everything else has its front alone.
+    pub sheet: bool,
 }
 
 impl Material {
     /// A plain colour.
     pub fn plain(name: &'static str, color: Vec3) -> Self {
-        Self { name, color, texture: None, tile: Vec2::ONE, emission: Vec3::ZERO, emission_texture: None }
+        Self { name, color, texture: None, tile: Vec2::ONE, emission: Vec3::ZERO, emission_texture: None, sheet: false }
     }
 
     /// A picture that repeats every `tile` metres.
@@ -152,6 +154,12 @@ impl Scene {
     /// Adds a material of one colour.
     pub fn plain(&mut self, name: &'static str, color: Vec3) -> MaterialId {
         self.material(Material::plain(name, color))
+    }
+
+    /// Makes a material a thin layer, see [`Material::sheet`].
+    pub fn sheet(&mut self, material: MaterialId) -> MaterialId {
+        self.materials[material.0].sheet = true;
+        material
     }
 
     /// Adds a mesh.
@@ -357,9 +365,7 @@ fn material_json(material: &Material) -> Value {
     if let Some(t) = material.texture {
         pbr["baseColorTexture"] = json!({"index": t.0});
     }
-    // Sources shine from one side only; everything else is a single layer seen from both.
-    let lit = material.emission == Vec3::ZERO;
-    let mut m = json!({"name": material.name, "pbrMetallicRoughness": pbr, "doubleSided": lit});
+    let mut m = json!({"name": material.name, "pbrMetallicRoughness": pbr, "doubleSided": material.sheet});
     let e = material.emission;
     if e != Vec3::ZERO {
         // The factor itself may not exceed 1, so the strength carries the size.

@@ -60,6 +60,6 @@ pub const SCENES: &[Shipped] = &[
     Shipped {
         name: "nave",
         build: nave::build,
-        settings: Settings { exposure: 1.0, sky: None, frames: frames(nave::DURATION) },
+        settings: Settings { exposure: 0.8, sky: None, frames: frames(nave::DURATION) },
     },
 ];

@@ -20,6 +20,9 @@ const SUPPORTED: [&str; 4] =
 const TEXTURE_SIDE: u32 = 16384;
 const TEXTURE_BYTES: u64 = 1 << 30;
 
+/// Most elements of an accessor without a buffer view: zeros that no byte of the file stands for.
+const ELEMENTS_WITHOUT_DATA: usize = 1 << 24;
+
 /// Why a scene could not be read; the message names the file, the place and the remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
@@ -146,7 +149,11 @@ impl Loader<'_> {
         }
         root.extensions_required.clear();
         let document = gltf::Document::from_json(root)
-            .or_else(|error| self.bad(format!("invalid glTF: {}", one_line(&error.to_string()))))?;
+            .or_else(|error| self.bad(one_line(&error.to_string()).trim_end_matches(';')))?;
+        let empty = |accessor: &gltf::Accessor| accessor.view().is_none() && accessor.count() > ELEMENTS_WITHOUT_DATA;
+        if let Some(accessor) = document.accessors().find(empty) {
+            return self.bad(format!("accessor {} has {} elements without data", accessor.index(), accessor.count()));
+        }
         Ok((document, blob))
     }
 
@@ -301,13 +308,23 @@ impl Loader<'_> {
         use gltf::mesh::Mode;
         let place = format!("mesh {} primitive {}", mesh.index(), primitive.index());
         let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(Vec::as_slice));
-        let Some(positions) = reader.read_positions() else { return self.bad(format!("{place} has no positions")) };
+        // The crate reads three floats for each position, whatever the file holds.
+        let as_stated = primitive.get(&gltf::Semantic::Positions).is_some_and(|accessor| {
+            (accessor.data_type(), accessor.dimensions())
+                == (gltf::accessor::DataType::F32, gltf::accessor::Dimensions::Vec3)
+        });
+        let Some(positions) = reader.read_positions().filter(|_| as_stated) else {
+            return self.bad(format!("{place} has no positions that can be read"));
+        };
         let positions: Vec<Vec3> = positions.map(Vec3::from).collect();
         if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
             return self.bad(format!("{place}: the position of vertex {vertex} is not finite"));
         }
         let indices: Vec<u32> = match reader.read_indices() {
             Some(indices) => indices.into_u32().collect(),
+            None if primitive.indices().is_some() => {
+                return self.bad(format!("{place}: its indices lie outside of their buffer"));
+            }
             None => (0..positions.len() as u32).collect(),
         };
         if let Some(index) = indices.iter().find(|&&index| index as usize >= positions.len()) {

@@ -119,6 +119,7 @@ pub fn build() -> Scene {
 
     ground::add(&mut scene, &stones);
     gallery::add(&mut scene, &stones);
+    let cloths = cloths.map(|cloth| scene.sheet(cloth));
     objects::drapes(&mut scene, &cloths, brass);
     objects::fountain(&mut scene, stones.trim, water, bronze, brass);
     objects::pots(&mut scene, terracotta, hedge, stones.trim);

@@ -84,6 +84,9 @@ pub fn build() -> Scene {
     };
     room::add(&mut scene, &finish);
     furniture::table(&mut scene, &finish);
+    for thin in [finish.white, finish.slat, finish.leaf] {
+        scene.sheet(thin);
+    }
     furniture::plants(&mut scene, &finish);
 
     let chair = furniture::chair(&finish);
