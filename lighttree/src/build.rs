@@ -85,6 +85,7 @@ impl LightTree {
             cost_at_build: 0.0,
             misplaced,
             rejected,
+            seed: params.seed,
         };
         tree.assemble(&agglomerate(leaves, &metric), &metric, params.seed);
         tree.cost_at_build = tree.relative_cost();
@@ -237,7 +238,7 @@ fn agglomerate(leaves: Vec<Cluster>, metric: &Metric) -> Vec<[u32; 2]> {
 }
 
 /// A number in 0 … 1 that depends on seed and counter alone (the finalizer of SplitMix64).
-fn uniform(seed: u64, counter: u64) -> f64 {
+pub(crate) fn uniform(seed: u64, counter: u64) -> f64 {
     let mut z = seed.wrapping_add(counter.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

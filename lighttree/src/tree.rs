@@ -78,6 +78,8 @@ pub struct LightTree {
     /// Lights without a usable position or axis: dark for ever, in ascending order.
     pub(crate) misplaced: Vec<u32>,
     pub(crate) rejected: usize,
+    /// Of the draws of representatives.
+    pub(crate) seed: u64,
 }
 
 impl LightTree {

@@ -63,6 +63,7 @@ fn render(path: PathBuf, wishes: pipeline::Wishes, report: Option<PathBuf>, quie
     let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
     let output = Output::create(&settings.output)?;
     drop(Output::create(&report_path)?);
+    settings.y4m.as_deref().map(Output::create).transpose()?;
     let plan = Plan::new(&scene, &settings);
 
     let stop = Arc::new(AtomicBool::new(false));

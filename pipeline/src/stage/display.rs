@@ -1,16 +1,15 @@
 //! Radiance into what a display shows: tone curve and Y′C_BC_R. Here light changes its unit to code values.
 
 use crate::message::{Displayed, Shaded, ToMask};
+use crate::output::Output;
 use crate::plan::{Plan, State};
 use crate::settings::Settings;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
 use glam::Vec3;
 use perceptual::{YCbCr, luminance_plane};
 use plane::Plane;
 use render_core::Busy;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::sync::Arc;
 
 /// Luminance that the middle of a picture is brought to when nobody said how bright it should be: photography's grey card.
@@ -58,11 +57,11 @@ pub fn run(
             let message =
                 ToMask { frame, picture: picture.clone(), luminance, tone_map, correspondence: correspondence.clone() };
             if to_mask.send(message).is_err() {
-                break;
+                return Ok(());
             }
         }
         if to_encode.send(Displayed { frame, picture, correspondence, figures }).is_err() {
-            break;
+            return Ok(());
         }
     }
     if let Some(file) = uncompressed {
@@ -82,33 +81,25 @@ fn exposure_for(luminance: &Plane<f32>) -> f32 {
 }
 
 /// Uncompressed frames in a YUV4MPEG2 file, chroma sited as MPEG-2 has it.
-struct Y4m<'a> {
-    path: &'a std::path::Path,
-    file: BufWriter<File>,
-}
+struct Y4m(Output);
 
-impl<'a> Y4m<'a> {
-    fn create(path: &'a std::path::Path, settings: &Settings) -> Result<Self> {
-        let context = || format!("{} cannot be written", path.display());
-        let mut file = BufWriter::new(File::create(path).with_context(context)?);
+impl Y4m {
+    fn create(path: &std::path::Path, settings: &Settings) -> Result<Self> {
+        let mut output = Output::create(path)?;
         let (numerator, denominator) = mpeg2enc::FrameRate::from_fps(settings.fps)?.fraction();
         let (width, height) = (settings.size.width, settings.size.height);
-        writeln!(file, "YUV4MPEG2 W{width} H{height} F{numerator}:{denominator} Ip A1:1 C420mpeg2")
-            .with_context(context)?;
-        Ok(Self { path, file })
+        let header = format!("YUV4MPEG2 W{width} H{height} F{numerator}:{denominator} Ip A1:1 C420mpeg2\n");
+        output.write(header.as_bytes())?;
+        Ok(Self(output))
     }
 
     fn write(&mut self, picture: &YCbCr) -> Result<()> {
-        let planes = [&picture.y, &picture.cb, &picture.cr];
-        let written = self
-            .file
-            .write_all(b"FRAME\n")
-            .and_then(|()| planes.iter().try_for_each(|plane| self.file.write_all(plane.samples())));
-        written.with_context(|| format!("{} cannot be written", self.path.display()))
+        let planes = [&picture.y, &picture.cb, &picture.cr].map(|plane| plane.samples());
+        self.0.write(&[b"FRAME\n", planes[0], planes[1], planes[2]].concat())
     }
 
-    fn finish(mut self) -> Result<()> {
-        self.file.flush().with_context(|| format!("{} cannot be written", self.path.display()))
+    fn finish(self) -> Result<()> {
+        self.0.finish()
     }
 }
 

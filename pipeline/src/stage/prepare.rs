@@ -142,9 +142,9 @@ impl<'a> Preparation<'a> {
             Some(kept) => {
                 intensities.extend(&kept.constant);
                 let mut tree = kept.tree;
-                // The same energies again are no news: an update would only reshuffle representatives.
+                // The same energies again are no news.
                 if tree.lights().iter().map(|light| light.intensity).ne(intensities.iter().copied()) {
-                    let update = busy.measure(|| Arc::make_mut(&mut tree).update(&intensities));
+                    let update = busy.measure(|| Arc::make_mut(&mut tree).update_drawn(&intensities));
                     figures.tree_swaps_share = update.swapped_share;
                 }
                 let constant = kept.constant;
@@ -161,13 +161,8 @@ impl<'a> Preparation<'a> {
                 });
                 let lights: Vec<Light> = anchors.chain(others).collect();
                 let softening2 = self.anchors.area_share / std::f32::consts::PI;
-                let tree = busy.measure(|| {
-                    let mut tree = LightTree::build(&lights, BuildParams { softening2, seed: self.settings.seed });
-                    // The first update turns the draws that the swap rule objects to: better now than between frames.
-                    let drawn: Vec<Vec3> = lights.iter().map(|light| light.intensity).collect();
-                    tree.update(&drawn);
-                    tree
-                });
+                let params = BuildParams { softening2, seed: self.settings.seed };
+                let tree = busy.measure(|| LightTree::build(&lights, params));
                 (Arc::new(tree), constant)
             }
         };

@@ -23,6 +23,9 @@ const TEXTURE_BYTES: u64 = 1 << 30;
 /// Most elements of an accessor without a buffer view: zeros that no byte of the file stands for.
 const ELEMENTS_WITHOUT_DATA: usize = 1 << 24;
 
+/// Farthest from the origin that anything may be [m]: its square is far inside of the range of `f32`.
+const FARTHEST: f32 = 1e15;
+
 /// Why a scene could not be read; the message names the file, the place and the remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
@@ -73,6 +76,9 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
     let settings = load_settings(path)?;
     let mut scene = guarded(|| Loader { path, folder: path.parent().unwrap_or(Path::new("")) }.scene(&bytes))
         .unwrap_or_else(|| Err(malformed(path, "damaged glTF: an index or offset points outside of its data")))?;
+    if !is_within_reach(&scene) {
+        return Err(malformed(path, format!("something is more than {FARTHEST:e} m from the origin; scale the scene")));
+    }
     scene.sky = settings.sky;
     scene.settings = settings;
     let lit = scene.sky.is_some()
@@ -83,6 +89,24 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
         scene.warnings.push("the scene has no light: a plain white sky lights it".into());
     }
     Ok(scene)
+}
+
+/// Is every corner of every mesh, and every node, near enough to compute with, all through the animation?
+fn is_within_reach(scene: &Scene) -> bool {
+    let largest = |mesh: &Mesh| mesh.positions.iter().fold(0.0f32, |most, p| most.max(p.abs().max_element()));
+    let sizes: Vec<f32> = scene.meshes.iter().map(largest).collect();
+    let steps = if scene.channels.is_empty() { 1 } else { 33 };
+    (0..steps).all(|step| {
+        let pose = scene.pose(scene.duration() * step as f32 / 32.0);
+        let reach = |node: usize, size: f32| {
+            let (axes, translation) = (pose.world[node].matrix3, pose.world[node].translation);
+            (axes.x_axis.abs() + axes.y_axis.abs() + axes.z_axis.abs()) * size + translation.abs()
+        };
+        let nodes = (0..scene.nodes.len()).map(|node| reach(node, 1.0));
+        let meshes = scene.instances.iter().map(|instance| reach(instance.node, sizes[instance.mesh]));
+        // Not a number is not below anything.
+        nodes.chain(meshes).all(|reach| reach.cmple(glam::Vec3A::splat(FARTHEST)).all())
+    })
 }
 
 fn load_settings(scene: &Path) -> Result<SceneSettings, LoadError> {
