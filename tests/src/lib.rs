@@ -1,1 +1,16 @@
-//! Tests across the crates.
+//! What the tests across the crates share: the program as a user starts it, two decoders that are not ours, and small scenes.
+//!
+//! The decoders are `ffmpeg` and `mpeg2dec`, which `.ci/run` installs. The program is built by the first test that starts it.
+#![forbid(unsafe_code)]
+
+mod decoders;
+mod glb;
+mod program;
+mod replay;
+
+pub use decoders::{decode_ffmpeg, decode_mpeg2dec, read_y4m, tolerant_frame_count};
+pub use glb::{Glb, Moving, Quad, checkered_room};
+pub use program::{
+    Finished, Rendered, assert_fails, cornell, program, render, render2mpeg, shared_scenes, sorted_names,
+};
+pub use replay::{encode, load, motion_fields};

@@ -30,12 +30,12 @@ const FARTHEST: f32 = 1e15;
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The scene file itself is not there or cannot be read.
-    #[error("{}: {source}; check the path and its permissions", path.display())]
+    #[error("{}: {error}; check the path and its permissions", path.display())]
     Open {
         /// The file asked for.
         path: PathBuf,
         /// What the system said.
-        source: std::io::Error,
+        error: std::io::Error,
     },
     /// A buffer or image beside the scene is not there or cannot be read.
     #[error("{}: {what} \"{uri}\" cannot be read ({why}); put it beside the scene file", path.display())]
@@ -72,7 +72,7 @@ pub enum LoadError {
 /// # Errors
 /// See [`LoadError`]. No panic reaches the caller, whatever the file holds.
 pub fn load(path: &Path) -> Result<Scene, LoadError> {
-    let bytes = std::fs::read(path).map_err(|source| LoadError::Open { path: path.into(), source })?;
+    let bytes = std::fs::read(path).map_err(|error| LoadError::Open { path: path.into(), error })?;
     let settings = load_settings(path)?;
     let mut scene = guarded(|| Loader { path, folder: path.parent().unwrap_or(Path::new("")) }.scene(&bytes))
         .unwrap_or_else(|| Err(malformed(path, "damaged glTF: an index or offset points outside of its data")))?;
@@ -114,7 +114,7 @@ fn load_settings(scene: &Path) -> Result<SceneSettings, LoadError> {
     match std::fs::read_to_string(&path) {
         Ok(text) => SceneSettings::parse(&text).map_err(|what| malformed(&path, what)),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(SceneSettings::default()),
-        Err(source) => Err(LoadError::Open { path, source }),
+        Err(error) => Err(LoadError::Open { path, error }),
     }
 }
 

@@ -1,0 +1,104 @@
+//! What the loop from encoder to renderer buys, as a table: perceptual thresholds against the original Lightcuts
+//! (2 % of luminance), both decoded and compared with the frames of an all-lights rendering before compression.
+//!
+//! ```sh
+//! cargo run --release -p tests --example closed_loop -- scenes/cornell/cornell.glb 512x512 16 2,16,48
+//! ```
+//!
+//! The arguments are scene, size, frames and quantiser scales. Averages leave out frame 0, for which no thresholds are
+//! known yet. The all-lights frames are kept in `out/closed_loop/`, since they take most of the time.
+
+use mpeg2enc::Frame;
+use pipeline::settings::{Lighting, Size, Thresholds};
+use pipeline::{Plan, Report, Settings, Wishes, output::Output};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use tests::{decode_ffmpeg, read_y4m};
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [scene, size, frames, qscales] = &arguments[..] else {
+        eprintln!("usage: closed_loop SCENE WxH FRAMES QSCALE,QSCALE…");
+        std::process::exit(2);
+    };
+    let job = Job {
+        scene: scene.into(),
+        size: size.parse().expect("a size such as 512x512"),
+        frames: frames.parse().expect("a number of frames"),
+    };
+    let folder = PathBuf::from("out/closed_loop");
+    std::fs::create_dir_all(&folder).expect("the folder out/closed_loop can be made");
+    let stem = job.scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let reference = folder.join(format!("{stem}_{size}_{frames}.y4m"));
+    if !reference.exists() {
+        let part = reference.with_extension("part");
+        let wishes = Wishes { lighting: Some(Lighting::AllLights), y4m: Some(part.clone()), ..job.wishes(&folder, 8) };
+        let report = job.render(wishes);
+        std::fs::rename(part, &reference).expect("the reference can be named");
+        eprintln!("all lights: {:.1} CPU s of cuts a frame", report.summary.seconds.indirect);
+    }
+    let truth = read_y4m(&reference, (job.size.width, job.size.height));
+
+    println!("{stem}, {size}, frames 1 to {} of {frames}\n", job.frames - 1);
+    println!(
+        "| qscale | thresholds | mean threshold | mean cut | cuts, CPU s | direct, CPU s | kbit a frame | decoded PSNR |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for qscale in qscales.split(',').map(|q| q.parse().expect("a quantiser scale")) {
+        for (name, thresholds) in [("2 %", Thresholds::Fixed(0.02)), ("perceptual", Thresholds::Perceptual)] {
+            let wishes = Wishes { thresholds: Some(thresholds), ..job.wishes(&folder, qscale) };
+            let video = wishes.output.clone().expect("set above");
+            let report = job.render(wishes);
+            let decoded = decode_ffmpeg(&video, (job.size.width, job.size.height));
+            let later = &report.frames[1..];
+            let mean = |f: &dyn Fn(&pipeline::report::FrameReport) -> f64| {
+                later.iter().map(f).sum::<f64>() / later.len() as f64
+            };
+            println!(
+                "| {qscale} | {name} | {:.1} % | {:.1} | {:.2} | {:.2} | {:.1} | {:.2} dB |",
+                100.0 * mean(&|frame| frame.threshold_mean_relative),
+                mean(&|frame| frame.cut_size_mean),
+                mean(&|frame| frame.seconds.indirect),
+                mean(&|frame| frame.seconds.direct),
+                mean(&|frame| frame.bits as f64 / 1000.0),
+                mean_psnr(&decoded[1..], &truth[1..]),
+            );
+        }
+    }
+}
+
+struct Job {
+    scene: PathBuf,
+    size: Size,
+    frames: u32,
+}
+
+impl Job {
+    fn wishes(&self, folder: &Path, qscale: u32) -> Wishes {
+        Wishes {
+            output: Some(folder.join("run.m2v")),
+            size: Some(self.size),
+            frames: Some(self.frames),
+            qscale: Some(qscale),
+            ..Wishes::default()
+        }
+    }
+
+    fn render(&self, wishes: Wishes) -> Report {
+        let scene = render_core::scene::load(&self.scene).expect("the scene loads");
+        let settings = Settings::new(self.scene.clone(), &scene, wishes).expect("the settings fit");
+        let plan = Plan::new(&scene, &settings);
+        let output = Output::create(&settings.output).expect("out/closed_loop can be written");
+        let never = AtomicBool::new(false);
+        let tell = |frame: &pipeline::report::FrameReport| eprint!("\rframe {}   ", frame.index);
+        let report = pipeline::render(&scene, &settings, &plan, output, &never, tell).expect("the run succeeds");
+        eprint!("\r             \r");
+        report
+    }
+}
+
+/// Mean over frames of the luma PSNR [dB].
+fn mean_psnr(decoded: &[Frame], truth: &[Frame]) -> f64 {
+    let sum: f64 = decoded.iter().zip(truth).map(|(a, b)| perceptual::psnr(&a.luma, &b.luma)).sum();
+    sum / decoded.len() as f64
+}

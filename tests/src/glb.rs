@@ -1,0 +1,183 @@
+//! Small scenes, written as .glb files: the shortest way from a few quads to a file that the loader has to read.
+
+use glam::{Vec3, vec3};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// A parallelogram from a corner along two edges a and b, facing a × b.
+pub type Quad = [Vec3; 3];
+
+/// A glTF document with one buffer; `json` is open, so that tests can damage it.
+#[derive(Clone, Debug)]
+pub struct Glb {
+    /// The document.
+    pub json: Value,
+    /// The buffer.
+    pub bin: Vec<u8>,
+}
+
+impl Default for Glb {
+    fn default() -> Self {
+        let json = json!({
+            "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [] }],
+            "nodes": [], "meshes": [], "materials": [], "accessors": [], "bufferViews": [], "cameras": []
+        });
+        Self { json, bin: Vec::new() }
+    }
+}
+
+impl Glb {
+    fn push(&mut self, list: &str, value: Value) -> usize {
+        let list = self.json[list].as_array_mut().expect("one of the lists");
+        list.push(value);
+        list.len() - 1
+    }
+
+    /// Adds numbers to the buffer: `kind` is SCALAR or VEC3, `component` glTF's number of the type.
+    fn accessor(&mut self, bytes: &[u8], count: usize, kind: &str, component: u32, bounds: Value) -> usize {
+        let view = json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len() });
+        let view = self.push("bufferViews", view);
+        self.bin.extend(bytes);
+        let mut accessor = json!({ "bufferView": view, "componentType": component, "count": count, "type": kind });
+        if let (Some(accessor), Value::Object(bounds)) = (accessor.as_object_mut(), bounds) {
+            accessor.extend(bounds);
+        }
+        self.push("accessors", accessor)
+    }
+
+    /// Adds a root node that shows `quads`, all of one reflectance and emission; returns its index.
+    pub fn add(&mut self, quads: &[Quad], base_color: Vec3, emission: Vec3) -> usize {
+        const FLOAT: u32 = 5126;
+        const UNSIGNED_INT: u32 = 5125;
+        let corners: Vec<Vec3> = quads.iter().flat_map(|[c, a, b]| [*c, *c + *a, *c + *a + *b, *c + *b]).collect();
+        let low = corners.iter().fold(Vec3::INFINITY, |low, &corner| low.min(corner));
+        let high = corners.iter().fold(Vec3::NEG_INFINITY, |high, &corner| high.max(corner));
+        let bytes: Vec<u8> = corners.iter().flat_map(|c| c.to_array()).flat_map(f32::to_le_bytes).collect();
+        let bounds = json!({ "min": low.to_array(), "max": high.to_array() });
+        let positions = self.accessor(&bytes, corners.len(), "VEC3", FLOAT, bounds);
+        let indices: Vec<u32> = (0..quads.len() as u32).flat_map(|q| [0, 1, 2, 0, 2, 3].map(|i| 4 * q + i)).collect();
+        let bytes: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
+        let indices = self.accessor(&bytes, indices.len(), "SCALAR", UNSIGNED_INT, json!({}));
+        let strength = emission.max_element().max(1.0);
+        let material = json!({
+            "pbrMetallicRoughness": { "baseColorFactor": [base_color.x, base_color.y, base_color.z, 1.0], "metallicFactor": 0.0 },
+            "emissiveFactor": (emission / strength).to_array(),
+            "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": strength } }
+        });
+        self.json["extensionsUsed"] = json!(["KHR_materials_emissive_strength"]);
+        let material = self.push("materials", material);
+        let primitive = json!({ "attributes": { "POSITION": positions }, "indices": indices, "material": material });
+        let mesh = self.push("meshes", json!({ "primitives": [primitive] }));
+        self.add_node(json!({ "mesh": mesh }))
+    }
+
+    /// Adds a camera that looks along −z; returns its node's index.
+    pub fn add_camera(&mut self, position: Vec3) -> usize {
+        let perspective = json!({ "yfov": 0.9, "znear": 0.01 });
+        let camera = self.push("cameras", json!({ "type": "perspective", "perspective": perspective }));
+        self.add_node(json!({ "camera": camera, "translation": position.to_array() }))
+    }
+
+    fn add_node(&mut self, node: Value) -> usize {
+        let node = self.push("nodes", node);
+        self.json["scenes"][0]["nodes"].as_array_mut().expect("a list").push(json!(node));
+        node
+    }
+
+    /// Moves a node on a straight line for a second.
+    pub fn animate(&mut self, node: usize, from: Vec3, to: Vec3) {
+        const FLOAT: u32 = 5126;
+        let times: Vec<u8> = [0.0f32, 1.0].into_iter().flat_map(f32::to_le_bytes).collect();
+        let input = self.accessor(&times, 2, "SCALAR", FLOAT, json!({ "min": [0.0], "max": [1.0] }));
+        let keys: Vec<u8> = [from, to].into_iter().flat_map(|key| key.to_array()).flat_map(f32::to_le_bytes).collect();
+        let output = self.accessor(&keys, 2, "VEC3", FLOAT, json!({}));
+        self.json["animations"] = json!([{
+            "channels": [{ "sampler": 0, "target": { "node": node, "path": "translation" } }],
+            "samplers": [{ "input": input, "output": output, "interpolation": "LINEAR" }]
+        }]);
+    }
+
+    /// The file: header, JSON chunk, binary chunk (glTF 2.0, 4.4).
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut document = self.json.clone();
+        // A test may have named a buffer of its own.
+        if document.get("buffers").is_none() && !self.bin.is_empty() {
+            document["buffers"] = json!([{ "byteLength": self.bin.len() }]);
+        }
+        let mut text = document.to_string().into_bytes();
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let mut bin = self.bin.clone();
+        bin.resize(bin.len().next_multiple_of(4), 0);
+        let mut file = b"glTF\x02\0\0\0".to_vec();
+        file.extend((12 + 8 + text.len() as u32 + 8 + bin.len() as u32).to_le_bytes());
+        for (kind, chunk) in [(b"JSON", text), (b"BIN\0", bin)] {
+            file.extend((chunk.len() as u32).to_le_bytes());
+            file.extend(kind);
+            file.extend(chunk);
+        }
+        file
+    }
+
+    /// Writes the file.
+    pub fn write(&self, path: &Path) {
+        std::fs::write(path, self.to_bytes()).expect("a scene can be written");
+    }
+}
+
+/// What moves in [`checkered_room`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Moving {
+    /// Nothing at all.
+    Nothing,
+    /// The camera, to the right, two metres a second.
+    Camera,
+    /// A box, the same.
+    Box,
+}
+
+/// A room of checkered walls, open towards the camera, with a box in it and a panel that lights it.
+pub fn checkered_room(moving: Moving) -> Glb {
+    let mut glb = Glb::default();
+    let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
+    let walls = [
+        [vec3(-2.0, 0.0, -2.0), 4.0 * x, 3.0 * y],
+        [vec3(-2.0, 0.0, -2.0), 4.0 * z, 4.0 * x],
+        [vec3(-2.0, 0.0, -2.0), 3.0 * y, 4.0 * z],
+        [vec3(2.0, 0.0, -2.0), 4.0 * z, 3.0 * y],
+        [vec3(-2.0, 3.0, -2.0), 4.0 * x, 4.0 * z],
+    ];
+    let [dark, light] = checks(&walls, 10);
+    glb.add(&dark, vec3(0.1, 0.15, 0.3), Vec3::ZERO);
+    glb.add(&light, vec3(0.8, 0.75, 0.6), Vec3::ZERO);
+    glb.add(&[[vec3(-0.5, 2.99, -0.5), x, z]], Vec3::ZERO, Vec3::splat(12.0));
+    let (a, b, c) = (0.6 * x, 0.6 * y, 0.6 * z);
+    let (near, far) = (vec3(-0.3, 0.5, -0.3), vec3(0.3, 1.1, 0.3));
+    let sides = [[near, b, a], [near, a, c], [near, c, b], [far, -a, -b], [far, -c, -a], [far, -b, -c]];
+    let [dark, light] = checks(&sides, 4);
+    glb.add(&dark, vec3(0.6, 0.1, 0.1), Vec3::ZERO);
+    let thing = glb.add(&light, vec3(0.9, 0.6, 0.2), Vec3::ZERO);
+    // The red half hangs from the yellow one, so that both move.
+    let red = thing - 1;
+    glb.json["nodes"][thing]["children"] = json!([red]);
+    glb.json["scenes"][0]["nodes"].as_array_mut().expect("a list").retain(|node| node != red);
+    let camera = glb.add_camera(vec3(0.0, 1.5, 4.5));
+    let way = x;
+    match moving {
+        Moving::Nothing => {}
+        Moving::Camera => glb.animate(camera, vec3(0.0, 1.5, 4.5) - way, vec3(0.0, 1.5, 4.5) + way),
+        Moving::Box => glb.animate(thing, -way, way),
+    }
+    glb
+}
+
+/// Splits each quad into `count` × `count`, black and white in turn.
+fn checks(quads: &[Quad], count: usize) -> [Vec<Quad>; 2] {
+    let mut colors = [Vec::new(), Vec::new()];
+    for &[corner, a, b] in quads {
+        let (a, b) = (a / count as f32, b / count as f32);
+        for (i, j) in (0..count).flat_map(|i| (0..count).map(move |j| (i, j))) {
+            colors[(i + j) % 2].push([corner + i as f32 * a + j as f32 * b, a, b]);
+        }
+    }
+    colors
+}

@@ -1,0 +1,118 @@
+//! `render2mpeg` as a process of its own.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+/// The binary, built on the first call: cargo builds the binaries of a package only for that package's own tests.
+pub fn program() -> &'static Path {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.args(["build", "--package", "pipeline", "--bin", "render2mpeg", "--message-format", "json"]);
+        if !cfg!(debug_assertions) {
+            cargo.arg("--release");
+        }
+        let output = cargo.current_dir(env!("CARGO_MANIFEST_DIR")).stderr(Stdio::inherit()).output();
+        let output = output.unwrap_or_else(|error| panic!("cargo cannot be run: {error}"));
+        assert!(output.status.success(), "render2mpeg does not build");
+        // One JSON object a line; that of the binary says where it lies.
+        String::from_utf8_lossy(&output.stdout)
+            .lines()
+            .filter_map(|line| serde_json::from_str::<Value>(line).ok())
+            .find_map(|message| message["executable"].as_str().map(PathBuf::from))
+            .expect("cargo names the binary it built")
+    })
+}
+
+/// What a process left behind.
+#[derive(Debug)]
+pub struct Finished {
+    /// Exit code; none when a signal ended it.
+    pub code: Option<i32>,
+    /// All of standard output.
+    pub stdout: String,
+    /// All of standard error.
+    pub stderr: String,
+}
+
+/// Runs `render2mpeg` with `arguments` in `folder` and waits.
+pub fn render2mpeg(folder: &Path, arguments: &[&str]) -> Finished {
+    let output = Command::new(program()).args(arguments).current_dir(folder).stdin(Stdio::null()).output();
+    let output = output.expect("render2mpeg starts");
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    Finished { code: output.status.code(), stdout: text(&output.stdout), stderr: text(&output.stderr) }
+}
+
+/// A finished film.
+pub struct Rendered {
+    /// The video.
+    pub stream: Vec<u8>,
+    /// The report.
+    pub report: Value,
+}
+
+impl Rendered {
+    /// A number of each frame, such as `["seconds", "photons"]`; null counts as infinite (a PSNR of equal pictures).
+    pub fn figures(&self, path: &[&str]) -> Vec<f64> {
+        let frames = self.report["frames"].as_array().expect("a report has frames");
+        let figure = |frame: &Value| path.iter().fold(frame, |value, key| &value[key]).as_f64();
+        frames.iter().map(|frame| figure(frame).unwrap_or(f64::INFINITY)).collect()
+    }
+}
+
+/// Renders `scene` into `folder/NAME.m2v`, with `extra` arguments split at spaces. It must succeed without a word.
+pub fn render(folder: &Path, name: &str, scene: &Path, extra: &str) -> Rendered {
+    let (video, report) = (format!("{name}.m2v"), format!("{name}.report.json"));
+    let scene = scene.to_str().expect("a path in UTF-8");
+    let mut arguments = vec!["render", scene, "--output", &video, "--quiet"];
+    arguments.extend(extra.split_whitespace());
+    let finished = render2mpeg(folder, &arguments);
+    assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""), "render2mpeg {arguments:?}");
+    let stream = std::fs::read(folder.join(video)).expect("the video is there");
+    let report = std::fs::read(folder.join(report)).expect("the report is there");
+    Rendered { stream, report: serde_json::from_slice(&report).expect("the report is JSON") }
+}
+
+/// Runs `render2mpeg` and checks that it fails as it should: a code, one line that says all the `words`, no panic.
+pub fn assert_fails(folder: &Path, arguments: &[&str], words: &[&str]) {
+    let Finished { code, stderr, .. } = render2mpeg(folder, arguments);
+    let context = format!("render2mpeg {arguments:?}: exit code {code:?}, {stderr}");
+    match code {
+        Some(1) => {
+            assert_eq!(stderr.trim_end().lines().count(), 1, "one line: {context}");
+            assert!(stderr.starts_with("render2mpeg: "), "it says who speaks: {context}");
+        }
+        // Arguments that cannot be read: clap adds usage and a hint.
+        Some(2) => assert!(stderr.starts_with("error: "), "{context}"),
+        _ => panic!("neither 1 nor 2: {context}"),
+    }
+    assert!(!stderr.contains("panicked"), "{context}");
+    for word in words {
+        assert!(stderr.contains(word), "\"{word}\" is not said: {context}");
+    }
+}
+
+/// The Cornell box that ships with the project.
+pub fn cornell() -> PathBuf {
+    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/cornell/cornell.glb"))
+}
+
+/// A folder of scenes from elsewhere beside the workspace, where there is one; their licences keep them out of it.
+pub fn shared_scenes() -> Option<PathBuf> {
+    let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes"));
+    let present = folder.is_dir();
+    if !present {
+        println!("no folder shared/scenes beside the workspace: the checks with its scenes are left out");
+    }
+    present.then_some(folder)
+}
+
+/// Names of what lies in `folder`.
+pub fn sorted_names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("a folder");
+    let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into()).collect();
+    names.sort();
+    names
+}

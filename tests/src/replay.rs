@@ -1,0 +1,39 @@
+//! The renderer's motion and the encoder, outside of the pipeline.
+
+use mpeg2enc::{Frame, MotionField, Packet};
+use pipeline::{Plan, Settings, Wishes, stage};
+use render_core::scene::{self, Scene};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+/// Loads a scene and fills in `wishes` for it.
+pub fn load(path: &Path, wishes: Wishes) -> (Scene, Settings) {
+    let scene = scene::load(path).expect("the scene loads");
+    let settings = Settings::new(path.into(), &scene, wishes).expect("the settings are right");
+    (scene, settings)
+}
+
+/// What the renderer knows of each frame's motion; nothing for the first.
+pub fn motion_fields(scene: &Scene, settings: &Settings) -> Vec<Option<MotionField>> {
+    let plan = Plan::new(scene, settings);
+    let (out, frames) = crossbeam_channel::bounded(1);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // Owned here, so that the channel closes when the stage ends.
+            let out = out;
+            stage::prepare::run(scene, settings, &plan, &AtomicBool::new(false), &out);
+        });
+        frames.iter().map(|frame| frame.correspondence.map(|known| MotionField::new(known.motion.clone()))).collect()
+    })
+}
+
+/// Encodes `frames` with the encoder that `settings` ask for, each with its motion field if there is one.
+pub fn encode(settings: &Settings, frames: &[Frame], motion: &[Option<MotionField>]) -> (Vec<u8>, Vec<Packet>) {
+    let config = settings.encoder_config().expect("a valid rate");
+    let mut encoder = config.encoder().expect("a valid configuration");
+    let packets: Vec<Packet> =
+        frames.iter().zip(motion).map(|(frame, motion)| encoder.push(frame, motion.as_ref())).collect();
+    let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
+    stream.extend(encoder.finish());
+    (stream, packets)
+}

@@ -1,0 +1,65 @@
+//! Two decoders that are not ours show what the encoder says they show.
+
+use mpeg2enc::{Frame, psnr};
+use pipeline::Wishes;
+use tests::{cornell, decode_ffmpeg, decode_mpeg2dec, encode, load, motion_fields, read_y4m, render};
+
+const SIZE: (usize, usize) = (96, 96);
+const FRAMES: usize = 100;
+/// Integer transforms are off by one in one or two of a hundred samples, and the next picture is predicted from that.
+const AGREEMENT_DB: f64 = 55.0;
+
+/// The worst of the three planes.
+fn agreement(a: &Frame, b: &Frame) -> f64 {
+    // Equal planes agree infinitely well; a mean needs a number.
+    psnr(&a.luma, &b.luma).min(psnr(&a.cb, &b.cb)).min(psnr(&a.cr, &b.cr)).min(99.0)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+#[test]
+fn a_rendered_film_is_shown_as_it_was_coded() {
+    let folder = tempfile::tempdir().unwrap();
+    let rendered = render(
+        folder.path(),
+        "film",
+        &cornell(),
+        "--size 96x96 --frames 100 --vpls 200 --photons 20000 --y4m film.y4m --threads 2",
+    );
+    let source = read_y4m(&folder.path().join("film.y4m"), SIZE);
+    assert_eq!(source.len(), FRAMES);
+
+    // The same pictures and the same motion through the encoder alone: the stream must be the same, and then its
+    // reconstructions are those of the film.
+    let wishes = Wishes {
+        frames: Some(FRAMES as u32),
+        size: "96x96".parse().ok(),
+        vpls: Some(200),
+        photons: Some(20_000),
+        ..Wishes::default()
+    };
+    let (scene, settings) = load(&cornell(), wishes);
+    let (stream, packets) = encode(&settings, &source, &motion_fields(&scene, &settings));
+    assert!(stream == rendered.stream, "pictures and motion determine the stream");
+
+    let video = folder.path().join("film.m2v");
+    let told = rendered.figures(&["psnr_y"]);
+    for (decoder, shown) in [("ffmpeg", decode_ffmpeg(&video, SIZE)), ("mpeg2dec", decode_mpeg2dec(&video, SIZE))] {
+        assert_eq!(shown.len(), FRAMES, "{decoder} shows every picture");
+        let agreements: Vec<f64> =
+            shown.iter().zip(&packets).map(|(shown, packet)| agreement(shown, &packet.reconstruction)).collect();
+        let worst = agreements.iter().copied().fold(f64::INFINITY, f64::min);
+        let (early, late) = (mean(&agreements[..25]), mean(&agreements[75..]));
+        println!("{decoder}: {worst:.1} dB at worst, {early:.1} dB in the first 25 pictures, {late:.1} in the last");
+        assert!(worst >= AGREEMENT_DB, "{decoder}: {worst:.1} dB from the reconstruction");
+        assert!(late > early - 2.0, "{decoder} drifts away: from {early:.1} to {late:.1} dB");
+
+        // Against what was rendered: the quality that the report states.
+        for (index, ((shown, source), told)) in shown.iter().zip(&source).zip(&told).enumerate() {
+            let found = psnr(&shown.luma, &source.luma);
+            assert!((found - told).abs() < 0.1, "{decoder}, frame {index}: {found:.2} dB, reported {told:.2}");
+        }
+    }
+}

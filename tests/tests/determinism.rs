@@ -1,0 +1,20 @@
+//! The same input gives the same bits: again, and with any number of threads.
+
+use tests::{cornell, render};
+
+#[test]
+fn neither_threads_nor_chance_change_a_bit() {
+    for kind in ["", "--thresholds fixed:0.02", "--lighting all-lights"] {
+        let folder = tempfile::tempdir().unwrap();
+        let film = |name: &str, more: &str| {
+            let arguments = format!("--size 64x64 --frames 6 --vpls 200 --photons 20000 {kind} {more}");
+            render(folder.path(), name, &cornell(), &arguments).stream
+        };
+        let alone = film("alone", "--threads 1");
+        assert!(alone == film("two", "--threads 2"), "{kind}: two threads make another film");
+        assert!(alone == film("again", "--threads 2"), "{kind}: the second run makes another film");
+        assert!(alone == film("five", "--threads 5"), "{kind}: more threads than processors make another film");
+        // Equal for a reason: another seed does change it.
+        assert!(alone != film("seed", "--threads 2 --seed 2"), "{kind}: the seed changes nothing");
+    }
+}

@@ -1,0 +1,151 @@
+//! What goes wrong is said in one line, and nothing half-written is left.
+
+use serde_json::json;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use tests::{Moving, assert_fails, checkered_room, program, sorted_names};
+
+/// Fails as it should, and the folder is as before.
+fn fails_cleanly(folder: &Path, arguments: &[&str], words: &[&str]) {
+    let before = sorted_names(folder);
+    assert_fails(folder, arguments, words);
+    assert_eq!(sorted_names(folder), before, "{arguments:?} leaves something behind");
+}
+
+fn folder_with_room() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    checkered_room(Moving::Camera).write(&folder.path().join("room.glb"));
+    folder
+}
+
+const SMALL: [&str; 10] =
+    ["render", "room.glb", "--size", "32x32", "--frames", "3", "--vpls", "50", "--photons", "1000"];
+
+#[test]
+fn scenes() {
+    let folder = folder_with_room();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
+    let room = checkered_room(Moving::Camera);
+    let whole = room.to_bytes();
+    write("cut.glb", &whole[..whole.len() * 2 / 3]);
+    write("header.glb", &whole[..10]);
+    write("empty.glb", b"");
+    write("text.gltf", b"this is not JSON");
+    let mut missing = room.clone();
+    missing.json["buffers"] = json!([{ "uri": "gone.bin", "byteLength": room.bin.len() }]);
+    write("missing.gltf", missing.json.to_string().as_bytes());
+    let mut required = room.clone();
+    required.json["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
+    required.json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
+    required.write(&folder.path().join("draco.glb"));
+    for (name, words) in [
+        ("nowhere.glb", &["nowhere.glb"][..]),
+        ("cut.glb", &["cut.glb", "again"]),
+        ("header.glb", &["header.glb"]),
+        ("empty.glb", &["empty.glb"]),
+        ("text.gltf", &["text.gltf"]),
+        ("missing.gltf", &["missing.gltf", "gone.bin"]),
+        ("draco.glb", &["draco.glb", "KHR_draco_mesh_compression"]),
+        (".", &["."]),
+    ] {
+        fails_cleanly(folder.path(), &["render", name], words);
+        fails_cleanly(folder.path(), &["plan", name], words);
+    }
+}
+
+#[test]
+fn settings() {
+    let folder = folder_with_room();
+    for (option, value, words) in [
+        ("--size", "0x0", &["0x0"][..]),
+        ("--size", "99999x10", &["99999x10", "16383"]),
+        ("--qscale", "0", &["0", "1 and 2"]),
+        ("--qscale", "9", &["9", "8 and 10"]),
+        ("--qscale", "113", &["113", "112"]),
+        ("--fps", "26", &["26", "25"]),
+        ("--fps", "nan", &["fps"]),
+        ("--gop", "0", &["0", "132"]),
+        ("--gop", "133", &["133", "132"]),
+        ("--frames", "0", &["--frames 0"]),
+        ("--frames", "-1", &["-1"]),
+        ("--vpls", "0", &["--vpls 0"]),
+        ("--thresholds", "fixed:2", &["fixed:2"]),
+        ("--lighting", "candles", &["candles"]),
+    ] {
+        fails_cleanly(folder.path(), &["render", "room.glb", option, value], words);
+        fails_cleanly(folder.path(), &["plan", "room.glb", option, value], words);
+    }
+    fails_cleanly(folder.path(), &["render", "room.glb", "--threads", "0"], &["0"]);
+    fails_cleanly(folder.path(), &["render", "room.glb", "--output", "film.mp4"], &["film.mp4", ".m2v"]);
+}
+
+#[test]
+fn files_beside_the_scene() {
+    let folder = folder_with_room();
+    for (text, words) in [
+        ("[tone_mapping", &["room.toml"][..]),
+        ("[tone_mapping]\noperator = \"sepia\"", &["room.toml", "sepia"]),
+        ("[tone_mapping]\noperator = \"gamma\"\nexposure = -1.0", &["room.toml", "exposure"]),
+        ("[video]\nframes = 0", &["room.toml", "frames"]),
+        ("[video]\nlength = 5", &["room.toml", "length"]),
+        ("[sky]\nzenith = [-1, 0, 0]\nhorizon = [0, 0, 0]", &["room.toml", "sky"]),
+    ] {
+        std::fs::write(folder.path().join("room.toml"), text).unwrap();
+        fails_cleanly(folder.path(), &["render", "room.glb"], words);
+    }
+}
+
+#[test]
+fn places_that_cannot_be_written() {
+    let folder = folder_with_room();
+    std::fs::write(folder.path().join("file"), "").unwrap();
+    for (options, word) in [
+        (&["--output", "no/such/folder/film.m2v"][..], "no/such/folder/film.m2v"),
+        (&["--output", "file/film.m2v"], "file/film.m2v"),
+        (&["--output", "."], "."),
+        (&["--output", "film.m2v", "--report", "no/report.json"], "no/report.json"),
+        (&["--output", "film.m2v", "--exr", "file"], "file"),
+        (&["--output", "film.m2v", "--y4m", "no/film.y4m"], "no/film.y4m"),
+    ] {
+        fails_cleanly(folder.path(), &[&SMALL[..], options].concat(), &[word]);
+    }
+}
+
+/// /dev/full takes nothing: the disk is full from the first byte.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_device() {
+    let folder = folder_with_room();
+    for options in [
+        &["--output", "/dev/full"][..],
+        &["--output", "/dev/null", "--report", "/dev/full"],
+        &["--output", "film.m2v", "--y4m", "/dev/full"],
+    ] {
+        fails_cleanly(folder.path(), &[&SMALL[..], &["--quiet"], options].concat(), &["/dev/full"]);
+    }
+}
+
+/// A limit on the size of files stops a regular one midway, as a disk that fills up does.
+#[test]
+#[cfg(unix)]
+fn a_disk_that_fills_up() {
+    let folder = folder_with_room();
+    let before = sorted_names(folder.path());
+    // Two blocks of 512 bytes: less than the first picture. The signal that would end the program is ignored.
+    let script = "trap '' XFSZ; ulimit -f 2; exec \"$0\" \"$@\"";
+    // The report alone is larger than that; here it goes nowhere, so that one of the others is the first to fail.
+    for (options, word) in [
+        (&["--output", "film.m2v", "--report", "/dev/null"][..], "film.m2v"),
+        (&["--output", "/dev/null", "--report", "/dev/null", "--y4m", "film.y4m"], "film.y4m"),
+        (&["--output", "/dev/null", "--report", "film.json"], "film.json"),
+    ] {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", script]).arg(program()).args(SMALL).arg("--quiet").args(options);
+        let output = shell.current_dir(folder.path()).stdin(Stdio::null()).output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{options:?}: {message}");
+        assert!(message.starts_with("render2mpeg: ") && message.contains(word), "{options:?}: {message}");
+        assert_eq!(message.lines().count(), 1, "{options:?}: {message}");
+        assert_eq!(sorted_names(folder.path()), before, "{options:?}: nothing half-written stays");
+    }
+}

@@ -1,0 +1,50 @@
+//! The report tells what anyone can check.
+
+use tests::{cornell, render};
+
+#[test]
+fn figures_are_those_of_the_stream_and_the_process() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = render(folder.path(), "film", &cornell(), "--size 64x48 --frames 8 --gop 4 --qscale 10 --threads 2");
+    let (report, summary) = (&film.report, &film.report["summary"]);
+    assert_eq!(report["schema"], 1);
+    assert_eq!((&summary["frames"], &summary["interrupted"]), (&8.into(), &false.into()));
+
+    // All bits are in the stream; behind the last picture there is only sequence_end_code.
+    let bits: f64 = film.figures(&["bits"]).iter().sum();
+    assert_eq!(bits, 8.0 * (film.stream.len() as f64 - 4.0));
+    assert_eq!(summary["bits_total"].as_f64(), Some(bits));
+    let types: Vec<&str> =
+        report["frames"].as_array().unwrap().iter().map(|frame| frame["picture_type"].as_str().unwrap()).collect();
+    assert_eq!(types.concat(), "IPPPIPPP");
+    assert_eq!(film.figures(&["index"]), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+    assert!(film.figures(&["qscale"]).iter().all(|&scale| scale == 10.0));
+    assert!(film.figures(&["non_finite_pixels"]).iter().all(|&count| count == 0.0));
+
+    // Every stage that runs takes time; their sum is the total.
+    let names = ["update", "photons", "tree", "visibility", "direct", "indirect", "tone_map", "encode", "thresholds"];
+    for (index, frame) in report["frames"].as_array().unwrap().iter().enumerate() {
+        let seconds = |name: &str| frame["seconds"][name].as_f64().unwrap_or_else(|| panic!("no seconds of {name}"));
+        let sum: f64 = names.iter().map(|name| seconds(name)).sum();
+        assert!((sum - seconds("total")).abs() < 1e-9 && sum > 0.0, "frame {index}");
+        assert!(names.iter().all(|name| seconds(name) > 0.0), "frame {index}: {}", frame["seconds"]);
+    }
+    let [wall, cpu] = ["wall_seconds", "cpu_seconds"].map(|name| summary[name].as_f64().unwrap());
+    assert!(wall > 0.0 && cpu > 0.0 && cpu < 4.0 * wall, "{cpu} s of CPU in {wall} s by the clock, on two threads");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn peak_memory_is_plausible() {
+    let folder = tempfile::tempdir().unwrap();
+    let peak = |size: &str| {
+        let film =
+            render(folder.path(), size, &cornell(), &format!("--size {size} --frames 2 --vpls 50 --photons 1000"));
+        film.report["summary"]["peak_memory_bytes"].as_f64().expect("Linux tells")
+    };
+    let (small, large) = (peak("32x32"), peak("512x512"));
+    println!("peak memory: {small:.3e} bytes for 32x32, {large:.3e} for 512x512");
+    // The program itself takes a few megabytes; a linear frame of 512x512 takes three, and several are in memory.
+    assert!(small > 3e6 && small < 500e6, "{small}");
+    assert!(large > small + 3e6 && large < 2e9, "{large} after {small}");
+}
