@@ -9,23 +9,23 @@ use std::sync::Arc;
 /// CPU seconds of the stages and counts of one frame; each stage fills in its part.
 #[derive(Clone, Debug, Default)]
 pub struct FrameFigures {
-    /// Placing of objects and the ray tree [s].
+    /// Placing of objects and the ray tree \[s\].
     pub update: f64,
-    /// Photon tracing [s].
+    /// Photon tracing \[s\].
     pub photons: f64,
-    /// Build or update of the light tree [s].
+    /// Build or update of the light tree \[s\].
     pub tree: f64,
-    /// Primary rays and motion [s].
+    /// Primary rays and motion \[s\].
     pub visibility: f64,
-    /// Direct light [s].
+    /// Direct light \[s\].
     pub direct: f64,
-    /// Lightcuts [s].
+    /// Lightcuts \[s\].
     pub indirect: f64,
-    /// Tone mapping and conversion [s].
+    /// Tone mapping and conversion \[s\].
     pub tone_map: f64,
-    /// Encoding [s].
+    /// Encoding \[s\].
     pub encode: f64,
-    /// Masking [s].
+    /// Masking \[s\].
     pub thresholds: f64,
     /// Share of the tree's inner nodes whose children changed places.
     pub tree_swaps_share: f64,
@@ -65,7 +65,7 @@ pub struct Prepared {
 pub struct Shaded {
     /// Which one.
     pub frame: u32,
-    /// Linear RGB [W·m⁻²·sr⁻¹].
+    /// Linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Plane<[f32; 3]>,
     /// As in [`Prepared`].
     pub correspondence: Option<Arc<Correspondence>>,
@@ -103,7 +103,7 @@ pub struct ToMask {
 pub struct LuminanceThresholds {
     /// The frame that they were derived from; the frame after it uses them.
     pub of: u32,
-    /// [W·m⁻²·sr⁻¹] of luminance.
+    /// \[W·m⁻²·sr⁻¹\] of luminance.
     pub delta: Plane<f32>,
 }
 
@@ -111,6 +111,6 @@ pub struct LuminanceThresholds {
 pub struct MaskingTime {
     /// Which frame.
     pub of: u32,
-    /// How long [s].
+    /// How long \[s\].
     pub seconds: f64,
 }

@@ -38,7 +38,7 @@ pub struct SceneReport {
     pub instances: usize,
     /// Images in use.
     pub textures: usize,
-    /// Length of the animation [s].
+    /// Length of the animation \[s\].
     pub duration: f32,
     /// What was read but not rendered.
     pub warnings: Vec<String>,
@@ -80,7 +80,7 @@ pub struct FrameReport {
     pub bits: u64,
     /// quantiser_scale.
     pub qscale: u32,
-    /// Of the coded luma against the uncoded [dB]; null when they are equal.
+    /// Of the coded luma against the uncoded \[dB\]; null when they are equal.
     pub psnr_y: Option<f64>,
     /// Of the stages.
     pub seconds: Seconds,
@@ -117,7 +117,7 @@ pub struct Summary {
     pub bits_total: u64,
     /// Mean.
     pub bits: f64,
-    /// Mean over the frames that have one [dB].
+    /// Mean over the frames that have one \[dB\].
     pub psnr_y: Option<f64>,
     /// Means.
     pub seconds: Seconds,
@@ -131,9 +131,9 @@ pub struct Summary {
     pub threshold_mean_relative: f64,
     /// Mean.
     pub tree_swaps_share: f64,
-    /// By the clock, loading included [s].
+    /// By the clock, loading included \[s\].
     pub wall_seconds: f64,
-    /// Of all threads [s]; null where the system does not tell.
+    /// Of all threads \[s\]; null where the system does not tell.
     pub cpu_seconds: Option<f64>,
     /// Most memory that was ever in use; null where the system does not tell.
     pub peak_memory_bytes: Option<u64>,

@@ -152,7 +152,7 @@ pub struct Wishes {
     pub y4m: Option<PathBuf>,
 }
 
-/// Photons for each anchor light: 3·10⁵ for 2000 in table 1 of [Herzog08].
+/// Photons for each anchor light: 3·10⁵ for 2000 in table 1 of \[Herzog08\].
 const PHOTONS_PER_ANCHOR: u64 = 150;
 /// Anchor lights on moving things: each is asked at every pixel, and their light is a small part of the whole.
 const MOVING_ANCHORS: usize = 24;

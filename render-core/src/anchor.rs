@@ -102,7 +102,7 @@ impl Anchors {
             .collect()
     }
 
-    /// A sensible number of fixed anchors for a scene: 2000 for a box, 9000 for a building, as in [Herzog08], table 1.
+    /// A sensible number of fixed anchors for a scene: 2000 for a box, 9000 for a building, as in \[Herzog08\], table 1.
     pub fn default_count(scene: &Scene) -> usize {
         let triangles = scene.triangle_count().max(1) as f64;
         // 1000 triangles → 2000, 64 000 and more → 9000, on a straight line in log₂.

@@ -71,7 +71,7 @@ impl DirectLights {
         }
     }
 
-    /// Irradiance [W·m⁻²] at `receiver`, linear RGB; adds the shadow rays it cost to `rays`.
+    /// Irradiance \[W·m⁻²\] at `receiver`, linear RGB; adds the shadow rays it cost to `rays`.
     pub fn irradiance(&self, accelerator: &Accelerator, receiver: &Receiver, rays: &Cell<u64>) -> Vec3 {
         let mut sum = Vec3::ZERO;
         for samples in &self.areas {

@@ -28,7 +28,7 @@ struct Patch {
     parallelogram: bool,
     /// Square metres.
     area: f32,
-    /// Mean over the patch [W·m⁻²·sr⁻¹].
+    /// Mean over the patch \[W·m⁻²·sr⁻¹\].
     emission: Vec3,
 }
 
@@ -39,9 +39,9 @@ pub struct AreaSample {
     pub position: Vec3A,
     /// Unit normal of the glowing side.
     pub normal: Vec3A,
-    /// Intensity along the normal [W·sr⁻¹]: radiance times the share of the area.
+    /// Intensity along the normal \[W·sr⁻¹\]: radiance times the share of the area.
     pub intensity: Vec3,
-    /// The share of the area [m²].
+    /// The share of the area \[m²\].
     pub area: f32,
 }
 
@@ -50,7 +50,7 @@ pub struct AreaSample {
 pub struct SunLight {
     /// Unit vector towards the light.
     pub towards: Vec3A,
-    /// Irradiance of a surface that faces it [W·m⁻²].
+    /// Irradiance of a surface that faces it \[W·m⁻²\].
     pub irradiance: Vec3,
     /// Half the angle that its disc spans, radians.
     pub angular_radius: f32,
@@ -63,7 +63,7 @@ pub struct PointLight {
     pub position: Vec3A,
     /// Unit vector along the axis of a spot.
     pub axis: Vec3A,
-    /// On the axis [W·sr⁻¹].
+    /// On the axis \[W·sr⁻¹\].
     pub intensity: Vec3,
     /// Shape of the cone.
     pub kind: PunctualKind,
@@ -97,7 +97,7 @@ pub struct Emission {
     pub origin: Vec3A,
     /// Unit vector.
     pub direction: Vec3A,
-    /// Linear RGB flux [W].
+    /// Linear RGB flux \[W\].
     pub flux: Vec3,
 }
 
@@ -277,7 +277,7 @@ impl AreaLight {
         Some(Self { instance, patches, choice, area, double_sided: material.double_sided })
     }
 
-    /// Radiant flux of all its glowing sides [W], linear RGB.
+    /// Radiant flux of all its glowing sides \[W\], linear RGB.
     pub fn power(&self) -> Vec3 {
         let one_side: Vec3 = self.patches.iter().map(|p| p.emission * p.area * std::f32::consts::PI).sum();
         if self.double_sided { one_side * 2.0 } else { one_side }
@@ -342,7 +342,7 @@ impl AreaLight {
 pub struct DomeLight {
     /// On the dome, metres.
     pub position: Vec3A,
-    /// Intensity [W·sr⁻¹] such that its irradiance at the scene's centre is radiance times solid angle.
+    /// Intensity \[W·sr⁻¹\] such that its irradiance at the scene's centre is radiance times solid angle.
     pub intensity: Vec3,
 }
 

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// Side of the tiles that rays are shot in: an MPEG-2 macroblock.
 pub const MACROBLOCK: usize = 16;
 
-/// [`GBuffer::instance`] of a pixel that sees no surface.
+/// [`PixelSurface::instance`] of a pixel that sees no surface.
 pub const NOTHING: u32 = u32::MAX;
 
 /// What a pixel sees. Vectors are stored as plain triples: no padding.
@@ -25,7 +25,7 @@ pub struct PixelSurface {
     pub shading_normal: [f32; 3],
     /// Linear RGB reflectance.
     pub albedo: [f32; 3],
-    /// Radiance that leaves without being lit [W·m⁻²·sr⁻¹].
+    /// Radiance that leaves without being lit \[W·m⁻²·sr⁻¹\].
     pub emission: [f32; 3],
     /// Metres along the camera's axis; infinite where nothing is seen.
     pub depth: f32,

@@ -1,7 +1,7 @@
 //! Photons walk from the lights through the scene and leave their energy at the anchors.
 //!
 //! The same Halton numbers are used for every frame: where nothing moves, the energies are the same to
-//! the last bit, and where something does, they change as little as the scene [Herzog08, 4.1.1].
+//! the last bit, and where something does, they change as little as the scene \[Herzog08, 4.1.1\].
 
 use crate::accel::Accelerator;
 use crate::anchor::{AnchorGrid, Anchors};
@@ -15,15 +15,15 @@ use rayon::prelude::*;
 /// What the photons of one frame left behind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Energies {
-    /// Flux that the surface around each fixed anchor sends back [W], linear RGB.
+    /// Flux that the surface around each fixed anchor sends back \[W\], linear RGB.
     pub fixed: Vec<Vec3>,
     /// The same for the carried anchors.
     pub carried: Vec<Vec3>,
-    /// What was emitted [W].
+    /// What was emitted \[W\].
     pub emitted: Vec3,
-    /// What all photons together were sent back with [W]: the sum that the anchors must hold.
+    /// What all photons together were sent back with \[W\]: the sum that the anchors must hold.
     pub reflected: Vec3,
-    /// What left the scene, or met surfaces from behind [W].
+    /// What left the scene, or met surfaces from behind \[W\].
     pub lost: Vec3,
 }
 

@@ -15,7 +15,7 @@ pub struct Surface {
     pub shading_normal: Vec3A,
     /// Linear RGB reflectance, 0…1.
     pub albedo: Vec3,
-    /// Emitted radiance towards the ray's origin [W·m⁻²·sr⁻¹].
+    /// Emitted radiance towards the ray's origin \[W·m⁻²·sr⁻¹\].
     pub emission: Vec3,
     /// Whether the ray met the side that the file calls the front.
     pub front: bool,

@@ -97,7 +97,7 @@ impl Job {
     }
 }
 
-/// Mean over frames of the luma PSNR [dB].
+/// Mean over frames of the luma PSNR \[dB\].
 fn mean_psnr(decoded: &[Frame], truth: &[Frame]) -> f64 {
     let sum: f64 = decoded.iter().zip(truth).map(|(a, b)| perceptual::psnr(&a.luma, &b.luma)).sum();
     sum / decoded.len() as f64

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use render_core::{Busy, MACROBLOCK, NOTHING, PixelSurface, luminance};
 use std::cell::Cell;
 
-/// Share of the luminance that a pixel without a threshold may be wrong by [Walter05], [Herzog08, 5.3].
+/// Share of the luminance that a pixel without a threshold may be wrong by \[Walter05\], \[Herzog08, 5.3\].
 const WITHOUT_THRESHOLD: f32 = 0.02;
 /// Pixels darker than this share of the picture's mean do not count in the mean relative threshold: 0/0 says nothing.
 const DARK: f64 = 1e-4;

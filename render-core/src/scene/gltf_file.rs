@@ -23,7 +23,7 @@ const TEXTURE_BYTES: u64 = 1 << 30;
 /// Most elements of an accessor without a buffer view: zeros that no byte of the file stands for.
 const ELEMENTS_WITHOUT_DATA: usize = 1 << 24;
 
-/// Farthest from the origin that anything may be [m]: its square is far inside of the range of `f32`.
+/// Farthest from the origin that anything may be \[m\]: its square is far inside of the range of `f32`.
 const FARTHEST: f32 = 1e15;
 
 /// Why a scene could not be read; the message names the file, the place and the remedy.

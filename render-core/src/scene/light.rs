@@ -5,11 +5,11 @@ use glam::Vec3;
 /// What shape of light leaves a point, or a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PunctualKind {
-    /// Parallel light along the node's −z; `color` is the irradiance [W·m⁻²] of a surface that faces it.
+    /// Parallel light along the node's −z; `color` is the irradiance \[W·m⁻²\] of a surface that faces it.
     Directional,
-    /// `color` is the intensity [W·sr⁻¹] in every direction.
+    /// `color` is the intensity \[W·sr⁻¹\] in every direction.
     Point,
-    /// `color` is the intensity [W·sr⁻¹] inside of the inner cone; the angles are from the axis, in radians.
+    /// `color` is the intensity \[W·sr⁻¹\] inside of the inner cone; the angles are from the axis, in radians.
     Spot {
         /// Where the fall-off begins.
         inner: f32,

@@ -41,7 +41,7 @@ pub struct Material {
     pub alpha: f32,
     /// `MASK` mode: texels with less opacity than this let rays through.
     pub alpha_cutoff: Option<f32>,
-    /// Emitted radiance [W·m⁻²·sr⁻¹], times the texture's.
+    /// Emitted radiance \[W·m⁻²·sr⁻¹\], times the texture's.
     pub emission: Vec3,
     /// sRGB texture of the emission.
     pub emission_texture: Option<TextureSlot>,

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use serde::Deserialize;
 
-/// A dome of light, symmetric about +y. All radiances are linear RGB [W·m⁻²·sr⁻¹].
+/// A dome of light, symmetric about +y. All radiances are linear RGB \[W·m⁻²·sr⁻¹\].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sky {
