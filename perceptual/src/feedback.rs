@@ -29,6 +29,7 @@ pub struct Feedback {
     model: MaskingModel,
     scale: LuminanceScale,
     weight: f32,
+    kappa: f32,
     thresholds: Plane<f32>,
     non_finite: usize,
 }
@@ -37,7 +38,16 @@ impl Feedback {
     /// No frame seen yet. `weight` is w of eq. (5), 0…1: how much of the past is kept.
     pub fn new(model: MaskingModel, tone_map: ToneMap, weight: f32) -> Self {
         let scale = LuminanceScale::new(&tone_map);
-        Self { model, scale, weight, thresholds: Plane::default(), non_finite: 0 }
+        Self { model, scale, weight, kappa: 1.0, thresholds: Plane::default(), non_finite: 0 }
+    }
+
+    /// Multiplies what masking allows by κ, 0…1 and more: `e = max(0.02 · Y, κ · |Ŷ − Y|)` in place of eq. (4), which has
+    /// κ = 1. NaN and negative values count as 0.
+    ///
+    /// A renderer that holds each of many contributions to the threshold, as a lightcut does each of its clusters, is wrong
+    /// by more than the threshold in their sum: κ makes room for that.
+    pub fn with_kappa(self, kappa: f32) -> Self {
+        Self { kappa: kappa.max(0.0), ..self }
     }
 
     /// Takes in frame t and returns ΔY(t).
@@ -55,7 +65,7 @@ impl Feedback {
         quantiser_scale: f32,
         matches: Option<&Plane<u32>>,
     ) -> &Plane<f32> {
-        let e = scaled_error(luma, luminance, quantiser_scale, &self.scale, &self.model);
+        let e = scaled_error(luma, luminance, quantiser_scale, self.kappa, &self.scale, &self.model);
         self.non_finite = e.non_finite;
         let same_size = (self.thresholds.width(), self.thresholds.height()) == (luma.width(), luma.height());
         self.thresholds = match matches {

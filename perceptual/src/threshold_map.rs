@@ -81,13 +81,14 @@ pub fn tolerable_error_counted(
     tone_map: &ToneMap,
     model: &MaskingModel,
 ) -> TolerableError {
-    scaled_error(luma, luminance, quantiser_scale, &LuminanceScale::new(tone_map), model)
+    scaled_error(luma, luminance, quantiser_scale, 1.0, &LuminanceScale::new(tone_map), model)
 }
 
 pub(crate) fn scaled_error(
     luma: &Plane<f32>,
     luminance: &Plane<f32>,
     quantiser_scale: f32,
+    kappa: f32,
     scale: &LuminanceScale,
     model: &MaskingModel,
 ) -> TolerableError {
@@ -104,7 +105,7 @@ pub(crate) fn scaled_error(
             let groups = luma.chunks(8).zip(luminance.chunks(8));
             for (error, (luma, luminance)) in error.chunks_mut(8).zip(groups) {
                 non_finite += luma.iter().zip(luminance).filter(|(a, b)| !(a.is_finite() && b.is_finite())).count();
-                let e = pixel_errors(eight(error), eight(luma), eight(luminance), scale);
+                let e = pixel_errors(eight(error), eight(luma), eight(luminance), kappa, scale);
                 error.copy_from_slice(&e[..error.len()]);
             }
             non_finite
@@ -123,13 +124,19 @@ fn eight(values: &[f32]) -> [f32; 8] {
     }
 }
 
-/// Eq. (4) for eight pixels.
+/// Eq. (4) for eight pixels, with `kappa` on what masking allows beyond the floor of 2 %.
 #[inline(always)]
-fn pixel_errors(distorted_luma: [f32; 8], luma: [f32; 8], luminance: [f32; 8], scale: &LuminanceScale) -> [f32; 8] {
+fn pixel_errors(
+    distorted_luma: [f32; 8],
+    luma: [f32; 8],
+    luminance: [f32; 8],
+    kappa: f32,
+    scale: &LuminanceScale,
+) -> [f32; 8] {
     let (grey, distorted) = (scale.decode.get(luma), scale.decode.get(distorted_luma));
     std::array::from_fn(|i| {
         let color_factor = (luminance[i] / grey[i].max(f32::MIN_POSITIVE)).clamp(1.0, LARGEST_COLOR_FACTOR);
-        let change = color_factor * (distorted[i] - grey[i]).abs();
+        let change = kappa * color_factor * (distorted[i] - grey[i]).abs();
         change.max(RELATIVE_FLOOR * luminance[i]).max(scale.smallest)
     })
 }

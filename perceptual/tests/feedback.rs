@@ -159,3 +159,26 @@ fn the_number_of_threads_changes_nothing() {
         assert_eq!(run(threads), one);
     }
 }
+
+#[test]
+fn kappa_scales_what_masking_allows_down_to_the_floor() {
+    let tone_map = ToneMap::default();
+    let radiance = Plane::from_fn(32, 32, |x, y| [0.1 + 0.05 * ((x * 5 + y * 3) % 7) as f32; 3]);
+    let picture = YCbCr::from_radiance(&radiance, &tone_map);
+    let luminance = luminance_plane(&radiance);
+    let observe = |kappa| {
+        let mut feedback = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT).with_kappa(kappa);
+        feedback.observe(&picture.luma, &luminance, 16.0, None).clone()
+    };
+    let (paper, half, none) = (observe(1.0), observe(0.5), observe(0.0));
+    let mut scaled = 0;
+    for ((&e, &h), &floor) in paper.samples().iter().zip(half.samples()).zip(none.samples()) {
+        assert!((h - (0.5 * e).max(floor)).abs() <= 1e-6 * e);
+        scaled += usize::from(h > floor);
+    }
+    assert!(scaled > 500, "masking is at work in {scaled} pixels");
+    for (&floor, &y) in none.samples().iter().zip(luminance.samples()) {
+        assert!((floor - 0.02 * y).abs() <= 1e-6, "without masking 2 % stay");
+    }
+    assert_eq!(observe(f32::NAN), none);
+}

@@ -83,6 +83,9 @@ pub struct Job {
     /// The error a pixel may have: "perceptual", or "fixed:SHARE" of its luminance [default: perceptual]
     #[arg(long, value_name = "KIND")]
     pub thresholds: Option<Thresholds>,
+    /// Multiplier on what masking allows beyond 2 %: smaller is finer, 1 is the paper's [default: 0.25]
+    #[arg(long, value_name = "K")]
+    pub kappa: Option<f32>,
     /// How indirect light is computed [default: lightcuts]
     #[arg(long, value_enum)]
     pub lighting: Option<Lighting>,
@@ -114,6 +117,7 @@ impl Job {
             qscale,
             gop,
             thresholds,
+            kappa,
             lighting,
             vpls,
             photons,
@@ -128,6 +132,7 @@ impl Job {
             qscale,
             gop,
             thresholds,
+            kappa,
             lighting,
             vpls,
             photons,

@@ -98,8 +98,8 @@ pub struct FrameReport {
     pub tree_swaps_share: f64,
     /// Threshold by luminance.
     pub threshold_mean_relative: f64,
-    /// Multiplier on the thresholds: 1, the bound itself decides.
-    pub kappa: f64,
+    /// Multiplier on what masking allows.
+    pub kappa: f32,
     /// 95th percentile of true error by threshold; null, since no pixel is audited.
     pub audit_error_p95: Option<f64>,
     /// Pixels whose radiance was not finite; shown black.

@@ -29,7 +29,9 @@ pub fn run(
         let packet = pool.install(|| busy.measure(|| encoder.push(&coded, motion.as_ref())));
         figures.encode = busy.seconds();
         output.write(&packet.data)?;
-        done(report(frame, &packet, figures));
+        let mut line = report(frame, &packet, figures);
+        line.kappa = settings.kappa;
+        done(line);
     }
     output.write(&encoder.finish())
 }

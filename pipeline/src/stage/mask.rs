@@ -23,8 +23,9 @@ pub fn run(
     let mut feedback: Option<Feedback> = None;
     for message in frames {
         let busy = Busy::default();
-        let feedback =
-            feedback.get_or_insert_with(|| Feedback::new(MaskingModel::default(), message.tone_map, DEFAULT_WEIGHT));
+        let feedback = feedback.get_or_insert_with(|| {
+            Feedback::new(MaskingModel::default(), message.tone_map, DEFAULT_WEIGHT).with_kappa(settings.kappa)
+        });
         let matches = message.correspondence.as_ref().map(|correspondence| &correspondence.matches);
         let delta = pool.install(|| {
             let quantiser_scale = settings.qscale as f32;
