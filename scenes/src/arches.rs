@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3, vec2};
 
 use crate::mesh::{Mesh, Vertex};
-use crate::shapes::{Frame, sweep};
+use crate::shapes::{Frame, close_ends, sweep};
 
 /// Half of an arch, unit span and unit rise: the point and the derivative at an angle share.
 ///
@@ -168,6 +168,7 @@ impl Opening {
             frames.push(frame(&(vec2(self.centre + self.half, self.sill), Vec2::NEG_X)));
         }
         sweep(mesh, &frames, profile);
+        close_ends(mesh, &frames, profile);
     }
 
     /// A pane that fills the opening, `depth` behind the plane; `uv` gives the texture coordinate of

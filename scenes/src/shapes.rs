@@ -108,6 +108,18 @@ pub fn sweep(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
     }
 }
 
+/// Closes both ends of a swept profile down to the surface it stands on, where the profile's y is 0.
+pub fn close_ends(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
+    let [first, second, .., before, last] = frames else { return };
+    for (end, inner) in [(first, second), (last, before)] {
+        for w in profile.windows(2).filter(|w| w[0].x != w[1].x && w[0].y.max(w[1].y) > 0.0) {
+            let ground = |p: Vec2| end.point(vec2(p.x, 0.0));
+            let corners = [end.point(w[0]), end.point(w[1]), ground(w[1]), ground(w[0])];
+            mesh.quad_facing(corners, end.origin - inner.origin);
+        }
+    }
+}
+
 /// Draws a moulding along level straight stretches with mitred corners. The profile's x axis points
 /// to the right of the way from corner to corner, its y axis up.
 pub fn moulding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]) {
