@@ -30,8 +30,9 @@ pub fn render(
 ) -> Result<Report> {
     let begin = Instant::now();
     let mut reports: Vec<FrameReport> = Vec::new();
-    // One frame in each channel: a stage may be one ahead, and memory is bounded.
-    let (prepared_out, prepared_in) = bounded(1);
+    // Prepared frames are handed over without a queue: preparation is one frame ahead, which is all that can be used, and
+    // each further one would hold a G-buffer. Elsewhere one frame may wait.
+    let (prepared_out, prepared_in) = bounded(0);
     let (shaded_out, shaded_in) = bounded(1);
     let (encode_out, encode_in) = bounded(1);
     let (mask_out, mask_in) = bounded(1);
