@@ -52,9 +52,6 @@ struct Kept {
     direct: Arc<DirectLights>,
     tree: Arc<LightTree>,
     seen: Arc<GBuffer>,
-    carried: Vec<Vec3>,
-    /// Intensities of the lights behind the anchors in the tree: surfaces and sky, which do not change.
-    constant: Vec<Vec3>,
 }
 
 impl<'a> Preparation<'a> {
@@ -78,7 +75,7 @@ impl<'a> Preparation<'a> {
         };
         figures.update = busy.seconds();
 
-        let lights = self.lights(n, &pose, &surfaces, &accelerator, &mut figures);
+        let (tree, direct) = self.lights(n, &pose, &surfaces, &accelerator, &mut figures);
 
         let busy = Busy::default();
         let Size { width, height } = self.settings.size;
@@ -93,8 +90,7 @@ impl<'a> Preparation<'a> {
             self.kept.as_ref().map(|before| Arc::new(Correspondence::between(&seen, &before.seen, &busy)));
         figures.visibility = busy.seconds();
 
-        let (tree, direct, carried, constant) = lights;
-        let kept = Kept { accelerator, direct, tree, seen, carried, constant };
+        let kept = Kept { accelerator, direct, tree, seen };
         let prepared = Prepared {
             frame: n,
             accelerator: kept.accelerator.clone(),
@@ -110,17 +106,16 @@ impl<'a> Preparation<'a> {
     }
 
     /// The light tree and the direct lights of frame `n`, with the energies they have there.
-    #[allow(clippy::type_complexity, reason = "handed straight to the one caller")]
     fn lights(
-        &mut self,
+        &self,
         n: u32,
         pose: &Pose,
         surfaces: &Surfaces,
         accelerator: &Accelerator,
         figures: &mut FrameFigures,
-    ) -> (Arc<LightTree>, Arc<DirectLights>, Vec<Vec3>, Vec<Vec3>) {
+    ) -> (Arc<LightTree>, Arc<DirectLights>) {
         if let Some(kept) = self.kept.as_ref().filter(|_| !self.plan.photons.runs(n) && !self.plan.placing.runs(n)) {
-            return (kept.tree.clone(), kept.direct.clone(), kept.carried.clone(), kept.constant.clone());
+            return (kept.tree.clone(), kept.direct.clone());
         }
         let busy = Busy::default();
         let emitters = Emitters::new(surfaces, pose, &self.units);
@@ -138,37 +133,33 @@ impl<'a> Preparation<'a> {
         let busy = Busy::default();
         let sampled = self.sampled_areas(&emitters, surfaces);
         let mut intensities: Vec<Vec3> = energies.fixed.iter().map(|&flux| flux / std::f32::consts::PI).collect();
-        let (tree, constant) = match self.kept.take() {
+        let tree = match &self.kept {
             Some(kept) => {
-                intensities.extend(&kept.constant);
-                let mut tree = kept.tree;
+                // Behind the anchors stand the lights that keep their energy: surfaces and sky.
+                intensities.extend(kept.tree.lights()[self.anchors.fixed.len()..].iter().map(|light| light.intensity));
+                let mut tree = kept.tree.clone();
                 // The same energies again are no news.
                 if tree.lights().iter().map(|light| light.intensity).ne(intensities.iter().copied()) {
                     let update = busy.measure(|| Arc::make_mut(&mut tree).update_drawn(&intensities));
                     figures.tree_swaps_share = update.swapped_share;
                 }
-                let constant = kept.constant;
-                self.kept = Some(Kept { tree: tree.clone(), constant: Vec::new(), carried: Vec::new(), ..kept });
-                (tree, constant)
+                tree
             }
             None => {
-                let others = self.lights_that_stay(&emitters, surfaces, &sampled);
-                let constant = others.iter().map(|light| light.intensity).collect();
                 let anchors = self.anchors.fixed.iter().zip(intensities).map(|(anchor, intensity)| Light {
                     position: anchor.position.into(),
                     emission: Emission::Cosine(anchor.normal.into()),
                     intensity,
                 });
-                let lights: Vec<Light> = anchors.chain(others).collect();
+                let lights: Vec<Light> = anchors.chain(self.lights_that_stay(&emitters, surfaces, &sampled)).collect();
                 let softening2 = self.anchors.area_share / std::f32::consts::PI;
                 let params = BuildParams { softening2, seed: self.settings.seed };
-                let tree = busy.measure(|| LightTree::build(&lights, params));
-                (Arc::new(tree), constant)
+                Arc::new(busy.measure(|| LightTree::build(&lights, params)))
             }
         };
         figures.tree = busy.seconds();
         let direct = DirectLights::new(&emitters, surfaces, &self.anchors, &energies.carried, &sampled);
-        (tree, Arc::new(direct), energies.carried, constant)
+        (tree, Arc::new(direct))
     }
 
     /// Places of the glowing surfaces that each pixel asks for itself: few and compact ones, and those that move.

@@ -400,6 +400,9 @@ impl Loader<'_> {
         for instance in &scene.instances {
             shown[scene.meshes[instance.mesh].material] = true;
         }
+        if scene.materials.iter().zip(&shown).any(|(material, shown)| *shown && material.alpha_cutoff.is_some()) {
+            scene.warnings.push("alpha cut-outs are shown whole".into());
+        }
         let files: Vec<gltf::Texture> = document.textures().collect();
         let mut place_of: HashMap<usize, usize> = HashMap::new();
         let Scene { materials, textures, .. } = scene;
@@ -515,7 +518,7 @@ fn read_material(material: &gltf::Material) -> Material {
         }
     };
     let pbr = material.pbr_metallic_roughness();
-    let [r, g, b, alpha] = pbr.base_color_factor();
+    let [r, g, b, _] = pbr.base_color_factor();
     let emission = Vec3::from(material.emissive_factor()) * material.emissive_strength().unwrap_or(1.0);
     let sane = |color: Vec3| if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ZERO };
     Material {
@@ -523,7 +526,6 @@ fn read_material(material: &gltf::Material) -> Material {
         // A surface reflects no more than what arrives.
         base_color: sane(Vec3::new(r, g, b)).min(Vec3::ONE),
         base_color_texture: pbr.base_color_texture().map(slot),
-        alpha,
         alpha_cutoff: (material.alpha_mode() == gltf::material::AlphaMode::Mask)
             .then(|| material.alpha_cutoff().unwrap_or(0.5)),
         emission: sane(emission),

@@ -37,9 +37,7 @@ pub struct Material {
     pub base_color: Vec3,
     /// sRGB texture of the reflectance.
     pub base_color_texture: Option<TextureSlot>,
-    /// Opacity factor; with [`Material::alpha_cutoff`] it decides what is cut away.
-    pub alpha: f32,
-    /// `MASK` mode: texels with less opacity than this let rays through.
+    /// `MASK` mode: texels with less opacity than this are meant to be holes. Rays do not know them yet: loading says so.
     pub alpha_cutoff: Option<f32>,
     /// Emitted radiance \[W·m⁻²·sr⁻¹\], times the texture's.
     pub emission: Vec3,
@@ -58,7 +56,6 @@ impl Default for Material {
             name: String::new(),
             base_color: Vec3::ONE,
             base_color_texture: None,
-            alpha: 1.0,
             alpha_cutoff: None,
             emission: Vec3::ZERO,
             emission_texture: None,
