@@ -23,8 +23,12 @@ pub struct PixelSurface {
     pub geometric_normal: [f32; 3],
     /// Unit normal to shade with.
     pub shading_normal: [f32; 3],
-    /// Linear RGB reflectance.
+    /// Linear RGB reflectance of the diffuse base.
     pub albedo: [f32; 3],
+    /// Linear RGB reflectance of the GGX coat at normal incidence; zero for a Lambert surface.
+    pub specular: [f32; 3],
+    /// Perceptual roughness of the coat.
+    pub roughness: f32,
     /// Radiance that leaves without being lit \[W·m⁻²·sr⁻¹\].
     pub emission: [f32; 3],
     /// Metres along the camera's axis; infinite where nothing is seen.
@@ -88,6 +92,8 @@ const EMPTY: PixelSurface = PixelSurface {
     geometric_normal: [0.0; 3],
     shading_normal: [0.0; 3],
     albedo: [0.0; 3],
+    specular: [0.0; 3],
+    roughness: 1.0,
     emission: [0.0; 3],
     depth: f32::INFINITY,
     instance: NOTHING,
@@ -106,6 +112,8 @@ fn see(packet: &Packet, surfaces: &Surfaces, view: &View, pixel: Vec2) -> PixelS
         geometric_normal: surface.geometric_normal.into(),
         shading_normal: surface.shading_normal.into(),
         albedo: surface.albedo.into(),
+        specular: surface.specular.into(),
+        roughness: surface.roughness,
         emission: surface.emission.into(),
         depth,
         instance: hit.instance,

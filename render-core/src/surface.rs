@@ -13,8 +13,12 @@ pub struct Surface {
     pub geometric_normal: Vec3A,
     /// Unit normal to shade with, on the same side.
     pub shading_normal: Vec3A,
-    /// Linear RGB reflectance, 0…1.
+    /// Linear RGB reflectance of the diffuse base, 0…1.
     pub albedo: Vec3,
+    /// Linear RGB reflectance of the GGX coat at normal incidence, 0…1; zero for a Lambert surface.
+    pub specular: Vec3,
+    /// Perceptual roughness of the coat, 0…1: the square root of GGX's α.
+    pub roughness: f32,
     /// Emitted radiance towards the ray's origin \[W·m⁻²·sr⁻¹\].
     pub emission: Vec3,
     /// Whether the ray met the side that the file calls the front.
@@ -55,15 +59,18 @@ impl<'a> Surfaces<'a> {
         let geometric_normal = if front { outward } else { -outward };
         let shading_normal = self.shading_normal(mesh, hit, instance, geometric_normal, direction);
         let cos = geometric_normal.dot(direction).abs().max(0.1);
-        let (albedo, emission) = self.colors(mesh, material, hit, corners, width / cos);
+        let (base, emission) = self.colors(mesh, material, hit, corners, width / cos);
+        let (albedo, specular) = Material::split(base, material.metallic, material.roughness);
         let emits = front || material.double_sided || material.unlit;
         Surface {
             position,
             geometric_normal,
             shading_normal,
             albedo: if material.unlit { Vec3::ZERO } else { albedo },
+            specular: if material.unlit { Vec3::ZERO } else { specular },
+            roughness: material.roughness,
             emission: if material.unlit {
-                albedo
+                base
             } else if emits {
                 emission
             } else {

@@ -520,12 +520,17 @@ fn read_material(material: &gltf::Material) -> Material {
     let pbr = material.pbr_metallic_roughness();
     let [r, g, b, _] = pbr.base_color_factor();
     let emission = Vec3::from(material.emissive_factor()) * material.emissive_strength().unwrap_or(1.0);
+    let unit = |factor: f32| if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 };
     let sane = |color: Vec3| if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ZERO };
     Material {
         name: material.name().unwrap_or_default().to_owned(),
         // A surface reflects no more than what arrives.
         base_color: sane(Vec3::new(r, g, b)).min(Vec3::ONE),
         base_color_texture: pbr.base_color_texture().map(slot),
+        metallic: unit(pbr.metallic_factor()),
+        roughness: unit(pbr.roughness_factor()),
+        metallic_roughness_texture: None,
+        normal_texture: None,
         alpha_cutoff: (material.alpha_mode() == gltf::material::AlphaMode::Mask)
             .then(|| material.alpha_cutoff().unwrap_or(0.5)),
         emission: sane(emission),
