@@ -13,6 +13,8 @@ pub struct FrameFigures {
     pub update: f64,
     /// Photon tracing \[s\].
     pub photons: f64,
+    /// Photons that were traced; the others' energy was known from the frames before.
+    pub photons_traced: u64,
     /// Build or update of the light tree \[s\].
     pub tree: f64,
     /// Primary rays and motion \[s\].

@@ -36,6 +36,8 @@ pub struct Plan {
     pub placing: State,
     /// Photons and the energies of the anchor lights.
     pub photons: State,
+    /// Photons that nothing that moves can meet, apart from the others: traced once.
+    pub photons_apart: State,
     /// New energies into the light tree.
     pub tree_update: State,
     /// Primary rays.
@@ -91,6 +93,13 @@ impl Plan {
                 step("light tree update", State::Once, "the energies stay"),
             ),
         };
+        let photons_apart = match (photons, settings.leave_out && settings.frames > 1) {
+            (State::On, true) => {
+                step("photons that stay", State::On, "those that nothing that moves can meet are traced once")
+            }
+            (State::On, false) => step("photons that stay", State::Off, "every photon is traced for every frame"),
+            _ => step("photons that stay", State::Off, "no photon has to be traced again"),
+        };
         let moving_anchors = match (reflects, thing_moves) {
             (true, true) => step("anchor lights on moving objects", State::On, "something moves and reflects"),
             _ => step("anchor lights on moving objects", State::Off, "no moving object"),
@@ -130,7 +139,7 @@ impl Plan {
             on(settings.motion && primary_rays != State::Off),
             if settings.motion { "vectors are known, no search" } else { "left out, as asked" },
         );
-        Self { placing, photons, tree_update, primary_rays, moving_anchors, indirect, masking, steps }
+        Self { placing, photons, photons_apart, tree_update, primary_rays, moving_anchors, indirect, masking, steps }
     }
 
     /// The plan line by line.

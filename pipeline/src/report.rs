@@ -84,6 +84,8 @@ pub struct FrameReport {
     pub psnr_y: Option<f64>,
     /// Of the stages.
     pub seconds: Seconds,
+    /// Photons that were traced; what the others leave is known from the first frame.
+    pub photons_traced: u64,
     /// Clusters in a pixel's cut.
     pub cut_size_mean: f64,
     /// Largest cut.
@@ -169,6 +171,7 @@ impl FrameReport {
             qscale,
             psnr_y,
             seconds,
+            photons_traced: figures.photons_traced,
             cut_size_mean: figures.cut_size_mean,
             cut_size_max: figures.cut_size_max,
             shadow_rays: figures.shadow_rays,

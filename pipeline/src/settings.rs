@@ -232,6 +232,11 @@ impl Settings {
         })
     }
 
+    /// Seconds from the start of the animation to frame `n`.
+    pub fn time(&self, n: u32) -> f32 {
+        (f64::from(n) / self.fps) as f32
+    }
+
     /// The encoder that these settings ask for.
     ///
     /// # Errors

@@ -4,7 +4,7 @@ use crate::sampling::{
     Distribution, concentric_disc, cosine_hemisphere, frame, halton, radical_inverse, sobol_point, triangle,
     uniform_sphere,
 };
-use crate::scene::{PunctualKind, Scene, mesh_interpolate};
+use crate::scene::{PunctualKind, PunctualLight, Scene, mesh_interpolate};
 use crate::surface::Surfaces;
 use crate::{Units, luminance};
 use glam::{Vec2, Vec3, Vec3A};
@@ -86,6 +86,8 @@ pub struct Emitters {
     pub points: Vec<PointLight>,
     /// Directional lights.
     pub suns: Vec<SunLight>,
+    /// For each of these in turn, whether it moves; the sky behind them does not.
+    moving: Vec<bool>,
     /// Centre and radius of a ball around the scene, for light from far away.
     ball: (Vec3A, f32),
 }
@@ -99,6 +101,8 @@ pub struct Emission {
     pub direction: Vec3A,
     /// Linear RGB flux \[W\].
     pub flux: Vec3,
+    /// Whether its light moves through the scene.
+    pub from_moving: bool,
 }
 
 /// Dimensions of the Halton sequence that an emission uses.
@@ -111,8 +115,16 @@ impl Emitters {
     /// Gathers the lights. `units` gives the ball around the scene.
     pub fn new(surfaces: &Surfaces, pose: &crate::scene::Pose, units: &Units) -> Self {
         let scene = surfaces.scene();
-        let areas = (0..scene.instances.len()).filter_map(|instance| AreaLight::new(surfaces, instance)).collect();
+        let areas: Vec<AreaLight> =
+            (0..scene.instances.len()).filter_map(|instance| AreaLight::new(surfaces, instance)).collect();
         let (mut points, mut suns) = (Vec::new(), Vec::new());
+        let nodes = scene.moving_nodes();
+        let punctual = |sun: bool| {
+            let of_kind = move |light: &&PunctualLight| (light.kind == PunctualKind::Directional) == sun;
+            scene.punctual_lights.iter().filter(of_kind).map(|light| nodes[light.node])
+        };
+        let moving = areas.iter().map(|area| nodes[scene.instances[area.instance].node]);
+        let moving = moving.chain(punctual(false)).chain(punctual(true)).collect();
         for light in &scene.punctual_lights {
             let world = &pose.world[light.node];
             let axis = world.transform_vector3a(-Vec3A::Z).try_normalize().unwrap_or(-Vec3A::Y);
@@ -125,7 +137,7 @@ impl Emitters {
                 kind => points.push(PointLight { position: world.translation, axis, intensity: light.color, kind }),
             }
         }
-        Self { areas, points, suns, ball: (units.center, units.radius) }
+        Self { areas, points, suns, moving, ball: (units.center, units.radius) }
     }
 
     /// Starts photon `index` of `count`, the same every time it is asked for; `None` when nothing shines.
@@ -141,7 +153,7 @@ impl Emitters {
             powers.push(sum * (4.0 * std::f32::consts::PI / count as f32) * disc);
         }
         let choice = Distribution::new(powers.iter().map(|&power| f64::from(luminance(power))))?;
-        Some(PhotonSource { emitters: self, scene, choice, center, radius })
+        Some(PhotonSource { emitters: self, scene, powers, choice, center, radius })
     }
 }
 
@@ -163,16 +175,23 @@ fn cone_solid_angle(kind: PunctualKind) -> f32 {
 pub struct PhotonSource<'a> {
     emitters: &'a Emitters,
     scene: &'a Scene,
+    powers: Vec<Vec3>,
     choice: Distribution,
     center: Vec3A,
     radius: f32,
 }
 
 impl PhotonSource<'_> {
+    /// Radiant flux of each light \[W\].
+    pub fn powers(&self) -> &[Vec3] {
+        &self.powers
+    }
+
     /// Photon `index` of `count`.
     pub fn emit(&self, surfaces: &Surfaces, seed: u64, index: u64, count: u64) -> Emission {
         let u = |dimension| halton(seed, index, dimension);
         let (light, probability, rest) = self.choice.pick(f64::from(u(0)));
+        let from_moving = self.emitters.moving.get(light).copied().unwrap_or(false);
         let share = 1.0 / (probability as f32 * count as f32);
         let (e, place, way) = (self.emitters, Vec2::new(u(1), u(2)), Vec2::new(u(3), u(4)));
         if let Some(area) = e.areas.get(light) {
@@ -182,7 +201,7 @@ impl PhotonSource<'_> {
             let direction = cosine_hemisphere(sample.normal.into(), way);
             // Radiance · area · π is the flux; the point was chosen with density radiance/area-weighted.
             let flux = sample.intensity * std::f32::consts::PI * share;
-            return Emission { origin: sample.position, direction: direction.into(), flux };
+            return Emission { origin: sample.position, direction: direction.into(), flux, from_moving };
         }
         let light = light - e.areas.len();
         if let Some(point) = e.points.get(light) {
@@ -199,7 +218,7 @@ impl PhotonSource<'_> {
                 _ => (uniform_sphere(way), 1.0),
             };
             let flux = point.intensity * (solid_angle * weight * share);
-            return Emission { origin: point.position, direction: direction.normalize().into(), flux };
+            return Emission { origin: point.position, direction: direction.normalize().into(), flux, from_moving };
         }
         let light = light - e.points.len();
         let disc_area = std::f32::consts::PI * self.radius * self.radius;
@@ -214,7 +233,7 @@ impl PhotonSource<'_> {
         let (x, y) = frame(towards.into());
         let on_disc = concentric_disc(place) * self.radius;
         let origin = self.center + towards * (self.radius * 1.01) + Vec3A::from(x * on_disc.x + y * on_disc.y);
-        Emission { origin, direction: -towards, flux }
+        Emission { origin, direction: -towards, flux, from_moving }
     }
 }
 

@@ -11,6 +11,7 @@ mod direct;
 mod emitter;
 mod gbuffer;
 mod photon;
+mod reconstruct;
 mod surface;
 
 pub mod image_file;
@@ -25,7 +26,8 @@ pub use emitter::{
     dome_lights,
 };
 pub use gbuffer::{Correspondence, GBuffer, MACROBLOCK, NO_MATCH, NOTHING, PixelSurface};
-pub use photon::{Energies, trace_photons};
+pub use photon::{Energies, Photons, Swept};
+pub use reconstruct::{reconstruct, sample_places};
 pub use surface::{Surface, Surfaces};
 
 use glam::{Vec3, Vec3A};

@@ -2,14 +2,25 @@
 //!
 //! The same Halton numbers are used for every frame: where nothing moves, the energies are the same to
 //! the last bit, and where something does, they change as little as the scene \[Herzog08, 4.1.1\].
+//!
+//! Energy is counted in whole quanta. Sums of integers do not depend on their order: not on the threads, and not on
+//! which photons are traced again. So those that nothing that moves can ever meet are traced once
+//! ([`Photons::keeping`]), and the bits are those of tracing them all.
+
+mod path;
+mod quanta;
+mod swept;
+
+pub use swept::Swept;
 
 use crate::accel::Accelerator;
 use crate::anchor::{AnchorGrid, Anchors};
-use crate::emitter::{EMISSION_DIMENSIONS, Emitters};
-use crate::sampling::{cosine_hemisphere, halton};
+use crate::emitter::Emitters;
 use crate::surface::Surfaces;
-use crate::{Busy, Units, luminance};
-use glam::{DVec3, Vec2, Vec3};
+use crate::{Busy, Units};
+use glam::Vec3;
+use path::{LONGEST_PATH, Path, Walk};
+use quanta::{Quantum, Sums};
 use rayon::prelude::*;
 
 /// What the photons of one frame left behind.
@@ -21,115 +32,139 @@ pub struct Energies {
     pub carried: Vec<Vec3>,
     /// What was emitted \[W\].
     pub emitted: Vec3,
-    /// What all photons together were sent back with \[W\]: the sum that the anchors must hold.
+    /// What all photons together were sent back with \[W\]: the sum that the anchors hold, to the quantum.
     pub reflected: Vec3,
-    /// What left the scene, or met surfaces from behind \[W\].
+    /// What left the scene, met surfaces from behind, or was sent back by things too small for an anchor \[W\].
     pub lost: Vec3,
+    /// Photons that were traced for this frame; what the others leave was known.
+    pub traced: u64,
 }
 
-/// Photons that share an accumulator: few enough to spread over threads, and the same for any number of them.
-const CHUNKS: u64 = 32;
-/// Roulette ends paths long before; a mirror box of white walls must end too.
-const LONGEST_PATH: usize = 64;
-/// Dimensions of a bounce: direction (2) and roulette (1).
-const BOUNCE_DIMENSIONS: usize = 3;
-
-struct Sums {
-    fixed: Vec<Vec3>,
-    carried: Vec<Vec3>,
-    emitted: DVec3,
-    reflected: DVec3,
-    lost: DVec3,
+/// The photons of a scene, frame after frame.
+#[derive(Clone, Debug)]
+pub struct Photons {
+    count: u64,
+    seed: u64,
+    bounces: usize,
+    swept: Option<Swept>,
+    settled: Option<Settled>,
 }
 
-/// Traces `count` photons, with numbers that follow from `seed`; adds the work to `busy`. Twice the same call gives the same bits, for any number of threads.
-pub fn trace_photons(
-    accelerator: &Accelerator,
-    surfaces: &Surfaces,
-    emitters: &Emitters,
-    anchors: &Anchors,
-    units: &Units,
-    (count, seed): (u64, u64),
-    busy: &Busy,
-) -> Energies {
-    let mut energies = Energies {
-        fixed: vec![Vec3::ZERO; anchors.fixed.len()],
-        carried: vec![Vec3::ZERO; anchors.carried.len()],
-        emitted: Vec3::ZERO,
-        reflected: Vec3::ZERO,
-        lost: Vec3::ZERO,
-    };
-    let Some(source) = emitters.photons(surfaces.scene()) else { return energies };
-    let moving = surfaces.scene().moving_nodes();
-    let carried_now = anchors.carried_in_world(surfaces);
-    let grids = [
-        AnchorGrid::new(&anchors.fixed, anchors.area_share),
-        AnchorGrid::new(&carried_now, anchors.carried_area_share),
-    ];
-    // An anchor sees its neighbourhood blurred: so do the photons that feed it.
-    let footprint = anchors.area_share.sqrt();
-    let walk = |chunk: u64| {
-        let mut sums = Sums {
-            fixed: vec![Vec3::ZERO; anchors.fixed.len()],
-            carried: vec![Vec3::ZERO; anchors.carried.len()],
-            emitted: DVec3::ZERO,
-            reflected: DVec3::ZERO,
-            lost: DVec3::ZERO,
-        };
-        for index in count * chunk / CHUNKS..count * (chunk + 1) / CHUNKS {
-            let start = source.emit(surfaces, seed, index, count);
-            let (mut origin, mut direction, mut flux) = (start.origin, start.direction, start.flux);
-            sums.emitted += flux.as_dvec3();
-            for bounce in 0..LONGEST_PATH {
-                let hit = accelerator.closest(origin, direction);
-                let surface = hit.map(|hit| (hit, surfaces.at(&hit, direction, footprint)));
-                let Some((hit, surface)) = surface.filter(|(_, s)| s.front || s.double_sided) else {
-                    sums.lost += flux.as_dvec3();
-                    break;
-                };
-                let reflected = flux * surface.albedo;
-                let instance = hit.instance as usize;
-                let carried = moving[surfaces.scene().instances[instance].node];
-                let energy = if carried { &mut sums.carried } else { &mut sums.fixed };
-                let only = carried.then_some(hit.instance);
-                let taken = grids[usize::from(carried)].splat(
-                    surface.position,
-                    surface.geometric_normal,
-                    only,
-                    |anchor, weight| energy[anchor] += reflected * weight,
-                );
-                if !taken {
-                    // An object too small to carry an anchor of its own.
-                    sums.lost += flux.as_dvec3();
-                    break;
-                }
-                sums.reflected += reflected.as_dvec3();
-                let u = |k| halton(seed, index, EMISSION_DIMENSIONS + bounce * BOUNCE_DIMENSIONS + k);
-                let survival = (luminance(reflected) / luminance(flux)).clamp(0.0, 0.95);
-                if u(2) >= survival {
-                    break;
-                }
-                flux = reflected / survival;
-                direction = cosine_hemisphere(surface.shading_normal.into(), Vec2::new(u(0), u(1))).into();
-                if direction.dot(surface.geometric_normal) <= 0.0 {
-                    break;
-                }
-                origin = surface.position + surface.geometric_normal * units.epsilon;
-            }
-        }
-        sums
-    };
-    let chunks: Vec<Sums> = (0..CHUNKS).into_par_iter().map(|chunk| busy.measure(|| walk(chunk))).collect();
-    let (mut emitted, mut reflected, mut lost) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
-    for sums in &chunks {
-        energies.fixed.iter_mut().zip(&sums.fixed).for_each(|(total, part)| *total += *part);
-        energies.carried.iter_mut().zip(&sums.carried).for_each(|(total, part)| *total += *part);
-        emitted += sums.emitted;
-        reflected += sums.reflected;
-        lost += sums.lost;
+/// What is known of the photons that meet nothing that moves.
+#[derive(Clone, Debug)]
+struct Settled {
+    /// Powers of the lights when they were traced: these decide which light a photon starts from.
+    powers: Vec<Vec3>,
+    sums: Sums,
+    /// The photons that have to be traced in every frame.
+    others: Vec<u32>,
+}
+
+/// Photons that a thread takes at a time.
+const BATCH: u64 = 4096;
+
+impl Photons {
+    /// `count` photons a frame (at most 2³²), with numbers that follow from `seed`.
+    pub fn new(count: u64, seed: u64) -> Self {
+        Self { count: count.min(1 << 32), seed, bounces: LONGEST_PATH, swept: None, settled: None }
     }
-    energies.emitted = emitted.as_vec3();
-    energies.reflected = reflected.as_vec3();
-    energies.lost = lost.as_vec3();
-    energies
+
+    /// Paths end after `bounces` reflections at the latest; 64 when not stated.
+    pub fn with_bounces(self, bounces: usize) -> Self {
+        Self { bounces: bounces.min(LONGEST_PATH), ..self }
+    }
+
+    /// Photons that never enter `swept`, the space that moving things pass through, are traced for the first frame only.
+    /// The caller promises that nothing that moves leaves that space in the frames to come, and that the anchors stay.
+    pub fn keeping(self, swept: Swept) -> Self {
+        Self { swept: Some(swept), ..self }
+    }
+
+    /// Traces one frame; adds the work to `busy`. The same scene gives the same bits, for any number of threads and
+    /// whatever was kept.
+    pub fn trace(
+        &mut self,
+        accelerator: &Accelerator,
+        surfaces: &Surfaces,
+        emitters: &Emitters,
+        anchors: &Anchors,
+        units: &Units,
+        busy: &Busy,
+    ) -> Energies {
+        let empty = || Sums::new(anchors);
+        let source = emitters.photons(surfaces.scene()).filter(|_| self.count > 0);
+        let Some(source) = source else { return empty().energies(Quantum::default(), 0) };
+        let quantum = Quantum::of(source.powers());
+        let walk = Walk {
+            accelerator,
+            surfaces,
+            source: &source,
+            moving: surfaces.scene().moving_nodes(),
+            // An anchor sees its neighbourhood blurred: so do the photons that feed it.
+            footprint: anchors.area_share.sqrt(),
+            epsilon: units.epsilon,
+            count: self.count,
+            seed: self.seed,
+            bounces: self.bounces,
+        };
+        let carried = anchors.carried_in_world(surfaces);
+        let grids = [
+            AnchorGrid::new(&anchors.fixed, anchors.area_share),
+            AnchorGrid::new(&carried, anchors.carried_area_share),
+        ];
+        let batches = (0..self.count.div_ceil(BATCH)).into_par_iter();
+        let batch = |batch: u64| batch * BATCH..((batch + 1) * BATCH).min(self.count);
+
+        // With other powers photons start elsewhere: nothing that was kept holds.
+        if let Some(settled) = self.settled.as_ref().filter(|settled| settled.powers == source.powers()) {
+            let chunks = settled.others.par_chunks(BATCH as usize);
+            let fold = chunks.fold(empty, |mut sums, indices| {
+                busy.measure(|| {
+                    let mut path = Path::default();
+                    for &index in indices {
+                        walk.follow(index.into(), &mut path);
+                        sums.take(&path, &grids, quantum);
+                    }
+                });
+                sums
+            });
+            let sums = fold.reduce(empty, Sums::plus).plus(settled.sums.clone());
+            return sums.energies(quantum, settled.others.len() as u64);
+        }
+        let Some(swept) = &self.swept else {
+            let fold = batches.fold(empty, |mut sums, place| {
+                busy.measure(|| {
+                    let mut path = Path::default();
+                    for index in batch(place) {
+                        walk.follow(index, &mut path);
+                        sums.take(&path, &grids, quantum);
+                    }
+                });
+                sums
+            });
+            return fold.reduce(empty, Sums::plus).energies(quantum, self.count);
+        };
+        // The first frame with something to keep: photons that stay are summed apart from the others.
+        let apart = || (empty(), empty(), Vec::new());
+        let fold = batches.fold(apart, |(mut stay, mut change, mut others), place| {
+            busy.measure(|| {
+                let mut path = Path::default();
+                for index in batch(place) {
+                    walk.follow(index, &mut path);
+                    if path.meets(swept) {
+                        change.take(&path, &grids, quantum);
+                        others.push(index as u32);
+                    } else {
+                        stay.take(&path, &grids, quantum);
+                    }
+                }
+            });
+            (stay, change, others)
+        });
+        let (stay, change, mut others) = fold.reduce(apart, |a, b| (a.0.plus(b.0), a.1.plus(b.1), [a.2, b.2].concat()));
+        others.sort_unstable();
+        let energies = stay.clone().plus(change).energies(quantum, self.count);
+        self.settled = Some(Settled { powers: source.powers().to_vec(), sums: stay, others });
+        energies
+    }
 }

@@ -8,8 +8,8 @@ use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, Anchors, Busy, Correspondence, DirectLights, Emitters, GBuffer, Geometry, Surfaces, Units,
-    dome_lights, trace_photons,
+    Accelerator, Anchors, Busy, Correspondence, DirectLights, Emitters, GBuffer, Geometry, Photons, Surfaces, Swept,
+    Units, dome_lights,
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -44,6 +44,7 @@ struct Preparation<'a> {
     geometry: Geometry,
     units: Units,
     anchors: Anchors,
+    photons: Photons,
     kept: Option<Kept>,
 }
 
@@ -61,13 +62,19 @@ impl<'a> Preparation<'a> {
         let carried = if plan.moving_anchors == State::Off { 0 } else { settings.moving_vpls };
         let fixed = if plan.photons == State::Off { 0 } else { settings.vpls };
         let anchors = Anchors::spread(scene, &Surfaces::new(scene, &rest), &units, fixed, carried);
-        Self { scene, settings, plan, geometry: Geometry::new(scene), units, anchors, kept: None }
+        let count = if plan.photons == State::Off { 0 } else { settings.photons };
+        let mut photons = Photons::new(count, settings.seed);
+        if plan.photons_apart == State::On {
+            let times = (0..settings.frames).map(|n| settings.time(n));
+            photons = photons.keeping(Swept::of(scene, &units, times));
+        }
+        Self { scene, settings, plan, geometry: Geometry::new(scene), units, anchors, photons, kept: None }
     }
 
     fn frame(&mut self, n: u32) -> Prepared {
         let mut figures = FrameFigures::default();
         let busy = Busy::default();
-        let pose = self.scene.pose((f64::from(n) / self.settings.fps) as f32);
+        let pose = self.scene.pose(self.settings.time(n));
         let surfaces = Surfaces::new(self.scene, &pose);
         let accelerator = match &self.kept {
             Some(kept) if !self.plan.placing.runs(n) => kept.accelerator.clone(),
@@ -107,7 +114,7 @@ impl<'a> Preparation<'a> {
 
     /// The light tree and the direct lights of frame `n`, with the energies they have there.
     fn lights(
-        &self,
+        &mut self,
         n: u32,
         pose: &Pose,
         surfaces: &Surfaces,
@@ -119,15 +126,8 @@ impl<'a> Preparation<'a> {
         }
         let busy = Busy::default();
         let emitters = Emitters::new(surfaces, pose, &self.units);
-        let energies = trace_photons(
-            accelerator,
-            surfaces,
-            &emitters,
-            &self.anchors,
-            &self.units,
-            (if self.plan.photons == State::Off { 0 } else { self.settings.photons }, self.settings.seed),
-            &busy,
-        );
+        let energies = self.photons.trace(accelerator, surfaces, &emitters, &self.anchors, &self.units, &busy);
+        figures.photons_traced = energies.traced;
         figures.photons = busy.seconds();
 
         let busy = Busy::default();

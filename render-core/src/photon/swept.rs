@@ -1,0 +1,177 @@
+//! The space that moving things pass through, in cells.
+
+use crate::Units;
+use crate::scene::Scene;
+use glam::Vec3A;
+
+/// Cells along each axis.
+const SIDE: i32 = 64;
+
+/// A grid of cells over the scene, each known to be entered by something that moves or not.
+#[derive(Clone, Debug)]
+pub struct Swept {
+    low: Vec3A,
+    /// Cells to the metre.
+    density: f32,
+    /// One bit per cell in x, a word per (y, z).
+    rows: Vec<u64>,
+}
+
+impl Swept {
+    /// Where a segment ends that goes on for ever: farther than any scene, and finite \[m\].
+    pub(crate) const FAR: f32 = 1e16;
+
+    /// An empty space over the scene that `units` measures.
+    pub fn new(units: &Units) -> Self {
+        // A little wider than the scene, so that nothing that moves touches the border.
+        let side = 2.02 * units.radius;
+        Self {
+            low: units.center - Vec3A::splat(side / 2.0),
+            density: SIDE as f32 / side,
+            rows: vec![0; (SIDE * SIDE) as usize],
+        }
+    }
+
+    /// The space that the moving instances of `scene` pass through at `times` \[s\].
+    pub fn of(scene: &Scene, units: &Units, times: impl IntoIterator<Item = f32>) -> Self {
+        let mut swept = Self::new(units);
+        let moving = scene.moving_nodes();
+        let boxes: Vec<(usize, Vec3A, Vec3A)> = scene
+            .instances
+            .iter()
+            .filter(|instance| moving[instance.node])
+            .map(|instance| {
+                let positions = || scene.meshes[instance.mesh].positions.iter().map(|&p| Vec3A::from(p));
+                let low = positions().fold(Vec3A::INFINITY, Vec3A::min);
+                (instance.node, low, positions().fold(Vec3A::NEG_INFINITY, Vec3A::max))
+            })
+            .filter(|(_, low, high)| low.cmple(*high).all())
+            .collect();
+        for time in times {
+            let pose = scene.pose(time);
+            for &(node, low, high) in &boxes {
+                let corner = |i: u32| Vec3A::select(glam::BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high);
+                let corners = (0..8).map(|i| pose.world[node].transform_point3a(corner(i)));
+                let [low, high] =
+                    corners.fold([Vec3A::INFINITY, Vec3A::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
+                swept.add(low, high);
+            }
+        }
+        swept
+    }
+
+    /// Adds the cells that the box from `low` to `high` touches.
+    pub fn add(&mut self, low: Vec3A, high: Vec3A) {
+        // A thousandth of a cell wider: rounding must not decide.
+        let first = self.cell((low - self.low) * self.density - 1e-3);
+        let last = self.cell((high - self.low) * self.density + 1e-3);
+        let bits = (u64::MAX << first[0]) & (u64::MAX >> (SIDE - 1 - last[0]));
+        for z in first[2]..=last[2] {
+            for y in first[1]..=last[1] {
+                self.rows[(z * SIDE + y) as usize] |= bits;
+            }
+        }
+    }
+
+    /// Share of the grid that something enters.
+    pub fn share(&self) -> f32 {
+        self.rows.iter().map(|row| row.count_ones()).sum::<u32>() as f32 / (SIDE * SIDE * SIDE) as f32
+    }
+
+    fn cell(&self, at: Vec3A) -> [i32; 3] {
+        at.to_array().map(|x| (x as i32).clamp(0, SIDE - 1))
+    }
+
+    /// Whether the segment from `from` to `to` passes through a cell that something enters (Amanatides & Woo 1987).
+    pub(crate) fn is_entered(&self, from: Vec3A, to: Vec3A) -> bool {
+        let (from, way) = ((from - self.low) * self.density, (to - from) * self.density);
+        let inverse = way.recip();
+        // The part of the segment inside of the grid, by slabs; 0 · ∞ is NaN, which min and max pass over.
+        let (a, b) = (-from * inverse, (Vec3A::splat(SIDE as f32) - from) * inverse);
+        let enter = a.min(b).max_element().max(0.0);
+        let leave = a.max(b).min_element().min(1.0);
+        if enter > leave {
+            return false;
+        }
+        let start = from + way * enter;
+        let mut cell = self.cell(start);
+        let last = self.cell(from + way * leave);
+        let step = way.to_array().map(|x| if x > 0.0 { 1 } else { -1 });
+        let length = inverse.abs().to_array();
+        let mut next: [f32; 3] = std::array::from_fn(|axis| {
+            let border = (cell[axis] + i32::from(step[axis] > 0)) as f32;
+            let t = (border - from[axis]) * inverse[axis];
+            if t.is_nan() { f32::INFINITY } else { t }
+        });
+        // At most as many cells as the three axes have together.
+        for _ in 0..3 * SIDE {
+            if self.rows[(cell[2] * SIDE + cell[1]) as usize] >> cell[0] & 1 == 1 {
+                return true;
+            }
+            if cell == last {
+                return false;
+            }
+            let axis = if next[0] <= next[1] && next[0] <= next[2] {
+                0
+            } else if next[1] <= next[2] {
+                1
+            } else {
+                2
+            };
+            if next[axis] > leave {
+                return false;
+            }
+            cell[axis] += step[axis];
+            next[axis] += length[axis];
+            if !(0..SIDE).contains(&cell[axis]) {
+                return false;
+            }
+        }
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{hash_unit, uniform_sphere};
+    use glam::Vec2;
+
+    fn units() -> Units {
+        Units { center: Vec3A::new(5.0, -3.0, 2.0), radius: 4.0, epsilon: 1e-4 }
+    }
+
+    /// Every segment through a box enters the cells of that box, from wherever it comes.
+    #[test]
+    fn no_segment_through_a_box_is_missed() {
+        let u = |a, b| hash_unit(5, a, b);
+        for k in 0..2000 {
+            let mut swept = Swept::new(&units());
+            let low = units().center + Vec3A::new(u(k, 0), u(k, 1), u(k, 2)) * 4.0 - 2.5;
+            let size = Vec3A::new(u(k, 3), u(k, 4), u(k, 5)) * 0.5;
+            swept.add(low, low + size);
+            let inside = low + size * Vec3A::new(u(k, 6), u(k, 7), u(k, 8));
+            let mut direction = Vec3A::from(uniform_sphere(Vec2::new(u(k, 9), u(k, 10))));
+            if k % 5 == 0 {
+                direction = Vec3A::AXES[k as usize / 5 % 3];
+            }
+            let (before, after) = (u(k, 11) * 20.0, u(k, 12) * 20.0);
+            assert!(swept.is_entered(inside - direction * before, inside + direction * after));
+            assert!(swept.is_entered(inside - direction * before, inside + direction * Swept::FAR));
+        }
+    }
+
+    #[test]
+    fn what_passes_far_from_the_box_is_free() {
+        let mut swept = Swept::new(&units());
+        let center = units().center;
+        swept.add(center - 0.5, center + 0.5);
+        assert!(swept.share() > 0.0015 && swept.share() < 0.004, "{}", swept.share());
+        let beside = center + Vec3A::new(0.0, 1.0, 0.0);
+        assert!(!swept.is_entered(beside - Vec3A::X * 9.0, beside + Vec3A::X * 9.0));
+        assert!(!swept.is_entered(beside, beside + Vec3A::Y * Swept::FAR));
+        assert!(!swept.is_entered(center + Vec3A::X * 9.0, center + Vec3A::X * 90.0));
+        assert!(!swept.is_entered(beside, beside));
+        assert!(swept.is_entered(center, center));
+    }
+}
