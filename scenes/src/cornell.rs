@@ -1,4 +1,4 @@
-//! The Cornell box: the measured room, papered and floored, with its two blocks in motion.
+//! The Cornell box: the measured room, papered and floored, with its two blocks in motion; and as it was published.
 //!
 //! The measurements and reflectances are those that Cornell's Program of Computer Graphics
 //! published for its box. Here they are in metres and turned about the vertical, so that the
@@ -23,7 +23,19 @@ const GREEN: Vec3 = vec3(0.14, 0.45, 0.091);
 /// The published emission, scaled so that white surfaces come out near a radiance of 0.4.
 const EMISSION: Vec3 = vec3(17.0 * 3.0, 12.0 * 3.0, 4.0 * 3.0);
 
+/// Corners of the room, in millimetres, from the viewer's left in front around to the left at the back.
+const FLOOR: [[f32; 3]; 4] = [[552.8, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 559.2], [549.6, 0.0, 559.2]];
+const CEILING: [[f32; 3]; 4] = [[556.0, 548.8, 0.0], [0.0, 548.8, 0.0], [0.0, 548.8, 559.2], [556.0, 548.8, 559.2]];
+/// Corners of the blocks' tops, x and z.
+const SHORT_BLOCK: [[f32; 2]; 4] = [[130.0, 65.0], [82.0, 225.0], [240.0, 272.0], [290.0, 114.0]];
+const TALL_BLOCK: [[f32; 2]; 4] = [[423.0, 247.0], [265.0, 296.0], [314.0, 456.0], [472.0, 406.0]];
+
 /// A published point, in millimetres, in the scene's axes.
+fn point([x, y, z]: [f32; 3]) -> Vec3 {
+    at(x, y, z)
+}
+
+/// The same from its coordinates.
 fn at(x: f32, y: f32, z: f32) -> Vec3 {
     vec3(278.0 - x, y, -z) / 1000.0
 }
@@ -55,6 +67,41 @@ fn wall(mesh: &mut Mesh, [a, b, c, d]: [Vec3; 4], towards: Vec3) {
     });
 }
 
+/// The box as it was published, all surfaces plain and nothing moving: for comparison with other renderers.
+///
+/// Its lamp lies half a millimetre under the ceiling, which the data put into the same plane.
+pub fn published() -> Scene {
+    let mut scene = Scene::new("cornell-box");
+    let white = scene.plain("white", WHITE);
+    let red = scene.plain("red", RED);
+    let green = scene.plain("green", GREEN);
+    let lamp = scene.material(Material::glowing("lamp", EMISSION / 3.0));
+    let ([fl, fr, br, bl], [cl, cr, ctr, ctl]) = (FLOOR.map(point), CEILING.map(point));
+    let mut room = Model::new();
+    room.of(white).quad_facing([fl, fr, br, bl], Vec3::Y);
+    room.of(white).quad_facing([cl, cr, ctr, ctl], Vec3::NEG_Y);
+    room.of(white).quad_facing([bl, br, ctr, ctl], Vec3::Z);
+    room.of(red).quad_facing([fl, bl, ctl, cl], Vec3::X);
+    room.of(green).quad_facing([fr, br, ctr, cr], Vec3::NEG_X);
+    scene.show("room", room);
+    let mut panel = Model::new();
+    let corners = [(343.0, 227.0), (343.0, 332.0), (213.0, 332.0), (213.0, 227.0)];
+    panel.of(lamp).quad_facing(corners.map(|(x, z)| at(x, 548.3, z)), Vec3::NEG_Y);
+    scene.show("lamp", panel);
+    for (name, corners, height) in [("short block", SHORT_BLOCK, 165.0), ("tall block", TALL_BLOCK, 330.0)] {
+        let (mesh, home) = block(corners, height);
+        let mut model = Model::new();
+        *model.of(white) = mesh;
+        let mesh = scene.mesh(name, model);
+        scene.node(name, Some(mesh), home, Quat::IDENTITY);
+    }
+    // Focal length 0.035, film 0.025 wide.
+    let yfov = 2.0 * (0.0125f32 / 0.035).atan();
+    let eye = at(278.0, 273.0, -800.0);
+    scene.camera(yfov, eye, look_at(eye, at(278.0, 273.0, 0.0)));
+    scene
+}
+
 /// The scene.
 pub fn build() -> Scene {
     let mut scene = Scene::new("cornell");
@@ -70,8 +117,7 @@ pub fn build() -> Scene {
     let lamp = scene.material(Material::glowing("lamp", EMISSION));
 
     let mut room = Model::new();
-    let floor = [at(552.8, 0.0, 0.0), at(0.0, 0.0, 0.0), at(0.0, 0.0, 559.2), at(549.6, 0.0, 559.2)];
-    let ceiling = [at(556.0, 548.8, 0.0), at(0.0, 548.8, 0.0), at(0.0, 548.8, 559.2), at(556.0, 548.8, 559.2)];
+    let (floor, ceiling) = (FLOOR.map(point), CEILING.map(point));
     let [fl, fr, br, bl] = floor;
     let [cl, cr, ctr, ctl] = ceiling;
     wall(room.of(oak), floor, Vec3::Y);
@@ -108,7 +154,7 @@ pub fn build() -> Scene {
     scene.show("room", room);
     scene.show("lamp", panel);
 
-    let (mesh, home) = block([[130.0, 65.0], [82.0, 225.0], [240.0, 272.0], [290.0, 114.0]], 165.0);
+    let (mesh, home) = block(SHORT_BLOCK, 165.0);
     let mut model = Model::new();
     *model.of(linen) = mesh;
     let short = scene.mesh("short block", model);
@@ -124,7 +170,7 @@ pub fn build() -> Scene {
     ]);
     scene.animate(short, slide.translation());
 
-    let (mesh, home) = block([[423.0, 247.0], [265.0, 296.0], [314.0, 456.0], [472.0, 406.0]], 330.0);
+    let (mesh, home) = block(TALL_BLOCK, 330.0);
     let mut model = Model::new();
     *model.of(stone) = mesh;
     let tall = scene.mesh("tall block", model);

@@ -48,6 +48,11 @@ pub const SCENES: &[Shipped] = &[
         settings: Settings { exposure: 1.0, sky: None, frames: frames(cornell::DURATION) },
     },
     Shipped {
+        name: "cornell-box",
+        build: cornell::published,
+        settings: Settings { exposure: 3.0, sky: None, frames: 1 },
+    },
+    Shipped {
         name: "atrium",
         build: atrium::build,
         settings: Settings { exposure: 1.25, sky: Some(atrium::SKY), frames: frames(atrium::DURATION) },

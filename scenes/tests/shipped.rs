@@ -159,7 +159,10 @@ fn one_camera_walks_for_the_length_of_the_video() {
         assert_eq!(cameras.len(), 1);
         assert_eq!(nodes[cameras[0]]["name"], "camera");
         assert_eq!(glb.json["cameras"][0]["perspective"]["aspectRatio"], 1.0);
-        let walk = &glb.array("animations")[0];
+        let Some(walk) = glb.array("animations").first() else {
+            assert_eq!((shipped.name, shipped.settings.frames), ("cornell-box", 1), "the one still");
+            return;
+        };
         assert_eq!(walk["name"], "walk");
         let seconds = shipped.settings.frames as f32 / 25.0;
         assert!(seconds >= 4.0);
@@ -271,7 +274,7 @@ fn the_blocks_of_the_cornell_box_never_meet() {
 #[test]
 fn everything_stands_in_its_room() {
     // Half sizes of the whole scene, found by moving every mesh to where its nodes put it.
-    let limits = [("cornell", 0.7), ("atrium", 16.0), ("conference", 7.5), ("nave", 40.0)];
+    let limits = [("cornell", 0.7), ("cornell-box", 0.85), ("atrium", 16.0), ("conference", 7.5), ("nave", 40.0)];
     for (name, limit) in limits {
         let glb = named(name);
         let nodes = glb.array("nodes");
