@@ -55,7 +55,7 @@ impl Plan {
     /// Looks at `scene` and `settings`.
     pub fn new(scene: &Scene, settings: &Settings) -> Self {
         let moving = scene.moving_nodes();
-        let thing_moves = scene.instances.iter().any(|instance| moving[instance.node]);
+        let thing_moves = scene.moving_instances().contains(&true);
         let light_moves = scene.punctual_lights.iter().any(|light| moving[light.node]);
         let camera_moves = scene.filming_camera().is_some_and(|camera| moving[camera.node]);
         let material = |instance: &render_core::scene::Instance| &scene.materials[scene.meshes[instance.mesh].material];

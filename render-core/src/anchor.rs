@@ -12,12 +12,27 @@ use glam::Vec3A;
 /// A place that stands for the light its share of surface sends back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Anchor {
-    /// A little off the surface; world space for anchors at rest, the instance's space for carried ones.
+    /// A little off the surface, world space.
     pub position: Vec3A,
-    /// Unit normal of the side it stands for, in the same space.
+    /// Unit normal of the side it stands for.
     pub normal: Vec3A,
     /// Index into [`Scene::instances`].
     pub instance: u32,
+}
+
+/// An anchor bound to a point of a triangle: it goes where that goes, however its mesh moves or bends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CarriedAnchor {
+    /// Index into [`Scene::instances`].
+    pub instance: u32,
+    /// Index into the mesh's triangles.
+    pub triangle: u32,
+    /// Barycentric weights of the second and the third corner.
+    pub place: (f32, f32),
+    /// Whether it stands for the front.
+    pub front: bool,
+    /// Metres off the surface.
+    pub offset: f32,
 }
 
 /// The anchors of a scene.
@@ -25,8 +40,8 @@ pub struct Anchor {
 pub struct Anchors {
     /// On surfaces that never move: the lights of the tree.
     pub fixed: Vec<Anchor>,
-    /// On surfaces that move, in the instance's own space.
-    pub carried: Vec<Anchor>,
+    /// On surfaces that move or bend.
+    pub carried: Vec<CarriedAnchor>,
     /// Square metres that each fixed anchor stands for.
     pub area_share: f32,
     /// Square metres that each carried anchor stands for.
@@ -36,14 +51,14 @@ pub struct Anchors {
 impl Anchors {
     /// Spreads `fixed` anchors over what stands still and `carried` over what moves.
     pub fn spread(scene: &Scene, surfaces: &Surfaces, units: &Units, fixed: usize, carried: usize) -> Self {
-        let moving = scene.moving_nodes();
+        let moving = scene.moving_instances();
         let mut anchors = Anchors::default();
         for (wanted, on_moving) in [(fixed, false), (carried, true)] {
             let patches: Vec<(usize, usize, bool, f32)> = scene
                 .instances
                 .iter()
                 .enumerate()
-                .filter(|(_, instance)| moving[instance.node] == on_moving)
+                .filter(|(index, _)| moving[*index] == on_moving)
                 .flat_map(|(index, instance)| {
                     let mesh = &scene.meshes[instance.mesh];
                     let material = &scene.materials[mesh.material];
@@ -62,25 +77,20 @@ impl Anchors {
                 .collect();
             let Some(choice) = Distribution::new(patches.iter().map(|patch| f64::from(patch.3))) else { continue };
             let share = (choice.total() / wanted.max(1) as f64) as f32;
-            let list: Vec<Anchor> = (0..wanted as u64)
+            let list: Vec<CarriedAnchor> = (0..wanted as u64)
                 .map(|i| {
                     let (patch, _, _) = choice.pick((i as f64 + 0.5) / wanted as f64);
                     let (instance, t, front, _) = patches[patch];
-                    let (u, v) = triangle(glam::Vec2::new(radical_inverse(2, i), radical_inverse(3, i)));
-                    let [a, b, c] = surfaces.corners(instance, t);
-                    let world = surfaces.world(instance);
-                    let mirrored = world.matrix3.determinant() < 0.0;
-                    let turn = if front != mirrored { 1.0 } else { -1.0 };
-                    let normal = ((b - a).cross(c - a) * turn).normalize_or_zero();
-                    let position = a + (b - a) * u + (c - a) * v + normal * units.epsilon;
-                    Anchor { position, normal, instance: instance as u32 }
+                    let place = triangle(glam::Vec2::new(radical_inverse(2, i), radical_inverse(3, i)));
+                    let (instance, triangle) = (instance as u32, t as u32);
+                    CarriedAnchor { instance, triangle, place, front, offset: units.epsilon }
                 })
                 .collect();
             if on_moving {
-                anchors.carried = list.iter().map(|anchor| anchor.to_local(surfaces)).collect();
+                anchors.carried = list;
                 anchors.carried_area_share = share;
             } else {
-                anchors.fixed = list;
+                anchors.fixed = list.iter().map(|anchor| anchor.in_world(surfaces)).collect();
                 anchors.area_share = share;
             }
         }
@@ -89,17 +99,7 @@ impl Anchors {
 
     /// The carried anchors in world space at the pose that `surfaces` has.
     pub fn carried_in_world(&self, surfaces: &Surfaces) -> Vec<Anchor> {
-        self.carried
-            .iter()
-            .map(|anchor| {
-                let world = surfaces.world(anchor.instance as usize);
-                Anchor {
-                    position: world.transform_point3a(anchor.position),
-                    normal: (crate::scene::normal_matrix(world) * anchor.normal).normalize_or_zero(),
-                    ..*anchor
-                }
-            })
-            .collect()
+        self.carried.iter().map(|anchor| anchor.in_world(surfaces)).collect()
     }
 
     /// A sensible number of fixed anchors for a scene: 2000 for a box, 9000 for a building, as in \[Herzog08\], table 1.
@@ -111,12 +111,16 @@ impl Anchors {
     }
 }
 
-impl Anchor {
-    fn to_local(self, surfaces: &Surfaces) -> Self {
-        let world = surfaces.world(self.instance as usize);
-        let local = world.inverse();
-        let normal = (crate::scene::normal_matrix(&local) * self.normal).normalize_or_zero();
-        Self { position: local.transform_point3a(self.position), normal, ..self }
+impl CarriedAnchor {
+    /// Where it is at the pose that `surfaces` has.
+    fn in_world(&self, surfaces: &Surfaces) -> Anchor {
+        let [a, b, c] = surfaces.corners(self.instance as usize, self.triangle as usize);
+        let mirrored = surfaces.world(self.instance as usize).matrix3.determinant() < 0.0;
+        let turn = if self.front != mirrored { 1.0 } else { -1.0 };
+        let normal = ((b - a).cross(c - a) * turn).normalize_or_zero();
+        let (u, v) = self.place;
+        let position = a + (b - a) * u + (c - a) * v + normal * self.offset;
+        Anchor { position, normal, instance: self.instance }
     }
 }
 

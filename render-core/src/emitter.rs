@@ -123,7 +123,8 @@ impl Emitters {
             let of_kind = move |light: &&PunctualLight| (light.kind == PunctualKind::Directional) == sun;
             scene.punctual_lights.iter().filter(of_kind).map(|light| nodes[light.node])
         };
-        let moving = areas.iter().map(|area| nodes[scene.instances[area.instance].node]);
+        let instances = scene.moving_instances();
+        let moving = areas.iter().map(|area| instances[area.instance]);
         let moving = moving.chain(punctual(false)).chain(punctual(true)).collect();
         for light in &scene.punctual_lights {
             let world = &pose.world[light.node];

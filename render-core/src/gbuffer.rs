@@ -2,11 +2,12 @@
 
 use crate::Busy;
 use crate::accel::{Accelerator, Packet};
-use crate::scene::View;
+use crate::scene::{DeformedMesh, View};
 use crate::surface::Surfaces;
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
 use plane::Plane;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Side of the tiles that rays are shot in: an MPEG-2 macroblock.
 pub const MACROBLOCK: usize = 16;
@@ -35,6 +36,8 @@ pub struct PixelSurface {
     pub depth: f32,
     /// Index into the scene's instances, or [`NOTHING`].
     pub instance: u32,
+    /// Index into the mesh's triangles.
+    pub triangle: u32,
 }
 
 /// One picture's worth of first hits.
@@ -46,6 +49,8 @@ pub struct GBuffer {
     pub view: View,
     /// Where the instances stood.
     pub world: Vec<Affine3A>,
+    /// The shapes of those that skins or morph targets bend; empty where none is.
+    pub deformed: Vec<Option<Arc<DeformedMesh>>>,
 }
 
 impl GBuffer {
@@ -83,7 +88,35 @@ impl GBuffer {
             })
             .collect();
         let world = (0..surfaces.scene().instances.len()).map(|instance| *surfaces.world(instance)).collect();
-        Self { pixels: Plane::from_vec(width, height, tile_rows.concat()), view: *view, world }
+        Self {
+            pixels: Plane::from_vec(width, height, tile_rows.concat()),
+            view: *view,
+            world,
+            deformed: surfaces.all_deformed().to_vec(),
+        }
+    }
+}
+
+impl GBuffer {
+    /// World-space corners of the triangle that `pixel` sees, if its mesh is bent.
+    fn bent_corners(&self, pixel: &PixelSurface) -> Option<[Vec3A; 3]> {
+        let instance = pixel.instance as usize;
+        let bent = self.deformed.get(instance)?.as_ref()?;
+        Some(bent.corners(pixel.triangle as usize).map(|corner| self.world[instance].transform_point3a(corner.into())))
+    }
+
+    /// Where the surface point of one of its pixels is in `other`, and its normal there; `None` if it does not bend.
+    fn bent_to(&self, pixel: &PixelSurface, other: &GBuffer) -> Option<(Vec3A, Vec3A)> {
+        let [a, b, c] = self.bent_corners(pixel)?;
+        let area = (b - a).cross(c - a);
+        let at = Vec3A::from(pixel.position) - a;
+        // Barycentric weights: shares of the triangle's area, along its normal.
+        let whole = area.length_squared();
+        let (u, v) = (at.cross(c - a).dot(area) / whole, (b - a).cross(at).dot(area) / whole);
+        let [p, q, r] = other.bent_corners(pixel)?;
+        let turned = (q - p).cross(r - p).normalize_or_zero();
+        let side = area.dot(pixel.geometric_normal.into()).signum();
+        Some((p + (q - p) * u + (r - p) * v, turned * side))
     }
 }
 
@@ -97,6 +130,7 @@ const EMPTY: PixelSurface = PixelSurface {
     emission: [0.0; 3],
     depth: f32::INFINITY,
     instance: NOTHING,
+    triangle: 0,
 };
 
 fn see(packet: &Packet, surfaces: &Surfaces, view: &View, pixel: Vec2) -> PixelSurface {
@@ -117,6 +151,7 @@ fn see(packet: &Packet, surfaces: &Surfaces, view: &View, pixel: Vec2) -> PixelS
         emission: surface.emission.into(),
         depth,
         instance: hit.instance,
+        triangle: hit.triangle,
     }
 }
 
@@ -139,7 +174,8 @@ const ALIKE_COSINE: f32 = 0.9;
 const ALIKE_DEPTH: f32 = 0.005;
 
 impl Correspondence {
-    /// Projects every point of `current` into `other`, carried along by the instance it sits on; adds the work to `busy`.
+    /// Projects every point of `current` into `other`, carried along by the instance it sits on, and by its triangle where
+    /// that bends; adds the work to `busy`.
     pub fn between(current: &GBuffer, other: &GBuffer, busy: &Busy) -> Self {
         let (width, height) = (current.pixels.width(), current.pixels.height());
         // Other world from current world; most instances stand still.
@@ -154,7 +190,7 @@ impl Correspondence {
             .map(|y| {
                 let find = |x| {
                     let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                    match locate(current.pixels.get(x, y), &carry, other) {
+                    match locate(current.pixels.get(x, y), current, &carry, other) {
                         Some((place, index)) => ((place - centre).to_array(), index),
                         None => ([f32::NAN; 2], NO_MATCH),
                     }
@@ -171,14 +207,16 @@ impl Correspondence {
 }
 
 /// Place of a surface point in `other` and the nearest of the four pixels around it that shows the same surface.
-fn locate(pixel: PixelSurface, carry: &[Affine3A], other: &GBuffer) -> Option<(Vec2, u32)> {
+fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GBuffer) -> Option<(Vec2, u32)> {
     let sky = pixel.instance == NOTHING;
     let (place, point, normal) = if sky {
         (other.view.project_direction(pixel.position.into())?, Vec3A::ZERO, Vec3A::ZERO)
     } else {
-        let then = &carry[pixel.instance as usize];
-        let point = then.transform_point3a(pixel.position.into());
-        let normal = then.transform_vector3a(pixel.geometric_normal.into()).normalize_or_zero();
+        let (point, normal) = current.bent_to(&pixel, other).unwrap_or_else(|| {
+            let then = &carry[pixel.instance as usize];
+            let normal = then.transform_vector3a(pixel.geometric_normal.into()).normalize_or_zero();
+            (then.transform_point3a(pixel.position.into()), normal)
+        });
         (other.view.project(point)?.0, point, normal)
     };
     let corner = place - 0.5;

@@ -18,7 +18,7 @@ pub mod image_file;
 pub mod sampling;
 
 pub use accel::{Accelerator, Geometry, Hit, Packet};
-pub use anchor::{Anchor, AnchorGrid, Anchors};
+pub use anchor::{Anchor, AnchorGrid, Anchors, CarriedAnchor};
 pub use busy::Busy;
 pub use direct::{DirectLights, Receiver};
 pub use emitter::{

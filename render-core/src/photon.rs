@@ -99,7 +99,7 @@ impl Photons {
             accelerator,
             surfaces,
             source: &source,
-            moving: surfaces.scene().moving_nodes(),
+            moving: surfaces.scene().moving_instances(),
             // An anchor sees its neighbourhood blurred: so do the photons that feed it.
             footprint: anchors.area_share.sqrt(),
             epsilon: units.epsilon,

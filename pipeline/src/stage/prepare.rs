@@ -164,8 +164,8 @@ impl<'a> Preparation<'a> {
 
     /// Places of the glowing surfaces that each pixel asks for itself: few and compact ones, and those that move.
     fn sampled_areas(&self, emitters: &Emitters, surfaces: &Surfaces) -> Vec<usize> {
-        let moving = self.scene.moving_nodes();
-        let moves = |place: usize| moving[self.scene.instances[emitters.areas[place].instance].node];
+        let moving = self.scene.moving_instances();
+        let moves = |place: usize| moving[emitters.areas[place].instance];
         let compact = |place: usize| {
             let light = &emitters.areas[place];
             light.patch_count() <= FEW_PATCHES || light.extent(surfaces) <= SMALL_EXTENT * self.units.radius

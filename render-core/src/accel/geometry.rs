@@ -1,13 +1,16 @@
-//! The trees that rays walk: everything that never moves is one, every moving instance has its own; built once.
+//! The trees that rays walk: everything that never moves is one, every moving instance has its own, built once; what changes
+//! its shape is built anew for each frame. Surfaces with holes stand in trees of their own, so that all others need not ask.
 
+use super::cut_outs::CutOuts;
 use super::{Accelerator, Placed};
-use crate::scene::{Pose, Scene};
-use glam::{Affine3A, Vec3A};
+use crate::scene::{Mesh, Pose, Scene};
+use glam::{Affine3A, Vec3, Vec3A};
 use obvhs::{
     BvhBuildParams,
     aabb::Aabb,
     bvh2::builder::build_bvh2,
     cwbvh::{CwBvh, builder::build_cwbvh_from_tris},
+    ray::Ray,
     rt_triangle::RtTriangle,
     triangle::Triangle,
 };
@@ -21,91 +24,148 @@ pub(super) struct Group {
     /// (instance, triangle) of each, likewise.
     pub(super) owners: Vec<(u32, u32)>,
     pub(super) bounds: Aabb,
+    /// `None` if every triangle is there as a whole.
+    pub(super) cut_outs: Option<Arc<CutOuts>>,
 }
 
 /// The parts that never change while a scene is rendered.
 pub struct Geometry {
-    groups: Vec<Arc<Group>>,
-    /// Node that carries each group; `None` for the group that never moves.
-    carriers: Vec<Option<usize>>,
+    parts: Vec<Part>,
+    /// Holes of all parts that have some.
+    cut_outs: Option<Arc<CutOuts>>,
     scale: f32,
 }
 
-impl Group {
-    fn new(triangles: Vec<Triangle>, owners: Vec<(u32, u32)>) -> Self {
-        let bvh = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
-        let order = &bvh.primitive_indices;
-        let bounds = if triangles.is_empty() { Aabb::empty() } else { bvh.total_aabb };
-        Self {
-            triangles: order.iter().map(|&i| RtTriangle::from(&triangles[i as usize])).collect(),
-            owners: order.iter().map(|&i| owners[i as usize]).collect(),
-            bounds,
-            bvh,
+/// What stands, moves or bends together.
+enum Part {
+    /// In the scaled world.
+    Fixed(Arc<Group>),
+    /// In the space of a node.
+    Carried { group: Arc<Group>, node: usize },
+    /// Built when it is placed: the instance, and the node it hangs from unless a skin places it.
+    Deforming { instance: usize, node: Option<usize> },
+}
+
+/// Triangles on their way into a tree.
+#[derive(Default)]
+struct Soup {
+    triangles: Vec<Triangle>,
+    owners: Vec<(u32, u32)>,
+}
+
+impl Soup {
+    fn add(&mut self, instance: usize, to_tree: &Affine3A, corners: impl Iterator<Item = [Vec3; 3]>) {
+        for (t, corners) in corners.enumerate() {
+            let [v0, v1, v2] = corners.map(|corner| to_tree.transform_point3a(corner.into()));
+            // Triangles without area can never be hit, and only spoil the tree.
+            if (v1 - v0).cross(v2 - v0).length_squared() > 0.0 {
+                self.triangles.push(Triangle { v0, v1, v2 });
+                self.owners.push((instance as u32, t as u32));
+            }
         }
+    }
+
+    fn group(self, params: BvhBuildParams, cut_outs: Option<Arc<CutOuts>>) -> Option<Arc<Group>> {
+        if self.triangles.is_empty() {
+            return None;
+        }
+        let bvh = build_cwbvh_from_tris(&self.triangles, params, &mut Duration::default());
+        let order = &bvh.primitive_indices;
+        Some(Arc::new(Group {
+            triangles: order.iter().map(|&i| RtTriangle::from(&self.triangles[i as usize])).collect(),
+            owners: order.iter().map(|&i| self.owners[i as usize]).collect(),
+            bounds: bvh.total_aabb,
+            cut_outs,
+            bvh,
+        }))
     }
 }
 
+impl Group {
+    /// Distance along the ray to triangle `i`, infinite where it misses or passes through a hole.
+    #[inline]
+    pub(super) fn intersect(&self, cut_outs: &CutOuts, ray: &Ray, i: usize) -> f32 {
+        let t = self.triangles[i].intersect(ray);
+        if t < f32::INFINITY {
+            let uv = self.triangles[i].compute_barycentric(ray);
+            if !cut_outs.opaque_at(self.owners[i], uv.x, uv.y) {
+                return f32::INFINITY;
+            }
+        }
+        t
+    }
+}
+
+/// Corners of all triangles of an instance, as its mesh has them or as they are bent.
+fn corners<'a>(mesh: &'a Mesh, pose: &'a Pose, instance: usize) -> impl Iterator<Item = [Vec3; 3]> + 'a {
+    let positions = pose.deformed(instance).map_or(&mesh.positions, |bent| &bent.positions);
+    mesh.triangles.iter().map(|triangle| triangle.map(|vertex| positions[vertex as usize]))
+}
+
 impl Geometry {
-    /// Builds the trees of everything in `scene`; instances under a moving node get one each.
+    /// Builds the trees of everything in `scene` that keeps its shape; instances under a moving node get one each.
     pub fn new(scene: &Scene) -> Self {
         let pose = scene.pose(0.0);
-        let moving = scene.moving_nodes();
+        let (moving, deforming) = (scene.moving_instances(), scene.deforming_instances());
         let extent = scene.bounds(&pose).map_or(1.0, |(min, max)| (max - min).max_element());
-        let scale = if extent > 0.0 && extent.is_finite() { (64.0 / extent).log2().ceil().exp2() } else { 1.0 };
-        let mut fixed = (Vec::new(), Vec::new());
-        let (mut groups, mut carriers) = (Vec::new(), Vec::new());
+        let extent = if extent > 0.0 && extent.is_finite() { extent } else { 64.0 };
+        let scale = (64.0 / extent).log2().ceil().exp2();
+        let cut_outs = CutOuts::new(scene, &pose, extent).map(Arc::new);
+        let holes_of = |instance| cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(instance));
+        let (mut whole, mut with_holes) = (Soup::default(), Soup::default());
+        let mut parts = Vec::new();
         for (index, instance) in scene.instances.iter().enumerate() {
             let mesh = &scene.meshes[instance.mesh];
-            let to_tree = if moving[instance.node] {
-                Affine3A::IDENTITY
+            if deforming[index] {
+                let node = mesh.skinning.is_none().then_some(instance.node);
+                parts.push(Part::Deforming { instance: index, node });
+            } else if moving[index] {
+                let mut own = Soup::default();
+                own.add(index, &Affine3A::IDENTITY, corners(mesh, &pose, index));
+                let group = own.group(BvhBuildParams::medium_build(), holes_of(index));
+                parts.extend(group.map(|group| Part::Carried { group, node: instance.node }));
             } else {
-                Affine3A::from_scale(glam::Vec3::splat(scale)) * pose.world[instance.node]
-            };
-            let mut own = (Vec::new(), Vec::new());
-            let (triangles, owners) = if moving[instance.node] { &mut own } else { &mut fixed };
-            for t in 0..mesh.triangles.len() {
-                let [v0, v1, v2] = mesh.corners(t).map(|corner| to_tree.transform_point3a(corner.into()));
-                // Triangles without area can never be hit, and only spoil the tree.
-                if (v1 - v0).cross(v2 - v0).length_squared() > 0.0 {
-                    triangles.push(Triangle { v0, v1, v2 });
-                    owners.push((index as u32, t as u32));
-                }
-            }
-            if moving[instance.node] && !own.0.is_empty() {
-                groups.push(Arc::new(Group::new(own.0, own.1)));
-                carriers.push(Some(instance.node));
+                let to_tree = Affine3A::from_scale(Vec3::splat(scale)) * scene.instance_world(&pose, index);
+                let soup = if holes_of(index).is_some() { &mut with_holes } else { &mut whole };
+                soup.add(index, &to_tree, corners(mesh, &pose, index));
             }
         }
-        if !fixed.0.is_empty() {
-            groups.push(Arc::new(Group::new(fixed.0, fixed.1)));
-            carriers.push(None);
-        }
-        Self { groups, carriers, scale }
+        let fixed = [(whole, None), (with_holes, cut_outs.clone())];
+        let fixed = fixed.into_iter().filter_map(|(soup, holes)| soup.group(BvhBuildParams::medium_build(), holes));
+        parts.extend(fixed.map(Part::Fixed));
+        Self { parts, cut_outs, scale }
     }
 
-    /// Places the trees as `pose` says and builds the top level over them.
+    /// Places the trees as `pose` says, builds those of what bends, and the top level over all.
     pub fn place(&self, pose: &Pose) -> Accelerator {
-        let scaling = Affine3A::from_scale(glam::Vec3::splat(self.scale));
-        let mut groups = Vec::new();
-        for (group, carrier) in self.groups.iter().zip(&self.carriers) {
-            let (to_local, bounds) = match carrier {
-                None => (None, group.bounds),
-                Some(node) => {
-                    let to_world = scaling * pose.world[*node];
-                    // An object squeezed flat by its animation has no inside to shoot at.
-                    if to_world.matrix3.determinant() == 0.0 || !to_world.is_finite() {
-                        continue;
-                    }
-                    let (min, max) = (group.bounds.min, group.bounds.max);
-                    let corners: Vec<Vec3A> = (0..8)
-                        .map(|i| Vec3A::select(glam::BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), min, max))
-                        .map(|corner| to_world.transform_point3a(corner))
-                        .collect();
-                    (Some(to_world.inverse()), Aabb::from_points(&corners))
+        let scaling = Affine3A::from_scale(Vec3::splat(self.scale));
+        let in_world = |group: Arc<Group>| Placed { bounds: group.bounds, to_local: None, group };
+        let placed = |part: &Part| match part {
+            Part::Fixed(group) => Some(in_world(group.clone())),
+            Part::Carried { group, node } => {
+                let to_world = scaling * pose.world[*node];
+                // An object squeezed flat by its animation has no inside to shoot at.
+                if to_world.matrix3.determinant() == 0.0 || !to_world.is_finite() {
+                    return None;
                 }
-            };
-            groups.push(Placed { group: group.clone(), to_local, bounds });
-        }
+                let (min, max) = (group.bounds.min, group.bounds.max);
+                let corners: Vec<Vec3A> = (0..8)
+                    .map(|i| Vec3A::select(glam::BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), min, max))
+                    .map(|corner| to_world.transform_point3a(corner))
+                    .collect();
+                let bounds = Aabb::from_points(&corners);
+                Some(Placed { group: group.clone(), to_local: Some(to_world.inverse()), bounds })
+            }
+            Part::Deforming { instance, node } => {
+                let bent = pose.deformed(*instance)?;
+                let to_tree = node.map_or(scaling, |node| scaling * pose.world[node]);
+                let mut own = Soup::default();
+                own.add(*instance, &to_tree, (0..bent.triangles.len()).map(|t| bent.corners(t)));
+                let holes = self.cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(*instance));
+                own.group(BvhBuildParams::fast_build(), holes).map(in_world)
+            }
+        };
+        let groups: Vec<Placed> = self.parts.iter().filter_map(placed).collect();
         let boxes: Vec<Aabb> = groups.iter().map(|placed| placed.bounds).collect();
         let top = build_bvh2(&boxes, BvhBuildParams::fastest_build(), &mut Duration::default());
         Accelerator { groups, top, scale: self.scale }

@@ -1,10 +1,11 @@
 //! What a ray meets: two levels of bounding volumes over the triangles of the scene.
 //!
 //! Everything that never moves is one tree in world space, built once; every moving instance has a tree of its own in its
-//! local space, built once too. Over these stands a small tree that is rebuilt for each frame.
+//! local space, built once too; what bends is built for each frame, and surfaces with holes stand apart. Over these stands a small tree that is rebuilt for each frame.
 //! Inside, lengths are scaled by a power of two so that the scene spans 64…128 units: `obvhs` culls
 //! boxes nearer than 1e-4, whatever the unit.
 
+mod cut_outs;
 mod geometry;
 
 pub use geometry::Geometry;
@@ -96,17 +97,20 @@ impl Placed {
         let local = self.local(ray);
         let mut hit = RayHit::none();
         let group = &*self.group;
-        group.bvh.ray_traverse(local, &mut hit, |r, i| group.triangles[i].intersect(r)).then_some((
-            hit.t,
-            hit.primitive_id as usize,
-            local,
-        ))
+        let found = match &group.cut_outs {
+            None => group.bvh.ray_traverse(local, &mut hit, |r, i| group.triangles[i].intersect(r)),
+            Some(cut_outs) => group.bvh.ray_traverse(local, &mut hit, |r, i| group.intersect(cut_outs, r, i)),
+        };
+        found.then_some((hit.t, hit.primitive_id as usize, local))
     }
 
     #[inline]
     fn blocks(&self, ray: &Ray) -> bool {
         let group = &*self.group;
-        !group.bvh.ray_traverse_miss(self.local(ray), |r, i| group.triangles[i].intersect(r))
+        !match &group.cut_outs {
+            None => group.bvh.ray_traverse_miss(self.local(ray), |r, i| group.triangles[i].intersect(r)),
+            Some(cut_outs) => group.bvh.ray_traverse_miss(self.local(ray), |r, i| group.intersect(cut_outs, r, i)),
+        }
     }
 }
 
@@ -211,7 +215,10 @@ impl Accelerator {
         for placed in &self.groups {
             let local = placed.local(&ray);
             for (i, triangle) in placed.group.triangles.iter().enumerate() {
-                let t = triangle.intersect(&local);
+                let t = match &placed.group.cut_outs {
+                    None => triangle.intersect(&local),
+                    Some(cut_outs) => placed.group.intersect(cut_outs, &local, i),
+                };
                 if t < ray.tmax && best.is_none_or(|hit| t / self.scale < hit.distance) {
                     let uv = triangle.compute_barycentric(&local);
                     let (instance, index) = placed.group.owners[i];

@@ -18,7 +18,7 @@ pub(super) struct Walk<'a> {
     pub accelerator: &'a Accelerator,
     pub surfaces: &'a Surfaces<'a>,
     pub source: &'a PhotonSource<'a>,
-    /// For each node, whether it moves.
+    /// For each instance, whether it moves.
     pub moving: Vec<bool>,
     /// Width over which textures are averaged \[m\].
     pub footprint: f32,
@@ -81,12 +81,11 @@ impl Walk<'_> {
                 return;
             }
             let reflected = flux * surface.albedo;
-            let node = self.surfaces.scene().instances[hit.instance as usize].node;
             path.reflections.push(Reflection {
                 position: surface.position,
                 normal: surface.geometric_normal,
                 flux: reflected,
-                carrier: self.moving[node].then_some(hit.instance),
+                carrier: self.moving[hit.instance as usize].then_some(hit.instance),
             });
             let u = |k| halton(self.seed, index, EMISSION_DIMENSIONS + bounce * BOUNCE_DIMENSIONS + k);
             let survival = (luminance(reflected) / luminance(flux)).clamp(0.0, 0.95);

@@ -2,7 +2,7 @@
 
 use crate::Units;
 use crate::scene::Scene;
-use glam::Vec3A;
+use glam::{BVec3A, Vec3, Vec3A};
 
 /// Cells along each axis.
 const SIDE: i32 = 64;
@@ -35,25 +35,27 @@ impl Swept {
     /// The space that the moving instances of `scene` pass through at `times` \[s\].
     pub fn of(scene: &Scene, units: &Units, times: impl IntoIterator<Item = f32>) -> Self {
         let mut swept = Self::new(units);
-        let moving = scene.moving_nodes();
-        let boxes: Vec<(usize, Vec3A, Vec3A)> = scene
-            .instances
-            .iter()
-            .filter(|instance| moving[instance.node])
-            .map(|instance| {
-                let positions = || scene.meshes[instance.mesh].positions.iter().map(|&p| Vec3A::from(p));
-                let low = positions().fold(Vec3A::INFINITY, Vec3A::min);
-                (instance.node, low, positions().fold(Vec3A::NEG_INFINITY, Vec3A::max))
-            })
-            .filter(|(_, low, high)| low.cmple(*high).all())
+        // What keeps its shape is as large as it is at rest.
+        let around = |positions: &[Vec3]| {
+            let empty = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
+            positions.iter().fold(empty, |[low, high], &p| [low.min(p.into()), high.max(p.into())])
+        };
+        let moving: Vec<(usize, [Vec3A; 2])> = (0..)
+            .zip(scene.moving_instances())
+            .filter(|(_, moves)| *moves)
+            .map(|(index, _)| (index, around(&scene.meshes[scene.instances[index].mesh].positions)))
             .collect();
         for time in times {
             let pose = scene.pose(time);
-            for &(node, low, high) in &boxes {
-                let corner = |i: u32| Vec3A::select(glam::BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high);
-                let corners = (0..8).map(|i| pose.world[node].transform_point3a(corner(i)));
-                let [low, high] =
-                    corners.fold([Vec3A::INFINITY, Vec3A::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
+            for &(index, at_rest) in &moving {
+                let [low, high] = pose.deformed(index).map_or(at_rest, |shape| around(&shape.positions));
+                if !low.cmple(high).all() {
+                    continue;
+                }
+                let world = scene.instance_world(&pose, index);
+                let corner = |i: u32| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high);
+                let corners: Vec<Vec3> = (0..8).map(|i| world.transform_point3a(corner(i)).into()).collect();
+                let [low, high] = around(&corners);
                 swept.add(low, high);
             }
         }

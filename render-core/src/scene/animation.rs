@@ -2,6 +2,7 @@
 
 use super::Transform;
 use glam::{Quat, Vec3};
+use std::ops::{Add, Mul};
 
 /// How values between two keys come about.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +24,8 @@ pub enum Track {
     Rotation(Vec<Quat>),
     /// Factors.
     Scale(Vec<Vec3>),
+    /// Shares of the morph targets; for each key those of all targets, one behind the other.
+    Weights(Vec<f32>),
 }
 
 /// One property of one node over time.
@@ -42,23 +45,37 @@ impl Channel {
     /// Writes the value at `time` into `transform`; before the first and after the last key these hold.
     pub fn apply(&self, time: f32, transform: &mut Transform) {
         match &self.track {
-            Track::Translation(keys) => transform.translation = self.vector(keys, time),
-            Track::Scale(keys) => transform.scale = self.vector(keys, time),
+            Track::Translation(keys) => transform.translation = self.value(time, |k| keys[k]),
+            Track::Scale(keys) => transform.scale = self.value(time, |k| keys[k]),
             Track::Rotation(keys) => transform.rotation = self.rotation(keys, time),
+            Track::Weights(_) => {}
+        }
+    }
+
+    /// Writes the morph weights at `time` into `weights`, if that is what it animates.
+    pub fn apply_weights(&self, time: f32, weights: &mut [f32]) {
+        let Track::Weights(keys) = &self.track else { return };
+        let count = weights.len();
+        for (target, weight) in weights.iter_mut().enumerate() {
+            *weight = self.value(time, |k| keys[k * count + target]);
         }
     }
 
     /// Whether any two keys differ.
     pub fn changes(&self) -> bool {
-        let stride = self.stride();
-        let differ = |n: usize, same: &dyn Fn(usize, usize) -> bool| {
-            // Splines may also leave their keys between them, along non-zero tangents.
-            n > stride && (self.interpolation == Interpolation::CubicSpline || (1..n).any(|k| !same(k, 0)))
-        };
-        match &self.track {
-            Track::Translation(keys) | Track::Scale(keys) => differ(keys.len(), &|a, b| keys[a] == keys[b]),
-            Track::Rotation(keys) => differ(keys.len(), &|a, b| keys[a] == keys[b]),
-        }
+        let several = self.times.len() > 1;
+        // Splines may also leave their keys between them, along non-zero tangents.
+        let spline = self.interpolation == Interpolation::CubicSpline;
+        several
+            && (spline
+                || match &self.track {
+                    Track::Translation(keys) | Track::Scale(keys) => keys.iter().any(|key| *key != keys[0]),
+                    Track::Rotation(keys) => keys.iter().any(|key| *key != keys[0]),
+                    Track::Weights(keys) => {
+                        let count = keys.len() / self.times.len();
+                        (count..keys.len()).any(|k| keys[k] != keys[k - count])
+                    }
+                })
     }
 
     fn stride(&self) -> usize {
@@ -75,16 +92,20 @@ impl Channel {
         (after - 1, length, if length > 0.0 { (time - self.times[after - 1]) / length } else { 0.0 })
     }
 
-    fn vector(&self, keys: &[Vec3], time: f32) -> Vec3 {
+    /// The value at `time` of a quantity that interpolates component by component, given its keys.
+    fn value<T>(&self, time: f32, keys: impl Fn(usize) -> T) -> T
+    where
+        T: Mul<f32, Output = T> + Add<Output = T>,
+    {
         let (key, length, t) = self.segment(time);
         match self.interpolation {
-            _ if t == 0.0 => keys[key * self.stride() + self.stride() / 2],
-            Interpolation::Step => keys[key],
-            Interpolation::Linear => keys[key].lerp(keys[key + 1], t),
+            _ if t == 0.0 => keys(key * self.stride() + self.stride() / 2),
+            Interpolation::Step => keys(key),
+            Interpolation::Linear => keys(key) * (1.0 - t) + keys(key + 1) * t,
             Interpolation::CubicSpline => {
                 let [a, b, c, d] = hermite(t, length);
                 let k = 3 * key;
-                keys[k + 1] * a + keys[k + 2] * b + keys[k + 4] * c + keys[k + 3] * d
+                keys(k + 1) * a + keys(k + 2) * b + keys(k + 4) * c + keys(k + 3) * d
             }
         }
     }
@@ -147,6 +168,22 @@ mod tests {
         for t in [1.0f32, 1.3, 2.0, 2.9, 3.0] {
             assert!((at(&spline, t).translation.x - t * t * t).abs() < 1e-4);
         }
+    }
+
+    #[test]
+    fn weights_follow_their_targets_through_all_interpolations() {
+        let at = |interpolation, keys: Vec<f32>, time| {
+            let mut weights = [9.0; 2];
+            channel(interpolation, Track::Weights(keys)).apply_weights(time, &mut weights);
+            weights
+        };
+        assert_eq!(at(Interpolation::Linear, vec![0.0, 1.0, 1.0, 0.0], 1.5), [0.25, 0.75]);
+        assert_eq!(at(Interpolation::Step, vec![0.0, 1.0, 1.0, 0.0], 2.9), [0.0, 1.0]);
+        assert_eq!(at(Interpolation::Step, vec![0.0, 1.0, 1.0, 0.0], 3.0), [1.0, 0.0]);
+        // In-tangents, values, out-tangents, each of both targets: the first is t², the second the constant 5.
+        let keys = vec![2.0, 0.0, 1.0, 5.0, 2.0, 0.0, 6.0, 0.0, 9.0, 5.0, 6.0, 0.0];
+        let [square, constant] = at(Interpolation::CubicSpline, keys, 2.5);
+        assert!((square - 6.25).abs() < 1e-5 && (constant - 5.0).abs() < 1e-5, "{square} {constant}");
     }
 
     #[test]

@@ -2,12 +2,15 @@
 
 use glam::{Vec2, Vec3};
 
+/// Sets of texture coordinates that a mesh may have.
+pub const UV_SETS: usize = 4;
+
 /// Which texture, through which coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureSlot {
     /// Index into the scene's textures.
     pub texture: usize,
-    /// Coordinate set, 0 or 1.
+    /// Coordinate set, below [`UV_SETS`].
     pub uv_set: usize,
     /// `KHR_texture_transform`: offset, rotation in radians, scale.
     pub transform: Option<(Vec2, f32, Vec2)>,
@@ -28,7 +31,23 @@ impl TextureSlot {
     }
 }
 
+/// What the opacity of a base colour means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Alpha {
+    /// Nothing.
+    Opaque,
+    /// Where it is below the cutoff there is a hole.
+    Mask {
+        /// Least opacity that is not a hole.
+        cutoff: f32,
+    },
+    /// The share of the surface that is there: the rest is holes too small to see.
+    Blend,
+}
+
 /// A surface.
+///
+/// Of glTF's metallic-roughness model all is here but occlusion textures: they stand for light that is computed here.
 #[derive(Clone, Debug)]
 pub struct Material {
     /// Name in the file, or empty.
@@ -45,8 +64,12 @@ pub struct Material {
     pub metallic_roughness_texture: Option<TextureSlot>,
     /// Linear texture of normals in tangent space, and the factor on their x and y.
     pub normal_texture: Option<(TextureSlot, f32)>,
-    /// `MASK` mode: texels with less opacity than this are meant to be holes. Rays do not know them yet: loading says so.
-    pub alpha_cutoff: Option<f32>,
+    /// Linear RGB reflectance at normal incidence where the surface is not metal.
+    pub dielectric_f0: Vec3,
+    /// Opacity, 0…1, times the opacity of the base colour's texture and of the vertices.
+    pub opacity: f32,
+    /// What the opacity means.
+    pub alpha: Alpha,
     /// Emitted radiance \[W·m⁻²·sr⁻¹\], times the texture's.
     pub emission: Vec3,
     /// sRGB texture of the emission.
@@ -68,7 +91,9 @@ impl Default for Material {
             roughness: 1.0,
             metallic_roughness_texture: None,
             normal_texture: None,
-            alpha_cutoff: None,
+            dielectric_f0: Vec3::splat(DIELECTRIC_F0),
+            opacity: 1.0,
+            alpha: Alpha::Opaque,
             emission: Vec3::ZERO,
             emission_texture: None,
             double_sided: false,
@@ -85,11 +110,24 @@ impl Material {
     ///
     /// A dielectric of roughness 1 counts as Lambert: its coat of 4 % would be spread over the whole hemisphere, and
     /// leaving it out keeps matte scenes free of glossy work.
-    pub fn split(base_color: Vec3, metallic: f32, roughness: f32) -> (Vec3, Vec3) {
+    pub fn split(&self, base_color: Vec3, metallic: f32, roughness: f32) -> (Vec3, Vec3) {
         if metallic <= 0.0 && roughness >= 1.0 {
             return (base_color, Vec3::ZERO);
         }
-        (base_color * (1.0 - metallic), Vec3::splat(DIELECTRIC_F0).lerp(base_color, metallic))
+        (base_color * (1.0 - metallic), self.dielectric_f0.lerp(base_color, metallic))
+    }
+
+    /// The textures it looks up.
+    pub fn slots(&self) -> impl Iterator<Item = &TextureSlot> {
+        let normal = self.normal_texture.as_ref().map(|(slot, _)| slot);
+        let others = [&self.base_color_texture, &self.metallic_roughness_texture, &self.emission_texture];
+        others.into_iter().flatten().chain(normal)
+    }
+
+    pub(super) fn slots_mut(&mut self) -> impl Iterator<Item = &mut TextureSlot> {
+        let normal = self.normal_texture.as_mut().map(|(slot, _)| slot);
+        let Self { base_color_texture, metallic_roughness_texture, emission_texture, .. } = self;
+        [base_color_texture, metallic_roughness_texture, emission_texture].into_iter().flatten().chain(normal)
     }
 
     /// Whether the surface is a light.

@@ -1,6 +1,7 @@
 //! Triangles with one material.
 
-use glam::{Vec2, Vec3};
+use super::{MorphTarget, Skinning, UV_SETS};
+use glam::{Vec2, Vec3, Vec4};
 
 /// A triangle mesh in its own space. Every per-vertex list is as long as `positions` or empty.
 #[derive(Clone, Debug, Default)]
@@ -11,18 +12,24 @@ pub struct Mesh {
     pub positions: Vec<Vec3>,
     /// Unit normals; when empty, the mesh is flat shaded as glTF prescribes.
     pub normals: Vec<Vec3>,
-    /// Texture coordinates of the sets 0 and 1.
-    pub uvs: [Vec<Vec2>; 2],
-    /// Linear RGB factor on the base colour.
-    pub colors: Vec<Vec3>,
+    /// Unit tangents along which a normal map's x points, and in w the sign of its y: y = (normal × tangent) · w.
+    pub tangents: Vec<Vec4>,
+    /// Texture coordinates, those of the sets that the material uses.
+    pub uvs: [Vec<Vec2>; UV_SETS],
+    /// Linear RGB factor on the base colour, and factor on its opacity.
+    pub colors: Vec<Vec4>,
     /// Vertex indices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// Index into the scene's materials.
     pub material: usize,
+    /// Shapes that may be mixed in.
+    pub morph_targets: Vec<MorphTarget>,
+    /// The joints that bend it; its vertices are then placed by them alone.
+    pub skinning: Option<Skinning>,
 }
 
 impl Mesh {
-    /// The three corners of triangle `index` in local space.
+    /// The three corners of triangle `index` in local space, as the file has them.
     #[inline]
     pub fn corners(&self, index: usize) -> [Vec3; 3] {
         self.triangles[index].map(|vertex| self.positions[vertex as usize])

@@ -2,6 +2,7 @@
 
 mod animation;
 mod camera;
+mod deform;
 mod gltf_file;
 mod light;
 mod material;
@@ -12,16 +13,18 @@ mod texture;
 
 pub use animation::{Channel, Interpolation, Track};
 pub use camera::{Camera, Projection, View};
+pub use deform::{DeformedMesh, Influence, MorphTarget, MorphedNode, Skin, Skinning};
 pub use gltf_file::{LoadError, load};
 pub use light::{PunctualKind, PunctualLight};
-pub use material::{Material, TextureSlot};
+pub use material::{Alpha, Material, TextureSlot, UV_SETS};
 pub use mesh::Mesh;
 pub(crate) use mesh::interpolate as mesh_interpolate;
 pub use settings::SceneSettings;
 pub use sky::Sky;
-pub use texture::{Texture, Wrap};
+pub use texture::{Encoding, Texture, Wrap};
 
 use glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A};
+use std::sync::Arc;
 
 /// A node of the hierarchy with its transform at rest.
 #[derive(Clone, Debug)]
@@ -74,6 +77,10 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Meshes in their places.
     pub instances: Vec<Instance>,
+    /// What bends meshes.
+    pub skins: Vec<Skin>,
+    /// Nodes whose mesh has morph targets.
+    pub morphed_nodes: Vec<MorphedNode>,
     /// Point, spot and directional lights.
     pub punctual_lights: Vec<PunctualLight>,
     /// The cameras of the file.
@@ -88,15 +95,29 @@ pub struct Scene {
     pub warnings: Vec<String>,
 }
 
-/// Where everything is at one time.
+/// Where everything is at one time, and in what shape.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pose {
     /// World from local, one per node.
     pub world: Vec<Affine3A>,
+    /// One per instance, or none at all where no mesh has a skin or morph targets.
+    deformed: Vec<Option<Arc<DeformedMesh>>>,
+}
+
+impl Pose {
+    /// One per instance, or none at all where no mesh has a skin or morph targets.
+    pub(crate) fn all_deformed(&self) -> &[Option<Arc<DeformedMesh>>] {
+        &self.deformed
+    }
+
+    /// The vertices of an instance with a skin or morph targets; others are as their mesh says.
+    pub fn deformed(&self, instance: usize) -> Option<&Arc<DeformedMesh>> {
+        self.deformed.get(instance)?.as_ref()
+    }
 }
 
 impl Scene {
-    /// Places every node at `time` seconds.
+    /// Places every node at `time` seconds, and bends what is bent there.
     pub fn pose(&self, time: f32) -> Pose {
         let mut local: Vec<Transform> = self.nodes.iter().map(|node| node.rest).collect();
         for channel in &self.channels {
@@ -107,19 +128,37 @@ impl Scene {
             let matrix = transform.matrix();
             world.push(node.parent.map_or(matrix, |parent| world[parent] * matrix));
         }
-        Pose { world }
+        let deformed = self.deformed_meshes(&world, time);
+        Pose { world, deformed }
+    }
+
+    /// World from the space of an instance's vertices. A skin places vertices by its joints alone: the node that the mesh
+    /// hangs from does not count (glTF 2.0, 3.7.3.1).
+    pub fn instance_world(&self, pose: &Pose, instance: usize) -> Affine3A {
+        let Instance { node, mesh } = self.instances[instance];
+        if self.meshes[mesh].skinning.is_some() { Affine3A::IDENTITY } else { pose.world[node] }
     }
 
     /// For each node, whether its place in the world changes with time.
     pub fn moving_nodes(&self) -> Vec<bool> {
         let mut moving = vec![false; self.nodes.len()];
-        for channel in self.channels.iter().filter(|channel| channel.changes()) {
+        let moves = |channel: &&Channel| channel.changes() && !matches!(channel.track, Track::Weights(_));
+        for channel in self.channels.iter().filter(moves) {
             moving[channel.node] = true;
         }
         for index in 0..self.nodes.len() {
             moving[index] |= self.nodes[index].parent.is_some_and(|parent| moving[parent]);
         }
         moving
+    }
+
+    /// For each instance, whether its place or its shape changes with time.
+    pub fn moving_instances(&self) -> Vec<bool> {
+        let (moving, deforming) = (self.moving_nodes(), self.deforming_instances());
+        let moves = |(instance, deforms): (&Instance, bool)| {
+            deforms || (moving[instance.node] && self.meshes[instance.mesh].skinning.is_none())
+        };
+        self.instances.iter().zip(deforming).map(moves).collect()
     }
 
     /// Seconds until the last key of the animation; 0 without one.
@@ -130,9 +169,11 @@ impl Scene {
     /// Corners of the box around all meshes in `pose`; `None` when nothing has a volume to show.
     pub fn bounds(&self, pose: &Pose) -> Option<(Vec3A, Vec3A)> {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-        for instance in &self.instances {
-            let world = pose.world[instance.node];
-            for &position in &self.meshes[instance.mesh].positions {
+        for (index, instance) in self.instances.iter().enumerate() {
+            let world = self.instance_world(pose, index);
+            let positions =
+                pose.deformed(index).map_or(&self.meshes[instance.mesh].positions, |shape| &shape.positions);
+            for &position in positions {
                 let point = world.transform_point3a(position.into());
                 corners = (corners.0.min(point), corners.1.max(point));
             }

@@ -18,6 +18,9 @@ pub struct SceneSettings {
     /// Which camera films.
     #[serde(default)]
     pub camera: CameraChoice,
+    /// Which animation plays.
+    #[serde(default)]
+    pub animation: AnimationChoice,
     /// How long, how fast.
     #[serde(default)]
     pub video: Video,
@@ -43,6 +46,14 @@ impl Default for Sun {
 #[serde(deny_unknown_fields)]
 pub struct CameraChoice {
     /// Name of a camera or of its node; the first moving camera, else the first, when left out.
+    pub name: Option<String>,
+}
+
+/// Which animation plays.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AnimationChoice {
+    /// Name of an animation of the file; the first when left out.
     pub name: Option<String>,
 }
 

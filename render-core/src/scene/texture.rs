@@ -1,10 +1,10 @@
 //! Images on surfaces, filtered so that they neither shimmer nor blur.
 
 use glam::{Vec2, Vec3};
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 /// How coordinates outside of 0…1 are read.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// The picture is tiled.
     Repeat,
@@ -14,11 +14,21 @@ pub enum Wrap {
     Clamp,
 }
 
-/// An sRGB image with its mip levels, each half the size of the one before.
+/// What the code values of an image stand for. Opacity is linear in both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Encoding {
+    /// Colour along the sRGB curve.
+    Srgb,
+    /// Numbers: roughness, metalness, normals.
+    Linear,
+}
+
+/// An image with its mip levels, each half the size of the one before. Copies share the texels.
 #[derive(Clone, Debug)]
 pub struct Texture {
-    levels: Vec<Level>,
+    levels: Arc<[Level]>,
     wrap: [Wrap; 2],
+    encoding: Encoding,
 }
 
 #[derive(Clone, Debug)]
@@ -36,30 +46,65 @@ static SRGB_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
-fn linear_to_srgb(c: f32) -> u8 {
-    let c = c.clamp(0.0, 1.0);
-    let e = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
-    (e * 255.0 + 0.5) as u8
+/// Code value to the number it is of 255.
+static CODE_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|code| code as f32 / 255.0));
+
+impl Encoding {
+    fn to_linear(self) -> &'static [f32; 256] {
+        match self {
+            Encoding::Srgb => &SRGB_TO_LINEAR,
+            Encoding::Linear => &CODE_TO_LINEAR,
+        }
+    }
+
+    fn code(self, c: f32) -> u8 {
+        let c = c.clamp(0.0, 1.0);
+        let e = match self {
+            Encoding::Linear => c,
+            Encoding::Srgb if c <= 0.003_130_8 => 12.92 * c,
+            Encoding::Srgb => 1.055 * c.powf(1.0 / 2.4) - 0.055,
+        };
+        (e * 255.0 + 0.5) as u8
+    }
 }
 
 impl Texture {
-    /// Takes over `width × height` RGBA texels (sRGB colour, linear opacity) and builds the mip levels.
+    /// An image of colours: as [`Texture::with_encoding`], in sRGB.
     ///
     /// # Panics
     /// If the size is zero or the number of texels is not `width * height`.
     pub fn new(width: usize, height: usize, texels: Vec<[u8; 4]>, wrap: [Wrap; 2]) -> Self {
+        Self::with_encoding(width, height, texels, wrap, Encoding::Srgb)
+    }
+
+    /// Takes over `width × height` RGBA texels and builds the mip levels.
+    ///
+    /// # Panics
+    /// If the size is zero or the number of texels is not `width * height`.
+    pub fn with_encoding(
+        width: usize,
+        height: usize,
+        texels: Vec<[u8; 4]>,
+        wrap: [Wrap; 2],
+        encoding: Encoding,
+    ) -> Self {
         assert!(width > 0 && height > 0 && texels.len() == width * height, "{width}x{height} texels expected");
         let mut levels = vec![Level { width, height, texels }];
         while let Some(last) = levels.last().filter(|level| level.width > 1 || level.height > 1) {
-            let half = last.half();
+            let half = last.half(encoding);
             levels.push(half);
         }
-        Self { levels, wrap }
+        Self { levels: levels.into(), wrap, encoding }
     }
 
     /// Texels of the finest level along x and y.
     pub fn size(&self) -> Vec2 {
         Vec2::new(self.levels[0].width as f32, self.levels[0].height as f32)
+    }
+
+    /// Opacity of the most transparent texel.
+    pub fn least_opacity(&self) -> f32 {
+        self.levels[0].texels.iter().map(|texel| f32::from(texel[3]) / 255.0).fold(1.0, f32::min)
     }
 
     /// Trilinear look-up: linear RGB and opacity at `uv`, blurred to `footprint` texels of the finest level.
@@ -90,6 +135,7 @@ impl Texture {
         let clamp = |c: f32, wrap: Wrap| if wrap == Wrap::Clamp { c.clamp(0.0, 1.0 - f32::EPSILON) } else { c };
         let (x, fx) = place(clamp(uv.x, self.wrap[0]), level.width);
         let (y, fy) = place(clamp(uv.y, self.wrap[1]), level.height);
+        let to_linear = self.encoding.to_linear();
         let mut color = Vec3::ZERO;
         let mut alpha = 0.0;
         for (dx, dy, weight) in
@@ -98,7 +144,7 @@ impl Texture {
             let column = wrap_index(x + dx, level.width, self.wrap[0]);
             let row = wrap_index(y + dy, level.height, self.wrap[1]);
             let [r, g, b, a] = level.texels[row * level.width + column];
-            let linear = |code: u8| SRGB_TO_LINEAR[code as usize];
+            let linear = |code: u8| to_linear[code as usize];
             color += Vec3::new(linear(r), linear(g), linear(b)) * weight;
             alpha += f32::from(a) / 255.0 * weight;
         }
@@ -120,7 +166,8 @@ fn wrap_index(i: i64, n: usize, wrap: Wrap) -> usize {
 
 impl Level {
     /// Box filter in linear light; an odd row or column counts twice at the border.
-    fn half(&self) -> Level {
+    fn half(&self, encoding: Encoding) -> Level {
+        let to_linear = encoding.to_linear();
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
         let mut texels = Vec::with_capacity(width * height);
         for y in 0..height {
@@ -131,14 +178,14 @@ impl Level {
                     let row = (2 * y + dy).min(self.height - 1);
                     let texel = self.texels[row * self.width + column];
                     for c in 0..3 {
-                        sum[c] += SRGB_TO_LINEAR[texel[c] as usize];
+                        sum[c] += to_linear[texel[c] as usize];
                     }
                     sum[3] += f32::from(texel[3]);
                 }
                 texels.push([
-                    linear_to_srgb(sum[0] / 4.0),
-                    linear_to_srgb(sum[1] / 4.0),
-                    linear_to_srgb(sum[2] / 4.0),
+                    encoding.code(sum[0] / 4.0),
+                    encoding.code(sum[1] / 4.0),
+                    encoding.code(sum[2] / 4.0),
                     (sum[3] / 4.0 + 0.5) as u8,
                 ]);
             }

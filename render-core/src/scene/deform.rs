@@ -1,0 +1,175 @@
+//! Meshes that bend: morph targets are mixed in first, then a skin's joints carry the vertices (glTF 2.0, 3.7.2.2 and 3.7.3).
+
+use super::{Mesh, Scene, Track, normal_matrix};
+use glam::{Affine3A, Vec3, Vec3A, Vec4};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Displacements of the vertices of a mesh at full weight. Every list is as long as the mesh's positions, or empty.
+#[derive(Clone, Debug, Default)]
+pub struct MorphTarget {
+    /// Metres in local space.
+    pub positions: Vec<Vec3>,
+    /// Added to the normals.
+    pub normals: Vec<Vec3>,
+    /// Added to the tangents.
+    pub tangents: Vec<Vec3>,
+}
+
+/// A node whose mesh has morph targets.
+#[derive(Clone, Debug)]
+pub struct MorphedNode {
+    /// Index into [`Scene::nodes`].
+    pub node: usize,
+    /// Weights of the targets while no animation says otherwise.
+    pub weights: Vec<f32>,
+}
+
+/// A skeleton that meshes may hang from.
+#[derive(Clone, Debug)]
+pub struct Skin {
+    /// Indices into [`Scene::nodes`].
+    pub joints: Vec<usize>,
+    /// Joint from mesh when the skin was bound, at least one per joint.
+    pub inverse_bind: Vec<Affine3A>,
+}
+
+/// A joint's pull on a vertex.
+#[derive(Clone, Copy, Debug)]
+pub struct Influence {
+    /// Index into [`Skin::joints`].
+    pub joint: u32,
+    /// Share, 0…1; those of a vertex sum to 1.
+    pub weight: f32,
+}
+
+/// How a mesh hangs from a skin.
+#[derive(Clone, Debug)]
+pub struct Skinning {
+    /// Index into [`Scene::skins`].
+    pub skin: usize,
+    /// Influences on each vertex.
+    pub per_vertex: usize,
+    /// Those of the first vertex, then those of the second …
+    pub influences: Vec<Influence>,
+}
+
+/// The vertices of a mesh at one time: in world space if a skin bends it, else in local space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeformedMesh {
+    /// Metres.
+    pub positions: Vec<Vec3>,
+    /// Unit normals, or none if the mesh has none.
+    pub normals: Vec<Vec3>,
+    /// Unit tangents with sign, likewise.
+    pub tangents: Vec<Vec4>,
+    /// The mesh's triangles: a copy, so that two times can be compared without the scene.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl DeformedMesh {
+    /// The three corners of triangle `index`.
+    #[inline]
+    pub fn corners(&self, index: usize) -> [Vec3; 3] {
+        self.triangles[index].map(|vertex| self.positions[vertex as usize])
+    }
+}
+
+impl Mesh {
+    /// The shape with `weights` of the morph targets and, if it has a skin, joints that carry from mesh to world.
+    fn deformed(&self, weights: &[f32], joints: &[Affine3A]) -> DeformedMesh {
+        let mixed = |vertex: usize, rest: Vec3, list: fn(&MorphTarget) -> &[Vec3]| {
+            let targets = self.morph_targets.iter().zip(weights).filter(|(_, weight)| **weight != 0.0);
+            targets.fold(rest, |sum, (target, &weight)| {
+                list(target).get(vertex).map_or(sum, |&displacement| sum + displacement * weight)
+            })
+        };
+        let bone = |vertex: usize| self.skinning.as_ref().map(|skinning| skinning.matrix(vertex, joints));
+        let unit = |v: Vec3A, otherwise: Vec3| v.try_normalize().map_or(otherwise, Vec3::from);
+        let positions = (0..self.positions.len()).into_par_iter().map(|vertex| {
+            let position = mixed(vertex, self.positions[vertex], |target| &target.positions);
+            bone(vertex).map_or(position, |bone| bone.transform_point3(position))
+        });
+        let normals = (0..self.normals.len()).into_par_iter().map(|vertex| {
+            let normal = Vec3A::from(mixed(vertex, self.normals[vertex], |target| &target.normals));
+            let turned = bone(vertex).map_or(normal, |bone| normal_matrix(&bone) * normal);
+            unit(turned, self.normals[vertex])
+        });
+        let tangents = (0..self.tangents.len()).into_par_iter().map(|vertex| {
+            let rest = self.tangents[vertex];
+            let tangent = Vec3A::from(mixed(vertex, rest.truncate(), |target| &target.tangents));
+            let turned = bone(vertex).map_or(tangent, |bone| bone.transform_vector3a(tangent));
+            unit(turned, rest.truncate()).extend(rest.w)
+        });
+        DeformedMesh {
+            positions: positions.collect(),
+            normals: normals.collect(),
+            tangents: tangents.collect(),
+            triangles: self.triangles.clone(),
+        }
+    }
+}
+
+impl Skinning {
+    /// World from mesh for one vertex: the weighted mean of its joints' matrices.
+    fn matrix(&self, vertex: usize, joints: &[Affine3A]) -> Affine3A {
+        let own = &self.influences[vertex * self.per_vertex..][..self.per_vertex];
+        let mut sum = Affine3A::ZERO;
+        for &Influence { joint, weight } in own {
+            let matrix = &joints[joint as usize];
+            sum.matrix3 += matrix.matrix3 * weight;
+            sum.translation += matrix.translation * weight;
+        }
+        sum
+    }
+}
+
+impl Scene {
+    /// The shapes of all instances that have a skin or morph targets; empty where none has.
+    pub(super) fn deformed_meshes(&self, world: &[Affine3A], time: f32) -> Vec<Option<Arc<DeformedMesh>>> {
+        if self.skins.is_empty() && self.morphed_nodes.is_empty() {
+            return Vec::new();
+        }
+        let weights: Vec<Vec<f32>> = self
+            .morphed_nodes
+            .iter()
+            .map(|morphed| {
+                let mut weights = morphed.weights.clone();
+                for channel in self.channels.iter().filter(|channel| channel.node == morphed.node) {
+                    channel.apply_weights(time, &mut weights);
+                }
+                weights
+            })
+            .collect();
+        let joints: Vec<Vec<Affine3A>> = self
+            .skins
+            .iter()
+            .map(|skin| skin.joints.iter().zip(&skin.inverse_bind).map(|(&node, bind)| world[node] * *bind).collect())
+            .collect();
+        let deformed = self.instances.iter().map(|instance| {
+            let mesh = &self.meshes[instance.mesh];
+            let morphed = self.morphed_nodes.iter().position(|morphed| morphed.node == instance.node);
+            let weights: &[f32] = morphed.map_or(&[], |place| &weights[place]);
+            let joints: &[Affine3A] = mesh.skinning.as_ref().map_or(&[], |skinning| &joints[skinning.skin]);
+            let bends = mesh.skinning.is_some() || !mesh.morph_targets.is_empty();
+            bends.then(|| Arc::new(mesh.deformed(weights, joints)))
+        });
+        deformed.collect()
+    }
+
+    /// For each instance, whether its shape changes with time.
+    pub(crate) fn deforming_instances(&self) -> Vec<bool> {
+        let moving = self.moving_nodes();
+        let morphing = |node: usize| {
+            let own = |channel: &&super::Channel| channel.node == node && matches!(channel.track, Track::Weights(_));
+            self.channels.iter().filter(own).any(super::Channel::changes)
+        };
+        let deforms = |instance: &super::Instance| {
+            let mesh = &self.meshes[instance.mesh];
+            let skin = mesh.skinning.as_ref().map(|skinning| &self.skins[skinning.skin]);
+            skin.is_some_and(|skin| skin.joints.iter().any(|&joint| moving[joint]))
+                || (!mesh.morph_targets.is_empty() && morphing(instance.node))
+        };
+        self.instances.iter().map(deforms).collect()
+    }
+}

@@ -1,0 +1,99 @@
+//! Numbers out of accessors: any component type, normalised or not, interleaved or not, sparse or not.
+//!
+//! Our own reader rather than the crate's: that one trusts strides and counts, and takes positions, normals and tangents
+//! for floats, which `KHR_mesh_quantization` allows to be bytes and shorts.
+
+use gltf::Accessor;
+use gltf::accessor::{DataType, sparse::IndexType};
+use gltf::buffer::View;
+use std::collections::HashSet;
+
+/// Most elements of an accessor without a buffer view: zeros that no byte of the file stands for.
+const ELEMENTS_WITHOUT_DATA: usize = 1 << 24;
+
+/// The bytes that accessors point into.
+pub(super) struct Buffers {
+    pub(super) bytes: Vec<Vec<u8>>,
+    /// Accessors that stand for zeros, whatever view they name.
+    pub(super) zeros: HashSet<usize>,
+}
+
+impl Buffers {
+    /// The bytes of a view; `None` if they lie outside of their buffer.
+    pub(super) fn view(&self, view: &View) -> Option<&[u8]> {
+        let end = view.offset().checked_add(view.length())?;
+        self.bytes.get(view.buffer().index())?.get(view.offset()..end)
+    }
+
+    /// Elements of `N` floats each; integers that count as normalised become 0…1 or −1…1 (glTF 2.0, 3.6.2.2), others keep
+    /// their value. `None` if the accessor has another number of components, or too few bytes.
+    pub(super) fn floats<const N: usize>(&self, accessor: &Accessor) -> Option<Vec<[f32; N]>> {
+        let scaled = |value: f32, most: f32| if accessor.normalized() { (value / most).max(-1.0) } else { value };
+        match accessor.data_type() {
+            DataType::F32 => self.elements(accessor, |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+            DataType::U8 => self.elements(accessor, |b| scaled(f32::from(b[0]), 255.0)),
+            DataType::I8 => self.elements(accessor, |b| scaled(f32::from(b[0] as i8), 127.0)),
+            DataType::U16 => self.elements(accessor, |b| scaled(f32::from(u16::from_le_bytes([b[0], b[1]])), 65535.0)),
+            DataType::I16 => self.elements(accessor, |b| scaled(f32::from(i16::from_le_bytes([b[0], b[1]])), 32767.0)),
+            DataType::U32 => None,
+        }
+    }
+
+    /// Elements of `N` unsigned integers each; `None` likewise, and if they are not unsigned.
+    pub(super) fn integers<const N: usize>(&self, accessor: &Accessor) -> Option<Vec<[u32; N]>> {
+        match accessor.data_type() {
+            DataType::U8 => self.elements(accessor, |b| u32::from(b[0])),
+            DataType::U16 => self.elements(accessor, |b| u32::from(u16::from_le_bytes([b[0], b[1]]))),
+            DataType::U32 => self.elements(accessor, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+            _ => None,
+        }
+    }
+
+    fn elements<const N: usize, T: Copy + Default>(
+        &self,
+        accessor: &Accessor,
+        component: impl Fn(&[u8]) -> T,
+    ) -> Option<Vec<[T; N]>> {
+        if accessor.dimensions().multiplicity() != N {
+            return None;
+        }
+        let size = accessor.data_type().size();
+        let element = |bytes: &[u8]| std::array::from_fn(|c| component(&bytes[c * size..]));
+        let (count, whole) = (accessor.count(), N * size);
+        let mut list: Vec<[T; N]> = match accessor.view().filter(|_| !self.zeros.contains(&accessor.index())) {
+            Some(view) => {
+                let stride = view.stride().unwrap_or(whole);
+                strided(self.view(&view)?, accessor.offset(), stride, whole, count)?.map(element).collect()
+            }
+            None if count <= ELEMENTS_WITHOUT_DATA => vec![[T::default(); N]; count],
+            None => return None,
+        };
+        if let Some(sparse) = accessor.sparse() {
+            let (indices, values) = (sparse.indices(), sparse.values());
+            let (width, index): (usize, fn(&[u8]) -> usize) = match indices.index_type() {
+                IndexType::U8 => (1, |b| b[0].into()),
+                IndexType::U16 => (2, |b| u16::from_le_bytes([b[0], b[1]]).into()),
+                IndexType::U32 => (4, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize),
+            };
+            let places = strided(self.view(&indices.view())?, indices.offset(), width, width, sparse.count())?;
+            let values = strided(self.view(&values.view())?, values.offset(), whole, whole, sparse.count())?;
+            for (place, value) in places.map(index).zip(values) {
+                *list.get_mut(place)? = element(value);
+            }
+        }
+        Some(list)
+    }
+}
+
+/// `count` slices of `size` bytes, `stride` apart; `None` if they do not fit into `bytes`.
+fn strided(
+    bytes: &[u8],
+    offset: usize,
+    stride: usize,
+    size: usize,
+    count: usize,
+) -> Option<impl Iterator<Item = &[u8]>> {
+    let last = count.saturating_sub(1).checked_mul(stride)?.checked_add(offset)?;
+    let fits = count == 0 || (stride > 0 && last.checked_add(size)? <= bytes.len());
+    fits.then(|| (0..count).map(move |i| &bytes[offset + i * stride..][..size]))
+}

@@ -1,0 +1,96 @@
+//! The clip that plays.
+
+use super::accessor::Buffers;
+use super::nodes::NodeOf;
+use super::{LoadError, Loader};
+use crate::scene::{Channel, Interpolation, Scene, Track};
+use glam::{Quat, Vec3};
+use gltf::animation::Property;
+
+impl Loader<'_> {
+    /// Reads the animation of that `name`, or the first: a file's others are alternatives, not parts.
+    pub(super) fn channels(
+        &self,
+        document: &gltf::Document,
+        buffers: &Buffers,
+        node_of: &NodeOf,
+        name: Option<&str>,
+        scene: &mut Scene,
+    ) -> Result<(), LoadError> {
+        let clips: Vec<gltf::Animation> = document.animations().collect();
+        let names = || clips.iter().filter_map(gltf::Animation::name).collect::<Vec<_>>().join("\", \"");
+        let clip = match name {
+            Some(name) => match clips.iter().find(|clip| clip.name() == Some(name)) {
+                Some(clip) => clip,
+                None => return self.bad(format!("there is no animation \"{name}\"; there are \"{}\"", names())),
+            },
+            None => match clips.first() {
+                Some(clip) => clip,
+                None => return Ok(()),
+            },
+        };
+        if name.is_none() && clips.len() > 1 {
+            scene.warnings.push(format!(
+                "of {} animations the first plays; name another as [animation] name = \"…\" in the settings beside the scene",
+                clips.len()
+            ));
+        }
+        for channel in clip.channels() {
+            let Some(&node) = node_of.get(&channel.target().node().index()) else { continue };
+            let channel = self.channel(&channel, node, buffers, scene)?;
+            scene.channels.extend(channel);
+        }
+        Ok(())
+    }
+
+    /// A track of keys; `None` for weights of a node that has nothing to morph.
+    fn channel(
+        &self,
+        channel: &gltf::animation::Channel,
+        node: usize,
+        buffers: &Buffers,
+        scene: &Scene,
+    ) -> Result<Option<Channel>, LoadError> {
+        let place = format!("animation of node {}", channel.target().node().index());
+        let sampler = channel.sampler();
+        let interpolation = match sampler.interpolation() {
+            gltf::animation::Interpolation::Step => Interpolation::Step,
+            gltf::animation::Interpolation::Linear => Interpolation::Linear,
+            gltf::animation::Interpolation::CubicSpline => Interpolation::CubicSpline,
+        };
+        let output = sampler.output();
+        let vectors = || buffers.floats::<3>(&output).map(|keys| keys.into_iter().map(Vec3::from).collect());
+        let track = match channel.target().property() {
+            Property::Translation => vectors().map(Track::Translation),
+            Property::Scale => vectors().map(Track::Scale),
+            Property::Rotation => buffers
+                .floats::<4>(&output)
+                .map(|keys| Track::Rotation(keys.into_iter().map(Quat::from_array).collect())),
+            Property::MorphTargetWeights => {
+                buffers.floats::<1>(&output).map(|keys| Track::Weights(keys.into_iter().flatten().collect()))
+            }
+        };
+        let (Some(times), Some(track)) = (buffers.floats::<1>(&sampler.input()), track) else {
+            return self.bad(format!("{place} has no keys"));
+        };
+        let times: Vec<f32> = times.into_iter().flatten().collect();
+        let width = match &track {
+            Track::Weights(_) => match scene.morphed_nodes.iter().find(|morphed| morphed.node == node) {
+                Some(morphed) => morphed.weights.len(),
+                None => return Ok(None),
+            },
+            _ => 1,
+        };
+        let (keys, finite) = match &track {
+            Track::Translation(keys) | Track::Scale(keys) => (keys.len(), keys.iter().all(|k| k.is_finite())),
+            Track::Rotation(keys) => (keys.len(), keys.iter().all(|k| k.is_finite())),
+            Track::Weights(keys) => (keys.len() / width, keys.iter().all(|k| k.is_finite())),
+        };
+        let per_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        let ascending = times.windows(2).all(|pair| pair[0] <= pair[1]) && times.iter().all(|t| t.is_finite());
+        if times.is_empty() || keys < times.len() * per_key || !finite || !ascending {
+            return self.bad(format!("{place}: keys must be finite, ascending in time, and one value each"));
+        }
+        Ok(Some(Channel { node, times, track, interpolation }))
+    }
+}

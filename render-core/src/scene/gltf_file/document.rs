@@ -1,0 +1,151 @@
+//! The document and the bytes it refers to.
+
+use super::accessor::Buffers;
+use super::{LoadError, Loader};
+use std::collections::HashSet;
+use std::path::{Component, PathBuf};
+
+/// Extensions that a file may require.
+const SUPPORTED: [&str; 7] = [
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_specular",
+    "KHR_materials_unlit",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+impl Loader<'_> {
+    /// Parses and validates, after looking at the required extensions ourselves: the crate refuses
+    /// some that it can read, and does not name the one it minds.
+    pub(super) fn document(&self, bytes: &[u8]) -> Result<(gltf::Document, Buffers), LoadError> {
+        let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).or_else(|error| {
+            self.bad(format!("not a whole glTF file ({}); export or copy it again", one_line(&error.to_string())))
+        })?;
+        let mut root = document.into_json();
+        if let Some(extension) = root.extensions_required.iter().find(|name| !SUPPORTED.contains(&name.as_str())) {
+            return Err(LoadError::Unsupported { path: self.path.into(), extension: extension.clone() });
+        }
+        root.extensions_required.clear();
+        // An accessor without view and sparse part stands for zeros, but the crate insists on a view: any will do.
+        let mut zeros = HashSet::new();
+        let any_view = (!root.buffer_views.is_empty()).then(|| gltf::json::Index::new(0));
+        for (index, accessor) in root.accessors.iter_mut().enumerate() {
+            if accessor.buffer_view.is_none() && accessor.sparse.is_none() {
+                accessor.buffer_view = any_view;
+                zeros.insert(index);
+            }
+        }
+        let document = gltf::Document::from_json(root)
+            .or_else(|error| self.bad(one_line(&error.to_string()).trim_end_matches(';')))?;
+        let bytes = self.buffers(&document, blob)?;
+        Ok((document, Buffers { bytes, zeros }))
+    }
+
+    fn buffers(&self, document: &gltf::Document, mut blob: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>, LoadError> {
+        let mut buffers = Vec::new();
+        for buffer in document.buffers() {
+            let what = format!("buffer {}", buffer.index());
+            let data = match buffer.source() {
+                gltf::buffer::Source::Bin => match blob.take() {
+                    Some(data) => data,
+                    None => return self.bad(format!("{what}: the file has no binary part; export it again")),
+                },
+                gltf::buffer::Source::Uri(uri) => self.resource(&what, uri)?,
+            };
+            if data.len() < buffer.length() {
+                return self.bad(format!(
+                    "{what} has {} of {} bytes: the file was cut short; copy it again",
+                    data.len(),
+                    buffer.length()
+                ));
+            }
+            buffers.push(data);
+        }
+        Ok(buffers)
+    }
+
+    /// Reads a `data:` URI or a file inside of the scene's folder.
+    pub(super) fn resource(&self, what: &str, uri: &str) -> Result<Vec<u8>, LoadError> {
+        let shown =
+            if uri.len() > 80 { format!("{}…", uri.chars().take(40).collect::<String>()) } else { uri.into() };
+        let fail = |why: &str| LoadError::Resource {
+            path: self.path.into(),
+            what: what.into(),
+            uri: shown.clone(),
+            why: why.into(),
+        };
+        if let Some(data) = uri.strip_prefix("data:") {
+            let encoded = data.split_once(";base64,").ok_or_else(|| fail("only base64 data is read"))?.1;
+            return decode_base64(encoded).ok_or_else(|| fail("broken base64 data"));
+        }
+        let relative = PathBuf::from(decode_percent(uri));
+        let inside = relative.components().all(|part| matches!(part, Component::Normal(_)));
+        if !inside || uri.contains("://") {
+            return Err(fail("it lies outside of the scene's folder"));
+        }
+        std::fs::read(self.folder.join(relative)).map_err(|error| fail(&error.to_string()))
+    }
+}
+
+pub(super) fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// `%20` and its kin in relative URIs (RFC 3986, 2.1).
+fn decode_percent(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let mut out = Vec::with_capacity(bytes.len());
+    let mut i = 0;
+    while i < bytes.len() {
+        let digits = (bytes[i] == b'%').then(|| uri.get(i + 1..i + 3)).flatten();
+        match digits.and_then(|d| u8::from_str_radix(d, 16).ok()) {
+            Some(byte) => {
+                out.push(byte);
+                i += 3;
+            }
+            None => {
+                out.push(bytes[i]);
+                i += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+/// RFC 4648, 4; `None` for a character outside of the alphabet.
+fn decode_base64(text: &str) -> Option<Vec<u8>> {
+    let mut out = Vec::with_capacity(text.len() / 4 * 3);
+    let (mut bits, mut count) = (0u32, 0u32);
+    for c in text.bytes().filter(|c| *c != b'=') {
+        let value = match c {
+            b'A'..=b'Z' => c - b'A',
+            b'a'..=b'z' => c - b'a' + 26,
+            b'0'..=b'9' => c - b'0' + 52,
+            b'+' => 62,
+            b'/' => 63,
+            _ => return None,
+        };
+        bits = (bits << 6) | u32::from(value);
+        count += 6;
+        if count >= 8 {
+            count -= 8;
+            out.push((bits >> count) as u8);
+        }
+    }
+    Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_decoded() {
+        assert_eq!(decode_percent("Box%20With%20Spaces.bin"), "Box With Spaces.bin");
+        assert_eq!(decode_percent("100%.png"), "100%.png");
+        assert_eq!(decode_base64("aGVsbG8=").unwrap(), b"hello");
+        assert!(decode_base64("a*b").is_none());
+    }
+}

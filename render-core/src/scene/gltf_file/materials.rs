@@ -1,0 +1,107 @@
+//! glTF materials into ours.
+//!
+//! Occlusion textures are left out on purpose: they stand for light that a rasteriser cannot compute, and we do.
+
+use crate::scene::{Alpha, Material, TextureSlot, UV_SETS};
+use glam::{Vec2, Vec3};
+
+/// Index of refraction where a file gives none (`KHR_materials_ior`): F0 = 4 %.
+const DEFAULT_IOR: f32 = 1.5;
+
+/// All materials in the file's order, and behind them the default one for primitives without; what is left out of them, as
+/// a line each.
+pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Vec<String>) {
+    let mut left_out = [false; 3];
+    let mut materials: Vec<Material> = Vec::new();
+    for source in document.materials() {
+        let specular = source.specular();
+        left_out[0] |= source.transmission().is_some_and(|t| t.transmission_factor() > 0.0);
+        left_out[1] |= specular.is_some_and(|s| s.specular_texture().or(s.specular_color_texture()).is_some());
+        let mut material = material(&source);
+        for slot in material.slots_mut() {
+            left_out[2] |= slot.uv_set >= UV_SETS;
+            slot.uv_set = slot.uv_set.min(UV_SETS - 1);
+        }
+        materials.push(material);
+    }
+    // glTF 2.0, 3.9.2 and 3.7.2.1: what is not given has its default, which for metalness and roughness is 1.
+    materials.push(Material { metallic: 1.0, roughness: 1.0, ..Material::default() });
+    let notes = [
+        "light that shines through glass is left out: it is shown opaque",
+        "specular textures are left out, their factors are not",
+        "of texture coordinates the sets 0 to 3 are read",
+    ];
+    let warnings = notes.iter().zip(left_out).filter(|(_, met)| *met).map(|(note, _)| note.to_string()).collect();
+    (materials, warnings)
+}
+
+fn material(source: &gltf::Material) -> Material {
+    let pbr = source.pbr_metallic_roughness();
+    let [r, g, b, opacity] = pbr.base_color_factor();
+    let emission = Vec3::from(source.emissive_factor()) * source.emissive_strength().unwrap_or(1.0);
+    let unit = |factor: f32| if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 };
+    let sane = |color: Vec3| if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ZERO };
+    Material {
+        name: source.name().unwrap_or_default().to_owned(),
+        // A surface reflects no more than what arrives.
+        base_color: sane(Vec3::new(r, g, b)).min(Vec3::ONE),
+        base_color_texture: pbr.base_color_texture().map(slot),
+        metallic: unit(pbr.metallic_factor()),
+        roughness: unit(pbr.roughness_factor()),
+        metallic_roughness_texture: pbr.metallic_roughness_texture().map(slot),
+        normal_texture: source.normal_texture().map(normal_slot),
+        dielectric_f0: dielectric_f0(source),
+        opacity: unit(opacity),
+        alpha: match source.alpha_mode() {
+            gltf::material::AlphaMode::Opaque => Alpha::Opaque,
+            gltf::material::AlphaMode::Mask => Alpha::Mask { cutoff: source.alpha_cutoff().unwrap_or(0.5) },
+            gltf::material::AlphaMode::Blend => Alpha::Blend,
+        },
+        emission: sane(emission),
+        emission_texture: source.emissive_texture().map(slot),
+        double_sided: source.double_sided(),
+        unlit: source.unlit(),
+    }
+}
+
+/// Reflectance at normal incidence: `KHR_materials_ior` and `KHR_materials_specular`, "Implementation".
+fn dielectric_f0(source: &gltf::Material) -> Vec3 {
+    let ior = source.ior().filter(|ior| ior.is_finite() && *ior >= 1.0);
+    // An index of 0 stands for "reflects all", for the sake of older material models.
+    let f0 = match source.ior() {
+        Some(0.0) => 1.0,
+        _ => ((ior.unwrap_or(DEFAULT_IOR) - 1.0) / (ior.unwrap_or(DEFAULT_IOR) + 1.0)).powi(2),
+    };
+    let (factor, color) =
+        source.specular().map_or((1.0, Vec3::ONE), |s| (s.specular_factor(), Vec3::from(s.specular_color_factor())));
+    let f0 = (color * f0).min(Vec3::ONE) * factor;
+    if f0.is_finite() { f0.clamp(Vec3::ZERO, Vec3::ONE) } else { Vec3::splat(0.04) }
+}
+
+fn slot(info: gltf::texture::Info) -> TextureSlot {
+    let transform = info.texture_transform();
+    let own_set = transform.as_ref().and_then(|t| t.tex_coord());
+    TextureSlot {
+        texture: info.texture().index(),
+        uv_set: own_set.unwrap_or(info.tex_coord()) as usize,
+        transform: transform.map(|t| (Vec2::from(t.offset()), t.rotation(), Vec2::from(t.scale()))),
+    }
+}
+
+/// As [`slot`]; the crate leaves the transform of a normal texture to be read by hand.
+fn normal_slot(source: gltf::material::NormalTexture) -> (TextureSlot, f32) {
+    let transform = source.extension_value("KHR_texture_transform");
+    let number = |name: &str| transform.and_then(|t| t.get(name)?.as_f64());
+    let pair = |name: &str, default: f32| {
+        let at = |i: usize| transform.and_then(|t| t.get(name)?.get(i)?.as_f64()).map_or(default, |x| x as f32);
+        Vec2::new(at(0), at(1))
+    };
+    let slot = TextureSlot {
+        texture: source.texture().index(),
+        uv_set: number("texCoord").map_or(source.tex_coord() as usize, |set| set as usize),
+        transform: transform
+            .map(|_| (pair("offset", 0.0), number("rotation").unwrap_or(0.0) as f32, pair("scale", 1.0))),
+    };
+    let scale = source.scale();
+    (slot, if scale.is_finite() { scale } else { 1.0 })
+}

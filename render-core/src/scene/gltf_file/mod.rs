@@ -1,0 +1,166 @@
+//! glTF 2.0 files into a [`Scene`]: one clear line when that cannot be.
+//!
+//! The `gltf` crate checks most of a document, but panics on some damaged ones and lets nodes form
+//! cycles; so it runs inside a guard, and the hierarchy is walked with an explicit stack.
+
+mod accessor;
+mod animations;
+mod document;
+mod materials;
+mod meshes;
+mod nodes;
+mod skins;
+mod textures;
+
+use super::{Scene, SceneSettings, Sky};
+use glam::{Affine3A, Vec3, Vec3A};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+/// Farthest from the origin that anything may be \[m\]: its square is far inside of the range of `f32`.
+const FARTHEST: f32 = 1e15;
+
+/// Why a scene could not be read; the message names the file, the place and the remedy.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The scene file itself is not there or cannot be read.
+    #[error("{}: {error}; check the path and its permissions", path.display())]
+    Open {
+        /// The file asked for.
+        path: PathBuf,
+        /// What the system said.
+        error: std::io::Error,
+    },
+    /// A buffer or image beside the scene is not there or cannot be read.
+    #[error("{}: {what} \"{uri}\" cannot be read ({why}); put it beside the scene file", path.display())]
+    Resource {
+        /// The scene file.
+        path: PathBuf,
+        /// Which resource, for instance "buffer 0".
+        what: String,
+        /// Its address as the scene gives it.
+        uri: String,
+        /// The reason.
+        why: String,
+    },
+    /// The file requires an extension that is not supported.
+    #[error("{}: needs the glTF extension {extension}, which is not supported; export the scene without it", path.display())]
+    Unsupported {
+        /// The scene file.
+        path: PathBuf,
+        /// Name of the extension.
+        extension: String,
+    },
+    /// The contents make no sense.
+    #[error("{}: {what}", path.display())]
+    Malformed {
+        /// The scene or settings file.
+        path: PathBuf,
+        /// What is wrong, where, and what would be right.
+        what: String,
+    },
+}
+
+/// Loads `path` (`.gltf` or `.glb`) and, if there is one, the TOML file of the same name beside it.
+///
+/// # Errors
+/// See [`LoadError`]. No panic reaches the caller, whatever the file holds.
+pub fn load(path: &Path) -> Result<Scene, LoadError> {
+    let bytes = std::fs::read(path).map_err(|error| LoadError::Open { path: path.into(), error })?;
+    let settings = load_settings(path)?;
+    let mut scene =
+        guarded(|| Loader { path, folder: path.parent().unwrap_or(Path::new("")) }.scene(&bytes, &settings))
+            .unwrap_or_else(|| Err(malformed(path, "damaged glTF: an index or offset points outside of its data")))?;
+    if !is_within_reach(&scene) {
+        return Err(malformed(path, format!("something is more than {FARTHEST:e} m from the origin; scale the scene")));
+    }
+    scene.sky = settings.sky;
+    scene.settings = settings;
+    let lit = scene.sky.is_some()
+        || !scene.punctual_lights.is_empty()
+        || scene.instances.iter().any(|i| scene.materials[scene.meshes[i.mesh].material].emits());
+    if !lit {
+        scene.sky = Some(Sky::PLAIN);
+        scene.warnings.push("the scene has no light: a plain white sky lights it".into());
+    }
+    Ok(scene)
+}
+
+/// Is every corner of every mesh, and every node, near enough to compute with, all through the animation?
+fn is_within_reach(scene: &Scene) -> bool {
+    let largest = |positions: &[Vec3]| positions.iter().fold(0.0f32, |most, p| most.max(p.abs().max_element()));
+    let sizes: Vec<f32> = scene.meshes.iter().map(|mesh| largest(&mesh.positions)).collect();
+    let steps = if scene.channels.is_empty() { 1 } else { 33 };
+    (0..steps).all(|step| {
+        let pose = scene.pose(scene.duration() * step as f32 / 32.0);
+        let reach = |world: &Affine3A, size: f32| {
+            let (axes, translation) = (world.matrix3, world.translation);
+            (axes.x_axis.abs() + axes.y_axis.abs() + axes.z_axis.abs()) * size + translation.abs()
+        };
+        let nodes = pose.world.iter().map(|world| reach(world, 1.0));
+        let meshes = scene.instances.iter().enumerate().map(|(index, instance)| {
+            // The largest of them may hide one that is not a number, their sum does not.
+            let size = pose.deformed(index).map_or(sizes[instance.mesh], |shape| {
+                let sum: Vec3 = shape.positions.iter().sum();
+                if sum.is_finite() { largest(&shape.positions) } else { f32::NAN }
+            });
+            reach(&scene.instance_world(&pose, index), size)
+        });
+        // Not a number is not below anything.
+        nodes.chain(meshes).all(|reach| reach.cmple(Vec3A::splat(FARTHEST)).all())
+    })
+}
+
+fn load_settings(scene: &Path) -> Result<SceneSettings, LoadError> {
+    let path = SceneSettings::path_for(scene);
+    match std::fs::read_to_string(&path) {
+        Ok(text) => SceneSettings::parse(&text).map_err(|what| malformed(&path, what)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(SceneSettings::default()),
+        Err(error) => Err(LoadError::Open { path, error }),
+    }
+}
+
+fn malformed(path: &Path, what: impl Into<String>) -> LoadError {
+    LoadError::Malformed { path: path.into(), what: what.into() }
+}
+
+/// Runs `f`; `None` if it panicked. The panic's own message is kept from the user's terminal.
+fn guarded<T>(f: impl FnOnce() -> T) -> Option<T> {
+    thread_local!(static QUIET: std::cell::Cell<bool> = const { std::cell::Cell::new(false) });
+    static HOOK: std::sync::Once = std::sync::Once::new();
+    HOOK.call_once(|| {
+        let previous = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            if !QUIET.with(std::cell::Cell::get) {
+                previous(info);
+            }
+        }));
+    });
+    QUIET.with(|quiet| quiet.set(true));
+    let result = catch_unwind(AssertUnwindSafe(f)).ok();
+    QUIET.with(|quiet| quiet.set(false));
+    result
+}
+
+/// Reads one file; the parts of the work stand in the modules beside this one.
+struct Loader<'a> {
+    path: &'a Path,
+    folder: &'a Path,
+}
+
+impl Loader<'_> {
+    fn bad<T>(&self, what: impl Into<String>) -> Result<T, LoadError> {
+        Err(malformed(self.path, what))
+    }
+
+    fn scene(&self, bytes: &[u8], settings: &SceneSettings) -> Result<Scene, LoadError> {
+        let (document, buffers) = self.document(bytes)?;
+        let mut scene = Scene::default();
+        let node_of = self.nodes(&document, &mut scene)?;
+        (scene.materials, scene.warnings) = materials::materials(&document);
+        self.meshes(&document, &buffers, &node_of, &mut scene)?;
+        self.textures(&document, &buffers, &mut scene)?;
+        self.channels(&document, &buffers, &node_of, settings.animation.name.as_deref(), &mut scene)?;
+        Ok(scene)
+    }
+}

@@ -1,0 +1,83 @@
+//! Skins: which joints bend which vertices.
+
+use super::accessor::Buffers;
+use super::nodes::NodeOf;
+use super::{LoadError, Loader};
+use crate::scene::{Influence, Skin};
+use glam::{Affine3A, Mat4};
+use gltf::Semantic;
+
+impl Loader<'_> {
+    /// Joints, and what brings a vertex into their spaces.
+    pub(super) fn skin(&self, skin: &gltf::Skin, buffers: &Buffers, node_of: &NodeOf) -> Result<Skin, LoadError> {
+        let place = format!("skin {}", skin.index());
+        let mut joints = Vec::new();
+        for joint in skin.joints() {
+            match node_of.get(&joint.index()) {
+                Some(&node) => joints.push(node),
+                None => return self.bad(format!("{place}: joint {} is not part of the scene", joint.index())),
+            }
+        }
+        let inverse_bind: Vec<Affine3A> = match skin.inverse_bind_matrices() {
+            None => vec![Affine3A::IDENTITY; joints.len()],
+            Some(accessor) => match buffers.floats::<16>(&accessor) {
+                Some(list) => list.iter().map(|m| Affine3A::from_mat4(Mat4::from_cols_array(m))).collect(),
+                None => return self.bad(format!("{place}: its matrices lie outside of their buffer")),
+            },
+        };
+        if joints.is_empty() || inverse_bind.len() < joints.len() || !inverse_bind.iter().all(Affine3A::is_finite) {
+            return self.bad(format!("{place}: each joint needs an inverse bind matrix of finite numbers"));
+        }
+        Ok(Skin { joints, inverse_bind })
+    }
+
+    /// The joints of each vertex and their weights, which sum to 1; how many for each vertex, and all of them.
+    pub(super) fn influences(
+        &self,
+        place: &str,
+        primitive: &gltf::Primitive,
+        buffers: &Buffers,
+        vertices: usize,
+        joints: usize,
+    ) -> Result<(usize, Vec<Influence>), LoadError> {
+        let mut sets: Vec<(Vec<[u32; 4]>, Vec<[f32; 4]>)> = Vec::new();
+        for set in 0.. {
+            let (Some(joints), Some(weights)) =
+                (primitive.get(&Semantic::Joints(set)), primitive.get(&Semantic::Weights(set)))
+            else {
+                break;
+            };
+            match (buffers.integers(&joints), buffers.floats(&weights)) {
+                (Some(joints), Some(weights)) if joints.len() == vertices && weights.len() == vertices => {
+                    sets.push((joints, weights));
+                }
+                _ => return self.bad(format!("{place}: its joints and weights cannot be read")),
+            }
+        }
+        if sets.is_empty() {
+            return self.bad(format!("{place}: a skin bends it, but it has no joints and weights"));
+        }
+        let mut influences = Vec::with_capacity(vertices * 4 * sets.len());
+        for vertex in 0..vertices {
+            let first = influences.len();
+            for (joint_set, weight_set) in &sets {
+                for (&joint, &weight) in joint_set[vertex].iter().zip(&weight_set[vertex]) {
+                    // Unused places may name any joint.
+                    let joint = if weight == 0.0 { 0 } else { joint };
+                    if joint as usize >= joints || !weight.is_finite() {
+                        return self.bad(format!("{place}: vertex {vertex} hangs from joint {joint} of {joints}"));
+                    }
+                    influences.push(Influence { joint, weight });
+                }
+            }
+            let own = &mut influences[first..];
+            let sum: f32 = own.iter().map(|influence| influence.weight).sum();
+            if sum > 0.0 {
+                own.iter_mut().for_each(|influence| influence.weight /= sum);
+            } else {
+                own[0].weight = 1.0;
+            }
+        }
+        Ok((4 * sets.len(), influences))
+    }
+}

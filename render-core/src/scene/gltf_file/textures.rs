@@ -1,0 +1,89 @@
+//! Images that visible surfaces use, decoded within limits.
+
+use super::accessor::Buffers;
+use super::document::one_line;
+use super::{LoadError, Loader};
+use crate::scene::{Encoding, Scene, Texture, Wrap};
+use std::collections::HashMap;
+
+/// Largest side of a texture, and the most memory that decoding one may take.
+const TEXTURE_SIDE: u32 = 16384;
+const TEXTURE_BYTES: u64 = 1 << 30;
+
+impl Loader<'_> {
+    /// Decodes the images that a material of a shown mesh uses, and renumbers the slots to match. An image that is both
+    /// colour and data is held twice: its mip levels differ.
+    pub(super) fn textures(
+        &self,
+        document: &gltf::Document,
+        buffers: &Buffers,
+        scene: &mut Scene,
+    ) -> Result<(), LoadError> {
+        let mut shown = vec![false; scene.materials.len()];
+        for instance in &scene.instances {
+            shown[scene.meshes[instance.mesh].material] = true;
+        }
+        let files: Vec<gltf::Texture> = document.textures().collect();
+        let mut place_of: HashMap<(usize, [Wrap; 2], Encoding), usize> = HashMap::new();
+        let Scene { materials, textures, .. } = scene;
+        for (material, _) in materials.iter_mut().zip(shown).filter(|(_, shown)| *shown) {
+            let color = [&mut material.base_color_texture, &mut material.emission_texture].into_iter().flatten();
+            let data = material.metallic_roughness_texture.iter_mut();
+            let data = data.chain(material.normal_texture.iter_mut().map(|(slot, _)| slot));
+            let slots = color.map(|slot| (slot, Encoding::Srgb)).chain(data.map(|slot| (slot, Encoding::Linear)));
+            for (slot, encoding) in slots {
+                let Some(texture) = files.get(slot.texture) else { return self.bad("a texture index is out of range") };
+                let key = (texture.source().index(), wrap(texture), encoding);
+                slot.texture = match place_of.get(&key) {
+                    Some(&place) => place,
+                    None => {
+                        textures.push(self.texture(texture, encoding, buffers)?);
+                        place_of.insert(key, textures.len() - 1);
+                        textures.len() - 1
+                    }
+                };
+            }
+        }
+        Ok(())
+    }
+
+    fn texture(&self, texture: &gltf::Texture, encoding: Encoding, buffers: &Buffers) -> Result<Texture, LoadError> {
+        let image = texture.source();
+        let what = format!("image {}", image.index());
+        let bytes = match image.source() {
+            gltf::image::Source::View { view, .. } => match buffers.view(&view) {
+                Some(bytes) => bytes.to_vec(),
+                None => return self.bad(format!("{what} lies outside of its buffer")),
+            },
+            gltf::image::Source::Uri { uri, .. } => self.resource(&what, uri)?,
+        };
+        let mut reader = image::ImageReader::new(std::io::Cursor::new(bytes))
+            .with_guessed_format()
+            .or_else(|error| self.bad(format!("{what}: {error}")))?;
+        let mut limits = image::Limits::default();
+        limits.max_image_width = Some(TEXTURE_SIDE);
+        limits.max_image_height = Some(TEXTURE_SIDE);
+        limits.max_alloc = Some(TEXTURE_BYTES);
+        reader.limits(limits);
+        let pixels = reader
+            .decode()
+            .or_else(|error| self.bad(format!("{what}: {}; PNG and JPEG are read", one_line(&error.to_string()))))?
+            .into_rgba8();
+        let (width, height) = (pixels.width() as usize, pixels.height() as usize);
+        if width == 0 || height == 0 {
+            return self.bad(format!("{what} is empty"));
+        }
+        let texels = pixels.pixels().map(|pixel| pixel.0).collect();
+        Ok(Texture::with_encoding(width, height, texels, wrap(texture), encoding))
+    }
+}
+
+/// How the texture is continued; its filters are hints that a renderer with its own filter does not need.
+fn wrap(texture: &gltf::Texture) -> [Wrap; 2] {
+    let sampler = texture.sampler();
+    [sampler.wrap_s(), sampler.wrap_t()].map(|mode| match mode {
+        gltf::texture::WrappingMode::Repeat => Wrap::Repeat,
+        gltf::texture::WrappingMode::MirroredRepeat => Wrap::Mirror,
+        gltf::texture::WrappingMode::ClampToEdge => Wrap::Clamp,
+    })
+}

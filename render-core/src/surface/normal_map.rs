@@ -1,0 +1,85 @@
+//! Normal maps: the frame they are drawn in, and what becomes of their detail when it is too fine to see.
+
+use super::site::Site;
+use crate::scene::TextureSlot;
+use glam::{Affine3A, Vec3, Vec3A, Vec4, Vec4Swizzles};
+
+/// A mean of unit normals shorter than 1 by no more than this is rounding: three times 8 bits, and a little interpolation.
+const ROUNDING: f32 = 0.01;
+
+/// Unit directions in which a normal map's x and y point, from a tangent that the file gives: both carried by the vertices'
+/// own transform, so that mirrored objects keep their bumps.
+pub(super) fn given(world: &Affine3A, normal: Vec3, tangent: Vec4) -> Option<(Vec3A, Vec3A)> {
+    let bitangent = normal.cross(tangent.xyz()) * tangent.w;
+    let carry = |v: Vec3| world.transform_vector3a(v.into()).try_normalize();
+    carry(tangent.xyz()).zip(carry(bitangent))
+}
+
+impl Site<'_> {
+    /// The normal that the map gives instead of the unit `normal`, and how uneven the map is within the footprint: 0 for a
+    /// flat one, else (1 − l) / l for a mean normal of length l.
+    pub(super) fn mapped_normal(
+        &self,
+        slot: &TextureSlot,
+        scale: f32,
+        normal: Vec3A,
+        given: Option<(Vec3A, Vec3A)>,
+    ) -> (Vec3A, f32) {
+        let texel = self.look_up(slot).map(|(color, _)| color * 2.0 - 1.0);
+        let (Some(texel), Some((x, y))) = (texel, given.or_else(|| self.derived(slot, normal))) else {
+            return (normal, 0.0);
+        };
+        let mapped = x * (texel.x * scale) + y * (texel.y * scale) + normal * texel.z;
+        let length = texel.length().clamp(1e-3, 1.0);
+        (mapped.try_normalize().unwrap_or(normal), ((1.0 - length - ROUNDING) / length).max(0.0))
+    }
+
+    /// The same directions from how the map lies on the triangle: x along growing u, and y along falling v, since images
+    /// have their origin at the top and normal maps their y upward. Mirrored coordinates come out right by themselves.
+    fn derived(&self, slot: &TextureSlot, normal: Vec3A) -> Option<(Vec3A, Vec3A)> {
+        let [p, q, r] = self.coordinates(slot)?;
+        let (d1, d2) = (q - p, r - p);
+        let (e1, e2) = (self.corners[1] - self.corners[0], self.corners[2] - self.corners[0]);
+        // The gradients of position, but for the size of the determinant, which the normalisation takes out.
+        let sign = d1.perp_dot(d2).signum();
+        let along_u = (e1 * d2.y - e2 * d1.y) * sign;
+        let along_v = (e2 * d1.x - e1 * d2.x) * sign;
+        let x = (along_u - normal * normal.dot(along_u)).try_normalize()?;
+        let y = normal.cross(x);
+        (d1.perp_dot(d2) != 0.0).then_some((x, if y.dot(along_v) > 0.0 { -y } else { y }))
+    }
+}
+
+/// Perceptual roughness of a surface whose normal map is uneven within the footprint.
+///
+/// \[Toksvig05\] shortens the Blinn–Phong exponent s to s' with 1/s' = 1/s + (1 − l)/l; here s = 2/α² − 2, the exponent
+/// that matches GGX's α, which is the roughness squared.
+pub(super) fn roughened(roughness: f32, unevenness: f32) -> f32 {
+    if unevenness <= 0.0 || roughness >= 1.0 {
+        return roughness;
+    }
+    let alpha2 = roughness.powi(4);
+    let inverse_exponent = alpha2 / (2.0 - 2.0 * alpha2) + unevenness;
+    (2.0 * inverse_exponent / (1.0 + 2.0 * inverse_exponent)).sqrt().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bumps_too_fine_to_see_are_roughness() {
+        assert_eq!(roughened(0.3, 0.0), 0.3);
+        assert_eq!(roughened(1.0, 5.0), 1.0);
+        // Toksvig's own form: s' = ft·s, ft = l / (l + s (1 − l)).
+        for (roughness, length) in [(0.3f32, 0.9f32), (0.7, 0.5), (0.1, 0.99)] {
+            let s = 2.0 / roughness.powi(4) - 2.0;
+            let short = length / (length + s * (1.0 - length)) * s;
+            let expected = (2.0 / (short + 2.0)).sqrt().sqrt();
+            let found = roughened(roughness, (1.0 - length) / length);
+            assert!((found - expected).abs() < 1e-4, "{found} for {expected}");
+        }
+        // A mirror with all its normals in one half: nearly matt, never beyond.
+        assert!((0.9..1.0).contains(&roughened(0.0, 1.5)));
+    }
+}
