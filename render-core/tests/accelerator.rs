@@ -135,3 +135,18 @@ fn a_packet_finds_what_its_rays_find_alone() {
         }
     }
 }
+
+#[test]
+fn rays_along_an_axis_hit_whatever_the_signs_of_their_zeros() {
+    let mut scene = Scene::default();
+    let square = common::quad(vec3(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0);
+    add(&mut scene, rest(Vec3::ZERO), square, Material::default());
+    let accelerator = Geometry::new(&scene).place(&scene.pose(0.0));
+    for (x, y) in [(0.0f32, 0.0f32), (-0.0, 0.0), (0.0, -0.0), (-0.0, -0.0)] {
+        for z in [-1.0f32, 1.0] {
+            let (from, direction) = (Vec3A::new(0.3, 0.2, -z), Vec3A::new(x, y, z));
+            assert!(accelerator.closest(from, direction).is_some(), "{direction}");
+            assert!(accelerator.occluded_towards(from, direction), "{direction}");
+        }
+    }
+}

@@ -66,6 +66,13 @@ pub struct Packet<'a> {
     groups: Option<Vec<usize>>,
 }
 
+/// A ray, its direction without negative zeros: `obvhs` takes the sign of a component once from its inverse and once from
+/// itself, these disagree on −0, and the ray misses every box. Views along an axis have such rays.
+#[inline]
+fn new_ray(origin: Vec3A, direction: Vec3A, tmin: f32, tmax: f32) -> Ray {
+    Ray::new(origin, direction + Vec3A::ZERO, tmin, tmax)
+}
+
 impl Packet<'_> {
     /// As [`Accelerator::closest`], for a ray of the packet.
     #[inline]
@@ -73,7 +80,7 @@ impl Packet<'_> {
         match &self.groups {
             None => self.accelerator.closest(origin, direction),
             Some(groups) => {
-                let ray = Ray::new(origin * self.accelerator.scale, direction, 0.0, f32::INFINITY);
+                let ray = new_ray(origin * self.accelerator.scale, direction, 0.0, f32::INFINITY);
                 self.accelerator.closest_among(ray, groups.iter().copied())
             }
         }
@@ -87,7 +94,7 @@ impl Placed {
             None => *ray,
             // The direction keeps its length, so that distances mean the same in both spaces.
             Some(m) => {
-                Ray::new(m.transform_point3a(ray.origin), m.transform_vector3a(ray.direction), ray.tmin, ray.tmax)
+                new_ray(m.transform_point3a(ray.origin), m.transform_vector3a(ray.direction), ray.tmin, ray.tmax)
             }
         }
     }
@@ -117,7 +124,7 @@ impl Placed {
 impl Accelerator {
     /// The first surface along the ray from `origin` in the unit `direction`.
     pub fn closest(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
-        let ray = Ray::new(origin * self.scale, direction, 0.0, f32::INFINITY);
+        let ray = new_ray(origin * self.scale, direction, 0.0, f32::INFINITY);
         if self.groups.len() <= FEW_GROUPS {
             return self.closest_among(ray, 0..self.groups.len());
         }
@@ -189,13 +196,13 @@ impl Accelerator {
         if length <= 0.0 {
             return false;
         }
-        self.blocked(&Ray::new(from * self.scale, way / length, 0.0, length))
+        self.blocked(&new_ray(from * self.scale, way / length, 0.0, length))
     }
 
     /// Whether anything stands in the unit `direction` from `from`, however far.
     #[inline]
     pub fn occluded_towards(&self, from: Vec3A, direction: Vec3A) -> bool {
-        self.blocked(&Ray::new(from * self.scale, direction, 0.0, f32::INFINITY))
+        self.blocked(&new_ray(from * self.scale, direction, 0.0, f32::INFINITY))
     }
 
     #[inline]
@@ -210,7 +217,7 @@ impl Accelerator {
 
     /// Every triangle in turn: what [`Accelerator::closest`] is tested against.
     pub fn closest_by_exhaustion(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
-        let ray = Ray::new(origin * self.scale, direction, 0.0, f32::INFINITY);
+        let ray = new_ray(origin * self.scale, direction, 0.0, f32::INFINITY);
         let mut best: Option<Hit> = None;
         for placed in &self.groups {
             let local = placed.local(&ray);
