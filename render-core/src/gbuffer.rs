@@ -1,7 +1,7 @@
 //! The first surface that each pixel sees, and where that same point was a frame ago.
 
 use crate::Busy;
-use crate::accel::{Accelerator, Packet};
+use crate::accel::{Accelerator, Hit, PACKET};
 use crate::scene::{DeformedMesh, View};
 use crate::surface::Surfaces;
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
@@ -71,16 +71,14 @@ impl GBuffer {
                     let mut strip = vec![EMPTY; rows * width];
                     for left in (0..width).step_by(MACROBLOCK) {
                         let columns = MACROBLOCK.min(width - left);
-                        // The macroblock's rays are one packet: what lies outside of it is ruled out for all 256 at once.
-                        let (right, bottom) = ((left + columns) as f32, (top + rows) as f32);
-                        let corners =
-                            [(left as f32, top as f32), (right, top as f32), (right, bottom), (left as f32, bottom)];
-                        let packet = accelerator.packet(corners.map(|(x, y)| view.ray(Vec2::new(x, y))));
-                        for y in 0..rows {
-                            for x in left..left + columns {
-                                let pixel = Vec2::new(x as f32 + 0.5, (top + y) as f32 + 0.5);
-                                strip[y * width + x] = see(&packet, surfaces, view, pixel);
-                            }
+                        for (x0, y0) in PACKET_CORNERS {
+                            let places = packet_places()
+                                .map(|(x, y)| (x0 + x, y0 + y))
+                                .filter(|&(x, y)| x < columns && y < rows)
+                                .map(|(x, y)| (left + x, y));
+                            see_together(accelerator, surfaces, view, top, places, |(x, y), pixel| {
+                                strip[y * width + x] = pixel;
+                            });
                         }
                     }
                     strip
@@ -133,9 +131,49 @@ const EMPTY: PixelSurface = PixelSurface {
     triangle: 0,
 };
 
-fn see(packet: &Packet, surfaces: &Surfaces, view: &View, pixel: Vec2) -> PixelSurface {
-    let (origin, direction) = view.ray(pixel);
-    let Some(hit) = packet.closest(origin, direction) else {
+/// Upper left corners of a macroblock's packets, which are squares of this side.
+const PACKET_CORNERS: [(usize, usize); 4] = [(0, 0), (PACKET_SIDE, 0), (0, PACKET_SIDE), (PACKET_SIDE, PACKET_SIDE)];
+const PACKET_SIDE: usize = 8;
+const _: () = assert!(PACKET_SIDE * PACKET_SIDE == PACKET && 2 * PACKET_SIDE == MACROBLOCK);
+
+/// The pixels of a packet, eight after eight that lie close together: four side by side, two rows.
+fn packet_places() -> impl Iterator<Item = (usize, usize)> {
+    (0..PACKET).map(|i| (i / 8 % 2 * 4 + i % 4, i / 16 * 2 + i / 4 % 2))
+}
+
+/// Shoots the rays of a few pixels together; their `y` counts from row `top` of the picture.
+fn see_together(
+    accelerator: &Accelerator,
+    surfaces: &Surfaces,
+    view: &View,
+    top: usize,
+    places: impl Iterator<Item = (usize, usize)>,
+    mut set: impl FnMut((usize, usize), PixelSurface),
+) {
+    let (mut pixels, mut count) = ([(0, 0); PACKET], 0);
+    let (mut origins, mut directions) = ([Vec3A::ZERO; PACKET], [Vec3A::ZERO; PACKET]);
+    for (x, y) in places {
+        pixels[count] = (x, y);
+        (origins[count], directions[count]) = view.ray(Vec2::new(x as f32 + 0.5, (top + y) as f32 + 0.5));
+        count += 1;
+    }
+    let mut hits = [None; PACKET];
+    let origin = origins[0];
+    if origins[..count].iter().all(|&other| other == origin) {
+        accelerator.closest_packet(origin, &directions[..count], &mut hits[..count]);
+    } else {
+        // The parallel rays of an orthographic camera.
+        for i in 0..count {
+            hits[i] = accelerator.closest(origins[i], directions[i]);
+        }
+    }
+    for i in 0..count {
+        set(pixels[i], see(hits[i], origins[i], directions[i], surfaces, view));
+    }
+}
+
+fn see(hit: Option<Hit>, origin: Vec3A, direction: Vec3A, surfaces: &Surfaces, view: &View) -> PixelSurface {
+    let Some(hit) = hit else {
         let sky = surfaces.scene().sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
     };

@@ -1,6 +1,6 @@
 //! Scenes, rays, photons and direct light: what there is to see in a frame, and where it was in the one before.
 #![doc = include_str!("../README.md")]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod scene;
 
@@ -17,7 +17,7 @@ mod surface;
 pub mod image_file;
 pub mod sampling;
 
-pub use accel::{Accelerator, Geometry, Hit, Packet};
+pub use accel::{Accelerator, Geometry, Hit, PACKET};
 pub use anchor::{Anchor, AnchorGrid, Anchors, CarriedAnchor};
 pub use busy::Busy;
 pub use direct::{DirectLights, Receiver};

@@ -118,19 +118,25 @@ fn triangles_without_area_are_no_obstacle() {
 
 #[test]
 fn a_packet_finds_what_its_rays_find_alone() {
-    for movers in [2, 20] {
+    for movers in [0, 2, 20] {
         let scene = scene(1.0, movers);
         let accelerator = Geometry::new(&scene).place(&scene.pose(0.4));
         for k in 0..60u64 {
             let origin = Vec3A::from(random_vector(3_000 + k) * 2.0);
             let forward = (Vec3A::from(random_vector(4_000 + k)) * 0.3 - origin).normalize();
             let (x, y) = forward.any_orthonormal_pair();
-            let ray = |u: f32, v: f32| (origin, (forward + x * (u * 0.05) + y * (v * 0.05)).normalize());
-            let packet = accelerator.packet([ray(-1.0, -1.0), ray(1.0, -1.0), ray(1.0, 1.0), ray(-1.0, 1.0)]);
-            for i in 0..64u64 {
-                let u = |d| hash_unit(4, 64 * k + i, d) * 2.0 - 1.0;
-                let (origin, direction) = ray(u(0), u(1));
-                assert_eq!(packet.closest(origin, direction), accelerator.closest(origin, direction));
+            // From a narrow beam to all ways at once, from one ray to more than a packet.
+            let spread = [1e-3, 0.05, 0.5, 1e3][k as usize % 4];
+            let directions: Vec<Vec3A> = (0..=k * 3)
+                .map(|i| {
+                    let u = |d| (hash_unit(4, 200 * k + i, d) * 2.0 - 1.0) * spread;
+                    (forward + x * u(0) + y * u(1)).normalize()
+                })
+                .collect();
+            let mut hits = vec![None; directions.len()];
+            accelerator.closest_packet(origin, &directions, &mut hits);
+            for (&direction, &hit) in directions.iter().zip(&hits) {
+                assert_eq!(hit, accelerator.closest(origin, direction));
             }
         }
     }

@@ -8,9 +8,7 @@ use render_core::scene::{
     Camera, Channel, Influence, Interpolation, Mesh, MorphTarget, MorphedNode, Node, Projection, Scene, Skin, Skinning,
     Track,
 };
-use render_core::{
-    Anchors, Busy, Correspondence, GBuffer, Geometry, NOTHING, PixelSurface, Surfaces, Units,
-};
+use render_core::{Anchors, Busy, Correspondence, GBuffer, Geometry, NOTHING, PixelSurface, Surfaces, Units};
 
 const SIZE: usize = 128;
 const YFOV: f32 = 0.9;
@@ -60,7 +58,8 @@ fn leaning() -> Scene {
     let mut scene = Scene::default();
     let mut mesh: Mesh = quad(vec3(-0.6, -0.6, 0.0), Vec3::X * 1.2, Vec3::Y * 1.2);
     let lean = |y: f32| vec3(0.4 * y, 0.0, 0.0);
-    let target = MorphTarget { positions: mesh.positions.iter().map(|p| lean(p.y)).collect(), ..MorphTarget::default() };
+    let target =
+        MorphTarget { positions: mesh.positions.iter().map(|p| lean(p.y)).collect(), ..MorphTarget::default() };
     mesh.morph_targets.push(target);
     let square = add(&mut scene, rest(vec3(0.0, 0.0, -3.0)), mesh, material(Vec3::splat(0.5), Vec3::ZERO));
     scene.morphed_nodes.push(MorphedNode { node: square, weights: vec![0.0] });
@@ -111,8 +110,7 @@ fn a_skin_carries_vertices_as_its_bones_turn() {
     let bent = pose.deformed(0).expect("a skin bends it");
     for (vertex, &rest) in scene.meshes[0].positions.iter().enumerate() {
         let placed = rest + vec3(0.0, 0.0, -3.0);
-        let expected =
-            if vertex < 4 { placed } else { ELBOW + Quat::from_rotation_z(ANGLE) * (placed - ELBOW) };
+        let expected = if vertex < 4 { placed } else { ELBOW + Quat::from_rotation_z(ANGLE) * (placed - ELBOW) };
         assert!((bent.positions[vertex] - expected).length() < 1e-6, "{} for {expected}", bent.positions[vertex]);
         assert!((bent.normals[vertex] - Vec3::Z).length() < 1e-6);
     }

@@ -112,8 +112,7 @@ fn no_normal_turns_away_from_the_viewer() {
 #[test]
 fn the_scale_of_a_normal_map_acts_on_x_and_y() {
     let material = Material { normal_texture: Some((slot(0), 0.5)), ..Material::default() };
-    let surface =
-        seen(square(), material, vec![plain(RIGHT, Encoding::Linear)], rest(Vec3::ZERO), -Vec3::Z);
+    let surface = seen(square(), material, vec![plain(RIGHT, Encoding::Linear)], rest(Vec3::ZERO), -Vec3::Z);
     assert_near(surface.shading_normal, vec3(0.3, 0.0, 0.8).normalize(), "half");
 }
 

@@ -2,31 +2,12 @@
 //! its shape is built anew for each frame. Surfaces with holes stand in trees of their own, so that all others need not ask.
 
 use super::cut_outs::CutOuts;
+use super::group::Group;
 use super::{Accelerator, Placed};
 use crate::scene::{Mesh, Pose, Scene};
 use glam::{Affine3A, Vec3, Vec3A};
-use obvhs::{
-    BvhBuildParams,
-    aabb::Aabb,
-    bvh2::builder::build_bvh2,
-    cwbvh::{CwBvh, builder::build_cwbvh_from_tris},
-    ray::Ray,
-    rt_triangle::RtTriangle,
-    triangle::Triangle,
-};
-use std::{sync::Arc, time::Duration};
-
-/// A bottom-level tree and what its triangles belong to.
-pub(super) struct Group {
-    pub(super) bvh: CwBvh,
-    /// In the order of the tree's leaves.
-    pub(super) triangles: Vec<RtTriangle>,
-    /// (instance, triangle) of each, likewise.
-    pub(super) owners: Vec<(u32, u32)>,
-    pub(super) bounds: Aabb,
-    /// `None` if every triangle is there as a whole.
-    pub(super) cut_outs: Option<Arc<CutOuts>>,
-}
+use obvhs::{BvhBuildParams, aabb::Aabb, triangle::Triangle};
+use std::sync::Arc;
 
 /// The parts that never change while a scene is rendered.
 pub struct Geometry {
@@ -57,8 +38,9 @@ impl Soup {
     fn add(&mut self, instance: usize, to_tree: &Affine3A, corners: impl Iterator<Item = [Vec3; 3]>) {
         for (t, corners) in corners.enumerate() {
             let [v0, v1, v2] = corners.map(|corner| to_tree.transform_point3a(corner.into()));
-            // Triangles without area can never be hit, and only spoil the tree.
-            if (v1 - v0).cross(v2 - v0).length_squared() > 0.0 {
+            // Triangles without area can never be hit, and only spoil the tree; nor can those that reach to infinity.
+            let area = (v1 - v0).cross(v2 - v0).length_squared();
+            if area > 0.0 && area.is_finite() {
                 self.triangles.push(Triangle { v0, v1, v2 });
                 self.owners.push((instance as u32, t as u32));
             }
@@ -66,33 +48,7 @@ impl Soup {
     }
 
     fn group(self, params: BvhBuildParams, cut_outs: Option<Arc<CutOuts>>) -> Option<Arc<Group>> {
-        if self.triangles.is_empty() {
-            return None;
-        }
-        let bvh = build_cwbvh_from_tris(&self.triangles, params, &mut Duration::default());
-        let order = &bvh.primitive_indices;
-        Some(Arc::new(Group {
-            triangles: order.iter().map(|&i| RtTriangle::from(&self.triangles[i as usize])).collect(),
-            owners: order.iter().map(|&i| self.owners[i as usize]).collect(),
-            bounds: bvh.total_aabb,
-            cut_outs,
-            bvh,
-        }))
-    }
-}
-
-impl Group {
-    /// Distance along the ray to triangle `i`, infinite where it misses or passes through a hole.
-    #[inline]
-    pub(super) fn intersect(&self, cut_outs: &CutOuts, ray: &Ray, i: usize) -> f32 {
-        let t = self.triangles[i].intersect(ray);
-        if t < f32::INFINITY {
-            let uv = self.triangles[i].compute_barycentric(ray);
-            if !cut_outs.opaque_at(self.owners[i], uv.x, uv.y) {
-                return f32::INFINITY;
-            }
-        }
-        t
+        (!self.triangles.is_empty()).then(|| Arc::new(Group::new(&self.triangles, self.owners, params, cut_outs)))
     }
 }
 
@@ -166,8 +122,6 @@ impl Geometry {
             }
         };
         let groups: Vec<Placed> = self.parts.iter().filter_map(placed).collect();
-        let boxes: Vec<Aabb> = groups.iter().map(|placed| placed.bounds).collect();
-        let top = build_bvh2(&boxes, BvhBuildParams::fastest_build(), &mut Duration::default());
-        Accelerator { groups, top, scale: self.scale }
+        Accelerator::new(groups, self.scale)
     }
 }

@@ -1,23 +1,31 @@
 //! What a ray meets: two levels of bounding volumes over the triangles of the scene.
 //!
 //! Everything that never moves is one tree in world space, built once; every moving instance has a tree of its own in its
-//! local space, built once too; what bends is built for each frame, and surfaces with holes stand apart. Over these stands a small tree that is rebuilt for each frame.
-//! Inside, lengths are scaled by a power of two so that the scene spans 64…128 units: `obvhs` culls
-//! boxes nearer than 1e-4, whatever the unit.
+//! local space, built once too; what bends is built for each frame, and surfaces with holes stand apart. Over these stands
+//! a small tree that is rebuilt for each frame.
+//! `obvhs` builds binary trees; [`tree`] makes them eight wide and walks them, a ray alone or a [`packet`] of up to 64.
+//! Inside, lengths are scaled by a power of two so that the scene spans 64…128 units: products of four lengths then
+//! neither overflow nor vanish, whatever the unit.
 
 mod cut_outs;
 mod geometry;
+mod group;
+mod lanes;
+mod packet;
+mod query;
+mod ray;
+mod tree;
+mod triangles;
 
 pub use geometry::Geometry;
+pub use packet::PACKET;
 
-use geometry::Group;
-use glam::{Affine3A, Vec3A};
-use obvhs::{
-    aabb::Aabb,
-    bvh2::Bvh2,
-    ray::{Ray, RayHit},
-};
-use std::sync::Arc;
+use glam::{Affine3A, DVec3, Vec3A};
+use group::Group;
+use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2};
+use query::{Blocked, Closest, Found, PacketRay, Together};
+use std::{sync::Arc, time::Duration};
+use tree::{Costs, Tree};
 
 /// Where a ray meets a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,14 +43,18 @@ pub struct Hit {
 }
 
 /// The scene at one time, ready for rays.
+///
+/// The same ray finds the same to the last bit, whether asked alone or in a packet, with vector instructions or without.
 pub struct Accelerator {
     groups: Vec<Placed>,
-    top: Bvh2,
+    /// Over the groups; its leaves are places in `groups`.
+    top: Tree,
     scale: f32,
+    lanes: lanes::Choice,
 }
 
-/// With this many groups or fewer, testing each box in turn beats walking a tree of them.
-const FEW_GROUPS: usize = 8;
+/// The boxes of groups are this much larger than what they hold, in units of the largest coordinate.
+const GROUP_SLACK: f32 = 1e-5;
 
 struct Placed {
     group: Arc<Group>,
@@ -51,188 +63,147 @@ struct Placed {
     bounds: Aabb,
 }
 
-/// A triangle that a ray met, before its barycentrics are known.
-struct Found {
-    t: f32,
-    place: usize,
-    triangle: usize,
-    local: Ray,
-}
-
-/// The part of an [`Accelerator`] that a bundle of rays can reach.
-pub struct Packet<'a> {
-    accelerator: &'a Accelerator,
-    /// `None` when too many remain for testing each in turn.
-    groups: Option<Vec<usize>>,
-}
-
-/// A ray, its direction without negative zeros: `obvhs` takes the sign of a component once from its inverse and once from
-/// itself, these disagree on −0, and the ray misses every box. Views along an axis have such rays.
-#[inline]
-fn new_ray(origin: Vec3A, direction: Vec3A, tmin: f32, tmax: f32) -> Ray {
-    Ray::new(origin, direction + Vec3A::ZERO, tmin, tmax)
-}
-
-impl Packet<'_> {
-    /// As [`Accelerator::closest`], for a ray of the packet.
-    #[inline]
-    pub fn closest(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
-        match &self.groups {
-            None => self.accelerator.closest(origin, direction),
-            Some(groups) => {
-                let ray = new_ray(origin * self.accelerator.scale, direction, 0.0, f32::INFINITY);
-                self.accelerator.closest_among(ray, groups.iter().copied())
-            }
-        }
-    }
-}
-
 impl Placed {
-    #[inline]
-    fn local(&self, ray: &Ray) -> Ray {
+    /// A ray in the group's own space. Its direction is not made a unit vector again, so that lengths of it mean the
+    /// same in both spaces.
+    #[inline(always)]
+    fn local(&self, origin: Vec3A, direction: Vec3A) -> (Vec3A, Vec3A) {
         match &self.to_local {
-            None => *ray,
-            // The direction keeps its length, so that distances mean the same in both spaces.
-            Some(m) => {
-                new_ray(m.transform_point3a(ray.origin), m.transform_vector3a(ray.direction), ray.tmin, ray.tmax)
-            }
-        }
-    }
-
-    #[inline]
-    fn closest(&self, ray: &Ray) -> Option<(f32, usize, Ray)> {
-        let local = self.local(ray);
-        let mut hit = RayHit::none();
-        let group = &*self.group;
-        let found = match &group.cut_outs {
-            None => group.bvh.ray_traverse(local, &mut hit, |r, i| group.triangles[i].intersect(r)),
-            Some(cut_outs) => group.bvh.ray_traverse(local, &mut hit, |r, i| group.intersect(cut_outs, r, i)),
-        };
-        found.then_some((hit.t, hit.primitive_id as usize, local))
-    }
-
-    #[inline]
-    fn blocks(&self, ray: &Ray) -> bool {
-        let group = &*self.group;
-        !match &group.cut_outs {
-            None => group.bvh.ray_traverse_miss(self.local(ray), |r, i| group.triangles[i].intersect(r)),
-            Some(cut_outs) => group.bvh.ray_traverse_miss(self.local(ray), |r, i| group.intersect(cut_outs, r, i)),
+            None => (origin, direction),
+            Some(m) => (m.transform_point3a(origin), m.transform_vector3a(direction)),
         }
     }
 }
 
 impl Accelerator {
+    /// Builds the tree over `groups`. Inside, lengths are `scale` times what they are outside.
+    fn new(groups: Vec<Placed>, scale: f32) -> Self {
+        // A box in the world may be entered a rounding later than the triangles in it are met in their own space.
+        let boxes: Vec<Aabb> = groups
+            .iter()
+            .map(|Placed { bounds: Aabb { min, max }, .. }| {
+                let slack = Vec3A::splat(GROUP_SLACK * min.abs().max(max.abs()).max_element());
+                Aabb { min: *min - slack, max: *max + slack }
+            })
+            .collect();
+        let binary = build_bvh2(
+            &boxes,
+            BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::fastest_build() },
+            &mut Duration::default(),
+        );
+        let top = Tree::new(&binary, &Costs { leaf: 4.0, primitive: 0.0, most: 1 }, |places| places[0]);
+        Self { groups, top, scale, lanes: lanes::Choice::best() }
+    }
+
     /// The first surface along the ray from `origin` in the unit `direction`.
     pub fn closest(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
-        let ray = new_ray(origin * self.scale, direction, 0.0, f32::INFINITY);
-        if self.groups.len() <= FEW_GROUPS {
-            return self.closest_among(ray, 0..self.groups.len());
-        }
-        let mut best: Option<Found> = None;
-        self.top.ray_traverse(ray, &mut RayHit::none(), |r, slot| {
-            let place = self.top.primitive_indices[slot] as usize;
-            match self.groups[place].closest(r) {
-                Some((t, triangle, local)) if t < r.tmax => {
-                    best = Some(Found { t, place, triangle, local });
-                    t
-                }
-                _ => f32::INFINITY,
+        let found = self.lanes.run(Closest { scene: self, origin: origin * self.scale, direction });
+        self.hit(found)
+    }
+
+    /// As [`Accelerator::closest`] for each of the unit `directions` into its place of `hits`: much faster where
+    /// neighbours in the list go nearly the same way, [`PACKET`] of them at a time.
+    pub fn closest_packet(&self, origin: Vec3A, directions: &[Vec3A], hits: &mut [Option<Hit>]) {
+        assert_eq!(directions.len(), hits.len(), "a place for the hit of each direction");
+        for (directions, hits) in directions.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
+            let mut rays = [PacketRay::NONE; PACKET];
+            for (index, (ray, &direction)) in rays.iter_mut().zip(directions).enumerate() {
+                let Found { met, .. } = Found::NOTHING;
+                *ray = PacketRay { index, direction, limit: met.t, triangle: met.triangle };
             }
-        });
-        best.map(|found| self.hit(found))
-    }
-
-    /// Rays that lie between four corner rays from one origin, given in order around the border: what the whole
-    /// packet misses is ruled out once. Parallel rays rule out nothing.
-    pub fn packet(&self, corners: [(Vec3A, Vec3A); 4]) -> Packet<'_> {
-        let origin = corners[0].0;
-        if corners.iter().any(|(other, _)| *other != origin) {
-            return Packet { accelerator: self, groups: None };
-        }
-        let middle: Vec3A = corners.iter().map(|(_, direction)| *direction).sum();
-        let sides: [Vec3A; 4] = std::array::from_fn(|i| {
-            let inward = corners[i].1.cross(corners[(i + 1) % 4].1);
-            if inward.dot(middle) < 0.0 { -inward } else { inward }
-        });
-        let origin = origin * self.scale;
-        let inside = |place: &usize| {
-            let Aabb { min, max } = self.groups[*place].bounds;
-            sides.iter().all(|side| {
-                // The corner of the box that lies farthest inward.
-                let corner = Vec3A::select(side.cmpge(Vec3A::ZERO), max, min);
-                side.dot(corner - origin) >= -1e-4 * (corner - origin).length() * side.length()
-            })
-        };
-        let groups: Vec<usize> = (0..self.groups.len()).filter(inside).collect();
-        Packet { accelerator: self, groups: (groups.len() <= FEW_GROUPS).then_some(groups) }
-    }
-
-    fn closest_among(&self, mut ray: Ray, places: impl IntoIterator<Item = usize>) -> Option<Hit> {
-        let mut best: Option<Found> = None;
-        for place in places {
-            let placed = &self.groups[place];
-            if placed.bounds.intersect_ray(&ray) < ray.tmax
-                && let Some((t, triangle, local)) = placed.closest(&ray)
-            {
-                best = Some(Found { t, place, triangle, local });
-                ray.tmax = t;
+            let mut found = [Found::NOTHING; PACKET];
+            self.lanes.run(Together::<true> {
+                scene: self,
+                origin: origin * self.scale,
+                rays: &rays[..directions.len()],
+                found: &mut found,
+            });
+            for (hit, found) in hits.iter_mut().zip(found) {
+                *hit = self.hit(found);
             }
         }
-        best.map(|found| self.hit(found))
-    }
-
-    fn hit(&self, Found { t, place, triangle, local }: Found) -> Hit {
-        let group = &self.groups[place].group;
-        let uv = group.triangles[triangle].compute_barycentric(&local);
-        let (instance, index) = group.owners[triangle];
-        Hit { distance: t / self.scale, instance, triangle: index, u: uv.x, v: uv.y }
     }
 
     /// Whether anything stands between `from` and `to`. Both ends should be a little off their surfaces.
     #[inline]
     pub fn occluded(&self, from: Vec3A, to: Vec3A) -> bool {
-        let way = (to - from) * self.scale;
-        let length = way.length();
-        if length <= 0.0 {
-            return false;
+        let direction = (to - from) * self.scale;
+        self.lanes.run(Blocked { scene: self, origin: from * self.scale, direction, limit: 1.0 })
+    }
+
+    /// As [`Accelerator::occluded`] for the segments from one point to many, of which there are at most [`PACKET`]:
+    /// bit i is set where `to[i]` is hidden. Those whose bit in `active` is 0 are not asked and count as free.
+    ///
+    /// One end of all segments must be the same, and that may be a light or what it lights.
+    pub fn occluded_packet(&self, from: Vec3A, to: &[Vec3A], active: u64) -> u64 {
+        assert!(to.len() <= PACKET, "{} segments in a packet of at most {PACKET}", to.len());
+        let (mut rays, mut count) = ([PacketRay::NONE; PACKET], 0);
+        for (index, &end) in to.iter().enumerate() {
+            if active >> index & 1 == 1 {
+                let triangle = group::NO_TRIANGLE;
+                rays[count] = PacketRay { index, direction: (end - from) * self.scale, limit: 1.0, triangle };
+                count += 1;
+            }
         }
-        self.blocked(&new_ray(from * self.scale, way / length, 0.0, length))
+        let mut found = [Found::NOTHING; PACKET];
+        let origin = from * self.scale;
+        self.lanes.run(Together::<false> { scene: self, origin, rays: &rays[..count], found: &mut found });
+        found.iter().enumerate().fold(0, |hidden, (index, found)| hidden | u64::from(found.met.t < 0.0) << index)
     }
 
     /// Whether anything stands in the unit `direction` from `from`, however far.
     #[inline]
     pub fn occluded_towards(&self, from: Vec3A, direction: Vec3A) -> bool {
-        self.blocked(&new_ray(from * self.scale, direction, 0.0, f32::INFINITY))
+        self.lanes.run(Blocked { scene: self, origin: from * self.scale, direction, limit: f32::MAX })
+    }
+
+    /// The same scene without vector instructions: what these are tested and measured against.
+    pub fn without_vector_instructions(mut self) -> Self {
+        self.lanes = lanes::Choice::Scalar;
+        self
     }
 
     #[inline]
-    fn blocked(&self, ray: &Ray) -> bool {
-        if self.groups.len() <= FEW_GROUPS {
-            return self.groups.iter().any(|placed| placed.bounds.intersect_ray(ray) < ray.tmax && placed.blocks(ray));
-        }
-        !self.top.ray_traverse_miss(*ray, |r, slot| {
-            if self.groups[self.top.primitive_indices[slot] as usize].blocks(r) { 0.0 } else { f32::INFINITY }
+    fn hit(&self, Found { met, place }: Found) -> Option<Hit> {
+        met.is_something().then(|| {
+            let (instance, triangle) = self.groups[place].group.owners[met.triangle as usize];
+            Hit { distance: met.t / self.scale, instance, triangle, u: met.u, v: met.v }
         })
     }
 
-    /// Every triangle in turn: what [`Accelerator::closest`] is tested against.
+    /// Every triangle in turn, in double precision: what [`Accelerator::closest`] is tested against.
     pub fn closest_by_exhaustion(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
-        let ray = new_ray(origin * self.scale, direction, 0.0, f32::INFINITY);
-        let mut best: Option<Hit> = None;
+        let mut best: Option<(f64, Hit)> = None;
         for placed in &self.groups {
-            let local = placed.local(&ray);
-            for (i, triangle) in placed.group.triangles.iter().enumerate() {
-                let t = match &placed.group.cut_outs {
-                    None => triangle.intersect(&local),
-                    Some(cut_outs) => placed.group.intersect(cut_outs, &local, i),
-                };
-                if t < ray.tmax && best.is_none_or(|hit| t / self.scale < hit.distance) {
-                    let uv = triangle.compute_barycentric(&local);
-                    let (instance, index) = placed.group.owners[i];
-                    best = Some(Hit { distance: t / self.scale, instance, triangle: index, u: uv.x, v: uv.y });
+            let (origin, direction) = placed.local(origin * self.scale, direction);
+            let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
+            for block in &placed.group.blocks {
+                for (lane, &index) in
+                    block.triangles.iter().enumerate().filter(|(_, index)| **index != group::NO_TRIANGLE)
+                {
+                    let Some((t, u, v)) = meet_exactly(origin, direction, block.corners(lane).map(Vec3A::as_dvec3))
+                    else {
+                        continue;
+                    };
+                    let owner = placed.group.owners[index as usize];
+                    let there = |cut_outs: &Arc<cut_outs::CutOuts>| cut_outs.opaque_at(owner, u as f32, v as f32);
+                    if best.is_none_or(|(nearest, _)| t < nearest) && placed.group.cut_outs.as_ref().is_none_or(there) {
+                        let (instance, triangle) = owner;
+                        let distance = (t / f64::from(self.scale)) as f32;
+                        best = Some((t, Hit { distance, instance, triangle, u: u as f32, v: v as f32 }));
+                    }
                 }
             }
         }
-        best
+        best.map(|(_, hit)| hit)
     }
+}
+
+/// Distance and barycentric weights of the second and third corner (Möller & Trumbore 1997).
+fn meet_exactly(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f64, f64, f64)> {
+    let (e1, e2, to) = (b - a, c - a, origin - a);
+    let (p, q) = (direction.cross(e2), to.cross(e1));
+    let determinant = e1.dot(p);
+    let (u, v, t) = (to.dot(p) / determinant, direction.dot(q) / determinant, e2.dot(q) / determinant);
+    (determinant != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t >= 0.0).then_some((t, u, v))
 }

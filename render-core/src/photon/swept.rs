@@ -100,10 +100,11 @@ impl Swept {
         let last = self.cell(from + way * leave);
         let step = way.to_array().map(|x| if x > 0.0 { 1 } else { -1 });
         let length = inverse.abs().to_array();
+        // Where the segment passes the next border across each axis: never, if it goes along it.
+        let along = way.to_array();
         let mut next: [f32; 3] = std::array::from_fn(|axis| {
             let border = (cell[axis] + i32::from(step[axis] > 0)) as f32;
-            let t = (border - from[axis]) * inverse[axis];
-            if t.is_nan() { f32::INFINITY } else { t }
+            if along[axis] == 0.0 { f32::INFINITY } else { (border - from[axis]) * inverse[axis] }
         });
         // At most as many cells as the three axes have together.
         for _ in 0..3 * SIDE {

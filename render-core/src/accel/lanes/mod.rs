@@ -1,0 +1,134 @@
+//! Eight numbers at a time, by the processor's vector instructions where it has them and one by one where not.
+//!
+//! A [`Kernel`] is written once over the trait [`Lanes`]. Both implementations perform the same IEEE operations in the
+//! same order, none of them fused, so that results do not depend on the processor.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod scalar;
+
+use scalar::Scalar;
+
+/// How many numbers stand side by side.
+pub(super) const LANES: usize = 8;
+
+/// Operations on [`LANES`] numbers. The value that implements it is the proof that the processor can do them.
+pub(super) trait Lanes: Copy {
+    /// Eight `f32`.
+    type F: Copy;
+    /// Eight answers, yes or no.
+    type Mask: Copy;
+
+    fn splat(self, x: f32) -> Self::F;
+    fn load(self, x: &[f32; LANES]) -> Self::F;
+    fn store(self, x: Self::F) -> [f32; LANES];
+    fn add(self, a: Self::F, b: Self::F) -> Self::F;
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F;
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    /// `a < b ? a : b`, which is `b` where either is no number.
+    fn min(self, a: Self::F, b: Self::F) -> Self::F;
+    /// `a > b ? a : b`, which is `b` where either is no number.
+    fn max(self, a: Self::F, b: Self::F) -> Self::F;
+    fn lt(self, a: Self::F, b: Self::F) -> Self::Mask;
+    fn le(self, a: Self::F, b: Self::F) -> Self::Mask;
+    fn eq(self, a: Self::F, b: Self::F) -> Self::Mask;
+    /// `a < b` where the lanes hold the bits of signed integers.
+    fn lt_bits(self, a: Self::F, b: Self::F) -> Self::Mask;
+    fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    fn select(self, mask: Self::Mask, yes: Self::F, no: Self::F) -> Self::F;
+    /// Lane i as bit i.
+    fn bits(self, mask: Self::Mask) -> u32;
+}
+
+/// Work to be done with lanes of one kind or the other.
+///
+/// `run` and all it calls are `#[inline(always)]`: they become part of a function that is compiled for the vector
+/// instructions, and are compiled for them with it.
+pub(super) trait Kernel {
+    type Output;
+    fn run<L: Lanes>(self, lanes: L) -> Self::Output;
+}
+
+/// The lanes to use, chosen once: asking the processor for each ray would cost more than the answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Choice {
+    /// One by one.
+    Scalar,
+    /// By AVX2.
+    #[cfg(target_arch = "x86_64")]
+    Avx2(avx2::Avx2),
+}
+
+impl Choice {
+    /// The fastest that this processor has.
+    pub(super) fn best() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = avx2::Avx2::detect() {
+            return Self::Avx2(avx2);
+        }
+        Self::Scalar
+    }
+
+    #[inline]
+    pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        match self {
+            Self::Scalar => kernel.run(Scalar),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(avx2) => avx2.run(kernel),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::hash;
+
+    /// Every operation on numbers of all kinds: ordinary ones, zeros of both signs, infinities, no numbers.
+    struct Everything<'a>(&'a [f32; LANES], &'a [f32; LANES]);
+
+    impl Kernel for Everything<'_> {
+        type Output = (Vec<u32>, Vec<u32>);
+
+        #[inline(always)]
+        fn run<L: Lanes>(self, lanes: L) -> Self::Output {
+            let (a, b) = (lanes.load(self.0), lanes.load(self.1));
+            let masks = [lanes.lt(a, b), lanes.le(a, b), lanes.eq(a, b), lanes.lt_bits(a, b)];
+            let numbers = [
+                lanes.add(a, b),
+                lanes.sub(a, b),
+                lanes.mul(a, b),
+                lanes.div(a, b),
+                lanes.min(a, b),
+                lanes.max(a, b),
+                lanes.select(masks[0], a, b),
+                lanes.select(lanes.or(lanes.and(masks[1], masks[2]), masks[3]), lanes.splat(self.0[3]), b),
+            ];
+            let canonical = |x: f32| if x.is_nan() { f32::NAN.to_bits() } else { x.to_bits() };
+            (
+                numbers.iter().flat_map(|&x| lanes.store(x).map(canonical)).collect(),
+                masks.iter().map(|&mask| lanes.bits(mask)).collect(),
+            )
+        }
+    }
+
+    #[test]
+    fn vector_instructions_do_what_the_scalar_twin_does() {
+        let best = Choice::best();
+        if best == Choice::Scalar {
+            println!("skipped: this processor has no AVX2");
+            return;
+        }
+        let special = [0.0, -0.0, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 1.0, f32::MIN_POSITIVE / 8.0, f32::MAX];
+        let number = |key: u64, lane: usize| {
+            let bits = hash(7, key, lane as u64);
+            if bits.is_multiple_of(3) { special[bits as usize / 3 % 8] } else { f32::from_bits((bits >> 20) as u32) }
+        };
+        for key in 0..2000u64 {
+            let (a, b) = (std::array::from_fn(|i| number(2 * key, i)), std::array::from_fn(|i| number(2 * key + 1, i)));
+            assert_eq!(best.run(Everything(&a, &b)), Choice::Scalar.run(Everything(&a, &b)), "{a:?} {b:?}");
+        }
+    }
+}

@@ -1,0 +1,307 @@
+//! Up to 64 rays from one point, on their way through a tree together.
+//!
+//! Eight rays make a row, one register wide. A node's eight boxes are first held against the whole packet at once, by
+//! interval arithmetic on the inverse directions (Boulos, Wald & Shirley 2006); when the walk comes to one of the boxes,
+//! rows are asked, from the first that still was inside of the box above (Wald, Boulos & Shirley 2007). Triangles are
+//! tested for all rows that enter their leaf.
+
+use super::group::{Group, Met, NO_TRIANGLE};
+use super::lanes::{LANES, Lanes};
+use super::query::PacketRay;
+use super::ray::{LEAST_COMPONENT, LENGTHENING, Octant};
+use super::tree::{Kind, Stack, Tree, farthest_first};
+use super::triangles::meet;
+use glam::Vec3A;
+
+/// As many rays as walk together at most.
+pub const PACKET: usize = 64;
+
+const ROWS: usize = PACKET / LANES;
+
+/// Eight rays side by side.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+struct Row {
+    /// As in [`super::ray::Direction`].
+    inverse_near: [[f32; LANES]; 3],
+    inverse_far: [[f32; LANES]; 3],
+    shear: [[f32; LANES]; 2],
+    /// What a ray met so far, as in [`Met`]. A negative t: it need not be asked any more.
+    t: [f32; LANES],
+    /// Bits of an index.
+    triangle: [f32; LANES],
+    u: [f32; LANES],
+    v: [f32; LANES],
+}
+
+/// Rays of one origin and one [`Octant`].
+pub(super) struct Packet {
+    origin: [f32; 3],
+    axes: [usize; 3],
+    near_plane: [usize; 3],
+    rows: [Row; ROWS],
+    /// How many rows there are rays in.
+    used: usize,
+    /// Least and greatest 1 / component, and the same lengthened.
+    near_range: [[f32; 2]; 3],
+    far_range: [[f32; 2]; 3],
+    /// No ray looks farther than this.
+    farthest: f32,
+}
+
+/// Of the rays that a leaf's box is entered by: the ways to it, ∞ for rays that miss it; and the rows that have some.
+pub(super) struct Entered {
+    near: [[f32; LANES]; ROWS],
+    rows: u32,
+}
+
+impl Entered {
+    /// The rays that enter, as bits.
+    pub(super) fn rays(&self) -> u64 {
+        (0..ROWS).filter(|row| self.rows >> row & 1 == 1).fold(0, |bits, row| {
+            (0..LANES)
+                .fold(bits, |bits, lane| bits | u64::from(self.near[row][lane] < f32::INFINITY) << (row * LANES + lane))
+        })
+    }
+}
+
+impl Packet {
+    /// Makes a packet of rays whose directions share an octant, 1 to [`PACKET`] of them.
+    #[inline(always)]
+    pub(super) fn new<L: Lanes>(lanes: L, origin: Vec3A, octant: Octant, rays: &[PacketRay]) -> Self {
+        let row = Row {
+            inverse_near: [[0.0; LANES]; 3],
+            inverse_far: [[0.0; LANES]; 3],
+            shear: [[0.0; LANES]; 2],
+            t: [-1.0; LANES],
+            triangle: [f32::from_bits(NO_TRIANGLE); LANES],
+            u: [0.0; LANES],
+            v: [0.0; LANES],
+        };
+        let mut packet = Self {
+            origin: origin.to_array(),
+            axes: octant.axes(),
+            near_plane: octant.near_planes(),
+            rows: [row; ROWS],
+            used: rays.len().div_ceil(LANES),
+            near_range: [[0.0; 2]; 3],
+            far_range: [[0.0; 2]; 3],
+            farthest: rays.iter().fold(-1.0, |farthest: f32, ray| farthest.max(ray.limit)),
+        };
+        let mut range = [[lanes.splat(f32::INFINITY), lanes.splat(f32::NEG_INFINITY)]; 3];
+        for (row, rays) in packet.rows.iter_mut().zip(rays.chunks(LANES)) {
+            // Places without a ray repeat the first one's direction.
+            let mut components = rays[0].direction.to_array().map(|x| [x; LANES]);
+            for (lane, ray) in rays.iter().enumerate() {
+                for (column, x) in components.iter_mut().zip(ray.direction.to_array()) {
+                    column[lane] = x;
+                }
+                row.t[lane] = ray.limit;
+                row.triangle[lane] = f32::from_bits(ray.triangle);
+            }
+            for axis in 0..3 {
+                let least = if octant.goes_down(axis) { -LEAST_COMPONENT } else { LEAST_COMPONENT };
+                let x = lanes.load(&components[axis]);
+                let size = lanes.max(x, lanes.sub(lanes.splat(0.0), x));
+                let small = lanes.lt(size, lanes.splat(LEAST_COMPONENT));
+                let inverse = lanes.div(lanes.splat(1.0), lanes.select(small, lanes.splat(least), x));
+                row.inverse_near[axis] = lanes.store(inverse);
+                row.inverse_far[axis] = lanes.store(lanes.mul(inverse, lanes.splat(LENGTHENING)));
+                let [low, high] = range[axis];
+                range[axis] = [lanes.min(inverse, low), lanes.max(inverse, high)];
+            }
+            let along = lanes.load(&row.inverse_near[packet.axes[2]]);
+            for k in 0..2 {
+                row.shear[k] = lanes.store(lanes.mul(lanes.load(&components[packet.axes[k]]), along));
+            }
+        }
+        for axis in 0..3 {
+            let low = lanes.store(range[axis][0]).into_iter().fold(f32::INFINITY, f32::min);
+            let high = lanes.store(range[axis][1]).into_iter().fold(f32::NEG_INFINITY, f32::max);
+            packet.near_range[axis] = [low, high];
+            // Rounding keeps order: no lengthened inverse lies outside of these.
+            packet.far_range[axis] = [low * LENGTHENING, high * LENGTHENING];
+        }
+        packet
+    }
+
+    /// Sets how far ray `index` looks; [`Self::measure`] is to follow.
+    pub(super) fn set_limit(&mut self, index: usize, t: f32) {
+        self.rows[index / LANES].t[index % LANES] = t;
+    }
+
+    /// Finds out anew how far the packet looks.
+    #[inline(always)]
+    pub(super) fn measure<L: Lanes>(&mut self, lanes: L) {
+        let mut farthest = lanes.splat(-1.0);
+        for row in &self.rows[..self.used] {
+            farthest = lanes.max(lanes.load(&row.t), farthest);
+        }
+        self.farthest = lanes.store(farthest).into_iter().fold(-1.0, f32::max);
+    }
+
+    /// What ray `index` met.
+    pub(super) fn met(&self, index: usize) -> Met {
+        let (row, lane) = (&self.rows[index / LANES], index % LANES);
+        Met { t: row.t[lane], triangle: row.triangle[lane].to_bits(), u: row.u[lane], v: row.v[lane] }
+    }
+
+    /// Takes the rays to the leaves whose boxes they enter.
+    #[inline(always)]
+    pub(super) fn walk<L: Lanes>(&mut self, lanes: L, tree: &Tree, mut leaf: impl FnMut(&mut Self, u32, &Entered)) {
+        let origin = self.origin.map(|x| lanes.splat(x));
+        let near_range = self.near_range.map(|range| range.map(|x| lanes.splat(x)));
+        let far_range = self.far_range.map(|range| range.map(|x| lanes.splat(x)));
+        let [nx, ny, nz] = self.near_plane;
+        let mut entered = Entered { near: [[f32::INFINITY; LANES]; ROWS], rows: 0 };
+        // Way to the box; node and place in it; rows that may enter.
+        let mut stack = Stack::<(u32, u32, u32)>::new();
+        let (mut at, mut rows) = (0, (1u32 << self.used) - 1);
+        loop {
+            let node = &tree.nodes[at];
+            let way = |plane: usize| lanes.sub(lanes.load(&node.planes[plane]), origin[plane % 3]);
+            let earliest = |plane: usize| {
+                let (way, [low, high]) = (way(plane), near_range[plane % 3]);
+                lanes.min(lanes.mul(way, low), lanes.mul(way, high))
+            };
+            let latest = |plane: usize| {
+                let (way, [low, high]) = (way(plane), far_range[plane % 3]);
+                lanes.max(lanes.mul(way, low), lanes.mul(way, high))
+            };
+            let near = lanes.max(lanes.max(earliest(nx), earliest(ny)), lanes.max(earliest(nz), lanes.splat(0.0)));
+            let far = lanes.min(
+                lanes.min(latest((nx + 3) % 6), latest((ny + 3) % 6)),
+                lanes.min(latest((nz + 3) % 6), lanes.splat(self.farthest)),
+            );
+            let bits = lanes.bits(lanes.le(near, far));
+            if bits != 0 {
+                let (keys, count) = farthest_first(bits, &lanes.store(near));
+                for key in &keys[..count] {
+                    stack.push(((key >> 32) as u32, (at * LANES) as u32 | *key as u32, rows));
+                }
+            }
+            (at, rows) = loop {
+                let Some((near, place, candidates)) = stack.pop() else { return };
+                if f32::from_bits(near) > self.farthest {
+                    continue;
+                }
+                let (node, lane) = (&tree.nodes[place as usize / LANES], place as usize % LANES);
+                let to = |plane: usize| lanes.splat(node.planes[plane][lane] - self.origin[plane % 3]);
+                let (to_near, to_far) =
+                    ([to(nx), to(ny), to(nz)], [to((nx + 3) % 6), to((ny + 3) % 6), to((nz + 3) % 6)]);
+                match node.children[lane].kind() {
+                    Kind::Node(index) => {
+                        let first = (0..ROWS).find(|row| {
+                            candidates >> row & 1 == 1
+                                && lanes.bits(self.rows[*row].enters(lanes, to_near, to_far).0) != 0
+                        });
+                        if let Some(first) = first {
+                            break (index, candidates >> first << first);
+                        }
+                    }
+                    Kind::Leaf(content) => {
+                        entered.rows = 0;
+                        for row in 0..ROWS {
+                            if candidates >> row & 1 == 1 {
+                                let (mask, near) = self.rows[row].enters(lanes, to_near, to_far);
+                                if lanes.bits(mask) != 0 {
+                                    entered.rows |= 1 << row;
+                                    entered.near[row] =
+                                        lanes.store(lanes.select(mask, near, lanes.splat(f32::INFINITY)));
+                                }
+                            }
+                        }
+                        if entered.rows != 0 {
+                            leaf(self, content, &entered);
+                        }
+                    }
+                }
+            };
+        }
+    }
+
+    /// The first triangles of `group` that the rays meet.
+    #[inline(always)]
+    pub(super) fn closest<L: Lanes>(&mut self, lanes: L, group: &Group) {
+        self.walk(lanes, &group.tree, |packet, content, entered| {
+            let changed = packet.meet_block::<L, true>(lanes, group, content, entered);
+            if changed {
+                packet.measure(lanes);
+            }
+        });
+    }
+
+    /// Gives a negative limit to all rays that meet a triangle of `group`.
+    #[inline(always)]
+    pub(super) fn block<L: Lanes>(&mut self, lanes: L, group: &Group) {
+        self.walk(lanes, &group.tree, |packet, content, entered| {
+            let changed = packet.meet_block::<L, false>(lanes, group, content, entered);
+            if changed {
+                packet.measure(lanes);
+            }
+        });
+    }
+
+    /// Holds the triangles of a leaf against the rays that entered it; whether any ray's limit changed.
+    #[inline(always)]
+    fn meet_block<L: Lanes, const CLOSEST: bool>(
+        &mut self,
+        lanes: L,
+        group: &Group,
+        content: u32,
+        entered: &Entered,
+    ) -> bool {
+        let (block, count) = group.leaf(content);
+        let along = self.axes[2];
+        let mut changed = false;
+        for k in 0..count {
+            let corners: [[L::F; 3]; 3] = std::array::from_fn(|c| {
+                self.axes.map(|axis| lanes.splat(block.corners[c][axis][k] - self.origin[axis]))
+            });
+            let triangle = lanes.splat(f32::from_bits(block.triangles[k]));
+            let mut rows = entered.rows;
+            while rows != 0 {
+                let index = rows.trailing_zeros() as usize % ROWS;
+                rows &= rows - 1;
+                let row = &mut self.rows[index];
+                let shear =
+                    [lanes.load(&row.shear[0]), lanes.load(&row.shear[1]), lanes.load(&row.inverse_near[along])];
+                let Some(meeting) = meet(lanes, corners, shear) else { continue };
+                let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
+                let t = lanes.max(meeting.t, lanes.load(&entered.near[index]));
+                let limit = lanes.load(&row.t);
+                if CLOSEST {
+                    let best = lanes.load(&row.triangle);
+                    let tie = lanes.and(lanes.eq(t, limit), lanes.lt_bits(triangle, best));
+                    let nearer = lanes.and(ahead, lanes.or(lanes.lt(t, limit), tie));
+                    if lanes.bits(nearer) != 0 {
+                        row.t = lanes.store(lanes.select(nearer, t, limit));
+                        row.triangle = lanes.store(lanes.select(nearer, triangle, best));
+                        row.u = lanes.store(lanes.select(nearer, meeting.u, lanes.load(&row.u)));
+                        row.v = lanes.store(lanes.select(nearer, meeting.v, lanes.load(&row.v)));
+                        changed = true;
+                    }
+                } else {
+                    let hit = lanes.and(ahead, lanes.le(t, limit));
+                    if lanes.bits(hit) != 0 {
+                        row.t = lanes.store(lanes.select(hit, lanes.splat(-1.0), limit));
+                        changed = true;
+                    }
+                }
+            }
+        }
+        changed
+    }
+}
+
+impl Row {
+    /// Which rays enter a box before their limits, and how far it is to it; the same arithmetic as [`Tree::walk`]'s.
+    #[inline(always)]
+    fn enters<L: Lanes>(&self, lanes: L, to_near: [L::F; 3], to_far: [L::F; 3]) -> (L::Mask, L::F) {
+        let near = |axis: usize| lanes.mul(to_near[axis], lanes.load(&self.inverse_near[axis]));
+        let far = |axis: usize| lanes.mul(to_far[axis], lanes.load(&self.inverse_far[axis]));
+        let entry = lanes.max(lanes.max(near(0), near(1)), lanes.max(near(2), lanes.splat(0.0)));
+        let exit = lanes.min(lanes.min(far(0), far(1)), lanes.min(far(2), lanes.load(&self.t)));
+        (lanes.le(entry, exit), entry)
+    }
+}
