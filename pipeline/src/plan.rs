@@ -3,7 +3,7 @@
 //! Leaving out never changes a bit of the output: what is left out would have computed the same again.
 
 use crate::settings::{Lighting, Settings, Thresholds};
-use render_core::scene::Scene;
+use render_core::scene::{Alpha, Scene};
 use serde::Serialize;
 
 /// How often a stage runs.
@@ -123,6 +123,16 @@ impl Plan {
             "textures",
             on(textures > 0),
             if textures > 0 { &texture_reason } else { "no image on a visible surface" },
+        );
+        let holes = scene.instances.iter().filter(|i| material(i).alpha != Alpha::Opaque).count();
+        let holes_reason = format!("{holes} surfaces are masked or blended");
+        step("cut-outs", on(holes > 0), if holes > 0 { &holes_reason } else { "every surface is opaque" });
+        let bent = scene.deforming_instances().iter().filter(|deforms| **deforms).count();
+        let bent_reason = format!("{bent} surfaces change their shape");
+        step(
+            "skins and morph targets",
+            on(bent > 0),
+            if bent > 0 { &bent_reason } else { "nothing changes its shape" },
         );
         let indirect = match settings.lighting {
             _ if !reflects => step("indirect light", State::Off, "no surface reflects light"),

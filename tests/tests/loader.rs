@@ -1,7 +1,8 @@
 //! Files from elsewhere, and files made to harm.
 
+use glam::{Vec3, Vec3A, vec3};
 use pipeline::{Plan, Settings, Wishes, output::Output};
-use render_core::scene;
+use render_core::scene::{self, Alpha, Scene};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -52,6 +53,173 @@ fn scenes_from_elsewhere_load_or_are_refused_in_a_line() {
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// A square of side 1 with its `material` as JSON.
+fn square(material: Value) -> Glb {
+    let mut glb = Glb::default();
+    glb.add(&[[Vec3::ZERO, Vec3::X, Vec3::Y]], Vec3::ONE, Vec3::ZERO);
+    glb.json["materials"][0] = material;
+    glb
+}
+
+fn load(glb: &Glb, settings: &str) -> Result<Scene, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.glb");
+    glb.write(&path);
+    std::fs::write(path.with_extension("toml"), settings).unwrap();
+    scene::load(&path).map_err(|error| error.to_string())
+}
+
+#[test]
+fn materials_mean_what_the_specification_says() {
+    let material = |json: Value| load(&square(json), "").unwrap().materials[0].clone();
+    let near = |found: Vec3, expected: Vec3| assert!((found - expected).length() < 1e-5, "{found} for {expected}");
+    // What is not given has its default: a rough metal, reflecting 4 % where it is none.
+    let plain = material(json!({}));
+    assert_eq!((plain.metallic, plain.roughness, plain.opacity, plain.alpha), (1.0, 1.0, 1.0, Alpha::Opaque));
+    near(plain.dielectric_f0, Vec3::splat(0.04));
+    let mut without = square(json!({}));
+    without.json["meshes"][0]["primitives"][0].as_object_mut().unwrap().remove("material");
+    let scene = load(&without, "").unwrap();
+    let default = &scene.materials[scene.meshes[0].material];
+    assert_eq!((default.metallic, default.roughness, default.base_color), (1.0, 1.0, Vec3::ONE));
+
+    assert_eq!(material(json!({ "alphaMode": "MASK" })).alpha, Alpha::Mask { cutoff: 0.5 });
+    assert_eq!(material(json!({ "alphaMode": "MASK", "alphaCutoff": 0.3 })).alpha, Alpha::Mask { cutoff: 0.3 });
+    let blended = material(json!({
+        "alphaMode": "BLEND", "doubleSided": true, "pbrMetallicRoughness": { "baseColorFactor": [0.1, 0.2, 0.3, 0.4] }
+    }));
+    assert_eq!((blended.alpha, blended.opacity, blended.double_sided), (Alpha::Blend, 0.4, true));
+    near(blended.base_color, vec3(0.1, 0.2, 0.3));
+
+    // ((n − 1) / (n + 1))² times the colour, at most 1, times the factor.
+    let coated = |ior: f32, factor: f32, color: [f32; 3]| {
+        let specular = json!({ "specularFactor": factor, "specularColorFactor": color });
+        material(json!({ "extensions": { "KHR_materials_ior": { "ior": ior }, "KHR_materials_specular": specular } }))
+    };
+    near(coated(2.0, 1.0, [1.0; 3]).dielectric_f0, Vec3::splat(1.0 / 9.0));
+    near(coated(2.0, 0.5, [1.0, 0.5, 100.0]).dielectric_f0, vec3(1.0 / 18.0, 1.0 / 36.0, 0.5));
+    near(coated(1.5, 0.0, [1.0; 3]).dielectric_f0, Vec3::ZERO);
+}
+
+/// A square whose corners are normalised shorts, interleaved eight bytes apart, and whose normals are bytes.
+#[test]
+fn quantised_meshes_have_the_numbers_they_stand_for() {
+    let mut glb = square(json!({}));
+    for name in ["extensionsUsed", "extensionsRequired"] {
+        glb.json[name] = json!(["KHR_mesh_quantization"]);
+    }
+    let corners: [[i16; 3]; 4] = [[0, 0, 0], [32767, 0, 0], [32767, 16384, 0], [0, 16384, -32768]];
+    for (vertex, corner) in corners.iter().enumerate() {
+        for (axis, value) in corner.iter().enumerate() {
+            glb.bin[8 * vertex + 2 * axis..][..2].copy_from_slice(&value.to_le_bytes());
+        }
+    }
+    glb.json["bufferViews"][0]["byteStride"] = json!(8);
+    glb.json["accessors"][0]["componentType"] = json!(5122);
+    glb.json["accessors"][0]["normalized"] = json!(true);
+    let start = glb.bin.len();
+    glb.bin.extend((0..4).flat_map(|_| [0u8, 0x81, 0, 0]));
+    let views = glb.json["bufferViews"].as_array_mut().unwrap();
+    views.push(json!({ "buffer": 0, "byteOffset": start, "byteLength": 16, "byteStride": 4 }));
+    let view = views.len() - 1;
+    let accessors = glb.json["accessors"].as_array_mut().unwrap();
+    accessors.push(json!({
+        "bufferView": view, "componentType": 5120, "normalized": true, "count": 4, "type": "VEC3"
+    }));
+    let accessor = accessors.len() - 1;
+    glb.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(accessor);
+
+    let scene = load(&glb, "").unwrap();
+    let mesh = &scene.meshes[0];
+    let half = 16384.0 / 32767.0;
+    let expected = [Vec3::ZERO, Vec3::X, vec3(1.0, half, 0.0), vec3(0.0, half, -1.0)];
+    assert_eq!(mesh.positions, expected);
+    assert_eq!(mesh.normals, [-Vec3::Y; 4]);
+}
+
+#[test]
+fn a_quantised_cube_morphs_like_its_original() {
+    let Some(folder) = shared_scenes() else { return };
+    let cube = |name: &str| scene::load(&folder.join(name)).unwrap();
+    let whole = cube("khronos-animated/AnimatedMorphCube/AnimatedMorphCube.glb");
+    let quantised = cube("khronos-odd/AnimatedMorphCubeQuantized/AnimatedMorphCube.gltf");
+    let mut sizes = Vec::new();
+    for step in 0..20 {
+        let time = whole.duration() * step as f32 / 19.0;
+        let box_of = |scene: &Scene| scene.bounds(&scene.pose(time)).unwrap();
+        let ((low, high), (q_low, q_high)) = (box_of(&whole), box_of(&quantised));
+        assert!((low - q_low).length() + (high - q_high).length() < 0.01 * (high - low).length(), "at {time} s");
+        sizes.push((high - low).length());
+    }
+    let (least, most) = sizes.iter().fold((f32::MAX, 0.0f32), |(least, most), &s| (least.min(s), most.max(s)));
+    assert!(most > 1.2 * least, "the cube keeps its size, {least} to {most} m");
+}
+
+#[test]
+fn the_settings_choose_the_animation() {
+    let mut room = checkered_room(Moving::Camera);
+    let camera = room.json["animations"][0]["channels"][0]["target"]["node"].clone();
+    let mut second = room.json["animations"][0].clone();
+    second["name"] = json!("second");
+    second["channels"][0]["target"]["node"] = json!(0);
+    room.json["animations"][0]["name"] = json!("first");
+    room.json["animations"].as_array_mut().unwrap().push(second);
+    let moving = |settings: &str| -> Vec<usize> {
+        let scene = load(&room, settings).unwrap();
+        scene.channels.iter().map(|channel| channel.node).collect()
+    };
+    // The loader numbers nodes in the order of the hierarchy; the camera is the last of the room either way.
+    assert_ne!(camera, json!(0));
+    assert_eq!(moving("[animation]\nname = \"second\""), [0]);
+    assert_eq!(moving(""), moving("[animation]\nname = \"first\""));
+    assert_ne!(moving(""), [0]);
+    let message = load(&room, "[animation]\nname = \"third\"").unwrap_err();
+    assert!(message.contains("third") && message.contains("first") && message.contains("second"), "{message}");
+}
+
+/// A skin in a file: bytes for joints and weights, one joint that is animated, an accessor without any bytes.
+#[test]
+fn skins_come_out_of_files() {
+    let mut glb = square(json!({}));
+    let joint = {
+        let nodes = glb.json["nodes"].as_array_mut().unwrap();
+        nodes.push(json!({ "translation": [0.0, 0.0, 0.0] }));
+        nodes.len() - 1
+    };
+    glb.json["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(joint));
+    let start = glb.bin.len();
+    glb.bin.extend([255u8, 0, 0, 0].repeat(4));
+    let views = glb.json["bufferViews"].as_array_mut().unwrap();
+    views.push(json!({ "buffer": 0, "byteOffset": start, "byteLength": 16 }));
+    let view = views.len() - 1;
+    let accessors = glb.json["accessors"].as_array_mut().unwrap();
+    // Zeros that no byte stands for: every vertex hangs from joint 0.
+    accessors.push(json!({ "componentType": 5121, "count": 4, "type": "VEC4" }));
+    accessors
+        .push(json!({ "bufferView": view, "componentType": 5121, "normalized": true, "count": 4, "type": "VEC4" }));
+    let weights = accessors.len() - 1;
+    glb.json["meshes"][0]["primitives"][0]["attributes"]["JOINTS_0"] = json!(weights - 1);
+    glb.json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = json!(weights);
+    glb.json["skins"] = json!([{ "joints": [joint] }]);
+    glb.json["nodes"][0]["skin"] = json!(0);
+    glb.json["nodes"][0]["translation"] = json!([7.0, 7.0, 7.0]);
+    glb.animate(joint, Vec3::ZERO, Vec3::X * 2.0);
+    let scene = load(&glb, "").unwrap();
+    assert_eq!(scene.moving_instances(), [true]);
+    for time in [0.0, 0.5, 1.0] {
+        let (low, high) = scene.bounds(&scene.pose(time)).unwrap();
+        let left = 2.0 * time;
+        assert!((low - Vec3A::new(left, 0.0, 0.0)).length() < 1e-5, "{low} at {time}");
+        assert!((high - Vec3A::new(left + 1.0, 1.0, 0.0)).length() < 1e-5, "{high} at {time}");
+    }
+    for (pointer, value) in [("/skins/0/joints/0", json!(99)), ("/accessors/2/count", json!(2))] {
+        let mut broken = glb.clone();
+        *broken.json.pointer_mut(pointer).unwrap() = value;
+        let message = load(&broken, "").unwrap_err();
+        assert_eq!(message.lines().count(), 1, "{message}");
+    }
 }
 
 /// A room with one value of its document replaced.

@@ -158,7 +158,7 @@ impl Scene {
     }
 
     /// For each instance, whether its shape changes with time.
-    pub(crate) fn deforming_instances(&self) -> Vec<bool> {
+    pub fn deforming_instances(&self) -> Vec<bool> {
         let moving = self.moving_nodes();
         let morphing = |node: usize| {
             let own = |channel: &&super::Channel| channel.node == node && matches!(channel.track, Track::Weights(_));
