@@ -7,6 +7,9 @@ use crate::scene::{Influence, Skin};
 use glam::{Affine3A, Mat4};
 use gltf::Semantic;
 
+/// The attributes JOINTS_n and WEIGHTS_n: four of each for every vertex.
+type InfluenceSet = (Vec<[u32; 4]>, Vec<[f32; 4]>);
+
 impl Loader<'_> {
     /// Joints, and what brings a vertex into their spaces.
     pub(super) fn skin(&self, skin: &gltf::Skin, buffers: &Buffers, node_of: &NodeOf) -> Result<Skin, LoadError> {
@@ -40,7 +43,7 @@ impl Loader<'_> {
         vertices: usize,
         joints: usize,
     ) -> Result<(usize, Vec<Influence>), LoadError> {
-        let mut sets: Vec<(Vec<[u32; 4]>, Vec<[f32; 4]>)> = Vec::new();
+        let mut sets: Vec<InfluenceSet> = Vec::new();
         for set in 0.. {
             let (Some(joints), Some(weights)) =
                 (primitive.get(&Semantic::Joints(set)), primitive.get(&Semantic::Weights(set)))
