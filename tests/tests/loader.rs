@@ -1,6 +1,6 @@
 //! Files from elsewhere, and files made to harm.
 
-use glam::{Vec3, Vec3A, vec3};
+use glam::{Vec3, Vec3A, vec2, vec3};
 use pipeline::{Plan, Settings, Wishes, output::Output};
 use render_core::scene::{self, Alpha, Scene};
 use serde_json::{Value, json};
@@ -101,6 +101,43 @@ fn materials_mean_what_the_specification_says() {
     near(coated(2.0, 1.0, [1.0; 3]).dielectric_f0, Vec3::splat(1.0 / 9.0));
     near(coated(2.0, 0.5, [1.0, 0.5, 100.0]).dielectric_f0, vec3(1.0 / 18.0, 1.0 / 36.0, 0.5));
     near(coated(1.5, 0.0, [1.0; 3]).dielectric_f0, Vec3::ZERO);
+}
+
+/// One image in four slots: held once as colour and once as numbers, each slot with its own coordinates and transform.
+#[test]
+fn textures_are_held_for_what_they_are_used_as() {
+    let transform = |set: u32| {
+        json!({ "KHR_texture_transform": {
+        "offset": [0.5, 0.25], "rotation": 1.5, "scale": [2.0, 3.0], "texCoord": set
+    } })
+    };
+    let mut glb = square(json!({
+        "pbrMetallicRoughness": {
+            "baseColorTexture": { "index": 0, "texCoord": 1 },
+            "metallicRoughnessTexture": { "index": 0, "extensions": transform(2) },
+        },
+        "normalTexture": { "index": 1, "scale": 0.5, "texCoord": 1, "extensions": transform(3) },
+        "emissiveTexture": { "index": 1, "texCoord": 7 },
+        "occlusionTexture": { "index": 0 },
+    }));
+    // A single texel.
+    let png = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
+    glb.json["images"] = json!([{ "uri": format!("data:image/png;base64,{png}") }]);
+    glb.json["textures"] = json!([{ "source": 0 }, { "source": 0 }]);
+    let scene = load(&glb, "").unwrap();
+    assert_eq!(scene.textures.len(), 2);
+    let material = &scene.materials[0];
+    let (base, emission) = (material.base_color_texture.unwrap(), material.emission_texture.unwrap());
+    let (numbers, (normal, scale)) = (material.metallic_roughness_texture.unwrap(), material.normal_texture.unwrap());
+    assert_eq!((base.texture, numbers.texture), (emission.texture, normal.texture));
+    assert_ne!(base.texture, normal.texture);
+    let moved = Some((vec2(0.5, 0.25), 1.5, vec2(2.0, 3.0)));
+    assert_eq!((base.uv_set, base.transform), (1, None));
+    assert_eq!((numbers.uv_set, numbers.transform), (2, moved));
+    assert_eq!((normal.uv_set, normal.transform, scale), (3, moved, 0.5));
+    // A set beyond those that are read: said, and taken from the last.
+    assert_eq!(emission.uv_set, 3);
+    assert!(scene.warnings.iter().any(|warning| warning.contains("sets 0 to 3")), "{:?}", scene.warnings);
 }
 
 /// A square whose corners are normalised shorts, interleaved eight bytes apart, and whose normals are bytes.

@@ -219,6 +219,15 @@ mod tests {
     }
 
     #[test]
+    fn numbers_are_averaged_as_numbers() {
+        let texels = vec![[0, 100, 255, 255], [255, 200, 255, 51]];
+        let texture = Texture::with_encoding(2, 1, texels, [Wrap::Repeat; 2], Encoding::Linear);
+        let mean = texture.mean();
+        assert!((mean - Vec3::new(0.5, 150.0 / 255.0, 1.0)).length() < 0.005, "{mean}");
+        assert_eq!(texture.least_opacity(), 0.2);
+    }
+
+    #[test]
     fn mirror_and_clamp_stay_inside() {
         assert_eq!(wrap_index(-1, 4, Wrap::Mirror), 0);
         assert_eq!(wrap_index(4, 4, Wrap::Mirror), 3);
