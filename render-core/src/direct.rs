@@ -1,15 +1,19 @@
 //! Light that arrives straight from its source, with shadows.
 //!
 //! The points of a light that a pixel asks are the same for all pixels and frames: penumbras come out
-//! smooth and still, where random points would leave noise that the encoder pays for.
+//! smooth and still, where random points would leave noise that the encoder pays for. And being the same, they send
+//! their rays to all pixels of a tile together.
 
-use crate::accel::Accelerator;
+use crate::accel::{Accelerator, PACKET};
 use crate::anchor::{Anchor, Anchors};
-use crate::emitter::{AreaSample, Emitters, PointLight};
+use crate::emitter::{AreaLight, AreaSample, Emitters, PointLight};
+use crate::luminance;
+use crate::polygon::Polygon;
 use crate::sampling::sobol_point;
 use crate::surface::Surfaces;
 use glam::{Vec3, Vec3A};
 use std::cell::Cell;
+use std::f32::consts::PI;
 
 /// Points of an area light, and how many are asked first: when these agree on all or nothing, so would the rest.
 const AREA_SAMPLES: usize = 64;
@@ -17,17 +21,29 @@ const FIRST_AREA_SAMPLES: usize = 16;
 /// Softening of a point of an area light, in units of its own share's: as small as keeps contact finite. With the full
 /// share a panel seen from its own width comes out 0.5 % dark, since its points already average over each other.
 const AREA_SOFTENING: f32 = 1.0 / 8.0;
+/// A light of more pieces than this is summed over its points even where nothing hides it.
+const MOST_POLYGONS: usize = 4;
 /// The same for the disc of the sun, which is small.
 const SUN_SAMPLES: usize = 32;
 const FIRST_SUN_SAMPLES: usize = 8;
+/// Carried anchors that together would give a receiver less than this share of its other direct light are not asked
+/// whether something hides them: it would not be seen.
+const UNASKED_SHARE: f32 = 1e-3;
 
 /// What is asked for direct light at every pixel of a frame.
 pub struct DirectLights {
-    areas: Vec<Vec<AreaSample>>,
+    areas: Vec<Area>,
     points: Vec<PointLight>,
     suns: Vec<(Vec3, Vec<Vec3A>)>,
     carried: Vec<(Anchor, Vec3)>,
     carried_softening: f32,
+}
+
+/// A glowing surface.
+struct Area {
+    samples: Vec<AreaSample>,
+    /// Its shape, where that is simple enough for a closed form.
+    polygons: Vec<Polygon>,
 }
 
 /// A point that light arrives at.
@@ -53,7 +69,7 @@ impl DirectLights {
     ) -> Self {
         let carried = anchors.carried_in_world(surfaces).into_iter().zip(carried_energy);
         Self {
-            areas: areas.iter().map(|&place| emitters.areas[place].samples(surfaces, AREA_SAMPLES)).collect(),
+            areas: areas.iter().map(|&place| Area::new(&emitters.areas[place], surfaces)).collect(),
             points: emitters.points.clone(),
             suns: emitters
                 .suns
@@ -65,55 +81,52 @@ impl DirectLights {
                 .collect(),
             carried: carried
                 .filter(|(_, energy)| energy.max_element() > 0.0)
-                .map(|(anchor, energy)| (anchor, *energy / std::f32::consts::PI))
+                .map(|(anchor, energy)| (anchor, *energy / PI))
                 .collect(),
-            carried_softening: anchors.carried_area_share / std::f32::consts::PI,
+            carried_softening: anchors.carried_area_share / PI,
         }
     }
 
     /// Irradiance \[W·m⁻²\] at `receiver`, linear RGB; adds the shadow rays it cost to `rays`.
     pub fn irradiance(&self, accelerator: &Accelerator, receiver: &Receiver, rays: &Cell<u64>) -> Vec3 {
-        let mut sum = Vec3::ZERO;
-        for samples in &self.areas {
-            sum += gather(
-                samples,
-                FIRST_AREA_SAMPLES,
-                rays,
-                |s| {
-                    from_disc(
-                        receiver,
-                        s.position,
-                        s.normal,
-                        s.intensity,
-                        AREA_SOFTENING * s.area / std::f32::consts::PI,
-                    )
-                },
-                |s| accelerator.occluded(receiver.position, s.position),
-            );
+        self.irradiance_tile(accelerator, std::slice::from_ref(receiver), rays)[0]
+    }
+
+    /// As [`DirectLights::irradiance`], to the last bit, for each of the `receivers`; the nearer to each other they lie,
+    /// the faster.
+    pub fn irradiance_tile(&self, accelerator: &Accelerator, receivers: &[Receiver], rays: &Cell<u64>) -> Vec<Vec3> {
+        let mut sums = vec![Vec3::ZERO; receivers.len()];
+        for (receivers, sums) in receivers.chunks(PACKET).zip(sums.chunks_mut(PACKET)) {
+            let tile = Tile::new(accelerator, receivers, rays);
+            self.areas.iter().for_each(|area| tile.add_area(area, sums));
+            self.points.iter().for_each(|point| tile.add_point(point, sums));
+            self.suns.iter().for_each(|(irradiance, directions)| tile.add_sun(*irradiance, directions, sums));
+            self.add_carried(&tile, sums);
         }
-        for light in &self.points {
-            let (cos, r2) = receiver.cosine_to(light.position);
-            let e = light.intensity_towards(receiver.position) * (cos / r2.max(f32::MIN_POSITIVE));
-            sum += gather(&[e], 1, rays, |e| *e, |_| accelerator.occluded(receiver.position, light.position));
-        }
-        for (irradiance, directions) in &self.suns {
-            sum += gather(
-                directions,
-                FIRST_SUN_SAMPLES,
-                rays,
-                |&towards| {
-                    let above = receiver.geometric_normal.dot(towards) > 0.0;
-                    let cos = if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 };
-                    *irradiance * (cos / SUN_SAMPLES as f32)
-                },
-                |&towards| accelerator.occluded_towards(receiver.position, towards),
-            );
-        }
+        sums
+    }
+
+    /// Adds what the carried anchors give.
+    fn add_carried(&self, tile: &Tile, sums: &mut [Vec3]) {
+        let mut unasked: [f32; PACKET] =
+            std::array::from_fn(|i| sums.get(i).map_or(0.0, |&sum| luminance(sum) * UNASKED_SHARE));
         for (anchor, intensity) in &self.carried {
-            let e = from_disc(receiver, anchor.position, anchor.normal, *intensity, self.carried_softening);
-            sum += gather(&[e], 1, rays, |e| *e, |_| accelerator.occluded(receiver.position, anchor.position));
+            let mut given = [Vec3::ZERO; PACKET];
+            let mut ask = 0;
+            for (i, receiver) in tile.receivers.iter().enumerate() {
+                given[i] = from_disc(receiver, anchor.position, anchor.normal, *intensity, self.carried_softening);
+                let y = luminance(given[i]);
+                if y > unasked[i] {
+                    ask |= 1 << i;
+                } else {
+                    unasked[i] -= y;
+                }
+            }
+            let hidden = tile.hidden_from(anchor.position, ask);
+            for (i, sum) in sums.iter_mut().enumerate().filter(|(i, _)| hidden >> i & 1 == 0) {
+                *sum += given[i];
+            }
         }
-        sum
     }
 
     /// How many lights a pixel asks: areas, points, suns and carried anchors.
@@ -139,43 +152,172 @@ fn from_disc(receiver: &Receiver, position: Vec3A, normal: Vec3A, intensity: Vec
     intensity * (cos_light * cos / (r2 * (r2 + softening)))
 }
 
-/// Sums `unshadowed` over the samples that `occluded` lets through; each call of it is a ray.
-///
-/// After the first few, visibility is no longer asked when these all agreed; what they agree on then holds for the rest.
-#[inline]
-fn gather<T>(
-    samples: &[T],
-    first: usize,
-    rays: &Cell<u64>,
-    unshadowed: impl Fn(&T) -> Vec3,
-    occluded: impl Fn(&T) -> bool,
-) -> Vec3 {
-    let mut sum = Vec3::ZERO;
-    let (mut lit, mut dark) = (0, 0);
-    for (index, sample) in samples.iter().enumerate() {
-        let e = unshadowed(sample);
-        if e == Vec3::ZERO {
-            continue;
-        }
-        let agreed = index >= first && (lit == 0 || dark == 0);
-        if agreed && lit == 0 && dark > 0 {
-            break;
-        }
-        // Without a vote so far, as when the first few all lie below the horizon, each is asked.
-        let blocked = if agreed && lit > 0 {
-            false
-        } else {
-            rays.set(rays.get() + 1);
-            occluded(sample)
-        };
-        if blocked {
-            dark += 1;
-        } else {
-            lit += 1;
-            sum += e;
+impl Area {
+    fn new(light: &AreaLight, surfaces: &Surfaces) -> Self {
+        let simple = light.patch_count() <= MOST_POLYGONS;
+        Self {
+            samples: light.samples(surfaces, AREA_SAMPLES),
+            polygons: if simple { light.polygons(surfaces) } else { Vec::new() },
         }
     }
-    sum
+
+    /// What one of the samples gives while nothing hides it.
+    #[inline]
+    fn from_sample(&self, receiver: &Receiver, sample: &AreaSample) -> Vec3 {
+        let softening = AREA_SOFTENING * sample.area / PI;
+        from_disc(receiver, sample.position, sample.normal, sample.intensity, softening)
+    }
+
+    /// What the whole light gives while nothing hides it.
+    fn unhidden(&self, receiver: &Receiver) -> Vec3 {
+        if self.polygons.is_empty() {
+            return self.samples.iter().map(|sample| self.from_sample(receiver, sample)).sum();
+        }
+        let Receiver { position, normal, geometric_normal } = *receiver;
+        self.polygons.iter().map(|polygon| polygon.irradiance(position, normal, geometric_normal)).sum()
+    }
+}
+
+/// What the samples of a light have told a receiver so far.
+#[derive(Clone, Copy, Default)]
+struct Votes {
+    lit: u32,
+    dark: u32,
+    /// Sum over those that were lit, and over all.
+    lit_sum: Vec3,
+    sum: Vec3,
+}
+
+impl Votes {
+    fn add(&mut self, e: Vec3, hidden: bool) {
+        self.sum += e;
+        if hidden {
+            self.dark += 1;
+        } else {
+            self.lit += 1;
+            self.lit_sum += e;
+        }
+    }
+
+    /// Whether all agreed. Without a vote there is no agreement, as when the first few samples all lie below the horizon.
+    fn agree(&self) -> bool {
+        (self.lit == 0) != (self.dark == 0)
+    }
+}
+
+/// Up to [`PACKET`] receivers that are lit together.
+struct Tile<'a> {
+    accelerator: &'a Accelerator,
+    receivers: &'a [Receiver],
+    positions: [Vec3A; PACKET],
+    rays: &'a Cell<u64>,
+}
+
+impl<'a> Tile<'a> {
+    fn new(accelerator: &'a Accelerator, receivers: &'a [Receiver], rays: &'a Cell<u64>) -> Self {
+        let positions = std::array::from_fn(|i| receivers.get(i).map_or(Vec3A::ZERO, |receiver| receiver.position));
+        Self { accelerator, receivers, positions, rays }
+    }
+
+    /// All receivers, as bits.
+    fn all(&self) -> u64 {
+        u64::MAX >> (PACKET - self.receivers.len())
+    }
+
+    /// Which of the receivers in `ask` do not see `light`. The rays go from the light, which they have in common.
+    fn hidden_from(&self, light: Vec3A, ask: u64) -> u64 {
+        if ask == 0 {
+            return 0;
+        }
+        self.rays.set(self.rays.get() + u64::from(ask.count_ones()));
+        self.accelerator.occluded_packet(light, &self.positions[..self.receivers.len()], ask)
+    }
+
+    /// Adds what a glowing surface gives: exact where all of it is seen, else by the share of its samples that is seen,
+    /// each counted by what it would give.
+    fn add_area(&self, area: &Area, sums: &mut [Vec3]) {
+        let mut votes = [Votes::default(); PACKET];
+        let mut ask_samples = |samples: &[AreaSample], among: u64| {
+            for sample in samples {
+                let mut given = [Vec3::ZERO; PACKET];
+                let mut ask = 0;
+                for i in bits(among) {
+                    given[i] = area.from_sample(&self.receivers[i], sample);
+                    ask |= u64::from(given[i] != Vec3::ZERO) << i;
+                }
+                let hidden = self.hidden_from(sample.position, ask);
+                bits(ask).for_each(|i| votes[i].add(given[i], hidden >> i & 1 == 1));
+            }
+            bits(among).fold(0, |undecided, i| undecided | u64::from(!votes[i].agree()) << i)
+        };
+        let (first, rest) = area.samples.split_at(FIRST_AREA_SAMPLES.min(area.samples.len()));
+        let undecided = ask_samples(first, self.all());
+        if undecided != 0 {
+            ask_samples(rest, undecided);
+        }
+        for ((receiver, votes), sum) in self.receivers.iter().zip(&votes).zip(sums) {
+            if votes.lit == 0 {
+                continue;
+            }
+            *sum += if votes.dark == 0 {
+                area.unhidden(receiver)
+            } else if area.polygons.is_empty() {
+                votes.lit_sum
+            } else {
+                // Where a colour is missing in all samples, it is missing in the light.
+                area.unhidden(receiver) * (votes.lit_sum / votes.sum.max(Vec3::splat(f32::MIN_POSITIVE)))
+            };
+        }
+    }
+
+    fn add_point(&self, light: &PointLight, sums: &mut [Vec3]) {
+        let mut given = [Vec3::ZERO; PACKET];
+        let mut ask = 0;
+        for (i, receiver) in self.receivers.iter().enumerate() {
+            let (cos, r2) = receiver.cosine_to(light.position);
+            given[i] = light.intensity_towards(receiver.position) * (cos / r2.max(f32::MIN_POSITIVE));
+            ask |= u64::from(given[i] != Vec3::ZERO) << i;
+        }
+        let hidden = self.hidden_from(light.position, ask);
+        bits(ask & !hidden).for_each(|i| sums[i] += given[i]);
+    }
+
+    /// Adds what a sun gives: after the first few of its `directions` it is all seen or not at all where these agreed.
+    fn add_sun(&self, irradiance: Vec3, directions: &[Vec3A], sums: &mut [Vec3]) {
+        for (receiver, sum) in self.receivers.iter().zip(sums) {
+            let given = |towards: Vec3A| {
+                let above = receiver.geometric_normal.dot(towards) > 0.0;
+                let cos = if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 };
+                irradiance * (cos / directions.len() as f32)
+            };
+            let mut votes = Votes::default();
+            for (index, &towards) in directions.iter().enumerate() {
+                let e = given(towards);
+                if e == Vec3::ZERO {
+                    continue;
+                }
+                let hidden = if index >= FIRST_SUN_SAMPLES && votes.agree() {
+                    votes.lit == 0
+                } else {
+                    self.rays.set(self.rays.get() + 1);
+                    self.accelerator.occluded_towards(receiver.position, towards)
+                };
+                votes.add(e, hidden);
+            }
+            *sum += votes.lit_sum;
+        }
+    }
+}
+
+/// Places of the bits that are set.
+fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = mask.trailing_zeros() as usize;
+        (mask != 0).then(|| {
+            mask &= mask - 1;
+            place
+        })
+    })
 }
 
 impl Receiver {

@@ -1,5 +1,6 @@
 //! What sends light out: surfaces, points, directions, the sky; as power, as photons, and as points to shade with.
 
+use crate::polygon::Polygon;
 use crate::sampling::{
     Distribution, concentric_disc, cosine_hemisphere, frame, halton, radical_inverse, sobol_point, triangle,
     uniform_sphere,
@@ -321,6 +322,21 @@ impl AreaLight {
         };
         let offset = position.abs().max_element().max((b - a).length()) * 1e-5;
         AreaSample { position: position + normal * offset, normal, intensity: emission * share, area: share }
+    }
+
+    /// The pieces that glow, as shapes.
+    pub(crate) fn polygons(&self, surfaces: &Surfaces) -> Vec<Polygon> {
+        let mirrored = if surfaces.world(self.instance).matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
+        let polygon = |patch: &Patch| {
+            let [a, b, c] = surfaces.corners(self.instance, patch.triangle);
+            Polygon {
+                corners: [a, b, c, if patch.parallelogram { a + c - b } else { c }],
+                normal: ((b - a).cross(c - a) * mirrored).normalize_or_zero(),
+                double_sided: self.double_sided,
+                radiance: patch.emission,
+            }
+        };
+        self.patches.iter().map(polygon).collect()
     }
 
     /// How many separate pieces glow: rectangles, or triangles that belong to none.

@@ -11,6 +11,7 @@ mod direct;
 mod emitter;
 mod gbuffer;
 mod photon;
+mod polygon;
 mod reconstruct;
 mod surface;
 

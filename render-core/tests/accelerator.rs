@@ -4,8 +4,10 @@ mod common;
 
 use common::{add, rest};
 use glam::{Quat, Vec3, Vec3A, vec3};
+use render_core::sampling::{hash, hash_unit};
 use render_core::scene::{Channel, Interpolation, Material, Mesh, Scene, Track, Transform};
-use render_core::{Geometry, Hit, sampling::hash_unit};
+use render_core::{Geometry, Hit, PACKET};
+use std::f32::consts::PI;
 
 fn random_vector(key: u64) -> Vec3 {
     let r = |d| hash_unit(9, key, d) * 2.0 - 1.0;
@@ -155,4 +157,172 @@ fn rays_along_an_axis_hit_whatever_the_signs_of_their_zeros() {
             assert!(accelerator.occluded_towards(from, direction), "{direction}");
         }
     }
+}
+
+/// A closed ball of triangles around the origin: `rings` × 2 `rings` quads.
+fn ball(rings: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for ring in 0..=rings {
+        for k in 0..2 * rings {
+            let (down, around) = (PI * ring as f32 / rings as f32, PI * k as f32 / rings as f32);
+            mesh.positions.push(vec3(down.sin() * around.cos(), down.cos(), down.sin() * around.sin()));
+        }
+    }
+    let at = |ring: u32, k: u32| ring * 2 * rings + k % (2 * rings);
+    for ring in 0..rings {
+        for k in 0..2 * rings {
+            let [a, b, c, d] = [at(ring, k), at(ring, k + 1), at(ring + 1, k + 1), at(ring + 1, k)];
+            // At the poles all corners of a ring are one point, to the last bit.
+            mesh.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    for k in 0..2 * rings as usize {
+        mesh.positions[k] = Vec3::Y;
+        let last = mesh.positions.len() - 1 - k;
+        mesh.positions[last] = -Vec3::Y;
+    }
+    mesh
+}
+
+#[test]
+fn no_ray_slips_through_edges_or_corners() {
+    let mut scene = Scene::default();
+    let mesh = ball(24);
+    let corners = mesh.positions.clone();
+    let triangles = mesh.triangles.clone();
+    add(&mut scene, rest(vec3(0.1, -0.7, 0.3)), mesh, Material::default());
+    let accelerator = Geometry::new(&scene).place(&scene.pose(0.0));
+    let center = vec3(0.1, -0.7, 0.3);
+    for k in 0..20u64 {
+        let origin = Vec3A::from(center + random_vector(k) * 0.3);
+        let mut targets: Vec<Vec3> = corners.iter().map(|&corner| center + corner).collect();
+        targets.extend(triangles.iter().map(|t| {
+            let (a, b) = (corners[t[0] as usize], corners[t[1 + k as usize % 2] as usize]);
+            center + a + (b - a) * hash_unit(5, k, u64::from(t[0]))
+        }));
+        let directions: Vec<Vec3A> = targets.iter().map(|&target| (Vec3A::from(target) - origin).normalize()).collect();
+        let mut hits = vec![None; directions.len()];
+        accelerator.closest_packet(origin, &directions, &mut hits);
+        for (direction, hit) in directions.iter().zip(hits) {
+            assert!(hit.is_some(), "from {origin} towards {direction} out of a closed ball");
+            assert_eq!(hit, accelerator.closest(origin, *direction));
+        }
+    }
+}
+
+/// Rays that arithmetic likes least: along axes, with zeros of both signs, within planes, from on a surface.
+fn awkward_rays(size: f32) -> Vec<(Vec3A, Vec3A)> {
+    let mut rays = Vec::new();
+    for k in 0..200u64 {
+        // A lattice point, where the walls of `lattice` meet.
+        let origin = Vec3A::from((random_vector(31 * k) * 3.0).round() * (0.5 * size));
+        let mut direction = Vec3A::ZERO;
+        direction[k as usize % 3] = if k % 2 == 0 { 1.0 } else { -1.0 };
+        rays.push((origin, direction));
+        rays.push((origin + Vec3A::splat(0.1 * size), direction * -1.0));
+        let mut slanted = Vec3A::from(random_vector(7 * k + 1));
+        slanted[k as usize % 3] = if k % 2 == 0 { 0.0 } else { -0.0 };
+        rays.push((origin, slanted.normalize()));
+        rays.push((origin, Vec3A::from(random_vector(7 * k + 2).round()).normalize_or(Vec3A::ONE.normalize())));
+    }
+    rays
+}
+
+/// Walls in the planes x, y, z = −1, −0.5 … 1: coplanar neighbours, each wall twice.
+fn lattice(size: f32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for k in 0..15u32 {
+        let (axis, height) = (k as usize % 3, ((k / 3) as f32 * 0.5 - 1.0) * size);
+        for corner in 0..4 {
+            let mut p = Vec3::ZERO;
+            p[axis] = height;
+            p[(axis + 1) % 3] = if corner == 1 || corner == 2 { size } else { -size };
+            p[(axis + 2) % 3] = if corner >= 2 { size } else { -size };
+            mesh.positions.push(p);
+        }
+        let v = 4 * k;
+        mesh.triangles.extend([[v, v + 1, v + 2], [v, v + 2, v + 3], [v + 1, v + 2, v]]);
+    }
+    mesh
+}
+
+#[test]
+fn alone_or_together_with_or_without_vector_instructions_the_bits_are_the_same() {
+    for (size, movers) in [(1e-3, 0), (1.0, 0), (1.0, 3), (1e4, 12)] {
+        let mut scene = scene(size, movers);
+        add(&mut scene, rest(Vec3::ZERO), lattice(size), Material::default());
+        let geometry = Geometry::new(&scene);
+        let pose = scene.pose(0.3);
+        let (vector, scalar) = (geometry.place(&pose), geometry.place(&pose).without_vector_instructions());
+        let mut rays = awkward_rays(size);
+        rays.extend(
+            (0..500).map(|k| {
+                (Vec3A::from(random_vector(600 + k) * size), Vec3A::from(random_vector(1600 + k)).normalize())
+            }),
+        );
+        for &(origin, direction) in &rays {
+            let hit = vector.closest(origin, direction);
+            assert_eq!(hit, scalar.closest(origin, direction));
+            assert_eq!(vector.occluded_towards(origin, direction), hit.is_some());
+            assert_eq!(scalar.occluded_towards(origin, direction), hit.is_some());
+        }
+        for origin in rays.iter().step_by(40).map(|ray| ray.0) {
+            let directions: Vec<Vec3A> = rays.iter().map(|ray| ray.1).collect();
+            let alone: Vec<_> = directions.iter().map(|&direction| vector.closest(origin, direction)).collect();
+            for accelerator in [&vector, &scalar] {
+                let mut hits = vec![None; directions.len()];
+                accelerator.closest_packet(origin, &directions, &mut hits);
+                assert_eq!(hits, alone);
+            }
+            for (k, ends) in rays.chunks(PACKET - 7).enumerate() {
+                let ends: Vec<Vec3A> = ends.iter().map(|ray| ray.0).collect();
+                let active = hash(1, k as u64, 2) | 1;
+                let alone = ends.iter().enumerate().fold(0, |hidden, (i, &end)| {
+                    hidden | u64::from(active >> i & 1 == 1 && vector.occluded(origin, end)) << i
+                });
+                assert_eq!(vector.occluded_packet(origin, &ends, active), alone);
+                assert_eq!(scalar.occluded_packet(origin, &ends, active), alone);
+            }
+        }
+    }
+}
+
+#[test]
+fn along_axes_and_from_surfaces_exhaustion_agrees() {
+    let mut scene = Scene::default();
+    add(&mut scene, rest(Vec3::ZERO), lattice(1.0), Material::default());
+    let accelerator = Geometry::new(&scene).place(&scene.pose(0.0));
+    let mut hits = 0;
+    for (origin, direction) in awkward_rays(1.0) {
+        let (expected, found) =
+            (accelerator.closest_by_exhaustion(origin, direction), accelerator.closest(origin, direction));
+        let Some(expected) = expected else { continue };
+        // A ray that leaves the lattice exactly along its border may or may not be said to meet it; within it must.
+        let end = origin + direction * expected.distance;
+        if end.abs().max_element() < 0.999 {
+            let found = found.unwrap_or_else(|| panic!("{origin} {direction} missed {expected:?}"));
+            assert!((found.distance - expected.distance).abs() < 1e-6, "{origin} {direction}: {found:?} {expected:?}");
+            hits += 1;
+        }
+    }
+    assert!(hits > 100, "only {hits} hits: the test says little");
+}
+
+#[test]
+fn a_single_triangle_is_met_where_it_is() {
+    let mut scene = Scene::default();
+    let mesh = Mesh {
+        positions: vec![Vec3::ZERO, Vec3::X * 4.0, Vec3::Y * 8.0],
+        triangles: vec![[0, 1, 2]],
+        ..Mesh::default()
+    };
+    add(&mut scene, rest(Vec3::ZERO), mesh, Material::default());
+    let accelerator = Geometry::new(&scene).place(&scene.pose(0.0));
+    let hit = accelerator.closest(Vec3A::new(1.0, 1.0, 3.0), -Vec3A::Z).unwrap();
+    assert_eq!((hit.distance, hit.u, hit.v, hit.instance, hit.triangle), (3.0, 0.25, 0.125, 0, 0));
+    assert!(accelerator.closest(Vec3A::new(3.0, 7.0, 3.0), -Vec3A::Z).is_none());
+    assert!(accelerator.closest(Vec3A::new(1.0, 1.0, 3.0), Vec3A::ZERO).is_none(), "a ray that goes nowhere");
+    assert!(accelerator.closest(Vec3A::NAN, Vec3A::X).is_none());
+    assert!(!accelerator.occluded(Vec3A::new(1.0, 1.0, 3.0), Vec3A::new(1.0, 1.0, 3.0)));
+    assert_eq!(accelerator.occluded_packet(Vec3A::Z, &[], u64::MAX), 0);
 }

@@ -3,7 +3,7 @@
 use super::cut_outs::CutOuts;
 use super::lanes::{LANES, Lanes};
 use super::ray::Direction;
-use super::tree::{Costs, Tree};
+use super::tree::{Costs, Tree, Visit};
 use super::triangles::Block;
 use glam::Vec3A;
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2_from_tris, triangle::Triangle};
@@ -108,26 +108,12 @@ impl Group {
         lanes: L,
         origin: Vec3A,
         direction: &Direction,
-        mut best: Met,
+        best: Met,
         accept: impl Fn(u32, f32, f32) -> bool,
     ) -> Met {
-        self.tree.walk(lanes, origin, direction, best.t, |content, near, limit| {
-            let (block, _) = self.leaf(content);
-            if let Some((mut bits, meeting)) = block.meet(lanes, origin, direction, (near, limit)) {
-                let (t, u, v) = (lanes.store(meeting.t), lanes.store(meeting.u), lanes.store(meeting.v));
-                while bits != 0 {
-                    let lane = bits.trailing_zeros() as usize & (LANES - 1);
-                    bits &= bits - 1;
-                    let met = Met { t: t[lane], triangle: block.triangles[lane], u: u[lane], v: v[lane] };
-                    let nearer = met.t < best.t || met.t == best.t && met.triangle < best.triangle;
-                    if nearer && accept(met.triangle, met.u, met.v) {
-                        best = met;
-                    }
-                }
-            }
-            best.t
-        });
-        best
+        let mut visitor = ClosestOf { group: self, origin, direction, best, accept };
+        self.tree.walk(lanes, origin, direction, best.t, &mut visitor);
+        visitor.best
     }
 
     /// Whether any triangle that `accept` (index, u, v) lets count is met before `limit`.
@@ -140,22 +126,63 @@ impl Group {
         limit: f32,
         accept: impl Fn(u32, f32, f32) -> bool,
     ) -> bool {
-        let mut blocked = false;
-        self.tree.walk(lanes, origin, direction, limit, |content, near, limit| {
-            let (block, _) = self.leaf(content);
-            if let Some((mut bits, meeting)) = block.meet(lanes, origin, direction, (near, limit)) {
-                let (u, v) = (lanes.store(meeting.u), lanes.store(meeting.v));
-                while bits != 0 {
-                    let lane = bits.trailing_zeros() as usize & (LANES - 1);
-                    bits &= bits - 1;
-                    if accept(block.triangles[lane], u[lane], v[lane]) {
-                        blocked = true;
-                        return -1.0;
-                    }
+        let mut visitor = AnyOf { group: self, origin, direction, accept, found: false };
+        self.tree.walk(lanes, origin, direction, limit, &mut visitor);
+        visitor.found
+    }
+}
+
+struct ClosestOf<'a, F> {
+    group: &'a Group,
+    origin: Vec3A,
+    direction: &'a Direction,
+    best: Met,
+    accept: F,
+}
+
+impl<F: Fn(u32, f32, f32) -> bool> Visit for ClosestOf<'_, F> {
+    #[inline(always)]
+    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32 {
+        let (block, _) = self.group.leaf(content);
+        if let Some((mut bits, meeting)) = block.meet(lanes, self.origin, self.direction, (near, limit)) {
+            let (t, u, v) = (lanes.store(meeting.t), lanes.store(meeting.u), lanes.store(meeting.v));
+            while bits != 0 {
+                let lane = bits.trailing_zeros() as usize & (LANES - 1);
+                bits &= bits - 1;
+                let met = Met { t: t[lane], triangle: block.triangles[lane], u: u[lane], v: v[lane] };
+                let nearer = met.t < self.best.t || met.t == self.best.t && met.triangle < self.best.triangle;
+                if nearer && (self.accept)(met.triangle, met.u, met.v) {
+                    self.best = met;
                 }
             }
-            limit
-        });
-        blocked
+        }
+        self.best.t
+    }
+}
+
+struct AnyOf<'a, F> {
+    group: &'a Group,
+    origin: Vec3A,
+    direction: &'a Direction,
+    accept: F,
+    found: bool,
+}
+
+impl<F: Fn(u32, f32, f32) -> bool> Visit for AnyOf<'_, F> {
+    #[inline(always)]
+    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32 {
+        let (block, _) = self.group.leaf(content);
+        if let Some((mut bits, meeting)) = block.meet(lanes, self.origin, self.direction, (near, limit)) {
+            let (u, v) = (lanes.store(meeting.u), lanes.store(meeting.v));
+            while bits != 0 {
+                let lane = bits.trailing_zeros() as usize & (LANES - 1);
+                bits &= bits - 1;
+                if (self.accept)(block.triangles[lane], u[lane], v[lane]) {
+                    self.found = true;
+                    return -1.0;
+                }
+            }
+        }
+        limit
     }
 }

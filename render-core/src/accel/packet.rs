@@ -43,10 +43,28 @@ pub(super) struct Packet {
     /// How many rows there are rays in.
     used: usize,
     /// Least and greatest 1 / component, and the same lengthened.
-    near_range: [[f32; 2]; 3],
-    far_range: [[f32; 2]; 3],
+    near_range: [[f32; 3]; 2],
+    far_range: [[f32; 3]; 2],
     /// No ray looks farther than this.
     farthest: f32,
+}
+
+/// What a [`Packet::walk`] is for.
+pub(super) trait VisitTogether {
+    fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered);
+}
+
+/// Looks for the first triangles of a group that the rays meet. Not `CLOSEST`: gives a negative limit to all rays that meet
+/// any.
+pub(super) struct Triangles<'a, const CLOSEST: bool>(pub(super) &'a Group);
+
+impl<const CLOSEST: bool> VisitTogether for Triangles<'_, CLOSEST> {
+    #[inline(always)]
+    fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered) {
+        if packet.meet_block::<L, CLOSEST>(lanes, self.0, content, entered) {
+            packet.measure(lanes);
+        }
+    }
 }
 
 /// Of the rays that a leaf's box is entered by: the ways to it, ∞ for rays that miss it; and the rows that have some.
@@ -84,8 +102,8 @@ impl Packet {
             near_plane: octant.near_planes(),
             rows: [row; ROWS],
             used: rays.len().div_ceil(LANES),
-            near_range: [[0.0; 2]; 3],
-            far_range: [[0.0; 2]; 3],
+            near_range: [[0.0; 3]; 2],
+            far_range: [[0.0; 3]; 2],
             farthest: rays.iter().fold(-1.0, |farthest: f32, ray| farthest.max(ray.limit)),
         };
         let mut range = [[lanes.splat(f32::INFINITY), lanes.splat(f32::NEG_INFINITY)]; 3];
@@ -118,9 +136,9 @@ impl Packet {
         for axis in 0..3 {
             let low = lanes.store(range[axis][0]).into_iter().fold(f32::INFINITY, f32::min);
             let high = lanes.store(range[axis][1]).into_iter().fold(f32::NEG_INFINITY, f32::max);
-            packet.near_range[axis] = [low, high];
+            (packet.near_range[0][axis], packet.near_range[1][axis]) = (low, high);
             // Rounding keeps order: no lengthened inverse lies outside of these.
-            packet.far_range[axis] = [low * LENGTHENING, high * LENGTHENING];
+            (packet.far_range[0][axis], packet.far_range[1][axis]) = (low * LENGTHENING, high * LENGTHENING);
         }
         packet
     }
@@ -148,31 +166,22 @@ impl Packet {
 
     /// Takes the rays to the leaves whose boxes they enter.
     #[inline(always)]
-    pub(super) fn walk<L: Lanes>(&mut self, lanes: L, tree: &Tree, mut leaf: impl FnMut(&mut Self, u32, &Entered)) {
-        let origin = self.origin.map(|x| lanes.splat(x));
-        let near_range = self.near_range.map(|range| range.map(|x| lanes.splat(x)));
-        let far_range = self.far_range.map(|range| range.map(|x| lanes.splat(x)));
-        let [nx, ny, nz] = self.near_plane;
+    pub(super) fn walk<L: Lanes>(&mut self, lanes: L, tree: &Tree, visitor: &mut impl VisitTogether) {
+        let origin = lanes.splat3(self.origin);
+        let (near_low, near_high) = (lanes.splat3(self.near_range[0]), lanes.splat3(self.near_range[1]));
+        let (far_low, far_high) = (lanes.splat3(self.far_range[0]), lanes.splat3(self.far_range[1]));
         let mut entered = Entered { near: [[f32::INFINITY; LANES]; ROWS], rows: 0 };
         // Way to the box; node and place in it; rows that may enter.
         let mut stack = Stack::<(u32, u32, u32)>::new();
         let (mut at, mut rows) = (0, (1u32 << self.used) - 1);
         loop {
-            let node = &tree.nodes[at];
-            let way = |plane: usize| lanes.sub(lanes.load(&node.planes[plane]), origin[plane % 3]);
-            let earliest = |plane: usize| {
-                let (way, [low, high]) = (way(plane), near_range[plane % 3]);
-                lanes.min(lanes.mul(way, low), lanes.mul(way, high))
-            };
-            let latest = |plane: usize| {
-                let (way, [low, high]) = (way(plane), far_range[plane % 3]);
-                lanes.max(lanes.mul(way, low), lanes.mul(way, high))
-            };
-            let near = lanes.max(lanes.max(earliest(nx), earliest(ny)), lanes.max(earliest(nz), lanes.splat(0.0)));
-            let far = lanes.min(
-                lanes.min(latest((nx + 3) % 6), latest((ny + 3) % 6)),
-                lanes.min(latest((nz + 3) % 6), lanes.splat(self.farthest)),
-            );
+            // No ray of the packet enters earlier than `near`, and none leaves later than `far`.
+            let (near, far) = tree.nodes[at].slabs(lanes, self.near_plane);
+            let (near, far) = (lanes.sub3(near, origin), lanes.sub3(far, origin));
+            let near = lanes.min3(lanes.mul3(near, near_low), lanes.mul3(near, near_high));
+            let far = lanes.max3(lanes.mul3(far, far_low), lanes.mul3(far, far_high));
+            let near = lanes.greatest(near, lanes.splat(0.0));
+            let far = lanes.least(far, lanes.splat(self.farthest));
             let bits = lanes.bits(lanes.le(near, far));
             if bits != 0 {
                 let (keys, count) = farthest_first(bits, &lanes.store(near));
@@ -186,60 +195,51 @@ impl Packet {
                     continue;
                 }
                 let (node, lane) = (&tree.nodes[place as usize / LANES], place as usize % LANES);
-                let to = |plane: usize| lanes.splat(node.planes[plane][lane] - self.origin[plane % 3]);
-                let (to_near, to_far) =
-                    ([to(nx), to(ny), to(nz)], [to((nx + 3) % 6), to((ny + 3) % 6), to((nz + 3) % 6)]);
+                let [x, y, z] = self.near_plane;
+                let [from_x, from_y, from_z] = self.origin;
+                let near = lanes.splat3([
+                    node.planes[x][lane] - from_x,
+                    node.planes[y][lane] - from_y,
+                    node.planes[z][lane] - from_z,
+                ]);
+                let far = lanes.splat3([
+                    node.planes[(x + 3) % 6][lane] - from_x,
+                    node.planes[(y + 3) % 6][lane] - from_y,
+                    node.planes[(z + 3) % 6][lane] - from_z,
+                ]);
                 match node.children[lane].kind() {
                     Kind::Node(index) => {
-                        let first = (0..ROWS).find(|row| {
-                            candidates >> row & 1 == 1
-                                && lanes.bits(self.rows[*row].enters(lanes, to_near, to_far).0) != 0
-                        });
-                        if let Some(first) = first {
-                            break (index, candidates >> first << first);
+                        let mut remaining = candidates;
+                        while remaining != 0 {
+                            let row = remaining.trailing_zeros() as usize % ROWS;
+                            if lanes.bits(self.rows[row].enters(lanes, near, far).0) != 0 {
+                                break;
+                            }
+                            remaining &= remaining - 1;
+                        }
+                        if remaining != 0 {
+                            break (index, remaining);
                         }
                     }
                     Kind::Leaf(content) => {
                         entered.rows = 0;
-                        for row in 0..ROWS {
-                            if candidates >> row & 1 == 1 {
-                                let (mask, near) = self.rows[row].enters(lanes, to_near, to_far);
-                                if lanes.bits(mask) != 0 {
-                                    entered.rows |= 1 << row;
-                                    entered.near[row] =
-                                        lanes.store(lanes.select(mask, near, lanes.splat(f32::INFINITY)));
-                                }
+                        let mut remaining = candidates;
+                        while remaining != 0 {
+                            let row = remaining.trailing_zeros() as usize % ROWS;
+                            remaining &= remaining - 1;
+                            let (mask, near) = self.rows[row].enters(lanes, near, far);
+                            if lanes.bits(mask) != 0 {
+                                entered.rows |= 1 << row;
+                                entered.near[row] = lanes.store(lanes.select(mask, near, lanes.splat(f32::INFINITY)));
                             }
                         }
                         if entered.rows != 0 {
-                            leaf(self, content, &entered);
+                            visitor.leaf(lanes, self, content, &entered);
                         }
                     }
                 }
             };
         }
-    }
-
-    /// The first triangles of `group` that the rays meet.
-    #[inline(always)]
-    pub(super) fn closest<L: Lanes>(&mut self, lanes: L, group: &Group) {
-        self.walk(lanes, &group.tree, |packet, content, entered| {
-            let changed = packet.meet_block::<L, true>(lanes, group, content, entered);
-            if changed {
-                packet.measure(lanes);
-            }
-        });
-    }
-
-    /// Gives a negative limit to all rays that meet a triangle of `group`.
-    #[inline(always)]
-    pub(super) fn block<L: Lanes>(&mut self, lanes: L, group: &Group) {
-        self.walk(lanes, &group.tree, |packet, content, entered| {
-            let changed = packet.meet_block::<L, false>(lanes, group, content, entered);
-            if changed {
-                packet.measure(lanes);
-            }
-        });
     }
 
     /// Holds the triangles of a leaf against the rays that entered it; whether any ray's limit changed.
@@ -255,9 +255,14 @@ impl Packet {
         let along = self.axes[2];
         let mut changed = false;
         for k in 0..count {
-            let corners: [[L::F; 3]; 3] = std::array::from_fn(|c| {
-                self.axes.map(|axis| lanes.splat(block.corners[c][axis][k] - self.origin[axis]))
-            });
+            let [x, y, z] = self.axes;
+            let [a, b, c] = &block.corners;
+            let from = [self.origin[x], self.origin[y], self.origin[z]];
+            let corners = [
+                lanes.splat3([a[x][k] - from[0], a[y][k] - from[1], a[z][k] - from[2]]),
+                lanes.splat3([b[x][k] - from[0], b[y][k] - from[1], b[z][k] - from[2]]),
+                lanes.splat3([c[x][k] - from[0], c[y][k] - from[1], c[z][k] - from[2]]),
+            ];
             let triangle = lanes.splat(f32::from_bits(block.triangles[k]));
             let mut rows = entered.rows;
             while rows != 0 {
@@ -298,10 +303,10 @@ impl Row {
     /// Which rays enter a box before their limits, and how far it is to it; the same arithmetic as [`Tree::walk`]'s.
     #[inline(always)]
     fn enters<L: Lanes>(&self, lanes: L, to_near: [L::F; 3], to_far: [L::F; 3]) -> (L::Mask, L::F) {
-        let near = |axis: usize| lanes.mul(to_near[axis], lanes.load(&self.inverse_near[axis]));
-        let far = |axis: usize| lanes.mul(to_far[axis], lanes.load(&self.inverse_far[axis]));
-        let entry = lanes.max(lanes.max(near(0), near(1)), lanes.max(near(2), lanes.splat(0.0)));
-        let exit = lanes.min(lanes.min(far(0), far(1)), lanes.min(far(2), lanes.load(&self.t)));
+        let [near_x, near_y, near_z] = &self.inverse_near;
+        let [far_x, far_y, far_z] = &self.inverse_far;
+        let entry = lanes.greatest(lanes.mul3(to_near, lanes.load3([near_x, near_y, near_z])), lanes.splat(0.0));
+        let exit = lanes.least(lanes.mul3(to_far, lanes.load3([far_x, far_y, far_z])), lanes.load(&self.t));
         (lanes.le(entry, exit), entry)
     }
 }

@@ -2,10 +2,14 @@
 
 use super::group::{Group, Met, NO_TRIANGLE};
 use super::lanes::{Kernel, Lanes};
-use super::packet::{PACKET, Packet};
+use super::packet::{Entered, PACKET, Packet, Triangles, VisitTogether};
 use super::ray::{Direction, Octant};
+use super::tree::Visit;
 use super::{Accelerator, Placed};
 use glam::Vec3A;
+
+// Groups whose triangles have holes will give their own `accept` where `|_, _, _| true` stands here, and ask their rays
+// one by one where a packet comes to them.
 
 /// What a ray met, and in which group.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,11 +29,11 @@ impl Found {
 }
 
 impl Accelerator {
-    /// The only group, where there is one and it stands in world space.
+    /// The only group, where there is one, it stands in world space and has no holes.
     #[inline(always)]
     fn sole_group(&self) -> Option<&Group> {
         match &self.groups[..] {
-            [Placed { group, to_local: None, .. }] => Some(group),
+            [Placed { group, to_local: None, .. }] if group.cut_outs.is_none() => Some(group),
             _ => None,
         }
     }
@@ -47,24 +51,36 @@ impl Kernel for Closest<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> Found {
-        let Self { scene, origin, direction } = self;
+        let Self { scene, origin, direction: along } = self;
+        let direction = Direction::new(along);
         if let Some(group) = scene.sole_group() {
-            let met = group.closest(lanes, origin, &Direction::new(direction), Met::NOTHING);
-            return Found { met, place: 0 };
+            return Found { met: group.closest(lanes, origin, &direction, Met::NOTHING), place: 0 };
         }
-        let mut found = Found::NOTHING;
-        scene.top.walk(lanes, origin, &Direction::new(direction), found.met.t, |content, _, _| {
-            let place = content as usize;
-            let placed = &scene.groups[place];
-            let (origin, direction) = placed.local(origin, direction);
-            let to_beat = found.to_beat(place);
-            let met = placed.group.closest(lanes, origin, &Direction::new(direction), to_beat);
-            if met != to_beat {
-                found = Found { met, place };
-            }
-            found.met.t
-        });
-        found
+        let mut visitor = ClosestGroup { scene, origin, direction: along, found: Found::NOTHING };
+        scene.top.walk(lanes, origin, &direction, Met::NOTHING.t, &mut visitor);
+        visitor.found
+    }
+}
+
+struct ClosestGroup<'a> {
+    scene: &'a Accelerator,
+    origin: Vec3A,
+    direction: Vec3A,
+    found: Found,
+}
+
+impl Visit for ClosestGroup<'_> {
+    #[inline(always)]
+    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, _: f32) -> f32 {
+        let place = content as usize;
+        let placed = &self.scene.groups[place];
+        let (origin, direction) = placed.local(self.origin, self.direction);
+        let to_beat = self.found.to_beat(place);
+        let met = placed.group.closest(lanes, origin, &Direction::new(direction), to_beat);
+        if met != to_beat {
+            self.found = Found { met, place };
+        }
+        self.found.met.t
     }
 }
 
@@ -81,18 +97,31 @@ impl Kernel for Blocked<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> bool {
-        let Self { scene, origin, direction, limit } = self;
+        let Self { scene, origin, direction: along, limit } = self;
+        let direction = Direction::new(along);
         if let Some(group) = scene.sole_group() {
-            return group.blocks(lanes, origin, &Direction::new(direction), limit);
+            return group.blocks(lanes, origin, &direction, limit);
         }
-        let mut blocked = false;
-        scene.top.walk(lanes, origin, &Direction::new(direction), limit, |content, _, limit| {
-            let placed = &scene.groups[content as usize];
-            let (origin, direction) = placed.local(origin, direction);
-            blocked = placed.group.blocks(lanes, origin, &Direction::new(direction), limit);
-            if blocked { -1.0 } else { limit }
-        });
-        blocked
+        let mut visitor = AnyGroup { scene, origin, direction: along, blocked: false };
+        scene.top.walk(lanes, origin, &direction, limit, &mut visitor);
+        visitor.blocked
+    }
+}
+
+struct AnyGroup<'a> {
+    scene: &'a Accelerator,
+    origin: Vec3A,
+    direction: Vec3A,
+    blocked: bool,
+}
+
+impl Visit for AnyGroup<'_> {
+    #[inline(always)]
+    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
+        let placed = &self.scene.groups[content as usize];
+        let (origin, direction) = placed.local(self.origin, self.direction);
+        self.blocked = placed.group.blocks(lanes, origin, &Direction::new(direction), limit);
+        if self.blocked { -1.0 } else { limit }
     }
 }
 
@@ -128,106 +157,122 @@ impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         let Self { scene, origin, rays, found } = self;
-        if let Some(group) = scene.sole_group() {
-            through_group::<L, CLOSEST>(lanes, group, origin, rays, |ray, met| {
-                found[ray.index] = Found { met, place: 0 }
-            });
+        let mut octants = Octants::of(rays);
+        while let Some((octant, rays)) = octants.next() {
+            let mut packet = Packet::new(lanes, origin, octant, rays);
+            if let Some(group) = scene.sole_group() {
+                packet.walk(lanes, &group.tree, &mut Triangles::<CLOSEST>(group));
+                for (k, ray) in rays.iter().enumerate() {
+                    found[ray.index] = Found { met: packet.met(k), place: 0 };
+                }
+            } else {
+                packet.walk(lanes, &scene.top, &mut Groups::<CLOSEST> { scene, origin, rays, found });
+            }
+        }
+    }
+}
+
+/// Takes the rays of a packet through the groups whose boxes they enter.
+struct Groups<'a, const CLOSEST: bool> {
+    scene: &'a Accelerator,
+    origin: Vec3A,
+    /// As they stand in the packet.
+    rays: &'a [PacketRay],
+    found: &'a mut [Found],
+}
+
+impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
+    #[inline(always)]
+    fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered) {
+        let place = content as usize;
+        let placed = &self.scene.groups[place];
+        let (mut local, mut count) = ([PacketRay::NONE; PACKET], 0);
+        let mut bits = entered.rays();
+        while bits != 0 {
+            let index = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            let ray = &self.rays[index];
+            let direction = placed.local(self.origin, ray.direction).1;
+            local[count] = if CLOSEST {
+                let to_beat = self.found[ray.index].to_beat(place);
+                PacketRay { index, direction, limit: to_beat.t, triangle: to_beat.triangle }
+            } else {
+                PacketRay { index, direction, ..*ray }
+            };
+            count += 1;
+        }
+        let origin = placed.local(self.origin, Vec3A::X).0;
+        if placed.group.cut_outs.is_some() {
+            // Whether a hit counts is asked of each: these rays go alone.
+            for ray in &local[..count] {
+                if let Some(met) = alone::<L, CLOSEST>(lanes, &placed.group, origin, ray) {
+                    self.found[self.rays[ray.index].index] = Found { met, place };
+                    packet.set_limit(ray.index, met.t);
+                }
+            }
+            packet.measure(lanes);
             return;
         }
-        for_each_octant(rays, |octant, rays| {
-            let mut packet = Packet::new(lanes, origin, octant, rays);
-            packet.walk(lanes, &scene.top, |packet, content, entered| {
-                let place = content as usize;
-                let placed = &scene.groups[place];
-                let (mut local, mut count) = ([PacketRay::NONE; PACKET], 0);
-                let mut bits = entered.rays();
-                while bits != 0 {
-                    let index = bits.trailing_zeros() as usize;
-                    bits &= bits - 1;
-                    let to_beat = found[rays[index].index].to_beat(place);
-                    let (limit, triangle) =
-                        if CLOSEST { (to_beat.t, to_beat.triangle) } else { (rays[index].limit, NO_TRIANGLE) };
-                    let direction = placed.local(origin, rays[index].direction).1;
-                    local[count] = PacketRay { index, direction, limit, triangle };
-                    count += 1;
-                }
-                let local_origin = placed.local(origin, Vec3A::X).0;
-                through_group::<L, CLOSEST>(lanes, &placed.group, local_origin, &local[..count], |ray, met| {
-                    found[rays[ray.index].index] = Found { met, place };
+        let mut octants = Octants::of(&local[..count]);
+        while let Some((octant, rays)) = octants.next() {
+            let mut within = Packet::new(lanes, origin, octant, rays);
+            within.walk(lanes, &placed.group.tree, &mut Triangles::<CLOSEST>(&placed.group));
+            for (k, ray) in rays.iter().enumerate() {
+                let met = within.met(k);
+                if met.t < ray.limit || met.triangle != ray.triangle {
+                    self.found[self.rays[ray.index].index] = Found { met, place };
                     packet.set_limit(ray.index, met.t);
-                });
-                packet.measure(lanes);
-            });
-        });
-    }
-}
-
-/// Takes the rays through one group; `changed` is given those that met something, and what.
-#[inline(always)]
-fn through_group<L: Lanes, const CLOSEST: bool>(
-    lanes: L,
-    group: &Group,
-    origin: Vec3A,
-    rays: &[PacketRay],
-    mut changed: impl FnMut(&PacketRay, Met),
-) {
-    if group.cut_outs.is_some() {
-        // Each hit has to be asked about: rays go one by one.
-        for ray in rays {
-            let direction = Direction::new(ray.direction);
-            if CLOSEST {
-                let to_beat = Met { t: ray.limit, triangle: ray.triangle, ..Met::NOTHING };
-                let met = group.closest(lanes, origin, &direction, to_beat);
-                if met != to_beat {
-                    changed(ray, met);
                 }
-            } else if group.blocks(lanes, origin, &direction, ray.limit) {
-                changed(ray, Met { t: -1.0, ..Met::NOTHING });
             }
         }
-        return;
+        packet.measure(lanes);
     }
-    for_each_octant(rays, |octant, rays| {
-        let mut packet = Packet::new(lanes, origin, octant, rays);
-        if CLOSEST {
-            packet.closest(lanes, group);
-        } else {
-            packet.block(lanes, group);
-        }
-        for (index, ray) in rays.iter().enumerate() {
-            let met = packet.met(index);
-            if met.t < ray.limit || met.triangle != ray.triangle {
-                changed(ray, met);
-            }
-        }
-    });
 }
 
-/// Gives `walk` the rays of each octant in turn.
+/// What a ray of a packet meets in a group when it goes alone: the same.
 #[inline(always)]
-fn for_each_octant(rays: &[PacketRay], mut walk: impl FnMut(Octant, &[PacketRay])) {
-    let Some(first) = rays.first() else { return };
-    let octant = Octant::of(first.direction);
-    if rays.iter().all(|ray| Octant::of(ray.direction) == octant) {
-        walk(octant, rays);
-        return;
+fn alone<L: Lanes, const CLOSEST: bool>(lanes: L, group: &Group, origin: Vec3A, ray: &PacketRay) -> Option<Met> {
+    let direction = Direction::new(ray.direction);
+    if CLOSEST {
+        let to_beat = Met { t: ray.limit, triangle: ray.triangle, ..Met::NOTHING };
+        let met = group.closest(lanes, origin, &direction, to_beat);
+        (met != to_beat).then_some(met)
+    } else {
+        group.blocks(lanes, origin, &direction, ray.limit).then_some(Met { t: -1.0, ..Met::NOTHING })
     }
-    let (mut rest, mut rest_count) = ([PacketRay::NONE; PACKET], rays.len());
-    rest[..rest_count].copy_from_slice(rays);
-    while rest_count > 0 {
-        let octant = Octant::of(rest[0].direction);
-        let (mut together, mut count, mut left) = ([PacketRay::NONE; PACKET], 0, 0);
-        for k in 0..rest_count {
-            let ray = rest[k];
+}
+
+/// Rays sorted by octant.
+struct Octants {
+    rest: [PacketRay; PACKET],
+    rest_count: usize,
+    together: [PacketRay; PACKET],
+}
+
+impl Octants {
+    #[inline(always)]
+    fn of(rays: &[PacketRay]) -> Self {
+        let mut rest = [PacketRay::NONE; PACKET];
+        rest[..rays.len()].copy_from_slice(rays);
+        Self { rest, rest_count: rays.len(), together: [PacketRay::NONE; PACKET] }
+    }
+
+    /// The rays that share an octant with the first that is left.
+    #[inline(always)]
+    fn next(&mut self) -> Option<(Octant, &[PacketRay])> {
+        let octant = Octant::of(self.rest[..self.rest_count].first()?.direction);
+        let (mut count, mut left) = (0, 0);
+        for k in 0..self.rest_count {
+            let ray = self.rest[k];
             if Octant::of(ray.direction) == octant {
-                together[count] = ray;
+                self.together[count] = ray;
                 count += 1;
             } else {
-                rest[left] = ray;
+                self.rest[left] = ray;
                 left += 1;
             }
         }
-        rest_count = left;
-        walk(octant, &together[..count]);
+        self.rest_count = left;
+        Some((octant, &self.together[..count]))
     }
 }

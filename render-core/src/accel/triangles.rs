@@ -58,23 +58,32 @@ pub(super) struct Meeting<L: Lanes> {
 /// triangles may both be hit then, but never neither, since a difference of products that is not 0 has the right sign.
 #[inline(always)]
 pub(super) fn meet<L: Lanes>(lanes: L, corners: [[L::F; 3]; 3], shear: [L::F; 3]) -> Option<Meeting<L>> {
-    let [a, b, c] =
-        corners.map(|[x, y, z]| (lanes.sub(x, lanes.mul(shear[0], z)), lanes.sub(y, lanes.mul(shear[1], z)), z));
-    let cross = |p: (L::F, L::F, L::F), q: (L::F, L::F, L::F)| lanes.sub(lanes.mul(p.0, q.1), lanes.mul(p.1, q.0));
-    let (u, v, w) = (cross(c, b), cross(a, c), cross(b, a));
+    let [a, b, c] = corners;
+    let (a_x, a_y) = (slant(lanes, a[0], a[2], shear[0]), slant(lanes, a[1], a[2], shear[1]));
+    let (b_x, b_y) = (slant(lanes, b[0], b[2], shear[0]), slant(lanes, b[1], b[2], shear[1]));
+    let (c_x, c_y) = (slant(lanes, c[0], c[2], shear[0]), slant(lanes, c[1], c[2], shear[1]));
+    let u = lanes.sub(lanes.mul(c_x, b_y), lanes.mul(c_y, b_x));
+    let v = lanes.sub(lanes.mul(a_x, c_y), lanes.mul(a_y, c_x));
+    let w = lanes.sub(lanes.mul(b_x, a_y), lanes.mul(b_y, a_x));
     let zero = lanes.splat(0.0);
     let inside = lanes.or(lanes.le(zero, lanes.min(lanes.min(u, v), w)), lanes.le(lanes.max(lanes.max(u, v), w), zero));
     if lanes.bits(inside) == 0 {
         return None;
     }
     let inverse = lanes.div(lanes.splat(1.0), lanes.add(lanes.add(u, v), w));
-    let z = lanes.add(lanes.add(lanes.mul(u, a.2), lanes.mul(v, b.2)), lanes.mul(w, c.2));
+    let z = lanes.add(lanes.add(lanes.mul(u, a[2]), lanes.mul(v, b[2])), lanes.mul(w, c[2]));
     Some(Meeting {
         t: lanes.mul(lanes.mul(z, shear[2]), inverse),
         u: lanes.mul(v, inverse),
         v: lanes.mul(w, inverse),
         inside,
     })
+}
+
+/// A coordinate after the shear that makes the ray an axis.
+#[inline(always)]
+fn slant<L: Lanes>(lanes: L, x: L::F, z: L::F, slope: L::F) -> L::F {
+    lanes.sub(x, lanes.mul(slope, z))
 }
 
 impl Block {
@@ -87,11 +96,16 @@ impl Block {
         direction: &Direction,
         (near, limit): (f32, f32),
     ) -> Option<(u32, Meeting<L>)> {
+        let [x, y, z] = direction.axes;
         let from = origin.to_array();
-        let corners = std::array::from_fn(|c| {
-            direction.axes.map(|axis| lanes.sub(lanes.load(&self.corners[c][axis]), lanes.splat(from[axis])))
-        });
-        let mut meeting = meet(lanes, corners, direction.shear.map(|x| lanes.splat(x)))?;
+        let from = lanes.splat3([from[x], from[y], from[z]]);
+        let [a, b, c] = &self.corners;
+        let corners = [
+            lanes.sub3(lanes.load3([&a[x], &a[y], &a[z]]), from),
+            lanes.sub3(lanes.load3([&b[x], &b[y], &b[z]]), from),
+            lanes.sub3(lanes.load3([&c[x], &c[y], &c[z]]), from),
+        ];
+        let mut meeting = meet(lanes, corners, lanes.splat3(direction.shear))?;
         let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
         meeting.t = lanes.max(meeting.t, lanes.splat(near));
         let bits = lanes.bits(lanes.and(ahead, lanes.le(meeting.t, lanes.splat(limit))));

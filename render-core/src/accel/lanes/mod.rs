@@ -40,12 +40,55 @@ pub(super) trait Lanes: Copy {
     fn select(self, mask: Self::Mask, yes: Self::F, no: Self::F) -> Self::F;
     /// Lane i as bit i.
     fn bits(self, mask: Self::Mask) -> u32;
+
+    #[inline(always)]
+    fn splat3(self, [x, y, z]: [f32; 3]) -> [Self::F; 3] {
+        [self.splat(x), self.splat(y), self.splat(z)]
+    }
+
+    #[inline(always)]
+    fn load3(self, [x, y, z]: [&[f32; LANES]; 3]) -> [Self::F; 3] {
+        [self.load(x), self.load(y), self.load(z)]
+    }
+
+    #[inline(always)]
+    fn sub3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
+        [self.sub(a[0], b[0]), self.sub(a[1], b[1]), self.sub(a[2], b[2])]
+    }
+
+    #[inline(always)]
+    fn mul3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
+        [self.mul(a[0], b[0]), self.mul(a[1], b[1]), self.mul(a[2], b[2])]
+    }
+
+    #[inline(always)]
+    fn min3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
+        [self.min(a[0], b[0]), self.min(a[1], b[1]), self.min(a[2], b[2])]
+    }
+
+    #[inline(always)]
+    fn max3(self, a: [Self::F; 3], b: [Self::F; 3]) -> [Self::F; 3] {
+        [self.max(a[0], b[0]), self.max(a[1], b[1]), self.max(a[2], b[2])]
+    }
+
+    /// The greatest of three and a fourth.
+    #[inline(always)]
+    fn greatest(self, [x, y, z]: [Self::F; 3], least: Self::F) -> Self::F {
+        self.max(self.max(x, y), self.max(z, least))
+    }
+
+    /// The least of three and a fourth.
+    #[inline(always)]
+    fn least(self, [x, y, z]: [Self::F; 3], greatest: Self::F) -> Self::F {
+        self.min(self.min(x, y), self.min(z, greatest))
+    }
 }
 
 /// Work to be done with lanes of one kind or the other.
 ///
-/// `run` and all it calls are `#[inline(always)]`: they become part of a function that is compiled for the vector
-/// instructions, and are compiled for them with it.
+/// `run` and all that it calls with lanes are `#[inline(always)]`: they become part of a function that is compiled for the
+/// vector instructions, and are compiled for them with it. Closures cannot be marked so, and an instruction within one
+/// that is not inlined becomes a call: that is why visitors here are traits, and why nothing maps over lanes.
 pub(super) trait Kernel {
     type Output;
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;

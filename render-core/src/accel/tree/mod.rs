@@ -113,11 +113,27 @@ pub(super) fn farthest_first(mut bits: u32, near: &[f32; LANES]) -> ([u64; LANES
     (keys, count)
 }
 
+/// What a [`Tree::walk`] is for.
+pub(super) trait Visit {
+    /// Is given a leaf, the way to its box and the limit; answers with the limit from there on. A negative one ends
+    /// the walk.
+    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32;
+}
+
+impl Node {
+    /// Those planes of the eight boxes that a ray meets first, and last.
+    #[inline(always)]
+    pub(super) fn slabs<L: Lanes>(&self, lanes: L, near_plane: [usize; 3]) -> ([L::F; 3], [L::F; 3]) {
+        let [x, y, z] = near_plane;
+        (
+            lanes.load3([&self.planes[x], &self.planes[y], &self.planes[z]]),
+            lanes.load3([&self.planes[(x + 3) % 6], &self.planes[(y + 3) % 6], &self.planes[(z + 3) % 6]]),
+        )
+    }
+}
+
 impl Tree {
     /// Takes the ray from `origin` to every leaf whose box it enters within `limit`, the nearer ones first.
-    ///
-    /// `leaf` is given the leaf, the way to its box and the limit, and answers with the limit from there on;
-    /// a negative one ends the walk.
     #[inline(always)]
     pub(super) fn walk<L: Lanes>(
         &self,
@@ -125,25 +141,18 @@ impl Tree {
         origin: Vec3A,
         direction: &Direction,
         mut limit: f32,
-        mut leaf: impl FnMut(u32, f32, f32) -> f32,
+        visitor: &mut impl Visit,
     ) {
-        let from = origin.to_array().map(|x| lanes.splat(x));
-        let inverse = direction.inverse_near.map(|x| lanes.splat(x));
-        let inverse_far = direction.inverse_far.map(|x| lanes.splat(x));
-        let (nx, ny, nz) = (direction.near_plane[0], direction.near_plane[1], direction.near_plane[2]);
+        let from = lanes.splat3(origin.to_array());
+        let inverse_near = lanes.splat3(direction.inverse_near);
+        let inverse_far = lanes.splat3(direction.inverse_far);
         let mut stack = Stack::<(u32, Child)>::new();
         let mut at = 0;
         loop {
             let node = &self.nodes[at];
-            let way = |plane: usize, inverse: [L::F; 3]| {
-                lanes.mul(lanes.sub(lanes.load(&node.planes[plane]), from[plane % 3]), inverse[plane % 3])
-            };
-            let near =
-                lanes.max(lanes.max(way(nx, inverse), way(ny, inverse)), lanes.max(way(nz, inverse), lanes.splat(0.0)));
-            let far = lanes.min(
-                lanes.min(way((nx + 3) % 6, inverse_far), way((ny + 3) % 6, inverse_far)),
-                lanes.min(way((nz + 3) % 6, inverse_far), lanes.splat(limit)),
-            );
+            let (near, far) = node.slabs(lanes, direction.near_plane);
+            let near = lanes.greatest(lanes.mul3(lanes.sub3(near, from), inverse_near), lanes.splat(0.0));
+            let far = lanes.least(lanes.mul3(lanes.sub3(far, from), inverse_far), lanes.splat(limit));
             let bits = lanes.bits(lanes.le(near, far));
             if bits != 0 {
                 let (keys, count) = farthest_first(bits, &lanes.store(near));
@@ -160,7 +169,7 @@ impl Tree {
                 match child.kind() {
                     Kind::Node(index) => break index,
                     Kind::Leaf(content) => {
-                        limit = leaf(content, near, limit);
+                        limit = visitor.leaf(lanes, content, near, limit);
                         if limit < 0.0 {
                             return;
                         }
