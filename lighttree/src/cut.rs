@@ -56,6 +56,14 @@ pub struct Cut {
     pub nodes_visited: u32,
 }
 
+/// A cluster of a cut. It outlives the cut: positions in a tree never change, intensities come with each update.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cluster {
+    node: u32,
+    /// Index of the light that stood for the cluster.
+    pub light: u32,
+}
+
 /// Memory of a cut, kept by the caller from one to the next: one per thread.
 #[derive(Clone, Debug)]
 pub struct Scratch {
@@ -96,22 +104,47 @@ impl LightTree {
         &self,
         receiver: &R,
         stop: Stop,
+        visible: impl FnMut(&Light, usize) -> bool,
+        scratch: &mut Scratch,
+    ) -> Cut {
+        self.lightcut_with(receiver, stop, visible, scratch, |_, _| {})
+    }
+
+    /// As [`LightTree::lightcut`], and hands every cluster of the finished cut to `each`, with M · G · V of its
+    /// representative: radiance per intensity \[m⁻²\], zero where it is hidden. The cut's radiance is the sum of that times
+    /// [`LightTree::cluster_intensity`].
+    pub fn lightcut_with<R: Receiver>(
+        &self,
+        receiver: &R,
+        stop: Stop,
         mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
+        mut each: impl FnMut(Cluster, Vec3),
     ) -> Cut {
         if self.nodes.is_empty() {
             return Cut::default();
         }
         match stop {
             Stop::Absolute(threshold) => match self.select(receiver, threshold, scratch) {
-                Some(cut) => self.evaluate(receiver, &mut visible, &scratch.selected, cut),
-                None => self.best_first(receiver, |_| threshold, &mut visible, scratch),
+                Some(cut) => self.evaluate(receiver, &mut visible, &scratch.selected, cut, &mut each),
+                None => self.best_first(receiver, |_| threshold, &mut visible, scratch, &mut each),
             },
             Stop::Relative { fraction, known_luminance } => {
                 let threshold = |estimate: f32| fraction * (known_luminance + estimate);
-                self.best_first(receiver, threshold, &mut visible, scratch)
+                self.best_first(receiver, threshold, &mut visible, scratch, &mut each)
             }
         }
+    }
+
+    /// Intensity that a cluster has now, after any [`update`](LightTree::update) since the cut that it comes from
+    /// \[W·sr⁻¹\].
+    ///
+    /// # Panics
+    ///
+    /// If the cluster comes from a larger tree.
+    #[inline]
+    pub fn cluster_intensity(&self, cluster: Cluster) -> Vec3 {
+        self.nodes[cluster.node as usize].intensity
     }
 
     /// Collects the nodes of the cut, by bounds alone; `None` if they are too many.
@@ -161,11 +194,13 @@ impl LightTree {
         visible: &mut impl FnMut(&Light, usize) -> bool,
         selected: &[u32],
         mut cut: Cut,
+        each: &mut impl FnMut(Cluster, Vec3),
     ) -> Cut {
         for &index in selected {
             let node = &self.nodes[index as usize];
             let unit = self.representative_term(receiver, node.representative, visible, &mut cut.shadow_rays);
             cut.radiance += unit * node.intensity;
+            each(Cluster { node: index, light: node.representative }, unit);
         }
         cut
     }
@@ -218,12 +253,34 @@ mod tests {
             let mut visible = |_: &Light, index: usize| index & 3 != 0;
             let threshold = 0.005;
             let depth_first = tree.lightcut(&receiver, Stop::Absolute(threshold), &mut visible, &mut scratch);
-            let best_first = tree.best_first(&receiver, |_| threshold, &mut visible, &mut scratch);
+            let best_first = tree.best_first(&receiver, |_| threshold, &mut visible, &mut scratch, &mut |_, _| {});
             assert_eq!(depth_first.size, best_first.size);
             assert_eq!(depth_first.largest_bound, best_first.largest_bound);
             assert_eq!(depth_first.nodes_visited, best_first.nodes_visited);
             assert!(depth_first.size > 20, "{depth_first:?}");
             assert!(best_first.radiance.abs_diff_eq(depth_first.radiance, 1e-5 * depth_first.radiance.x));
+        }
+    }
+
+    /// The clusters handed out are the cut: their number, and their sum to the last bit but rounding; and they take new
+    /// intensities as the tree does.
+    #[test]
+    fn clusters_sum_to_the_cut() {
+        let mut tree = ceiling(30);
+        let receiver = Lambert { position: Vec3::new(9.0, 13.0, 0.1), normal: Vec3::Z, reflectance: Vec3::ONE };
+        let mut scratch = Scratch::default();
+        for stop in [Stop::Absolute(0.005), Stop::Relative { fraction: 0.02, known_luminance: 0.0 }] {
+            let mut clusters = Vec::new();
+            let visible = |_: &Light, index: usize| index & 3 != 0;
+            let cut = tree.lightcut_with(&receiver, stop, visible, &mut scratch, |c, unit| clusters.push((c, unit)));
+            assert_eq!(clusters.len(), cut.size as usize);
+            let sum =
+                |tree: &LightTree| clusters.iter().map(|&(c, unit)| unit * tree.cluster_intensity(c)).sum::<Vec3>();
+            assert!(sum(&tree).abs_diff_eq(cut.radiance, 1e-5 * cut.radiance.x), "{} {}", sum(&tree), cut.radiance);
+            let before = sum(&tree);
+            let doubled: Vec<Vec3> = tree.lights().iter().map(|light| light.intensity * 2.0).collect();
+            tree.update_drawn(&doubled);
+            assert_eq!(sum(&tree), before * 2.0);
         }
     }
 

@@ -19,7 +19,7 @@ const LARGEST_COORDINATE: f32 = 1e15;
 const LARGEST_INTENSITY: f32 = 1e25;
 
 /// Squared distance \[m²\] below which a direction to the light no longer exists in `f32`.
-const SMALLEST_DISTANCE2: f32 = 1e-30;
+pub(crate) const SMALLEST_DISTANCE2: f32 = 1e-30;
 
 /// How the intensity of a light depends on the direction it leaves in.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq)]

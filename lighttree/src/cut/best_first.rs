@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3, Vec3A};
 
-use super::{Cut, Scratch};
+use super::{Cluster, Cut, Scratch};
 use crate::error_bound::error_bound;
 use crate::light::{Light, luminance};
 use crate::receiver::Receiver;
@@ -22,6 +22,8 @@ pub(super) struct Refined {
 #[derive(Clone, Copy, Debug)]
 struct Evaluated {
     node: u32,
+    /// Who stands for the cluster; none in a slot that is free.
+    light: Option<u32>,
     /// M · G · V of the representative \[m⁻²\]; a child with the same representative takes it over.
     unit: Vec3,
     radiance: Vec3,
@@ -50,6 +52,7 @@ impl Refined {
     fn remove(&mut self, slot: u32) -> Evaluated {
         let cluster = self.clusters[slot as usize];
         self.clusters[slot as usize].radiance = Vec3::ZERO;
+        self.clusters[slot as usize].light = None;
         self.free.push(slot);
         cluster
     }
@@ -121,6 +124,7 @@ impl LightTree {
         threshold: impl Fn(f32) -> f32,
         visible: &mut impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
+        each: &mut impl FnMut(Cluster, Vec3),
     ) -> Cut {
         let max_size = scratch.max_size;
         let refined = &mut scratch.refined;
@@ -140,7 +144,8 @@ impl LightTree {
                 self.representative_term(receiver, node.representative, visible, &mut cut.shadow_rays)
             });
             let radiance = unit * node.intensity;
-            let slot = refined.insert(Evaluated { node: index as u32, unit, radiance });
+            let slot =
+                refined.insert(Evaluated { node: index as u32, light: Some(node.representative), unit, radiance });
             if bound > 0.0 {
                 refined.push(bound, slot);
             }
@@ -156,6 +161,11 @@ impl LightTree {
             estimate += place(sibling(chosen), None, refined, &mut cut);
         }
         cut.radiance = refined.clusters.iter().map(|c| c.radiance.as_dvec3()).sum::<DVec3>().as_vec3();
+        for cluster in &refined.clusters {
+            if let Some(light) = cluster.light {
+                each(Cluster { node: cluster.node, light }, cluster.unit);
+            }
+        }
         cut.size = refined.size();
         cut.largest_bound = refined.largest_bound();
         cut.total_bound = refined.heap.iter().map(|&key| bound_of(key)).sum();

@@ -1,0 +1,94 @@
+//! How the irradiance from one light changes with the place and the normal of what it falls on.
+//!
+//! For a cut the gradients of an irradiance cache need no sampling: they are sums over its lights
+//! (Křivánek et al. 2005, section 4.2, for the idea of differentiating each contribution; the formulae are those of G here).
+
+use glam::Vec3;
+
+use crate::light::{Emission, Light, SMALLEST_DISTANCE2};
+
+/// Irradiance from a light per unit of its intensity, visibility left out, and its derivatives with visibility held fixed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct IrradianceTerm {
+    /// cos θ · G \[m⁻²\]; zero where the light lies behind the normal or shines away.
+    pub value: f32,
+    /// Derivative by the normal: for a turned normal n′ above whose horizon the light still stands, `value` is
+    /// n′ · `by_normal` \[m⁻²\].
+    pub by_normal: Vec3,
+    /// Derivative by the position \[m⁻³\].
+    pub by_position: Vec3,
+}
+
+/// The term of a cosine-weighted receiver at `position` with the unit `normal`.
+///
+/// ```text
+/// E / I = a b / (r² (r² + s²))        d  way to the light, r its length
+///   a = n · d     b = −axis · d for Cosine, r for Omni
+/// ```
+#[inline]
+pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, softening2: f32) -> IrradianceTerm {
+    let d = light.position - position;
+    let r2 = d.length_squared();
+    let a = normal.dot(d);
+    if r2 < SMALLEST_DISTANCE2 || a <= 0.0 {
+        return IrradianceTerm::default();
+    }
+    let soft = r2 + softening2;
+    // 1/q and −∇q/q, where d itself loses what the position gains.
+    let (b, b_by_position) = match light.emission {
+        Emission::Cosine(axis) => (-axis.dot(d), axis),
+        Emission::Omni => (r2.sqrt(), -d / r2.sqrt()),
+    };
+    if b <= 0.0 {
+        return IrradianceTerm::default();
+    }
+    let inverse = 1.0 / (r2 * soft);
+    let falloff = d * (2.0 * (r2 + soft) * inverse);
+    IrradianceTerm {
+        value: a * b * inverse,
+        by_normal: d * (b * inverse),
+        by_position: (b_by_position * a - normal * b + falloff * (a * b)) * inverse,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::light::unshadowed;
+    use crate::receiver::Lambert;
+    use crate::testing;
+
+    proptest! {
+        /// The value is that of cuts; the derivatives are those that small steps find, in `f64`'s absence with a tolerance.
+        #[test]
+        fn derivatives_agree_with_differences(scene in testing::scene(1..2)) {
+            let (light, s2) = (scene.lights[0].accepted().0, scene.softening2);
+            let Lambert { position, normal, .. } = scene.receiver;
+            let term = irradiance_term(position, normal, &light, s2);
+            let white = Lambert { position, normal, reflectance: Vec3::splat(std::f32::consts::PI) };
+            let expected = unshadowed(&white, &light, s2).x;
+            prop_assert!((term.value - expected).abs() <= 1e-5 * expected, "{} {}", term.value, expected);
+            prop_assert!((term.by_normal.dot(normal) - term.value).abs() <= 1e-5 * term.by_normal.length());
+
+            let way = light.position - position;
+            let r = way.length();
+            // Away from horizons, where nothing has a derivative.
+            prop_assume!(term.value > 0.0 && normal.dot(way) > 0.05 * r);
+            if let Emission::Cosine(axis) = light.emission {
+                prop_assume!(-axis.dot(way) > 0.05 * r);
+            }
+            let step = 2e-3 * r;
+            for axis in Vec3::AXES {
+                let at = |sign: f32| f64::from(irradiance_term(position + axis * step * sign, normal, &light, s2).value);
+                let difference = (at(1.0) - at(-1.0)) / (2.0 * f64::from(step));
+                let scale = term.value / r + term.by_position.length();
+                prop_assert!(
+                    (difference - f64::from(term.by_position.dot(axis))).abs() <= 3e-3 * f64::from(scale),
+                    "{difference} {} {light:?}", term.by_position
+                );
+            }
+        }
+    }
+}
