@@ -2,7 +2,7 @@
 
 use clap::{Args, Parser, Subcommand};
 use pipeline::Wishes;
-use pipeline::settings::{Lighting, Size, Thresholds};
+use pipeline::settings::{Lighting, Size, Switch, Thresholds};
 use std::path::PathBuf;
 
 /// Renders an animated glTF scene with global illumination into an MPEG-2 video.
@@ -89,6 +89,12 @@ pub struct Job {
     /// How indirect light is computed [default: lightcuts]
     #[arg(long, value_enum)]
     pub lighting: Option<Lighting>,
+    /// Compute indirect light at few places and interpolate; off: a lightcut for each pixel [default: on]
+    #[arg(long, value_enum, value_name = "on|off", hide_possible_values = true)]
+    pub cache: Option<Switch>,
+    /// Give back the light from close by that softened virtual lights lose [default: on]
+    #[arg(long, value_enum, value_name = "on|off", hide_possible_values = true)]
+    pub compensation: Option<Switch>,
     /// Anchor lights that carry the indirect light [default: 2000 for a box, up to 9000 for a building]
     #[arg(long, value_name = "N")]
     pub vpls: Option<usize>,
@@ -119,6 +125,8 @@ impl Job {
             thresholds,
             kappa,
             lighting,
+            cache,
+            compensation,
             vpls,
             photons,
             seed,
@@ -134,6 +142,8 @@ impl Job {
             thresholds,
             kappa,
             lighting,
+            cache,
+            compensation,
             vpls,
             photons,
             seed,

@@ -3,7 +3,7 @@
 use lighttree::LightTree;
 use perceptual::{ToneMap, YCbCr};
 use plane::Plane;
-use render_core::{Accelerator, Correspondence, DirectLights, GBuffer};
+use render_core::{Accelerator, Correspondence, DirectLights, GBuffer, Gather, Surfaces};
 use std::sync::Arc;
 
 /// CPU seconds of the stages and counts of one frame; each stage fills in its part.
@@ -31,12 +31,16 @@ pub struct FrameFigures {
     pub thresholds: f64,
     /// Share of the tree's inner nodes whose children changed places.
     pub tree_swaps_share: f64,
-    /// Over the pixels that see a surface.
+    /// Over the cuts that were made for this frame.
     pub cut_size_mean: f64,
-    /// Largest cut of a pixel.
+    /// Largest of them.
     pub cut_size_max: u32,
     /// Of direct light and cuts.
     pub shadow_rays: u64,
+    /// Records of the irradiance cache that pixels took light from.
+    pub cache_records: u64,
+    /// Records that were computed.
+    pub cache_new: u64,
     /// Mean of threshold by luminance over the pixels that see a surface.
     pub threshold_mean_relative: f64,
     /// Pixels whose radiance was not finite; shown black.
@@ -44,15 +48,19 @@ pub struct FrameFigures {
 }
 
 /// A frame up to where thresholds are needed.
-pub struct Prepared {
+pub struct Prepared<'s> {
     /// Which one.
     pub frame: u32,
+    /// The scene in this frame's pose.
+    pub surfaces: Surfaces<'s>,
     /// The scene, ready for shadow rays.
     pub accelerator: Arc<Accelerator>,
     /// What lights a pixel directly.
     pub direct: Arc<DirectLights>,
     /// What lights it otherwise.
     pub tree: Arc<LightTree>,
+    /// What is around a point, and the light that the lights of the tree lose close by.
+    pub gather: Arc<Gather>,
     /// What each pixel sees.
     pub seen: Arc<GBuffer>,
     /// Where that was in the frame before; none for the first.

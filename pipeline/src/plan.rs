@@ -46,6 +46,10 @@ pub struct Plan {
     pub moving_anchors: State,
     /// Any anchor lights at all.
     pub indirect: State,
+    /// Indirect light is cached on surfaces.
+    pub cache: State,
+    /// The light that softened virtual lights lose is given back.
+    pub compensation: State,
     /// The masking model and the way back.
     pub masking: State,
     steps: Vec<Step>,
@@ -136,8 +140,22 @@ impl Plan {
         );
         let indirect = match settings.lighting {
             _ if !reflects => step("indirect light", State::Off, "no surface reflects light"),
+            Lighting::Lightcuts if settings.cache => step("indirect light", State::On, "a lightcut for each record"),
             Lighting::Lightcuts => step("indirect light", State::On, "a lightcut for each pixel"),
             Lighting::AllLights => step("indirect light", State::On, "every light at each pixel, as asked"),
+        };
+        let cache = match settings.lighting {
+            _ if indirect == State::Off => step("irradiance cache", State::Off, "there is no indirect light"),
+            Lighting::AllLights => step("irradiance cache", State::Off, "the reference has none"),
+            Lighting::Lightcuts if settings.cache => {
+                step("irradiance cache", State::On, "indirect light varies slowly")
+            }
+            Lighting::Lightcuts => step("irradiance cache", State::Off, "left out, as asked"),
+        };
+        let compensation = match settings.compensation {
+            _ if indirect == State::Off => step("compensation", State::Off, "there is no indirect light"),
+            true => step("compensation", State::On, "corners would be dark without the light of close lights"),
+            false => step("compensation", State::Off, "left out, as asked"),
         };
         let masking = match (settings.lighting, settings.thresholds) {
             (Lighting::AllLights, _) => step("masking thresholds", State::Off, "without cuts nothing stops at them"),
@@ -149,7 +167,19 @@ impl Plan {
             on(settings.motion && primary_rays != State::Off),
             if settings.motion { "vectors are known, no search" } else { "left out, as asked" },
         );
-        Self { placing, photons, photons_apart, tree_update, primary_rays, moving_anchors, indirect, masking, steps }
+        Self {
+            placing,
+            photons,
+            photons_apart,
+            tree_update,
+            primary_rays,
+            moving_anchors,
+            indirect,
+            cache,
+            compensation,
+            masking,
+            steps,
+        }
     }
 
     /// The plan line by line.

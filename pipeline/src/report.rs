@@ -86,15 +86,15 @@ pub struct FrameReport {
     pub seconds: Seconds,
     /// Photons that were traced; what the others leave is known from the first frame.
     pub photons_traced: u64,
-    /// Clusters in a pixel's cut.
+    /// Clusters in a cut; over the cuts that were made for this frame.
     pub cut_size_mean: f64,
     /// Largest cut.
     pub cut_size_max: u32,
     /// Shadow rays of direct light and cuts.
     pub shadow_rays: u64,
-    /// Irradiance cache: records in use. None are kept: every pixel has a cut of its own.
+    /// Irradiance cache: records that pixels of this frame took light from.
     pub cache_records: u64,
-    /// Irradiance cache: records made.
+    /// Irradiance cache: records computed for this frame, new ones and old ones afresh.
     pub cache_new: u64,
     /// Share of the light tree's inner nodes whose children changed places.
     pub tree_swaps_share: f64,
@@ -175,8 +175,8 @@ impl FrameReport {
             cut_size_mean: figures.cut_size_mean,
             cut_size_max: figures.cut_size_max,
             shadow_rays: figures.shadow_rays,
-            cache_records: 0,
-            cache_new: 0,
+            cache_records: figures.cache_records,
+            cache_new: figures.cache_new,
             tree_swaps_share: figures.tree_swaps_share,
             threshold_mean_relative: figures.threshold_mean_relative,
             kappa: 1.0,

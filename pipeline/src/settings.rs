@@ -17,6 +17,22 @@ pub enum Lighting {
     AllLights,
 }
 
+/// On or off, as typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Switch {
+    /// Do it.
+    On,
+    /// Leave it.
+    Off,
+}
+
+impl Switch {
+    /// Whether it is [`Switch::On`].
+    pub fn is_on(self) -> bool {
+        self == Self::On
+    }
+}
+
 /// Where the error that a pixel may have comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Thresholds {
@@ -97,6 +113,10 @@ pub struct Settings {
     pub kappa: f32,
     /// How indirect light is computed.
     pub lighting: Lighting,
+    /// Whether indirect light is cached on surfaces and interpolated.
+    pub cache: bool,
+    /// Whether the light that softened virtual lights lose close by is given back.
+    pub compensation: bool,
     /// Anchor lights on surfaces at rest.
     pub vpls: usize,
     /// Anchor lights on surfaces that move.
@@ -140,6 +160,10 @@ pub struct Wishes {
     pub kappa: Option<f32>,
     /// Default: lightcuts.
     pub lighting: Option<Lighting>,
+    /// Default: on.
+    pub cache: Option<Switch>,
+    /// Default: on.
+    pub compensation: Option<Switch>,
     /// Default: 2000 for a box to 9000 for a building.
     pub vpls: Option<usize>,
     /// Default: 150 for each anchor light, as in the paper.
@@ -219,6 +243,8 @@ impl Settings {
             thresholds: wishes.thresholds.unwrap_or(Thresholds::Perceptual),
             kappa,
             lighting: wishes.lighting.unwrap_or(Lighting::Lightcuts),
+            cache: wishes.cache.is_none_or(Switch::is_on),
+            compensation: wishes.compensation.is_none_or(Switch::is_on),
             vpls,
             moving_vpls: MOVING_ANCHORS,
             photons: wishes.photons.unwrap_or(PHOTONS_PER_ANCHOR * vpls as u64),

@@ -162,6 +162,16 @@ impl AnchorGrid {
         grid
     }
 
+    /// How many anchors it holds.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether it holds none.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
     /// The cell of a point; outside of the box, the nearest.
     fn cell_of(&self, position: Vec3A) -> [usize; 3] {
         let at = ((position - self.low) / self.cell).to_array();

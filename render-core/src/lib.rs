@@ -7,8 +7,10 @@ pub mod scene;
 mod accel;
 mod anchor;
 mod busy;
+pub mod cache;
 mod direct;
 mod emitter;
+mod gather;
 mod gbuffer;
 mod photon;
 mod polygon;
@@ -26,6 +28,7 @@ pub use emitter::{
     AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, Emission, Emitters, PhotonSource, PointLight, SunLight,
     dome_lights,
 };
+pub use gather::{Directions, Gather, Surroundings};
 pub use gbuffer::{Correspondence, GBuffer, MACROBLOCK, NO_MATCH, NOTHING, PixelSurface};
 pub use photon::{Energies, Photons, Swept};
 pub use reconstruct::{reconstruct, sample_places};

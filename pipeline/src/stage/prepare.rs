@@ -8,8 +8,8 @@ use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, Anchors, Busy, Correspondence, DirectLights, Emitters, GBuffer, Geometry, Photons, Surfaces, Swept,
-    Units, dome_lights,
+    Accelerator, Anchors, Busy, Correspondence, DirectLights, Emitters, GBuffer, Gather, Geometry, Photons, Surfaces,
+    Swept, Units, dome_lights,
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -27,7 +27,7 @@ const FEW_PATCHES: usize = 4;
 const SMALL_EXTENT: f32 = 0.1;
 
 /// Makes frames 0, 1, 2 … and sends them on; stops early when `stop` is set.
-pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, stop: &AtomicBool, out: &Sender<Prepared>) {
+pub fn run<'s>(scene: &'s Scene, settings: &Settings, plan: &Plan, stop: &AtomicBool, out: &Sender<Prepared<'s>>) {
     let mut preparation = Preparation::new(scene, settings, plan);
     for n in 0..settings.frames {
         if stop.load(Ordering::Relaxed) || out.send(preparation.frame(n)).is_err() {
@@ -37,8 +37,8 @@ pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, stop: &AtomicBool, o
 }
 
 /// What is kept from frame to frame.
-struct Preparation<'a> {
-    scene: &'a Scene,
+struct Preparation<'s, 'a> {
+    scene: &'s Scene,
     settings: &'a Settings,
     plan: &'a Plan,
     geometry: Geometry,
@@ -52,11 +52,19 @@ struct Kept {
     accelerator: Arc<Accelerator>,
     direct: Arc<DirectLights>,
     tree: Arc<LightTree>,
+    gather: Arc<Gather>,
     seen: Arc<GBuffer>,
 }
 
-impl<'a> Preparation<'a> {
-    fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan) -> Self {
+/// The lights of a frame.
+struct Lights {
+    tree: Arc<LightTree>,
+    direct: Arc<DirectLights>,
+    gather: Arc<Gather>,
+}
+
+impl<'s, 'a> Preparation<'s, 'a> {
+    fn new(scene: &'s Scene, settings: &'a Settings, plan: &'a Plan) -> Self {
         let units = Units::of(scene);
         let rest = scene.pose(0.0);
         let carried = if plan.moving_anchors == State::Off { 0 } else { settings.moving_vpls };
@@ -71,7 +79,7 @@ impl<'a> Preparation<'a> {
         Self { scene, settings, plan, geometry: Geometry::new(scene), units, anchors, photons, kept: None }
     }
 
-    fn frame(&mut self, n: u32) -> Prepared {
+    fn frame(&mut self, n: u32) -> Prepared<'s> {
         let mut figures = FrameFigures::default();
         let busy = Busy::default();
         let pose = self.scene.pose(self.settings.time(n));
@@ -82,7 +90,7 @@ impl<'a> Preparation<'a> {
         };
         figures.update = busy.seconds();
 
-        let (tree, direct) = self.lights(n, &pose, &surfaces, &accelerator, &mut figures);
+        let Lights { tree, direct, gather } = self.lights(n, &pose, &surfaces, &accelerator, &mut figures);
 
         let busy = Busy::default();
         let Size { width, height } = self.settings.size;
@@ -97,12 +105,14 @@ impl<'a> Preparation<'a> {
             self.kept.as_ref().map(|before| Arc::new(Correspondence::between(&seen, &before.seen, &busy)));
         figures.visibility = busy.seconds();
 
-        let kept = Kept { accelerator, direct, tree, seen };
+        let kept = Kept { accelerator, direct, tree, gather, seen };
         let prepared = Prepared {
             frame: n,
+            surfaces,
             accelerator: kept.accelerator.clone(),
             direct: kept.direct.clone(),
             tree: kept.tree.clone(),
+            gather: kept.gather.clone(),
             seen: kept.seen.clone(),
             correspondence,
             epsilon: self.units.epsilon,
@@ -120,9 +130,10 @@ impl<'a> Preparation<'a> {
         surfaces: &Surfaces,
         accelerator: &Accelerator,
         figures: &mut FrameFigures,
-    ) -> (Arc<LightTree>, Arc<DirectLights>) {
+    ) -> Lights {
         if let Some(kept) = self.kept.as_ref().filter(|_| !self.plan.photons.runs(n) && !self.plan.placing.runs(n)) {
-            return (kept.tree.clone(), kept.direct.clone());
+            let Kept { tree, direct, gather, .. } = kept;
+            return Lights { tree: tree.clone(), direct: direct.clone(), gather: gather.clone() };
         }
         let busy = Busy::default();
         let emitters = Emitters::new(surfaces, pose, &self.units);
@@ -157,9 +168,14 @@ impl<'a> Preparation<'a> {
                 Arc::new(busy.measure(|| LightTree::build(&lights, params)))
             }
         };
-        figures.tree = busy.seconds();
         let direct = DirectLights::new(&emitters, surfaces, &self.anchors, &energies.carried, &sampled);
-        (tree, Arc::new(direct))
+        let mut glow_softened = vec![false; self.scene.instances.len()];
+        for place in (0..emitters.areas.len()).filter(|place| !sampled.contains(place)) {
+            glow_softened[emitters.areas[place].instance] = true;
+        }
+        let gather = busy.measure(|| Gather::new(surfaces, &self.anchors, &energies, glow_softened));
+        figures.tree = busy.seconds();
+        Lights { tree, direct: Arc::new(direct), gather: Arc::new(gather) }
     }
 
     /// Places of the glowing surfaces that each pixel asks for itself: few and compact ones, and those that move.

@@ -1,0 +1,117 @@
+//! What a cut needs to know of a frame: who sees whom, and when to stop.
+
+use super::WITHOUT_THRESHOLD;
+use crate::message::{FrameFigures, Prepared};
+use crate::settings::{Settings, Thresholds};
+use glam::{Vec3, Vec3A};
+use lighttree::{Light, Stop};
+use perceptual::ThresholdMap;
+use plane::Plane;
+use render_core::{Directions, PixelSurface, Receiver, Surroundings, luminance};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+
+/// Rays of a look around: what compensation gives back is a few per cent of the light, known to a few per cent of itself.
+const LOOKS: usize = 64;
+
+/// A frame whose indirect light is asked for, from many threads at once.
+pub(super) struct LightTransport<'a> {
+    pub settings: &'a Settings,
+    pub prepared: &'a Prepared<'a>,
+    pub map: &'a ThresholdMap,
+    /// Radiance known before any cut.
+    pub direct: &'a Plane<Vec3>,
+    /// Whether the light that softening takes is given back.
+    pub compensates: bool,
+    pub figures: Figures,
+    directions: Directions,
+}
+
+impl<'a> LightTransport<'a> {
+    pub fn new(
+        settings: &'a Settings,
+        prepared: &'a Prepared,
+        map: &'a ThresholdMap,
+        direct: &'a Plane<Vec3>,
+        compensates: bool,
+    ) -> Self {
+        let directions = Directions::new(LOOKS);
+        Self { settings, prepared, map, direct, compensates, figures: Figures::default(), directions }
+    }
+
+    /// Whether light from `lamp` arrives at `receiver`.
+    #[inline]
+    pub fn visible(&self, receiver: &Receiver, lamp: &Light) -> bool {
+        let lamp = Vec3A::from(lamp.position);
+        // A light below the triangle's own plane is hidden by it, whatever the smooth normal says.
+        receiver.geometric_normal.dot(lamp - receiver.position) > 0.0
+            && !self.prepared.accelerator.occluded(receiver.position, lamp)
+    }
+
+    pub fn look_around(&self, receiver: &Receiver, key: u64) -> Surroundings {
+        let Prepared { accelerator, surfaces, gather, .. } = self.prepared;
+        gather.look_around(accelerator, surfaces, receiver, &self.directions, key)
+    }
+
+    /// The absolute threshold of a pixel, if it has one \[W·m⁻²·sr⁻¹\].
+    pub fn threshold(&self, x: usize, y: usize) -> Option<f32> {
+        (self.settings.thresholds == Thresholds::Perceptual).then(|| self.map.get(x, y)).flatten()
+    }
+
+    /// Share of its luminance that a pixel without absolute threshold may be wrong by.
+    pub fn relative_threshold(&self) -> f32 {
+        match self.settings.thresholds {
+            Thresholds::Perceptual => WITHOUT_THRESHOLD,
+            Thresholds::Fixed(share) => share,
+        }
+    }
+
+    /// When the cut of a pixel ends.
+    pub fn stop_at_pixel(&self, x: usize, y: usize) -> Stop {
+        let relative = || Stop::Relative {
+            fraction: self.relative_threshold(),
+            known_luminance: luminance(self.direct.get(x, y)),
+        };
+        self.threshold(x, y).map_or_else(relative, Stop::Absolute)
+    }
+}
+
+/// The place of a pixel's surface where rays start.
+pub(super) fn receiver(pixel: &PixelSurface, epsilon: f32) -> Receiver {
+    let geometric_normal = Vec3A::from(pixel.geometric_normal);
+    Receiver {
+        position: Vec3A::from(pixel.position) + geometric_normal * epsilon,
+        normal: pixel.shading_normal.into(),
+        geometric_normal,
+    }
+}
+
+/// Counts of a frame. Sums and maxima of integers: the same in any order.
+#[derive(Default)]
+pub(super) struct Figures {
+    cuts: AtomicU64,
+    sizes: AtomicU64,
+    largest: AtomicU32,
+    rays: AtomicU64,
+}
+
+impl Figures {
+    /// A cut of `size` clusters for which `rays` shadow rays were cast.
+    pub fn count(&self, size: u32, rays: u32) {
+        self.cuts.fetch_add(1, Ordering::Relaxed);
+        self.sizes.fetch_add(size.into(), Ordering::Relaxed);
+        self.largest.fetch_max(size, Ordering::Relaxed);
+        self.count_rays(rays);
+    }
+
+    /// Shadow rays besides.
+    pub fn count_rays(&self, rays: u32) {
+        self.rays.fetch_add(rays.into(), Ordering::Relaxed);
+    }
+
+    pub fn put_into(&self, figures: &mut FrameFigures) {
+        let cuts = self.cuts.load(Ordering::Relaxed).max(1);
+        figures.cut_size_mean = self.sizes.load(Ordering::Relaxed) as f64 / cuts as f64;
+        figures.cut_size_max = self.largest.load(Ordering::Relaxed);
+        figures.shadow_rays += self.rays.load(Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,52 @@
+//! Indirect light without a cache: each pixel asks for itself.
+
+use super::cuts::{LightTransport, receiver};
+use super::macroblock::by_macroblock;
+use crate::settings::Lighting;
+use glam::Vec3;
+use lighttree::{Lambert, Scratch};
+use plane::Plane;
+use render_core::{Busy, NOTHING};
+use std::cell::Cell;
+use std::f32::consts::PI;
+
+/// Indirectly reflected radiance of every pixel; adds the work to `busy`.
+pub(super) fn light(transport: &LightTransport, busy: &Busy) -> Plane<Vec3> {
+    let pixels = &transport.prepared.seen.pixels;
+    by_macroblock(pixels.width(), pixels.height(), busy, Scratch::default, |scratch, x, y| {
+        pixel(transport, x, y, scratch)
+    })
+}
+
+fn pixel(transport: &LightTransport, x: usize, y: usize, scratch: &mut Scratch) -> Vec3 {
+    let pixel = transport.prepared.seen.pixels.get(x, y);
+    let albedo = Vec3::from(pixel.albedo);
+    if pixel.instance == NOTHING || albedo == Vec3::ZERO {
+        return Vec3::ZERO;
+    }
+    let receiver = receiver(&pixel, transport.prepared.epsilon);
+    let lambert = Lambert { position: receiver.position.into(), normal: receiver.normal.into(), reflectance: albedo };
+    let tree = &transport.prepared.tree;
+    let light = match transport.settings.lighting {
+        Lighting::Lightcuts => {
+            let visible = |lamp: &lighttree::Light, _| transport.visible(&receiver, lamp);
+            let cut = tree.lightcut(&lambert, transport.stop_at_pixel(x, y), visible, scratch);
+            transport.figures.count(cut.size, cut.shadow_rays);
+            cut.radiance
+        }
+        Lighting::AllLights => {
+            let asked = Cell::new(0);
+            let light = tree.exhaustive(&lambert, |lamp, _| {
+                asked.set(asked.get() + 1);
+                transport.visible(&receiver, lamp)
+            });
+            transport.figures.count(tree.len() as u32, asked.get());
+            light
+        }
+    };
+    if !transport.compensates {
+        return light;
+    }
+    let found = transport.look_around(&receiver, (y as u64) << 32 | x as u64);
+    light + albedo / PI * transport.prepared.gather.removed_light(&found).0
+}

@@ -1,0 +1,219 @@
+//! An irradiance cache: indirect light varies slowly over a surface, so it is computed at few places and interpolated
+//! between them, from pixel to pixel and from frame to frame.
+//!
+//! After \[Ward88\] and \[WardHeckbert92\] with the practice of \[Krivanek08\]; what lights a place is somebody else's
+//! knowledge, behind [`Illumination`].
+//!
+//! A frame goes like this: records on moving things are carried along; the records that the picture may need are brought up
+//! to date; lattices of pixels, coarse to fine, are looked through for pixels that no record covers, and get one; at last
+//! every pixel is the weighted mean of the records around it.
+//!
+//! # Differs from the papers
+//! * The weight is `(1 − e²)²` of the error measure e and ends smoothly at e = 1, so that a record's border is no edge.
+//! * A record is made where the weights sum to less than a minimum, not where none is left. What a pass adds depends on
+//!   earlier passes alone, so the result does not depend on the number of threads.
+//! * The turn of the normal is accounted for exactly by the vector irradiance, as long as no light crosses the horizon.
+
+mod fill;
+mod interpolate;
+mod record;
+mod spacing;
+mod tile;
+
+pub use record::{Estimate, Illumination, Site};
+pub use spacing::footprint;
+
+use crate::gbuffer::{GBuffer, NOTHING, PixelSurface};
+use crate::{Busy, MACROBLOCK};
+use glam::{Affine3A, Vec3A};
+use plane::Plane;
+use rayon::prelude::*;
+use record::Record;
+use tile::Tiles;
+
+/// Frames that a record may stay unseen before it is given up.
+const PATIENCE: u32 = 50;
+/// Most records kept; beyond, those unseen for longest go first.
+const MOST_RECORDS: usize = 100_000;
+/// While things move, each record in view is computed afresh every so many frames, in turns.
+const TURN: u32 = 16;
+
+/// Records of light on surfaces, kept from frame to frame. `R` is what an [`Illumination`] keeps with each.
+pub struct IrradianceCache<R> {
+    records: Vec<Record<R>>,
+    frame: u32,
+    /// Frame of the last change of light or things.
+    changed: u32,
+    made: u32,
+    /// Where the instances stood in the last frame.
+    world: Vec<Affine3A>,
+}
+
+/// What is different from the frame before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct News {
+    /// The lights have other energies.
+    pub light: bool,
+    /// Something that blocks or reflects light has moved.
+    pub things: bool,
+}
+
+/// Irradiance of a picture, and what it took.
+#[derive(Clone, Debug)]
+pub struct CachedLight {
+    /// \[W·m⁻²\], linear RGB, on the side of each pixel's shading normal; zero where no surface reflects.
+    pub irradiance: Plane<[f32; 3]>,
+    /// Records that some pixel took its light from.
+    pub in_use: usize,
+    /// Records computed, new ones and old ones afresh.
+    pub computed: usize,
+}
+
+impl<R> Default for IrradianceCache<R> {
+    fn default() -> Self {
+        Self { records: Vec::new(), frame: 0, changed: 0, made: 0, world: Vec::new() }
+    }
+}
+
+impl<R: Send + Sync> IrradianceCache<R> {
+    /// Lights the picture `seen`. `moving` says for each instance whether it ever moves; adds the work to `busy`.
+    ///
+    /// The result depends on the arguments of this call and the calls before it, not on the number of threads.
+    pub fn light<I: Illumination<Recipe = R>>(
+        &mut self,
+        seen: &GBuffer,
+        moving: &[bool],
+        news: News,
+        illumination: &I,
+        busy: &Busy,
+    ) -> CachedLight {
+        self.frame += 1;
+        let picture = Picture { seen, moving };
+        busy.measure(|| self.carry_along(seen));
+        let mut tiles = Tiles::new(&picture, busy);
+        let all: Vec<usize> = (0..self.records.len()).collect();
+        let listed = tiles.list(&picture, &self.records, &all, busy);
+        let mut computed = self.bring_up_to_date(&listed, news, illumination, busy);
+        if news.light || news.things {
+            tiles.clear();
+            tiles.list(&picture, &self.records, &listed, busy);
+        }
+        computed += self.fill(&picture, &mut tiles, illumination, busy);
+        let (irradiance, used) = interpolate::picture(&picture, &tiles, &self.records, busy);
+        let in_use = used.len();
+        for index in used {
+            self.records[index].seen = self.frame;
+        }
+        self.forget();
+        CachedLight { irradiance, in_use, computed }
+    }
+
+    /// Records on moving things move with them.
+    fn carry_along(&mut self, seen: &GBuffer) {
+        if self.world.len() == seen.world.len() {
+            let carry: Vec<Option<Affine3A>> = seen
+                .world
+                .iter()
+                .zip(&self.world)
+                .map(|(now, then)| (now != then).then(|| *now * then.inverse()))
+                .collect();
+            for record in self.records.iter_mut().filter(|record| record.site.carrier != NOTHING) {
+                if let Some(carry) = carry[record.site.carrier as usize] {
+                    record.site.carried_by(&carry);
+                    record.computed = 0;
+                }
+            }
+            self.records.retain(|record| record.site.position.is_finite() && record.site.normal != Vec3A::ZERO);
+        }
+        self.world.clone_from(&seen.world);
+    }
+
+    /// Brings the `listed` records to this frame's light; returns how many were computed afresh.
+    fn bring_up_to_date<I: Illumination<Recipe = R>>(
+        &mut self,
+        listed: &[usize],
+        news: News,
+        illumination: &I,
+        busy: &Busy,
+    ) -> usize {
+        let (frame, changed_before) = (self.frame, self.changed);
+        if news.light || news.things {
+            self.changed = frame;
+        }
+        let changed = self.changed;
+        let mut wanted = vec![false; self.records.len()];
+        listed.iter().for_each(|&index| wanted[index] = true);
+        let fresh: Vec<bool> = self
+            .records
+            .par_iter_mut()
+            .zip(&wanted)
+            .with_min_len(8)
+            .map_init(I::Scratch::default, |scratch, (record, &wanted)| {
+                if !wanted || record.current >= changed {
+                    return false;
+                }
+                busy.measure(|| {
+                    let turn = news.things && (record.number.wrapping_add(frame)).is_multiple_of(TURN);
+                    let kept_up = record.computed > 0 && record.current >= changed_before;
+                    record.current = frame;
+                    if kept_up
+                        && !turn
+                        && let Some(estimate) = illumination.relight(&record.site, &mut record.recipe)
+                    {
+                        record.relit(estimate);
+                        return false;
+                    }
+                    let (estimate, recipe) = illumination.compute(&record.site, scratch);
+                    record.computed_afresh(frame, estimate, recipe);
+                    true
+                })
+            })
+            .collect();
+        fresh.iter().filter(|&&fresh| fresh).count()
+    }
+
+    fn forget(&mut self) {
+        let frame = self.frame;
+        self.records.retain(|record| frame - record.seen <= PATIENCE);
+        if self.records.len() > MOST_RECORDS {
+            let mut last_seen: Vec<u32> = self.records.iter().map(|record| record.seen).collect();
+            let (_, &mut oldest, _) = last_seen.select_nth_unstable(self.records.len() - MOST_RECORDS);
+            self.records.retain(|record| record.seen > oldest);
+        }
+    }
+}
+
+/// The picture that is lit.
+struct Picture<'a> {
+    seen: &'a GBuffer,
+    moving: &'a [bool],
+}
+
+impl Picture<'_> {
+    fn size(&self) -> (usize, usize) {
+        (self.seen.pixels.width(), self.seen.pixels.height())
+    }
+
+    /// Columns and rows of macroblock `tile`, in raster order of macroblocks.
+    fn tile_area(&self, tile: usize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+        let (width, height) = self.size();
+        let across = width.div_ceil(MACROBLOCK);
+        let (left, top) = (tile % across * MACROBLOCK, tile / across * MACROBLOCK);
+        (left..width.min(left + MACROBLOCK), top..height.min(top + MACROBLOCK))
+    }
+
+    /// Where light is wanted at a pixel, if anything there reflects.
+    fn site(&self, x: usize, y: usize) -> Option<Site> {
+        let pixel: PixelSurface = self.seen.pixels.get(x, y);
+        (pixel.instance != NOTHING && pixel.albedo != [0.0; 3]).then(|| Site {
+            position: pixel.position.into(),
+            normal: pixel.shading_normal.into(),
+            geometric_normal: pixel.geometric_normal.into(),
+            carrier: if self.moving[pixel.instance as usize] { pixel.instance } else { NOTHING },
+            key: (y as u64) << 32 | x as u64,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,104 @@
+//! A record: where it is, what light was found there, and how that changes around it.
+
+use glam::{Affine3A, Mat3A, Vec3, Vec3A};
+
+/// A place on a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Site {
+    /// On the surface, world space \[m\].
+    pub position: Vec3A,
+    /// Unit normal to shade with.
+    pub normal: Vec3A,
+    /// Unit normal of the triangle, on the same side.
+    pub geometric_normal: Vec3A,
+    /// The instance, if it is one that moves; else [`NOTHING`](crate::NOTHING).
+    pub carrier: u32,
+    /// For random numbers: it stays with a record for life.
+    pub key: u64,
+}
+
+impl Site {
+    /// Moves along with what it sits on; what cannot be moved, since all is squeezed flat, loses its normal.
+    pub(super) fn carried_by(&mut self, carry: &Affine3A) {
+        let normals = crate::scene::normal_matrix(carry);
+        self.position = carry.transform_point3a(self.position);
+        self.normal = (normals * self.normal).normalize_or_zero();
+        self.geometric_normal = (normals * self.geometric_normal).normalize_or_zero();
+    }
+}
+
+/// The light at a site.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// \[W·m⁻²\], linear RGB.
+    pub irradiance: Vec3,
+    /// Derivative by the normal: a column for each axis.
+    pub by_normal: Mat3A,
+    /// Derivative by the position \[W·m⁻³\]: a column for each axis.
+    pub by_position: Mat3A,
+    /// Harmonic mean distance of the surfaces around \[m\]; may be infinite.
+    pub harmonic_mean: f32,
+    /// Distance to the nearest of them \[m\]; may be infinite.
+    pub nearest: f32,
+}
+
+/// What knows the light at a place; asked from many threads at once.
+pub trait Illumination: Sync {
+    /// What is kept with a record so that it can be lit again for less than a new one.
+    type Recipe: Send + Sync;
+    /// Memory that a thread reuses from one record to the next.
+    type Scratch: Default;
+
+    /// The light at `site`, from nothing.
+    fn compute(&self, site: &Site, scratch: &mut Self::Scratch) -> (Estimate, Self::Recipe);
+
+    /// The light at a `site` that was up to date in the frame before; `None` when too much has changed near it, and it has
+    /// to be computed.
+    fn relight(&self, site: &Site, recipe: &mut Self::Recipe) -> Option<Estimate>;
+}
+
+/// A site with its light.
+pub(super) struct Record<R> {
+    pub site: Site,
+    pub estimate: Estimate,
+    pub recipe: R,
+    /// How far around it may be used, before the picture has a say \[m\].
+    pub radius: f32,
+    /// Which one it was ever made.
+    pub number: u32,
+    /// Frame it was computed in; 0 if that no longer counts.
+    pub computed: u32,
+    /// Frame it was last brought up to date in.
+    pub current: u32,
+    /// Frame in which a pixel last took light from it.
+    pub seen: u32,
+}
+
+impl<R> Record<R> {
+    pub fn new(site: Site, (estimate, recipe): (Estimate, R), number: u32, frame: u32) -> Self {
+        let radius = super::spacing::radius(&estimate);
+        Self { site, estimate, recipe, radius, number, computed: frame, current: frame, seen: frame }
+    }
+
+    /// New light on the same surroundings.
+    pub fn relit(&mut self, estimate: Estimate) {
+        self.estimate = estimate;
+    }
+
+    /// Everything new but the place.
+    pub fn computed_afresh(&mut self, frame: u32, estimate: Estimate, recipe: R) {
+        // What neighbours know of the surroundings holds on.
+        self.radius = self.radius.min(super::spacing::radius(&estimate));
+        (self.estimate, self.recipe, self.computed) = (estimate, recipe, frame);
+    }
+
+    /// Irradiance it predicts at a place nearby.
+    #[inline]
+    pub fn extrapolate(&self, position: Vec3A, normal: Vec3A) -> Vec3A {
+        let Estimate { irradiance, by_normal, by_position, .. } = &self.estimate;
+        let predicted = Vec3A::from(*irradiance)
+            + *by_normal * (normal - self.site.normal)
+            + *by_position * (position - self.site.position);
+        predicted.max(Vec3A::ZERO)
+    }
+}

@@ -1,0 +1,66 @@
+//! How far around its place a record may be used.
+
+use super::record::{Estimate, Record, Site};
+use crate::scene::View;
+
+/// Radius by harmonic mean distance: Ward's a \[Ward88, eq. 2\]. Ours is larger than the usual 0.1…0.4, since the weights
+/// fall off towards the border and reach zero there.
+const BY_HARMONIC_MEAN: f32 = 0.6;
+/// Radius by distance of the nearest surface: to either side of a thin wall its records end before it.
+const BY_NEAREST: f32 = 1.0;
+/// Change of irradiance over the radius that its gradient may predict, as a share of the irradiance \[Krivanek08\].
+const BY_GRADIENT: f32 = 0.7;
+/// Radius on the screen at least and at most \[pixels\] \[Tabellion & Lamorlette 2004\].
+const ON_SCREEN: (f32, f32) = (3.0, 40.0);
+
+/// Radius that the surroundings allow \[m\].
+pub(super) fn radius(estimate: &Estimate) -> f32 {
+    let gradient = estimate.by_position;
+    let luminance = |v| crate::luminance(glam::Vec3::from(v));
+    let slope = glam::Vec3A::new(luminance(gradient.x_axis), luminance(gradient.y_axis), luminance(gradient.z_axis));
+    // NaN from 0/0 in the dark gives way to the other two.
+    (BY_HARMONIC_MEAN * estimate.harmonic_mean)
+        .min(BY_NEAREST * estimate.nearest)
+        .min(BY_GRADIENT * luminance(estimate.irradiance.into()) / slope.length())
+}
+
+/// Width of a pixel on the surface at `site` \[m\]: that of a square pixel of the same area where it is seen askew.
+pub(super) fn pixel_width(site: &Site, view: &View) -> f32 {
+    let Some((pixel, depth)) = view.project(site.position) else { return 0.0 };
+    let cosine = view.ray(pixel).1.dot(site.geometric_normal).abs();
+    view.pixel_width(depth) / cosine.max(0.04).sqrt()
+}
+
+/// Radius on the screen that a record at `site` is going to have at most \[pixels\], by what is around it: the part of the
+/// picture that it answers for.
+pub fn footprint(site: &Site, harmonic_mean: f32, nearest: f32, view: &View) -> f32 {
+    let radius = (BY_HARMONIC_MEAN * harmonic_mean).min(BY_NEAREST * nearest);
+    (radius / pixel_width(site, view)).clamp(ON_SCREEN.0, ON_SCREEN.1)
+}
+
+/// Smallest radius that a record at `site` can come to have in this view \[m\].
+pub(super) fn least_radius(site: &Site, view: &View) -> f32 {
+    ON_SCREEN.0 * pixel_width(site, view)
+}
+
+/// Radius of `record` in this view \[m\].
+pub(super) fn radius_in_view<R>(record: &Record<R>, view: &View) -> f32 {
+    let pixel = pixel_width(&record.site, view);
+    record.radius.clamp(ON_SCREEN.0 * pixel, ON_SCREEN.1 * pixel)
+}
+
+/// Neighbour clamping \[Krivanek08, section 4.3.2\]: what is near to one record is not much farther from the next, even if its
+/// rays have missed it. Applied to the records from `first` on, against all.
+pub(super) fn clamp_to_neighbours<R>(records: &mut [Record<R>], first: usize) {
+    let places: Vec<(glam::Vec3A, f32)> = records.iter().map(|r| (r.site.position, r.radius)).collect();
+    for (index, record) in records.iter_mut().enumerate().skip(first) {
+        let mut radius = record.radius;
+        for (other, &(position, other_radius)) in places.iter().enumerate() {
+            // |x − y| + R_y ≥ R_x needs no root when R_y alone is enough.
+            if other_radius < radius && other != index {
+                radius = radius.min(other_radius + position.distance(record.site.position));
+            }
+        }
+        record.radius = radius;
+    }
+}

@@ -1,0 +1,207 @@
+//! Short looks around a point: how near the surroundings are, and the light that softening took from its virtual lights.
+//!
+//! A virtual light is softened, `cos θ cos θ_l / (r² + s)` in place of `/ r²`, so that a single one cannot outshine its
+//! surroundings nearby. What that removes is light from close by \[Kollig & Keller 2004, Illumination in the presence of
+//! weak singularities\]:
+//!
+//! ```text
+//! E_removed(x) = ∫ L(y) cos θ · s / (r² + s) dω  ≈  π/N Σ L(yᵢ) · s / (rᵢ² + s)      for N cosine-distributed rays
+//!   s   softening, m²          r   distance from x to y, where the ray ends
+//!   L   radiance that the virtual lights around y stand for: their mean flux / (π · area share), plus what y emits
+//!       where its glow is made of virtual lights too
+//! ```
+//!
+//! # Differs from the paper
+//! L(y) comes from the virtual lights around y and not from a path traced onward: what is given back is what was taken, no
+//! more, and a ray costs a look-up.
+
+use crate::accel::Accelerator;
+use crate::anchor::{Anchor, AnchorGrid, Anchors};
+use crate::direct::Receiver;
+use crate::photon::Energies;
+use crate::sampling::{concentric_disc, frame, hash_unit, sobol_point};
+use crate::surface::{Surface, Surfaces};
+use glam::{Mat3A, Vec3, Vec3A};
+use std::f32::consts::PI;
+
+/// Rays that give back less than this share of what they see are not followed up: in sum not even half a per cent.
+const LEAST_SHARE: f32 = 5e-4;
+
+/// What the virtual lights of a frame stand for, ready to be asked from anywhere.
+pub struct Gather {
+    fixed: AnchorGrid,
+    carried: AnchorGrid,
+    /// Radiance around each fixed anchor, then around each carried one \[W·m⁻²·sr⁻¹\].
+    radiance: Vec<Vec3>,
+    /// Softening of the fixed and of the carried anchors \[m²\].
+    softening: [f32; 2],
+    /// By instance.
+    moving: Vec<bool>,
+    /// Instances whose own glow is made of virtual lights with the softening of the fixed anchors.
+    glow_softened: Vec<bool>,
+}
+
+/// Directions of one look around: even over the disc below, cosine-distributed on the hemisphere above it.
+#[derive(Clone, Debug)]
+pub struct Directions(Vec<Vec3A>);
+
+/// What a look around found.
+#[derive(Clone, Debug, Default)]
+pub struct Surroundings {
+    /// Harmonic mean distance of what the rays met \[m\]; infinite where they met nothing.
+    pub harmonic_mean: f32,
+    /// Distance to the nearest of it \[m\].
+    pub nearest: f32,
+    sources: Vec<Source>,
+    emitted: Vec3,
+    emitted_by_position: Mat3A,
+}
+
+/// A piece of surface nearby whose light was taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Source {
+    /// Place in [`Gather::radiance`].
+    anchor: u32,
+    /// Irradiance per radiance.
+    share: f32,
+    /// Derivative of `share` by the position \[m⁻¹\].
+    by_position: Vec3A,
+}
+
+impl Directions {
+    /// `count` directions; a power of two is the most even.
+    pub fn new(count: usize) -> Self {
+        let on_sphere = |i| {
+            let p = concentric_disc(sobol_point(i));
+            Vec3A::new(p.x, p.y, (1.0 - p.length_squared()).max(0.0).sqrt())
+        };
+        Self((0..count as u64).map(on_sphere).collect())
+    }
+}
+
+impl Gather {
+    /// For the frame of `surfaces`, with the `energies` that its photons left. `glow_softened` says for each instance
+    /// whether its glow is made of virtual lights as soft as the fixed anchors.
+    pub fn new(surfaces: &Surfaces, anchors: &Anchors, energies: &Energies, glow_softened: Vec<bool>) -> Self {
+        let scene = surfaces.scene();
+        let moving = scene.moving_nodes();
+        let carried_now = anchors.carried_in_world(surfaces);
+        let fixed = AnchorGrid::new(&anchors.fixed, anchors.area_share);
+        let carried = AnchorGrid::new(&carried_now, anchors.carried_area_share);
+        let mut radiance = around(&fixed, &anchors.fixed, &energies.fixed, anchors.area_share, false);
+        radiance.extend(around(&carried, &carried_now, &energies.carried, anchors.carried_area_share, true));
+        Self {
+            fixed,
+            carried,
+            radiance,
+            softening: [anchors.area_share / PI, anchors.carried_area_share / PI],
+            moving: scene.instances.iter().map(|instance| moving[instance.node]).collect(),
+            glow_softened,
+        }
+    }
+
+    /// Shoots the `directions` from `receiver`, turned about its normal by an angle that follows from `key`.
+    pub fn look_around(
+        &self,
+        accelerator: &Accelerator,
+        surfaces: &Surfaces,
+        receiver: &Receiver,
+        directions: &Directions,
+        key: u64,
+    ) -> Surroundings {
+        let Receiver { position, normal, geometric_normal } = *receiver;
+        let (x, y) = frame(normal.into());
+        let (sine, cosine) = (std::f32::consts::TAU * hash_unit(key, 0, 0)).sin_cos();
+        let (x, y) = (Vec3A::from(x * cosine + y * sine), Vec3A::from(y * cosine - x * sine));
+        let mut found = Surroundings { nearest: f32::INFINITY, ..Surroundings::default() };
+        let (mut inverse_distances, mut above) = (0.0, 0);
+        let weight = PI / directions.0.len() as f32;
+        for local in &directions.0 {
+            let direction = x * local.x + y * local.y + normal * local.z;
+            if direction.dot(geometric_normal) <= 0.0 {
+                continue;
+            }
+            above += 1;
+            let Some(hit) = accelerator.closest(position, direction) else { continue };
+            inverse_distances += 1.0 / hit.distance;
+            found.nearest = found.nearest.min(hit.distance);
+            let r2 = hit.distance * hit.distance;
+            let carried = self.moving[hit.instance as usize];
+            let softening = self.softening[usize::from(carried)];
+            let share = softening / (r2 + softening);
+            if share < LEAST_SHARE {
+                continue;
+            }
+            let surface = surfaces.at(&hit, direction, softening.sqrt());
+            let way = direction * hit.distance;
+            // ∇ ln of cos θ cos θ_l s / (r⁴ (r² + s)), the surface element held fixed: both cosines carry the way's length.
+            let towards = way.dot(surface.geometric_normal).min(-MIN_COSINE * hit.distance);
+            let falloff = way * (4.0 / r2 + 2.0 / (r2 + softening));
+            let gradient = falloff - surface.geometric_normal / towards - normal / way.dot(normal);
+            let source = Source { anchor: 0, share: weight * share, by_position: gradient * (weight * share) };
+            self.take(&surface, hit.instance, carried, source, &mut found);
+        }
+        found.harmonic_mean = above as f32 / inverse_distances;
+        found
+    }
+
+    /// How near a moving thing has to be for its own light to have lost much: from its anchors' softening \[m\].
+    pub fn reach_of_carried(&self) -> f32 {
+        if self.carried.is_empty() { 0.0 } else { self.softening[1].sqrt() }
+    }
+
+    /// Notes what `surface` gives back.
+    fn take(&self, surface: &Surface, instance: u32, carried: bool, source: Source, found: &mut Surroundings) {
+        if surface.emission != Vec3::ZERO && self.glow_softened[instance as usize] {
+            found.emitted += surface.emission * source.share;
+            found.emitted_by_position += outer(surface.emission, source.by_position);
+        }
+        if !surface.front && !surface.double_sided {
+            return;
+        }
+        let (grid, first) = if carried { (&self.carried, self.fixed.len()) } else { (&self.fixed, 0) };
+        let mut nearest = (0, 0.0);
+        grid.splat(surface.position, surface.geometric_normal, carried.then_some(instance), |anchor, weight| {
+            if weight > nearest.1 {
+                nearest = (anchor, weight);
+            }
+        });
+        if nearest.1 > 0.0 {
+            found.sources.push(Source { anchor: (first + nearest.0) as u32, ..source });
+        }
+    }
+
+    /// Irradiance that softening took at the place of `found`, with this frame's energies \[W·m⁻²\], and its derivative by
+    /// the position: RGB per metre, a column for each axis.
+    pub fn removed_light(&self, found: &Surroundings) -> (Vec3, Mat3A) {
+        let (mut sum, mut by_position) = (found.emitted, found.emitted_by_position);
+        for source in &found.sources {
+            let radiance = self.radiance[source.anchor as usize];
+            sum += radiance * source.share;
+            by_position += outer(radiance, source.by_position);
+        }
+        (sum, by_position)
+    }
+}
+
+/// Cosine below which a surface is taken as seen at that cosine, where only derivatives are concerned: they would not be
+/// finite edge on.
+const MIN_COSINE: f32 = 0.05;
+
+/// `a · bᵀ`.
+fn outer(a: Vec3, b: Vec3A) -> Mat3A {
+    let a = Vec3A::from(a);
+    Mat3A::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+/// Radiance around each of `anchors`, by the kernel that photons are shared out with.
+fn around(grid: &AnchorGrid, anchors: &[Anchor], flux: &[Vec3], area_share: f32, own_instance: bool) -> Vec<Vec3> {
+    let per_flux = 1.0 / (PI * area_share.max(f32::MIN_POSITIVE));
+    let mean = |anchor: &Anchor| {
+        let mut sum = Vec3::ZERO;
+        let instance = own_instance.then_some(anchor.instance);
+        grid.splat(anchor.position, anchor.normal, instance, |near, weight| sum += flux[near] * weight);
+        sum * per_flux
+    };
+    anchors.iter().map(mean).collect()
+}
