@@ -46,7 +46,7 @@ pub struct Gather {
 pub struct Directions(Vec<Vec3A>);
 
 /// What a look around found.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Surroundings {
     /// Harmonic mean distance of what the rays met \[m\]; infinite where they met nothing.
     pub harmonic_mean: f32,
@@ -113,7 +113,13 @@ impl Gather {
         let (x, y) = frame(normal.into());
         let (sine, cosine) = (std::f32::consts::TAU * hash_unit(key, 0, 0)).sin_cos();
         let (x, y) = (Vec3A::from(x * cosine + y * sine), Vec3A::from(y * cosine - x * sine));
-        let mut found = Surroundings { nearest: f32::INFINITY, ..Surroundings::default() };
+        let mut found = Surroundings {
+            harmonic_mean: f32::INFINITY,
+            nearest: f32::INFINITY,
+            sources: Vec::new(),
+            emitted: Vec3::ZERO,
+            emitted_by_position: Mat3A::ZERO,
+        };
         let (mut inverse_distances, mut above) = (0.0, 0);
         let weight = PI / directions.0.len() as f32;
         for local in &directions.0 {
@@ -134,10 +140,12 @@ impl Gather {
             }
             let surface = surfaces.at(&hit, direction, softening.sqrt());
             let way = direction * hit.distance;
-            // ∇ ln of cos θ cos θ_l s / (r⁴ (r² + s)), the surface element held fixed: both cosines carry the way's length.
+            // ∇ ln of cos θ cos θ_l s / (r⁴ (r² + s)) along the surface, the element of the other surface held fixed; both
+            // cosines carry the way's length.
             let towards = way.dot(surface.geometric_normal).min(-MIN_COSINE * hit.distance);
             let falloff = way * (4.0 / r2 + 2.0 / (r2 + softening));
-            let gradient = falloff - surface.geometric_normal / towards - normal / way.dot(normal);
+            let gradient = falloff - surface.geometric_normal / towards;
+            let gradient = gradient - normal * gradient.dot(normal);
             let source = Source { anchor: 0, share: weight * share, by_position: gradient * (weight * share) };
             self.take(&surface, hit.instance, carried, source, &mut found);
         }

@@ -46,12 +46,13 @@ fn tile<R>(picture: &Picture, tiles: &Tiles, index: usize, records: &[Record<R>]
             let (mut sum, mut weights) = (Vec3A::ZERO, 0.0);
             tile.weights(&site, |k, weight| {
                 used[k] = true;
-                sum += records[tile.records[k] as usize].extrapolate(site.position, site.normal) * weight;
+                let (record, trust) = tile.records[k];
+                sum += records[record as usize].extrapolate(site.position, site.normal, trust) * weight;
                 weights += weight;
             });
             light.push((sum / weights.max(f32::MIN_POSITIVE)).to_array());
         }
     }
-    let used = tile.records.iter().zip(used).filter(|(_, used)| *used).map(|(&record, _)| record as usize);
+    let used = tile.records.iter().zip(used).filter(|(_, used)| *used).map(|(&(record, _), _)| record as usize);
     (light, used.collect())
 }

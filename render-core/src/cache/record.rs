@@ -92,13 +92,11 @@ impl<R> Record<R> {
         (self.estimate, self.recipe, self.computed) = (estimate, recipe, frame);
     }
 
-    /// Irradiance it predicts at a place nearby.
+    /// Irradiance it predicts at a place nearby, with this much `trust` (0…1) in its derivatives.
     #[inline]
-    pub fn extrapolate(&self, position: Vec3A, normal: Vec3A) -> Vec3A {
+    pub fn extrapolate(&self, position: Vec3A, normal: Vec3A, trust: f32) -> Vec3A {
         let Estimate { irradiance, by_normal, by_position, .. } = &self.estimate;
-        let predicted = Vec3A::from(*irradiance)
-            + *by_normal * (normal - self.site.normal)
-            + *by_position * (position - self.site.position);
-        predicted.max(Vec3A::ZERO)
+        let change = *by_normal * (normal - self.site.normal) + *by_position * (position - self.site.position);
+        (Vec3A::from(*irradiance) + change * trust).max(Vec3A::ZERO)
     }
 }

@@ -1,7 +1,10 @@
 //! How far around its place a record may be used.
 
 use super::record::{Estimate, Record, Site};
+use super::tile::NORMAL_TOLERANCE;
+use crate::luminance;
 use crate::scene::View;
+use glam::{Mat3A, Vec3A};
 
 /// Radius by harmonic mean distance: Ward's a \[Ward88, eq. 2\]. Ours is larger than the usual 0.1…0.4, since the weights
 /// fall off towards the border and reach zero there.
@@ -10,18 +13,32 @@ const BY_HARMONIC_MEAN: f32 = 0.6;
 const BY_NEAREST: f32 = 1.0;
 /// Change of irradiance over the radius that its gradient may predict, as a share of the irradiance \[Krivanek08\].
 const BY_GRADIENT: f32 = 0.7;
+/// Length of the change of a normal that is tolerated: √(2 (1 − cos)).
+const LARGEST_TURN: f32 = 0.49;
+const _: () = assert!((LARGEST_TURN * LARGEST_TURN - 2.0 * NORMAL_TOLERANCE).abs() < 1e-3);
 /// Radius on the screen at least and at most \[pixels\] \[Tabellion & Lamorlette 2004\].
 const ON_SCREEN: (f32, f32) = (3.0, 40.0);
 
 /// Radius that the surroundings allow \[m\].
 pub(super) fn radius(estimate: &Estimate) -> f32 {
-    let gradient = estimate.by_position;
-    let luminance = |v| crate::luminance(glam::Vec3::from(v));
-    let slope = glam::Vec3A::new(luminance(gradient.x_axis), luminance(gradient.y_axis), luminance(gradient.z_axis));
     // NaN from 0/0 in the dark gives way to the other two.
     (BY_HARMONIC_MEAN * estimate.harmonic_mean)
         .min(BY_NEAREST * estimate.nearest)
-        .min(BY_GRADIENT * luminance(estimate.irradiance.into()) / slope.length())
+        .min(BY_GRADIENT * luminance(estimate.irradiance) / slope(&estimate.by_position))
+}
+
+/// How far the derivatives of a record of this radius are followed, 0…1: so far that they change the irradiance by no more
+/// than they may. Where the screen keeps the radius up, they would promise light that is not there.
+pub(super) fn trust(estimate: &Estimate, radius: f32) -> f32 {
+    let most = BY_GRADIENT * luminance(estimate.irradiance);
+    let change = (slope(&estimate.by_position) * radius).max(slope(&estimate.by_normal) * LARGEST_TURN);
+    if change > most { most / change } else { 1.0 }
+}
+
+/// Length of the luminance's derivative.
+fn slope(gradient: &Mat3A) -> f32 {
+    let Mat3A { x_axis, y_axis, z_axis } = *gradient;
+    Vec3A::from_array([x_axis, y_axis, z_axis].map(|column| luminance(column.into()))).length()
 }
 
 /// Width of a pixel on the surface at `site` \[m\]: that of a square pixel of the same area where it is seen askew.
@@ -52,7 +69,7 @@ pub(super) fn radius_in_view<R>(record: &Record<R>, view: &View) -> f32 {
 /// Neighbour clamping \[Krivanek08, section 4.3.2\]: what is near to one record is not much farther from the next, even if its
 /// rays have missed it. Applied to the records from `first` on, against all.
 pub(super) fn clamp_to_neighbours<R>(records: &mut [Record<R>], first: usize) {
-    let places: Vec<(glam::Vec3A, f32)> = records.iter().map(|r| (r.site.position, r.radius)).collect();
+    let places: Vec<(Vec3A, f32)> = records.iter().map(|r| (r.site.position, r.radius)).collect();
     for (index, record) in records.iter_mut().enumerate().skip(first) {
         let mut radius = record.radius;
         for (other, &(position, other_radius)) in places.iter().enumerate() {

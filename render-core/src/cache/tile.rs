@@ -1,7 +1,7 @@
 //! Which records a macroblock's pixels may take light from, laid out for a loop over them.
 
 use super::record::{Record, Site};
-use super::spacing::radius_in_view;
+use super::spacing::{radius_in_view, trust};
 use super::{Picture, Vec3A};
 use crate::{Busy, MACROBLOCK};
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// Records are looked at in groups of so many.
 pub(super) const LANES: usize = 8;
 /// 1 − cos of the largest angle between the normals of a record and of a pixel that uses it: 28°.
-const NORMAL_TOLERANCE: f32 = 0.12;
+pub(super) const NORMAL_TOLERANCE: f32 = 0.12;
 /// Distances along the normal count so many times as much: a step is another surface.
 const ACROSS: f32 = 5.0;
 
@@ -21,8 +21,8 @@ pub(super) struct Tile {
     high: Vec3A,
     /// Groups of candidates; the last is filled up with records that are nowhere.
     groups: Vec<Group>,
-    /// Index of each candidate's record.
-    pub records: Vec<u32>,
+    /// Index of each candidate's record, and the trust in its derivatives.
+    pub records: Vec<(u32, f32)>,
 }
 
 /// What the error measure of [`LANES`] records needs.
@@ -109,13 +109,13 @@ impl Tile {
         }
     }
 
-    fn add(&mut self, index: usize, site: &Site, radius: f32) {
+    fn add(&mut self, index: usize, site: &Site, (radius, trust): (f32, f32)) {
         let lane = self.records.len() % LANES;
         if lane == 0 {
             self.groups.push(Group::NOWHERE);
         }
         self.groups.last_mut().expect("just made").set(lane, site, radius);
-        self.records.push(index as u32);
+        self.records.push((index as u32, trust));
     }
 
     fn reached_by(&self, position: Vec3A, radius: f32) -> bool {
@@ -163,9 +163,12 @@ impl Tiles {
         chosen: &[usize],
         busy: &Busy,
     ) -> Vec<usize> {
-        let spheres: Vec<(usize, f32)> = busy.measure(|| {
-            chosen.iter().map(|&index| (index, radius_in_view(&records[index], &picture.seen.view))).collect()
-        });
+        let view = &picture.seen.view;
+        let reach = |&index: &usize| {
+            let radius = radius_in_view(&records[index], view);
+            (index, radius, trust(&records[index].estimate, radius))
+        };
+        let spheres: Vec<(usize, f32, f32)> = busy.measure(|| chosen.iter().map(reach).collect());
         // A row of tiles first rules out what none of them needs.
         let across = picture.size().0.div_ceil(MACROBLOCK).max(1);
         let reached: Vec<Vec<usize>> = self
@@ -177,14 +180,14 @@ impl Tiles {
                     let high = tiles.iter().fold(Vec3A::NEG_INFINITY, |high, tile| high.max(tile.high));
                     let together = Tile { low, high, ..Tile::default() };
                     let mut reached = Vec::new();
-                    for &(index, radius) in &spheres {
+                    for &(index, radius, trust) in &spheres {
                         let site = &records[index].site;
                         if !together.reached_by(site.position, radius) {
                             continue;
                         }
                         for tile in tiles.iter_mut() {
                             if tile.reached_by(site.position, radius) {
-                                tile.add(index, site, radius);
+                                tile.add(index, site, (radius, trust));
                                 reached.push(index);
                             }
                         }

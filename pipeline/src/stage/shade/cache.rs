@@ -161,7 +161,9 @@ impl Cuts<'_> {
             }
             let (x, y) = (x as usize, y as usize);
             let pixel = seen.pixels.get(x, y);
-            if pixel.instance == NOTHING || site.normal.dot(pixel.shading_normal.into()) < ALIKE_COSINE {
+            // What glows says nothing about what is lit beside it.
+            let glows = pixel.emission != [0.0; 3];
+            if pixel.instance == NOTHING || glows || site.normal.dot(pixel.shading_normal.into()) < ALIKE_COSINE {
                 continue;
             }
             let per_radiance = PI / luminance(pixel.albedo.into()).max(LEAST_REFLECTANCE);
