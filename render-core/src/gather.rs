@@ -84,7 +84,6 @@ impl Gather {
     /// whether its glow is made of virtual lights as soft as the fixed anchors.
     pub fn new(surfaces: &Surfaces, anchors: &Anchors, energies: &Energies, glow_softened: Vec<bool>) -> Self {
         let scene = surfaces.scene();
-        let moving = scene.moving_nodes();
         let carried_now = anchors.carried_in_world(surfaces);
         let fixed = AnchorGrid::new(&anchors.fixed, anchors.area_share);
         let carried = AnchorGrid::new(&carried_now, anchors.carried_area_share);
@@ -95,7 +94,7 @@ impl Gather {
             carried,
             radiance,
             softening: [anchors.area_share / PI, anchors.carried_area_share / PI],
-            moving: scene.instances.iter().map(|instance| moving[instance.node]).collect(),
+            moving: scene.moving_instances(),
             glow_softened,
         }
     }

@@ -123,7 +123,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
                     record.computed = 0;
                 }
             }
-            self.records.retain(|record| record.site.position.is_finite() && record.site.normal != Vec3A::ZERO);
+            // What bends does not keep its points in place: records there are made anew.
+            let bends = |carrier: u32| matches!(seen.deformed.get(carrier as usize), Some(Some(_)));
+            self.records.retain(|Record { site, .. }| {
+                site.position.is_finite()
+                    && site.normal != Vec3A::ZERO
+                    && (site.carrier == NOTHING || !bends(site.carrier))
+            });
         }
         self.world.clone_from(&seen.world);
     }

@@ -2,13 +2,14 @@
 
 use super::cuts::LightTransport;
 use crate::message::FrameFigures;
-use glam::{Affine3A, Mat3A, Vec3, Vec3A};
+use glam::{Affine3A, BVec3A, Mat3A, Vec3, Vec3A};
 use lighttree::{Cluster, Lambert, Scratch, Stop, irradiance_term};
 use plane::Plane;
 use render_core::cache::{Estimate, Illumination, IrradianceCache, News, Site, footprint};
-use render_core::scene::Scene;
-use render_core::{Busy, NOTHING, Receiver, Surroundings, luminance};
+use render_core::scene::{DeformedMesh, Scene};
+use render_core::{Busy, GBuffer, NOTHING, Receiver, Surroundings, luminance};
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 /// A record answers for many pixels and its error is seen as a stain: its threshold is this share of theirs.
 const FINENESS: f32 = 0.5;
@@ -23,9 +24,19 @@ pub(super) struct Cache {
     records: IrradianceCache<Recipe>,
     /// Of the frame before.
     intensities: Vec<Vec3>,
-    world: Vec<Affine3A>,
-    /// Box around each instance that moves, in its own space.
-    boxes: Option<Vec<Option<(Vec3A, Vec3A)>>>,
+    /// Where the instances were in the frame before; none before the first.
+    places: Vec<Option<Place>>,
+}
+
+/// Where an instance that moves is, and in what shape.
+#[derive(Clone, PartialEq)]
+struct Place {
+    world: Affine3A,
+    /// The box around it in its own space.
+    low: Vec3A,
+    high: Vec3A,
+    /// Its vertices, where these are bent.
+    shape: Option<Arc<DeformedMesh>>,
 }
 
 /// What a record is made of.
@@ -40,16 +51,14 @@ impl Cache {
         let prepared = transport.prepared;
         let seen = &*prepared.seen;
         let scene = prepared.surfaces.scene();
-        let moving_nodes = scene.moving_nodes();
-        let moving: Vec<bool> = scene.instances.iter().map(|instance| moving_nodes[instance.node]).collect();
-        let boxes = self.boxes.get_or_insert_with(|| boxes(scene, &moving));
+        let moving = scene.moving_instances();
+        let places = places(scene, &moving, seen, &self.places);
         let lights = prepared.tree.lights().iter().map(|light| light.intensity);
-        let news =
-            News { light: lights.clone().ne(self.intensities.iter().copied()), things: self.world != seen.world };
-        let illumination = Cuts { transport, swept: swept(boxes, &self.world, &seen.world) };
+        let news = News { light: lights.clone().ne(self.intensities.iter().copied()), things: self.places != places };
+        let illumination = Cuts { transport, swept: swept(&self.places, &places) };
         let lit = self.records.light(seen, &moving, news, &illumination, busy);
         self.intensities = lights.collect();
-        self.world.clone_from(&seen.world);
+        self.places = places;
         figures.cache_records = lit.in_use as u64;
         figures.cache_new = lit.computed as u64;
         Plane::from_fn(seen.pixels.width(), seen.pixels.height(), |x, y| {
@@ -196,25 +205,34 @@ fn outer(a: Vec3, b: Vec3) -> Mat3A {
     Mat3A::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// Boxes around the instances that move, each in its own space.
-fn boxes(scene: &Scene, moving: &[bool]) -> Vec<Option<(Vec3A, Vec3A)>> {
-    let around = |(instance, &moves): (&render_core::scene::Instance, &bool)| {
-        let corners = scene.meshes[instance.mesh].positions.iter().map(|&p| Vec3A::from(p));
+/// Where the instances that move are in the picture `seen`; what keeps its shape keeps its box from `before`.
+fn places(scene: &Scene, moving: &[bool], seen: &GBuffer, before: &[Option<Place>]) -> Vec<Option<Place>> {
+    let around = |positions: &[Vec3]| {
         let empty = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-        moves.then(|| corners.fold(empty, |(low, high), p| (low.min(p), high.max(p))))
+        positions.iter().fold(empty, |(low, high), &p| (low.min(p.into()), high.max(p.into())))
     };
-    scene.instances.iter().zip(moving).map(around).collect()
+    let place = |(index, &moves): (usize, &bool)| {
+        let shape = seen.deformed.get(index).cloned().flatten();
+        let known = before.get(index).and_then(Option::as_ref).map(|place| (place.low, place.high));
+        let (low, high) = match (&shape, known) {
+            (Some(shape), _) => around(&shape.positions),
+            (None, Some(known)) => known,
+            (None, None) => around(&scene.meshes[scene.instances[index].mesh].positions),
+        };
+        moves.then_some(Place { world: seen.world[index], low, high, shape })
+    };
+    moving.iter().enumerate().map(place).collect()
 }
 
-/// Boxes in the world around what stands elsewhere than before: at both places.
-fn swept(boxes: &[Option<(Vec3A, Vec3A)>], before: &[Affine3A], now: &[Affine3A]) -> Vec<(Vec3A, Vec3A)> {
-    let moved = boxes.iter().zip(before.iter().zip(now)).filter(|(_, (then, now))| then != now);
-    let pairs = moved.filter_map(|(local, worlds)| local.map(|local| (local, worlds)));
-    pairs
-        .map(|((low, high), (then, now))| {
-            let corners =
-                (0..8).map(|i| Vec3A::select(glam::BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high));
-            let points = corners.flat_map(|corner| [then, now].map(|world| world.transform_point3a(corner)));
+/// Boxes in the world around what is elsewhere, or otherwise, than before: at both places.
+fn swept(before: &[Option<Place>], now: &[Option<Place>]) -> Vec<(Vec3A, Vec3A)> {
+    let both = before.iter().zip(now).filter_map(|(then, now)| then.as_ref().zip(now.as_ref()));
+    both.filter(|(then, now)| then != now)
+        .map(|(then, now)| {
+            let points = [then, now].into_iter().flat_map(|Place { world, low, high, .. }| {
+                let select = |i: u32| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), *low, *high);
+                (0..8).map(move |i| world.transform_point3a(select(i)))
+            });
             points.fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
         })
         .collect()
