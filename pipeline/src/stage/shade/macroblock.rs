@@ -4,14 +4,15 @@ use glam::Vec3;
 use plane::Plane;
 use rayon::prelude::*;
 use render_core::{Busy, MACROBLOCK};
+use std::ops::Range;
 
-/// A picture whose pixels are `make(scratch, x, y)`; adds the work to `busy`. `scratch` makes memory for a thread.
+/// A picture whose macroblocks are `make(scratch, columns, rows)`, in raster order; adds the work to `busy`. `scratch`
+/// makes memory for a thread.
 pub(super) fn by_macroblock<S>(
-    width: usize,
-    height: usize,
+    (width, height): (usize, usize),
     busy: &Busy,
     scratch: impl Fn() -> S + Sync + Send,
-    make: impl Fn(&mut S, usize, usize) -> Vec3 + Sync,
+    make: impl Fn(&mut S, Range<usize>, Range<usize>) -> Vec<Vec3> + Sync,
 ) -> Plane<Vec3> {
     let across = width.div_ceil(MACROBLOCK);
     let area = |index: usize| {
@@ -22,8 +23,7 @@ pub(super) fn by_macroblock<S>(
         .into_par_iter()
         .map_init(scratch, |scratch, index| {
             let (columns, rows) = area(index);
-            let places = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
-            busy.measure(|| places.map(|(x, y)| make(scratch, x, y)).collect())
+            busy.measure(|| make(scratch, columns, rows))
         })
         .collect();
     let mut picture = Plane::filled(width, height, Vec3::ZERO);
@@ -34,4 +34,9 @@ pub(super) fn by_macroblock<S>(
         }
     }
     picture
+}
+
+/// The places of a macroblock in raster order.
+pub(super) fn places(columns: Range<usize>, rows: Range<usize>) -> impl Iterator<Item = (usize, usize)> {
+    rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
 }

@@ -56,7 +56,7 @@ fn shade(
 ) -> Shaded {
     let mut figures = std::mem::take(&mut prepared.figures);
     let busy = Busy::default();
-    let (direct, direct_rays) = direct::light(&prepared, &busy);
+    let (direct, direct_rays) = direct::light(&prepared, &prepared.seen, &busy);
     figures.direct = busy.seconds();
 
     let busy = Busy::default();

@@ -1,7 +1,7 @@
 //! Indirect light without a cache: each pixel asks for itself.
 
 use super::cuts::{LightTransport, receiver};
-use super::macroblock::by_macroblock;
+use super::macroblock::{by_macroblock, places};
 use crate::settings::Lighting;
 use glam::Vec3;
 use lighttree::{Lambert, Scratch};
@@ -13,8 +13,8 @@ use std::f32::consts::PI;
 /// Indirectly reflected radiance of every pixel; adds the work to `busy`.
 pub(super) fn light(transport: &LightTransport, busy: &Busy) -> Plane<Vec3> {
     let pixels = &transport.prepared.seen.pixels;
-    by_macroblock(pixels.width(), pixels.height(), busy, Scratch::default, |scratch, x, y| {
-        pixel(transport, x, y, scratch)
+    by_macroblock((pixels.width(), pixels.height()), busy, Scratch::default, |scratch, columns, rows| {
+        places(columns, rows).map(|(x, y)| pixel(transport, x, y, scratch)).collect()
     })
 }
 
