@@ -6,6 +6,7 @@ pub mod scene;
 
 mod accel;
 mod anchor;
+mod bsdf;
 mod busy;
 pub mod cache;
 mod direct;
@@ -22,6 +23,9 @@ pub mod sampling;
 
 pub use accel::{Accelerator, Geometry, Hit, PACKET};
 pub use anchor::{Anchor, AnchorGrid, Anchors, CarriedAnchor};
+pub use accel::{Accelerator, Geometry, Hit, Packet};
+pub use anchor::{Anchor, AnchorGrid, Anchors};
+pub use bsdf::{Bsdf, BsdfSample};
 pub use busy::Busy;
 pub use direct::{DirectLights, Receiver};
 pub use emitter::{

@@ -1,0 +1,72 @@
+//! The microfacet coat: GGX normals, height-correlated Smith shadowing, Schlick's Fresnel term.
+//!
+//! Directions are unit vectors in the frame of the shading normal, which is +z; all point away from the surface.
+
+use glam::{Vec2, Vec3};
+use std::f32::consts::{PI, TAU};
+
+/// Smallest α: a lobe this narrow looks like a mirror, and its peak, 1/(4πα²) at normal incidence, is still a number.
+const SMALLEST_ALPHA: f32 = 1e-3;
+
+/// A GGX distribution of microfacet normals \[Walter07\].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Ggx {
+    alpha: f32,
+}
+
+impl Ggx {
+    /// α is the square of the perceptual roughness: glTF 2.0, appendix B.2.
+    pub(super) fn from_roughness(roughness: f32) -> Self {
+        Self { alpha: (roughness * roughness).clamp(SMALLEST_ALPHA, 1.0) }
+    }
+
+    /// Density of microfacet normals, D(h).
+    ///
+    /// ```text
+    /// D = 1 / (π α² ((h_x² + h_y²)/α² + h_z²)²)
+    /// ```
+    /// Written with the sine, not with 1 − cos²: a narrow lobe lives where the cosine has no digits left.
+    fn density(self, h: Vec3) -> f32 {
+        let a2 = self.alpha * self.alpha;
+        let t = (h.x * h.x + h.y * h.y) / a2 + h.z * h.z;
+        1.0 / (PI * a2 * t * t)
+    }
+
+    /// Λ of \[Heitz14\], eq. 72.
+    fn lambda(self, w: Vec3) -> f32 {
+        let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
+        ((1.0 + self.alpha * self.alpha * tan2).sqrt() - 1.0) / 2.0
+    }
+
+    /// G₂/G₁(ω_o): what a visible-normal sample still carries of a perfect mirror facet's light.
+    pub(super) fn masking_ratio(self, wo: Vec3, wi: Vec3) -> f32 {
+        let seen = 1.0 + self.lambda(wo);
+        seen / (seen + self.lambda(wi))
+    }
+
+    /// BRDF without its Fresnel term, D·G₂ / (4 cos θ_o cos θ_i) \[sr⁻¹\].
+    pub(super) fn reflectance(self, wo: Vec3, wi: Vec3, h: Vec3) -> f32 {
+        self.density(h) / (4.0 * wo.z * wi.z * (1.0 + self.lambda(wo) + self.lambda(wi)))
+    }
+
+    /// Density of [`Ggx::sample`] over directions, D·G₁(ω_o) / (4 cos θ_o) \[sr⁻¹\].
+    pub(super) fn pdf(self, wo: Vec3, h: Vec3) -> f32 {
+        self.density(h) / (4.0 * wo.z * (1.0 + self.lambda(wo)))
+    }
+
+    /// Reflects `wo` at a microfacet drawn among those that it sees, by the spherical caps of \[Dupuy23\].
+    /// The result may lie below the surface.
+    pub(super) fn sample(self, wo: Vec3, u: Vec2) -> Vec3 {
+        let stretch = Vec3::new(self.alpha, self.alpha, 1.0);
+        let v = (wo * stretch).normalize();
+        let z = (1.0 - u.y) * (1.0 + v.z) - v.z;
+        let (sin, angle) = ((1.0 - z * z).max(0.0).sqrt(), TAU * u.x);
+        let h = ((Vec3::new(sin * angle.cos(), sin * angle.sin(), z) + v) * stretch).normalize_or(Vec3::Z);
+        (h * (2.0 * wo.dot(h)) - wo).normalize()
+    }
+}
+
+/// (1 − cos θ)⁵ of \[Schlick94\]: the share of grazing reflectance, which is 1, in F = F₀ + (1 − F₀)(1 − cos θ)⁵.
+pub(super) fn grazing_share(cos: f32) -> f32 {
+    (1.0 - cos).clamp(0.0, 1.0).powi(5)
+}

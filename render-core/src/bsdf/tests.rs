@@ -1,0 +1,154 @@
+//! The BSDF alone, against what holds for any material, and against histograms.
+
+use super::*;
+use crate::emitter::hammersley;
+use crate::sampling::{hash_unit, uniform_sphere};
+
+const ROUGHNESSES: [f32; 7] = [0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0];
+const COSINES: [f32; 6] = [0.02, 0.1, 0.3, 0.6, 0.9, 1.0];
+
+fn towards(cos: f32) -> Vec3 {
+    Vec3::new((1.0 - cos * cos).sqrt() * 0.6, (1.0 - cos * cos).sqrt() * 0.8, cos)
+}
+
+fn random(key: u64) -> [f32; 4] {
+    std::array::from_fn(|i| hash_unit(5, key, i as u64))
+}
+
+/// Mean weight of samples: what is sent towards `wo` in a furnace of radiance 1.
+fn furnace(bsdf: &Bsdf, wo: Vec3, count: usize) -> Vec3 {
+    let sample = |i: usize| {
+        let u = hammersley(i, count);
+        bsdf.sample(wo, ((i as f32 + 0.5) * 0.618_034).fract(), u).map_or(Vec3::ZERO, |s| s.weight)
+    };
+    (0..count).map(sample).sum::<Vec3>() / count as f32
+}
+
+#[test]
+fn without_a_coat_it_is_lambert_to_the_last_digit() {
+    let albedo = Vec3::new(0.2, 0.5, 0.8);
+    let bsdf = Bsdf::new(albedo, Vec3::ZERO, 0.3);
+    let (wo, wi) = (towards(0.3), towards(0.7));
+    assert_eq!(bsdf.evaluate(wo, wi), albedo * FRAC_1_PI);
+    assert_eq!(bsdf.pdf(wo, wi), wi.z * FRAC_1_PI);
+    assert_eq!(bsdf.sample(wo, 0.5, Vec2::new(0.2, 0.7)).unwrap().weight, albedo);
+    assert_eq!(bsdf.evaluate(wo, -wi), Vec3::ZERO);
+    assert!(Bsdf::new(Vec3::ZERO, Vec3::ZERO, 0.3).is_black());
+}
+
+#[test]
+fn a_white_furnace_stays_white() {
+    let mut worst = 0.0f32;
+    for roughness in ROUGHNESSES {
+        for cos in COSINES {
+            // A white metal, and a white base under a dielectric coat, lose nothing and gain nothing.
+            for (albedo, f0) in [(0.0, 1.0), (1.0, 0.04), (1.0, 0.5)] {
+                let bsdf = Bsdf::new(Vec3::splat(albedo), Vec3::splat(f0), roughness);
+                let sent = furnace(&bsdf, towards(cos), 20_000).x;
+                worst = worst.max((sent - 1.0).abs());
+                assert!((sent - 1.0).abs() < 0.01, "roughness {roughness}, cosine {cos}, F0 {f0}: {sent}");
+            }
+        }
+    }
+    println!("furthest from 1: {worst}");
+}
+
+#[test]
+fn albedos_are_what_samples_sum_up_to_and_never_above_one() {
+    for (key, roughness) in ROUGHNESSES.into_iter().enumerate() {
+        for cos in COSINES {
+            let [r, g, b, _] = random(key as u64);
+            let bsdf = Bsdf::new(Vec3::new(r, g, b), Vec3::new(b, 0.04, r), roughness);
+            let (told, found) = (bsdf.directional_albedo(cos), furnace(&bsdf, towards(cos), 20_000));
+            assert!((told - found).abs().max_element() < 0.01, "roughness {roughness}, cosine {cos}: {told}, {found}");
+            assert!(told.max_element() <= 1.0 + 1e-4);
+        }
+    }
+}
+
+#[test]
+fn light_may_travel_either_way() {
+    for key in 0..2000 {
+        let ([a, b, c, d], [e, f, g, h]) = (random(key), random(key + 10_000));
+        let bsdf = Bsdf::new(Vec3::new(a, b, c), Vec3::new(d, e, 0.04), f);
+        let up = |u, v| {
+            let w = uniform_sphere(Vec2::new(u, v));
+            Vec3::new(w.x, w.y, w.z.abs().max(1e-3)).normalize()
+        };
+        let (wo, wi) = (up(g, h), up(a, h));
+        let (there, back) = (bsdf.evaluate(wo, wi), bsdf.evaluate(wi, wo));
+        assert!((there - back).abs().max_element() <= 1e-4 * there.max_element(), "{there} and {back}");
+    }
+}
+
+/// Directions fall into cells of equal solid angle as often as the density says: Pearson's χ² over cells that expect some.
+#[test]
+fn densities_are_frequencies() {
+    const ROWS: usize = 12;
+    const COLUMNS: usize = 24;
+    const FINE: usize = 24;
+    let samples = 100_000;
+    for (key, roughness) in [0.35, 0.5, 0.7, 1.0].into_iter().enumerate() {
+        for cos in [0.1, 0.5, 0.95] {
+            let bsdf = Bsdf::new(Vec3::splat(0.4), Vec3::new(0.9, 0.5, 0.2), roughness);
+            let wo = towards(cos);
+            // The density over each cell, by the midpoints of a finer grid.
+            let mut expected = [0.0f64; ROWS * COLUMNS];
+            let fine = std::f64::consts::TAU / (ROWS * COLUMNS * FINE * FINE) as f64;
+            for row in 0..ROWS * FINE {
+                for column in 0..COLUMNS * FINE {
+                    let z = (row as f32 + 0.5) / (ROWS * FINE) as f32;
+                    let angle = std::f32::consts::TAU * (column as f32 + 0.5) / (COLUMNS * FINE) as f32;
+                    let sin = (1.0 - z * z).sqrt();
+                    let pdf = bsdf.pdf(wo, Vec3::new(sin * angle.cos(), sin * angle.sin(), z));
+                    expected[row / FINE * COLUMNS + column / FINE] += f64::from(pdf) * fine;
+                }
+            }
+            let (mut counts, mut below) = ([0u32; ROWS * COLUMNS], 0u32);
+            for i in 0..samples {
+                let [choice, x, y, _] = random(1_000_000 * key as u64 + i);
+                let Some(BsdfSample { direction, pdf, weight }) = bsdf.sample(wo, choice, Vec2::new(x, y)) else {
+                    below += 1;
+                    continue;
+                };
+                let again = bsdf.evaluate(wo, direction) * (direction.z / pdf);
+                assert!((weight - again).abs().max_element() <= 1e-3 * again.max_element());
+                let angle = direction.y.atan2(direction.x).rem_euclid(std::f32::consts::TAU);
+                let column = ((angle / std::f32::consts::TAU * COLUMNS as f32) as usize).min(COLUMNS - 1);
+                let row = ((direction.z * ROWS as f32) as usize).min(ROWS - 1);
+                counts[row * COLUMNS + column] += 1;
+            }
+            let total: f64 = expected.iter().sum();
+            let above = 1.0 - f64::from(below) / samples as f64;
+            assert!((total - above).abs() < 0.01, "roughness {roughness}, cosine {cos}: {total} for {above}");
+            let cells: Vec<(f64, f64)> = expected
+                .iter()
+                .zip(counts)
+                .map(|(&p, n)| (p * samples as f64, f64::from(n)))
+                .filter(|(expected, _)| *expected > 20.0)
+                .collect();
+            let chi2: f64 = cells.iter().map(|(e, n)| (n - e).powi(2) / e).sum();
+            // Mean k, standard deviation √(2k); five of those, once in a million.
+            let k = cells.len() as f64;
+            assert!(
+                k > 10.0 && chi2 < k + 5.0 * (2.0 * k).sqrt(),
+                "roughness {roughness}, cosine {cos}: χ² {chi2} of {k}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_smoothest_coat_is_a_finite_mirror() {
+    let bsdf = Bsdf::new(Vec3::ZERO, Vec3::splat(0.8), 0.0);
+    let wo = towards(0.7);
+    let mirrored = Vec3::new(-wo.x, -wo.y, wo.z);
+    assert!(bsdf.evaluate(wo, mirrored).is_finite() && bsdf.pdf(wo, mirrored).is_finite());
+    for key in 0..1000 {
+        let [_, x, y, _] = random(key);
+        let sample = bsdf.sample(wo, 0.5, Vec2::new(x, y)).expect("far from grazing, all samples are above");
+        // The density's own tails: one in a thousand strays by more than 30 α.
+        assert!(sample.direction.dot(mirrored) > 0.99, "{}", sample.direction);
+        assert!((sample.weight.x - 0.8).abs() < 0.01, "{}", sample.weight);
+    }
+}
