@@ -149,11 +149,7 @@ impl Emitters {
         let mut powers: Vec<Vec3> = self.areas.iter().map(AreaLight::power).collect();
         powers.extend(self.points.iter().map(|light| light.intensity * cone_solid_angle(light.kind)));
         powers.extend(self.suns.iter().map(|sun| sun.irradiance * disc));
-        if let Some(sky) = &scene.sky {
-            let count = 4096;
-            let sum: Vec3 = (0..count).map(|i| sky.radiance(uniform_sphere(hammersley(i, count)))).sum();
-            powers.push(sum * (4.0 * std::f32::consts::PI / count as f32) * disc);
-        }
+        powers.extend(scene.sky.iter().map(|sky| sky.fluence() * disc));
         let choice = Distribution::new(powers.iter().map(|&power| f64::from(luminance(power))))?;
         Some(PhotonSource { emitters: self, scene, powers, choice, center, radius })
     }
@@ -227,9 +223,9 @@ impl PhotonSource<'_> {
         let (towards, flux) = match e.suns.get(light) {
             Some(sun) => (sun.direction(way), sun.irradiance * (disc_area * share)),
             None => {
-                let towards = uniform_sphere(way);
-                let sky = self.scene.sky.expect("the last power is the sky's");
-                (towards.into(), sky.radiance(towards) * (4.0 * std::f32::consts::PI * disc_area * share))
+                let sky = self.scene.sky.as_ref().expect("the last power is the sky's");
+                let (towards, pdf) = sky.sample(way);
+                (towards.into(), sky.radiance(towards) * (disc_area * share / pdf))
             }
         };
         let (x, y) = frame(towards.into());
@@ -339,6 +335,35 @@ impl AreaLight {
         self.patches.iter().map(polygon).collect()
     }
 
+    /// A point of the surface drawn about in proportion to emitted power: its triangle, the barycentric weights of the second and
+    /// third corner, and the density over area \[m⁻²\]. `which` chooses the piece, `place` the point on it.
+    pub(crate) fn point(&self, which: f64, place: Vec2) -> (usize, f32, f32, f32) {
+        let (index, probability, _) = self.choice.pick(which);
+        let Patch { triangle: t, parallelogram, area, .. } = self.patches[index];
+        let density = probability as f32 / area;
+        if !parallelogram {
+            let (u, v) = triangle(place);
+            return (t, u, v, density);
+        }
+        // Corner p, then `x` along the side from p to q and `y` along that from q to r: the triangles p q r and p r s
+        // meet in the diagonal x = y.
+        let Vec2 { x, y } = place;
+        if y <= x { (t, x - y, y, density) } else { (t + 1, x, y - x, density) }
+    }
+
+    /// For each triangle of the mesh, the density over area with which [`AreaLight::point`] draws from it \[m⁻²\].
+    pub(crate) fn densities(&self, triangles: usize) -> Vec<f32> {
+        let mut densities = vec![0.0; triangles];
+        for (index, patch) in self.patches.iter().enumerate() {
+            let density = (self.choice.probability(index) / f64::from(patch.area)) as f32;
+            densities[patch.triangle] = if patch.area > 0.0 { density } else { 0.0 };
+            if patch.parallelogram {
+                densities[patch.triangle + 1] = densities[patch.triangle];
+            }
+        }
+        densities
+    }
+
     /// How many separate pieces glow: rectangles, or triangles that belong to none.
     pub fn patch_count(&self) -> usize {
         self.patches.len()
@@ -378,23 +403,23 @@ impl AreaLight {
 pub struct DomeLight {
     /// On the dome, metres.
     pub position: Vec3A,
-    /// Intensity \[W·sr⁻¹\] such that its irradiance at the scene's centre is radiance times solid angle.
+    /// Intensity \[W·sr⁻¹\] such that its irradiance at the scene's centre is that of its share of the sky.
     pub intensity: Vec3,
 }
 
 /// The sky as `count` points of a dome far outside of the scene; none without a sky.
+///
+/// Each stands for about the same luminance: where the sky is bright they are dense, so that a sun in an image becomes
+/// many lights and not the luck of one.
 pub fn dome_lights(scene: &Scene, units: &Units, count: usize) -> Vec<DomeLight> {
     let Some(sky) = &scene.sky else { return Vec::new() };
     let distance = units.radius * DOME_RADII;
-    let solid_angle = 4.0 * std::f32::consts::PI / count as f32;
     (0..count)
         .map(|i| {
-            // A golden spiral: the most even spread of a given number of directions.
-            let y = 1.0 - (2.0 * i as f32 + 1.0) / count as f32;
-            let angle = i as f32 * 2.399_963_1;
-            let radius = (1.0 - y * y).max(0.0).sqrt();
-            let direction = Vec3::new(radius * angle.cos(), y, radius * angle.sin());
-            let intensity = sky.radiance(direction) * (solid_angle * distance * distance);
+            // Steps of the golden ratio: under an even sky this is the golden spiral, the most even spread of directions.
+            let across = (i as f64 * 0.618_033_988_749_894_9).fract() as f32;
+            let (direction, pdf) = sky.sample(Vec2::new(across, (i as f32 + 0.5) / count as f32));
+            let intensity = sky.radiance(direction) * (distance * distance / (pdf * count as f32));
             DomeLight { position: units.center + Vec3A::from(direction) * distance, intensity }
         })
         .filter(|light| luminance(light.intensity) > 0.0)

@@ -174,7 +174,7 @@ fn see_together(
 
 fn see(hit: Option<Hit>, origin: Vec3A, direction: Vec3A, surfaces: &Surfaces, view: &View) -> PixelSurface {
     let Some(hit) = hit else {
-        let sky = surfaces.scene().sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
+        let sky = surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
     };
     let depth = view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);

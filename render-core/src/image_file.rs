@@ -47,6 +47,31 @@ pub fn read_exr(path: &Path) -> Result<Plane<Vec3>, String> {
     Ok(image.layer_data.channel_data.pixels)
 }
 
+/// Reads a picture of radiances, Radiance `.hdr` or OpenEXR by the file's ending.
+///
+/// # Errors
+/// Another ending, or what [`read_exr`] says.
+pub fn read_radiance(path: &Path) -> Result<Plane<Vec3>, String> {
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let named = |error: String| format!("{}: {error}", path.display());
+    match ending.as_str() {
+        "exr" => read_exr(path),
+        "hdr" => {
+            let file = std::fs::File::open(path).map_err(|error| named(error.to_string()))?;
+            let decoder = image::codecs::hdr::HdrDecoder::new(std::io::BufReader::new(file))
+                .map_err(|error| named(error.to_string()))?;
+            let (width, height) = (decoder.metadata().width as usize, decoder.metadata().height as usize);
+            if width.saturating_mul(height) > MOST_PIXELS {
+                return Err(named(format!("{width}x{height} pixels are more than this program takes")));
+            }
+            let picture = image::DynamicImage::from_decoder(decoder).map_err(|error| named(error.to_string()))?;
+            let texels = picture.into_rgb32f().pixels().map(|pixel| Vec3::from(pixel.0)).collect();
+            Ok(Plane::from_vec(width, height, texels))
+        }
+        _ => Err(named("radiances are read from .hdr and .exr files".into())),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

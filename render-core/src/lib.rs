@@ -11,8 +11,10 @@ mod busy;
 pub mod cache;
 mod direct;
 mod emitter;
+mod environment;
 mod gather;
 mod gbuffer;
+mod path;
 mod photon;
 mod polygon;
 mod reconstruct;
@@ -23,8 +25,6 @@ pub mod sampling;
 
 pub use accel::{Accelerator, Geometry, Hit, PACKET};
 pub use anchor::{Anchor, AnchorGrid, Anchors, CarriedAnchor};
-pub use accel::{Accelerator, Geometry, Hit, Packet};
-pub use anchor::{Anchor, AnchorGrid, Anchors};
 pub use bsdf::{Bsdf, BsdfSample};
 pub use busy::Busy;
 pub use direct::{DirectLights, Receiver};
@@ -32,8 +32,10 @@ pub use emitter::{
     AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, Emission, Emitters, PhotonSource, PointLight, SunLight,
     dome_lights,
 };
+pub use environment::Environment;
 pub use gather::{Directions, Gather, Surroundings};
 pub use gbuffer::{Correspondence, GBuffer, MACROBLOCK, NO_MATCH, NOTHING, PixelSurface};
+pub use path::{Estimate, PathOptions, PathTracer, PixelSampling};
 pub use photon::{Energies, Photons, Swept};
 pub use reconstruct::{reconstruct, sample_places};
 pub use surface::{Surface, Surfaces};

@@ -23,7 +23,22 @@ pub fn radical_inverse(base: u32, mut index: u64) -> f32 {
 /// Point `index` of the (0, 2)-sequence of Sobol' in the unit square: every first 2ᵏ points have one in each
 /// elementary interval of area 2⁻ᵏ (Kollig & Keller 2002).
 pub fn sobol_point(index: u64) -> Vec2 {
-    let (mut rest, mut column, mut y) = (index as u32, 1u32 << 31, 0u32);
+    Vec2::new(radical_inverse(2, index), unit(sobol_second(index as u32)))
+}
+
+/// Point `index` of that sequence with its points shuffled and moved about by `seed`, such that every first 2ᵏ points
+/// are still one to an elementary interval (Owen 1995, in the way of Burley 2020).
+///
+/// With another seed the points are independent of these: one seed for each pixel and pair of dimensions.
+pub fn owen_sobol_point(index: u32, seed: u64) -> Vec2 {
+    let key = |k: u64| hash(seed, k, 0) as u32;
+    let index = nested_scramble(index, key(0));
+    Vec2::new(unit(nested_scramble(index.reverse_bits(), key(1))), unit(nested_scramble(sobol_second(index), key(2))))
+}
+
+/// Second dimension of the sequence; the first is the index with its bits reversed.
+fn sobol_second(index: u32) -> u32 {
+    let (mut rest, mut column, mut y) = (index, 1u32 << 31, 0u32);
     while rest > 0 {
         if rest & 1 == 1 {
             y ^= column;
@@ -31,8 +46,24 @@ pub fn sobol_point(index: u64) -> Vec2 {
         column ^= column >> 1;
         rest >>= 1;
     }
-    let y = (f64::from(y) / 4_294_967_296.0) as f32;
-    Vec2::new(radical_inverse(2, index), y.min(ONE_MINUS_EPSILON))
+    y
+}
+
+/// Flips each bit or not, as the bits above it and the seed decide: \[Burley20\], listing 1, with the constants of
+/// Vegdahl 2021.
+fn nested_scramble(bits: u32, seed: u32) -> u32 {
+    let mut x = bits.reverse_bits();
+    x ^= x.wrapping_mul(0x3d20_adea);
+    x = x.wrapping_add(seed);
+    x = x.wrapping_mul((seed >> 16) | 1);
+    x ^= x.wrapping_mul(0x0552_6c56);
+    x ^= x.wrapping_mul(0x53a2_2864);
+    x.reverse_bits()
+}
+
+/// The upper 24 of 32 bits as a number in 0…1, 1 excluded: cut off, since rounding up would leave the interval.
+fn unit(bits: u32) -> f32 {
+    (bits >> 8) as f32 / (1u32 << 24) as f32
 }
 
 /// The largest `f32` below 1.
@@ -149,6 +180,11 @@ impl Distribution {
         (index, share / self.total(), ((target - before) / share).clamp(0.0, 1.0))
     }
 
+    /// Probability of an index.
+    pub fn probability(&self, index: usize) -> f64 {
+        self.share(index) / self.total()
+    }
+
     fn share(&self, index: usize) -> f64 {
         self.cumulative[index] - if index == 0 { 0.0 } else { self.cumulative[index - 1] }
     }
@@ -167,15 +203,36 @@ mod tests {
 
     #[test]
     fn sobol_points_fill_every_elementary_interval() {
+        fill_every_elementary_interval(sobol_point);
+        for seed in 0..50 {
+            fill_every_elementary_interval(|i| owen_sobol_point(i as u32, seed));
+        }
+    }
+
+    fn fill_every_elementary_interval(point: impl Fn(u64) -> Vec2) {
         for across in 0..=6u32 {
             let down = 6 - across;
             let mut seen = [false; 64];
             for i in 0..64 {
-                let p = sobol_point(i);
+                let p = point(i);
                 let cell =
                     (p.x * (1 << across) as f32) as usize + ((p.y * (1 << down) as f32) as usize * (1 << across));
                 assert!(!std::mem::replace(&mut seen[cell], true), "two points in a cell of {across} by {down} bits");
             }
+        }
+    }
+
+    /// Over seeds, each point of a scrambled sequence is anywhere, and two dimensions know nothing of each other.
+    #[test]
+    fn scrambled_points_are_even_over_seeds() {
+        for index in [0, 1, 7] {
+            let (mut cells, seeds) = ([0u32; 16], 16_000);
+            for seed in 0..seeds {
+                let p = owen_sobol_point(index, seed);
+                cells[(p.x * 4.0) as usize + 4 * (p.y * 4.0) as usize] += 1;
+            }
+            // 1000 each, ±32; five standard deviations.
+            assert!(cells.iter().all(|&n| n.abs_diff(1000) < 160), "{cells:?}");
         }
     }
 

@@ -5,7 +5,7 @@ mod common;
 use common::{add, material, quad, rest, room};
 use glam::{Quat, Vec3, Vec3A, vec3};
 use render_core::scene::{
-    Channel, Interpolation, Material, Node, PunctualKind, PunctualLight, Scene, Track, Transform,
+    Channel, Gradient, Interpolation, Material, Node, PunctualKind, PunctualLight, Scene, Track, Transform,
 };
 use render_core::{
     Anchors, DirectLights, Emitters, Energies, Geometry, Photons, Receiver, Surfaces, Swept, Units, luminance,
@@ -134,7 +134,7 @@ fn emitted_power_is_the_closed_form_for_every_kind_of_light() {
         });
         match kind {
             Some(kind) => scene.punctual_lights.push(PunctualLight { node: 1, color: Vec3::ONE, kind }),
-            None => scene.sky = Some(render_core::scene::Sky { zenith: [1.0; 3], horizon: [1.0; 3], ground: [1.0; 3] }),
+            None => scene.sky = render_core::Environment::gradient(Gradient::constant([1.0; 3])),
         }
         scene
     };

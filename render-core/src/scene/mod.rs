@@ -20,9 +20,10 @@ pub use material::{Alpha, Material, TextureSlot, UV_SETS};
 pub use mesh::Mesh;
 pub(crate) use mesh::interpolate as mesh_interpolate;
 pub use settings::SceneSettings;
-pub use sky::Sky;
+pub use sky::{Gradient, SkySettings};
 pub use texture::{Encoding, Texture, Wrap};
 
+use crate::environment::Environment;
 use glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A};
 use std::sync::Arc;
 
@@ -88,7 +89,7 @@ pub struct Scene {
     /// The animation that plays.
     pub channels: Vec<Channel>,
     /// Light from all around, if the scene has any.
-    pub sky: Option<Sky>,
+    pub sky: Option<Environment>,
     /// What the TOML file beside the scene says.
     pub settings: SceneSettings,
     /// What was read but is not rendered, a line each, for the user.

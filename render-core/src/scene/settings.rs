@@ -1,6 +1,6 @@
 //! The TOML file beside a scene: what glTF cannot say.
 
-use super::Sky;
+use super::sky::SkySettings;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ pub struct SceneSettings {
     /// How radiance becomes display values; kept as a table, since the tone curves are another crate's.
     pub tone_mapping: Option<toml::Table>,
     /// Light from all around.
-    pub sky: Option<Sky>,
+    pub sky: Option<SkySettings>,
     /// For directional lights.
     #[serde(default)]
     pub sun: Sun,
@@ -79,9 +79,8 @@ impl SceneSettings {
     /// Bad TOML, unknown keys, values out of range.
     pub fn parse(text: &str) -> Result<Self, String> {
         let settings: Self = toml::from_str(text).map_err(|error| error.to_string().trim_end().replace('\n', " "))?;
-        let radiances = settings.sky.iter().flat_map(|sky| [sky.zenith, sky.horizon, sky.ground]).flatten();
-        if let Some(bad) = radiances.into_iter().find(|r| !r.is_finite() || *r < 0.0) {
-            return Err(format!("[sky] radiance {bad} must be finite and not negative"));
+        if let Some(sky) = &settings.sky {
+            sky.source()?;
         }
         if !(0.0..=90.0).contains(&settings.sun.angular_diameter) {
             return Err(format!("[sun] angular_diameter {} must lie in 0..=90 degrees", settings.sun.angular_diameter));
@@ -103,13 +102,17 @@ mod tests {
     #[test]
     fn reads_what_is_there_and_names_what_is_wrong() {
         let settings = SceneSettings::parse("[sky]\nzenith=[1,2,3]\nhorizon=[1,1,1]\n[video]\nframes=5").unwrap();
-        assert_eq!(settings.sky.unwrap().zenith, [1.0, 2.0, 3.0]);
+        assert_eq!(settings.sky.unwrap().zenith, Some([1.0, 2.0, 3.0]));
         assert_eq!(settings.video.frames, Some(5));
         assert_eq!(SceneSettings::parse("").unwrap(), SceneSettings::default());
         for (text, word) in [
             ("[sky]\nzenit=[1,1,1]", "zenit"),
             ("[video]\nframes=0", "frames"),
             ("[sun]\nangular_diameter=-1", "angular_diameter"),
+            ("[sky]\nzenith=[1,1,1]", "horizon"),
+            ("[sky]\nimage=\"a.hdr\"\nhorizon=[1,1,1]", "image"),
+            ("[sky]\nimage=\"a.hdr\"\nintensity=-1", "intensity"),
+            ("[sky]\nimage=\"a.hdr\"\nrotation=inf", "rotation"),
             ("[sky]\nzenith=[nan,0,0]\nhorizon=[0,0,0]", "sky"),
             ("[video", "video"),
         ] {

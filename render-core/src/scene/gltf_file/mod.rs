@@ -12,7 +12,9 @@ mod nodes;
 mod skins;
 mod textures;
 
-use super::{Scene, SceneSettings, Sky};
+use super::sky::SkySource;
+use super::{Gradient, Scene, SceneSettings};
+use crate::environment::Environment;
 use glam::{Affine3A, Vec3, Vec3A};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -74,16 +76,32 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
     if !is_within_reach(&scene) {
         return Err(malformed(path, format!("something is more than {FARTHEST:e} m from the origin; scale the scene")));
     }
-    scene.sky = settings.sky;
+    scene.sky = load_sky(path, &settings)?;
     scene.settings = settings;
     let lit = scene.sky.is_some()
         || !scene.punctual_lights.is_empty()
         || scene.instances.iter().any(|i| scene.materials[scene.meshes[i.mesh].material].emits());
     if !lit {
-        scene.sky = Some(Sky::PLAIN);
+        scene.sky = Environment::gradient(Gradient::PLAIN);
         scene.warnings.push("the scene has no light: a plain white sky lights it".into());
     }
     Ok(scene)
+}
+
+/// The light that the `[sky]` table asks for.
+fn load_sky(scene: &Path, settings: &SceneSettings) -> Result<Option<Environment>, LoadError> {
+    let toml = SceneSettings::path_for(scene);
+    let Some(sky) = &settings.sky else { return Ok(None) };
+    let source = sky.source().map_err(|what| malformed(&toml, what))?;
+    let (file, intensity, rotation) = match source {
+        SkySource::Gradient(gradient) => return Ok(Environment::gradient(gradient)),
+        SkySource::Image { file, intensity, rotation } => (file, intensity, rotation),
+    };
+    let image = toml.parent().unwrap_or(Path::new("")).join(&file);
+    let texels = guarded(|| crate::image_file::read_radiance(&image))
+        .unwrap_or_else(|| Err(format!("{}: damaged image", image.display())))
+        .map_err(|why| malformed(&toml, format!("[sky] image \"{file}\": {why}")))?;
+    Ok(Environment::image(texels, intensity, rotation))
 }
 
 /// Is every corner of every mesh, and every node, near enough to compute with, all through the animation?

@@ -1,0 +1,258 @@
+//! Light from far away: what arrives from each direction, and how to look where most of it comes from.
+
+use crate::luminance;
+use crate::sampling::Distribution;
+use crate::scene::Gradient;
+use glam::{Vec2, Vec3};
+use plane::Plane;
+use std::f32::consts::{PI, TAU};
+
+/// Light from all around, the same at every point of the scene.
+///
+/// Directions are drawn from a grid of cells, rows between two heights and columns between two angles about +y; within a cell, evenly
+/// over its solid angle.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    source: Source,
+    /// One for each row that any light comes from.
+    columns: Vec<Option<Distribution>>,
+    rows: Distribution,
+    size: [usize; 2],
+    /// Integral of radiance over the sphere \[W·m⁻²\].
+    fluence: Vec3,
+}
+
+#[derive(Clone, Debug)]
+enum Source {
+    Gradient(Gradient),
+    Image(EquirectangularMap),
+}
+
+/// An image of all directions: rows from straight up to straight down, its middle in the direction of −z, its right half towards +x.
+#[derive(Clone, Debug)]
+struct EquirectangularMap {
+    texels: Plane<Vec3>,
+    intensity: f32,
+    /// Sine and cosine of the turn about +y.
+    turn: (f32, f32),
+}
+
+/// Rows that a gradient is cut into for drawing directions.
+const GRADIENT_ROWS: usize = 128;
+
+impl Environment {
+    /// Light of a gradient; `None` if that is black.
+    pub fn gradient(gradient: Gradient) -> Option<Self> {
+        Self::new(Source::Gradient(gradient), [1, GRADIENT_ROWS], |_, row| {
+            // The mean of a few heights: a gradient is steep only near its horizon.
+            let heights = (0..16).map(|i| (PI * (row as f32 + (i as f32 + 0.5) / 16.0) / GRADIENT_ROWS as f32).cos());
+            heights.map(|y| gradient.radiance(Vec3::new((1.0 - y * y).sqrt(), y, 0.0))).sum::<Vec3>() / 16.0
+        })
+    }
+
+    /// Light of an equirectangular image, its radiances times `intensity`, turned by `rotation` degrees about +y, counter-clockwise
+    /// seen from above; `None` if it is black. Texels that are negative or not finite count as black.
+    pub fn image(texels: Plane<Vec3>, intensity: f32, rotation: f32) -> Option<Self> {
+        let sane = texels.map(|c| if c.is_finite() { c.max(Vec3::ZERO) } else { Vec3::ZERO });
+        let map = EquirectangularMap { texels: sane, intensity, turn: rotation.to_radians().sin_cos() };
+        let size = [map.texels.width(), map.texels.height()];
+        Self::new(Source::Image(map.clone()), size, |column, row| map.mean_over_texel(column, row) * intensity)
+    }
+
+    /// `mean` gives the radiance of a cell: not zero unless all of the cell is black.
+    fn new(source: Source, size: [usize; 2], mean: impl Fn(usize, usize) -> Vec3) -> Option<Self> {
+        let mut fluence = glam::DVec3::ZERO;
+        let columns: Vec<Option<Distribution>> = (0..size[1])
+            .map(|row| {
+                let solid_angle = f64::from(cell_solid_angle(size, row));
+                let cell = |column| {
+                    let power = mean(column, row).as_dvec3() * solid_angle;
+                    fluence += power;
+                    f64::from(luminance(power.as_vec3()))
+                };
+                Distribution::new((0..size[0]).map(cell).collect::<Vec<f64>>())
+            })
+            .collect();
+        let rows = Distribution::new(columns.iter().map(|row| row.as_ref().map_or(0.0, Distribution::total)))?;
+        Some(Self { source, columns, rows, size, fluence: fluence.as_vec3() })
+    }
+
+    /// Radiance that arrives from the unit `direction` (towards the sky) \[W·m⁻²·sr⁻¹\].
+    pub fn radiance(&self, direction: Vec3) -> Vec3 {
+        match &self.source {
+            Source::Gradient(gradient) => gradient.radiance(direction),
+            Source::Image(map) => map.radiance(direction),
+        }
+    }
+
+    /// Integral of radiance over all directions \[W·m⁻²\].
+    pub fn fluence(&self) -> Vec3 {
+        self.fluence
+    }
+
+    /// A unit vector towards the sky, drawn about in proportion to luminance, and its density \[sr⁻¹\]; `u` in the unit square.
+    pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
+        let (row, row_share, v) = self.rows.pick(f64::from(u.y));
+        let columns = self.columns[row].as_ref().expect("only rows with light are picked");
+        let (column, column_share, w) = columns.pick(f64::from(u.x));
+        let (top, bottom) = (height(row, self.size[1]), height(row + 1, self.size[1]));
+        let y = top + (bottom - top) * v as f32;
+        let angle = TAU * (column as f32 + w as f32) / self.size[0] as f32;
+        let sin = (1.0 - y * y).max(0.0).sqrt();
+        let direction = self.to_world(Vec3::new(-sin * angle.sin(), y, sin * angle.cos()));
+        (direction, (row_share * column_share) as f32 / cell_solid_angle(self.size, row))
+    }
+
+    /// Density of [`Environment::sample`] \[sr⁻¹\].
+    pub fn pdf(&self, direction: Vec3) -> f32 {
+        let local = self.to_local(direction);
+        let place = equirectangular(local);
+        let row = ((place.y * self.size[1] as f32) as usize).min(self.size[1] - 1);
+        let column = ((place.x * self.size[0] as f32) as usize).min(self.size[0] - 1);
+        let Some(columns) = &self.columns[row] else { return 0.0 };
+        (self.rows.probability(row) * columns.probability(column)) as f32 / cell_solid_angle(self.size, row)
+    }
+
+    fn to_local(&self, d: Vec3) -> Vec3 {
+        match &self.source {
+            Source::Gradient(_) => d,
+            Source::Image(map) => map.turned(d, -1.0),
+        }
+    }
+
+    fn to_world(&self, d: Vec3) -> Vec3 {
+        match &self.source {
+            Source::Gradient(_) => d,
+            Source::Image(map) => map.turned(d, 1.0),
+        }
+    }
+}
+
+/// Cosine to +y at the upper border of a row.
+fn height(row: usize, rows: usize) -> f32 {
+    (PI * row as f32 / rows as f32).cos()
+}
+
+fn cell_solid_angle(size: [usize; 2], row: usize) -> f32 {
+    // cos a − cos b = 2 sin((a + b)/2) sin((b − a)/2), which keeps its digits at the poles.
+    let half = PI / (2.0 * size[1] as f32);
+    TAU / size[0] as f32 * 2.0 * ((2.0 * row as f32 + 1.0) * half).sin() * half.sin()
+}
+
+/// Place in the unit square, x to the right and y down.
+fn equirectangular(d: Vec3) -> Vec2 {
+    let across = 0.5 + d.x.atan2(-d.z) / TAU;
+    let down = d.x.hypot(d.z).atan2(d.y) / PI;
+    Vec2::new(across, down)
+}
+
+impl EquirectangularMap {
+    fn turned(&self, d: Vec3, way: f32) -> Vec3 {
+        let (sin, cos) = (self.turn.0 * way, self.turn.1);
+        Vec3::new(cos * d.x + sin * d.z, d.y, cos * d.z - sin * d.x)
+    }
+
+    /// Bilinear between texels; columns continue around, rows end at the poles.
+    fn radiance(&self, direction: Vec3) -> Vec3 {
+        let (width, height) = (self.texels.width(), self.texels.height());
+        let place = equirectangular(self.turned(direction, -1.0)) * Vec2::new(width as f32, height as f32) - 0.5;
+        let (corner, part) = (place.floor(), place - place.floor());
+        let texel = |dx: i64, dy: i64| self.texel(corner.x as i64 + dx, corner.y as i64 + dy);
+        let upper = texel(0, 0).lerp(texel(1, 0), part.x);
+        upper.lerp(texel(0, 1).lerp(texel(1, 1), part.x), part.y) * self.intensity
+    }
+
+    fn texel(&self, x: i64, y: i64) -> Vec3 {
+        let (width, height) = (self.texels.width() as i64, self.texels.height() as i64);
+        self.texels.get(x.rem_euclid(width) as usize, y.clamp(0, height - 1) as usize)
+    }
+
+    /// Mean of the bilinear function over a texel: ⅛, ¾, ⅛ along each axis.
+    fn mean_over_texel(&self, column: usize, row: usize) -> Vec3 {
+        let (x, y) = (column as i64, row as i64);
+        let along =
+            |dy: i64| (self.texel(x - 1, y + dy) + self.texel(x + 1, y + dy)) * 0.125 + self.texel(x, y + dy) * 0.75;
+        (along(-1) + along(1)) * 0.125 + along(0) * 0.75
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::emitter::hammersley;
+    use crate::sampling::uniform_sphere;
+
+    /// A dim sky with one bright texel and a half that is black.
+    fn sunny(rotation: f32) -> Environment {
+        let texels = Plane::from_fn(32, 16, |x, y| match (x, y) {
+            (20, 3) => Vec3::new(5000.0, 4000.0, 3000.0),
+            (_, 8..) => Vec3::ZERO,
+            _ => Vec3::new(0.1, 0.2, 0.4),
+        });
+        Environment::image(texels, 2.0, rotation).unwrap()
+    }
+
+    fn environments() -> [Environment; 3] {
+        [Environment::gradient(Gradient::PLAIN).unwrap(), sunny(0.0), sunny(70.0)]
+    }
+
+    #[test]
+    fn densities_integrate_to_one_and_hold_for_what_is_drawn() {
+        for environment in environments() {
+            let count = 1 << 20;
+            let mean = (0..count).map(|i| f64::from(environment.pdf(uniform_sphere(hammersley(i, count)))));
+            let integral = mean.sum::<f64>() / count as f64 * 4.0 * std::f64::consts::PI;
+            assert!((integral - 1.0).abs() < 0.01, "{integral}");
+            for i in 0..5000 {
+                let (direction, pdf) = environment.sample(hammersley(i, 5000));
+                assert!((direction.length() - 1.0).abs() < 1e-5 && pdf > 0.0);
+                // On the border between two cells, rounding may choose the other.
+                let again = environment.pdf(direction);
+                let inside = environment.pdf((direction + Vec3::new(1e-4, 2e-4, -1e-4)).normalize());
+                assert!((again / pdf - 1.0).abs() < 1e-3 || again != inside, "{pdf} drawn, {again} told");
+            }
+        }
+    }
+
+    /// ∫ L cos⁺ dω for a few normals, by drawing from the environment and by an even spread over the sphere.
+    #[test]
+    fn drawing_where_light_is_gives_the_integral() {
+        for environment in environments() {
+            for normal in [Vec3::Y, Vec3::X, Vec3::new(-0.5, 0.3, -0.8).normalize()] {
+                let count = 1 << 18;
+                let even: Vec3 = (0..count)
+                    .map(|i| uniform_sphere(hammersley(i, count)))
+                    .map(|d| environment.radiance(d) * normal.dot(d).max(0.0))
+                    .sum::<Vec3>()
+                    * (4.0 * PI / count as f32);
+                let few = 4096;
+                let drawn: Vec3 = (0..few)
+                    .map(|i| environment.sample(hammersley(i, few)))
+                    .map(|(d, pdf)| environment.radiance(d) * (normal.dot(d).max(0.0) / pdf))
+                    .sum::<Vec3>()
+                    / few as f32;
+                let scale = luminance(environment.fluence());
+                assert!((drawn - even).abs().max_element() < 0.01 * scale, "{drawn} and {even}");
+            }
+        }
+    }
+
+    #[test]
+    fn images_stand_as_they_should() {
+        // A bright texel a quarter to the right of the middle and at eye level lies towards +x.
+        let texels = |at| Plane::from_fn(64, 33, |x, y| if (x, y) == at { Vec3::ONE } else { Vec3::ZERO });
+        let environment = Environment::image(texels((47, 16)), 1.0, 0.0).unwrap();
+        assert!(environment.radiance(Vec3::new(1.0, 0.0, -0.05).normalize()).x > 0.9);
+        // Turned by a quarter, counter-clockwise seen from above, +x comes to −z.
+        let turned = Environment::image(texels((47, 16)), 3.0, 90.0).unwrap();
+        assert!(turned.radiance(Vec3::new(-0.05, 0.0, -1.0).normalize()).x > 2.7);
+        assert_eq!(turned.radiance(Vec3::X), Vec3::ZERO);
+        assert!(Environment::image(texels((99, 99)), 1.0, 0.0).is_none(), "black");
+    }
+
+    #[test]
+    fn fluence_is_the_integral_over_all_directions() {
+        let constant = Environment::gradient(Gradient::constant([1.0, 2.0, 3.0])).unwrap();
+        assert!((constant.fluence() / (4.0 * PI) - Vec3::new(1.0, 2.0, 3.0)).abs().max_element() < 1e-4);
+    }
+}

@@ -1,0 +1,128 @@
+//! From samples to a picture and how far it can be trusted.
+
+use super::{PathTracer, Points};
+use crate::sampling::hash;
+use crate::scene::View;
+use glam::{DVec3, Vec2};
+use plane::Plane;
+use rayon::prelude::*;
+
+/// Where in a pixel paths start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PixelSampling {
+    /// All over it, with sharp textures: the picture converges to the mean radiance of each pixel's area.
+    Area,
+    /// At its centre, with textures blurred to its width: what a renderer with one ray a pixel shows.
+    Centre,
+}
+
+/// How a picture is computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathOptions {
+    /// Paths for each pixel, at least 1.
+    pub samples: u32,
+    /// With another seed, all random numbers are others.
+    pub seed: u64,
+    /// Most reflections of a path: 0 shows what glows, 1 direct light; `None` for all.
+    pub max_bounces: Option<u32>,
+    /// Where paths start.
+    pub pixel: PixelSampling,
+}
+
+impl Default for PathOptions {
+    /// 64 paths a pixel, all over it, all light.
+    fn default() -> Self {
+        Self { samples: 64, seed: 1, max_bounces: None, pixel: PixelSampling::Area }
+    }
+}
+
+/// A picture with noise, and how much.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Linear RGB \[W·m⁻²·sr⁻¹\].
+    pub mean: Plane<[f32; 3]>,
+    /// Estimated variance of each mean, channel by channel; 0 from a single path. Pixels are independent of each other.
+    pub variance_of_mean: Plane<[f32; 3]>,
+}
+
+/// Samples of a pixel come in so many groups. Within a group they are stratified, and say nothing of the variance; the groups are
+/// independent, and their spread does.
+const GROUPS: u32 = 16;
+/// Side of the tiles that threads take.
+const TILE: usize = 16;
+
+impl PathTracer<'_> {
+    /// Renders `view` on `width × height` pixels. The result is the same for any number of threads.
+    ///
+    /// `progress` is called from any thread with the number of finished tiles and that of all tiles.
+    pub fn render(
+        &self,
+        view: &View,
+        (width, height): (usize, usize),
+        options: &PathOptions,
+        progress: impl Fn(usize, usize) + Sync,
+    ) -> Estimate {
+        let columns = width.div_ceil(TILE);
+        let count = columns * height.div_ceil(TILE);
+        let done = std::sync::atomic::AtomicUsize::new(0);
+        let area = |tile: usize| {
+            let (left, top) = (tile % columns * TILE, tile / columns * TILE);
+            (top..height.min(top + TILE)).flat_map(move |y| (left..width.min(left + TILE)).map(move |x| (x, y)))
+        };
+        let tiles: Vec<Vec<[DVec3; 2]>> = (0..count)
+            .into_par_iter()
+            .map(|tile| {
+                let pixels = area(tile).map(|(x, y)| self.pixel(view, (x, y), y * width + x, options)).collect();
+                progress(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, count);
+                pixels
+            })
+            .collect();
+        let black = || Plane::filled(width, height, [0.0f32; 3]);
+        let mut estimate = Estimate { mean: black(), variance_of_mean: black() };
+        for (tile, pixels) in tiles.iter().enumerate() {
+            for ((x, y), [mean, variance]) in area(tile).zip(pixels) {
+                estimate.mean.set(x, y, mean.as_vec3().to_array());
+                estimate.variance_of_mean.set(x, y, variance.as_vec3().to_array());
+            }
+        }
+        estimate
+    }
+
+    /// Mean and variance of the mean of one pixel.
+    ///
+    /// ```text
+    /// Var ≈ Σ n_k (m_k − m)² / ((K − 1) n)        of K independent groups of n_k samples with means m_k, n samples in all
+    /// ```
+    fn pixel(&self, view: &View, (x, y): (usize, usize), index: usize, options: &PathOptions) -> [DVec3; 2] {
+        let samples = options.samples.max(1);
+        let groups = GROUPS.min(samples);
+        let corner = Vec2::new(x as f32, y as f32);
+        let sharp = options.pixel == PixelSampling::Area;
+        let group = |k: u32| {
+            let first = |k: u32| (u64::from(samples) * u64::from(k) / u64::from(groups)) as u32;
+            let size = first(k + 1) - first(k);
+            let key = hash(options.seed, index as u64, u64::from(k));
+            let sum: DVec3 = (0..size)
+                .map(|i| {
+                    let mut points = Points { key, index: i, dimension: 0 };
+                    let place = points.next();
+                    let place = corner + if sharp { place } else { Vec2::splat(0.5) };
+                    self.sample(view, place, sharp, options.max_bounces.unwrap_or(u32::MAX), &mut points).as_dvec3()
+                })
+                .sum();
+            (f64::from(size), sum)
+        };
+        let sums: Vec<(f64, DVec3)> = (0..groups).map(group).collect();
+        let n = f64::from(samples);
+        let mean = sums.iter().map(|(_, sum)| *sum).sum::<DVec3>() / n;
+        let spread: DVec3 = sums
+            .iter()
+            .map(|(size, sum)| {
+                let off = *sum / *size - mean;
+                off * off * *size
+            })
+            .sum();
+        let variance = if groups > 1 { spread / (f64::from(groups - 1) * n) } else { DVec3::ZERO };
+        [mean, variance]
+    }
+}

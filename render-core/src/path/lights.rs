@@ -1,0 +1,129 @@
+//! Light that a surface asks for: sampling of everything that shines, and with which density.
+
+use super::{Points, Vertex, power_heuristic};
+use crate::accel::{Accelerator, Hit};
+use crate::emitter::{Emitters, PointLight};
+use crate::luminance;
+use crate::sampling::Distribution;
+use crate::surface::{Surface, Surfaces};
+use glam::{Vec3, Vec3A};
+
+/// What shines, ready to be sampled.
+pub(super) struct Lights<'a> {
+    emitters: &'a Emitters,
+    /// Among the glowing surfaces, by power.
+    choice: Option<Distribution>,
+    /// For each instance that glows, the density of drawing from each of its triangles \[m⁻²\].
+    densities: Vec<Option<Vec<f32>>>,
+    /// Shadow rays end this far off their light, metres.
+    epsilon: f32,
+}
+
+impl<'a> Lights<'a> {
+    pub(super) fn new(surfaces: &Surfaces, emitters: &'a Emitters, epsilon: f32) -> Self {
+        let scene = surfaces.scene();
+        let choice = Distribution::new(emitters.areas.iter().map(|area| f64::from(luminance(area.power()))));
+        let mut densities = vec![None; scene.instances.len()];
+        for (place, area) in emitters.areas.iter().enumerate() {
+            let share = choice.as_ref().map_or(0.0, |choice| choice.probability(place)) as f32;
+            let triangles = scene.meshes[scene.instances[area.instance].mesh].triangles.len();
+            let own: Vec<f32> = area.densities(triangles).into_iter().map(|density| density * share).collect();
+            densities[area.instance] = Some(own);
+        }
+        Self { emitters, choice, densities, epsilon }
+    }
+
+    /// Density over solid angle \[sr⁻¹\] with which a light would be drawn that a ray has hit; `None` for what is no light.
+    pub(super) fn pdf_of(&self, hit: &Hit, direction: Vec3A, surface: &Surface) -> Option<f32> {
+        let density = self.densities[hit.instance as usize].as_ref()?[hit.triangle as usize];
+        let cos = surface.geometric_normal.dot(direction).abs();
+        Some(density * hit.distance * hit.distance / cos.max(f32::MIN_POSITIVE))
+    }
+
+    /// Radiance that `vertex` sends back of light straight from its sources.
+    pub(super) fn gather(
+        &self,
+        accelerator: &Accelerator,
+        surfaces: &Surfaces,
+        vertex: &Vertex,
+        points: &mut Points,
+    ) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        if self.choice.is_some() {
+            sum += self.from_surfaces(accelerator, surfaces, vertex, points);
+        }
+        if !self.emitters.points.is_empty() {
+            sum += self.from_points(accelerator, vertex, points);
+        }
+        for sun in &self.emitters.suns {
+            let towards = sun.direction(points.next());
+            let (reflected, _) = vertex.reflect(towards);
+            if reflected != Vec3::ZERO && !accelerator.occluded_towards(vertex.position, towards) {
+                sum += reflected * sun.irradiance;
+            }
+        }
+        if let Some(sky) = &surfaces.scene().sky {
+            let (towards, pdf) = sky.sample(points.next());
+            let (reflected, other) = vertex.reflect(towards.into());
+            if reflected != Vec3::ZERO && !accelerator.occluded_towards(vertex.position, towards.into()) {
+                sum += reflected * sky.radiance(towards) * (power_heuristic(pdf, other) / pdf);
+            }
+        }
+        sum
+    }
+
+    fn from_surfaces(
+        &self,
+        accelerator: &Accelerator,
+        surfaces: &Surfaces,
+        vertex: &Vertex,
+        points: &mut Points,
+    ) -> Vec3 {
+        let (which, place) = (points.next(), points.next());
+        let Some((light, share, rest)) = self.choice.as_ref().map(|choice| choice.pick(f64::from(which.x))) else {
+            return Vec3::ZERO;
+        };
+        let light = &self.emitters.areas[light];
+        let (triangle, u, v, density) = light.point(rest, place);
+        let [a, b, c] = surfaces.corners(light.instance, triangle);
+        let way = a + (b - a) * u + (c - a) * v - vertex.position;
+        let distance = way.length();
+        let Some(direction) = way.try_normalize() else { return Vec3::ZERO };
+        let (reflected, other) = vertex.reflect(direction);
+        if reflected == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let hit = Hit { distance, instance: light.instance as u32, triangle: triangle as u32, u, v };
+        let surface = surfaces.at(&hit, direction, 0.0);
+        let cos = surface.geometric_normal.dot(direction).abs();
+        let pdf = share as f32 * density * distance * distance / cos;
+        if surface.emission == Vec3::ZERO || !pdf.is_finite() {
+            return Vec3::ZERO;
+        }
+        let end = surface.position + surface.geometric_normal * self.epsilon;
+        if accelerator.occluded(vertex.position, end) {
+            return Vec3::ZERO;
+        }
+        reflected * surface.emission * (power_heuristic(pdf, other) / pdf)
+    }
+
+    /// One light drawn by what each would send back without shadows.
+    fn from_points(&self, accelerator: &Accelerator, vertex: &Vertex, points: &mut Points) -> Vec3 {
+        let unshadowed = |light: &PointLight| {
+            let way = light.position - vertex.position;
+            let r2 = way.length_squared();
+            let Some(direction) = way.try_normalize() else { return Vec3::ZERO };
+            vertex.reflect(direction).0 * light.intensity_towards(vertex.position) / r2
+        };
+        let lights = &self.emitters.points;
+        let which = points.next().x;
+        let Some(choice) = Distribution::new(lights.iter().map(|light| f64::from(luminance(unshadowed(light))))) else {
+            return Vec3::ZERO;
+        };
+        let (light, probability, _) = choice.pick(f64::from(which));
+        if accelerator.occluded(vertex.position, lights[light].position) {
+            return Vec3::ZERO;
+        }
+        unshadowed(&lights[light]) / probability as f32
+    }
+}

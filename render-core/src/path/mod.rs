@@ -1,0 +1,177 @@
+//! A path tracer that knows nothing of virtual lights: the truth that they are measured against.
+//!
+//! Paths start at the camera. At each surface one point of the glowing surfaces, one punctual light, every sun and one
+//! direction of the sky are asked for light, and the path goes on in a direction drawn from the BSDF; where both ways lead to
+//! the same light, they are weighted by the power heuristic \[Veach97, 9.2.4\]. Russian roulette ends paths without bias.
+//!
+//! What is seen is what the rest of the program shows: the sun's disc and punctual lights are never seen themselves, an unlit
+//! surface shines for the camera alone, and the back of a single-sided surface is shown to the camera lit, but absorbs light.
+
+mod film;
+mod lights;
+
+pub use film::{Estimate, PathOptions, PixelSampling};
+
+use crate::accel::Accelerator;
+use crate::bsdf::Bsdf;
+use crate::emitter::Emitters;
+use crate::sampling::{frame, hash, owen_sobol_point};
+use crate::scene::View;
+use crate::surface::{Surface, Surfaces};
+use crate::{Units, luminance};
+use glam::{Vec2, Vec3, Vec3A};
+use lights::Lights;
+
+/// Reflections before which roulette ends no path.
+const SURE_BOUNCES: u32 = 4;
+/// Highest probability of going on after that: a room of white walls must end too.
+const HIGHEST_SURVIVAL: f32 = 0.95;
+
+/// A scene at one time, ready for paths.
+pub struct PathTracer<'a> {
+    accelerator: &'a Accelerator,
+    surfaces: &'a Surfaces<'a>,
+    lights: Lights<'a>,
+    epsilon: f32,
+}
+
+/// The random numbers of one sample: pairs, each from a scrambled sequence of its own.
+struct Points {
+    key: u64,
+    index: u32,
+    dimension: u64,
+}
+
+impl Points {
+    fn next(&mut self) -> Vec2 {
+        self.dimension += 1;
+        owen_sobol_point(self.index, hash(self.key, self.dimension, 0))
+    }
+}
+
+/// A surface that a path has reached, and how it reflects there.
+struct Vertex {
+    /// A little off the surface.
+    position: Vec3A,
+    geometric_normal: Vec3A,
+    /// World space axes of the shading frame; z is the normal.
+    axes: [Vec3; 3],
+    /// Towards where the path came from, in the shading frame.
+    outgoing: Vec3,
+    bsdf: Bsdf,
+}
+
+impl Vertex {
+    fn new(surface: &Surface, direction: Vec3A, epsilon: f32) -> Self {
+        let normal = Vec3::from(surface.shading_normal);
+        let (x, y) = frame(normal);
+        let back = -Vec3::from(direction);
+        Self {
+            position: surface.position + surface.geometric_normal * epsilon,
+            geometric_normal: surface.geometric_normal,
+            axes: [x, y, normal],
+            outgoing: vector_in([x, y, normal], back),
+            bsdf: Bsdf::new(surface.albedo, surface.specular, surface.roughness),
+        }
+    }
+
+    /// BRDF times cosine, and density of drawing it, for light from the unit `direction`; zero from below the triangle's plane,
+    /// whatever the smooth normal says.
+    fn reflect(&self, direction: Vec3A) -> (Vec3, f32) {
+        if self.geometric_normal.dot(direction) <= 0.0 {
+            return (Vec3::ZERO, 0.0);
+        }
+        let incoming = vector_in(self.axes, direction.into());
+        (self.bsdf.evaluate(self.outgoing, incoming) * incoming.z.max(0.0), self.bsdf.pdf(self.outgoing, incoming))
+    }
+}
+
+/// The components of `v` along orthonormal axes.
+fn vector_in(axes: [Vec3; 3], v: Vec3) -> Vec3 {
+    Vec3::from_array(axes.map(|axis| axis.dot(v)))
+}
+
+/// Weight of a sample whose own density is `a` when another way draws the same with density `b`.
+fn power_heuristic(a: f32, b: f32) -> f32 {
+    // Densities of narrow lobes have squares beyond the range of f32; their ratio does not.
+    if a <= 0.0 {
+        return 0.0;
+    }
+    let ratio = b / a;
+    1.0 / (1.0 + ratio * ratio)
+}
+
+impl<'a> PathTracer<'a> {
+    /// For the scene that `surfaces` shows, with its rays in `accelerator` and its lights in `emitters`.
+    pub fn new(
+        accelerator: &'a Accelerator,
+        surfaces: &'a Surfaces<'a>,
+        emitters: &'a Emitters,
+        units: &Units,
+    ) -> Self {
+        Self { accelerator, surfaces, lights: Lights::new(surfaces, emitters, units.epsilon), epsilon: units.epsilon }
+    }
+
+    /// Radiance \[W·m⁻²·sr⁻¹\] along one path of at most `max_bounces` reflections that starts at `pixel`.
+    fn sample(&self, view: &View, pixel: Vec2, sharp: bool, max_bounces: u32, points: &mut Points) -> Vec3 {
+        let (mut origin, mut direction) = view.ray(pixel);
+        let (mut radiance, mut throughput) = (Vec3::ZERO, Vec3::ONE);
+        // Density of the direction from the surface before; none at the camera, where light has no other way to be found.
+        let mut drawn: Option<f32> = None;
+        for bounce in 0.. {
+            let Some(hit) = self.accelerator.closest(origin, direction) else {
+                if let Some(sky) = &self.surfaces.scene().sky {
+                    let weight = drawn.map_or(1.0, |pdf| power_heuristic(pdf, sky.pdf(direction.into())));
+                    radiance += throughput * sky.radiance(direction.into()) * weight;
+                }
+                break;
+            };
+            let width =
+                if drawn.is_some() || sharp { 0.0 } else { self.footprint(view, origin + direction * hit.distance) };
+            let surface = self.surfaces.at(&hit, direction, width);
+            match drawn {
+                None => radiance += throughput * surface.emission,
+                Some(pdf) if surface.emission != Vec3::ZERO => {
+                    // An unlit surface is no light.
+                    if let Some(light) = self.lights.pdf_of(&hit, direction, &surface) {
+                        radiance += throughput * surface.emission * power_heuristic(pdf, light);
+                    }
+                }
+                Some(_) => {}
+            }
+            let absorbed = bounce > 0 && !surface.front && !surface.double_sided;
+            if bounce >= max_bounces || absorbed {
+                break;
+            }
+            let vertex = Vertex::new(&surface, direction, self.epsilon);
+            if vertex.bsdf.is_black() {
+                break;
+            }
+            radiance += throughput * self.lights.gather(self.accelerator, self.surfaces, &vertex, points);
+
+            let (choice, way) = (points.next(), points.next());
+            let Some(next) = vertex.bsdf.sample(vertex.outgoing, choice.x, way) else { break };
+            let [x, y, z] = vertex.axes;
+            direction = (x * next.direction.x + y * next.direction.y + z * next.direction.z).normalize().into();
+            if direction.dot(vertex.geometric_normal) <= 0.0 {
+                break;
+            }
+            throughput *= next.weight;
+            if bounce >= SURE_BOUNCES {
+                let survival = luminance(throughput).max(throughput.max_element() / 2.0).min(HIGHEST_SURVIVAL);
+                if choice.y >= survival {
+                    break;
+                }
+                throughput /= survival;
+            }
+            drawn = Some(next.pdf);
+            origin = vertex.position;
+        }
+        radiance
+    }
+
+    /// Width of a pixel at a point that it sees.
+    fn footprint(&self, view: &View, point: Vec3A) -> f32 {
+        view.pixel_width(view.project(point).map_or(0.0, |(_, depth)| depth))
+    }
+}
