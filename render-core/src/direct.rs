@@ -163,7 +163,7 @@ impl Area {
 
     /// What one of the samples gives while nothing hides it.
     #[inline]
-    fn from_sample(&self, receiver: &Receiver, sample: &AreaSample) -> Vec3 {
+    fn unhidden_sample(&self, receiver: &Receiver, sample: &AreaSample) -> Vec3 {
         let softening = AREA_SOFTENING * sample.area / PI;
         from_disc(receiver, sample.position, sample.normal, sample.intensity, softening)
     }
@@ -171,7 +171,7 @@ impl Area {
     /// What the whole light gives while nothing hides it.
     fn unhidden(&self, receiver: &Receiver) -> Vec3 {
         if self.polygons.is_empty() {
-            return self.samples.iter().map(|sample| self.from_sample(receiver, sample)).sum();
+            return self.samples.iter().map(|sample| self.unhidden_sample(receiver, sample)).sum();
         }
         let Receiver { position, normal, geometric_normal } = *receiver;
         self.polygons.iter().map(|polygon| polygon.irradiance(position, normal, geometric_normal)).sum()
@@ -242,7 +242,7 @@ impl<'a> Tile<'a> {
                 let mut given = [Vec3::ZERO; PACKET];
                 let mut ask = 0;
                 for i in bits(among) {
-                    given[i] = area.from_sample(&self.receivers[i], sample);
+                    given[i] = area.unhidden_sample(&self.receivers[i], sample);
                     ask |= u64::from(given[i] != Vec3::ZERO) << i;
                 }
                 let hidden = self.hidden_from(sample.position, ask);

@@ -145,10 +145,8 @@ impl Accelerator {
                 count += 1;
             }
         }
-        let mut found = [Found::NOTHING; PACKET];
         let origin = from * self.scale;
-        self.lanes.run(Together::<false> { scene: self, origin, rays: &rays[..count], found: &mut found });
-        found.iter().enumerate().fold(0, |hidden, (index, found)| hidden | u64::from(found.met.t < 0.0) << index)
+        self.lanes.run(Together::<false> { scene: self, origin, rays: &rays[..count], found: &mut [] })
     }
 
     /// Whether anything stands in the unit `direction` from `from`, however far.

@@ -117,7 +117,7 @@ impl Packet {
                 row.t[lane] = ray.limit;
                 row.triangle[lane] = f32::from_bits(ray.triangle);
             }
-            for axis in 0..3 {
+            for (axis, [low, high]) in range.iter_mut().enumerate() {
                 let least = if octant.goes_down(axis) { -LEAST_COMPONENT } else { LEAST_COMPONENT };
                 let x = lanes.load(&components[axis]);
                 let size = lanes.max(x, lanes.sub(lanes.splat(0.0), x));
@@ -125,17 +125,16 @@ impl Packet {
                 let inverse = lanes.div(lanes.splat(1.0), lanes.select(small, lanes.splat(least), x));
                 row.inverse_near[axis] = lanes.store(inverse);
                 row.inverse_far[axis] = lanes.store(lanes.mul(inverse, lanes.splat(LENGTHENING)));
-                let [low, high] = range[axis];
-                range[axis] = [lanes.min(inverse, low), lanes.max(inverse, high)];
+                (*low, *high) = (lanes.min(inverse, *low), lanes.max(inverse, *high));
             }
             let along = lanes.load(&row.inverse_near[packet.axes[2]]);
             for k in 0..2 {
                 row.shear[k] = lanes.store(lanes.mul(lanes.load(&components[packet.axes[k]]), along));
             }
         }
-        for axis in 0..3 {
-            let low = lanes.store(range[axis][0]).into_iter().fold(f32::INFINITY, f32::min);
-            let high = lanes.store(range[axis][1]).into_iter().fold(f32::NEG_INFINITY, f32::max);
+        for (axis, [low, high]) in range.into_iter().enumerate() {
+            let low = lanes.store(low).into_iter().fold(f32::INFINITY, f32::min);
+            let high = lanes.store(high).into_iter().fold(f32::NEG_INFINITY, f32::max);
             (packet.near_range[0][axis], packet.near_range[1][axis]) = (low, high);
             // Rounding keeps order: no lengthened inverse lies outside of these.
             (packet.far_range[0][axis], packet.far_range[1][axis]) = (low * LENGTHENING, high * LENGTHENING);

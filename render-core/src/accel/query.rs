@@ -23,7 +23,7 @@ impl Found {
     pub(super) const NOTHING: Self = Self { met: Met::NOTHING, place: usize::MAX };
 
     /// What group `place` must beat: of hits at one distance, the group that comes first wins.
-    fn to_beat(&self, place: usize) -> Met {
+    fn to_beat(self, place: usize) -> Met {
         Met { triangle: if place < self.place { NO_TRIANGLE } else { 0 }, ..self.met }
     }
 }
@@ -142,8 +142,8 @@ impl PacketRay {
 
 /// Rays from one `origin` in scaled world space, at most [`PACKET`].
 ///
-/// `CLOSEST`: `found` (by [`PacketRay::index`]) becomes the first surface along each. Otherwise: any surface within
-/// a ray's limit makes its `found.met.t` negative.
+/// `CLOSEST`: `found` (by [`PacketRay::index`]) becomes the first surface along each. Otherwise `found` is not used, and
+/// the answer has the bits (by [`PacketRay::index`]) of the rays that meet a surface within their limits.
 pub(super) struct Together<'a, const CLOSEST: bool> {
     pub(super) scene: &'a Accelerator,
     pub(super) origin: Vec3A,
@@ -152,23 +152,33 @@ pub(super) struct Together<'a, const CLOSEST: bool> {
 }
 
 impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
-    type Output = ();
+    type Output = u64;
 
     #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) {
+    fn run<L: Lanes>(self, lanes: L) -> u64 {
         let Self { scene, origin, rays, found } = self;
+        let mut blocked = 0;
         let mut octants = Octants::of(rays);
         while let Some((octant, rays)) = octants.next() {
             let mut packet = Packet::new(lanes, origin, octant, rays);
-            if let Some(group) = scene.sole_group() {
-                packet.walk(lanes, &group.tree, &mut Triangles::<CLOSEST>(group));
-                for (k, ray) in rays.iter().enumerate() {
-                    found[ray.index] = Found { met: packet.met(k), place: 0 };
+            match scene.sole_group() {
+                Some(group) => {
+                    packet.walk(lanes, &group.tree, &mut Triangles::<CLOSEST>(group));
+                    if CLOSEST {
+                        for (k, ray) in rays.iter().enumerate() {
+                            found[ray.index] = Found { met: packet.met(k), place: 0 };
+                        }
+                    }
                 }
-            } else {
-                packet.walk(lanes, &scene.top, &mut Groups::<CLOSEST> { scene, origin, rays, found });
+                None => packet.walk(lanes, &scene.top, &mut Groups::<CLOSEST> { scene, origin, rays, found }),
+            }
+            if !CLOSEST {
+                for (k, ray) in rays.iter().enumerate() {
+                    blocked |= u64::from(packet.met(k).t < 0.0) << ray.index;
+                }
             }
         }
+        blocked
     }
 }
 
@@ -186,6 +196,11 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
     fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered) {
         let place = content as usize;
         let placed = &self.scene.groups[place];
+        if !CLOSEST && placed.to_local.is_none() && placed.group.cut_outs.is_none() {
+            // The packet itself can go on; which group stopped a ray does not matter.
+            packet.walk(lanes, &placed.group.tree, &mut Triangles::<false>(&placed.group));
+            return;
+        }
         let (mut local, mut count) = ([PacketRay::NONE; PACKET], 0);
         let mut bits = entered.rays();
         while bits != 0 {
@@ -206,8 +221,10 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
             // Whether a hit counts is asked of each: these rays go alone.
             for ray in &local[..count] {
                 if let Some(met) = alone::<L, CLOSEST>(lanes, &placed.group, origin, ray) {
-                    self.found[self.rays[ray.index].index] = Found { met, place };
                     packet.set_limit(ray.index, met.t);
+                    if CLOSEST {
+                        self.found[self.rays[ray.index].index] = Found { met, place };
+                    }
                 }
             }
             packet.measure(lanes);
@@ -220,8 +237,10 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
             for (k, ray) in rays.iter().enumerate() {
                 let met = within.met(k);
                 if met.t < ray.limit || met.triangle != ray.triangle {
-                    self.found[self.rays[ray.index].index] = Found { met, place };
                     packet.set_limit(ray.index, met.t);
+                    if CLOSEST {
+                        self.found[self.rays[ray.index].index] = Found { met, place };
+                    }
                 }
             }
         }
@@ -242,37 +261,34 @@ fn alone<L: Lanes, const CLOSEST: bool>(lanes: L, group: &Group, origin: Vec3A, 
     }
 }
 
-/// Rays sorted by octant.
-struct Octants {
-    rest: [PacketRay; PACKET],
-    rest_count: usize,
-    together: [PacketRay; PACKET],
+/// Rays sorted by octant. Nearly always all have the same, and are handed on as they are.
+struct Octants<'a> {
+    all: &'a [PacketRay],
+    /// What is left of a mixed lot, and what was taken from it last.
+    rest: Vec<PacketRay>,
+    together: Vec<PacketRay>,
 }
 
-impl Octants {
+impl<'a> Octants<'a> {
     #[inline(always)]
-    fn of(rays: &[PacketRay]) -> Self {
-        let mut rest = [PacketRay::NONE; PACKET];
-        rest[..rays.len()].copy_from_slice(rays);
-        Self { rest, rest_count: rays.len(), together: [PacketRay::NONE; PACKET] }
+    fn of(rays: &'a [PacketRay]) -> Self {
+        Self { all: rays, rest: Vec::new(), together: Vec::new() }
     }
 
     /// The rays that share an octant with the first that is left.
     #[inline(always)]
     fn next(&mut self) -> Option<(Octant, &[PacketRay])> {
-        let octant = Octant::of(self.rest[..self.rest_count].first()?.direction);
-        let (mut count, mut left) = (0, 0);
-        for k in 0..self.rest_count {
-            let ray = self.rest[k];
-            if Octant::of(ray.direction) == octant {
-                self.together[count] = ray;
-                count += 1;
-            } else {
-                self.rest[left] = ray;
-                left += 1;
+        if let Some(first) = self.all.first() {
+            let octant = Octant::of(first.direction);
+            let all = std::mem::take(&mut self.all);
+            if all.iter().all(|ray| Octant::of(ray.direction) == octant) {
+                return Some((octant, all));
             }
+            self.rest.extend_from_slice(all);
         }
-        self.rest_count = left;
-        Some((octant, &self.together[..count]))
+        let octant = Octant::of(self.rest.first()?.direction);
+        self.together.clear();
+        self.together.extend(self.rest.extract_if(.., |ray| Octant::of(ray.direction) == octant));
+        Some((octant, &self.together))
     }
 }
