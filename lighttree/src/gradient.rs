@@ -1,7 +1,7 @@
 //! How the irradiance from one light changes with the place and the normal of what it falls on.
 //!
 //! For a cut the gradients of an irradiance cache need no sampling: they are sums over its lights
-//! (Křivánek et al. 2005, section 4.2, for the idea of differentiating each contribution; the formulae are those of G here).
+//! \[Krivanek08\].
 
 use glam::Vec3;
 

@@ -1,8 +1,7 @@
 //! Short looks around a point: how near the surroundings are, and the light that softening took from its virtual lights.
 //!
 //! A virtual light is softened, `cos θ cos θ_l / (r² + s)` in place of `/ r²`, so that a single one cannot outshine its
-//! surroundings nearby. What that removes is light from close by \[Kollig & Keller 2004, Illumination in the presence of
-//! weak singularities\]:
+//! surroundings nearby. What that removes is light from close by \[Kollig04\]:
 //!
 //! ```text
 //! E_removed(x) = ∫ L(y) cos θ · s / (r² + s) dω  ≈  π/N Σ L(yᵢ) · s / (rᵢ² + s)      for N cosine-distributed rays

@@ -3,6 +3,7 @@
 use crossbeam_channel::{Receiver, Sender, bounded, unbounded};
 use perceptual::{ToneMap, YCbCr, luminance_plane};
 use pipeline::message::{LuminanceThresholds, Prepared, Shaded, ToMask};
+use pipeline::settings::Switch;
 use pipeline::{Plan, Settings, Wishes, stage};
 use plane::Plane;
 use render_core::scene::Scene;
@@ -17,7 +18,8 @@ const SIDE: usize = 48;
 fn thresholds_open_after_the_first_frame_and_cuts_shrink() {
     let folder = tempfile::tempdir().unwrap();
     let film = |name: &str, more: &str| {
-        let arguments = format!("--size 64x64 --frames 5 --vpls 1000 --photons 50000 {more}");
+        let arguments =
+            format!("--size 64x64 --frames 5 --vpls 1000 --photons 50000 --cache off --compensation off {more}");
         render(folder.path(), name, &cornell(), &arguments)
     };
     let fixed = film("fixed", "--thresholds fixed:0.02");
@@ -39,9 +41,14 @@ fn thresholds_open_after_the_first_frame_and_cuts_shrink() {
     }
 }
 
+/// A cut for each pixel and frame: what a threshold asks for shows at once.
+fn per_pixel() -> Wishes {
+    Wishes { cache: Some(Switch::Off), compensation: Some(Switch::Off), ..Wishes::default() }
+}
+
 fn small_film(frames: u32) -> (Scene, Settings) {
     let size = format!("{SIDE}x{SIDE}").parse().ok();
-    let wishes = Wishes { frames: Some(frames), size, vpls: Some(300), photons: Some(10_000), ..Wishes::default() };
+    let wishes = Wishes { frames: Some(frames), size, vpls: Some(300), photons: Some(10_000), ..per_pixel() };
     load(&cornell(), wishes)
 }
 

@@ -16,8 +16,8 @@ const BY_GRADIENT: f32 = 0.7;
 /// Length of the change of a normal that is tolerated: √(2 (1 − cos)).
 const LARGEST_TURN: f32 = 0.49;
 const _: () = assert!((LARGEST_TURN * LARGEST_TURN - 2.0 * NORMAL_TOLERANCE).abs() < 1e-3);
-/// Radius on the screen at least and at most \[pixels\] \[Tabellion & Lamorlette 2004\].
-const ON_SCREEN: (f32, f32) = (3.0, 40.0);
+/// Radius on the screen at least and at most \[pixels\] \[Tabellion04\].
+const ON_SCREEN: (f32, f32) = (2.2, 40.0);
 
 /// Radius that the surroundings allow \[m\].
 pub(super) fn radius(estimate: &Estimate) -> f32 {

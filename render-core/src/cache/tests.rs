@@ -1,1 +1,263 @@
+//! The cache against environments whose irradiance is known in closed form.
 
+use super::*;
+use crate::scene::{Projection, View};
+use glam::{Mat3A, Vec3};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+const SIDE: usize = 64;
+/// The light of the tests hangs this high above the floor \[m\].
+const HEIGHT: f32 = 1.0;
+
+/// The floor y = 0 from straight above, 2 m across; `split` turns all beyond x = 0 into another surface.
+fn floor(split: impl Fn(&mut PixelSurface)) -> GBuffer {
+    let above = Affine3A::from_rotation_translation(
+        glam::Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2),
+        Vec3::new(0.0, 5.0, 0.0),
+    );
+    let view = View::new(above, Projection::Orthographic { ymag: 1.0 }, SIDE, SIDE);
+    let pixels = Plane::from_fn(SIDE, SIDE, |x, y| {
+        let (origin, direction) = view.ray(glam::Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+        let mut pixel = PixelSurface {
+            position: (origin + direction * origin.y).to_array(),
+            geometric_normal: [0.0, 1.0, 0.0],
+            shading_normal: [0.0, 1.0, 0.0],
+            albedo: [1.0; 3],
+            specular: [0.0; 3],
+            roughness: 1.0,
+            emission: [0.0; 3],
+            depth: 5.0,
+            instance: 0,
+        };
+        if pixel.position[0] > 0.0 {
+            split(&mut pixel);
+        }
+        pixel
+    });
+    GBuffer { pixels, view, world: vec![Affine3A::IDENTITY; 2] }
+}
+
+/// A lamp of intensity `1 W/sr` in the middle above the floor: E = cos θ / r².
+#[derive(Default)]
+struct Lamp {
+    /// Factor on its light.
+    power: Option<f32>,
+    /// Whether all on the far side of x = 0 is dark: a thin wall stands there, which the rays of a record may well see.
+    wall: bool,
+    computed: AtomicUsize,
+    relit: AtomicUsize,
+}
+
+impl Lamp {
+    fn irradiance(&self, position: Vec3A, normal: Vec3A) -> f32 {
+        if self.wall && position.x > 0.0 {
+            return 0.0;
+        }
+        let d = Vec3A::Y * HEIGHT - position;
+        self.power.unwrap_or(1.0) * d.dot(normal).max(0.0) / d.length().powi(3)
+    }
+
+    fn estimate(&self, site: &Site) -> Estimate {
+        let (d, power) = (Vec3A::Y * HEIGHT - site.position, self.power.unwrap_or(1.0));
+        let lit = if self.wall && site.position.x > 0.0 { 0.0 } else { power };
+        let r2 = d.length_squared();
+        let by_normal = d * (lit / (r2 * r2.sqrt()));
+        let by_position = (d * (3.0 * d.dot(site.normal) / r2) - site.normal) * (lit / (r2 * r2.sqrt()));
+        let grey = |v: Vec3A| Mat3A::from_cols(Vec3A::splat(v.x), Vec3A::splat(v.y), Vec3A::splat(v.z));
+        let wall = if self.wall { site.position.x.abs() } else { f32::INFINITY };
+        Estimate {
+            irradiance: Vec3::splat(self.irradiance(site.position, site.normal)),
+            by_normal: grey(by_normal),
+            by_position: grey(by_position),
+            harmonic_mean: HEIGHT.min(2.0 * wall),
+            nearest: HEIGHT.min(wall),
+        }
+    }
+}
+
+impl Illumination for Lamp {
+    type Recipe = ();
+    type Scratch = ();
+
+    fn compute(&self, site: &Site, (): &mut ()) -> (Estimate, ()) {
+        self.computed.fetch_add(1, Ordering::Relaxed);
+        (self.estimate(site), ())
+    }
+
+    fn relight(&self, site: &Site, (): &mut ()) -> Option<Estimate> {
+        self.relit.fetch_add(1, Ordering::Relaxed);
+        Some(self.estimate(site))
+    }
+}
+
+const NO_NEWS: News = News { light: false, things: false };
+
+fn light(cache: &mut IrradianceCache<()>, seen: &GBuffer, news: News, lamp: &Lamp) -> CachedLight {
+    cache.light(seen, &[false, true], news, lamp, &Busy::default())
+}
+
+/// Largest error of the picture, as a share of the lamp's closed form at its brightest.
+fn largest_error(lit: &CachedLight, seen: &GBuffer, lamp: &Lamp) -> f32 {
+    let pairs = lit.irradiance.samples().iter().zip(seen.pixels.samples());
+    let brightest = lamp.power.unwrap_or(1.0) / (HEIGHT * HEIGHT);
+    pairs
+        .map(|(e, pixel)| (e[0] - lamp.irradiance(pixel.position.into(), pixel.shading_normal.into())).abs())
+        .fold(0.0, f32::max)
+        / brightest
+}
+
+/// Second order is all that is lost: within 4 % anywhere, at a fraction of the pixels' number.
+#[test]
+fn a_smooth_light_is_interpolated() {
+    let (seen, lamp) = (floor(|_| ()), Lamp::default());
+    let lit = light(&mut IrradianceCache::default(), &seen, NO_NEWS, &lamp);
+    let error = largest_error(&lit, &seen, &lamp);
+    println!("{} records for {} pixels, largest error {error:.4}", lit.computed, SIDE * SIDE);
+    assert!(error < 0.04, "{error}");
+    assert!(lit.computed * 50 < SIDE * SIDE, "{} records", lit.computed);
+    assert_eq!(lit.computed, lamp.computed.into_inner());
+}
+
+/// A tilted normal takes its light from the vector irradiance: exact where no light crosses the horizon, without a record
+/// of its own.
+#[test]
+fn turned_normals_are_exact() {
+    let mut seen = floor(|_| ());
+    let lamp = Lamp::default();
+    let mut cache = IrradianceCache::default();
+    let flat = light(&mut cache, &seen, NO_NEWS, &lamp);
+    for pixel in seen.pixels.samples_mut() {
+        pixel.shading_normal = Vec3A::new(0.1, 1.0, 0.05).normalize().to_array();
+    }
+    let tilted = light(&mut cache, &seen, NO_NEWS, &lamp);
+    assert_eq!(tilted.computed, 0, "records made for the flat floor serve the tilted one");
+    let (before, after) = (largest_error(&flat, &floor(|_| ()), &lamp), largest_error(&tilted, &seen, &lamp));
+    assert!(after < before + 0.01, "{before} became {after}");
+}
+
+/// Full light on one side of a thin wall, none on the other: only pixels within the least radius of a record may mix.
+#[test]
+fn no_light_leaks_past_a_thin_wall() {
+    let (seen, lamp) = (floor(|_| ()), Lamp { wall: true, ..Lamp::default() });
+    let lit = light(&mut IrradianceCache::default(), &seen, NO_NEWS, &lamp);
+    for (e, pixel) in lit.irradiance.samples().iter().zip(seen.pixels.samples()) {
+        let x = pixel.position[0];
+        // A pixel is 1/32 m wide.
+        if x > 3.0 / 32.0 {
+            assert_eq!(e[0], 0.0, "light {x} m behind the wall");
+        } else if x < -3.0 / 32.0 {
+            let expected = lamp.irradiance(pixel.position.into(), Vec3A::Y);
+            assert!((e[0] - expected).abs() < 0.05, "{} in place of {expected} {x} m before the wall", e[0]);
+        }
+    }
+}
+
+/// A step of a few centimetres, the underside of a sheet and what moves are each another surface.
+#[test]
+fn other_surfaces_have_records_of_their_own() {
+    let changes: [fn(&mut PixelSurface); 3] =
+        [|pixel| pixel.position[1] += 0.3, |pixel| pixel.shading_normal = [0.0, -1.0, 0.0], |pixel| pixel.instance = 1];
+    for (k, change) in changes.into_iter().enumerate() {
+        /// Light that depends on what it falls on alone.
+        struct BySurface;
+        impl Illumination for BySurface {
+            type Recipe = ();
+            type Scratch = ();
+            fn compute(&self, site: &Site, (): &mut ()) -> (Estimate, ()) {
+                let other = site.position.y > 0.1 || site.normal.y < 0.0 || site.carrier == 1;
+                let estimate = Estimate {
+                    irradiance: Vec3::splat(if other { 100.0 } else { 1.0 }),
+                    by_normal: Mat3A::ZERO,
+                    by_position: Mat3A::ZERO,
+                    harmonic_mean: 1.0,
+                    nearest: 1.0,
+                };
+                (estimate, ())
+            }
+            fn relight(&self, _: &Site, (): &mut ()) -> Option<Estimate> {
+                None
+            }
+        }
+        let seen = floor(change);
+        let lit = IrradianceCache::default().light(&seen, &[false, true], NO_NEWS, &BySurface, &Busy::default());
+        for (e, pixel) in lit.irradiance.samples().iter().zip(seen.pixels.samples()) {
+            assert_eq!(e[0], if pixel.position[0] > 0.0 { 100.0 } else { 1.0 }, "change {k}");
+        }
+    }
+}
+
+/// Without news nothing is computed; with news of light all is lit again, at once and exactly as if new.
+#[test]
+fn light_that_changes_is_followed_at_once() {
+    let (seen, lamp) = (floor(|_| ()), Lamp::default());
+    let mut cache = IrradianceCache::default();
+    let first = light(&mut cache, &seen, NO_NEWS, &lamp);
+    let again = light(&mut cache, &seen, NO_NEWS, &lamp);
+    assert_eq!((again.computed, &again.irradiance), (0, &first.irradiance));
+    let brighter = Lamp { power: Some(10.0), ..Lamp::default() };
+    let news = News { light: true, things: false };
+    let lit = light(&mut cache, &seen, news, &brighter);
+    assert_eq!(lit.computed, 0);
+    assert!(brighter.relit.load(Ordering::Relaxed) >= first.in_use);
+    for (now, before) in lit.irradiance.samples().iter().zip(first.irradiance.samples()) {
+        assert!((now[0] - 10.0 * before[0]).abs() < 1e-3 * before[0], "{} after {}", now[0], before[0]);
+    }
+    // While things move, every record is computed afresh within so many frames.
+    let news = News { light: true, things: true };
+    let computed: usize = (0..TURN).map(|_| light(&mut cache, &seen, news, &brighter).computed).sum();
+    assert_eq!(computed, cache.records.len());
+}
+
+/// Records on something that moves go with it.
+#[test]
+fn records_are_carried() {
+    let lamp = Lamp::default();
+    let mut cache = IrradianceCache::default();
+    let mut seen = floor(|pixel| pixel.instance = 1);
+    light(&mut cache, &seen, NO_NEWS, &lamp);
+    let before: Vec<Site> = cache.records.iter().map(|record| record.site).collect();
+    let step = Vec3A::new(0.0, 0.5, 0.0);
+    seen.world[1] = Affine3A::from_translation(step.into());
+    for pixel in seen.pixels.samples_mut().iter_mut().filter(|pixel| pixel.instance == 1) {
+        pixel.position = (Vec3A::from(pixel.position) + step).to_array();
+    }
+    let lit = light(&mut cache, &seen, News { light: false, things: true }, &lamp);
+    for (before, record) in before.iter().zip(&cache.records) {
+        let expected = before.position + if before.carrier == 1 { step } else { Vec3A::ZERO };
+        assert_eq!(record.site.position, expected);
+    }
+    assert!(largest_error(&lit, &seen, &lamp) < 0.2, "light half a metre higher, four times as bright");
+}
+
+/// Any number of threads makes the same records and the same picture.
+#[test]
+fn threads_do_not_matter() {
+    let film = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let (seen, mut cache) = (floor(|pixel| pixel.instance = 1), IrradianceCache::default());
+            let powers = [1.0, 1.0, 2.0];
+            let frames = powers.map(|power| {
+                let news = News { light: true, things: power == 1.0 };
+                light(&mut cache, &seen, news, &Lamp { power: Some(power), ..Lamp::default() }).irradiance
+            });
+            (frames, cache.records.len())
+        })
+    };
+    let alone = film(1);
+    assert!(alone == film(2) && alone == film(5));
+}
+
+/// What stays out of sight is given up.
+#[test]
+fn unseen_records_are_forgotten() {
+    let (seen, lamp) = (floor(|_| ()), Lamp::default());
+    let mut nothing = seen.clone();
+    nothing.pixels.samples_mut().iter_mut().for_each(|pixel| pixel.instance = NOTHING);
+    let mut cache = IrradianceCache::default();
+    light(&mut cache, &seen, NO_NEWS, &lamp);
+    (0..PATIENCE).for_each(|_| drop(light(&mut cache, &nothing, NO_NEWS, &lamp)));
+    assert!(!cache.records.is_empty());
+    light(&mut cache, &nothing, NO_NEWS, &lamp);
+    assert!(cache.records.is_empty());
+}
