@@ -2,6 +2,7 @@
 
 use clap::{Args, Parser, Subcommand};
 use pipeline::Wishes;
+use pipeline::reference::Method;
 use pipeline::settings::{Lighting, Size, Switch, Thresholds};
 use std::path::PathBuf;
 
@@ -17,7 +18,9 @@ use std::path::PathBuf;
   render2mpeg render scenes/cornell/cornell.glb
   render2mpeg render scene.glb -o film.m2v --size 1280x720 --frames 50 --qscale 16
   render2mpeg render scene.glb --thresholds fixed:0.02      the original Lightcuts, for comparison
-  render2mpeg plan scene.glb"
+  render2mpeg plan scene.glb
+  render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr
+  render2mpeg compare frame_00010.exr truth.exr"
 )]
 pub struct Arguments {
     /// What to do.
@@ -51,6 +54,60 @@ pub enum Command {
         /// No progress, no summary: only errors are shown
         #[arg(short, long)]
         quiet: bool,
+    },
+    /// Render one frame as exactly as wanted into a linear OpenEXR picture, with the noise that is left in it.
+    Reference {
+        /// A glTF 2.0 scene, .glb or .gltf
+        scene: PathBuf,
+        /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        /// Which frame, counted from 0
+        #[arg(long, value_name = "K", default_value_t = 0)]
+        frame: u32,
+        /// How light is computed
+        #[arg(long, value_enum, default_value = "path")]
+        method: Method,
+        /// Paths for each pixel
+        #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+        spp: u32,
+        /// Most reflections of a path: 0 shows what glows, 1 direct light [default: all]
+        #[arg(long, value_name = "N")]
+        bounces: Option<u32>,
+        /// Start all paths at the centres of the pixels, as films are rendered, and not all over them
+        #[arg(long)]
+        centre: bool,
+        /// Of the picture, in pixels [default: 512x512]
+        #[arg(long, value_name = "WxH")]
+        size: Option<Size>,
+        /// Seed of paths and photons [default: 1]
+        #[arg(long, value_name = "S")]
+        seed: Option<u64>,
+        /// Anchor lights, for all lights [default: as for films]
+        #[arg(long, value_name = "N")]
+        vpls: Option<usize>,
+        /// Photons, for all lights [default: 150 for each anchor light]
+        #[arg(long, value_name = "N")]
+        photons: Option<u64>,
+        /// Pictures a second, which say when the frame is [default: as the TOML file says, else 25]
+        #[arg(long)]
+        fps: Option<f64>,
+        /// Threads [default: one per processor]; the result is the same for any number
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+        threads: Option<u16>,
+        /// No progress: only errors are shown
+        #[arg(short, long)]
+        quiet: bool,
+    },
+    /// Say how far an OpenEXR picture is from another.
+    Compare {
+        /// The picture to be judged
+        picture: PathBuf,
+        /// The reference; if it tells its variance, its noise is taken off
+        reference: PathBuf,
+        /// As JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Show what a scene needs, what is left out, and why; render nothing.
     Plan {

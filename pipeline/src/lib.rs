@@ -2,9 +2,11 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+pub mod compare;
 pub mod message;
 pub mod output;
 pub mod plan;
+pub mod reference;
 pub mod report;
 pub mod settings;
 pub mod stage;

@@ -6,9 +6,11 @@ mod progress;
 use anyhow::{Context, Result};
 use args::{Arguments, Command};
 use clap::Parser;
+use pipeline::compare::compare_files;
 use pipeline::output::Output;
+use pipeline::reference::{self, Method};
 use pipeline::{Plan, Settings};
-use render_core::scene;
+use render_core::{PathOptions, PixelSampling, scene};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -39,17 +41,68 @@ fn run(command: Command) -> Result<ExitCode> {
             Ok(ExitCode::SUCCESS)
         }
         Command::Render { job, output, report, exr, y4m, threads, quiet } => {
-            if let Some(threads) = threads {
-                rayon::ThreadPoolBuilder::new()
-                    .num_threads(threads.into())
-                    .build_global()
-                    .context("the threads cannot be started")?;
-            }
+            use_threads(threads)?;
             let (path, mut wishes) = job.wishes();
             (wishes.output, wishes.exr, wishes.y4m) = (output, exr, y4m);
             render(path, wishes, report, quiet)
         }
+        Command::Reference {
+            scene: path,
+            output,
+            frame,
+            method,
+            spp,
+            bounces,
+            centre,
+            size,
+            seed,
+            vpls,
+            photons,
+            fps,
+            threads,
+            quiet,
+        } => {
+            use_threads(threads)?;
+            let scene = scene::load(&path)?;
+            let wishes = pipeline::Wishes { size, seed, vpls, photons, fps, ..Default::default() };
+            let settings = Settings::new(path, &scene, wishes)?;
+            // An output that cannot be written is told of before the work, not after it.
+            drop(Output::create(&output)?);
+            let picture = match method {
+                Method::AllLights => reference::by_all_lights(&scene, &settings, frame)?,
+                Method::Path => {
+                    let pixel = if centre { PixelSampling::Centre } else { PixelSampling::Area };
+                    let options = PathOptions { samples: spp, seed: settings.seed, max_bounces: bounces, pixel };
+                    let bar = progress::of_work(quiet);
+                    let picture = reference::by_paths(&scene, &settings, frame, &options, |done, all| {
+                        bar.set_length(all as u64);
+                        bar.set_position(done as u64);
+                    });
+                    bar.finish_and_clear();
+                    picture
+                }
+            };
+            picture.write(&output)?;
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Compare { picture, reference, json } => {
+            let comparison = compare_files(&picture, &reference)?;
+            if json {
+                println!("{}", serde_json::to_string_pretty(&comparison)?);
+            } else {
+                println!("{comparison}");
+            }
+            Ok(ExitCode::SUCCESS)
+        }
     }
+}
+
+fn use_threads(threads: Option<u16>) -> Result<()> {
+    if let Some(threads) = threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
+        pool.build_global().context("the threads cannot be started")?;
+    }
+    Ok(())
 }
 
 fn render(path: PathBuf, wishes: pipeline::Wishes, report: Option<PathBuf>, quiet: bool) -> Result<ExitCode> {

@@ -49,6 +49,15 @@ impl Progress {
     }
 }
 
+/// A line for work of a length that is told later.
+pub fn of_work(quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{bar:30} {percent} %  {eta} left").expect("the template is correct");
+    ProgressBar::new(0).with_style(style)
+}
+
 /// The figures that matter most, and where everything is.
 pub fn summary(report: &Report, video: &Path, report_path: &Path) {
     let s = &report.summary;

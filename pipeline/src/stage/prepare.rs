@@ -36,6 +36,11 @@ pub fn run<'s>(scene: &'s Scene, settings: &Settings, plan: &Plan, stop: &Atomic
     }
 }
 
+/// Makes frame `n` alone, as if it were the first.
+pub fn single(scene: &Scene, settings: &Settings, plan: &Plan, n: u32) -> Prepared {
+    Preparation::new(scene, settings, plan).frame(n)
+}
+
 /// What is kept from frame to frame.
 struct Preparation<'s, 'a> {
     scene: &'s Scene,

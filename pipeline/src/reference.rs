@@ -1,0 +1,87 @@
+//! One frame as exactly as wanted, linear and uncompressed: what the fast ways are measured against.
+
+use crate::plan::Plan;
+use crate::settings::{Lighting, Settings, Size};
+use crate::stage::{prepare, shade};
+use anyhow::{Context, Result};
+use plane::Plane;
+use render_core::scene::Scene;
+use render_core::{Emitters, Geometry, PathOptions, PathTracer, Surfaces, Units, image_file};
+use std::path::Path;
+
+/// How a reference is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Method {
+    /// Every virtual light at every pixel: what a cut approximates.
+    AllLights,
+    /// Path tracing without virtual lights: what all lights approximate.
+    Path,
+}
+
+/// A frame, and how far it can be trusted.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// Linear RGB \[W·m⁻²·sr⁻¹\].
+    pub radiance: Plane<[f32; 3]>,
+    /// Variance of each mean, where the method has noise.
+    pub variance: Option<Plane<[f32; 3]>>,
+}
+
+/// Frame `frame` of `scene` by paths.
+///
+/// `progress` is called from any thread with the work done and the work there is.
+pub fn by_paths(
+    scene: &Scene,
+    settings: &Settings,
+    frame: u32,
+    options: &PathOptions,
+    progress: impl Fn(usize, usize) + Sync,
+) -> Reference {
+    let pose = scene.pose((f64::from(frame) / settings.fps) as f32);
+    let surfaces = Surfaces::new(scene, &pose);
+    let accelerator = Geometry::new(scene).place(&pose);
+    let units = Units::of(scene);
+    let emitters = Emitters::new(&surfaces, &pose, &units);
+    let Size { width, height } = settings.size;
+    let view = scene.view(&pose, width, height);
+    let tracer = PathTracer::new(&accelerator, &surfaces, &emitters, &units);
+    let estimate = tracer.render(&view, (width, height), options, progress);
+    Reference { radiance: estimate.mean, variance: Some(estimate.variance_of_mean) }
+}
+
+/// Frame `frame` of `scene` by all lights, through the stages that films go through.
+///
+/// # Errors
+/// A fault of our own.
+pub fn by_all_lights(scene: &Scene, settings: &Settings, frame: u32) -> Result<Reference> {
+    let settings = Settings { lighting: Lighting::AllLights, ..settings.clone() };
+    let plan = Plan::new(scene, &settings);
+    let (prepared_out, prepared_in) = crossbeam_channel::bounded(1);
+    let (shaded_out, shaded_in) = crossbeam_channel::bounded(1);
+    let (_, no_thresholds) = crossbeam_channel::bounded(1);
+    prepared_out.send(prepare::single(scene, &settings, &plan, frame)).context("the frame cannot be handed over")?;
+    // Closed after the one frame, so that the stage ends.
+    drop(prepared_out);
+    shade::run(&settings, &plan, &prepared_in, &no_thresholds, &shaded_out);
+    let shaded = shaded_in.try_recv().context("the frame was not lit")?;
+    Ok(Reference { radiance: shaded.radiance, variance: None })
+}
+
+impl Reference {
+    /// Writes OpenEXR: channels R, G, B and, where there is noise, variance.R, variance.G, variance.B.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let layers = [("", Some(&self.radiance)), ("variance.", self.variance.as_ref())];
+        let channels = layers.into_iter().flat_map(|(prefix, plane)| plane.map(|plane| (prefix, plane))).flat_map(
+            |(prefix, plane)| {
+                ["R", "G", "B"].into_iter().enumerate().map(move |(c, name)| {
+                    (format!("{prefix}{name}"), plane.samples().iter().map(|rgb| rgb[c]).collect::<Vec<f32>>())
+                })
+            },
+        );
+        let (width, height) = (self.radiance.width(), self.radiance.height());
+        image_file::write_layers(path, width, height, channels.collect()).map_err(anyhow::Error::msg)
+    }
+}
