@@ -50,10 +50,10 @@ impl<'a> Lights<'a> {
     ) -> Vec3 {
         let mut sum = Vec3::ZERO;
         if self.choice.is_some() {
-            sum += self.from_surfaces(accelerator, surfaces, vertex, points);
+            sum += self.surface_light(accelerator, surfaces, vertex, points);
         }
         if !self.emitters.points.is_empty() {
-            sum += self.from_points(accelerator, vertex, points);
+            sum += self.point_light(accelerator, vertex, points);
         }
         for sun in &self.emitters.suns {
             let towards = sun.direction(points.next());
@@ -72,7 +72,7 @@ impl<'a> Lights<'a> {
         sum
     }
 
-    fn from_surfaces(
+    fn surface_light(
         &self,
         accelerator: &Accelerator,
         surfaces: &Surfaces,
@@ -108,7 +108,7 @@ impl<'a> Lights<'a> {
     }
 
     /// One light drawn by what each would send back without shadows.
-    fn from_points(&self, accelerator: &Accelerator, vertex: &Vertex, points: &mut Points) -> Vec3 {
+    fn point_light(&self, accelerator: &Accelerator, vertex: &Vertex, points: &mut Points) -> Vec3 {
         let unshadowed = |light: &PointLight| {
             let way = light.position - vertex.position;
             let r2 = way.length_squared();
