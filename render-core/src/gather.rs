@@ -211,3 +211,95 @@ fn around(grid: &AnchorGrid, anchors: &[Anchor], flux: &[Vec3], area_share: f32,
     };
     anchors.iter().map(mean).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Material, Mesh, Node, Pose, Scene, Transform};
+    use crate::{Geometry, Units};
+    use glam::Quat;
+
+    const RADIANCE: f32 = 2.0;
+
+    /// Squares of 40 m, each from a corner along two edges and facing their cross product.
+    fn squares(list: &[[Vec3; 3]]) -> Scene {
+        let mut scene = Scene::default();
+        scene.materials.push(Material::default());
+        let rest = Transform { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
+        scene.nodes.push(Node { name: String::new(), parent: None, rest });
+        for (k, &[corner, a, b]) in list.iter().enumerate() {
+            scene.meshes.push(Mesh {
+                positions: vec![corner, corner + a, corner + a + b, corner + b],
+                triangles: vec![[0, 1, 2], [0, 2, 3]],
+                ..Mesh::default()
+            });
+            scene.instances.push(crate::scene::Instance { node: 0, mesh: k });
+        }
+        scene
+    }
+
+    /// The light removed at `receiver`, and its derivative, when every anchor stands for the same radiance.
+    fn removed(scene: &Scene, receiver: impl Fn(f32) -> Receiver, softening: &mut f32) -> Vec<(f32, Vec3A)> {
+        let pose: Pose = scene.pose(0.0);
+        let surfaces = Surfaces::new(scene, &pose);
+        let anchors = Anchors::spread(scene, &surfaces, &Units::of(scene), 4000, 0);
+        let flux = Vec3::splat(RADIANCE * PI * anchors.area_share);
+        let energies = Energies {
+            fixed: vec![flux; anchors.fixed.len()],
+            carried: Vec::new(),
+            emitted: Vec3::ZERO,
+            reflected: Vec3::ZERO,
+            lost: Vec3::ZERO,
+        };
+        let gather = Gather::new(&surfaces, &anchors, &energies, vec![false; scene.instances.len()]);
+        *softening = gather.softening[0];
+        let accelerator = Geometry::new(scene).place(&pose);
+        let directions = Directions::new(4096);
+        let place = |step: f32| {
+            let found = gather.look_around(
+                &accelerator,
+                &surfaces,
+                &receiver(step * gather.softening[0].sqrt()),
+                &directions,
+                7,
+            );
+            let (light, slope) = gather.removed_light(&found);
+            (light.x, Vec3A::new(slope.x_axis.x, slope.y_axis.x, slope.z_axis.x))
+        };
+        [1.0, 0.99, 1.01].map(place).to_vec()
+    }
+
+    /// Above a wide floor of even radiance: E = π L (1 − h²/s · ln(1 + s/h²)), from ∫ over the hemisphere with r = h / cos θ.
+    #[test]
+    fn closed_form_above_a_floor() {
+        let floor = squares(&[[Vec3::new(-20.0, 0.0, -20.0), Vec3::Z * 40.0, Vec3::X * 40.0]]);
+        let mut softening = 0.0;
+        let facing_down = |height: f32| Receiver {
+            position: Vec3A::new(0.3, height, 0.2),
+            normal: Vec3A::NEG_Y,
+            geometric_normal: Vec3A::NEG_Y,
+        };
+        let (light, _) = removed(&floor, facing_down, &mut softening)[0];
+        // The height is √s.
+        let expected = PI * RADIANCE * (1.0 - 2f32.ln());
+        assert!((light / expected - 1.0).abs() < 0.01, "{light} in place of {expected}");
+    }
+
+    /// On a floor beside a wall: the derivative is what small steps find.
+    #[test]
+    fn the_derivative_is_that_of_small_steps() {
+        let corner = squares(&[
+            [Vec3::new(0.0, 0.0, -20.0), Vec3::Z * 40.0, Vec3::X * 40.0],
+            [Vec3::new(0.0, 0.0, -20.0), Vec3::Y * 40.0, Vec3::Z * 40.0],
+        ]);
+        let on_floor =
+            |x: f32| Receiver { position: Vec3A::new(x, 1e-3, 0.0), normal: Vec3A::Y, geometric_normal: Vec3A::Y };
+        let mut softening = 0.0;
+        let found = removed(&corner, on_floor, &mut softening);
+        let difference = (found[2].0 - found[1].0) / (0.02 * softening.sqrt());
+        let slope = found[0].1;
+        assert!(difference < 0.0, "less light is lost farther away");
+        assert!((slope.x / difference - 1.0).abs() < 0.1, "{slope} in place of {difference}");
+        assert!(slope.z.abs() < 0.1 * slope.x.abs() && slope.y.abs() < 1e-6, "{slope}");
+    }
+}

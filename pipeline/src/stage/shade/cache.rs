@@ -247,7 +247,7 @@ fn distance2(point: Vec3A, &(low, high): &(Vec3A, Vec3A)) -> f32 {
 fn crosses(from: Vec3A, to: Vec3A, &(low, high): &(Vec3A, Vec3A)) -> bool {
     let way = to - from;
     let (a, b) = ((low - from) / way, (high - from) / way);
-    // 0/0 on a face: NaN loses against the other operand, and the segment counts as touching.
+    // A segment in the plane of a face is 0/0 and may count either way: what stands there is no thicker than that plane.
     let (enter, leave) = (a.min(b), a.max(b));
     enter.max_element().max(0.0) <= leave.min_element().min(1.0)
 }
