@@ -59,7 +59,8 @@ pub fn by_all_lights(scene: &Scene, settings: &Settings, frame: u32) -> Result<R
     let (prepared_out, prepared_in) = crossbeam_channel::bounded(1);
     let (shaded_out, shaded_in) = crossbeam_channel::bounded(1);
     let (_, no_thresholds) = crossbeam_channel::bounded(1);
-    prepared_out.send(prepare::single(scene, &settings, &plan, frame)).context("the frame cannot be handed over")?;
+    let prepared = prepare::single(scene, &settings, &plan, frame);
+    prepared_out.send(prepared).ok().context("the frame cannot be handed over")?;
     // Closed after the one frame, so that the stage ends.
     drop(prepared_out);
     shade::run(&settings, &plan, &prepared_in, &no_thresholds, &shaded_out);

@@ -250,6 +250,7 @@ mod tests {
             emitted: Vec3::ZERO,
             reflected: Vec3::ZERO,
             lost: Vec3::ZERO,
+            traced: 0,
         };
         let gather = Gather::new(&surfaces, &anchors, &energies, vec![false; scene.instances.len()]);
         *softening = gather.softening[0];

@@ -37,7 +37,7 @@ pub fn run<'s>(scene: &'s Scene, settings: &Settings, plan: &Plan, stop: &Atomic
 }
 
 /// Makes frame `n` alone, as if it were the first.
-pub fn single(scene: &Scene, settings: &Settings, plan: &Plan, n: u32) -> Prepared {
+pub fn single<'s>(scene: &'s Scene, settings: &Settings, plan: &Plan, n: u32) -> Prepared<'s> {
     Preparation::new(scene, settings, plan).frame(n)
 }
 

@@ -28,13 +28,14 @@ fn floor(split: impl Fn(&mut PixelSurface)) -> GBuffer {
             emission: [0.0; 3],
             depth: 5.0,
             instance: 0,
+            triangle: 0,
         };
         if pixel.position[0] > 0.0 {
             split(&mut pixel);
         }
         pixel
     });
-    GBuffer { pixels, view, world: vec![Affine3A::IDENTITY; 2] }
+    GBuffer { pixels, view, world: vec![Affine3A::IDENTITY; 2], deformed: Vec::new() }
 }
 
 /// A lamp of intensity `1 W/sr` in the middle above the floor: E = cos θ / r².
