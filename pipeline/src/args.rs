@@ -3,7 +3,7 @@
 use clap::{Args, Parser, Subcommand};
 use pipeline::Wishes;
 use pipeline::reference::Method;
-use pipeline::settings::{Lighting, Size, Switch, Thresholds};
+use pipeline::settings::{Aov, Lighting, Size, Switch, Thresholds};
 use std::path::PathBuf;
 
 /// Renders an animated glTF scene with global illumination into an MPEG-2 video.
@@ -45,6 +45,9 @@ pub enum Command {
         /// Also write every frame as linear OpenEXR into this folder
         #[arg(long, value_name = "DIR")]
         exr: Option<PathBuf>,
+        /// What else goes into these files, as named layers: a list such as albedo,normal,depth
+        #[arg(long, value_enum, value_delimiter = ',', value_name = "LIST")]
+        aov: Vec<Aov>,
         /// Also write the frames before compression, as YUV4MPEG2
         #[arg(long, value_name = "FILE")]
         y4m: Option<PathBuf>,
@@ -143,6 +146,12 @@ pub struct Job {
     /// Multiplier on what masking allows beyond 2 %: smaller is finer, 1 is the paper's [default: 0.25]
     #[arg(long, value_name = "K")]
     pub kappa: Option<f32>,
+    /// Samples of visibility and direct light to the pixel: 1 is fast, 4 smooths edges [default: 1]
+    #[arg(long, value_name = "N")]
+    pub samples: Option<u32>,
+    /// Reflections of light on its way to the eye, at most [default: no limit]
+    #[arg(long, value_name = "N")]
+    pub bounces: Option<u32>,
     /// How indirect light is computed [default: lightcuts]
     #[arg(long, value_enum)]
     pub lighting: Option<Lighting>,
@@ -181,6 +190,8 @@ impl Job {
             gop,
             thresholds,
             kappa,
+            samples,
+            bounces,
             lighting,
             cache,
             compensation,
@@ -198,6 +209,8 @@ impl Job {
             gop,
             thresholds,
             kappa,
+            samples,
+            bounces,
             lighting,
             cache,
             compensation,

@@ -40,10 +40,10 @@ fn run(command: Command) -> Result<ExitCode> {
             scene.warnings.iter().for_each(|warning| println!("note: {warning}"));
             Ok(ExitCode::SUCCESS)
         }
-        Command::Render { job, output, report, exr, y4m, threads, quiet } => {
+        Command::Render { job, output, report, exr, aov, y4m, threads, quiet } => {
             use_threads(threads)?;
             let (path, mut wishes) = job.wishes();
-            (wishes.output, wishes.exr, wishes.y4m) = (output, exr, y4m);
+            (wishes.output, wishes.exr, wishes.aov, wishes.y4m) = (output, exr, aov, y4m);
             render(path, wishes, report, quiet)
         }
         Command::Reference {
@@ -64,7 +64,7 @@ fn run(command: Command) -> Result<ExitCode> {
         } => {
             use_threads(threads)?;
             let scene = scene::load(&path)?;
-            let wishes = pipeline::Wishes { size, seed, vpls, photons, fps, ..Default::default() };
+            let wishes = pipeline::Wishes { size, seed, bounces, vpls, photons, fps, ..Default::default() };
             let settings = Settings::new(path, &scene, wishes)?;
             // An output that cannot be written is told of before the work, not after it.
             drop(Output::create(&output)?);

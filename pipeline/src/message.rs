@@ -77,6 +77,8 @@ pub struct Shaded {
     pub frame: u32,
     /// Linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Plane<[f32; 3]>,
+    /// Further channels for the frame's OpenEXR file: names and samples.
+    pub layers: Vec<(String, Vec<f32>)>,
     /// As in [`Prepared`].
     pub correspondence: Option<Arc<Correspondence>>,
     /// So far.

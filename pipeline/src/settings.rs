@@ -33,6 +33,30 @@ impl Switch {
     }
 }
 
+/// What else of a frame can be written into its OpenEXR file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Aov {
+    /// direct.R, .G, .B: emitted light, and light reflected straight from its source.
+    Direct,
+    /// indirect.R, .G, .B: all other light.
+    Indirect,
+    /// albedo.R, .G, .B: diffuse reflectance.
+    Albedo,
+    /// normal.X, .Y, .Z: the unit normal that is shaded with, in the world.
+    Normal,
+    /// depth.Z: metres along the camera's axis.
+    Depth,
+    /// motion.X, .Y: pixels from here to the same point in the frame before; motion.A: 1 where it was visible there.
+    Motion,
+    /// cut.size: clusters of the pixel's cut, with the cache of the records' cuts at their pixels.
+    CutSize,
+    /// threshold.Y: luminance that the pixel may be wrong by; 0 where 2 % of its own hold.
+    Threshold,
+    /// cache.records: records of the irradiance cache in use at the pixel.
+    Cache,
+}
+
 /// Where the error that a pixel may have comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Thresholds {
@@ -111,6 +135,10 @@ pub struct Settings {
     pub thresholds: Thresholds,
     /// Multiplier on what masking allows; 1 is the paper's.
     pub kappa: f32,
+    /// Samples of visibility and direct light to the pixel.
+    pub samples: u32,
+    /// Reflections of light on its way, at most; no limit when not stated.
+    pub bounces: Option<u32>,
     /// How indirect light is computed.
     pub lighting: Lighting,
     /// Whether indirect light is cached on surfaces and interpolated.
@@ -135,6 +163,8 @@ pub struct Settings {
     pub auto_exposure: bool,
     /// Folder for linear frames as OpenEXR, if wanted.
     pub exr: Option<PathBuf>,
+    /// What else of a frame goes into its OpenEXR file.
+    pub aov: Vec<Aov>,
     /// File for the frames before compression, if wanted.
     pub y4m: Option<PathBuf>,
 }
@@ -158,6 +188,10 @@ pub struct Wishes {
     pub thresholds: Option<Thresholds>,
     /// Default: 0.25.
     pub kappa: Option<f32>,
+    /// Default: 1.
+    pub samples: Option<u32>,
+    /// Default: no limit.
+    pub bounces: Option<u32>,
     /// Default: lightcuts.
     pub lighting: Option<Lighting>,
     /// Default: on.
@@ -176,10 +210,14 @@ pub struct Wishes {
     pub no_motion: bool,
     /// See [`Settings`].
     pub exr: Option<PathBuf>,
+    /// See [`Settings`]; given without a folder for OpenEXR files, an error.
+    pub aov: Vec<Aov>,
     /// See [`Settings`].
     pub y4m: Option<PathBuf>,
 }
 
+/// Most samples to the pixel.
+const MOST_SAMPLES: u32 = 64;
 /// Photons for each anchor light: 3·10⁵ for 2000 in table 1 of \[Herzog08\].
 const PHOTONS_PER_ANCHOR: u64 = 150;
 /// Anchor lights on moving things: each is asked at every pixel, and their light is a small part of the whole.
@@ -217,6 +255,16 @@ impl Settings {
         if !(0.0..=100.0).contains(&kappa) {
             bail!("--kappa {kappa} must lie in 0..=100; 1 is the paper's");
         }
+        let samples = wishes.samples.unwrap_or(1);
+        if !(1..=MOST_SAMPLES).contains(&samples) {
+            bail!("--samples {samples} must lie in 1..={MOST_SAMPLES}; 1 is fast, 4 smooths edges");
+        }
+        if wishes.bounces == Some(0) {
+            bail!("--bounces 0: light that is never reflected shows nothing but lamps; 1 is direct light alone");
+        }
+        if !wishes.aov.is_empty() && wishes.exr.is_none() {
+            bail!("--aov needs --exr DIR, the folder for the files that it adds to");
+        }
         let vpls = wishes.vpls.unwrap_or_else(|| render_core::Anchors::default_count(scene));
         if !(1..=10_000_000).contains(&vpls) {
             bail!("--vpls {vpls} must lie in 1..=10000000");
@@ -242,6 +290,8 @@ impl Settings {
             gop: wishes.gop.unwrap_or(15),
             thresholds: wishes.thresholds.unwrap_or(Thresholds::Perceptual),
             kappa,
+            samples,
+            bounces: wishes.bounces,
             lighting: wishes.lighting.unwrap_or(Lighting::Lightcuts),
             cache: wishes.cache.is_none_or(Switch::is_on),
             compensation: wishes.compensation.is_none_or(Switch::is_on),
@@ -254,6 +304,7 @@ impl Settings {
             tone_map,
             auto_exposure,
             exr: wishes.exr,
+            aov: wishes.aov,
             y4m: wishes.y4m,
         })
     }

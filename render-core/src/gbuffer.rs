@@ -59,6 +59,18 @@ impl GBuffer {
         accelerator: &Accelerator,
         surfaces: &Surfaces,
         view: &View,
+        size: (usize, usize),
+        busy: &Busy,
+    ) -> Self {
+        Self::trace_at(Vec2::splat(0.5), accelerator, surfaces, view, size, busy)
+    }
+
+    /// As [`GBuffer::trace`], through another `place` of every pixel: from its upper left corner, in 0…1.
+    pub fn trace_at(
+        place: Vec2,
+        accelerator: &Accelerator,
+        surfaces: &Surfaces,
+        view: &View,
         (width, height): (usize, usize),
         busy: &Busy,
     ) -> Self {
@@ -76,7 +88,7 @@ impl GBuffer {
                                 .map(|(x, y)| (x0 + x, y0 + y))
                                 .filter(|&(x, y)| x < columns && y < rows)
                                 .map(|(x, y)| (left + x, y));
-                            see_together(accelerator, surfaces, view, top, places, |(x, y), pixel| {
+                            see_together(accelerator, surfaces, view, (top, place), places, |(x, y), pixel| {
                                 strip[y * width + x] = pixel;
                             });
                         }
@@ -141,12 +153,13 @@ fn packet_places() -> impl Iterator<Item = (usize, usize)> {
     (0..PACKET).map(|i| (i / 8 % 2 * 4 + i % 4, i / 16 * 2 + i / 4 % 2))
 }
 
-/// Shoots the rays of a few pixels together; their `y` counts from row `top` of the picture.
+/// Shoots the rays of a few pixels together, each through `place` of its pixel; their `y` counts from row `top` of the
+/// picture.
 fn see_together(
     accelerator: &Accelerator,
     surfaces: &Surfaces,
     view: &View,
-    top: usize,
+    (top, place): (usize, Vec2),
     places: impl Iterator<Item = (usize, usize)>,
     mut set: impl FnMut((usize, usize), PixelSurface),
 ) {
@@ -154,7 +167,7 @@ fn see_together(
     let (mut origins, mut directions) = ([Vec3A::ZERO; PACKET], [Vec3A::ZERO; PACKET]);
     for (x, y) in places {
         pixels[count] = (x, y);
-        (origins[count], directions[count]) = view.ray(Vec2::new(x as f32 + 0.5, (top + y) as f32 + 0.5));
+        (origins[count], directions[count]) = view.ray(Vec2::new(x as f32, (top + y) as f32) + place);
         count += 1;
     }
     let mut hits = [None; PACKET];

@@ -6,7 +6,6 @@ use crate::plan::{Plan, State};
 use crate::settings::Settings;
 use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
-use glam::Vec3;
 use perceptual::{YCbCr, luminance_plane};
 use plane::Plane;
 use render_core::Busy;
@@ -32,7 +31,7 @@ pub fn run(
         Some(path) => Some(Y4m::create(path, settings)?),
         None => None,
     };
-    for Shaded { frame, radiance, correspondence, mut figures } in frames {
+    for Shaded { frame, radiance, layers, correspondence, mut figures } in frames {
         let busy = Busy::default();
         let (luminance, picture) = pool.install(|| {
             busy.measure(|| {
@@ -47,8 +46,11 @@ pub fn run(
         figures.tone_map = busy.seconds();
         if let Some(folder) = &settings.exr {
             let path = folder.join(format!("frame_{frame:05}.exr"));
-            let linear = radiance.map(Vec3::from);
-            render_core::image_file::write_exr(&path, &linear).map_err(anyhow::Error::msg)?;
+            let channel = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
+            let colors = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (name.to_owned(), channel(c)));
+            let channels = colors.chain(layers).collect();
+            render_core::image_file::write_layers(&path, radiance.width(), radiance.height(), channels)
+                .map_err(anyhow::Error::msg)?;
         }
         if let Some(file) = &mut uncompressed {
             file.write(&picture)?;

@@ -77,6 +77,10 @@ impl<'s, 'a> Preparation<'s, 'a> {
         let anchors = Anchors::spread(scene, &Surfaces::new(scene, &rest), &units, fixed, carried);
         let count = if plan.photons == State::Off { 0 } else { settings.photons };
         let mut photons = Photons::new(count, settings.seed);
+        if let Some(bounces) = settings.bounces {
+            // The last reflection is the one that the viewer sees.
+            photons = photons.with_bounces(bounces.saturating_sub(1) as usize);
+        }
         if plan.photons_apart == State::On {
             let times = (0..settings.frames).map(|n| settings.time(n));
             photons = photons.keeping(Swept::of(scene, &units, times));

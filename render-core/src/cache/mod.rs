@@ -108,6 +108,39 @@ impl<R: Send + Sync> IrradianceCache<R> {
         CachedLight { irradiance, in_use, computed }
     }
 
+    /// Lights another picture of the frame that [`IrradianceCache::light`] was last called for, such as one through other
+    /// places of its pixels, from the records there are and those it still needs.
+    pub fn light_more<I: Illumination<Recipe = R>>(
+        &mut self,
+        seen: &GBuffer,
+        moving: &[bool],
+        illumination: &I,
+        busy: &Busy,
+    ) -> CachedLight {
+        let picture = Picture { seen, moving };
+        let mut tiles = Tiles::new(&picture, busy);
+        // What this frame has not brought up to date is light of another.
+        let current: Vec<usize> =
+            (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed).collect();
+        tiles.list(&picture, &self.records, &current, busy);
+        let computed = self.fill(&picture, &mut tiles, illumination, busy);
+        let (irradiance, used) = interpolate::picture(&picture, &tiles, &self.records, busy);
+        let in_use = used.len();
+        for index in used {
+            self.records[index].seen = self.frame;
+        }
+        CachedLight { irradiance, in_use, computed }
+    }
+
+    /// Places of the records that the last picture took light from, and what each is made of.
+    pub fn records_in_use(&self) -> impl Iterator<Item = (Vec3A, &R)> {
+        let frame = self.frame;
+        self.records
+            .iter()
+            .filter(move |record| record.seen == frame)
+            .map(|record| (record.site.position, &record.recipe))
+    }
+
     /// Records on moving things move with them.
     fn carry_along(&mut self, seen: &GBuffer) {
         if self.world.len() == seen.world.len() {

@@ -5,7 +5,7 @@ use crate::message::FrameFigures;
 use glam::{Affine3A, BVec3A, Mat3A, Vec3, Vec3A};
 use lighttree::{Cluster, Lambert, Scratch, Stop, irradiance_term};
 use plane::Plane;
-use render_core::cache::{Estimate, Illumination, IrradianceCache, News, Site, footprint};
+use render_core::cache::{CachedLight, Estimate, Illumination, IrradianceCache, News, Site, footprint};
 use render_core::scene::{DeformedMesh, Scene};
 use render_core::{Busy, GBuffer, NOTHING, Receiver, Surroundings, luminance};
 use std::f32::consts::PI;
@@ -49,7 +49,7 @@ impl Cache {
     /// Indirectly reflected radiance of every pixel; adds the work to `busy`.
     pub fn light(&mut self, transport: &LightTransport, busy: &Busy, figures: &mut FrameFigures) -> Plane<Vec3> {
         let prepared = transport.prepared;
-        let seen = &*prepared.seen;
+        let seen = transport.seen;
         let scene = prepared.surfaces.scene();
         let moving = scene.moving_instances();
         let places = places(scene, &moving, seen, &self.places);
@@ -61,10 +61,30 @@ impl Cache {
         self.places = places;
         figures.cache_records = lit.in_use as u64;
         figures.cache_new = lit.computed as u64;
-        Plane::from_fn(seen.pixels.width(), seen.pixels.height(), |x, y| {
-            Vec3::from(lit.irradiance.get(x, y)) * Vec3::from(seen.pixels.get(x, y).albedo) / PI
-        })
+        reflected(seen, &lit)
     }
+
+    /// The same for another picture of the frame that [`Cache::light`] was last asked for.
+    pub fn light_more(&mut self, transport: &LightTransport, busy: &Busy, figures: &mut FrameFigures) -> Plane<Vec3> {
+        let moving = transport.prepared.surfaces.scene().moving_instances();
+        let illumination = Cuts { transport, swept: Vec::new() };
+        let lit = self.records.light_more(transport.seen, &moving, &illumination, busy);
+        figures.cache_records = figures.cache_records.max(lit.in_use as u64);
+        figures.cache_new += lit.computed as u64;
+        reflected(transport.seen, &lit)
+    }
+
+    /// Where the records in use are, and of how many clusters.
+    pub fn records(&self) -> impl Iterator<Item = (Vec3A, usize)> {
+        self.records.records_in_use().map(|(position, recipe)| (position, recipe.clusters.len()))
+    }
+}
+
+/// Radiance that the surfaces of a picture reflect of its irradiance.
+fn reflected(seen: &GBuffer, lit: &CachedLight) -> Plane<Vec3> {
+    Plane::from_fn(seen.pixels.width(), seen.pixels.height(), |x, y| {
+        Vec3::from(lit.irradiance.get(x, y)) * Vec3::from(seen.pixels.get(x, y).albedo) / PI
+    })
 }
 
 /// The light tree of a frame, for the cache.
@@ -153,7 +173,7 @@ impl Cuts<'_> {
     /// ones of irradiance by each pixel's reflectance.
     fn stop(&self, site: &Site, surroundings: &Surroundings) -> Stop {
         let Self { transport, .. } = self;
-        let seen = &transport.prepared.seen;
+        let seen = transport.seen;
         let relative =
             |known_luminance| Stop::Relative { fraction: FINENESS * transport.relative_threshold(), known_luminance };
         let Some((center, _)) = seen.view.project(site.position) else { return relative(0.0) };

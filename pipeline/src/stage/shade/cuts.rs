@@ -7,7 +7,7 @@ use glam::{Vec3, Vec3A};
 use lighttree::{Light, Stop};
 use perceptual::ThresholdMap;
 use plane::Plane;
-use render_core::{Directions, PixelSurface, Receiver, Surroundings, luminance};
+use render_core::{Directions, GBuffer, PixelSurface, Receiver, Surroundings, luminance};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Rays of a look around: what compensation gives back is a few per cent of the light, known to a few per cent of itself.
@@ -18,11 +18,13 @@ pub(super) struct LightTransport<'a> {
     pub settings: &'a Settings,
     pub prepared: &'a Prepared<'a>,
     pub map: &'a ThresholdMap,
+    /// What is lit.
+    pub seen: &'a GBuffer,
     /// Radiance known before any cut.
     pub direct: &'a Plane<Vec3>,
     /// Whether the light that softening takes is given back.
     pub compensates: bool,
-    pub figures: Figures,
+    pub figures: &'a Figures,
     directions: Directions,
 }
 
@@ -31,11 +33,12 @@ impl<'a> LightTransport<'a> {
         settings: &'a Settings,
         prepared: &'a Prepared,
         map: &'a ThresholdMap,
-        direct: &'a Plane<Vec3>,
+        (seen, direct): (&'a GBuffer, &'a Plane<Vec3>),
         compensates: bool,
+        figures: &'a Figures,
     ) -> Self {
         let directions = Directions::new(LOOKS);
-        Self { settings, prepared, map, direct, compensates, figures: Figures::default(), directions }
+        Self { settings, prepared, map, seen, direct, compensates, figures, directions }
     }
 
     /// Whether light from `lamp` arrives at `receiver`.
@@ -92,9 +95,16 @@ pub(super) struct Figures {
     sizes: AtomicU64,
     largest: AtomicU32,
     rays: AtomicU64,
+    /// Largest cut of each pixel, if anybody wants to know.
+    by_pixel: Vec<AtomicU32>,
 }
 
 impl Figures {
+    /// Counts that also remember the largest cut of each of so many pixels.
+    pub fn by_pixel(pixels: usize) -> Self {
+        Self { by_pixel: (0..pixels).map(|_| AtomicU32::new(0)).collect(), ..Self::default() }
+    }
+
     /// A cut of `size` clusters for which `rays` shadow rays were cast.
     pub fn count(&self, size: u32, rays: u32) {
         self.cuts.fetch_add(1, Ordering::Relaxed);
@@ -103,9 +113,21 @@ impl Figures {
         self.count_rays(rays);
     }
 
+    /// A cut of `size` clusters was made for pixel `index`.
+    pub fn note(&self, index: usize, size: u32) {
+        if let Some(cell) = self.by_pixel.get(index) {
+            cell.fetch_max(size, Ordering::Relaxed);
+        }
+    }
+
     /// Shadow rays besides.
     pub fn count_rays(&self, rays: u32) {
         self.rays.fetch_add(rays.into(), Ordering::Relaxed);
+    }
+
+    /// Largest cut of each pixel; nothing unless it was asked for.
+    pub fn sizes_by_pixel(&self) -> impl Iterator<Item = u32> {
+        self.by_pixel.iter().map(|cell| cell.load(Ordering::Relaxed))
     }
 
     pub fn put_into(&self, figures: &mut FrameFigures) {

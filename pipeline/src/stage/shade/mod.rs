@@ -4,19 +4,20 @@
 mod cache;
 mod cuts;
 mod direct;
+mod layers;
 mod macroblock;
 mod pixels;
 
 use crate::message::{LuminanceThresholds, Prepared, Shaded};
 use crate::plan::{Plan, State};
-use crate::settings::Settings;
+use crate::settings::{Aov, Settings};
 use cache::Cache;
 use crossbeam_channel::{Receiver, Sender};
-use cuts::LightTransport;
+use cuts::{Figures, LightTransport};
 use glam::Vec3;
 use perceptual::ThresholdMap;
 use plane::Plane;
-use render_core::{Busy, NOTHING, luminance};
+use render_core::{Busy, GBuffer, NOTHING, luminance, reconstruct, sample_places};
 
 /// Share of the luminance that a pixel without a threshold may be wrong by \[Walter05\], \[Herzog08, 5.3\].
 const WITHOUT_THRESHOLD: f32 = 0.02;
@@ -52,34 +53,79 @@ fn shade(
     plan: &Plan,
     mut prepared: Prepared,
     map: &ThresholdMap,
-    cache: Option<&mut Cache>,
+    mut cache: Option<&mut Cache>,
 ) -> Shaded {
     let mut figures = std::mem::take(&mut prepared.figures);
-    let busy = Busy::default();
-    let (direct, direct_rays) = direct::light(&prepared, &prepared.seen, &busy);
-    figures.direct = busy.seconds();
-
-    let busy = Busy::default();
-    let transport = LightTransport::new(settings, &prepared, map, &direct, plan.compensation == State::On);
-    let indirect = match (plan.indirect, cache) {
-        (State::Off, _) => Plane::filled(direct.width(), direct.height(), Vec3::ZERO),
-        (_, Some(cache)) => cache.light(&transport, &busy, &mut figures),
-        (_, None) => pixels::light(&transport, &busy),
+    let size = (settings.size.width, settings.size.height);
+    let counts = if settings.aov.is_empty() { Figures::default() } else { Figures::by_pixel(size.0 * size.1) };
+    let [visibility, direct_busy, indirect_busy] = [(); 3].map(|()| Busy::default());
+    let places = sample_places(settings.samples as usize);
+    let mut samples: Vec<Sample> = Vec::new();
+    for &place in &places {
+        // One sample is what `prepare` saw already.
+        let own = (places.len() > 1).then(|| {
+            let Prepared { accelerator, surfaces, seen, .. } = &prepared;
+            GBuffer::trace_at(place, accelerator, surfaces, &seen.view, size, &visibility)
+        });
+        let seen = own.as_ref().unwrap_or(&prepared.seen);
+        let (direct, rays) = direct::light(&prepared, seen, &direct_busy);
+        figures.shadow_rays += rays;
+        let compensates = plan.compensation == State::On;
+        let transport = LightTransport::new(settings, &prepared, map, (seen, &direct), compensates, &counts);
+        let indirect = match (plan.indirect, cache.as_deref_mut()) {
+            (State::Off, _) => Plane::filled(size.0, size.1, Vec3::ZERO),
+            (_, Some(cache)) if samples.is_empty() => cache.light(&transport, &indirect_busy, &mut figures),
+            (_, Some(cache)) => cache.light_more(&transport, &indirect_busy, &mut figures),
+            (_, None) => pixels::light(&transport, &indirect_busy),
+        };
+        if samples.is_empty() {
+            figures.threshold_mean_relative = transport.mean_relative_threshold(&sum(&direct, &indirect));
+        }
+        samples.push(Sample { direct, indirect });
+    }
+    figures.visibility += visibility.seconds();
+    figures.direct = direct_busy.seconds();
+    figures.indirect = indirect_busy.seconds();
+    counts.put_into(&mut figures);
+    let picture = |of: &dyn Fn(&Sample) -> Plane<[f32; 3]>| {
+        let planes: Vec<Plane<[f32; 3]>> = samples.iter().map(of).collect();
+        reconstruct(&planes, &places)
     };
-    figures.shadow_rays = direct_rays;
-    transport.figures.put_into(&mut figures);
-    let radiance =
-        Plane::from_fn(direct.width(), direct.height(), |x, y| (direct.get(x, y) + indirect.get(x, y)).to_array());
-    figures.indirect = busy.seconds();
-    figures.threshold_mean_relative = transport.mean_relative_threshold(&radiance);
-    Shaded { frame: prepared.frame, radiance, correspondence: prepared.correspondence, figures }
+    let layers = settings
+        .aov
+        .iter()
+        .flat_map(|&aov| match aov {
+            Aov::Direct => layers::colors("direct", &picture(&|sample| sample.direct.map(|rgb| rgb.to_array()))),
+            Aov::Indirect => layers::colors("indirect", &picture(&|sample| sample.indirect.map(|rgb| rgb.to_array()))),
+            _ => layers::of(aov, &prepared, map, &counts, cache.as_deref()),
+        })
+        .collect();
+    Shaded {
+        frame: prepared.frame,
+        radiance: picture(&|sample| sum(&sample.direct, &sample.indirect)),
+        layers,
+        correspondence: prepared.correspondence,
+        figures,
+    }
+}
+
+/// The light that the pixels of a picture receive through one place of each.
+struct Sample {
+    /// Emitted, and reflected straight from its source.
+    direct: Plane<Vec3>,
+    /// All else.
+    indirect: Plane<Vec3>,
+}
+
+fn sum(a: &Plane<Vec3>, b: &Plane<Vec3>) -> Plane<[f32; 3]> {
+    Plane::from_fn(a.width(), a.height(), |x, y| (a.get(x, y) + b.get(x, y)).to_array())
 }
 
 impl LightTransport<'_> {
     /// Mean of threshold by luminance over the pixels that are lit indirectly.
     fn mean_relative_threshold(&self, radiance: &Plane<[f32; 3]>) -> f64 {
         let share = self.relative_threshold();
-        let pixels = self.prepared.seen.pixels.samples().iter().zip(radiance.samples());
+        let pixels = self.seen.pixels.samples().iter().zip(radiance.samples());
         let (width, seen) = (radiance.width(), |albedo: [f32; 3], instance| instance != NOTHING && albedo != [0.0; 3]);
         let places = (0..).zip(pixels).filter(|(_, (pixel, _))| seen(pixel.albedo, pixel.instance));
         let lit: Vec<(f32, f32)> = places

@@ -12,14 +12,14 @@ use std::f32::consts::PI;
 
 /// Indirectly reflected radiance of every pixel; adds the work to `busy`.
 pub(super) fn light(transport: &LightTransport, busy: &Busy) -> Plane<Vec3> {
-    let pixels = &transport.prepared.seen.pixels;
+    let pixels = &transport.seen.pixels;
     by_macroblock((pixels.width(), pixels.height()), busy, Scratch::default, |scratch, columns, rows| {
         places(columns, rows).map(|(x, y)| pixel(transport, x, y, scratch)).collect()
     })
 }
 
 fn pixel(transport: &LightTransport, x: usize, y: usize, scratch: &mut Scratch) -> Vec3 {
-    let pixel = transport.prepared.seen.pixels.get(x, y);
+    let pixel = transport.seen.pixels.get(x, y);
     let albedo = Vec3::from(pixel.albedo);
     if pixel.instance == NOTHING || albedo == Vec3::ZERO {
         return Vec3::ZERO;
@@ -32,6 +32,7 @@ fn pixel(transport: &LightTransport, x: usize, y: usize, scratch: &mut Scratch) 
             let visible = |lamp: &lighttree::Light, _| transport.visible(&receiver, lamp);
             let cut = tree.lightcut(&lambert, transport.stop_at_pixel(x, y), visible, scratch);
             transport.figures.count(cut.size, cut.shadow_rays);
+            transport.figures.note(y * transport.seen.pixels.width() + x, cut.size);
             cut.radiance
         }
         Lighting::AllLights => {
