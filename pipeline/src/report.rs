@@ -238,7 +238,7 @@ impl Report {
             cut_size_mean: mean(&|frame| frame.cut_size_mean),
             cut_size_max: frames.iter().map(|frame| frame.cut_size_max).max().unwrap_or(0),
             shadow_rays: mean(&|frame| frame.shadow_rays as f64),
-            threshold_mean_relative: steered.iter().sum::<f64>() / steered.len().max(1) as f64,
+            threshold_mean_relative: (0.0 + steered.iter().sum::<f64>()) / steered.len().max(1) as f64,
             tree_swaps_share: mean(&|frame| frame.tree_swaps_share),
             wall_seconds,
             cpu_seconds: cpu_seconds(),

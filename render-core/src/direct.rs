@@ -37,6 +37,7 @@ pub struct DirectLights {
     suns: Vec<(Vec3, Vec<Vec3A>)>,
     carried: Vec<(Anchor, Vec3)>,
     carried_softening: f32,
+    carried_apart: bool,
 }
 
 /// A glowing surface.
@@ -84,7 +85,19 @@ impl DirectLights {
                 .map(|(anchor, energy)| (anchor, *energy / PI))
                 .collect(),
             carried_softening: anchors.carried_area_share / PI,
+            carried_apart: false,
         }
+    }
+
+    /// The same without the carried anchors, whose light somebody else adds: see [`DirectLights::carried`].
+    pub fn with_carried_apart(self) -> Self {
+        Self { carried_apart: true, ..self }
+    }
+
+    /// The carried anchors that shine, each with its intensity along the normal \[W·sr⁻¹\], and the softening of all
+    /// \[m²\]. None unless they are left out here.
+    pub fn carried(&self) -> (&[(Anchor, Vec3)], f32) {
+        (if self.carried_apart { &self.carried } else { &[] }, self.carried_softening)
     }
 
     /// Irradiance \[W·m⁻²\] at `receiver`, linear RGB; adds the shadow rays it cost to `rays`.
@@ -101,7 +114,9 @@ impl DirectLights {
             self.areas.iter().for_each(|area| tile.add_area(area, sums));
             self.points.iter().for_each(|point| tile.add_point(point, sums));
             self.suns.iter().for_each(|(irradiance, directions)| tile.add_sun(*irradiance, directions, sums));
-            self.add_carried(&tile, sums);
+            if !self.carried_apart {
+                self.add_carried(&tile, sums);
+            }
         }
         sums
     }

@@ -1,5 +1,6 @@
 //! What the loop from encoder to renderer buys, as a table: perceptual thresholds, as the paper has them (κ = 1) and as
-//! is the default here, against the original Lightcuts (2 % of luminance); all decoded and compared with the frames of an all-lights rendering before compression.
+//! is the default here, against the original Lightcuts (2 % of luminance), a cut for every pixel; all decoded and compared
+//! with the frames of an all-lights rendering before compression.
 //!
 //! ```sh
 //! cargo run --release -p tests --example closed_loop -- scenes/cornell/cornell.glb 512x512 16 2,16,48
@@ -9,7 +10,7 @@
 //! known yet. The all-lights frames are kept in `out/closed_loop/`, since they take most of the time.
 
 use mpeg2enc::Frame;
-use pipeline::settings::{Lighting, Size, Thresholds};
+use pipeline::settings::{Lighting, Size, Switch, Thresholds};
 use pipeline::{Plan, Report, Settings, Wishes, output::Output};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -84,6 +85,9 @@ impl Job {
             size: Some(self.size),
             frames: Some(self.frames),
             qscale: Some(qscale),
+            // Thresholds act on cuts: here every pixel has its own, as in the paper's tables.
+            cache: Some(Switch::Off),
+            compensation: Some(Switch::Off),
             ..Wishes::default()
         }
     }

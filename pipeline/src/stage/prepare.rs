@@ -177,7 +177,11 @@ impl<'s, 'a> Preparation<'s, 'a> {
                 Arc::new(busy.measure(|| LightTree::build(&lights, params)))
             }
         };
-        let direct = DirectLights::new(&emitters, surfaces, &self.anchors, &energies.carried, &sampled);
+        let mut direct = DirectLights::new(&emitters, surfaces, &self.anchors, &energies.carried, &sampled);
+        if self.plan.cache == State::On {
+            // Light that moving things send back is as smooth as all indirect light: records hold it too.
+            direct = direct.with_carried_apart();
+        }
         let mut glow_softened = vec![false; self.scene.instances.len()];
         for place in (0..emitters.areas.len()).filter(|place| !sampled.contains(place)) {
             glow_softened[emitters.areas[place].instance] = true;

@@ -3,7 +3,7 @@
 use super::cuts::LightTransport;
 use crate::message::FrameFigures;
 use glam::{Affine3A, BVec3A, Mat3A, Vec3, Vec3A};
-use lighttree::{Cluster, Lambert, Scratch, Stop, irradiance_term};
+use lighttree::{Cluster, Emission, Lambert, Light, Scratch, Stop, irradiance_term};
 use plane::Plane;
 use render_core::cache::{CachedLight, Estimate, Illumination, IrradianceCache, News, Site, footprint};
 use render_core::scene::{DeformedMesh, Scene};
@@ -15,6 +15,9 @@ use std::sync::Arc;
 const FINENESS: f32 = 0.5;
 /// Reflectance below which a pixel asks for no finer irradiance: its own light hardly matters.
 const LEAST_REFLECTANCE: f32 = 0.05;
+/// An anchor on a moving thing that would add less than this share is not asked whether something hides it: two dozen
+/// of them together stay below half a per cent.
+const UNASKED_SHARE: f32 = 2e-4;
 /// Points across a record's footprint where thresholds are looked up.
 const FOOTPRINT_POINTS: i32 = 5;
 
@@ -160,6 +163,23 @@ impl Cuts<'_> {
             by_normal += outer(intensity, term.by_normal);
             by_position += outer(intensity, term.by_position);
         }
+        let (carried, softening2) = self.transport.prepared.direct.carried();
+        let mut rays = 0;
+        for (anchor, intensity) in carried {
+            let emission = Emission::Cosine(anchor.normal.into());
+            let lamp = Light { position: anchor.position.into(), emission, intensity: *intensity };
+            let term = irradiance_term(position, normal, &lamp, softening2);
+            let given = *intensity * term.value;
+            // What would give next to nothing counts as seen.
+            let asked = luminance(given) > UNASKED_SHARE * luminance(irradiance);
+            rays += u32::from(asked);
+            if term.value > 0.0 && (!asked || self.transport.visible(receiver, &lamp)) {
+                irradiance += given;
+                by_normal += outer(*intensity, term.by_normal);
+                by_position += outer(*intensity, term.by_position);
+            }
+        }
+        self.transport.figures.count_rays(rays);
         let Surroundings { harmonic_mean, nearest, .. } = recipe.surroundings;
         if self.transport.compensates {
             let (removed, slope) = self.transport.prepared.gather.removed_light(&recipe.surroundings);
