@@ -3,6 +3,8 @@
 //! A fixed number is spread evenly by area over the surfaces that stand still, and a few over the
 //! things that move. Photons give them their energy, frame by frame ([`crate::photon`]).
 
+mod exposure;
+
 use crate::Units;
 use crate::sampling::{Distribution, radical_inverse, triangle};
 use crate::scene::Scene;

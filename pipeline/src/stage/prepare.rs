@@ -74,7 +74,9 @@ impl<'s, 'a> Preparation<'s, 'a> {
         let rest = scene.pose(0.0);
         let carried = if plan.moving_anchors == State::Off { 0 } else { settings.moving_vpls };
         let fixed = if plan.photons == State::Off { 0 } else { settings.vpls };
-        let anchors = Anchors::spread(scene, &Surfaces::new(scene, &rest), &units, fixed, carried);
+        let geometry = Geometry::new(scene);
+        let (surfaces, accelerator) = (Surfaces::new(scene, &rest), geometry.place(&rest));
+        let anchors = Anchors::spread_exposed(scene, &surfaces, &accelerator, &units, fixed, carried);
         let count = if plan.photons == State::Off { 0 } else { settings.photons };
         let mut photons = Photons::new(count, settings.seed);
         if let Some(bounces) = settings.bounces {
@@ -85,7 +87,7 @@ impl<'s, 'a> Preparation<'s, 'a> {
             let times = (0..settings.frames).map(|n| settings.time(n));
             photons = photons.keeping(Swept::of(scene, &units, times));
         }
-        Self { scene, settings, plan, geometry: Geometry::new(scene), units, anchors, photons, kept: None }
+        Self { scene, settings, plan, geometry, units, anchors, photons, kept: None }
     }
 
     fn frame(&mut self, n: u32) -> Prepared<'s> {
