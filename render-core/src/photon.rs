@@ -69,7 +69,7 @@ impl Photons {
         Self { count: count.min(1 << 32), seed, bounces: LONGEST_PATH, swept: None, settled: None }
     }
 
-    /// Paths end after `bounces` reflections at the latest; 64 when not stated.
+    /// Paths end after `bounces` reflections at the latest; 256 when not stated.
     pub fn with_bounces(self, bounces: usize) -> Self {
         Self { bounces: bounces.min(LONGEST_PATH), ..self }
     }

@@ -8,8 +8,8 @@ use crate::sampling::{cosine_hemisphere, halton};
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3, Vec3A};
 
-/// Roulette ends paths long before; a mirror box of white walls must end too.
-pub(super) const LONGEST_PATH: usize = 64;
+/// Roulette ends paths before, at a reflectance of 0.95 all but two in a million; a box of perfect walls must end too.
+pub(super) const LONGEST_PATH: usize = 256;
 /// Dimensions of a bounce: direction (2) and roulette (1).
 const BOUNCE_DIMENSIONS: usize = 3;
 
