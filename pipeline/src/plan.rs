@@ -50,6 +50,8 @@ pub struct Plan {
     pub cache: State,
     /// The light that softened virtual lights lose is given back.
     pub compensation: State,
+    /// Light that coats reflect.
+    pub gloss: State,
     /// The masking model and the way back.
     pub masking: State,
     steps: Vec<Step>,
@@ -157,6 +159,10 @@ impl Plan {
             true => step("compensation", State::On, "corners would be dark without the light of close lights"),
             false => step("compensation", State::Off, "left out, as asked"),
         };
+        let coats = scene.instances.iter().filter(|i| material(i).may_have_coat()).count();
+        let coats_reason = format!("{coats} surfaces have a coat");
+        let gloss =
+            step("glossy surfaces", on(coats > 0), if coats > 0 { &coats_reason } else { "every surface is matte" });
         let masking = match (settings.lighting, settings.thresholds) {
             (Lighting::AllLights, _) => step("masking thresholds", State::Off, "without cuts nothing stops at them"),
             (_, Thresholds::Fixed(_)) => step("masking thresholds", State::Off, "thresholds are fixed, as asked"),
@@ -177,6 +183,7 @@ impl Plan {
             indirect,
             cache,
             compensation,
+            gloss,
             masking,
             steps,
         }

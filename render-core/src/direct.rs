@@ -34,7 +34,7 @@ const UNASKED_SHARE: f32 = 1e-3;
 pub struct DirectLights {
     areas: Vec<Area>,
     points: Vec<PointLight>,
-    suns: Vec<(Vec3, Vec<Vec3A>)>,
+    suns: Vec<Sun>,
     carried: Vec<(Anchor, Vec3)>,
     carried_softening: f32,
     carried_apart: bool,
@@ -42,9 +42,19 @@ pub struct DirectLights {
 
 /// A glowing surface.
 struct Area {
+    instance: u32,
     samples: Vec<AreaSample>,
     /// Its shape, where that is simple enough for a closed form.
     polygons: Vec<Polygon>,
+}
+
+/// The disc of a sun.
+struct Sun {
+    irradiance: Vec3,
+    towards: Vec3A,
+    angular_radius: f32,
+    /// Towards points of its disc.
+    directions: Vec<Vec3A>,
 }
 
 /// A point that light arrives at.
@@ -75,9 +85,11 @@ impl DirectLights {
             suns: emitters
                 .suns
                 .iter()
-                .map(|sun| {
-                    let directions = (0..SUN_SAMPLES as u64).map(|i| sun.direction(sobol_point(i))).collect();
-                    (sun.irradiance, directions)
+                .map(|sun| Sun {
+                    irradiance: sun.irradiance,
+                    towards: sun.towards,
+                    angular_radius: sun.angular_radius,
+                    directions: (0..SUN_SAMPLES as u64).map(|i| sun.direction(sobol_point(i))).collect(),
                 })
                 .collect(),
             carried: carried
@@ -113,12 +125,67 @@ impl DirectLights {
             let tile = Tile::new(accelerator, receivers, rays);
             self.areas.iter().for_each(|area| tile.add_area(area, sums));
             self.points.iter().for_each(|point| tile.add_point(point, sums));
-            self.suns.iter().for_each(|(irradiance, directions)| tile.add_sun(*irradiance, directions, sums));
+            self.suns.iter().for_each(|sun| tile.add_sun(sun.irradiance, &sun.directions, sums));
             if !self.carried_apart {
                 self.add_carried(&tile, sums);
             }
         }
         sums
+    }
+
+    /// Whether this is a glowing surface that is asked here.
+    pub fn asks(&self, instance: u32) -> bool {
+        self.areas.iter().any(|area| area.instance == instance)
+    }
+
+    /// Radiance that points and suns, and if asked for the `areas`, make a surface reflect that is no Lambert surface.
+    ///
+    /// `brdf(direction, half_angle)` is its BRDF \[sr⁻¹\] for light from a disc of `half_angle` radians around a direction. The
+    /// sun is one disc, of which as much is seen as of its first points; an area light is a disc for each of its points.
+    pub fn reflected(
+        &self,
+        accelerator: &Accelerator,
+        receiver: &Receiver,
+        areas: bool,
+        brdf: impl Fn(Vec3A, f32) -> Vec3,
+        rays: &Cell<u64>,
+    ) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        for light in &self.points {
+            let (cos, r2) = receiver.cosine_to(light.position);
+            let Some(towards) = (light.position - receiver.position).try_normalize().filter(|_| cos > 0.0) else {
+                continue;
+            };
+            let given = brdf(towards, 0.0) * light.intensity_towards(receiver.position) * (cos / r2);
+            if given != Vec3::ZERO {
+                rays.set(rays.get() + 1);
+                let hidden = accelerator.occluded(receiver.position, light.position);
+                sum += if hidden { Vec3::ZERO } else { given };
+            }
+        }
+        for sun in &self.suns {
+            sum += sun.reflected(accelerator, receiver, &brdf, rays);
+        }
+        for area in self.areas.iter().filter(|_| areas) {
+            for samples in area.samples.chunks(PACKET) {
+                let (mut given, mut ends, mut ask) = ([Vec3::ZERO; PACKET], [Vec3A::ZERO; PACKET], 0);
+                for (i, sample) in samples.iter().enumerate() {
+                    let way = sample.position - receiver.position;
+                    let irradiance = area.unhidden_sample(receiver, sample);
+                    ends[i] = sample.position;
+                    if irradiance != Vec3::ZERO {
+                        let distance = way.length();
+                        let half_angle = (sample.area / PI).sqrt().atan2(distance);
+                        given[i] = irradiance * brdf(way / distance, half_angle);
+                        ask |= u64::from(given[i] != Vec3::ZERO) << i;
+                    }
+                }
+                rays.set(rays.get() + u64::from(ask.count_ones()));
+                let hidden = accelerator.occluded_packet(receiver.position, &ends[..samples.len()], ask);
+                sum += bits(ask & !hidden).map(|i| given[i]).sum::<Vec3>();
+            }
+        }
+        sum
     }
 
     /// Adds what the carried anchors give.
@@ -171,6 +238,7 @@ impl Area {
     fn new(light: &AreaLight, surfaces: &Surfaces) -> Self {
         let simple = light.patch_count() <= MOST_POLYGONS;
         Self {
+            instance: light.instance as u32,
             samples: light.samples(surfaces, AREA_SAMPLES),
             polygons: if simple { light.polygons(surfaces) } else { Vec::new() },
         }
@@ -190,6 +258,26 @@ impl Area {
         }
         let Receiver { position, normal, geometric_normal } = *receiver;
         self.polygons.iter().map(|polygon| polygon.irradiance(position, normal, geometric_normal)).sum()
+    }
+}
+
+impl Sun {
+    fn reflected(
+        &self,
+        accelerator: &Accelerator,
+        receiver: &Receiver,
+        brdf: impl Fn(Vec3A, f32) -> Vec3,
+        rays: &Cell<u64>,
+    ) -> Vec3 {
+        let given =
+            brdf(self.towards, self.angular_radius) * self.irradiance * receiver.normal.dot(self.towards).max(0.0);
+        if given == Vec3::ZERO || receiver.geometric_normal.dot(self.towards) <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let first = &self.directions[..FIRST_SUN_SAMPLES];
+        rays.set(rays.get() + first.len() as u64);
+        let seen = first.iter().filter(|&&towards| !accelerator.occluded_towards(receiver.position, towards));
+        given * (seen.count() as f32 / first.len() as f32)
     }
 }
 

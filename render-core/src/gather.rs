@@ -156,6 +156,18 @@ impl Gather {
         if self.carried.is_empty() { 0.0 } else { self.softening[1].sqrt() }
     }
 
+    /// Radiance that `surface` of `instance` reflects, as its virtual lights stand for it: from all light, to the accuracy of
+    /// their density \[W·m⁻²·sr⁻¹\].
+    pub fn radiance_around(&self, surface: &Surface, instance: u32) -> Vec3 {
+        let carried = self.moving[instance as usize];
+        let (grid, first) = if carried { (&self.carried, self.fixed.len()) } else { (&self.fixed, 0) };
+        let mut sum = Vec3::ZERO;
+        grid.splat(surface.position, surface.geometric_normal, carried.then_some(instance), |anchor, weight| {
+            sum += self.radiance[first + anchor] * weight;
+        });
+        sum
+    }
+
     /// Notes what `surface` gives back.
     fn take(&self, surface: &Surface, instance: u32, carried: bool, source: Source, found: &mut Surroundings) {
         if surface.emission != Vec3::ZERO && self.glow_softened[instance as usize] {

@@ -20,6 +20,11 @@ impl Ggx {
         Self { alpha: (roughness * roughness).clamp(SMALLEST_ALPHA, 1.0) }
     }
 
+    /// With this much more of α².
+    pub(super) fn widened(self, alpha2: f32) -> Self {
+        Self { alpha: (self.alpha * self.alpha + alpha2).sqrt().min(1.0) }
+    }
+
     /// Density of microfacet normals, D(h).
     ///
     /// ```text

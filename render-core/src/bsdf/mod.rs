@@ -95,6 +95,52 @@ impl Bsdf {
         }
     }
 
+    /// The part of [`Bsdf::directional_albedo`] that is not the coat's single scattering: the base below the coat, and light
+    /// that bounces on within it. Both are broad; without a coat it is the albedo to the last bit.
+    pub fn diffuse_albedo(&self, cos: f32) -> Vec3 {
+        match &self.coat {
+            None => self.albedo,
+            Some(coat) => coat.diffuse_albedo(cos),
+        }
+    }
+
+    /// The part of [`Bsdf::directional_albedo`] that is the coat's single scattering; zero without a coat.
+    pub fn coat_albedo(&self, cos: f32) -> Vec3 {
+        self.coat.as_ref().map_or(Vec3::ZERO, |coat| coat.albedos.at(cos).with(coat.f0))
+    }
+
+    /// BRDF of the coat's single scattering \[sr⁻¹\], without a cosine, for light from a small disc of `half_angle` radians
+    /// around ω_i; zero without a coat.
+    ///
+    /// ```text
+    /// α'² = α² + half_angle² / 8
+    /// ```
+    /// On each axis directions to a disc have the variance half_angle²/4, the microfacets that they ask for turn half as far,
+    /// and α² is twice the variance of a rough surface's slopes \[Walter07\].
+    pub fn evaluate_coat(&self, wo: Vec3, wi: Vec3, half_angle: f32) -> Vec3 {
+        match &self.coat {
+            Some(coat) if wo.z > 0.0 && wi.z > 0.0 => {
+                Coat { ggx: coat.ggx.widened(half_angle * half_angle / 8.0), ..*coat }.single(wo, wi)
+            }
+            _ => Vec3::ZERO,
+        }
+    }
+
+    /// Draws the direction that light comes from to the coat's single scattering, by the microfacets that ω_o sees.
+    ///
+    /// `None` without a coat, and where the drawn direction points into the surface: such a sample counts as zero.
+    pub fn sample_coat(&self, wo: Vec3, u: Vec2) -> Option<Vec3> {
+        let direction = self.coat.as_ref()?.ggx.sample(wo, u);
+        (wo.z > 0.0 && direction.z > 0.0).then_some(direction)
+    }
+
+    /// What light from a direction of [`Bsdf::sample_coat`] counts: F·G₂/G₁, 0…1.
+    pub fn coat_weight(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        self.coat
+            .as_ref()
+            .map_or(Vec3::ZERO, |coat| coat.fresnel(wo.dot((wo + wi).normalize())) * coat.ggx.masking_ratio(wo, wi))
+    }
+
     /// Density over solid angle \[sr⁻¹\] with which [`Bsdf::sample`] draws ω_i.
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wo.z <= 0.0 || wi.z <= 0.0 {
@@ -158,8 +204,13 @@ impl Coat {
 
     fn single(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         let h = (wo + wi).normalize();
-        let grazing = grazing_share(wo.dot(h));
-        (self.f0 * (1.0 - grazing) + Vec3::splat(grazing)) * self.ggx.reflectance(wo, wi, h)
+        self.fresnel(wo.dot(h)) * self.ggx.reflectance(wo, wi, h)
+    }
+
+    /// Schlick's term for a microfacet at whose normal light arrives with this cosine.
+    fn fresnel(&self, cos: f32) -> Vec3 {
+        let grazing = grazing_share(cos);
+        self.f0 * (1.0 - grazing) + Vec3::splat(grazing)
     }
 
     /// What single scattering loses towards a direction, 1 − E, and what the coat lets through, 1 − C.

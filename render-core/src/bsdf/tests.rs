@@ -152,3 +152,41 @@ fn the_smoothest_coat_is_a_finite_mirror() {
         assert!((sample.weight.x - 0.8).abs() < 0.01, "{}", sample.weight);
     }
 }
+
+/// The parts that a renderer may ask for one by one are the whole.
+#[test]
+fn coat_and_the_rest_make_the_whole() {
+    let albedo = Vec3::new(0.2, 0.5, 0.8);
+    for (roughness, cos) in ROUGHNESSES.into_iter().flat_map(|r| COSINES.map(|cos| (r, cos))) {
+        let bsdf = Bsdf::new(albedo, Vec3::new(0.9, 0.5, 0.04), roughness);
+        let parts = bsdf.coat_albedo(cos) + bsdf.diffuse_albedo(cos);
+        assert!((parts - bsdf.directional_albedo(cos)).abs().max_element() < 1e-6);
+        // Samples of the coat alone: its weights are BRDF · cosine / density, and sum up to its albedo.
+        let (wo, count) = (towards(cos), 4096);
+        let drawn = |i| bsdf.sample_coat(wo, hammersley(i, count)).map_or(Vec3::ZERO, |wi| bsdf.coat_weight(wo, wi));
+        let sum = (0..count).map(drawn).sum::<Vec3>() / count as f32;
+        assert!((sum - bsdf.coat_albedo(cos)).abs().max_element() < 0.01, "{sum} for roughness {roughness}, {cos}");
+    }
+    let bare = Bsdf::new(albedo, Vec3::ZERO, 0.3);
+    assert_eq!((bare.diffuse_albedo(0.3), bare.coat_albedo(0.3)), (albedo, Vec3::ZERO));
+    assert_eq!(bare.sample_coat(Vec3::Z, Vec2::splat(0.5)), None);
+}
+
+/// Light from a disc: the widened lobe against the mean over the disc, where a lobe is at its narrowest beside it.
+#[test]
+fn a_disc_is_seen_as_a_wider_lobe() {
+    let (bsdf, half_angle) = (Bsdf::new(Vec3::ZERO, Vec3::ONE, 0.4), 0.2f32);
+    let wo = towards(0.8);
+    let mirrored = Vec3::new(-wo.x, -wo.y, wo.z);
+    let (x, y) = crate::sampling::frame(mirrored);
+    let mean = (0..1024)
+        .map(|i| {
+            let p = crate::sampling::concentric_disc(hammersley(i, 1024)) * half_angle.sin();
+            bsdf.evaluate_coat(wo, (mirrored + x * p.x + y * p.y).normalize(), 0.0).x
+        })
+        .sum::<f32>()
+        / 1024.0;
+    let wide = bsdf.evaluate_coat(wo, mirrored, half_angle).x;
+    assert!((wide / mean - 1.0).abs() < 0.05, "{wide} in place of {mean}");
+    assert!(bsdf.evaluate_coat(wo, mirrored, 0.0).x > 1.1 * mean, "a point is brighter");
+}

@@ -117,6 +117,12 @@ impl Material {
         (base_color * (1.0 - metallic), self.dielectric_f0.lerp(base_color, metallic))
     }
 
+    /// Whether [`Material::split`] finds a coat anywhere on the surface.
+    pub fn may_have_coat(&self) -> bool {
+        let smoother = self.roughness < 1.0 || self.metallic_roughness_texture.is_some();
+        !self.unlit && (self.metallic > 0.0 || smoother)
+    }
+
     /// The textures it looks up.
     pub fn slots(&self) -> impl Iterator<Item = &TextureSlot> {
         let normal = self.normal_texture.as_ref().map(|(slot, _)| slot);

@@ -7,7 +7,7 @@ use glam::{Vec3, Vec3A};
 use lighttree::{Light, Stop};
 use perceptual::ThresholdMap;
 use plane::Plane;
-use render_core::{Directions, GBuffer, PixelSurface, Receiver, Surroundings, luminance};
+use render_core::{Accelerator, Directions, GBuffer, PixelSurface, Receiver, Surroundings, luminance};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Rays of a look around: what compensation gives back is a few per cent of the light, known to a few per cent of itself.
@@ -44,10 +44,7 @@ impl<'a> LightTransport<'a> {
     /// Whether light from `lamp` arrives at `receiver`.
     #[inline]
     pub fn visible(&self, receiver: &Receiver, lamp: &Light) -> bool {
-        let lamp = Vec3A::from(lamp.position);
-        // A light below the triangle's own plane is hidden by it, whatever the smooth normal says.
-        receiver.geometric_normal.dot(lamp - receiver.position) > 0.0
-            && !self.prepared.accelerator.occluded(receiver.position, lamp)
+        sees(&self.prepared.accelerator, receiver, lamp)
     }
 
     pub fn look_around(&self, receiver: &Receiver, key: u64) -> Surroundings {
@@ -76,6 +73,14 @@ impl<'a> LightTransport<'a> {
         };
         self.threshold(x, y).map_or_else(relative, Stop::Absolute)
     }
+}
+
+/// Whether light from `lamp` arrives at `receiver`.
+#[inline]
+pub(super) fn sees(accelerator: &Accelerator, receiver: &Receiver, lamp: &Light) -> bool {
+    let lamp = Vec3A::from(lamp.position);
+    // A light below the triangle's own plane is hidden by it, whatever the smooth normal says.
+    receiver.geometric_normal.dot(lamp - receiver.position) > 0.0 && !accelerator.occluded(receiver.position, lamp)
 }
 
 /// The place of a pixel's surface where rays start.

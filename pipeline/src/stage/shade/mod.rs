@@ -4,6 +4,7 @@
 mod cache;
 mod cuts;
 mod direct;
+mod gloss;
 mod layers;
 mod macroblock;
 mod pixels;
@@ -68,8 +69,15 @@ fn shade(
             GBuffer::trace_at(place, accelerator, surfaces, &seen.view, size, &visibility)
         });
         let seen = own.as_ref().unwrap_or(&prepared.seen);
-        let (direct, rays) = direct::light(&prepared, seen, &direct_busy);
+        let coats = (plan.gloss == State::On).then(|| gloss::light(&prepared, seen, &direct_busy));
+        let below = coats.is_some().then(|| gloss::below_coats(seen));
+        let seen = below.as_ref().unwrap_or(seen);
+        let (mut direct, rays) = direct::light(&prepared, seen, &direct_busy);
         figures.shadow_rays += rays;
+        if let Some((reflected, rays)) = coats {
+            figures.shadow_rays += rays;
+            direct.samples_mut().iter_mut().zip(reflected.samples()).for_each(|(sum, &coat)| *sum += coat);
+        }
         let compensates = plan.compensation == State::On;
         let transport = LightTransport::new(settings, &prepared, map, (seen, &direct), compensates, &counts);
         let indirect = match (plan.indirect, cache.as_deref_mut()) {

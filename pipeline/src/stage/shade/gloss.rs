@@ -1,0 +1,232 @@
+//! Light that coats reflect: metals, and the gloss on what is painted or polished.
+//!
+//! A coat's single scattering is taken from its sources in three ways, each light by one of them alone:
+//!
+//! ```text
+//! point and spot lights, the sun       their direction and a shadow ray
+//! glowing surfaces that pixels ask     from roughness 0.3 on by the points that direct light asks; below, by reflection rays
+//! everything else                      reflection rays: glowing surfaces of the light tree, the sky, whatever is lit
+//! ```
+//!
+//! Reflection rays are drawn by the microfacets that the viewer sees \[Dupuy23\], with points that depend on the pixel alone:
+//! what noise there is stands still. The mean of what they bring is weighted by the albedo of the coat, which is known, and not
+//! by what the samples happen to add up to:
+//!
+//! ```text
+//! L = C(θ_o) · Σ wᵢ Lᵢ / Σ wᵢ            w = F·G₂/G₁   C  albedo of the coat
+//! ```
+//! A coat in even light is even, then, however few the rays.
+//!
+//! What a reflection shows is coarser than what the viewer sees directly. In coats of roughness 0.3 and above, the virtual lights
+//! around a point say what it reflects; in smoother ones it is lit by direct light and a loose cut. Of coats that are seen in
+//! coats, smooth ones are mirrors, and rough ones are matte surfaces of the same albedo. Photons know no coats: light that
+//! metals throw on others is missing.
+
+use super::cuts::{receiver, sees};
+use super::macroblock::{by_macroblock, places};
+use crate::message::Prepared;
+use glam::{Vec3, Vec3A};
+use lighttree::{Lambert, Light, Scratch, Stop};
+use plane::Plane;
+use render_core::sampling::{frame, owen_sobol_point};
+use render_core::{Bsdf, Busy, GBuffer, NOTHING, PixelSurface, Receiver, luminance};
+use std::cell::Cell;
+use std::f32::consts::PI;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Perceptual roughness from which on a coat shows no shapes: lobes some 20° wide.
+const ROUGH: f32 = 0.3;
+/// Roughness up to which a coat is a mirror: its lobe is hardly wider than a pixel.
+const MIRROR: f32 = 0.05;
+/// Reflection rays of a pixel, below [`ROUGH`] and from there on.
+const RAYS: [u32; 2] = [8, 16];
+/// Mirrors that a ray is followed through.
+const MOST_MIRRORS: usize = 4;
+/// Share of its luminance that a cluster may be wrong by in a cut for what a reflection shows.
+const LOOSE: f32 = 0.1;
+/// Virtual lights say what a surface reflects if this share of its luminance is of its base: to photons it has no other part.
+const MATTE: f32 = 0.5;
+
+/// `seen` with the albedo that is left under the coats, towards the viewer: what light that is not reflected by
+/// [`light`] asks for. Where there is no coat it stays the same.
+pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
+    let pixels = seen.pixels.map(|pixel| match Coated::of_pixel(&pixel, seen, 0.0) {
+        Some(coated) => PixelSurface { albedo: coated.bsdf.diffuse_albedo(coated.outgoing.z).into(), ..pixel },
+        None => pixel,
+    });
+    GBuffer { pixels, ..seen.clone() }
+}
+
+/// Radiance that coats reflect towards the viewer, single scattering, and the shadow rays that it took; adds the work to
+/// `busy`.
+pub(super) fn light(prepared: &Prepared, seen: &GBuffer, busy: &Busy) -> (Plane<Vec3>, u64) {
+    let size = (seen.pixels.width(), seen.pixels.height());
+    let rays = AtomicU64::new(0);
+    let light = by_macroblock(size, busy, Scratch::default, |scratch, columns, rows| {
+        let mut reflections = Reflections { prepared, scratch, rays: Cell::new(0) };
+        let pixel = |(x, y)| match Coated::of_pixel(&seen.pixels.get(x, y), seen, prepared.epsilon) {
+            Some(coated) => reflections.of(&coated, (y as u64) << 32 | x as u64),
+            None => Vec3::ZERO,
+        };
+        let light = places(columns, rows).map(pixel).collect();
+        rays.fetch_add(reflections.rays.get(), Ordering::Relaxed);
+        light
+    });
+    (light, rays.into_inner())
+}
+
+/// A surface with a coat, seen from somewhere.
+struct Coated {
+    receiver: Receiver,
+    /// World space axes of the shading frame; z is the normal.
+    axes: [Vec3; 3],
+    /// Towards the viewer, in the shading frame.
+    outgoing: Vec3,
+    bsdf: Bsdf,
+    roughness: f32,
+}
+
+impl Coated {
+    /// What a pixel shows, if that has a coat; rays start `epsilon` metres off it.
+    fn of_pixel(pixel: &PixelSurface, seen: &GBuffer, epsilon: f32) -> Option<Self> {
+        if pixel.instance == NOTHING || pixel.specular == [0.0; 3] {
+            return None;
+        }
+        let (place, _) = seen.view.project(pixel.position.into())?;
+        let (_, direction) = seen.view.ray(place);
+        let bsdf = Bsdf::new(pixel.albedo.into(), pixel.specular.into(), pixel.roughness);
+        Some(Self::new(receiver(pixel, epsilon), bsdf, pixel.roughness, direction))
+    }
+
+    /// At `receiver`, for a ray that came in the unit `direction`.
+    fn new(receiver: Receiver, bsdf: Bsdf, roughness: f32, direction: Vec3A) -> Self {
+        let normal = Vec3::from(receiver.normal);
+        let (x, y) = frame(normal);
+        let axes = [x, y, normal];
+        Self { receiver, axes, outgoing: into_frame(axes, -direction), bsdf, roughness }
+    }
+
+    /// World space direction of a direction of the shading frame, if it leads away from the triangle too.
+    fn to_world(&self, local: Vec3) -> Option<Vec3A> {
+        let [x, y, z] = self.axes;
+        let direction = Vec3A::from((x * local.x + y * local.y + z * local.z).normalize());
+        (direction.dot(self.receiver.geometric_normal) > 0.0).then_some(direction)
+    }
+
+    /// Direction of the shading frame in which a mirror shows the viewer the world.
+    fn mirrored(&self) -> Vec3 {
+        Vec3::new(-self.outgoing.x, -self.outgoing.y, self.outgoing.z)
+    }
+}
+
+/// The components of `v` along orthonormal axes.
+fn into_frame(axes: [Vec3; 3], v: Vec3A) -> Vec3 {
+    Vec3::from_array(axes.map(|axis| axis.dot(v.into())))
+}
+
+/// What is asked for reflections, by one thread.
+struct Reflections<'a> {
+    prepared: &'a Prepared<'a>,
+    scratch: &'a mut Scratch,
+    /// Shadow rays so far.
+    rays: Cell<u64>,
+}
+
+impl Reflections<'_> {
+    /// Radiance that the coat reflects; `key` makes its points its own.
+    fn of(&mut self, coated: &Coated, key: u64) -> Vec3 {
+        let rough = coated.roughness >= ROUGH;
+        let (wo, albedo) = (coated.outgoing, coated.bsdf.coat_albedo(coated.outgoing.z));
+        let sources = self.from_sources(coated, rough);
+        if coated.roughness < MIRROR {
+            let seen = coated.to_world(coated.mirrored()).map(|direction| self.along(coated, direction, 0.0));
+            return sources + albedo * seen.unwrap_or(Vec3::ZERO);
+        }
+        let count = RAYS[usize::from(rough)];
+        // Each ray stands for its share of a lobe that is about α wide on either side.
+        let spread = 2.0 * coated.roughness * coated.roughness / (count as f32).sqrt();
+        let (mut sum, mut weights) = (Vec3::ZERO, Vec3::ZERO);
+        for local in (0..count).filter_map(|i| coated.bsdf.sample_coat(wo, owen_sobol_point(i, key))) {
+            let weight = coated.bsdf.coat_weight(wo, local);
+            weights += weight;
+            if let Some(direction) = coated.to_world(local) {
+                sum += weight * self.along(coated, direction, spread);
+            }
+        }
+        sources + albedo * sum / weights.max(Vec3::splat(f32::MIN_POSITIVE))
+    }
+
+    /// Radiance that the coat reflects of points and suns, and if asked for of the areas that pixels ask.
+    fn from_sources(&self, coated: &Coated, areas: bool) -> Vec3 {
+        let Prepared { accelerator, direct, .. } = self.prepared;
+        let brdf = |direction, half_angle| {
+            coated.bsdf.evaluate_coat(coated.outgoing, into_frame(coated.axes, direction), half_angle)
+        };
+        direct.reflected(accelerator, &coated.receiver, areas, brdf, &self.rays)
+    }
+
+    /// Radiance that arrives at the coat from a unit `direction`. Textures are averaged over `spread` of the distance.
+    fn along(&mut self, coated: &Coated, mut direction: Vec3A, spread: f32) -> Vec3 {
+        let Prepared { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
+        let scene = surfaces.scene();
+        let rough = coated.roughness >= ROUGH;
+        let (mut origin, mut throughput, mut sum) = (coated.receiver.position, Vec3::ONE, Vec3::ZERO);
+        let mut way = 0.0;
+        for mirrors in 0..=MOST_MIRRORS {
+            let Some(hit) = accelerator.closest(origin, direction) else {
+                let sky = scene.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
+                return sum + throughput * sky;
+            };
+            way += hit.distance;
+            let surface = surfaces.at(&hit, direction, spread * way);
+            let unlit = scene.materials[scene.meshes[scene.instances[hit.instance as usize].mesh].material].unlit;
+            // Rough coats know the areas from their points, but not what mirrors show of them.
+            if !unlit && !(rough && mirrors == 0 && direct.asks(hit.instance)) {
+                sum += throughput * surface.emission;
+            }
+            if unlit || (!surface.front && !surface.double_sided) {
+                break;
+            }
+            let bsdf = Bsdf::new(surface.albedo, surface.specular, surface.roughness);
+            let receiver = Receiver {
+                position: surface.position + surface.geometric_normal * *epsilon,
+                normal: surface.shading_normal,
+                geometric_normal: surface.geometric_normal,
+            };
+            let seen = Coated::new(receiver, bsdf, surface.roughness, direction);
+            let cos = seen.outgoing.z;
+            let albedo = if seen.roughness < ROUGH { bsdf.diffuse_albedo(cos) } else { bsdf.directional_albedo(cos) };
+            let (whole, of_anchors) = (luminance(albedo), luminance(surface.albedo));
+            sum += throughput
+                * if rough && of_anchors > MATTE * whole {
+                    gather.radiance_around(&surface, hit.instance) * (whole / of_anchors)
+                } else {
+                    self.matte(&seen.receiver, albedo)
+                };
+            if surface.specular == Vec3::ZERO || surface.roughness >= ROUGH || mirrors == MOST_MIRRORS {
+                break;
+            }
+            sum += throughput * self.from_sources(&seen, false);
+            throughput *= bsdf.coat_albedo(seen.outgoing.z);
+            let Some(next) = seen.to_world(seen.mirrored()) else { break };
+            (origin, direction) = (seen.receiver.position, next);
+        }
+        sum
+    }
+
+    /// Radiance that a matte surface at `receiver` reflects.
+    fn matte(&mut self, receiver: &Receiver, albedo: Vec3) -> Vec3 {
+        if albedo == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let Prepared { accelerator, direct, tree, .. } = self.prepared;
+        let light = albedo / PI * direct.irradiance(accelerator, receiver, &self.rays);
+        let lambert =
+            Lambert { position: receiver.position.into(), normal: receiver.normal.into(), reflectance: albedo };
+        let stop = Stop::Relative { fraction: LOOSE, known_luminance: luminance(light) };
+        let visible = |lamp: &Light, _| sees(accelerator, receiver, lamp);
+        let cut = tree.lightcut(&lambert, stop, visible, self.scratch);
+        self.rays.set(self.rays.get() + u64::from(cut.shadow_rays));
+        light + cut.radiance
+    }
+}
