@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! point and spot lights, the sun       their direction and a shadow ray
-//! glowing surfaces that pixels ask     from roughness 0.3 on by the points that direct light asks; below, by reflection rays
+//! glowing surfaces that pixels ask     from roughness 0.2 on by the points that direct light asks; below, by reflection rays
 //! everything else                      reflection rays: glowing surfaces of the light tree, the sky, whatever is lit
 //! ```
 //!
@@ -17,10 +17,10 @@
 //! ```
 //! A coat in even light is even, then, however few the rays.
 //!
-//! What a reflection shows is coarser than what the viewer sees directly. In coats of roughness 0.3 and above, the virtual lights
-//! around a point say what it reflects; in smoother ones it is lit by direct light and a loose cut. Of coats that are seen in
-//! coats, smooth ones are mirrors, and rough ones are matte surfaces of the same albedo. Photons know no coats: light that
-//! metals throw on others is missing.
+//! What a reflection shows is coarser than what the viewer sees directly. In coats of roughness 0.2 and above, the virtual lights
+//! around a point say what it reflects; in smoother ones it is lit by direct light and a loose cut. A coat that is seen in a
+//! coat shows its sources by their lobes, and of everything else what lies in the mirrored direction. Photons know no coats:
+//! light that metals throw on others is missing.
 
 use super::cuts::{receiver, sees};
 use super::macroblock::{by_macroblock, places};
@@ -29,23 +29,24 @@ use glam::{Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
 use plane::Plane;
 use render_core::sampling::{frame, owen_sobol_point};
-use render_core::{Bsdf, Busy, GBuffer, NOTHING, PixelSurface, Receiver, luminance};
+use render_core::{Bsdf, Busy, GBuffer, NOTHING, PixelSurface, Receiver, Surface, luminance};
 use std::cell::Cell;
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Perceptual roughness from which on a coat shows no shapes: lobes some 20° wide.
-const ROUGH: f32 = 0.3;
+/// Perceptual roughness from which on a coat shows no sharp shapes: half of what it shows is more than 2° off the mirrored.
+const ROUGH: f32 = 0.2;
 /// Roughness up to which a coat is a mirror: its lobe is hardly wider than a pixel.
 const MIRROR: f32 = 0.05;
 /// Reflection rays of a pixel, below [`ROUGH`] and from there on.
 const RAYS: [u32; 2] = [8, 16];
-/// Mirrors that a ray is followed through.
-const MOST_MIRRORS: usize = 4;
+/// Coats that a ray is followed through.
+const MOST_COATS: usize = 4;
 /// Share of its luminance that a cluster may be wrong by in a cut for what a reflection shows.
 const LOOSE: f32 = 0.1;
-/// Virtual lights say what a surface reflects if this share of its luminance is of its base: to photons it has no other part.
-const MATTE: f32 = 0.5;
+/// No ray counts more than this many times the second brightest of its pixel: a small lamp that one ray of many happens to
+/// meet would be a spark.
+const BRIGHTEST: f32 = 2.0;
 
 /// `seen` with the albedo that is left under the coats, towards the viewer: what light that is not reflected by
 /// [`light`] asks for. Where there is no coat it stays the same.
@@ -75,7 +76,7 @@ pub(super) fn light(prepared: &Prepared, seen: &GBuffer, busy: &Busy) -> (Plane<
     (light, rays.into_inner())
 }
 
-/// A surface with a coat, seen from somewhere.
+/// A surface with a coat, or that may have one, seen from somewhere.
 struct Coated {
     receiver: Receiver,
     /// World space axes of the shading frame; z is the normal.
@@ -104,6 +105,19 @@ impl Coated {
         let (x, y) = frame(normal);
         let axes = [x, y, normal];
         Self { receiver, axes, outgoing: into_frame(axes, -direction), bsdf, roughness }
+    }
+
+    /// What a ray has met that came in the unit `direction`.
+    fn of_surface(surface: &Surface, direction: Vec3A, epsilon: f32) -> Self {
+        let &Surface { position, geometric_normal, shading_normal, albedo, specular, roughness, .. } = surface;
+        let position = position + geometric_normal * epsilon;
+        let receiver = Receiver { position, normal: shading_normal, geometric_normal };
+        Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, direction)
+    }
+
+    /// Whether it shows no sharp shapes.
+    fn is_rough(&self) -> bool {
+        self.roughness >= ROUGH
     }
 
     /// World space direction of a direction of the shading frame, if it leads away from the triangle too.
@@ -135,9 +149,9 @@ struct Reflections<'a> {
 impl Reflections<'_> {
     /// Radiance that the coat reflects; `key` makes its points its own.
     fn of(&mut self, coated: &Coated, key: u64) -> Vec3 {
-        let rough = coated.roughness >= ROUGH;
+        let rough = coated.is_rough();
         let (wo, albedo) = (coated.outgoing, coated.bsdf.coat_albedo(coated.outgoing.z));
-        let sources = self.from_sources(coated, rough);
+        let sources = self.from_sources(coated);
         if coated.roughness < MIRROR {
             let seen = coated.to_world(coated.mirrored()).map(|direction| self.along(coated, direction, 0.0));
             return sources + albedo * seen.unwrap_or(Vec3::ZERO);
@@ -146,33 +160,42 @@ impl Reflections<'_> {
         // Each ray stands for its share of a lobe that is about α wide on either side.
         let spread = 2.0 * coated.roughness * coated.roughness / (count as f32).sqrt();
         let (mut sum, mut weights) = (Vec3::ZERO, Vec3::ZERO);
+        let (mut brightest, mut second) = (Vec3::ZERO, 0.0);
         for local in (0..count).filter_map(|i| coated.bsdf.sample_coat(wo, owen_sobol_point(i, key))) {
             let weight = coated.bsdf.coat_weight(wo, local);
             weights += weight;
-            if let Some(direction) = coated.to_world(local) {
-                sum += weight * self.along(coated, direction, spread);
+            let Some(direction) = coated.to_world(local) else { continue };
+            let light = weight * self.along(coated, direction, spread);
+            sum += light;
+            if luminance(light) > luminance(brightest) {
+                (brightest, second) = (light, luminance(brightest));
+            } else {
+                second = luminance(light).max(second);
             }
         }
-        sources + albedo * sum / weights.max(Vec3::splat(f32::MIN_POSITIVE))
+        let excess = 1.0 - BRIGHTEST * second / luminance(brightest).max(f32::MIN_POSITIVE);
+        let kept = sum - brightest * excess.max(0.0);
+        sources + albedo * kept / weights.max(Vec3::splat(f32::MIN_POSITIVE))
     }
 
-    /// Radiance that the coat reflects of points and suns, and if asked for of the areas that pixels ask.
-    fn from_sources(&self, coated: &Coated, areas: bool) -> Vec3 {
+    /// Radiance that the coat reflects of points and suns, and if it is rough of the areas that pixels ask.
+    fn from_sources(&self, coated: &Coated) -> Vec3 {
         let Prepared { accelerator, direct, .. } = self.prepared;
         let brdf = |direction, half_angle| {
             coated.bsdf.evaluate_coat(coated.outgoing, into_frame(coated.axes, direction), half_angle)
         };
-        direct.reflected(accelerator, &coated.receiver, areas, brdf, &self.rays)
+        direct.reflected(accelerator, &coated.receiver, coated.is_rough(), brdf, &self.rays)
     }
 
     /// Radiance that arrives at the coat from a unit `direction`. Textures are averaged over `spread` of the distance.
     fn along(&mut self, coated: &Coated, mut direction: Vec3A, spread: f32) -> Vec3 {
         let Prepared { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
         let scene = surfaces.scene();
-        let rough = coated.roughness >= ROUGH;
         let (mut origin, mut throughput, mut sum) = (coated.receiver.position, Vec3::ONE, Vec3::ZERO);
+        // Whether the coat that the ray has left is rough, and whether any before it was.
+        let (mut rough, mut blurred) = (coated.is_rough(), coated.is_rough());
         let mut way = 0.0;
-        for mirrors in 0..=MOST_MIRRORS {
+        for coats in 0..=MOST_COATS {
             let Some(hit) = accelerator.closest(origin, direction) else {
                 let sky = scene.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
                 return sum + throughput * sky;
@@ -180,36 +203,32 @@ impl Reflections<'_> {
             way += hit.distance;
             let surface = surfaces.at(&hit, direction, spread * way);
             let unlit = scene.materials[scene.meshes[scene.instances[hit.instance as usize].mesh].material].unlit;
-            // Rough coats know the areas from their points, but not what mirrors show of them.
-            if !unlit && !(rough && mirrors == 0 && direct.asks(hit.instance)) {
+            // As for paths: what is unlit shines for the camera alone. Rough coats know the areas from their points.
+            if !unlit && !(rough && direct.asks(hit.instance)) {
                 sum += throughput * surface.emission;
             }
             if unlit || (!surface.front && !surface.double_sided) {
                 break;
             }
-            let bsdf = Bsdf::new(surface.albedo, surface.specular, surface.roughness);
-            let receiver = Receiver {
-                position: surface.position + surface.geometric_normal * *epsilon,
-                normal: surface.shading_normal,
-                geometric_normal: surface.geometric_normal,
-            };
-            let seen = Coated::new(receiver, bsdf, surface.roughness, direction);
-            let cos = seen.outgoing.z;
-            let albedo = if seen.roughness < ROUGH { bsdf.diffuse_albedo(cos) } else { bsdf.directional_albedo(cos) };
-            let (whole, of_anchors) = (luminance(albedo), luminance(surface.albedo));
+            let seen = Coated::of_surface(&surface, direction, *epsilon);
+            let albedo = seen.bsdf.diffuse_albedo(seen.outgoing.z);
             sum += throughput
-                * if rough && of_anchors > MATTE * whole {
-                    gather.radiance_around(&surface, hit.instance) * (whole / of_anchors)
-                } else {
-                    self.matte(&seen.receiver, albedo)
+                * match luminance(surface.albedo) {
+                    // Photons know the base alone, and all of it.
+                    base if blurred && base > 0.0 => {
+                        gather.radiance_around(&surface, hit.instance) * (luminance(albedo) / base).min(1.0)
+                    }
+                    _ => self.matte(&seen.receiver, albedo),
                 };
-            if surface.specular == Vec3::ZERO || surface.roughness >= ROUGH || mirrors == MOST_MIRRORS {
+            if surface.specular == Vec3::ZERO || coats == MOST_COATS {
                 break;
             }
-            sum += throughput * self.from_sources(&seen, false);
-            throughput *= bsdf.coat_albedo(seen.outgoing.z);
+            sum += throughput * self.from_sources(&seen);
+            throughput *= seen.bsdf.coat_albedo(seen.outgoing.z);
             let Some(next) = seen.to_world(seen.mirrored()) else { break };
             (origin, direction) = (seen.receiver.position, next);
+            rough = seen.is_rough();
+            blurred |= rough;
         }
         sum
     }
