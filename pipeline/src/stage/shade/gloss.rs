@@ -25,7 +25,7 @@
 use super::cuts::{receiver, sees};
 use super::macroblock::{by_macroblock, places};
 use crate::message::Prepared;
-use glam::{Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
 use plane::Plane;
 use render_core::sampling::{frame, owen_sobol_point};
@@ -66,7 +66,7 @@ pub(super) fn light(prepared: &Prepared, seen: &GBuffer, busy: &Busy) -> (Plane<
     let light = by_macroblock(size, busy, Scratch::default, |scratch, columns, rows| {
         let mut reflections = Reflections { prepared, scratch, rays: Cell::new(0) };
         let pixel = |(x, y)| match Coated::of_pixel(&seen.pixels.get(x, y), seen, prepared.epsilon) {
-            Some(coated) => reflections.of(&coated, (y as u64) << 32 | x as u64),
+            Some(coated) => reflections.of(&coated, &Points::of_pixel(x, y)),
             None => Vec3::ZERO,
         };
         let light = places(columns, rows).map(pixel).collect();
@@ -138,6 +138,28 @@ fn into_frame(axes: [Vec3; 3], v: Vec3A) -> Vec3 {
     Vec3::from_array(axes.map(|axis| axis.dot(v.into())))
 }
 
+/// The points of a pixel: a piece of a sequence that it shares with the pixels around it. Each piece is even in itself, and so
+/// are all together: what one pixel has too much its neighbours have too little, and an encoder's blocks see little of it.
+struct Points {
+    seed: u64,
+    piece: u32,
+}
+
+impl Points {
+    /// Side of the squares of pixels that share a sequence.
+    const SIDE: usize = 4;
+
+    fn of_pixel(x: usize, y: usize) -> Self {
+        let (column, row) = (x / Self::SIDE, y / Self::SIDE);
+        Self { seed: (row as u64) << 32 | column as u64, piece: (y % Self::SIDE * Self::SIDE + x % Self::SIDE) as u32 }
+    }
+
+    /// Point `i` of `count`, which is a power of two.
+    fn get(&self, i: u32, count: u32) -> Vec2 {
+        owen_sobol_point(self.piece * count + i, self.seed)
+    }
+}
+
 /// What is asked for reflections, by one thread.
 struct Reflections<'a> {
     prepared: &'a Prepared<'a>,
@@ -147,8 +169,8 @@ struct Reflections<'a> {
 }
 
 impl Reflections<'_> {
-    /// Radiance that the coat reflects; `key` makes its points its own.
-    fn of(&mut self, coated: &Coated, key: u64) -> Vec3 {
+    /// Radiance that the coat reflects, with these points.
+    fn of(&mut self, coated: &Coated, points: &Points) -> Vec3 {
         let rough = coated.is_rough();
         let (wo, albedo) = (coated.outgoing, coated.bsdf.coat_albedo(coated.outgoing.z));
         let sources = self.from_sources(coated);
@@ -161,7 +183,7 @@ impl Reflections<'_> {
         let spread = 2.0 * coated.roughness * coated.roughness / (count as f32).sqrt();
         let (mut sum, mut weights) = (Vec3::ZERO, Vec3::ZERO);
         let (mut brightest, mut second) = (Vec3::ZERO, 0.0);
-        for local in (0..count).filter_map(|i| coated.bsdf.sample_coat(wo, owen_sobol_point(i, key))) {
+        for local in (0..count).filter_map(|i| coated.bsdf.sample_coat(wo, points.get(i, count))) {
             let weight = coated.bsdf.coat_weight(wo, local);
             weights += weight;
             let Some(direction) = coated.to_world(local) else { continue };
@@ -249,3 +271,6 @@ impl Reflections<'_> {
         light + cut.radiance
     }
 }
+
+#[cfg(test)]
+mod tests;
