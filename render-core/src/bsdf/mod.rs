@@ -113,14 +113,14 @@ impl Bsdf {
     /// around ω_i; zero without a coat.
     ///
     /// ```text
-    /// α'² = α² + half_angle² / 8
+    /// α'² = α² + half_angle² / 4
     /// ```
-    /// On each axis directions to a disc have the variance half_angle²/4, the microfacets that they ask for turn half as far,
-    /// and α² is twice the variance of a rough surface's slopes \[Walter07\].
+    /// To first order that is the mean over the disc at the top of the lobe: D falls there by 2t²/α² at a microfacet turned by t,
+    /// and t² is half_angle²/8 in the mean, since microfacets turn half as far as directions.
     pub fn evaluate_coat(&self, wo: Vec3, wi: Vec3, half_angle: f32) -> Vec3 {
         match &self.coat {
             Some(coat) if wo.z > 0.0 && wi.z > 0.0 => {
-                Coat { ggx: coat.ggx.widened(half_angle * half_angle / 8.0), ..*coat }.single(wo, wi)
+                Coat { ggx: coat.ggx.widened(half_angle * half_angle / 4.0), ..*coat }.single(wo, wi)
             }
             _ => Vec3::ZERO,
         }

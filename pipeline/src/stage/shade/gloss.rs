@@ -32,6 +32,7 @@ use render_core::sampling::{frame, owen_sobol_point};
 use render_core::{Bsdf, Busy, GBuffer, NOTHING, PixelSurface, Receiver, Surface, luminance};
 use std::cell::Cell;
 use std::f32::consts::PI;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Perceptual roughness from which on a coat shows no sharp shapes: half of what it shows is more than 2° off the mirrored.
@@ -44,9 +45,11 @@ const RAYS: [u32; 2] = [8, 16];
 const MOST_COATS: usize = 4;
 /// Share of its luminance that a cluster may be wrong by in a cut for what a reflection shows.
 const LOOSE: f32 = 0.1;
-/// No ray counts more than this many times the second brightest of its pixel: a small lamp that one ray of many happens to
-/// meet would be a spark.
+/// A ray counts at most this many times as much as the second brightest of its pixel: a small lamp that one ray of many happens
+/// to meet would be a spark. What is beyond is shared among the pixels around.
 const BRIGHTEST: f32 = 2.0;
+/// How far, in pixels, with the weights of a tent.
+const SPREAD: usize = 10;
 
 /// `seen` with the albedo that is left under the coats, towards the viewer: what light that is not reflected by
 /// [`light`] asks for. Where there is no coat it stays the same.
@@ -63,17 +66,56 @@ pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
 pub(super) fn light(prepared: &Prepared, seen: &GBuffer, busy: &Busy) -> (Plane<Vec3>, u64) {
     let size = (seen.pixels.width(), seen.pixels.height());
     let rays = AtomicU64::new(0);
+    let sparks = Mutex::new(Plane::filled(size.0, size.1, Vec3::ZERO));
     let light = by_macroblock(size, busy, Scratch::default, |scratch, columns, rows| {
         let mut reflections = Reflections { prepared, scratch, rays: Cell::new(0) };
-        let pixel = |(x, y)| match Coated::of_pixel(&seen.pixels.get(x, y), seen, prepared.epsilon) {
-            Some(coated) => reflections.of(&coated, &Points::of_pixel(x, y)),
-            None => Vec3::ZERO,
+        let mut found = Vec::new();
+        let pixel = |(x, y)| {
+            let Some(coated) = Coated::of_pixel(&seen.pixels.get(x, y), seen, prepared.epsilon) else {
+                return Vec3::ZERO;
+            };
+            let (light, spark) = reflections.of(&coated, &Points::of_pixel(x, y));
+            if spark != Vec3::ZERO {
+                found.push((x, y, spark));
+            }
+            light
         };
         let light = places(columns, rows).map(pixel).collect();
         rays.fetch_add(reflections.rays.get(), Ordering::Relaxed);
+        let mut sparks = sparks.lock().expect("nobody fails while holding it");
+        found.into_iter().for_each(|(x, y, spark)| sparks.set(x, y, spark));
         light
     });
+    let sparks = sparks.into_inner().expect("all threads are done");
+    let light = by_macroblock(
+        size,
+        busy,
+        || (),
+        |(), columns, rows| {
+            places(columns, rows).map(|(x, y)| light.get(x, y) + spread_sparks(&sparks, seen, x, y)).collect()
+        },
+    );
     (light, rays.into_inner())
+}
+
+/// The share of a pixel in the `sparks` of the coats around it on the same instance.
+fn spread_sparks(sparks: &Plane<Vec3>, seen: &GBuffer, x: usize, y: usize) -> Vec3 {
+    let around = |centre: usize, end: usize| centre.saturating_sub(SPREAD)..(centre + SPREAD + 1).min(end);
+    let (columns, rows) = (around(x, sparks.width()), around(y, sparks.height()));
+    let instance = seen.pixels.get(x, y).instance;
+    let is_coat = |pixel: &PixelSurface| pixel.instance == instance && pixel.specular != [0.0; 3];
+    let any = || rows.clone().any(|v| sparks.row(v)[columns.clone()].iter().any(|&spark| spark != Vec3::ZERO));
+    if !is_coat(&seen.pixels.get(x, y)) || !any() {
+        return Vec3::ZERO;
+    }
+    let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+    for (u, v) in places(columns, rows).filter(|&(u, v)| is_coat(&seen.pixels.get(u, v))) {
+        let tent = |apart: usize| (SPREAD + 1 - apart) as f32;
+        let weight = tent(u.abs_diff(x)) * tent(v.abs_diff(y));
+        sum += sparks.get(u, v) * weight;
+        weights += weight;
+    }
+    sum / weights
 }
 
 /// A surface with a coat, or that may have one, seen from somewhere.
@@ -169,14 +211,14 @@ struct Reflections<'a> {
 }
 
 impl Reflections<'_> {
-    /// Radiance that the coat reflects, with these points.
-    fn of(&mut self, coated: &Coated, points: &Points) -> Vec3 {
+    /// Radiance that the coat reflects, with these points, and apart from it what a single ray of them brings too much.
+    fn of(&mut self, coated: &Coated, points: &Points) -> (Vec3, Vec3) {
         let rough = coated.is_rough();
         let (wo, albedo) = (coated.outgoing, coated.bsdf.coat_albedo(coated.outgoing.z));
-        let sources = self.from_sources(coated);
+        let sources = self.sources(coated);
         if coated.roughness < MIRROR {
             let seen = coated.to_world(coated.mirrored()).map(|direction| self.along(coated, direction, 0.0));
-            return sources + albedo * seen.unwrap_or(Vec3::ZERO);
+            return (sources + albedo * seen.unwrap_or(Vec3::ZERO), Vec3::ZERO);
         }
         let count = RAYS[usize::from(rough)];
         // Each ray stands for its share of a lobe that is about α wide on either side.
@@ -196,12 +238,13 @@ impl Reflections<'_> {
             }
         }
         let excess = 1.0 - BRIGHTEST * second / luminance(brightest).max(f32::MIN_POSITIVE);
-        let kept = sum - brightest * excess.max(0.0);
-        sources + albedo * kept / weights.max(Vec3::splat(f32::MIN_POSITIVE))
+        let spark = brightest * excess.max(0.0);
+        let per_weight = albedo / weights.max(Vec3::splat(f32::MIN_POSITIVE));
+        (sources + per_weight * (sum - spark), per_weight * spark)
     }
 
     /// Radiance that the coat reflects of points and suns, and if it is rough of the areas that pixels ask.
-    fn from_sources(&self, coated: &Coated) -> Vec3 {
+    fn sources(&self, coated: &Coated) -> Vec3 {
         let Prepared { accelerator, direct, .. } = self.prepared;
         let brdf = |direction, half_angle| {
             coated.bsdf.evaluate_coat(coated.outgoing, into_frame(coated.axes, direction), half_angle)
@@ -226,7 +269,8 @@ impl Reflections<'_> {
             let surface = surfaces.at(&hit, direction, spread * way);
             let unlit = scene.materials[scene.meshes[scene.instances[hit.instance as usize].mesh].material].unlit;
             // As for paths: what is unlit shines for the camera alone. Rough coats know the areas from their points.
-            if !unlit && !(rough && direct.asks(hit.instance)) {
+            let known = rough && direct.asks(hit.instance);
+            if !unlit && !known {
                 sum += throughput * surface.emission;
             }
             if unlit || (!surface.front && !surface.double_sided) {
@@ -245,7 +289,7 @@ impl Reflections<'_> {
             if surface.specular == Vec3::ZERO || coats == MOST_COATS {
                 break;
             }
-            sum += throughput * self.from_sources(&seen);
+            sum += throughput * self.sources(&seen);
             throughput *= seen.bsdf.coat_albedo(seen.outgoing.z);
             let Some(next) = seen.to_world(seen.mirrored()) else { break };
             (origin, direction) = (seen.receiver.position, next);
