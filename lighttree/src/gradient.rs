@@ -69,15 +69,21 @@ mod tests {
             let term = irradiance_term(position, normal, &light, s2);
             let white = Lambert { position, normal, reflectance: Vec3::splat(std::f32::consts::PI) };
             let expected = unshadowed(&white, &light, s2).x;
-            prop_assert!((term.value - expected).abs() <= 1e-5 * expected, "{} {}", term.value, expected);
+            // Near a horizon a cosine is all rounding: measured against what the light does face to face.
+            let face_to_face = 1.0 / ((light.position - position).length_squared() + s2);
+            let rounding = 1e-5 * expected + 1e-6 * face_to_face;
+            prop_assert!((term.value - expected).abs() <= rounding, "{} {}", term.value, expected);
             prop_assert!((term.by_normal.dot(normal) - term.value).abs() <= 1e-5 * term.by_normal.length());
 
             let way = light.position - position;
             let r = way.length();
             // Away from horizons, where nothing has a derivative.
-            prop_assume!(term.value > 0.0 && normal.dot(way) > 0.05 * r);
-            if let Emission::Cosine(axis) = light.emission {
-                prop_assume!(-axis.dot(way) > 0.05 * r);
+            let shines = match light.emission {
+                Emission::Cosine(axis) => -axis.dot(way) > 0.05 * r,
+                Emission::Omni => true,
+            };
+            if term.value == 0.0 || normal.dot(way) <= 0.05 * r || !shines {
+                return Ok(());
             }
             let step = 2e-3 * r;
             for axis in Vec3::AXES {
