@@ -96,36 +96,39 @@ fn the_cache_shows_what_cuts_for_every_pixel_show() {
 
 /// The threshold holds for each cluster of a cut \[Walter05\]; the errors of its clusters then add up, mostly against each
 /// other. So a fine cut of many clusters may end up further off than its threshold, and a coarse one hardly ever does.
-/// Measured here: 83 % of the pixels within the threshold at 2 %, 99.0 % at 10 %, 99.6 % at 20 %; 99.9 % within three times
-/// the threshold at 2 %.
+/// A light tree draws its representatives once, so one tree is one sample: three are asked.
+/// Measured here: 79 % of the pixels within the threshold at 2 %, 97 % at 10 %, 99.1 % at 20 %; 99.9 % within three times the
+/// threshold at 2 %.
 #[test]
 fn cuts_keep_their_distance_from_all_lights() {
     let folder = tempfile::tempdir().unwrap();
     let film = |name: &str, more: &str| {
         // Cuts alone: each pixel its own.
-        let film = "--size 96x96 --frames 2 --vpls 2000 --photons 200000 --cache off --compensation off";
+        let film = "--size 96x96 --frames 1 --vpls 2000 --photons 200000 --cache off --compensation off";
         let arguments = format!("{film} --exr {name} {more}");
         render(folder.path(), name, &cornell(), &arguments).figures(&["cut_size_mean"])[0]
     };
-    let all_lights = film("all", "--lighting all-lights");
-    let mut size_before = all_lights / 2.0;
+    let seeds = 1..=3;
+    let all_lights =
+        seeds.clone().map(|seed| film(&format!("all{seed}"), &format!("--lighting all-lights --seed {seed}")));
+    let mut size_before = all_lights.fold(0.0, f64::max) / 2.0;
     for (threshold, allowed) in [(0.02, 0.06), (0.1, 0.2), (0.2, 0.2), (0.4, 0.4)] {
-        let size = film("cuts", &format!("--thresholds fixed:{threshold}"));
-        assert!(size < size_before, "threshold {threshold}: a cut of {size:.0} lights is no saving");
-        size_before = size;
-        for index in 0..2 {
-            let [cuts, all] = ["cuts", "all"].map(|name| frame(folder.path(), name, index));
-            let errors = cuts.samples().iter().zip(all.samples()).map(|(&cut, &all)| {
+        let (mut errors, mut size) = (Vec::new(), 0.0f64);
+        for seed in seeds.clone() {
+            size = size.max(film("cuts", &format!("--thresholds fixed:{threshold} --seed {seed}")));
+            let [cuts, all] = ["cuts".to_owned(), format!("all{seed}")].map(|name| frame(folder.path(), &name, 0));
+            errors.extend(cuts.samples().iter().zip(all.samples()).map(|(&cut, &all)| {
                 let (cut, all) = (luminance(cut), luminance(all));
                 if cut == all { 0.0 } else { (cut - all).abs() / all }
-            });
-            let errors: Vec<f32> = errors.collect();
-            let within = |most: f32| errors.iter().filter(|&&error| error <= most).count() as f64 / errors.len() as f64;
-            let (told, found) = (within(threshold), within(allowed));
-            println!("frame {index}, cut {size:.0}: {told:.3} within {threshold}, {found:.3} within {allowed}");
-            assert!(found >= 0.99, "frame {index}, threshold {threshold}: only {found} within {allowed}");
-            assert!(told < 1.0 || threshold > 0.1, "frame {index}: cuts are not sums over all lights");
+            }));
         }
+        assert!(size < size_before, "threshold {threshold}: a cut of {size:.0} lights is no saving");
+        size_before = size;
+        let within = |most: f32| errors.iter().filter(|&&error| error <= most).count() as f64 / errors.len() as f64;
+        let (told, found) = (within(threshold), within(allowed));
+        println!("cut {size:.0}: {told:.4} within {threshold}, {found:.4} within {allowed}");
+        assert!(found >= 0.99, "threshold {threshold}: only {found} within {allowed}");
+        assert!(told < 1.0 || threshold > 0.1, "cuts are not sums over all lights");
     }
 }
 
