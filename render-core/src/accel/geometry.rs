@@ -9,6 +9,10 @@ use glam::{Affine3A, Vec3, Vec3A};
 use obvhs::{BvhBuildParams, aabb::Aabb, triangle::Triangle};
 use std::sync::Arc;
 
+/// How trees are built that last. Splitting large triangles saves Sponza's rays a quarter of the leaves they visit and a
+/// tenth of the nodes.
+const QUALITY: BvhBuildParams = BvhBuildParams { pre_split: true, ..BvhBuildParams::medium_build() };
+
 /// The parts that never change while a scene is rendered.
 pub struct Geometry {
     parts: Vec<Part>,
@@ -78,7 +82,7 @@ impl Geometry {
             } else if moving[index] {
                 let mut own = Soup::default();
                 own.add(index, &Affine3A::IDENTITY, corners(mesh, &pose, index));
-                let group = own.group(BvhBuildParams::medium_build(), holes_of(index));
+                let group = own.group(QUALITY, holes_of(index));
                 parts.extend(group.map(|group| Part::Carried { group, node: instance.node }));
             } else {
                 let to_tree = Affine3A::from_scale(Vec3::splat(scale)) * scene.instance_world(&pose, index);
@@ -87,7 +91,7 @@ impl Geometry {
             }
         }
         let fixed = [(whole, None), (with_holes, cut_outs.clone())];
-        let fixed = fixed.into_iter().filter_map(|(soup, holes)| soup.group(BvhBuildParams::medium_build(), holes));
+        let fixed = fixed.into_iter().filter_map(|(soup, holes)| soup.group(QUALITY, holes));
         parts.extend(fixed.map(Part::Fixed));
         Self { parts, cut_outs, scale }
     }

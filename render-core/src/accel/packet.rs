@@ -250,10 +250,11 @@ impl Packet {
         content: u32,
         entered: &Entered,
     ) -> bool {
-        let (block, count) = group.leaf(content);
+        let leaf = group.leaf(content);
         let along = self.axes[2];
         let mut changed = false;
-        for k in 0..count {
+        for k in 0..leaf.count {
+            let (block, k) = leaf.place(k);
             let [x, y, z] = self.axes;
             let [a, b, c] = &block.corners;
             let from = [self.origin[x], self.origin[y], self.origin[z]];

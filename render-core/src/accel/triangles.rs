@@ -1,21 +1,24 @@
-//! Triangles, eight to a block, and their meeting with rays.
+//! Triangles, four to a block, and their meeting with rays.
 
 use super::lanes::{LANES, Lanes};
 use super::ray::Direction;
 use glam::Vec3A;
 
-/// The triangles of a leaf.
+/// Triangles of a block.
+pub(super) const BLOCK: usize = LANES / 2;
+
+/// Half of what a leaf holds, which is what most hold: blocks of eight would be twice the memory for a ray to wait for.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Block {
     /// By corner, axis, triangle. Places without a triangle hold no numbers, which meet nothing.
-    pub(super) corners: [[[f32; LANES]; 3]; 3],
+    pub(super) corners: [[[f32; BLOCK]; 3]; 3],
     /// Which triangles of the group these are.
-    pub(super) triangles: [u32; LANES],
+    pub(super) triangles: [u32; BLOCK],
 }
 
 impl Block {
-    pub(super) const EMPTY: Self = Self { corners: [[[f32::NAN; LANES]; 3]; 3], triangles: [u32::MAX >> 1; LANES] };
+    pub(super) const EMPTY: Self = Self { corners: [[[f32::NAN; BLOCK]; 3]; 3], triangles: [u32::MAX >> 1; BLOCK] };
 
     pub(super) fn set(&mut self, lane: usize, triangle: u32, corners: [Vec3A; 3]) {
         for (column, corner) in self.corners.iter_mut().zip(corners) {
@@ -30,6 +33,16 @@ impl Block {
     pub(super) fn corners(&self, lane: usize) -> [Vec3A; 3] {
         std::array::from_fn(|c| Vec3A::from_array(std::array::from_fn(|axis| self.corners[c][axis][lane])))
     }
+}
+
+/// The triangles of a leaf: those of one block, or of two.
+#[derive(Clone, Copy)]
+pub(super) struct Leaf<'a> {
+    low: &'a Block,
+    /// The same block again where there is no other.
+    high: &'a Block,
+    /// How many triangles there are, 1…8.
+    pub(super) count: usize,
 }
 
 /// Where eight rays meet a triangle, or a ray eight triangles.
@@ -86,8 +99,28 @@ fn slant<L: Lanes>(lanes: L, x: L::F, z: L::F, slope: L::F) -> L::F {
     lanes.sub(x, lanes.mul(slope, z))
 }
 
-impl Block {
-    /// Where one ray meets the block's triangles, at no less than `near` and at most `limit`: bits of the lanes that hold.
+impl<'a> Leaf<'a> {
+    /// Of `count` triangles, from the first of `blocks` on.
+    #[inline(always)]
+    pub(super) fn new(blocks: &'a [Block], count: usize) -> Self {
+        let low = &blocks[0];
+        Self { low, high: if count > BLOCK { &blocks[1] } else { low }, count }
+    }
+
+    /// The block that holds a triangle, and its place there.
+    #[inline(always)]
+    pub(super) fn place(&self, lane: usize) -> (&'a Block, usize) {
+        (if lane < BLOCK { self.low } else { self.high }, lane % BLOCK)
+    }
+
+    /// Which triangle of the group this is.
+    #[inline(always)]
+    pub(super) fn triangle(&self, lane: usize) -> u32 {
+        let (block, lane) = self.place(lane);
+        block.triangles[lane]
+    }
+
+    /// Where one ray meets the leaf's triangles, at no less than `near` and at most `limit`: bits of the lanes that hold.
     #[inline(always)]
     pub(super) fn meet<L: Lanes>(
         &self,
@@ -96,19 +129,30 @@ impl Block {
         direction: &Direction,
         (near, limit): (f32, f32),
     ) -> Option<(u32, Meeting<L>)> {
-        let [x, y, z] = direction.axes;
         let from = origin.to_array();
-        let from = lanes.splat3([from[x], from[y], from[z]]);
-        let [a, b, c] = &self.corners;
         let corners = [
-            lanes.sub3(lanes.load3([&a[x], &a[y], &a[z]]), from),
-            lanes.sub3(lanes.load3([&b[x], &b[y], &b[z]]), from),
-            lanes.sub3(lanes.load3([&c[x], &c[y], &c[z]]), from),
+            self.corner(lanes, 0, direction, from),
+            self.corner(lanes, 1, direction, from),
+            self.corner(lanes, 2, direction, from),
         ];
         let mut meeting = meet(lanes, corners, lanes.splat3(direction.shear))?;
         let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
         meeting.t = lanes.max(meeting.t, lanes.splat(near));
-        let bits = lanes.bits(lanes.and(ahead, lanes.le(meeting.t, lanes.splat(limit))));
+        let there = (1 << self.count) - 1;
+        let bits = lanes.bits(lanes.and(ahead, lanes.le(meeting.t, lanes.splat(limit)))) & there;
         (bits != 0).then_some((bits, meeting))
+    }
+
+    /// One corner of all triangles relative to `from`, in the order of [`Direction::axes`].
+    #[inline(always)]
+    fn corner<L: Lanes>(&self, lanes: L, corner: usize, direction: &Direction, from: [f32; 3]) -> [L::F; 3] {
+        let [x, y, z] = direction.axes;
+        let (low, high) = (&self.low.corners[corner], &self.high.corners[corner]);
+        let place = [
+            lanes.load_halves(&low[x], &high[x]),
+            lanes.load_halves(&low[y], &high[y]),
+            lanes.load_halves(&low[z], &high[z]),
+        ];
+        lanes.sub3(place, lanes.splat3([from[x], from[y], from[z]]))
     }
 }

@@ -57,6 +57,11 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
+    fn load_halves(self, low: &[f32; LANES / 2], high: &[f32; LANES / 2]) -> __m256 {
+        instruction!(_mm256_loadu2_m128(high.as_ptr(), low.as_ptr()))
+    }
+
+    #[inline(always)]
     fn store(self, x: __m256) -> [f32; LANES] {
         let mut out = [0.0; LANES];
         instruction!(_mm256_storeu_ps(out.as_mut_ptr(), x));

@@ -21,6 +21,8 @@ pub(super) trait Lanes: Copy {
 
     fn splat(self, x: f32) -> Self::F;
     fn load(self, x: &[f32; LANES]) -> Self::F;
+    /// Lanes 0…3 and lanes 4…7 from two places.
+    fn load_halves(self, low: &[f32; LANES / 2], high: &[f32; LANES / 2]) -> Self::F;
     fn store(self, x: Self::F) -> [f32; LANES];
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
@@ -148,6 +150,7 @@ mod tests {
                 lanes.max(a, b),
                 lanes.select(masks[0], a, b),
                 lanes.select(lanes.or(lanes.and(masks[1], masks[2]), masks[3]), lanes.splat(self.0[3]), b),
+                lanes.load_halves(self.1.first_chunk().unwrap(), self.0.last_chunk().unwrap()),
             ];
             let canonical = |x: f32| if x.is_nan() { f32::NAN.to_bits() } else { x.to_bits() };
             (

@@ -26,6 +26,11 @@ impl Lanes for Scalar {
     }
 
     #[inline(always)]
+    fn load_halves(self, low: &[f32; LANES / 2], high: &[f32; LANES / 2]) -> Self::F {
+        from_fn(|i| if i < LANES / 2 { low[i] } else { high[i - LANES / 2] })
+    }
+
+    #[inline(always)]
     fn store(self, x: Self::F) -> [f32; LANES] {
         x
     }

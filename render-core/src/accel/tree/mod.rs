@@ -55,7 +55,7 @@ pub(super) struct Tree {
 }
 
 /// As many entries as a [`Stack`] has room for without asking the system for memory.
-const COMMON: usize = 96;
+const COMMON: usize = 64;
 
 /// Where walks keep what they have yet to visit: nearly always short, and never too short.
 pub(super) struct Stack<T> {
@@ -154,27 +154,44 @@ impl Tree {
             let near = lanes.greatest(lanes.mul3(lanes.sub3(near, from), inverse_near), lanes.splat(0.0));
             let far = lanes.least(lanes.mul3(lanes.sub3(far, from), inverse_far), lanes.splat(limit));
             let bits = lanes.bits(lanes.le(near, far));
-            if bits != 0 {
-                let (keys, count) = farthest_first(bits, &lanes.store(near));
-                for key in &keys[..count] {
-                    stack.push(((key >> 32) as u32, node.children[*key as usize & (LANES - 1)]));
+            let near = lanes.store(near);
+            let mut next = if bits == 0 {
+                stack.pop()
+            } else if bits & (bits - 1) == 0 {
+                // Most often one box is left, and then there is nothing to sort.
+                let lane = bits.trailing_zeros() as usize & (LANES - 1);
+                Some((near[lane].to_bits(), node.children[lane]))
+            } else if bits.count_ones() == 2 {
+                // Nor much to sort of two.
+                let entry = |lane: usize| (near[lane].to_bits(), node.children[lane]);
+                let a = entry(bits.trailing_zeros() as usize & (LANES - 1));
+                let b = entry((31 - bits.leading_zeros()) as usize & (LANES - 1));
+                let a_first = a.0 <= b.0;
+                stack.push(if a_first { b } else { a });
+                Some(if a_first { a } else { b })
+            } else {
+                let (keys, count) = farthest_first(bits, &near);
+                let entry = |key: u64| ((key >> 32) as u32, node.children[key as usize & (LANES - 1)]);
+                for &key in &keys[..count - 1] {
+                    stack.push(entry(key));
                 }
-            }
+                Some(entry(keys[count - 1]))
+            };
             at = loop {
-                let Some((near, child)) = stack.pop() else { return };
+                let Some((near, child)) = next else { return };
                 let near = f32::from_bits(near);
-                if near > limit {
-                    continue;
-                }
-                match child.kind() {
-                    Kind::Node(index) => break index,
-                    Kind::Leaf(content) => {
-                        limit = visitor.leaf(lanes, content, near, limit);
-                        if limit < 0.0 {
-                            return;
+                if near <= limit {
+                    match child.kind() {
+                        Kind::Node(index) => break index,
+                        Kind::Leaf(content) => {
+                            limit = visitor.leaf(lanes, content, near, limit);
+                            if limit < 0.0 {
+                                return;
+                            }
                         }
                     }
                 }
+                next = stack.pop();
             };
         }
     }
