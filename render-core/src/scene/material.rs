@@ -136,6 +136,12 @@ impl Material {
         [base_color_texture, metallic_roughness_texture, emission_texture].into_iter().flatten().chain(normal)
     }
 
+    /// Whether the surface glows as a whole, and so was made to light others. A glow that a texture paints (the
+    /// instruments of a helmet) is part of its looks: a scene with nothing else waits for its viewer's light.
+    pub fn is_lamp(&self) -> bool {
+        self.emits() && self.emission_texture.is_none()
+    }
+
     /// Whether the surface is a light.
     pub fn emits(&self) -> bool {
         self.emission.max_element() > 0.0

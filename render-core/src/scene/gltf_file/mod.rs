@@ -80,10 +80,10 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
     scene.settings = settings;
     let lit = scene.sky.is_some()
         || !scene.punctual_lights.is_empty()
-        || scene.instances.iter().any(|i| scene.materials[scene.meshes[i.mesh].material].emits());
+        || scene.instances.iter().any(|i| scene.materials[scene.meshes[i.mesh].material].is_lamp());
     if !lit {
         scene.sky = Environment::gradient(Gradient::PLAIN);
-        scene.warnings.push("the scene has no light: a plain white sky lights it".into());
+        scene.warnings.push("the scene has no lamp: a plain white sky lights it".into());
     }
     Ok(scene)
 }
