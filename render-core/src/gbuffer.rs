@@ -74,36 +74,27 @@ impl GBuffer {
         (width, height): (usize, usize),
         busy: &Busy,
     ) -> Self {
-        let tile_rows: Vec<Vec<PixelSurface>> = (0..height.div_ceil(MACROBLOCK))
-            .into_par_iter()
-            .map(|tile_row| {
-                busy.measure(|| {
-                    let top = tile_row * MACROBLOCK;
-                    let rows = MACROBLOCK.min(height - top);
-                    let mut strip = vec![EMPTY; rows * width];
-                    for left in (0..width).step_by(MACROBLOCK) {
-                        let columns = MACROBLOCK.min(width - left);
-                        for (x0, y0) in PACKET_CORNERS {
-                            let places = packet_places()
-                                .map(|(x, y)| (x0 + x, y0 + y))
-                                .filter(|&(x, y)| x < columns && y < rows)
-                                .map(|(x, y)| (left + x, y));
-                            see_together(accelerator, surfaces, view, (top, place), places, |(x, y), pixel| {
-                                strip[y * width + x] = pixel;
-                            });
-                        }
+        let mut pixels = Plane::filled(width, height, EMPTY);
+        let strips = pixels.samples_mut().par_chunks_mut(MACROBLOCK * width);
+        strips.enumerate().for_each(|(tile_row, strip)| {
+            busy.measure(|| {
+                let (top, rows) = (tile_row * MACROBLOCK, strip.len() / width);
+                for left in (0..width).step_by(MACROBLOCK) {
+                    let columns = MACROBLOCK.min(width - left);
+                    for (x0, y0) in PACKET_CORNERS {
+                        let places = packet_places()
+                            .map(|(x, y)| (x0 + x, y0 + y))
+                            .filter(|&(x, y)| x < columns && y < rows)
+                            .map(|(x, y)| (left + x, y));
+                        see_together(accelerator, surfaces, view, (top, place), places, |(x, y), pixel| {
+                            strip[y * width + x] = pixel;
+                        });
                     }
-                    strip
-                })
-            })
-            .collect();
+                }
+            });
+        });
         let world = (0..surfaces.scene().instances.len()).map(|instance| *surfaces.world(instance)).collect();
-        Self {
-            pixels: Plane::from_vec(width, height, tile_rows.concat()),
-            view: *view,
-            world,
-            deformed: surfaces.all_deformed().to_vec(),
-        }
+        Self { pixels, view: *view, world, deformed: surfaces.all_deformed().to_vec() }
     }
 }
 
