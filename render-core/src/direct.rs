@@ -4,7 +4,7 @@
 //! smooth and still, where random points would leave noise that the encoder pays for. And being the same, they send
 //! their rays to all pixels of a tile together.
 
-use crate::accel::{Accelerator, PACKET};
+use crate::accel::{Accelerator, PACKET, Shaft};
 use crate::anchor::{Anchor, Anchors};
 use crate::emitter::{AreaLight, AreaSample, Emitters, PointLight};
 use crate::luminance;
@@ -21,6 +21,8 @@ const FIRST_AREA_SAMPLES: usize = 16;
 /// Softening of a point of an area light, in units of its own share's: as small as keeps contact finite. With the full
 /// share a panel seen from its own width comes out 0.5 % dark, since its points already average over each other.
 const AREA_SOFTENING: f32 = 1.0 / 8.0;
+/// From so many receivers on it pays to find out first what can stand between them and a light.
+const WORTH_A_SHAFT: usize = 8;
 /// A light of more pieces than this is summed over its points even where nothing hides it.
 const MOST_POLYGONS: usize = 4;
 /// The same for the disc of the sun, which is small.
@@ -44,6 +46,8 @@ pub struct DirectLights {
 struct Area {
     instance: u32,
     samples: Vec<AreaSample>,
+    /// Of the samples.
+    positions: Vec<Vec3A>,
     /// Its shape, where that is simple enough for a closed form.
     polygons: Vec<Polygon>,
 }
@@ -193,20 +197,19 @@ impl DirectLights {
         let mut unasked: [f32; PACKET] =
             std::array::from_fn(|i| sums.get(i).map_or(0.0, |&sum| luminance(sum) * UNASKED_SHARE));
         for (anchor, intensity) in &self.carried {
-            let mut given = [Vec3::ZERO; PACKET];
+            let terms = tile.terms(&Disc::of_anchor(anchor, self.carried_softening));
             let mut ask = 0;
-            for (i, receiver) in tile.receivers.iter().enumerate() {
-                given[i] = from_disc(receiver, anchor.position, anchor.normal, *intensity, self.carried_softening);
-                let y = luminance(given[i]);
-                if y > unasked[i] {
+            for (i, unasked) in unasked.iter_mut().enumerate().take(sums.len()) {
+                let y = luminance(*intensity * terms[i]);
+                if y > *unasked {
                     ask |= 1 << i;
                 } else {
-                    unasked[i] -= y;
+                    *unasked -= y;
                 }
             }
-            let hidden = tile.hidden_from(anchor.position, ask);
+            let hidden = tile.hidden_from(anchor.position, ask, None);
             for (i, sum) in sums.iter_mut().enumerate().filter(|(i, _)| hidden >> i & 1 == 0) {
-                *sum += given[i];
+                *sum += *intensity * terms[i];
             }
         }
     }
@@ -217,29 +220,54 @@ impl DirectLights {
     }
 }
 
-/// Irradiance from a disc that glows evenly: `I · cos θ_light · cos θ / (r² + softening)`.
+/// Irradiance from a disc that glows evenly, per intensity: `cos θ_light · cos θ / (r² + softening)` \[m⁻²\].
 ///
 /// With softening = area / π this is exact on the disc's axis for a facing receiver, and finite at contact,
-/// where the point light's 1/r² would not be.
-#[inline]
-fn from_disc(receiver: &Receiver, position: Vec3A, normal: Vec3A, intensity: Vec3, softening: f32) -> Vec3 {
-    let way = position - receiver.position;
-    let r2 = way.length_squared();
-    let cos_light = -normal.dot(way);
-    let cos = receiver.normal.dot(way);
-    if cos_light <= 0.0 || cos <= 0.0 || receiver.geometric_normal.dot(way) <= 0.0 {
-        return Vec3::ZERO;
-    }
+/// where the point light's 1/r² would not be. Zero from below the normal to shade with, and from below the triangle.
+#[inline(always)]
+fn disc_term(position: [f32; 3], [normal, geometric_normal]: [[f32; 3]; 2], disc: &Disc) -> f32 {
+    let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let way = [disc.position[0] - position[0], disc.position[1] - position[1], disc.position[2] - position[2]];
+    let (r2, cos_light, cos) = (dot(way, way), -dot(disc.normal, way), dot(normal, way));
     // Both cosines still carry the length of `way`: divide by r² once more.
-    intensity * (cos_light * cos / (r2 * (r2 + softening)))
+    let term = cos_light * cos / (r2 * (r2 + disc.softening));
+    // Without branches, so that many receivers are computed side by side.
+    let shines = (cos_light > 0.0) & (cos > 0.0) & (dot(geometric_normal, way) > 0.0);
+    if shines { term } else { 0.0 }
+}
+
+/// Where a glowing disc is and the way it faces \[m, m²\].
+struct Disc {
+    position: [f32; 3],
+    normal: [f32; 3],
+    softening: f32,
+}
+
+impl Disc {
+    fn of_sample(sample: &AreaSample) -> Self {
+        let softening = AREA_SOFTENING * sample.area / PI;
+        Self { position: sample.position.to_array(), normal: sample.normal.to_array(), softening }
+    }
+
+    fn of_anchor(anchor: &Anchor, softening: f32) -> Self {
+        Self { position: anchor.position.to_array(), normal: anchor.normal.to_array(), softening }
+    }
+
+    /// Irradiance at `receiver` per intensity \[m⁻²\].
+    fn term(&self, receiver: &Receiver) -> f32 {
+        let normals = [receiver.normal.to_array(), receiver.geometric_normal.to_array()];
+        disc_term(receiver.position.to_array(), normals, self)
+    }
 }
 
 impl Area {
     fn new(light: &AreaLight, surfaces: &Surfaces) -> Self {
         let simple = light.patch_count() <= MOST_POLYGONS;
+        let samples = light.samples(surfaces, AREA_SAMPLES);
         Self {
             instance: light.instance as u32,
-            samples: light.samples(surfaces, AREA_SAMPLES),
+            positions: samples.iter().map(|sample| sample.position).collect(),
+            samples,
             polygons: if simple { light.polygons(surfaces) } else { Vec::new() },
         }
     }
@@ -247,8 +275,7 @@ impl Area {
     /// What one of the samples gives while nothing hides it.
     #[inline]
     fn unhidden_sample(&self, receiver: &Receiver, sample: &AreaSample) -> Vec3 {
-        let softening = AREA_SOFTENING * sample.area / PI;
-        from_disc(receiver, sample.position, sample.normal, sample.intensity, softening)
+        sample.intensity * Disc::of_sample(sample).term(receiver)
     }
 
     /// What the whole light gives while nothing hides it.
@@ -287,12 +314,13 @@ struct Votes {
     lit: u32,
     dark: u32,
     /// Sum over those that were lit, and over all.
-    lit_sum: Vec3,
-    sum: Vec3,
+    lit_sum: Vec3A,
+    sum: Vec3A,
 }
 
 impl Votes {
-    fn add(&mut self, e: Vec3, hidden: bool) {
+    #[inline]
+    fn add(&mut self, e: Vec3A, hidden: bool) {
         self.sum += e;
         if hidden {
             self.dark += 1;
@@ -313,13 +341,38 @@ struct Tile<'a> {
     accelerator: &'a Accelerator,
     receivers: &'a [Receiver],
     positions: [Vec3A; PACKET],
+    /// The same, and both normals, by axis.
+    columns: [[[f32; PACKET]; 3]; 3],
     rays: &'a Cell<u64>,
 }
 
 impl<'a> Tile<'a> {
     fn new(accelerator: &'a Accelerator, receivers: &'a [Receiver], rays: &'a Cell<u64>) -> Self {
+        let mut columns = [[[0.0; PACKET]; 3]; 3];
+        for (i, Receiver { position, normal, geometric_normal }) in receivers.iter().enumerate() {
+            for (columns, v) in columns.iter_mut().zip([position, normal, geometric_normal]) {
+                columns.iter_mut().zip(v.to_array()).for_each(|(column, x)| column[i] = x);
+            }
+        }
         let positions = std::array::from_fn(|i| receivers.get(i).map_or(Vec3A::ZERO, |receiver| receiver.position));
-        Self { accelerator, receivers, positions, rays }
+        Self { accelerator, receivers, positions, columns, rays }
+    }
+
+    /// Irradiance from a disc at each receiver, per intensity \[m⁻²\].
+    fn terms(&self, disc: &Disc) -> [f32; PACKET] {
+        let mut terms = [0.0; PACKET];
+        let [position, normal, geometric_normal] = &self.columns;
+        for i in 0..self.receivers.len().min(PACKET) {
+            let at = |columns: &[[f32; PACKET]; 3]| [columns[0][i], columns[1][i], columns[2][i]];
+            terms[i] = disc_term(at(position), [at(normal), at(geometric_normal)], disc);
+        }
+        terms
+    }
+
+    /// What can stand between the receivers and a light's points, if that is worth finding out.
+    fn shaft(&self, light: &[Vec3A]) -> Option<Shaft> {
+        let receivers = &self.positions[..self.receivers.len()];
+        (receivers.len() >= WORTH_A_SHAFT && !light.is_empty()).then(|| self.accelerator.shaft(receivers, light))
     }
 
     /// All receivers, as bits.
@@ -327,33 +380,41 @@ impl<'a> Tile<'a> {
         u64::MAX >> (PACKET - self.receivers.len())
     }
 
-    /// Which of the receivers in `ask` do not see `light`. The rays go from the light, which they have in common.
-    fn hidden_from(&self, light: Vec3A, ask: u64) -> u64 {
-        if ask == 0 {
+    /// Which of the receivers in `ask` do not see `light`, which lies in the `shaft`, if there is one. The rays go from the
+    /// light, which they have in common.
+    fn hidden_from(&self, light: Vec3A, ask: u64, shaft: Option<&Shaft>) -> u64 {
+        if ask == 0 || shaft.is_some_and(Shaft::is_empty) {
             return 0;
         }
         self.rays.set(self.rays.get() + u64::from(ask.count_ones()));
-        self.accelerator.occluded_packet(light, &self.positions[..self.receivers.len()], ask)
+        let receivers = &self.positions[..self.receivers.len()];
+        match shaft {
+            Some(shaft) => self.accelerator.occluded_packet_within(shaft, light, receivers, ask),
+            None => self.accelerator.occluded_packet(light, receivers, ask),
+        }
     }
 
     /// Adds what a glowing surface gives: exact where all of it is seen, else by the share of its samples that is seen,
     /// each counted by what it would give.
     fn add_area(&self, area: &Area, sums: &mut [Vec3]) {
+        let shaft = self.shaft(&area.positions);
         let mut votes = [Votes::default(); PACKET];
         let mut ask_samples = |samples: &[AreaSample], among: u64| {
             for sample in samples {
-                let mut given = [Vec3::ZERO; PACKET];
-                let mut ask = 0;
-                for i in bits(among) {
-                    given[i] = area.unhidden_sample(&self.receivers[i], sample);
-                    ask |= u64::from(given[i] != Vec3::ZERO) << i;
-                }
-                let hidden = self.hidden_from(sample.position, ask);
-                bits(ask).for_each(|i| votes[i].add(given[i], hidden >> i & 1 == 1));
+                let intensity = Vec3A::from(sample.intensity);
+                let terms = self.terms(&Disc::of_sample(sample));
+                let ask = bits(among).fold(0, |ask, i| ask | u64::from(terms[i] > 0.0) << i);
+                let hidden = self.hidden_from(sample.position, ask, shaft.as_ref());
+                bits(ask).for_each(|i| votes[i].add(intensity * terms[i], hidden >> i & 1 == 1));
             }
             bits(among).fold(0, |undecided, i| undecided | u64::from(!votes[i].agree()) << i)
         };
         let (first, rest) = area.samples.split_at(FIRST_AREA_SAMPLES.min(area.samples.len()));
+        // Where nothing can hide it, one sample that gives anything says as much as all.
+        let (first, rest) = match &shaft {
+            Some(shaft) if shaft.is_empty() => area.samples.split_at(1),
+            _ => (first, rest),
+        };
         let undecided = ask_samples(first, self.all());
         if undecided != 0 {
             ask_samples(rest, undecided);
@@ -365,10 +426,11 @@ impl<'a> Tile<'a> {
             *sum += if votes.dark == 0 {
                 area.unhidden(receiver)
             } else if area.polygons.is_empty() {
-                votes.lit_sum
+                votes.lit_sum.into()
             } else {
                 // Where a colour is missing in all samples, it is missing in the light.
-                area.unhidden(receiver) * (votes.lit_sum / votes.sum.max(Vec3::splat(f32::MIN_POSITIVE)))
+                let share = votes.lit_sum / votes.sum.max(Vec3A::splat(f32::MIN_POSITIVE));
+                area.unhidden(receiver) * Vec3::from(share)
             };
         }
     }
@@ -381,7 +443,8 @@ impl<'a> Tile<'a> {
             given[i] = light.intensity_towards(receiver.position) * (cos / r2.max(f32::MIN_POSITIVE));
             ask |= u64::from(given[i] != Vec3::ZERO) << i;
         }
-        let hidden = self.hidden_from(light.position, ask);
+        let shaft = self.shaft(&[light.position]);
+        let hidden = self.hidden_from(light.position, ask, shaft.as_ref());
         bits(ask & !hidden).for_each(|i| sums[i] += given[i]);
     }
 
@@ -395,8 +458,8 @@ impl<'a> Tile<'a> {
             };
             let mut votes = Votes::default();
             for (index, &towards) in directions.iter().enumerate() {
-                let e = given(towards);
-                if e == Vec3::ZERO {
+                let e = Vec3A::from(given(towards));
+                if e == Vec3A::ZERO {
                     continue;
                 }
                 let hidden = if index >= FIRST_SUN_SAMPLES && votes.agree() {
@@ -407,7 +470,7 @@ impl<'a> Tile<'a> {
                 };
                 votes.add(e, hidden);
             }
-            *sum += votes.lit_sum;
+            *sum += Vec3::from(votes.lit_sum);
         }
     }
 }

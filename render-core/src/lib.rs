@@ -23,7 +23,7 @@ mod surface;
 pub mod image_file;
 pub mod sampling;
 
-pub use accel::{Accelerator, Geometry, Hit, PACKET};
+pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
 pub use anchor::{Anchor, AnchorGrid, Anchors, CarriedAnchor};
 pub use bsdf::{Bsdf, BsdfSample};
 pub use busy::Busy;

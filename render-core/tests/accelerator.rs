@@ -326,3 +326,33 @@ fn a_single_triangle_is_met_where_it_is() {
     assert!(!accelerator.occluded(Vec3A::new(1.0, 1.0, 3.0), Vec3A::new(1.0, 1.0, 3.0)));
     assert_eq!(accelerator.occluded_packet(Vec3A::Z, &[], u64::MAX), 0);
 }
+
+/// What a shaft lists is all that rays within it meet, at every scale and with things that move; and narrow ones are
+/// often found to be empty, rightly.
+#[test]
+fn within_a_shaft_rays_meet_what_they_meet_without() {
+    for (movers, size) in [(0, 1.0f32), (3, 1e-3), (3, 1e4)] {
+        let scene = scene(size, movers);
+        let accelerator = Geometry::new(&scene).place(&scene.pose(0.6));
+        let (mut empty, mut hidden) = (0, 0);
+        for k in 0..400u64 {
+            let spread = [0.003, 0.03, 0.1][k as usize % 3] * size;
+            let around = |key: u64, count: u64| -> Vec<Vec3A> {
+                let center = random_vector(key) * size * 1.2;
+                (0..count).map(|i| Vec3A::from(center + random_vector(key + 7 * i + 1) * spread)).collect()
+            };
+            let (from, to) = (around(31_000 + 1000 * k, PACKET as u64), around(631_000 + 1000 * k, 9));
+            let shaft = accelerator.shaft(&from, &to);
+            empty += u32::from(shaft.is_empty());
+            for &light in &to {
+                let expected = accelerator.occluded_packet(light, &from, u64::MAX);
+                let found = accelerator.occluded_packet_within(&shaft, light, &from, u64::MAX);
+                assert_eq!(found, expected, "size {size}, {movers} movers, shaft {k}");
+                assert!(!shaft.is_empty() || expected == 0);
+                hidden += expected.count_ones();
+            }
+        }
+        println!("size {size}, {movers} movers: {empty} of 400 shafts are empty, {hidden} segments hidden");
+        assert!(empty > 20 && hidden > 20_000, "{empty} empty shafts, {hidden} hidden segments: the test says little");
+    }
+}

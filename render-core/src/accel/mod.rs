@@ -10,15 +10,17 @@
 mod cut_outs;
 mod geometry;
 mod group;
-mod lanes;
+pub(crate) mod lanes;
 mod packet;
 mod query;
 mod ray;
+mod shaft;
 mod tree;
 mod triangles;
 
 pub use geometry::Geometry;
 pub use packet::PACKET;
+pub use shaft::Shaft;
 
 use glam::{Affine3A, DVec3, Vec3A};
 use group::Group;

@@ -61,7 +61,7 @@ pub(super) struct Triangles<'a, const CLOSEST: bool>(pub(super) &'a Group);
 impl<const CLOSEST: bool> VisitTogether for Triangles<'_, CLOSEST> {
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered) {
-        if packet.meet_block::<L, CLOSEST>(lanes, self.0, content, entered) {
+        if packet.meet_block::<L, CLOSEST>(lanes, self.0, (content, u32::MAX), entered) {
             packet.measure(lanes);
         }
     }
@@ -74,6 +74,11 @@ pub(super) struct Entered {
 }
 
 impl Entered {
+    /// The first `count` rays, at once.
+    pub(super) fn everywhere(count: usize) -> Self {
+        Self { near: [[0.0; LANES]; ROWS], rows: (1 << count.div_ceil(LANES)) - 1 }
+    }
+
     /// The rays that enter, as bits.
     pub(super) fn rays(&self) -> u64 {
         (0..ROWS).filter(|row| self.rows >> row & 1 == 1).fold(0, |bits, row| {
@@ -241,19 +246,22 @@ impl Packet {
         }
     }
 
-    /// Holds the triangles of a leaf against the rays that entered it; whether any ray's limit changed.
+    /// Holds `which` triangles of a leaf, as bits, against the rays that entered it; whether any ray's limit changed.
     #[inline(always)]
-    fn meet_block<L: Lanes, const CLOSEST: bool>(
+    pub(super) fn meet_block<L: Lanes, const CLOSEST: bool>(
         &mut self,
         lanes: L,
         group: &Group,
-        content: u32,
+        (content, which): (u32, u32),
         entered: &Entered,
     ) -> bool {
         let leaf = group.leaf(content);
         let along = self.axes[2];
         let mut changed = false;
         for k in 0..leaf.count {
+            if which >> k & 1 == 0 {
+                continue;
+            }
             let (block, k) = leaf.place(k);
             let [x, y, z] = self.axes;
             let [a, b, c] = &block.corners;

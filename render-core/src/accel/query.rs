@@ -262,7 +262,7 @@ fn alone<L: Lanes, const CLOSEST: bool>(lanes: L, group: &Group, origin: Vec3A, 
 }
 
 /// Rays sorted by octant. Nearly always all have the same, and are handed on as they are.
-struct Octants<'a> {
+pub(super) struct Octants<'a> {
     all: &'a [PacketRay],
     /// What is left of a mixed lot, and what was taken from it last.
     rest: Vec<PacketRay>,
@@ -271,13 +271,13 @@ struct Octants<'a> {
 
 impl<'a> Octants<'a> {
     #[inline(always)]
-    fn of(rays: &'a [PacketRay]) -> Self {
+    pub(super) fn of(rays: &'a [PacketRay]) -> Self {
         Self { all: rays, rest: Vec::new(), together: Vec::new() }
     }
 
     /// The rays that share an octant with the first that is left.
     #[inline(always)]
-    fn next(&mut self) -> Option<(Octant, &[PacketRay])> {
+    pub(super) fn next(&mut self) -> Option<(Octant, &[PacketRay])> {
         if let Some(first) = self.all.first() {
             let octant = Octant::of(first.direction);
             let all = std::mem::take(&mut self.all);

@@ -129,30 +129,41 @@ impl<'a> Leaf<'a> {
         direction: &Direction,
         (near, limit): (f32, f32),
     ) -> Option<(u32, Meeting<L>)> {
+        let axes = direction.axes;
         let from = origin.to_array();
+        let from = lanes.splat3([from[axes[0]], from[axes[1]], from[axes[2]]]);
         let corners = [
-            self.corner(lanes, 0, direction, from),
-            self.corner(lanes, 1, direction, from),
-            self.corner(lanes, 2, direction, from),
+            lanes.sub3(self.column(lanes, 0, axes), from),
+            lanes.sub3(self.column(lanes, 1, axes), from),
+            lanes.sub3(self.column(lanes, 2, axes), from),
         ];
         let mut meeting = meet(lanes, corners, lanes.splat3(direction.shear))?;
         let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
         meeting.t = lanes.max(meeting.t, lanes.splat(near));
-        let there = (1 << self.count) - 1;
-        let bits = lanes.bits(lanes.and(ahead, lanes.le(meeting.t, lanes.splat(limit)))) & there;
+        let bits = lanes.bits(lanes.and(ahead, lanes.le(meeting.t, lanes.splat(limit)))) & self.lanes();
         (bits != 0).then_some((bits, meeting))
     }
 
-    /// One corner of all triangles relative to `from`, in the order of [`Direction::axes`].
+    /// One corner of all triangles, its coordinates in the order of `axes`.
     #[inline(always)]
-    fn corner<L: Lanes>(&self, lanes: L, corner: usize, direction: &Direction, from: [f32; 3]) -> [L::F; 3] {
-        let [x, y, z] = direction.axes;
+    pub(super) fn column<L: Lanes>(&self, lanes: L, corner: usize, [x, y, z]: [usize; 3]) -> [L::F; 3] {
         let (low, high) = (&self.low.corners[corner], &self.high.corners[corner]);
-        let place = [
+        [
             lanes.load_halves(&low[x], &high[x]),
             lanes.load_halves(&low[y], &high[y]),
             lanes.load_halves(&low[z], &high[z]),
-        ];
-        lanes.sub3(place, lanes.splat3([from[x], from[y], from[z]]))
+        ]
+    }
+
+    /// Bits of the lanes that hold a triangle of their own.
+    #[inline(always)]
+    pub(super) fn lanes(&self) -> u32 {
+        (1 << self.count) - 1
+    }
+
+    /// The corners of one of the triangles.
+    pub(super) fn corners(&self, lane: usize) -> [Vec3A; 3] {
+        let (block, lane) = self.place(lane);
+        block.corners(lane)
     }
 }

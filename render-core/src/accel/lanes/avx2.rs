@@ -10,7 +10,7 @@ use std::arch::x86_64::*;
 
 /// Proof that this processor has AVX2: there is no other way to one than [`Avx2::detect`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in super::super) struct Avx2(());
+pub(crate) struct Avx2(());
 
 impl Avx2 {
     pub(super) fn detect() -> Option<Self> {

@@ -10,10 +10,10 @@ mod scalar;
 use scalar::Scalar;
 
 /// How many numbers stand side by side.
-pub(super) const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// Operations on [`LANES`] numbers. The value that implements it is the proof that the processor can do them.
-pub(super) trait Lanes: Copy {
+pub(crate) trait Lanes: Copy {
     /// Eight `f32`.
     type F: Copy;
     /// Eight answers, yes or no.
@@ -91,14 +91,14 @@ pub(super) trait Lanes: Copy {
 /// `run` and all that it calls with lanes are `#[inline(always)]`: they become part of a function that is compiled for the
 /// vector instructions, and are compiled for them with it. Closures cannot be marked so, and an instruction within one
 /// that is not inlined becomes a call: that is why visitors here are traits, and why nothing maps over lanes.
-pub(super) trait Kernel {
+pub(crate) trait Kernel {
     type Output;
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
 /// The lanes to use, chosen once: asking the processor for each ray would cost more than the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Choice {
+pub(crate) enum Choice {
     /// One by one.
     Scalar,
     /// By AVX2.
@@ -108,7 +108,7 @@ pub(super) enum Choice {
 
 impl Choice {
     /// The fastest that this processor has.
-    pub(super) fn best() -> Self {
+    pub(crate) fn best() -> Self {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = avx2::Avx2::detect() {
             return Self::Avx2(avx2);
@@ -117,7 +117,7 @@ impl Choice {
     }
 
     #[inline]
-    pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             Self::Scalar => kernel.run(Scalar),
             #[cfg(target_arch = "x86_64")]

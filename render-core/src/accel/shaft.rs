@@ -1,0 +1,329 @@
+//! What can stand between two small sets of points: found once, then held against all rays between them.
+//!
+//! A shaft is the hull of the boxes around both sets (Haines & Wallace 1991). Most of the time nothing at all reaches into
+//! it, or a few triangles do, and rays between the sets need not look for anything else.
+//!
+//! # Differs from the paper
+//! Sides of the hull are tangent planes all around its axis, not the exact ones: any plane with both sets on one side rules
+//! out what lies on the other. And a triangle whose own plane has both sets on one side is ruled out however near it is, so
+//! that the walls of a room do not count.
+
+use super::Accelerator;
+use super::group::Group;
+use super::lanes::{Kernel, LANES, Lanes};
+use super::packet::{Entered, PACKET, Packet};
+use super::query::{Octants, PacketRay};
+use super::tree::{Kind, Stack, Tree};
+use super::triangles::Leaf;
+use glam::Vec3A;
+use std::f32::consts::TAU;
+
+/// Planes around the axis of a shaft.
+const AROUND: usize = 8;
+/// Blocks of triangles that a list may have: with more, a walk through the trees finds those that matter sooner.
+const MOST_BLOCKS: usize = 12;
+/// A shaft is wider by this share of the largest coordinate, for roundings: a ray is off by some units of 2⁻²⁴.
+const SLACK: f32 = 4e-6;
+
+/// What the segments between two sets of points may meet.
+pub struct Shaft {
+    /// In order of their groups.
+    blocks: Vec<Listed>,
+    /// There is more than a list may hold, or what has holes.
+    crowded: bool,
+}
+
+/// Triangles of a leaf.
+#[derive(Clone, Copy)]
+struct Listed {
+    /// Place in [`Accelerator::groups`].
+    place: usize,
+    /// See [`Group::leaf`].
+    content: u32,
+    /// Which of the leaf's triangles.
+    lanes: u32,
+}
+
+impl Shaft {
+    /// Whether nothing can stand between the two sets.
+    pub fn is_empty(&self) -> bool {
+        self.blocks.is_empty() && !self.crowded
+    }
+}
+
+impl Accelerator {
+    /// The shaft between two sets of points, none of them empty. Points should be a little off their surfaces.
+    pub fn shaft(&self, from: &[Vec3A], to: &[Vec3A]) -> Shaft {
+        let mut points = [from, to].map(|points| points.iter().map(|&point| point * self.scale).collect());
+        self.lanes.run(Finding { scene: self, points: &mut points })
+    }
+
+    /// As [`Accelerator::occluded_packet`] for segments within `shaft`: those between the two sets of points it was made for.
+    pub fn occluded_packet_within(&self, shaft: &Shaft, from: Vec3A, to: &[Vec3A], active: u64) -> u64 {
+        if shaft.crowded {
+            return self.occluded_packet(from, to, active);
+        }
+        assert!(to.len() <= PACKET, "{} segments in a packet of at most {PACKET}", to.len());
+        let (mut rays, mut count) = ([PacketRay::NONE; PACKET], 0);
+        for (index, &end) in to.iter().enumerate().filter(|(index, _)| active >> index & 1 == 1) {
+            rays[count] = PacketRay { index, direction: (end - from) * self.scale, limit: 1.0, triangle: 0 };
+            count += 1;
+        }
+        self.lanes.run(Within { scene: self, blocks: &shaft.blocks, origin: from * self.scale, rays: &rays[..count] })
+    }
+}
+
+/// Rays from one `origin` in scaled world space, held against what is listed: bits (by [`PacketRay::index`]) of those that
+/// meet any of it.
+struct Within<'a> {
+    scene: &'a Accelerator,
+    blocks: &'a [Listed],
+    origin: Vec3A,
+    rays: &'a [PacketRay],
+}
+
+impl Kernel for Within<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> u64 {
+        let Self { scene, blocks, origin, rays } = self;
+        let mut blocked = 0u64;
+        for blocks in blocks.chunk_by(|a, b| a.place == b.place) {
+            let placed = &scene.groups[blocks[0].place];
+            let (mut local, mut count) = ([PacketRay::NONE; PACKET], 0);
+            for ray in rays {
+                if blocked >> ray.index & 1 == 0 {
+                    local[count] = PacketRay { direction: placed.local(origin, ray.direction).1, ..*ray };
+                    count += 1;
+                }
+            }
+            let origin = placed.local(origin, Vec3A::X).0;
+            let mut octants = Octants::of(&local[..count]);
+            while let Some((octant, rays)) = octants.next() {
+                let mut packet = Packet::new(lanes, origin, octant, rays);
+                let everywhere = Entered::everywhere(rays.len());
+                for &Listed { content, lanes: which, .. } in blocks {
+                    packet.meet_block::<L, false>(lanes, &placed.group, (content, which), &everywhere);
+                }
+                for (k, ray) in rays.iter().enumerate() {
+                    blocked |= u64::from(packet.met(k).t < 0.0) << ray.index;
+                }
+            }
+        }
+        blocked
+    }
+}
+
+/// Lists what reaches into the shaft between two sets of points in scaled world space.
+struct Finding<'a> {
+    scene: &'a Accelerator,
+    points: &'a mut [Vec<Vec3A>; 2],
+}
+
+impl Kernel for Finding<'_> {
+    type Output = Shaft;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Shaft {
+        let Self { scene, points } = self;
+        let mut shaft = Shaft { blocks: Vec::new(), crowded: false };
+        let hull = Hull::around(points);
+        let mut groups = Touched::new(&scene.top);
+        while let Some(place) = groups.next(lanes, &hull) {
+            let placed = &scene.groups[place as usize];
+            let own = placed.to_local.as_ref().map(|to_local| {
+                points.each_ref().map(|points| points.iter().map(|&p| to_local.transform_point3a(p)).collect())
+            });
+            let points: &[Vec<Vec3A>; 2] = own.as_ref().unwrap_or(points);
+            let own_hull = own.as_ref().map(Hull::around);
+            let hull = own_hull.as_ref().unwrap_or(&hull);
+            let mut leaves = Touched::new(&placed.group.tree);
+            while let Some(content) = leaves.next(lanes, hull) {
+                let which = reaching(lanes, &placed.group, content, hull, points);
+                if which != 0 {
+                    shaft.blocks.push(Listed { place: place as usize, content, lanes: which });
+                    shaft.crowded |= placed.group.cut_outs.is_some() || shaft.blocks.len() > MOST_BLOCKS;
+                    if shaft.crowded {
+                        return shaft;
+                    }
+                }
+            }
+        }
+        shaft
+    }
+}
+
+/// Which triangles of a leaf reach into the hull, and do not have all of the points on one side.
+#[inline(always)]
+fn reaching<L: Lanes>(lanes: L, group: &Group, content: u32, hull: &Hull, points: &[Vec<Vec3A>; 2]) -> u32 {
+    let leaf = group.leaf(content);
+    let mut remaining = hull.triangles(lanes, &leaf);
+    let mut which = 0;
+    while remaining != 0 {
+        let lane = remaining.trailing_zeros() as usize % LANES;
+        remaining &= remaining - 1;
+        which |= u32::from(!is_beside(leaf.corners(lane), points, hull.slack)) << lane;
+    }
+    which
+}
+
+/// Whether all points are on one side of the triangle's plane.
+#[inline(always)]
+fn is_beside([a, b, c]: [Vec3A; 3], points: &[Vec<Vec3A>; 2], slack: f32) -> bool {
+    let Some(normal) = (b - a).cross(c - a).try_normalize() else { return false };
+    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    for &point in points.iter().flatten() {
+        let height = normal.dot(point - a);
+        (low, high) = (low.min(height), high.max(height));
+    }
+    low > slack || high < -slack
+}
+
+/// A walk to the leaves whose boxes reach into a hull.
+struct Touched<'a> {
+    tree: &'a Tree,
+    stack: Stack<u32>,
+    /// Node, and the children that are still to be looked at.
+    at: (usize, u32),
+}
+
+impl<'a> Touched<'a> {
+    fn new(tree: &'a Tree) -> Self {
+        let mut stack = Stack::new();
+        stack.push(0);
+        Self { tree, stack, at: (0, 0) }
+    }
+
+    /// What the owner of the tree keeps at the next such leaf.
+    #[inline(always)]
+    fn next<L: Lanes>(&mut self, lanes: L, hull: &Hull) -> Option<u32> {
+        loop {
+            let (node, children) = self.at;
+            if children == 0 {
+                let node = self.stack.pop()? as usize;
+                self.at = (node, hull.boxes(lanes, &self.tree.nodes[node].planes));
+                continue;
+            }
+            self.at.1 = children & (children - 1);
+            match self.tree.nodes[node].children[children.trailing_zeros() as usize % LANES].kind() {
+                Kind::Node(index) => self.stack.push(index as u32),
+                Kind::Leaf(content) => return Some(content),
+            }
+        }
+    }
+}
+
+/// The half-space n · x ≤ h.
+#[derive(Clone, Copy, Default)]
+struct Side {
+    n: [f32; 3],
+    h: f32,
+}
+
+/// Half-spaces that all hold two sets of points, and with them all segments between these.
+struct Hull {
+    low: Vec3A,
+    high: Vec3A,
+    sides: [Side; AROUND],
+    slack: f32,
+}
+
+/// The box around some points.
+#[derive(Clone, Copy)]
+struct Bounds {
+    low: Vec3A,
+    high: Vec3A,
+}
+
+impl Bounds {
+    fn of(points: &[Vec3A]) -> Self {
+        let empty = Self { low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
+        points.iter().fold(empty, |Self { low, high }, &p| Self { low: low.min(p), high: high.max(p) })
+    }
+
+    /// The corner that lies farthest in direction `n`.
+    #[inline(always)]
+    fn farthest(&self, n: Vec3A) -> Vec3A {
+        Vec3A::select(n.cmpge(Vec3A::ZERO), self.high, self.low)
+    }
+}
+
+impl Hull {
+    /// Around both sets.
+    ///
+    /// A plane that touches both boxes has n = u + t d, where u is square to the axis d between their centres, such that the
+    /// farthest corners a and b of the two boxes lie in it:
+    ///
+    /// ```text
+    /// n · a = n · b        t = u · (a − b) / d · (b − a)
+    /// ```
+    /// Which corners are farthest depends on t again: two steps of that are near enough, since any n will do.
+    fn around(points: &[Vec<Vec3A>; 2]) -> Self {
+        let [from, to] = points.each_ref().map(|points| Bounds::of(points));
+        let (low, high) = (from.low.min(to.low), from.high.max(to.high));
+        let slack = SLACK * low.abs().max(high.abs()).max_element();
+        let between = (to.low + to.high) - (from.low + from.high);
+        let d = between.try_normalize().unwrap_or(Vec3A::X);
+        let (x, y) = d.any_orthonormal_pair();
+        let mut sides = [Side::default(); AROUND];
+        for (k, side) in sides.iter_mut().enumerate() {
+            let (sine, cosine) = (TAU * k as f32 / AROUND as f32).sin_cos();
+            let u = x * cosine + y * sine;
+            let mut n = u;
+            for _ in 0..2 {
+                let way = to.farthest(n) - from.farthest(n);
+                let along = d.dot(way);
+                if along > 0.0 {
+                    n = u - d * (u.dot(way) / along);
+                }
+            }
+            let h = n.dot(from.farthest(n)).max(n.dot(to.farthest(n)));
+            *side = Side { n: n.to_array(), h: h + slack * n.length() };
+        }
+        Self { low: low - slack, high: high + slack, sides, slack }
+    }
+
+    /// Bits of the boxes (as in [`super::tree::Node`]) that reach into it. Places without a box do not.
+    #[inline(always)]
+    fn boxes<L: Lanes>(&self, lanes: L, planes: &[[f32; LANES]; 6]) -> u32 {
+        let mut inside = lanes.le(lanes.splat(0.0), lanes.splat(0.0));
+        for axis in 0..3 {
+            inside = lanes.and(inside, lanes.le(lanes.load(&planes[axis]), lanes.splat(self.high[axis])));
+            inside = lanes.and(inside, lanes.le(lanes.splat(self.low[axis]), lanes.load(&planes[axis + 3])));
+        }
+        for Side { n, h } in &self.sides {
+            // The corner that reaches in farthest.
+            let corner = std::array::from_fn::<usize, 3, _>(|axis| if n[axis] > 0.0 { axis } else { axis + 3 });
+            let corner = lanes.load3([&planes[corner[0]], &planes[corner[1]], &planes[corner[2]]]);
+            inside = lanes.and(inside, lanes.le(height(lanes, *n, corner), lanes.splat(*h)));
+        }
+        lanes.bits(inside)
+    }
+
+    /// Bits of the triangles that reach into it, as far as its sides can tell.
+    #[inline(always)]
+    fn triangles<L: Lanes>(&self, lanes: L, leaf: &Leaf) -> u32 {
+        let mut inside = lanes.le(lanes.splat(0.0), lanes.splat(0.0));
+        let axes = [0, 1, 2];
+        let (a, b, c) = (leaf.column(lanes, 0, axes), leaf.column(lanes, 1, axes), leaf.column(lanes, 2, axes));
+        let (least, most) = (lanes.min3(lanes.min3(a, b), c), lanes.max3(lanes.max3(a, b), c));
+        for axis in 0..3 {
+            inside = lanes.and(inside, lanes.le(least[axis], lanes.splat(self.high[axis])));
+            inside = lanes.and(inside, lanes.le(lanes.splat(self.low[axis]), most[axis]));
+        }
+        for Side { n, h } in &self.sides {
+            let least = lanes.min(height(lanes, *n, a), height(lanes, *n, b));
+            let least = lanes.min(least, height(lanes, *n, c));
+            inside = lanes.and(inside, lanes.le(least, lanes.splat(*h)));
+        }
+        lanes.bits(inside) & leaf.lanes()
+    }
+}
+
+/// n · x.
+#[inline(always)]
+fn height<L: Lanes>(lanes: L, n: [f32; 3], x: [L::F; 3]) -> L::F {
+    let [x, y, z] = lanes.mul3(lanes.splat3(n), x);
+    lanes.add(lanes.add(x, y), z)
+}
