@@ -59,9 +59,7 @@ fn bare_pixels(picture: &Picture, tiles: &Tiles, step: usize, busy: &Busy) -> Ve
         for y in rows.filter(on_lattice) {
             for x in columns.clone().filter(on_lattice) {
                 let Some(site) = picture.site(x, y) else { continue };
-                let mut sum = 0.0;
-                tiles.0[index].weights(&site, |_, weight| sum += weight);
-                if sum < COVERED {
+                if !tiles.all[index].is_covered(tiles.lanes, &site, COVERED) {
                     bare.push((x, y));
                 }
             }
@@ -69,7 +67,7 @@ fn bare_pixels(picture: &Picture, tiles: &Tiles, step: usize, busy: &Busy) -> Ve
         bare
     };
     let bare: Vec<Vec<(usize, usize)>> =
-        (0..tiles.0.len()).into_par_iter().map(|index| busy.measure(|| in_tile(index))).collect();
+        (0..tiles.all.len()).into_par_iter().map(|index| busy.measure(|| in_tile(index))).collect();
     bare.concat()
 }
 

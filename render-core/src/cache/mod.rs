@@ -4,7 +4,7 @@
 //! After \[Ward88\] and \[WardHeckbert92\] with the practice of \[Krivanek08\]; what lights a place is somebody else's
 //! knowledge, behind [`Illumination`].
 //!
-//! A frame goes like this: records on moving things are carried along; the records that the picture may need are brought up
+//! A frame goes like this: records on moving things are carried along; the records that the picture needs are brought up
 //! to date; lattices of pixels, coarse to fine, are looked through for pixels that no record covers, and get one; at last
 //! every pixel is the weighted mean of the records around it.
 //!
@@ -20,7 +20,7 @@ mod record;
 mod spacing;
 mod tile;
 
-pub use record::{Estimate, Illumination, Site};
+pub use record::{Estimate, Illumination, Known, Site};
 pub use spacing::footprint;
 
 use crate::gbuffer::{GBuffer, NOTHING, PixelSurface};
@@ -36,7 +36,10 @@ const PATIENCE: u32 = 50;
 /// Most records kept; beyond, those unseen for longest go first.
 const MOST_RECORDS: usize = 100_000;
 /// While things move, each record in view is computed afresh every so many frames, in turns.
-const TURN: u32 = 16;
+const TURN: u32 = 32;
+
+/// Records that a thread takes at a time.
+const CHUNK: usize = 16;
 
 /// Records of light on surfaces, kept from frame to frame. `R` is what an [`Illumination`] keeps with each.
 pub struct IrradianceCache<R> {
@@ -92,12 +95,12 @@ impl<R: Send + Sync> IrradianceCache<R> {
         busy.measure(|| self.carry_along(seen));
         let mut tiles = Tiles::new(&picture, busy);
         let all: Vec<usize> = (0..self.records.len()).collect();
-        let listed = tiles.list(&picture, &self.records, &all, busy);
-        let mut computed = self.bring_up_to_date(&listed, news, illumination, busy);
-        if news.light || news.things {
-            tiles.clear();
-            tiles.list(&picture, &self.records, &listed, busy);
-        }
+        tiles.list(&picture, &self.records, &all, busy);
+        // What is hidden, or too far from every pixel, need not be known.
+        let needed = tiles.in_use(&picture, busy);
+        let mut computed = self.bring_up_to_date(&needed, news, illumination, busy);
+        tiles.clear();
+        tiles.list(&picture, &self.records, &needed, busy);
         computed += self.fill(&picture, &mut tiles, illumination, busy);
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &self.records, busy);
         let in_use = used.len();
@@ -153,7 +156,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             for record in self.records.iter_mut().filter(|record| record.site.carrier != NOTHING) {
                 if let Some(carry) = carry[record.site.carrier as usize] {
                     record.site.carried_by(&carry);
-                    record.computed = 0;
+                    record.carried = true;
                 }
             }
             // What bends does not keep its points in place: records there are made anew.
@@ -167,10 +170,10 @@ impl<R: Send + Sync> IrradianceCache<R> {
         self.world.clone_from(&seen.world);
     }
 
-    /// Brings the `listed` records to this frame's light; returns how many were computed afresh.
+    /// Brings the `needed` records to this frame's light; returns how many were computed afresh.
     fn bring_up_to_date<I: Illumination<Recipe = R>>(
         &mut self,
-        listed: &[usize],
+        needed: &[usize],
         news: News,
         illumination: &I,
         busy: &Busy,
@@ -181,34 +184,34 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
         let changed = self.changed;
         let mut wanted = vec![false; self.records.len()];
-        listed.iter().for_each(|&index| wanted[index] = true);
-        let fresh: Vec<bool> = self
-            .records
-            .par_iter_mut()
-            .zip(&wanted)
-            .with_min_len(8)
-            .map_init(I::Scratch::default, |scratch, (record, &wanted)| {
-                if !wanted || record.current >= changed {
-                    return false;
-                }
+        needed.iter().for_each(|&index| wanted[index] = true);
+        let bring = |scratch: &mut I::Scratch, record: &mut Record<R>| {
+            let turn = news.things && (record.number.wrapping_add(frame)).is_multiple_of(TURN);
+            let kept_up = !record.carried && record.current >= changed_before;
+            let known = if kept_up { Known::LastFrame } else { Known::Earlier };
+            (record.current, record.carried) = (frame, false);
+            if !turn && let Some(estimate) = illumination.relight(&record.site, &mut record.recipe, known) {
+                record.relit(estimate);
+                return 0;
+            }
+            record.computed_afresh(illumination.compute(&record.site, scratch));
+            1
+        };
+        // A few at a time: to look at the clock for each would take longer than to light some of them.
+        let chunks = self.records.par_chunks_mut(CHUNK).zip(wanted.par_chunks(CHUNK));
+        chunks
+            .map_init(I::Scratch::default, |scratch, (records, wanted)| {
                 busy.measure(|| {
-                    let turn = news.things && (record.number.wrapping_add(frame)).is_multiple_of(TURN);
-                    let kept_up = record.computed > 0 && record.current >= changed_before;
-                    record.current = frame;
-                    if kept_up
-                        && !turn
-                        && let Some(estimate) = illumination.relight(&record.site, &mut record.recipe)
-                    {
-                        record.relit(estimate);
-                        return false;
-                    }
-                    let (estimate, recipe) = illumination.compute(&record.site, scratch);
-                    record.computed_afresh(frame, estimate, recipe);
-                    true
+                    let outdated = |(record, wanted): &(&mut Record<R>, &bool)| **wanted && record.current < changed;
+                    records
+                        .iter_mut()
+                        .zip(wanted)
+                        .filter(outdated)
+                        .map(|(record, _)| bring(scratch, record))
+                        .sum::<usize>()
                 })
             })
-            .collect();
-        fresh.iter().filter(|&&fresh| fresh).count()
+            .sum()
     }
 
     fn forget(&mut self) {
@@ -239,6 +242,18 @@ impl Picture<'_> {
         let across = width.div_ceil(MACROBLOCK);
         let (left, top) = (tile % across * MACROBLOCK, tile / across * MACROBLOCK);
         (left..width.min(left + MACROBLOCK), top..height.min(top + MACROBLOCK))
+    }
+
+    /// Whether the pixel that a place falls on shows the same surface, no farther than `apart` from it \[m\]; outside of the
+    /// picture nobody knows better.
+    fn shows(&self, site: &Site, apart: f32) -> bool {
+        let Some((place, _)) = self.seen.view.project(site.position) else { return true };
+        let (width, height) = self.size();
+        if !(place.x >= 0.0 && place.y >= 0.0 && place.x < width as f32 && place.y < height as f32) {
+            return true;
+        }
+        let shown = self.site(place.x as usize, place.y as usize);
+        shown.is_some_and(|shown| shown.carrier == site.carrier && shown.position.distance(site.position) < apart)
     }
 
     /// Where light is wanted at a pixel, if anything there reflects.

@@ -52,9 +52,18 @@ pub trait Illumination: Sync {
     /// The light at `site`, from nothing.
     fn compute(&self, site: &Site, scratch: &mut Self::Scratch) -> (Estimate, Self::Recipe);
 
-    /// The light at a `site` that was up to date in the frame before; `None` when too much has changed near it, and it has
-    /// to be computed.
-    fn relight(&self, site: &Site, recipe: &mut Self::Recipe) -> Option<Estimate>;
+    /// The light at a `site` whose light was last known when `known` says; `None` when too much has changed near it, and it
+    /// has to be computed.
+    fn relight(&self, site: &Site, recipe: &mut Self::Recipe, known: Known) -> Option<Estimate>;
+}
+
+/// When the light of a record was last up to date.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Known {
+    /// In the frame before, at the same place: what moved since then is all that has changed.
+    LastFrame,
+    /// Longer ago, or at another place: anything may stand between it and a light.
+    Earlier,
 }
 
 /// A site with its light.
@@ -64,10 +73,12 @@ pub(super) struct Record<R> {
     pub recipe: R,
     /// How far around it may be used, before the picture has a say \[m\].
     pub radius: f32,
+    /// The most that its neighbours allowed when it was made \[m\].
+    pub radius_by_neighbours: f32,
     /// Which one it was ever made.
     pub number: u32,
-    /// Frame it was computed in; 0 if that no longer counts.
-    pub computed: u32,
+    /// Whether it was carried along since it was last brought up to date.
+    pub carried: bool,
     /// Frame it was last brought up to date in.
     pub current: u32,
     /// Frame in which a pixel last took light from it.
@@ -77,19 +88,29 @@ pub(super) struct Record<R> {
 impl<R> Record<R> {
     pub fn new(site: Site, (estimate, recipe): (Estimate, R), number: u32, frame: u32) -> Self {
         let radius = super::spacing::radius(&estimate);
-        Self { site, estimate, recipe, radius, number, computed: frame, current: frame, seen: frame }
+        Self {
+            site,
+            estimate,
+            recipe,
+            radius,
+            radius_by_neighbours: f32::INFINITY,
+            number,
+            carried: false,
+            current: frame,
+            seen: frame,
+        }
     }
 
-    /// New light on the same surroundings.
+    /// New light, and what else is known now of the surroundings. What neighbours knew of them holds on.
     pub fn relit(&mut self, estimate: Estimate) {
+        self.radius = super::spacing::radius(&estimate).min(self.radius_by_neighbours);
         self.estimate = estimate;
     }
 
     /// Everything new but the place.
-    pub fn computed_afresh(&mut self, frame: u32, estimate: Estimate, recipe: R) {
-        // What neighbours know of the surroundings holds on.
-        self.radius = self.radius.min(super::spacing::radius(&estimate));
-        (self.estimate, self.recipe, self.computed) = (estimate, recipe, frame);
+    pub fn computed_afresh(&mut self, (estimate, recipe): (Estimate, R)) {
+        self.relit(estimate);
+        self.recipe = recipe;
     }
 
     /// Irradiance it predicts at a place nearby, with this much `trust` (0…1) in its derivatives.

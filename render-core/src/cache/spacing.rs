@@ -1,5 +1,6 @@
 //! How far around its place a record may be used.
 
+use super::Picture;
 use super::record::{Estimate, Record, Site};
 use super::tile::NORMAL_TOLERANCE;
 use crate::luminance;
@@ -60,10 +61,17 @@ pub(super) fn least_radius(site: &Site, view: &View) -> f32 {
     ON_SCREEN.0 * pixel_width(site, view)
 }
 
-/// Radius of `record` in this view \[m\].
-pub(super) fn radius_in_view<R>(record: &Record<R>, view: &View) -> f32 {
-    let pixel = pixel_width(&record.site, view);
-    record.radius.clamp(ON_SCREEN.0 * pixel, ON_SCREEN.1 * pixel)
+/// Radius of `record` in this picture \[m\].
+///
+/// That the picture keeps it up holds for what is seen of its surroundings. Where something else is seen in its place, as when
+/// a thing has moved over it, it keeps its own.
+pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &Picture) -> f32 {
+    let pixel = pixel_width(&record.site, &picture.seen.view);
+    let least = ON_SCREEN.0 * pixel;
+    if record.radius < least && !picture.shows(&record.site, least) {
+        return record.radius;
+    }
+    record.radius.clamp(least, ON_SCREEN.1 * pixel)
 }
 
 /// Neighbour clamping \[Krivanek08, section 4.3.2\]: what is near to one record is not much farther from the next, even if its
@@ -71,13 +79,14 @@ pub(super) fn radius_in_view<R>(record: &Record<R>, view: &View) -> f32 {
 pub(super) fn clamp_to_neighbours<R>(records: &mut [Record<R>], first: usize) {
     let places: Vec<(Vec3A, f32)> = records.iter().map(|r| (r.site.position, r.radius)).collect();
     for (index, record) in records.iter_mut().enumerate().skip(first) {
-        let mut radius = record.radius;
+        let mut allowed = f32::INFINITY;
         for (other, &(position, other_radius)) in places.iter().enumerate() {
             // |x − y| + R_y ≥ R_x needs no root when R_y alone is enough.
-            if other_radius < radius && other != index {
-                radius = radius.min(other_radius + position.distance(record.site.position));
+            if other_radius < allowed.min(record.radius) && other != index {
+                allowed = allowed.min(other_radius + position.distance(record.site.position));
             }
         }
-        record.radius = radius;
+        record.radius_by_neighbours = allowed;
+        record.radius = record.radius.min(allowed);
     }
 }

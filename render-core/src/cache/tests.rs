@@ -85,7 +85,7 @@ impl Illumination for Lamp {
         (self.estimate(site), ())
     }
 
-    fn relight(&self, site: &Site, (): &mut ()) -> Option<Estimate> {
+    fn relight(&self, site: &Site, (): &mut (), _: Known) -> Option<Estimate> {
         self.relit.fetch_add(1, Ordering::Relaxed);
         Some(self.estimate(site))
     }
@@ -176,7 +176,7 @@ fn other_surfaces_have_records_of_their_own() {
                 };
                 (estimate, ())
             }
-            fn relight(&self, _: &Site, (): &mut ()) -> Option<Estimate> {
+            fn relight(&self, _: &Site, (): &mut (), _: Known) -> Option<Estimate> {
                 None
             }
         }
@@ -209,6 +209,43 @@ fn light_that_changes_is_followed_at_once() {
     let news = News { light: true, things: true };
     let computed: usize = (0..TURN).map(|_| light(&mut cache, &seen, news, &brighter).computed).sum();
     assert_eq!(computed, cache.records.len());
+}
+
+/// Records that no pixel takes light from cost nothing, and are lit again when they are needed.
+#[test]
+fn only_what_is_needed_is_brought_up_to_date() {
+    let seen = floor(|_| ());
+    let half = floor(|pixel| pixel.instance = NOTHING);
+    let mut cache = IrradianceCache::default();
+    let all = light(&mut cache, &seen, NO_NEWS, &Lamp::default()).in_use;
+    let news = News { light: true, things: false };
+    let (dim, bright) = ([2.0, 4.0]).map(|power| Lamp { power: Some(power), ..Lamp::default() }).into();
+    let lit = light(&mut cache, &half, news, &dim);
+    assert_eq!((lit.computed, dim.relit.load(Ordering::Relaxed)), (0, lit.in_use));
+    assert!(lit.in_use * 5 < all * 4, "{} of {all} records for half of the picture", lit.in_use);
+    let lit = light(&mut cache, &seen, news, &bright);
+    assert_eq!((lit.computed, lit.in_use), (0, all));
+    assert!(largest_error(&lit, &seen, &bright) < 0.05);
+}
+
+/// A wall that comes and goes makes the records beside it small only while it is there.
+#[test]
+fn records_grow_again() {
+    let (seen, open) = (floor(|_| ()), Lamp::default());
+    let walled = Lamp { wall: true, ..Lamp::default() };
+    let mut cache = IrradianceCache::default();
+    light(&mut cache, &seen, NO_NEWS, &open);
+    let radii = |cache: &IrradianceCache<()>, count| -> Vec<f32> {
+        cache.records[..count].iter().map(|record| record.radius).collect()
+    };
+    let count = cache.records.len();
+    let before = radii(&cache, count);
+    let news = News { light: true, things: true };
+    light(&mut cache, &seen, news, &walled);
+    let shrunk = radii(&cache, count).iter().zip(&before).filter(|(now, before)| *now < before).count();
+    assert!(shrunk * 4 > count, "{shrunk} of {count} records are near the wall");
+    light(&mut cache, &seen, news, &open);
+    assert_eq!(radii(&cache, count), before);
 }
 
 /// Records on something that moves go with it.

@@ -3,11 +3,11 @@
 use super::cuts::LightTransport;
 use crate::message::FrameFigures;
 use glam::{Affine3A, BVec3A, Mat3A, Vec3, Vec3A};
-use lighttree::{Cluster, Emission, Lambert, Light, Scratch, Stop, irradiance_term};
+use lighttree::{Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
 use plane::Plane;
-use render_core::cache::{CachedLight, Estimate, Illumination, IrradianceCache, News, Site, footprint};
+use render_core::cache::{CachedLight, Estimate, Illumination, IrradianceCache, Known, News, Site, footprint};
 use render_core::scene::{DeformedMesh, Scene};
-use render_core::{Busy, GBuffer, NOTHING, Receiver, Surroundings, luminance};
+use render_core::{Anchor, Busy, GBuffer, NOTHING, PACKET, Receiver, Surroundings, luminance};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
@@ -18,6 +18,12 @@ const LEAST_REFLECTANCE: f32 = 0.05;
 /// An anchor on a moving thing that would add less than this share is not asked whether something hides it: two dozen
 /// of them together stay below half a per cent.
 const UNASKED_SHARE: f32 = 2e-4;
+/// A cut is made anew when its thresholds have become tighter than this share of what it was made for.
+const TIGHTER: f32 = 0.5;
+/// A cut goes with its record over this share of the harmonic mean distance of what is around, and through this turn of 8°:
+/// what has come up over the horizon then would give 1 % of an even light.
+const MOST_MOVED: f32 = 0.1;
+const LEAST_TURNED_COSINE: f32 = 0.99;
 /// Points across a record's footprint where thresholds are looked up.
 const FOOTPRINT_POINTS: i32 = 5;
 
@@ -44,8 +50,24 @@ struct Place {
 
 /// What a record is made of.
 pub(super) struct Recipe {
-    clusters: Vec<(Cluster, bool)>,
+    clusters: Box<[Cluster]>,
+    /// Which of the clusters are seen: a bit for each, a word for each [`PACKET`] of them.
+    visible: Box<[u64]>,
     surroundings: Surroundings,
+    /// Whether something that moves stood near when the surroundings were looked at.
+    near_moving: bool,
+    /// Where the record was when the cut was made, and the way it faced.
+    position: Vec3A,
+    normal: Vec3A,
+    /// Luminance of irradiance that a cluster of the cut may be wrong by \[W·m⁻²\].
+    threshold: f32,
+}
+
+/// The box around an instance that moves.
+struct Around {
+    instance: u32,
+    low: Vec3A,
+    high: Vec3A,
 }
 
 impl Cache {
@@ -58,7 +80,7 @@ impl Cache {
         let places = places(scene, &moving, seen, &self.places);
         let lights = prepared.tree.lights().iter().map(|light| light.intensity);
         let news = News { light: lights.clone().ne(self.intensities.iter().copied()), things: self.places != places };
-        let illumination = Cuts { transport, swept: swept(&self.places, &places) };
+        let illumination = Cuts { transport, swept: swept(&self.places, &places), standing: standing(&places) };
         let lit = self.records.light(seen, &moving, news, &illumination, busy);
         self.intensities = lights.collect();
         self.places = places;
@@ -70,7 +92,7 @@ impl Cache {
     /// The same for another picture of the frame that [`Cache::light`] was last asked for.
     pub fn light_more(&mut self, transport: &LightTransport, busy: &Busy, figures: &mut FrameFigures) -> Plane<Vec3> {
         let moving = transport.prepared.surfaces.scene().moving_instances();
-        let illumination = Cuts { transport, swept: Vec::new() };
+        let illumination = Cuts { transport, swept: Vec::new(), standing: standing(&self.places) };
         let lit = self.records.light_more(transport.seen, &moving, &illumination, busy);
         figures.cache_records = figures.cache_records.max(lit.in_use as u64);
         figures.cache_new += lit.computed as u64;
@@ -93,8 +115,10 @@ fn reflected(seen: &GBuffer, lit: &CachedLight) -> Plane<Vec3> {
 /// The light tree of a frame, for the cache.
 struct Cuts<'a> {
     transport: &'a LightTransport<'a>,
-    /// Boxes around all that has moved since the frame before, where it was and where it is.
-    swept: Vec<(Vec3A, Vec3A)>,
+    /// Around all that has moved since the frame before, where it was and where it is.
+    swept: Vec<Around>,
+    /// Around all that ever moves, where it is.
+    standing: Vec<Around>,
 }
 
 impl Illumination for Cuts<'_> {
@@ -111,36 +135,88 @@ impl Illumination for Cuts<'_> {
             // Radiance reflected by π is irradiance.
             reflectance: Vec3::splat(PI),
         };
-        let mut clusters = Vec::new();
+        let stop = self.stop(site, &surroundings);
+        // Where estimates do not steer the cut, its rays wait until all are known.
+        let later = matches!(stop, Stop::Absolute(_));
+        let (mut clusters, mut visible) = (Vec::new(), Vec::new());
         let cut = transport.prepared.tree.lightcut_with(
             &white,
-            self.stop(site, &surroundings),
-            |lamp, _| transport.visible(&receiver, lamp),
+            stop,
+            |lamp, _| later || transport.visible(&receiver, lamp),
             scratch,
-            |cluster, unit| clusters.push((cluster, unit != Vec3::ZERO)),
+            |cluster, unit| {
+                let (word, bit) = (clusters.len() / PACKET, clusters.len() % PACKET);
+                visible.resize(word + 1, 0u64);
+                visible[word] |= u64::from(unit != Vec3::ZERO) << bit;
+                clusters.push(cluster);
+            },
         );
         transport.figures.count(cut.size, cut.shadow_rays);
-        let recipe = Recipe { clusters, surroundings };
+        let threshold = match stop {
+            Stop::Absolute(threshold) => threshold,
+            Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + luminance(cut.radiance)),
+        };
+        let mut recipe = Recipe {
+            clusters: clusters.into(),
+            visible: visible.into(),
+            surroundings,
+            near_moving: self.is_near(&self.standing, site),
+            position: site.position,
+            normal: site.normal,
+            threshold,
+        };
+        if later {
+            for (clusters, visible) in recipe.packets() {
+                *visible = self.seen_lights(&receiver, clusters, *visible);
+            }
+        }
         (self.estimate(&receiver, &recipe), recipe)
     }
 
-    fn relight(&self, site: &Site, recipe: &mut Recipe) -> Option<Estimate> {
-        let receiver = self.receiver(site);
-        let nearby = self.transport.prepared.gather.reach_of_carried();
-        if self.swept.iter().any(|swept| distance2(receiver.position, swept) < nearby * nearby) {
+    fn relight(&self, site: &Site, recipe: &mut Recipe, known: Known) -> Option<Estimate> {
+        let Recipe { position, normal, threshold, .. } = *recipe;
+        let moved = site.position.distance(position) / recipe.surroundings.harmonic_mean;
+        if moved > MOST_MOVED || site.normal.dot(normal) < LEAST_TURNED_COSINE {
             return None;
         }
+        if matches!(self.stop(site, &recipe.surroundings), Stop::Absolute(now) if now < TIGHTER * threshold) {
+            return None;
+        }
+        let receiver = self.receiver(site);
+        let looks_again = match known {
+            Known::LastFrame => self.is_near(&self.swept, site),
+            Known::Earlier => recipe.near_moving || self.is_near(&self.standing, site),
+        };
+        if looks_again {
+            recipe.surroundings = self.transport.look_around(&receiver, site.key);
+            recipe.near_moving = self.is_near(&self.standing, site);
+        }
         let lights = self.transport.prepared.tree.lights();
+        let may_have_changed = |cluster: &Cluster| {
+            let lamp = lights[cluster.light as usize].position.into();
+            known == Known::Earlier || self.swept.iter().any(|swept| swept.is_crossed(receiver.position, lamp))
+        };
         let mut rays = 0;
-        for (cluster, visible) in &mut recipe.clusters {
-            let lamp = &lights[cluster.light as usize];
-            if self.swept.iter().any(|swept| crosses(receiver.position, lamp.position.into(), swept)) {
-                *visible = self.transport.visible(&receiver, lamp);
-                rays += 1;
-            }
+        for (clusters, visible) in recipe.packets() {
+            let ask = clusters.iter().enumerate().fold(0, |ask, (i, c)| ask | u64::from(may_have_changed(c)) << i);
+            *visible = *visible & !ask | self.seen_lights(&receiver, clusters, ask);
+            rays += ask.count_ones();
         }
         self.transport.figures.count_rays(rays);
         Some(self.estimate(&receiver, recipe))
+    }
+}
+
+impl Recipe {
+    /// The clusters, [`PACKET`] at a time, with the bits of those that are seen.
+    fn packets(&mut self) -> impl Iterator<Item = (&[Cluster], &mut u64)> {
+        self.clusters.chunks(PACKET).zip(&mut self.visible)
+    }
+
+    /// The clusters that are seen.
+    fn seen_clusters(&self) -> impl Iterator<Item = Cluster> {
+        let seen = |&(i, _): &(usize, &Cluster)| self.visible[i / PACKET] >> (i % PACKET) & 1 == 1;
+        self.clusters.iter().enumerate().filter(seen).map(|(_, &cluster)| cluster)
     }
 }
 
@@ -150,33 +226,54 @@ impl Cuts<'_> {
         Receiver { position: position + geometric_normal * self.transport.prepared.epsilon, normal, geometric_normal }
     }
 
+    /// Whether any of these things is so near that its own light has lost much by softening; a record's own carrier, which is
+    /// always as near as it is, does not count.
+    fn is_near(&self, things: &[Around], site: &Site) -> bool {
+        let nearby = self.transport.prepared.gather.reach_of_carried();
+        let near = |thing: &Around| thing.instance != site.carrier && thing.distance2(site.position) < nearby * nearby;
+        things.iter().any(near)
+    }
+
+    /// Of the clusters whose bits are set in `ask`, those whose light arrives.
+    fn seen_lights(&self, receiver: &Receiver, clusters: &[Cluster], ask: u64) -> u64 {
+        let lights = self.transport.prepared.tree.lights();
+        self.transport.visible_among(receiver, clusters, |c| lights[c.light as usize].position.into(), ask)
+    }
+
     /// The sum over the visible clusters with the intensities that they have now, and what softening took from it.
     fn estimate(&self, receiver: &Receiver, recipe: &Recipe) -> Estimate {
         let tree = &self.transport.prepared.tree;
         let (position, normal) = (receiver.position.into(), receiver.normal.into());
         let (mut irradiance, mut by_normal, mut by_position) = (Vec3::ZERO, Mat3A::ZERO, Mat3A::ZERO);
-        for (cluster, _) in recipe.clusters.iter().filter(|(_, visible)| *visible) {
+        for cluster in recipe.seen_clusters() {
             let light = &tree.lights()[cluster.light as usize];
-            let intensity = tree.cluster_intensity(*cluster);
+            let intensity = tree.cluster_intensity(cluster);
             let term = irradiance_term(position, normal, light, tree.softening2());
             irradiance += intensity * term.value;
             by_normal += outer(intensity, term.by_normal);
             by_position += outer(intensity, term.by_position);
         }
         let (carried, softening2) = self.transport.prepared.direct.carried();
+        // What would give next to nothing counts as seen.
+        let unasked = UNASKED_SHARE * luminance(irradiance);
         let mut rays = 0;
-        for (anchor, intensity) in carried {
-            let emission = Emission::Cosine(anchor.normal.into());
-            let lamp = Light { position: anchor.position.into(), emission, intensity: *intensity };
-            let term = irradiance_term(position, normal, &lamp, softening2);
-            let given = *intensity * term.value;
-            // What would give next to nothing counts as seen.
-            let asked = luminance(given) > UNASKED_SHARE * luminance(irradiance);
-            rays += u32::from(asked);
-            if term.value > 0.0 && (!asked || self.transport.visible(receiver, &lamp)) {
-                irradiance += given;
-                by_normal += outer(*intensity, term.by_normal);
-                by_position += outer(*intensity, term.by_position);
+        for anchors in carried.chunks(PACKET) {
+            let mut terms = [IrradianceTerm::default(); PACKET];
+            let (mut ask, mut gives) = (0, 0);
+            for (i, (anchor, intensity)) in anchors.iter().enumerate() {
+                let emission = Emission::Cosine(anchor.normal.into());
+                let lamp = Light { position: anchor.position.into(), emission, intensity: *intensity };
+                terms[i] = irradiance_term(position, normal, &lamp, softening2);
+                gives |= u64::from(terms[i].value > 0.0) << i;
+                ask |= u64::from(luminance(*intensity * terms[i].value) > unasked) << i;
+            }
+            rays += ask.count_ones();
+            let place = |(anchor, _): &(Anchor, Vec3)| anchor.position;
+            let seen = gives & !ask | self.transport.visible_among(receiver, anchors, place, ask);
+            for (i, (_, intensity)) in anchors.iter().enumerate().filter(|(i, _)| seen >> i & 1 == 1) {
+                irradiance += *intensity * terms[i].value;
+                by_normal += outer(*intensity, terms[i].by_normal);
+                by_position += outer(*intensity, terms[i].by_position);
             }
         }
         self.transport.figures.count_rays(rays);
@@ -264,30 +361,41 @@ fn places(scene: &Scene, moving: &[bool], seen: &GBuffer, before: &[Option<Place
     moving.iter().enumerate().map(place).collect()
 }
 
-/// Boxes in the world around what is elsewhere, or otherwise, than before: at both places.
-fn swept(before: &[Option<Place>], now: &[Option<Place>]) -> Vec<(Vec3A, Vec3A)> {
-    let both = before.iter().zip(now).filter_map(|(then, now)| then.as_ref().zip(now.as_ref()));
-    both.filter(|(then, now)| then != now)
-        .map(|(then, now)| {
-            let points = [then, now].into_iter().flat_map(|Place { world, low, high, .. }| {
-                let select = |i: u32| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), *low, *high);
-                (0..8).map(move |i| world.transform_point3a(select(i)))
-            });
-            points.fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
-        })
-        .collect()
+/// Around what is elsewhere, or otherwise, than before: at both places.
+fn swept(before: &[Option<Place>], now: &[Option<Place>]) -> Vec<Around> {
+    let both = (0..)
+        .zip(before.iter().zip(now))
+        .filter_map(|(index, (then, now))| Some((index, [then.as_ref()?, now.as_ref()?])));
+    both.filter(|(_, [then, now])| then != now).map(|(index, places)| Around::all(index, places)).collect()
 }
 
-/// Squared distance from a point to a box.
-fn distance2(point: Vec3A, &(low, high): &(Vec3A, Vec3A)) -> f32 {
-    (low - point).max(point - high).max(Vec3A::ZERO).length_squared()
+/// Around all that moves, where it is now.
+fn standing(now: &[Option<Place>]) -> Vec<Around> {
+    (0..).zip(now).filter_map(|(index, place)| Some(Around::all(index, [place.as_ref()?]))).collect()
 }
 
-/// Whether the segment between two points touches the box (slabs).
-fn crosses(from: Vec3A, to: Vec3A, &(low, high): &(Vec3A, Vec3A)) -> bool {
-    let way = to - from;
-    let (a, b) = ((low - from) / way, (high - from) / way);
-    // A segment in the plane of a face is 0/0 and may count either way: what stands there is no thicker than that plane.
-    let (enter, leave) = (a.min(b), a.max(b));
-    enter.max_element().max(0.0) <= leave.min_element().min(1.0)
+impl Around {
+    /// The box in the world around an instance at all of these places.
+    fn all<const N: usize>(instance: u32, places: [&Place; N]) -> Self {
+        let points = places.into_iter().flat_map(|Place { world, low, high, .. }| {
+            let select = |i: u32| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), *low, *high);
+            (0..8).map(move |i| world.transform_point3a(select(i)))
+        });
+        let empty = Self { instance, low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
+        points.fold(empty, |Self { low, high, .. }, p| Self { instance, low: low.min(p), high: high.max(p) })
+    }
+
+    /// Squared distance from a point to the box.
+    fn distance2(&self, point: Vec3A) -> f32 {
+        (self.low - point).max(point - self.high).max(Vec3A::ZERO).length_squared()
+    }
+
+    /// Whether the segment between two points touches the box (slabs).
+    fn is_crossed(&self, from: Vec3A, to: Vec3A) -> bool {
+        let way = to - from;
+        let (a, b) = ((self.low - from) / way, (self.high - from) / way);
+        // A segment in the plane of a face is 0/0 and may count either way: what stands there is no thicker than that plane.
+        let (enter, leave) = (a.min(b), a.max(b));
+        enter.max_element().max(0.0) <= leave.min_element().min(1.0)
+    }
 }

@@ -7,7 +7,7 @@ use glam::{Vec3, Vec3A};
 use lighttree::{Light, Stop};
 use perceptual::ThresholdMap;
 use plane::Plane;
-use render_core::{Accelerator, Directions, GBuffer, PixelSurface, Receiver, Surroundings, luminance};
+use render_core::{Accelerator, Directions, GBuffer, PACKET, PixelSurface, Receiver, Surroundings, luminance};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Rays of a look around: what compensation gives back is a few per cent of the light, known to a few per cent of itself.
@@ -47,6 +47,21 @@ impl<'a> LightTransport<'a> {
         sees(&self.prepared.accelerator, receiver, lamp)
     }
 
+    /// Of the first [`PACKET`] `lamps` at most, each at its `place`, those whose bits are set in `ask` and whose light arrives.
+    pub fn visible_among<T>(&self, receiver: &Receiver, lamps: &[T], place: impl Fn(&T) -> Vec3A, ask: u64) -> u64 {
+        if ask == 0 {
+            return 0;
+        }
+        let mut ends = [Vec3A::ZERO; PACKET];
+        let mut above = 0;
+        for (i, (end, lamp)) in ends.iter_mut().zip(lamps).enumerate() {
+            *end = place(lamp);
+            above |= u64::from(is_above(receiver, *end)) << i;
+        }
+        let ask = ask & above;
+        ask & !self.prepared.accelerator.occluded_packet(receiver.position, &ends[..lamps.len()], ask)
+    }
+
     pub fn look_around(&self, receiver: &Receiver, key: u64) -> Surroundings {
         let Prepared { accelerator, surfaces, gather, .. } = self.prepared;
         gather.look_around(accelerator, surfaces, receiver, &self.directions, key)
@@ -79,8 +94,13 @@ impl<'a> LightTransport<'a> {
 #[inline]
 pub(super) fn sees(accelerator: &Accelerator, receiver: &Receiver, lamp: &Light) -> bool {
     let lamp = Vec3A::from(lamp.position);
-    // A light below the triangle's own plane is hidden by it, whatever the smooth normal says.
-    receiver.geometric_normal.dot(lamp - receiver.position) > 0.0 && !accelerator.occluded(receiver.position, lamp)
+    is_above(receiver, lamp) && !accelerator.occluded(receiver.position, lamp)
+}
+
+/// A light below the triangle's own plane is hidden by it, whatever the smooth normal says.
+#[inline]
+fn is_above(receiver: &Receiver, lamp: Vec3A) -> bool {
+    receiver.geometric_normal.dot(lamp - receiver.position) > 0.0
 }
 
 /// The place of a pixel's surface where rays start.
