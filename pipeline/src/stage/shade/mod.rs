@@ -16,9 +16,11 @@ use cache::Cache;
 use crossbeam_channel::{Receiver, Sender};
 use cuts::{Figures, LightTransport};
 use glam::Vec3;
+use lighttree::LightTree;
 use perceptual::ThresholdMap;
 use plane::Plane;
-use render_core::{Busy, GBuffer, NOTHING, luminance, reconstruct, sample_places};
+use render_core::{Accelerator, Busy, DirectLights, GBuffer, Gather, NOTHING, luminance, reconstruct, sample_places};
+use std::sync::Arc;
 
 /// Share of the luminance that a pixel without a threshold may be wrong by \[Walter05\], \[Herzog08, 5.3\].
 const WITHOUT_THRESHOLD: f32 = 0.02;
@@ -34,6 +36,8 @@ pub fn run(
     out: &Sender<Shaded>,
 ) {
     let mut cache = (plan.cache == State::On).then(Cache::default);
+    // Where nothing moves, the light of one frame is that of the next.
+    let mut still = None;
     for prepared in frames {
         let map = match (plan.masking, &prepared.correspondence) {
             (State::On, Some(correspondence)) => {
@@ -43,7 +47,7 @@ pub fn run(
             }
             _ => ThresholdMap::relative(settings.size.width, settings.size.height),
         };
-        if out.send(shade(settings, plan, prepared, &map, cache.as_mut())).is_err() {
+        if out.send(shade(settings, plan, prepared, &map, cache.as_mut(), &mut still)).is_err() {
             return;
         }
     }
@@ -55,42 +59,51 @@ fn shade(
     mut prepared: Prepared,
     map: &ThresholdMap,
     mut cache: Option<&mut Cache>,
+    still: &mut Option<Still>,
 ) -> Shaded {
     let mut figures = std::mem::take(&mut prepared.figures);
     let size = (settings.size.width, settings.size.height);
     let counts = if settings.aov.is_empty() { Figures::default() } else { Figures::by_pixel(size.0 * size.1) };
     let [visibility, direct_busy, indirect_busy] = [(); 3].map(|()| Busy::default());
     let places = sample_places(settings.samples as usize);
-    let mut samples: Vec<Sample> = Vec::new();
-    for &place in &places {
-        // One sample is what `prepare` saw already.
-        let own = (places.len() > 1).then(|| {
-            let Prepared { accelerator, surfaces, seen, .. } = &prepared;
-            GBuffer::trace_at(place, accelerator, surfaces, &seen.view, size, &visibility)
-        });
-        let seen = own.as_ref().unwrap_or(&prepared.seen);
-        let coats = (plan.gloss == State::On).then(|| gloss::light(&prepared, seen, &direct_busy));
-        let below = coats.is_some().then(|| gloss::below_coats(seen));
-        let seen = below.as_ref().unwrap_or(seen);
-        let (mut direct, rays) = direct::light(&prepared, seen, &direct_busy);
-        figures.shadow_rays += rays;
-        if let Some((reflected, rays)) = coats {
+    // Light behind a cache takes thresholds into account only where something is new.
+    let may_stay = plan.primary_rays == State::Once && plan.cache == State::On;
+    let known = still.take().filter(|still| still.is_of(&prepared));
+    let lit = known.unwrap_or_else(|| {
+        let mut samples: Vec<Sample> = Vec::new();
+        for &place in &places {
+            // One sample is what `prepare` saw already.
+            let own = (places.len() > 1).then(|| {
+                let Prepared { accelerator, surfaces, seen, .. } = &prepared;
+                GBuffer::trace_at(place, accelerator, surfaces, &seen.view, size, &visibility)
+            });
+            let seen = own.as_ref().unwrap_or(&prepared.seen);
+            let coats = (plan.gloss == State::On).then(|| gloss::light(&prepared, seen, &direct_busy));
+            let below = coats.is_some().then(|| gloss::below_coats(seen));
+            let seen = below.as_ref().unwrap_or(seen);
+            let (mut direct, rays) = direct::light(&prepared, seen, &direct_busy);
             figures.shadow_rays += rays;
-            direct.samples_mut().iter_mut().zip(reflected.samples()).for_each(|(sum, &coat)| *sum += coat);
+            if let Some((reflected, rays)) = coats {
+                figures.shadow_rays += rays;
+                direct.samples_mut().iter_mut().zip(reflected.samples()).for_each(|(sum, &coat)| *sum += coat);
+            }
+            let compensates = plan.compensation == State::On;
+            let transport = LightTransport::new(settings, &prepared, map, (seen, &direct), compensates, &counts);
+            let indirect = match (plan.indirect, cache.as_deref_mut()) {
+                (State::Off, _) => Plane::filled(size.0, size.1, Vec3::ZERO),
+                (_, Some(cache)) if samples.is_empty() => cache.light(&transport, &indirect_busy, &mut figures),
+                (_, Some(cache)) => cache.light_more(&transport, &indirect_busy, &mut figures),
+                (_, None) => pixels::light(&transport, &indirect_busy),
+            };
+            samples.push(Sample { direct, indirect });
         }
-        let compensates = plan.compensation == State::On;
-        let transport = LightTransport::new(settings, &prepared, map, (seen, &direct), compensates, &counts);
-        let indirect = match (plan.indirect, cache.as_deref_mut()) {
-            (State::Off, _) => Plane::filled(size.0, size.1, Vec3::ZERO),
-            (_, Some(cache)) if samples.is_empty() => cache.light(&transport, &indirect_busy, &mut figures),
-            (_, Some(cache)) => cache.light_more(&transport, &indirect_busy, &mut figures),
-            (_, None) => pixels::light(&transport, &indirect_busy),
-        };
-        if samples.is_empty() {
-            figures.threshold_mean_relative = transport.mean_relative_threshold(&sum(&direct, &indirect));
-        }
-        samples.push(Sample { direct, indirect });
-    }
+        Still::new(&prepared, samples, figures.cache_records)
+    });
+    let samples = &lit.samples;
+    let Sample { direct, indirect } = &samples[0];
+    let transport = LightTransport::new(settings, &prepared, map, (&prepared.seen, direct), false, &counts);
+    figures.threshold_mean_relative = transport.mean_relative_threshold(&sum(direct, indirect));
+    figures.cache_records = lit.cache_records;
     figures.visibility += visibility.seconds();
     figures.direct = direct_busy.seconds();
     figures.indirect = indirect_busy.seconds();
@@ -108,13 +121,9 @@ fn shade(
             _ => layers::of(aov, &prepared, map, &counts, cache.as_deref()),
         })
         .collect();
-    Shaded {
-        frame: prepared.frame,
-        radiance: picture(&|sample| sum(&sample.direct, &sample.indirect)),
-        layers,
-        correspondence: prepared.correspondence,
-        figures,
-    }
+    let radiance = picture(&|sample| sum(&sample.direct, &sample.indirect));
+    *still = may_stay.then_some(lit);
+    Shaded { frame: prepared.frame, radiance, layers, correspondence: prepared.correspondence, figures }
 }
 
 /// The light that the pixels of a picture receive through one place of each.
@@ -123,6 +132,41 @@ struct Sample {
     direct: Plane<Vec3>,
     /// All else.
     indirect: Plane<Vec3>,
+}
+
+/// A frame's light, and all that it was made from.
+struct Still {
+    accelerator: Arc<Accelerator>,
+    lights: Arc<DirectLights>,
+    tree: Arc<LightTree>,
+    gather: Arc<Gather>,
+    seen: Arc<GBuffer>,
+    samples: Vec<Sample>,
+    cache_records: u64,
+}
+
+impl Still {
+    fn new(prepared: &Prepared, samples: Vec<Sample>, cache_records: u64) -> Self {
+        let Prepared { accelerator, direct, tree, gather, seen, .. } = prepared;
+        Self {
+            accelerator: accelerator.clone(),
+            lights: direct.clone(),
+            tree: tree.clone(),
+            gather: gather.clone(),
+            seen: seen.clone(),
+            samples,
+            cache_records,
+        }
+    }
+
+    /// Whether `prepared` is the same frame again: its parts are not equal, but the very same.
+    fn is_of(&self, prepared: &Prepared) -> bool {
+        Arc::ptr_eq(&self.accelerator, &prepared.accelerator)
+            && Arc::ptr_eq(&self.lights, &prepared.direct)
+            && Arc::ptr_eq(&self.tree, &prepared.tree)
+            && Arc::ptr_eq(&self.gather, &prepared.gather)
+            && Arc::ptr_eq(&self.seen, &prepared.seen)
+    }
 }
 
 fn sum(a: &Plane<Vec3>, b: &Plane<Vec3>) -> Plane<[f32; 3]> {

@@ -228,7 +228,7 @@ fn matte_scenes_stay_as_they_are_to_the_last_bit() {
         plan.gloss = gloss;
         let prepared = prepare::single(&stage.0, &settings, &plan, 0);
         let map = perceptual::ThresholdMap::relative(SIDE, SIDE);
-        super::super::shade(&settings, &plan, prepared, &map, None).radiance
+        super::super::shade(&settings, &plan, prepared, &map, None, &mut None).radiance
     };
     let (without, with) = (lit(State::Off), lit(State::On));
     assert!(without.samples().iter().all(|rgb| rgb[0] > 0.0));
