@@ -104,6 +104,8 @@ pub struct Emission {
     pub flux: Vec3,
     /// Whether its light moves through the scene.
     pub from_moving: bool,
+    /// Whether its light is infinitely far away.
+    pub distant: bool,
 }
 
 /// Dimensions of the Halton sequence that an emission uses.
@@ -199,7 +201,13 @@ impl PhotonSource<'_> {
             let direction = cosine_hemisphere(sample.normal.into(), way);
             // Radiance · area · π is the flux; the point was chosen with density radiance/area-weighted.
             let flux = sample.intensity * std::f32::consts::PI * share;
-            return Emission { origin: sample.position, direction: direction.into(), flux, from_moving };
+            return Emission {
+                origin: sample.position,
+                direction: direction.into(),
+                flux,
+                from_moving,
+                distant: false,
+            };
         }
         let light = light - e.areas.len();
         if let Some(point) = e.points.get(light) {
@@ -216,7 +224,8 @@ impl PhotonSource<'_> {
                 _ => (uniform_sphere(way), 1.0),
             };
             let flux = point.intensity * (solid_angle * weight * share);
-            return Emission { origin: point.position, direction: direction.normalize().into(), flux, from_moving };
+            let direction = direction.normalize().into();
+            return Emission { origin: point.position, direction, flux, from_moving, distant: false };
         }
         let light = light - e.points.len();
         let disc_area = std::f32::consts::PI * self.radius * self.radius;
@@ -231,7 +240,7 @@ impl PhotonSource<'_> {
         let (x, y) = frame(towards.into());
         let on_disc = concentric_disc(place) * self.radius;
         let origin = self.center + towards * (self.radius * 1.01) + Vec3A::from(x * on_disc.x + y * on_disc.y);
-        Emission { origin, direction: -towards, flux, from_moving }
+        Emission { origin, direction: -towards, flux, from_moving, distant: true }
     }
 }
 

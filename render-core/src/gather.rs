@@ -6,31 +6,31 @@
 //! ```text
 //! E_removed(x) = ∫ L(y) cos θ · s / (r² + s) dω  ≈  π/N Σ L(yᵢ) · s / (rᵢ² + s)      for N cosine-distributed rays
 //!   s   softening, m²          r   distance from x to y, where the ray ends
-//!   L   radiance that the virtual lights around y stand for: their mean flux / (π · area share), plus what y emits
-//!       where its glow is made of virtual lights too
+//!   L   radiance that the surfels around y stand for, plus what y emits where its glow is made of virtual lights too
 //! ```
 //!
 //! # Differs from the paper
-//! L(y) comes from the virtual lights around y and not from a path traced onward: what is given back is what was taken, no
-//! more, and a ray costs a look-up.
+//! L(y) comes from the surfels around y, which feed the virtual lights too, and not from a path traced onward: what is given
+//! back is what was taken, no more, and a ray costs a look-up.
 
 use crate::accel::Accelerator;
-use crate::anchor::{Anchor, AnchorGrid, Anchors};
+use crate::anchor::{Anchors, Spot, SurfelMap};
 use crate::direct::Receiver;
 use crate::photon::Energies;
 use crate::sampling::{concentric_disc, frame, hash_unit, sobol_point};
 use crate::surface::{Surface, Surfaces};
 use glam::{Mat3A, Vec3, Vec3A};
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 /// Rays that give back less than this share of what they see are not followed up: in sum not even half a per cent.
 const LEAST_SHARE: f32 = 5e-4;
 
 /// What the virtual lights of a frame stand for, ready to be asked from anywhere.
 pub struct Gather {
-    fixed: AnchorGrid,
-    carried: AnchorGrid,
-    /// Radiance around each fixed anchor, then around each carried one \[W·m⁻²·sr⁻¹\].
+    fixed: Arc<SurfelMap>,
+    carried: SurfelMap,
+    /// Radiance around each fixed surfel, then around each carried one \[W·m⁻²·sr⁻¹\].
     radiance: Vec<Vec3>,
     /// Softening of the fixed and of the carried anchors \[m²\].
     softening: [f32; 2],
@@ -60,7 +60,7 @@ pub struct Surroundings {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Source {
     /// Place in [`Gather::radiance`].
-    anchor: u32,
+    surfel: u32,
     /// Irradiance per radiance.
     share: f32,
     /// Derivative of `share` by the position \[m⁻¹\].
@@ -83,11 +83,10 @@ impl Gather {
     /// whether its glow is made of virtual lights as soft as the fixed anchors.
     pub fn new(surfaces: &Surfaces, anchors: &Anchors, energies: &Energies, glow_softened: Vec<bool>) -> Self {
         let scene = surfaces.scene();
-        let carried_now = anchors.carried_in_world(surfaces);
-        let fixed = AnchorGrid::new(&anchors.fixed, anchors.area_share);
-        let carried = AnchorGrid::new(&carried_now, anchors.carried_area_share);
-        let mut radiance = around(&fixed, &anchors.fixed, &energies.fixed, anchors.area_share, false);
-        radiance.extend(around(&carried, &carried_now, &energies.carried, anchors.carried_area_share, true));
+        let fixed = anchors.surfels.fixed.clone();
+        let carried = anchors.surfels.carried_in_world(surfaces);
+        let mut radiance = fixed.radiance(&energies.surfels[0]);
+        radiance.extend(carried.radiance(&energies.surfels[1]));
         Self {
             fixed,
             carried,
@@ -144,7 +143,7 @@ impl Gather {
             let falloff = way * (4.0 / r2 + 2.0 / (r2 + softening));
             let gradient = falloff - surface.geometric_normal / towards;
             let gradient = gradient - normal * gradient.dot(normal);
-            let source = Source { anchor: 0, share: weight * share, by_position: gradient * (weight * share) };
+            let source = Source { surfel: 0, share: weight * share, by_position: gradient * (weight * share) };
             self.take(&surface, hit.instance, carried, source, &mut found);
         }
         found.harmonic_mean = above as f32 / inverse_distances;
@@ -153,17 +152,17 @@ impl Gather {
 
     /// How near a moving thing has to be for its own light to have lost much: from its anchors' softening \[m\].
     pub fn reach_of_carried(&self) -> f32 {
-        if self.carried.is_empty() { 0.0 } else { self.softening[1].sqrt() }
+        if self.carried.len() == 0 { 0.0 } else { self.softening[1].sqrt() }
     }
 
-    /// Radiance that `surface` of `instance` reflects, as its virtual lights stand for it: from all light, to the accuracy of
+    /// Radiance that `surface` of `instance` reflects, as its surfels stand for it: from all light, to the accuracy of
     /// their density \[W·m⁻²·sr⁻¹\].
     pub fn radiance_around(&self, surface: &Surface, instance: u32) -> Vec3 {
         let carried = self.moving[instance as usize];
-        let (grid, first) = if carried { (&self.carried, self.fixed.len()) } else { (&self.fixed, 0) };
+        let (surfels, first) = self.surfels(carried);
         let mut sum = Vec3::ZERO;
-        grid.splat(surface.position, surface.geometric_normal, carried.then_some(instance), |anchor, weight| {
-            sum += self.radiance[first + anchor] * weight;
+        surfels.splat(&spot(surface, carried.then_some(instance)), |surfel, weight| {
+            sum += self.radiance[first + surfel] * weight;
         });
         sum
     }
@@ -177,16 +176,21 @@ impl Gather {
         if !surface.front && !surface.double_sided {
             return;
         }
-        let (grid, first) = if carried { (&self.carried, self.fixed.len()) } else { (&self.fixed, 0) };
+        let (surfels, first) = self.surfels(carried);
         let mut nearest = (0, 0.0);
-        grid.splat(surface.position, surface.geometric_normal, carried.then_some(instance), |anchor, weight| {
+        surfels.splat(&spot(surface, carried.then_some(instance)), |surfel, weight| {
             if weight > nearest.1 {
-                nearest = (anchor, weight);
+                nearest = (surfel, weight);
             }
         });
         if nearest.1 > 0.0 {
-            found.sources.push(Source { anchor: (first + nearest.0) as u32, ..source });
+            found.sources.push(Source { surfel: (first + nearest.0) as u32, ..source });
         }
+    }
+
+    /// Those of what moves or of what stands still, and the place of the first in `radiance`.
+    fn surfels(&self, carried: bool) -> (&SurfelMap, usize) {
+        if carried { (&self.carried, self.fixed.len()) } else { (&self.fixed, 0) }
     }
 
     /// Irradiance that softening took at the place of `found`, with this frame's energies \[W·m⁻²\], and its derivative by
@@ -194,7 +198,7 @@ impl Gather {
     pub fn removed_light(&self, found: &Surroundings) -> (Vec3, Mat3A) {
         let (mut sum, mut by_position) = (found.emitted, found.emitted_by_position);
         for source in &found.sources {
-            let radiance = self.radiance[source.anchor as usize];
+            let radiance = self.radiance[source.surfel as usize];
             sum += radiance * source.share;
             by_position += outer(radiance, source.by_position);
         }
@@ -206,22 +210,15 @@ impl Gather {
 /// finite edge on.
 const MIN_COSINE: f32 = 0.05;
 
+/// Where a surface stands among the surfels; of one instance alone, if that moves.
+fn spot(surface: &Surface, instance: Option<u32>) -> Spot {
+    Spot { position: surface.position, normal: surface.geometric_normal, instance, came: None }
+}
+
 /// `a · bᵀ`.
 fn outer(a: Vec3, b: Vec3A) -> Mat3A {
     let a = Vec3A::from(a);
     Mat3A::from_cols(a * b.x, a * b.y, a * b.z)
-}
-
-/// Radiance around each of `anchors`, by the kernel that photons are shared out with.
-fn around(grid: &AnchorGrid, anchors: &[Anchor], flux: &[Vec3], area_share: f32, own_instance: bool) -> Vec<Vec3> {
-    let per_flux = 1.0 / (PI * area_share.max(f32::MIN_POSITIVE));
-    let mean = |anchor: &Anchor| {
-        let mut sum = Vec3::ZERO;
-        let instance = own_instance.then_some(anchor.instance);
-        grid.splat(anchor.position, anchor.normal, instance, |near, weight| sum += flux[near] * weight);
-        sum * per_flux
-    };
-    anchors.iter().map(mean).collect()
 }
 
 #[cfg(test)]
@@ -255,10 +252,12 @@ mod tests {
         let pose: Pose = scene.pose(0.0);
         let surfaces = Surfaces::new(scene, &pose);
         let anchors = Anchors::spread(scene, &surfaces, &Units::of(scene), 4000, 0);
-        let flux = Vec3::splat(RADIANCE * PI * anchors.area_share);
+        let count = anchors.surfels.fixed.len();
+        let area = anchors.area_share * anchors.fixed.len() as f32;
         let energies = Energies {
-            fixed: vec![flux; anchors.fixed.len()],
+            fixed: Vec::new(),
             carried: Vec::new(),
+            surfels: [vec![Vec3::splat(RADIANCE * PI * area / count as f32); count], Vec::new()],
             emitted: Vec3::ZERO,
             reflected: Vec3::ZERO,
             lost: Vec3::ZERO,

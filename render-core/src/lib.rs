@@ -24,7 +24,7 @@ pub mod image_file;
 pub mod sampling;
 
 pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
-pub use anchor::{Anchor, AnchorGrid, Anchors, CarriedAnchor};
+pub use anchor::{Anchor, Anchors, CarriedAnchor};
 pub use bsdf::{Bsdf, BsdfSample};
 pub use busy::Busy;
 pub use direct::{DirectLights, Receiver};

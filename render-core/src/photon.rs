@@ -1,4 +1,4 @@
-//! Photons walk from the lights through the scene and leave their energy at the anchors.
+//! Photons walk from the lights through the scene and leave their energy at the surfels, which feed the anchors.
 //!
 //! The same Halton numbers are used for every frame: where nothing moves, the energies are the same to
 //! the last bit, and where something does, they change as little as the scene \[Herzog08, 4.1.1\].
@@ -14,7 +14,7 @@ mod swept;
 pub use swept::Swept;
 
 use crate::accel::Accelerator;
-use crate::anchor::{AnchorGrid, Anchors};
+use crate::anchor::{Anchors, SurfelMap};
 use crate::emitter::Emitters;
 use crate::surface::Surfaces;
 use crate::{Busy, Units};
@@ -26,15 +26,17 @@ use rayon::prelude::*;
 /// What the photons of one frame left behind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Energies {
-    /// Flux that the surface around each fixed anchor sends back \[W\], linear RGB.
+    /// Flux that each fixed anchor shines with \[W\], linear RGB: what its surfels send farther than their neighbourhood.
     pub fixed: Vec<Vec3>,
     /// The same for the carried anchors.
     pub carried: Vec<Vec3>,
+    /// Flux that the surface around each fixed surfel sends back, then around each carried one \[W\].
+    pub surfels: [Vec<Vec3>; 2],
     /// What was emitted \[W\].
     pub emitted: Vec3,
-    /// What all photons together were sent back with \[W\]: the sum that the anchors hold, to the quantum.
+    /// What all photons together were sent back with \[W\]: the sum that the surfels hold, to the quantum.
     pub reflected: Vec3,
-    /// What left the scene, met surfaces from behind, or was sent back by things too small for an anchor \[W\].
+    /// What left the scene, met surfaces from behind, or was sent back where there is no surfel \[W\].
     pub lost: Vec3,
     /// Photons that were traced for this frame; what the others leave was known.
     pub traced: u64,
@@ -91,9 +93,11 @@ impl Photons {
         units: &Units,
         busy: &Busy,
     ) -> Energies {
-        let empty = || Sums::new(anchors);
+        let carried = anchors.surfels.carried_in_world(surfaces);
+        let surfels: [&SurfelMap; 2] = [&anchors.surfels.fixed, &carried];
+        let empty = || Sums::new(surfels);
         let source = emitters.photons(surfaces.scene()).filter(|_| self.count > 0);
-        let Some(source) = source else { return empty().energies(Quantum::default(), 0) };
+        let Some(source) = source else { return empty().energies(Quantum::default(), 0, anchors, surfels) };
         let quantum = Quantum::of(source.powers());
         let walk = Walk {
             accelerator,
@@ -107,11 +111,6 @@ impl Photons {
             seed: self.seed,
             bounces: self.bounces,
         };
-        let carried = anchors.carried_in_world(surfaces);
-        let grids = [
-            AnchorGrid::new(&anchors.fixed, anchors.area_share),
-            AnchorGrid::new(&carried, anchors.carried_area_share),
-        ];
         let batches = (0..self.count.div_ceil(BATCH)).into_par_iter();
         let batch = |batch: u64| batch * BATCH..((batch + 1) * BATCH).min(self.count);
 
@@ -123,13 +122,13 @@ impl Photons {
                     let mut path = Path::default();
                     for &index in indices {
                         walk.follow(index.into(), &mut path);
-                        sums.take(&path, &grids, quantum);
+                        sums.take(&path, surfels, quantum);
                     }
                 });
                 sums
             });
             let sums = fold.reduce(empty, Sums::plus).plus(settled.sums.clone());
-            return sums.energies(quantum, settled.others.len() as u64);
+            return sums.energies(quantum, settled.others.len() as u64, anchors, surfels);
         }
         let Some(swept) = &self.swept else {
             let fold = batches.fold(empty, |mut sums, place| {
@@ -137,12 +136,12 @@ impl Photons {
                     let mut path = Path::default();
                     for index in batch(place) {
                         walk.follow(index, &mut path);
-                        sums.take(&path, &grids, quantum);
+                        sums.take(&path, surfels, quantum);
                     }
                 });
                 sums
             });
-            return fold.reduce(empty, Sums::plus).energies(quantum, self.count);
+            return fold.reduce(empty, Sums::plus).energies(quantum, self.count, anchors, surfels);
         };
         // The first frame with something to keep: photons that stay are summed apart from the others.
         let apart = || (empty(), empty(), Vec::new());
@@ -152,10 +151,10 @@ impl Photons {
                 for index in batch(place) {
                     walk.follow(index, &mut path);
                     if path.meets(swept) {
-                        change.take(&path, &grids, quantum);
+                        change.take(&path, surfels, quantum);
                         others.push(index as u32);
                     } else {
-                        stay.take(&path, &grids, quantum);
+                        stay.take(&path, surfels, quantum);
                     }
                 }
             });
@@ -163,7 +162,7 @@ impl Photons {
         });
         let (stay, change, mut others) = fold.reduce(apart, |a, b| (a.0.plus(b.0), a.1.plus(b.1), [a.2, b.2].concat()));
         others.sort_unstable();
-        let energies = stay.clone().plus(change).energies(quantum, self.count);
+        let energies = stay.clone().plus(change).energies(quantum, self.count, anchors, surfels);
         self.settled = Some(Settled { powers: source.powers().to_vec(), sums: stay, others });
         energies
     }

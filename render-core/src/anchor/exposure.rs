@@ -1,23 +1,59 @@
-//! Which places of a surface light can leave at all.
+//! Which places of a surface light can leave at all, and how far it gets from there.
 //!
 //! Much of the area of a modelled scene is out of reach: the floor under a column, a wall behind its moulding, the outside
 //! of a shell. An anchor there would take its share of the energy that photons leave around it, and never give it back.
 
-use super::{Anchor, Anchors};
+use super::{Anchor, Anchors, Surfels};
 use crate::Units;
 use crate::accel::Accelerator;
-use crate::sampling::{cosine_hemisphere, sobol_point};
+use crate::sampling::{cosine_hemisphere, hash_unit, sobol_point};
 use crate::scene::Scene;
 use crate::surface::Surfaces;
+use glam::Vec2;
 use rayon::prelude::*;
 
 /// Rays that look out from a place.
 const LOOKS: u64 = 32;
 /// A place is exposed if at least one in so many of them gets out.
-const ONE_IN: usize = 8;
+const ONE_IN: u64 = 8;
 /// A ray gets out if it goes at least this far, in units of the side of an anchor's share: it is nearer things that stand
 /// between an anchor and the neighbours it shares energy with.
 const NEAR: f32 = 0.1;
+
+/// How far light gets from a place, by cosine-distributed rays.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Outlook {
+    /// Share of the rays that go farther than the side of an anchor's share, softly: mean of r² / (r² + softening).
+    pub openness: f32,
+    /// Whether enough of them get out.
+    pub exposed: bool,
+    /// Rays by length, [`OCTAVES`] to a bin; the last holds those that meet nothing.
+    lengths: [u8; BINS],
+}
+
+const BINS: usize = 12;
+/// Octaves of distance in a bin.
+const OCTAVES: f32 = 2.0;
+/// log₂ of the length from which on the second bin begins \[m\]: 1 mm.
+const FIRST: f32 = -10.0;
+/// What a place gets of light that came as far as none of its rays go, in rays.
+const UNLIKELY: f32 = 0.125;
+
+impl Outlook {
+    /// The bin of a length \[m\].
+    #[inline]
+    pub fn bin(length: f32) -> usize {
+        // Negative values become 0; infinity the last.
+        (((length.log2() - FIRST) / OCTAVES + 1.0) as usize).min(BINS - 1)
+    }
+
+    /// How likely light arrives from about as far as `bin` says: the rays of this bin and those beside it, and never zero.
+    #[inline]
+    pub fn likelihood_of(&self, bin: usize) -> f32 {
+        let about = &self.lengths[bin.saturating_sub(1)..(bin + 2).min(BINS)];
+        about.iter().map(|&rays| f32::from(rays)).sum::<f32>() + UNLIKELY
+    }
+}
 
 impl Anchors {
     /// As [`Anchors::spread`], over the exposed parts of what stands still: as many of the `fixed` anchors as can be, each
@@ -30,32 +66,65 @@ impl Anchors {
         fixed: usize,
         carried: usize,
     ) -> Self {
-        let first = Self::spread(scene, surfaces, units, fixed, carried).only_exposed(surfaces, accelerator);
-        if first.fixed.len() == fixed || first.fixed.is_empty() {
-            return first;
+        let spread = |fixed| {
+            let mut anchors = Self::without_surfels(scene, surfaces, units, fixed, carried);
+            let eye = Eye { surfaces, accelerator, side: anchors.area_share.sqrt(), near: NEAR };
+            let outlooks = eye.outlooks(&anchors.fixed);
+            let exposed: Vec<_> = anchors.fixed.iter().zip(outlooks).filter(|(_, outlook)| outlook.exposed).collect();
+            let (places, outlooks) = exposed.into_iter().map(|(anchor, outlook)| (*anchor, outlook)).unzip();
+            anchors.fixed = places;
+            (anchors, outlooks)
+        };
+        let mut first: (Self, Vec<Outlook>) = spread(fixed);
+        if first.0.fixed.len() != fixed && !first.0.fixed.is_empty() {
+            // The share that is exposed is known now: so many more anchors, and about the number asked for remains.
+            first = spread((fixed as f64 * fixed as f64 / first.0.fixed.len() as f64).round() as usize);
         }
-        // The share that is exposed is known now: so many more anchors, and about the number asked for remains.
-        let more = (fixed as f64 * fixed as f64 / first.fixed.len() as f64).round() as usize;
-        Self::spread(scene, surfaces, units, more, carried).only_exposed(surfaces, accelerator)
-    }
-
-    fn only_exposed(mut self, surfaces: &Surfaces, accelerator: &Accelerator) -> Self {
-        let near = NEAR * self.area_share.sqrt();
-        let exposed: Vec<bool> =
-            self.fixed.par_iter().map(|anchor| is_exposed(anchor, surfaces, accelerator, near)).collect();
-        let mut exposed = exposed.into_iter();
-        self.fixed.retain(|_| exposed.next().unwrap_or(true));
-        self
+        let (anchors, outlooks) = first;
+        let surfels = Surfels::of_exposed(&anchors, &outlooks, surfaces, accelerator, units);
+        Self { surfels, ..anchors }
     }
 }
 
-/// Whether enough of the rays from `anchor` go farther than `near` and end in the open or on a side that reflects.
-fn is_exposed(anchor: &Anchor, surfaces: &Surfaces, accelerator: &Accelerator, near: f32) -> bool {
-    let gets_out = |index: &u64| {
-        let direction = cosine_hemisphere(anchor.normal.into(), sobol_point(*index)).into();
-        let Some(hit) = accelerator.closest(anchor.position, direction) else { return true };
-        let surface = surfaces.at(&hit, direction, 0.0);
-        hit.distance >= near && (surface.front || surface.double_sided)
-    };
-    (0..LOOKS).filter(gets_out).count() * ONE_IN >= LOOKS as usize
+/// What looks around.
+pub(super) struct Eye<'a> {
+    pub surfaces: &'a Surfaces<'a>,
+    pub accelerator: &'a Accelerator,
+    /// Side of an anchor's share \[m\].
+    pub side: f32,
+    /// How far rays have to go to get out, in sides.
+    pub near: f32,
+}
+
+impl Eye<'_> {
+    pub fn outlooks(&self, places: &[Anchor]) -> Vec<Outlook> {
+        places.par_iter().enumerate().map(|(index, place)| self.outlook(place, index as u64)).collect()
+    }
+
+    /// The look from `place`, with rays turned by an angle that follows from `index`. What ends on a side that does not
+    /// reflect is lost.
+    fn outlook(&self, place: &Anchor, index: u64) -> Outlook {
+        let (softening, near) = (self.side * self.side / std::f32::consts::PI, self.near * self.side);
+        let turn = hash_unit(index, 0, 0);
+        let (mut found, mut out, mut openness) = (Outlook::default(), 0, 0.0);
+        for k in 0..LOOKS {
+            let u = sobol_point(k);
+            let direction = cosine_hemisphere(place.normal.into(), Vec2::new(u.x, (u.y + turn).fract())).into();
+            let (length, reflects) = match self.accelerator.closest(place.position, direction) {
+                None => (f32::INFINITY, true),
+                Some(hit) => {
+                    let surface = self.surfaces.at(&hit, direction, 0.0);
+                    (hit.distance, surface.front || surface.double_sided)
+                }
+            };
+            if reflects {
+                out += u64::from(length >= near);
+                openness += 1.0 / (1.0 + softening / (length * length));
+                found.lengths[Outlook::bin(length)] += 1;
+            }
+        }
+        found.openness = openness / LOOKS as f32;
+        found.exposed = out * ONE_IN >= LOOKS;
+        found
+    }
 }

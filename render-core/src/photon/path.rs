@@ -2,6 +2,7 @@
 
 use super::Swept;
 use crate::accel::Accelerator;
+use crate::anchor::Spot;
 use crate::emitter::{EMISSION_DIMENSIONS, PhotonSource};
 use crate::luminance;
 use crate::sampling::{cosine_hemisphere, halton};
@@ -38,6 +39,16 @@ pub(super) struct Reflection {
     pub flux: Vec3,
     /// The moving instance it was reflected by.
     pub carrier: Option<u32>,
+    /// How far it came from the reflection before, or from its light \[m\].
+    came: f32,
+}
+
+impl Reflection {
+    /// Where its energy is shared out.
+    pub fn spot(&self) -> Spot {
+        let Self { position, normal, carrier, came, .. } = *self;
+        Spot { position, normal, instance: carrier, came: Some(came) }
+    }
 }
 
 /// A photon's way; kept from one photon to the next for its memory.
@@ -86,6 +97,7 @@ impl Walk<'_> {
                 normal: surface.geometric_normal,
                 flux: reflected,
                 carrier: self.moving[hit.instance as usize].then_some(hit.instance),
+                came: if bounce == 0 && start.distant { f32::INFINITY } else { hit.distance },
             });
             let u = |k| halton(self.seed, index, EMISSION_DIMENSIONS + bounce * BOUNCE_DIMENSIONS + k);
             let survival = (luminance(reflected) / luminance(flux)).clamp(0.0, 0.95);

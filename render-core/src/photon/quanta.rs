@@ -2,7 +2,7 @@
 
 use super::Energies;
 use super::path::Path;
-use crate::anchor::{AnchorGrid, Anchors};
+use crate::anchor::{Anchors, SurfelMap};
 use glam::Vec3;
 
 /// Quanta in the largest power of all lights together: 2⁴⁸ leave room for sums of 2¹⁵ times as much, and divide the
@@ -53,7 +53,7 @@ impl Quanta {
 /// What some of the photons left.
 #[derive(Clone, Debug)]
 pub(super) struct Sums {
-    /// At the fixed and at the carried anchors.
+    /// At the fixed and at the carried surfels.
     held: [Vec<Quanta>; 2],
     emitted: Quanta,
     reflected: Quanta,
@@ -62,35 +62,29 @@ pub(super) struct Sums {
 
 impl Sums {
     /// Nothing.
-    pub fn new(anchors: &Anchors) -> Self {
+    pub fn new(surfels: [&SurfelMap; 2]) -> Self {
         let none = Quanta::default();
-        Self {
-            held: [vec![none; anchors.fixed.len()], vec![none; anchors.carried.len()]],
-            emitted: none,
-            reflected: none,
-            lost: none,
-        }
+        Self { held: surfels.map(|surfels| vec![none; surfels.len()]), emitted: none, reflected: none, lost: none }
     }
 
-    /// Takes what the photon of `path` left at the anchors of `grids`, fixed and carried.
-    pub fn take(&mut self, path: &Path, grids: &[AnchorGrid; 2], quantum: Quantum) {
+    /// Takes what the photon of `path` left at the fixed and the carried `surfels`.
+    pub fn take(&mut self, path: &Path, surfels: [&SurfelMap; 2], quantum: Quantum) {
         self.emitted.add(quantum.count(path.emitted));
         self.lost.add(quantum.count(path.lost));
         for reflection in &path.reflections {
             let kind = usize::from(reflection.carrier.is_some());
             let whole = quantum.count(reflection.flux);
-            // The last anchor also takes what rounding left of the others: nothing gets lost.
+            // The last surfel also takes what rounding left of the others: nothing gets lost.
             let (mut rest, mut last) = (whole, None);
             let held = &mut self.held[kind];
-            let taken =
-                grids[kind].splat(reflection.position, reflection.normal, reflection.carrier, |anchor, weight| {
-                    let part = quantum.count(reflection.flux * weight);
-                    held[anchor].add(part);
-                    rest.subtract(part);
-                    last = Some(anchor);
-                });
-            if let Some(anchor) = last.filter(|_| taken) {
-                held[anchor].add(rest);
+            let taken = surfels[kind].splat(&reflection.spot(), |surfel, weight| {
+                let part = quantum.count(reflection.flux * weight);
+                held[surfel].add(part);
+                rest.subtract(part);
+                last = Some(surfel);
+            });
+            if let Some(surfel) = last.filter(|_| taken) {
+                held[surfel].add(rest);
                 self.reflected.add(whole);
             } else {
                 self.lost.add(whole);
@@ -110,11 +104,13 @@ impl Sums {
     }
 
     /// In watts.
-    pub fn energies(&self, quantum: Quantum, traced: u64) -> Energies {
-        let [fixed, carried] = self.held.each_ref().map(|held| held.iter().map(|&q| quantum.watts(q)).collect());
+    pub fn energies(&self, quantum: Quantum, traced: u64, anchors: &Anchors, surfels: [&SurfelMap; 2]) -> Energies {
+        let watts = |held: &Vec<Quanta>| -> Vec<Vec3> { held.iter().map(|&q| quantum.watts(q)).collect() };
+        let [fixed, carried] = self.held.each_ref().map(watts);
         Energies {
-            fixed,
-            carried,
+            fixed: surfels[0].anchor_flux(&fixed, anchors.fixed.len()),
+            carried: surfels[1].anchor_flux(&carried, anchors.carried.len()),
+            surfels: [fixed, carried],
             emitted: quantum.watts(self.emitted),
             reflected: quantum.watts(self.reflected),
             lost: quantum.watts(self.lost),

@@ -1,0 +1,242 @@
+//! Surfels: where photons leave their energy.
+//!
+//! Anchors are few, since each is a light. Light itself varies on a finer scale: at the edge of a sunlit patch, in the fold
+//! of a moulding, in the gap above a lamp. So photons are shared out among surfels, which lie closer together, and
+//!
+//! ```text
+//! Φ_a = Σ Φ_j · o_j / o_a                    over the surfels j that belong to anchor a
+//! L_j = Σ w_jk Φ_k / (π Σ w_jk A_k)          radiance around surfel j, from the surfels k around it
+//!   o     share of the light that gets out of the neighbourhood: mean of r² / (r² + softening) over all directions
+//!   w_jk  kernel            A_k  area that surfel k takes from, A Σ_i w_ik
+//! ```
+//!
+//! An anchor shines for what is far away, and what is near sees the surfels themselves ([`crate::gather`]). The ratio of the
+//! openness keeps what is caught in folds and gaps from shining out of an anchor that happens to lie outside of them.
+
+use super::exposure::{Eye, Outlook};
+use super::grid::Spot;
+use super::{Anchor, Anchors, CarriedAnchor, Grid, Patches};
+use crate::Units;
+use crate::accel::Accelerator;
+use crate::surface::Surfaces;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+/// Surfels to an anchor. The photons that there are by default, 150 to an anchor, leave a surfel's radiance a noise of a few
+/// per cent: the eight that a kernel holds share those of one anchor.
+const PER_ANCHOR: f32 = 8.0;
+/// An anchor that lies deeper in a fold than a surfel that belongs to it shines at most this much more than that sends out.
+const MOST_RATIO: f32 = 2.0;
+/// How far a look has to go to get out of a surfel's own surroundings, in sides of an anchor's share: as for anchors, but
+/// for their finer share.
+const NEAR: f32 = 0.03;
+
+/// The surfels of a scene.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Surfels {
+    /// Of what stands still.
+    pub fixed: Arc<SurfelMap>,
+    carried: Vec<CarriedAnchor>,
+    carried_area_share: f32,
+    carried_owners: Vec<Owner>,
+}
+
+/// Surfels at one time.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SurfelMap {
+    grid: Grid,
+    owners: Vec<Owner>,
+    /// For each surfel, where its entries in `around` begin; and the end of the last.
+    first: Vec<u32>,
+    /// Surfels, and their radiance around here for a unit of flux \[m⁻²·sr⁻¹\].
+    around: Vec<(u32, f32)>,
+}
+
+/// The anchor that shines with a surfel's energy.
+#[derive(Clone, Copy, Debug)]
+struct Owner {
+    anchor: Option<u32>,
+    /// Share of the energy that counts.
+    share: f32,
+}
+
+impl Surfels {
+    /// For the surfaces that `anchors` are spread over, all of them taken as open.
+    pub fn of(anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
+        let points = Self::points(surfaces, units, anchors.fixed.len(), anchors.area_share);
+        Self::assembled(anchors, points, &[], &[], surfaces, units)
+    }
+
+    /// For the exposed parts of them; the `outlooks` are those of the fixed anchors.
+    pub fn of_exposed(
+        anchors: &Anchors,
+        outlooks: &[Outlook],
+        surfaces: &Surfaces,
+        accelerator: &Accelerator,
+        units: &Units,
+    ) -> Self {
+        let points = Self::points(surfaces, units, anchors.fixed.len(), anchors.area_share);
+        let eye = Eye { surfaces, accelerator, side: anchors.area_share.sqrt(), near: NEAR };
+        let seen = eye.outlooks(&points);
+        let exposed = points.into_iter().zip(seen).filter(|(_, outlook)| outlook.exposed);
+        let (points, seen): (Vec<Anchor>, Vec<Outlook>) = exposed.unzip();
+        Self::assembled(anchors, points, &seen, outlooks, surfaces, units)
+    }
+
+    /// Points over all that stands still; none without anchors.
+    fn points(surfaces: &Surfaces, units: &Units, anchors: usize, area_share: f32) -> Vec<Anchor> {
+        let Some(patches) = Patches::of(surfaces.scene(), surfaces, false).filter(|_| anchors > 0) else {
+            return Vec::new();
+        };
+        let count = (PER_ANCHOR * patches.area() / area_share).round() as usize;
+        patches.spread(count, units).iter().map(|point| point.in_world(surfaces)).collect()
+    }
+
+    fn assembled(
+        anchors: &Anchors,
+        points: Vec<Anchor>,
+        seen: &[Outlook],
+        seen_by_anchors: &[Outlook],
+        surfaces: &Surfaces,
+        units: &Units,
+    ) -> Self {
+        let grid = Grid::new(&anchors.fixed, &[], anchors.area_share);
+        let openness = |outlooks: &[Outlook], i: usize| outlooks.get(i).map_or(1.0, |outlook| outlook.openness);
+        let owner = |(j, point)| {
+            let own = openness(seen, j);
+            // An anchor as open as the surfel, rather than one deep in a fold beside it.
+            let rating = |a: usize| (openness(seen_by_anchors, a) / own.max(f32::MIN_POSITIVE)).min(1.0);
+            let anchor = grid.best(&Spot::of(point, false), rating);
+            let share = anchor.map_or(0.0, |a| (own / openness(seen_by_anchors, a)).min(MOST_RATIO));
+            Owner { anchor: anchor.map(|a| a as u32), share }
+        };
+        let owners = points.par_iter().enumerate().map(|(j, point)| owner((j, point))).collect();
+        let fixed = SurfelMap::new(&points, seen, owners, anchors.area_share / PER_ANCHOR, false);
+
+        let patches = Patches::of(surfaces.scene(), surfaces, true).filter(|_| !anchors.carried.is_empty());
+        let carried = patches
+            .map_or(Vec::new(), |patches| patches.spread((PER_ANCHOR * anchors.carried.len() as f32) as usize, units));
+        let grid = Grid::new(&anchors.carried_in_world(surfaces), &[], anchors.carried_area_share);
+        let owner = |point: &CarriedAnchor| {
+            let anchor = grid.best(&Spot::of(&point.in_world(surfaces), true), |_| 1.0);
+            Owner { anchor: anchor.map(|a| a as u32), share: 1.0 }
+        };
+        let carried_owners = carried.iter().map(owner).collect();
+        let carried_area_share = anchors.carried_area_share / PER_ANCHOR;
+        Self { fixed: Arc::new(fixed), carried, carried_area_share, carried_owners }
+    }
+
+    /// Those of what moves, at the pose that `surfaces` has.
+    pub fn carried_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
+        let points: Vec<Anchor> = self.carried.iter().map(|point| point.in_world(surfaces)).collect();
+        SurfelMap::new(&points, &[], self.carried_owners.clone(), self.carried_area_share, true)
+    }
+}
+
+impl Spot {
+    /// At `point`, for its own instance alone or for all.
+    fn of(point: &Anchor, own_instance: bool) -> Self {
+        let Anchor { position, normal, instance } = *point;
+        Self { position, normal, instance: own_instance.then_some(instance), came: None }
+    }
+}
+
+impl SurfelMap {
+    fn new(points: &[Anchor], outlooks: &[Outlook], owners: Vec<Owner>, area_share: f32, own_instance: bool) -> Self {
+        let grid = Grid::new(points, outlooks, area_share);
+        let weights: Vec<Vec<(u32, f32)>> = points
+            .par_iter()
+            .map(|point| {
+                let mut near = Vec::new();
+                grid.splat(&Spot::of(point, own_instance), |k, weight| near.push((k as u32, weight)));
+                near
+            })
+            .collect();
+        let mut areas = vec![0.0f32; points.len()];
+        weights.iter().flatten().for_each(|&(k, weight)| areas[k as usize] += weight * area_share);
+        let (mut first, mut around) = (vec![0], Vec::new());
+        for near in &weights {
+            let area: f32 = near.iter().map(|&(k, weight)| weight * areas[k as usize]).sum();
+            let per_flux = 1.0 / (PI * area.max(f32::MIN_POSITIVE));
+            around.extend(near.iter().map(|&(k, weight)| (k, weight * per_flux)));
+            first.push(around.len() as u32);
+        }
+        Self { grid, owners, first, around }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.grid.len()
+    }
+
+    /// Calls `give(surfel, weight)` for the surfels that share what is left at `spot`; the weights sum to 1. Returns false
+    /// if there is none.
+    #[inline]
+    pub fn splat(&self, spot: &Spot, give: impl FnMut(usize, f32)) -> bool {
+        self.grid.splat(spot, give)
+    }
+
+    /// Flux of each of `anchors` anchors, from that of the surfels \[W\].
+    pub fn anchor_flux(&self, flux: &[Vec3], anchors: usize) -> Vec<Vec3> {
+        let mut sums = vec![Vec3::ZERO; anchors];
+        for (owner, &flux) in self.owners.iter().zip(flux) {
+            if let Some(anchor) = owner.anchor {
+                sums[anchor as usize] += flux * owner.share;
+            }
+        }
+        sums
+    }
+
+    /// Radiance around each surfel \[W·m⁻²·sr⁻¹\], from the flux of all \[W\].
+    pub fn radiance(&self, flux: &[Vec3]) -> Vec<Vec3> {
+        let one = |bounds: &[u32]| {
+            let around = &self.around[bounds[0] as usize..bounds[1] as usize];
+            around.iter().map(|&(k, per_flux)| flux[k as usize] * per_flux).sum()
+        };
+        self.first.par_windows(2).with_min_len(1024).map(one).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::hash_unit;
+    use glam::Vec3A;
+
+    /// 40 × 40 points of a floor, each moved a little.
+    fn floor() -> Vec<Anchor> {
+        let jitter = |k: u64, axis| (hash_unit(3, k, axis) - 0.5) * 0.9;
+        let place = |k: u64| Vec3A::new((k % 40) as f32 + jitter(k, 0), 0.0, (k / 40) as f32 + jitter(k, 1));
+        (0..1600).map(|k| Anchor { position: place(k), normal: Vec3A::Y, instance: 0 }).collect()
+    }
+
+    /// An evenly lit floor shines evenly, however uneven the surfels are that hold its light.
+    #[test]
+    fn uneven_surfels_of_an_even_floor_have_its_radiance() {
+        let points = floor();
+        let owners = vec![Owner { anchor: None, share: 0.0 }; points.len()];
+        let map = SurfelMap::new(&points, &[], owners, 1.0, false);
+        let mut flux = vec![Vec3::ZERO; points.len()];
+        let spots = 400_000;
+        for k in 0..spots {
+            let position = Vec3A::new(hash_unit(1, k, 0), 0.0, hash_unit(1, k, 1)) * 39.0;
+            let spot = Spot { position, normal: Vec3A::Y, instance: None, came: None };
+            let one = PI * 39.0 * 39.0 / spots as f32;
+            assert!(map.splat(&spot, |surfel, weight| flux[surfel] += Vec3::splat(one * weight)));
+        }
+        let radiance = map.radiance(&flux);
+        let inner = |k: usize| (3..37).contains(&(k % 40)) && (3..37).contains(&(k / 40));
+        let spread = |of: &dyn Fn(usize) -> f32| {
+            let inside: Vec<f32> = (0..points.len()).filter(|&k| inner(k)).map(of).collect();
+            let mean = inside.iter().sum::<f32>() / inside.len() as f32;
+            (mean, (inside.iter().map(|x| (x / mean - 1.0).powi(2)).sum::<f32>() / inside.len() as f32).sqrt())
+        };
+        let (mean, even) = spread(&|k| radiance[k].x);
+        let (_, uneven) = spread(&|k| flux[k].x);
+        println!("mean radiance {mean}, spread {even}; of the flux {uneven}");
+        assert!((mean - 1.0).abs() < 0.02, "{mean}");
+        assert!(even < 0.1 && even < uneven / 2.0, "{even}, {uneven}");
+    }
+}
