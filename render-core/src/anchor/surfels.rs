@@ -24,8 +24,7 @@ use rayon::prelude::*;
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// Surfels to an anchor. The photons that there are by default, 150 to an anchor, leave a surfel's radiance a noise of a few
-/// per cent: the eight that a kernel holds share those of one anchor.
+/// Surfels to an anchor: a kernel that is expected to hold eight of them holds the share of one anchor.
 const PER_ANCHOR: f32 = 8.0;
 /// An anchor that lies deeper in a fold than a surfel that belongs to it shines at most this much more than that sends out.
 const MOST_RATIO: f32 = 2.0;
@@ -196,47 +195,5 @@ impl SurfelMap {
             around.iter().map(|&(k, per_flux)| flux[k as usize] * per_flux).sum()
         };
         self.first.par_windows(2).with_min_len(1024).map(one).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::sampling::hash_unit;
-    use glam::Vec3A;
-
-    /// 40 × 40 points of a floor, each moved a little.
-    fn floor() -> Vec<Anchor> {
-        let jitter = |k: u64, axis| (hash_unit(3, k, axis) - 0.5) * 0.9;
-        let place = |k: u64| Vec3A::new((k % 40) as f32 + jitter(k, 0), 0.0, (k / 40) as f32 + jitter(k, 1));
-        (0..1600).map(|k| Anchor { position: place(k), normal: Vec3A::Y, instance: 0 }).collect()
-    }
-
-    /// An evenly lit floor shines evenly, however uneven the surfels are that hold its light.
-    #[test]
-    fn uneven_surfels_of_an_even_floor_have_its_radiance() {
-        let points = floor();
-        let owners = vec![Owner { anchor: None, share: 0.0 }; points.len()];
-        let map = SurfelMap::new(&points, &[], owners, 1.0, false);
-        let mut flux = vec![Vec3::ZERO; points.len()];
-        let spots = 400_000;
-        for k in 0..spots {
-            let position = Vec3A::new(hash_unit(1, k, 0), 0.0, hash_unit(1, k, 1)) * 39.0;
-            let spot = Spot { position, normal: Vec3A::Y, instance: None, came: None };
-            let one = PI * 39.0 * 39.0 / spots as f32;
-            assert!(map.splat(&spot, |surfel, weight| flux[surfel] += Vec3::splat(one * weight)));
-        }
-        let radiance = map.radiance(&flux);
-        let inner = |k: usize| (3..37).contains(&(k % 40)) && (3..37).contains(&(k / 40));
-        let spread = |of: &dyn Fn(usize) -> f32| {
-            let inside: Vec<f32> = (0..points.len()).filter(|&k| inner(k)).map(of).collect();
-            let mean = inside.iter().sum::<f32>() / inside.len() as f32;
-            (mean, (inside.iter().map(|x| (x / mean - 1.0).powi(2)).sum::<f32>() / inside.len() as f32).sqrt())
-        };
-        let (mean, even) = spread(&|k| radiance[k].x);
-        let (_, uneven) = spread(&|k| flux[k].x);
-        println!("mean radiance {mean}, spread {even}; of the flux {uneven}");
-        assert!((mean - 1.0).abs() < 0.02, "{mean}");
-        assert!(even < 0.1 && even < uneven / 2.0, "{even}, {uneven}");
     }
 }
