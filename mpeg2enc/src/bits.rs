@@ -26,6 +26,16 @@ pub(crate) trait BitSink {
     /// Bits taken so far.
     fn bits(&self) -> u64;
 
+    /// Is the number of bits all that is wanted?
+    fn only_counts(&self) -> bool {
+        false
+    }
+
+    /// Takes `bits` bits whose values do not matter; only for sinks that only count.
+    fn count(&mut self, bits: u32) {
+        unreachable!("{bits} bits without values for a sink that keeps them");
+    }
+
     /// Takes a code word.
     #[inline]
     fn put_code(&mut self, vlc: Vlc) {
@@ -87,6 +97,15 @@ impl BitSink for BitCounter {
     #[inline]
     fn put(&mut self, _value: u32, length: u32) {
         self.0 += u64::from(length);
+    }
+
+    fn only_counts(&self) -> bool {
+        true
+    }
+
+    #[inline]
+    fn count(&mut self, bits: u32) {
+        self.0 += u64::from(bits);
     }
 
     fn bits(&self) -> u64 {

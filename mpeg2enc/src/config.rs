@@ -1,6 +1,9 @@
 //! What to encode: plain values, checked once.
 
-use crate::{Encoder, Level};
+use crate::{
+    CoefficientTable, Effort, Encoder, Frame, Level, LookaheadEncoder, MotionField,
+    quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
+};
 
 /// The largest distance of I pictures: no macroblock is predicted more than 131 times before it is coded intra again,
 /// so that the differences of inverse transforms, which the standard allows, do not add up without end.
@@ -31,6 +34,23 @@ pub enum ConfigError {
     GroupOfPictures {
         /// The distance asked for.
         pictures: u32,
+    },
+    /// More B pictures in a row than are allowed.
+    #[error("{pictures} B pictures in a row are not allowed; use 0 to {B_PICTURES_MAX}")]
+    BPictures {
+        /// The number asked for.
+        pictures: u32,
+    },
+    /// B pictures wait for later ones, which an encoder without delay cannot.
+    #[error("B pictures need frames that come later: use Config::lookahead_encoder, or 0 B pictures")]
+    NeedsLookahead,
+    /// A weight that a matrix may not have.
+    #[error("a weight of {value} at place {place} of a matrix is not allowed; weights are 1 to 255, the first intra weight is 8")]
+    Matrix {
+        /// Place in raster order.
+        place: usize,
+        /// The weight.
+        value: u8,
     },
     /// Neither table of quantiser_scale_code has the value.
     #[error("quantiser_scale {value} does not exist; nearest are {nearest} and {second}")]
@@ -145,6 +165,17 @@ pub struct QuantiserScaleCode {
     pub code: u8,
 }
 
+/// quantiser_scale of a code (Table 7-6).
+pub(crate) fn quantiser_scale_of(code: QuantiserScaleCode) -> u32 {
+    if code.q_scale_type { NON_LINEAR[usize::from(code.code) - 1] } else { 2 * u32::from(code.code) }
+}
+
+/// The quantiser_scale_code whose scale is nearest to one in sixteenths.
+pub(crate) fn nearest_code(q_scale_type: bool, scale_x16: u32) -> u8 {
+    let distance = |&code: &u8| (16 * quantiser_scale_of(QuantiserScaleCode { q_scale_type, code })).abs_diff(scale_x16);
+    (1..=31).min_by_key(distance).expect("31 codes")
+}
+
 /// The code of a quantiser_scale (7.4.2.2, Table 7-6): even values to 62 by the linear table, others by the non-linear.
 ///
 /// ```
@@ -179,7 +210,21 @@ pub struct Config {
     pub(crate) quantiser_scale: u32,
     pub(crate) intra_dc_precision: u32,
     pub(crate) level: Option<Level>,
+    pub(crate) effort: Effort,
+    pub(crate) b_pictures: u32,
+    pub(crate) closed_gop: bool,
+    pub(crate) scene_cuts: bool,
+    pub(crate) uniform_quantiser: bool,
+    pub(crate) alternate_scan: bool,
+    pub(crate) intra_table: CoefficientTable,
+    pub(crate) intra_matrix: [u8; 64],
+    pub(crate) non_intra_matrix: [u8; 64],
 }
+
+/// The most B pictures in a row: vectors would reach too far.
+pub(crate) const B_PICTURES_MAX: u32 = 7;
+/// Frames that [`LookaheadEncoder`] waits for: beyond a few dozen, what is inherited no longer changes.
+const LOOKAHEAD: usize = 30;
 
 impl Config {
     /// Pictures of this size, in luma samples: an I picture every 15, quantiser_scale 8, intra DC of 8 bits.
@@ -187,7 +232,24 @@ impl Config {
     /// Width and height go from 1 to 16383. A multiple of 4096 cannot be written as horizontal_size or vertical_size
     /// (6.3.3): it is coded as one sample more, which decoders that do not look at the display size will show.
     pub fn new(width: usize, height: usize, frame_rate: FrameRate) -> Self {
-        Self { width, height, frame_rate, gop: 15, quantiser_scale: 8, intra_dc_precision: 8, level: None }
+        Self {
+            width,
+            height,
+            frame_rate,
+            gop: 15,
+            quantiser_scale: 8,
+            intra_dc_precision: 8,
+            level: None,
+            effort: Effort::default(),
+            b_pictures: 0,
+            closed_gop: false,
+            scene_cuts: true,
+            uniform_quantiser: false,
+            alternate_scan: false,
+            intra_table: CoefficientTable::default(),
+            intra_matrix: DEFAULT_INTRA_MATRIX,
+            non_intra_matrix: DEFAULT_NON_INTRA_MATRIX,
+        }
     }
 
     /// Distance between I pictures, 1 to 132.
@@ -210,13 +272,100 @@ impl Config {
         Self { level: Some(level), ..self }
     }
 
+    /// How much is tried for few bits.
+    pub fn with_effort(self, effort: Effort) -> Self {
+        Self { effort, ..self }
+    }
+
+    /// The most B pictures in a row, 0 to 7; more than 0 needs [`Config::lookahead_encoder`].
+    pub fn with_b_pictures(self, pictures: u32) -> Self {
+        Self { b_pictures: pictures, ..self }
+    }
+
+    /// Whether no group of pictures needs the group before: no B pictures in front of its I picture then.
+    pub fn with_closed_gop(self, closed: bool) -> Self {
+        Self { closed_gop: closed, ..self }
+    }
+
+    /// Whether [`LookaheadEncoder`] begins a group of pictures where a new scene begins. On unless switched off.
+    pub fn with_scene_cuts(self, scene_cuts: bool) -> Self {
+        Self { scene_cuts, ..self }
+    }
+
+    /// Whether [`LookaheadEncoder`] leaves the quantiser of I and P pictures the same everywhere.
+    pub fn with_uniform_quantiser(self, uniform: bool) -> Self {
+        Self { uniform_quantiser: uniform, ..self }
+    }
+
+    /// Whether coefficients are sent in the order of Figure 7-3, meant for interlace, instead of zig-zag.
+    pub fn with_alternate_scan(self, alternate: bool) -> Self {
+        Self { alternate_scan: alternate, ..self }
+    }
+
+    /// The table that coefficients of intra blocks are coded with (intra_vlc_format, 6.3.10).
+    pub fn with_intra_table(self, table: CoefficientTable) -> Self {
+        Self { intra_table: table, ..self }
+    }
+
+    /// Weighting matrices in raster order (6.3.11): weights of 1 to 255, the first of the intra matrix 8.
+    pub fn with_matrices(self, intra: [u8; 64], non_intra: [u8; 64]) -> Self {
+        Self { intra_matrix: intra, non_intra_matrix: non_intra, ..self }
+    }
+
+    /// May macroblocks have quantisers of their own?
+    pub(crate) fn varies(&self) -> bool {
+        !self.uniform_quantiser
+    }
+
+    /// Does quality follow what later pictures take over?
+    pub(crate) fn uses_tree(&self) -> bool {
+        !self.uniform_quantiser && self.effort != Effort::Fast
+    }
+
+    /// Are B pictures placed by content?
+    pub(crate) fn adapts_types(&self) -> bool {
+        self.effort != Effort::Fast
+    }
+
+    /// Frames that are waited for.
+    pub(crate) fn lookahead(&self) -> usize {
+        match self.effort {
+            Effort::Fast => self.b_pictures as usize,
+            _ => LOOKAHEAD,
+        }
+    }
+
+    pub(crate) fn check_input(&self, frame: &Frame, motion: Option<&MotionField>) {
+        let size = (self.width, self.height);
+        assert_eq!((frame.width(), frame.height()), size, "a frame of another size than the encoder's");
+        frame.check().unwrap_or_else(|error| panic!("{error}"));
+        if let Some(motion) = motion.map(MotionField::motion_px) {
+            assert_eq!((motion.width(), motion.height()), size, "a motion field of another size than the encoder's");
+        }
+    }
+
     /// The level that the stream will state; beyond High Level, where none is right, it states High.
     pub fn level(&self) -> Level {
         self.level.or_else(|| Level::lowest(self.width, self.height, self.frame_rate.fps())).unwrap_or(Level::High)
     }
 
-    /// Checks everything and starts an encoder.
+    /// Checks everything and starts an encoder without delay: I and P pictures, one quantiser for all macroblocks.
     pub fn encoder(self) -> Result<Encoder, ConfigError> {
+        if self.b_pictures > 0 {
+            return Err(ConfigError::NeedsLookahead);
+        }
+        let config = Self { uniform_quantiser: true, ..self };
+        config.check()?;
+        Ok(Encoder::new(config))
+    }
+
+    /// Checks everything and starts an encoder that may wait for later frames: I, P and B pictures.
+    pub fn lookahead_encoder(self) -> Result<LookaheadEncoder, ConfigError> {
+        self.check()?;
+        Ok(LookaheadEncoder::new(self))
+    }
+
+    fn check(&self) -> Result<(), ConfigError> {
         let (width, height, fps) = (self.width, self.height, self.frame_rate.fps());
         if !(1..=SIZE_MAX).contains(&width) || !(1..=SIZE_MAX).contains(&height) {
             return Err(ConfigError::Size { width, height });
@@ -232,7 +381,16 @@ impl Config {
             let lowest = Level::lowest(width, height, fps);
             return Err(ConfigError::Level { level, width, height, fps, lowest });
         }
-        Ok(Encoder::new(self))
+        if self.b_pictures > B_PICTURES_MAX {
+            return Err(ConfigError::BPictures { pictures: self.b_pictures });
+        }
+        for (matrix, first) in [(&self.intra_matrix, Some(8)), (&self.non_intra_matrix, None)] {
+            let wrong = |&(place, &value): &(usize, &u8)| value == 0 || place == 0 && first.is_some_and(|f| f != value);
+            if let Some((place, &value)) = matrix.iter().enumerate().find(wrong) {
+                return Err(ConfigError::Matrix { place, value });
+            }
+        }
+        Ok(())
     }
 }
 

@@ -2,7 +2,9 @@
 
 use crate::{
     bits::{BitSink, BitWriter},
-    config::{Config, QuantiserScaleCode},
+    config::Config,
+    quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX, QuantiserParameters},
+    scan::ZIGZAG,
 };
 
 const PICTURE_START_CODE: u8 = 0x00;
@@ -16,7 +18,7 @@ const SEQUENCE_DISPLAY_EXTENSION_ID: u32 = 2;
 const PICTURE_CODING_EXTENSION_ID: u32 = 8;
 
 /// vbv_delay of a stream of variable bit rate (6.3.9).
-const VBV_DELAY_VARIABLE: u32 = 0xffff;
+pub(crate) const VBV_DELAY_VARIABLE: u32 = 0xffff;
 /// f_code where no vector is used (6.3.10).
 const F_CODE_UNUSED: u32 = 15;
 
@@ -25,20 +27,23 @@ const F_CODE_UNUSED: u32 = 15;
 pub enum PictureType {
     /// Intra: needs no other picture.
     I = 1,
-    /// Predicted from the picture before.
+    /// Predicted from the I or P picture before.
     P = 2,
+    /// Predicted from the I or P pictures before and after; nothing is predicted from it.
+    B = 3,
 }
 
 /// What the headers of one picture say.
 #[derive(Clone, Copy)]
 pub(crate) struct PictureHeader {
     pub picture_type: PictureType,
-    /// Place in the group of pictures.
+    /// Place in the group of pictures, in display order.
     pub temporal_reference: u32,
-    /// f_code[0][0] and f_code[0][1]: horizontal and vertical reach of vectors.
-    pub f_code: [u32; 2],
-    pub intra_dc_precision: u32,
-    pub quantiser: QuantiserScaleCode,
+    /// In units of 1/90000 s, or [`VBV_DELAY_VARIABLE`].
+    pub vbv_delay: u32,
+    /// f_code\[s\]\[t\]: forward and backward, horizontal and vertical reach of vectors.
+    pub f_code: [[u32; 2]; 2],
+    pub quantisers: QuantiserParameters,
 }
 
 /// The size that horizontal_size or vertical_size says: its low 12 bits shall not be zero (6.3.3),
@@ -72,8 +77,17 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.put(1, 1); // marker_bit
     writer.put(vbv_buffer_size & 0x3ff, 10); // vbv_buffer_size_value
     writer.put(0, 1); // constrained_parameters_flag
-    writer.put(0, 1); // load_intra_quantiser_matrix
-    writer.put(0, 1); // load_non_intra_quantiser_matrix
+    for (matrix, default) in [
+        (&config.intra_matrix, &DEFAULT_INTRA_MATRIX),
+        (&config.non_intra_matrix, &DEFAULT_NON_INTRA_MATRIX),
+    ] {
+        writer.put((matrix != default).into(), 1); // load_intra_quantiser_matrix, load_non_intra_quantiser_matrix
+        if matrix != default {
+            for raster in ZIGZAG {
+                writer.put(matrix[raster].into(), 8); // in zig-zag order whatever the scan (6.3.11)
+            }
+        }
+    }
 
     writer.start_code(EXTENSION_START_CODE);
     writer.put(SEQUENCE_EXTENSION_ID, 4); // extension_start_code_identifier
@@ -85,7 +99,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.put(bit_rate >> 18, 12); // bit_rate_extension
     writer.put(1, 1); // marker_bit
     writer.put(vbv_buffer_size >> 10, 8); // vbv_buffer_size_extension
-    writer.put(1, 1); // low_delay: no B pictures
+    writer.put((config.b_pictures == 0).into(), 1); // low_delay: no B pictures
     writer.put(0, 2); // frame_rate_extension_n
     writer.put(0, 5); // frame_rate_extension_d
 
@@ -101,8 +115,10 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.put(config.height as u32, 14); // display_vertical_size
 }
 
-/// group_of_pictures_header() (6.2.2.6) of a closed group that begins with picture `number` of the sequence.
-pub(crate) fn put_group_header(writer: &mut BitWriter, config: &Config, number: u64) {
+/// group_of_pictures_header() (6.2.2.6) of a group whose first picture to be shown is `number` of the sequence.
+///
+/// A group that is not `closed` begins with B pictures that the group before is needed for.
+pub(crate) fn put_group_header(writer: &mut BitWriter, config: &Config, number: u64, closed: bool) {
     let per_second = config.frame_rate.fps().round() as u64;
     let seconds = number / per_second;
     writer.start_code(GROUP_START_CODE);
@@ -112,7 +128,7 @@ pub(crate) fn put_group_header(writer: &mut BitWriter, config: &Config, number: 
     writer.put(1, 1); // marker_bit
     writer.put((seconds % 60) as u32, 6); // time_code_seconds
     writer.put((number % per_second) as u32, 6); // time_code_pictures
-    writer.put(1, 1); // closed_gop
+    writer.put(closed.into(), 1); // closed_gop
     writer.put(0, 1); // broken_link
 }
 
@@ -121,28 +137,33 @@ pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader
     writer.start_code(PICTURE_START_CODE);
     writer.put(picture.temporal_reference, 10); // temporal_reference
     writer.put(picture.picture_type as u32, 3); // picture_coding_type
-    writer.put(VBV_DELAY_VARIABLE, 16); // vbv_delay
-    if picture.picture_type == PictureType::P {
+    writer.put(picture.vbv_delay, 16); // vbv_delay
+    if picture.picture_type != PictureType::I {
         writer.put(0, 1); // full_pel_forward_vector
         writer.put(7, 3); // forward_f_code: f_code of the extension is used
     }
+    if picture.picture_type == PictureType::B {
+        writer.put(0, 1); // full_pel_backward_vector
+        writer.put(7, 3); // backward_f_code: f_code of the extension is used
+    }
     writer.put(0, 1); // extra_bit_picture
 
-    let f_code = if picture.picture_type == PictureType::P { picture.f_code } else { [F_CODE_UNUSED; 2] };
     writer.start_code(EXTENSION_START_CODE);
     writer.put(PICTURE_CODING_EXTENSION_ID, 4); // extension_start_code_identifier
-    writer.put(f_code[0], 4); // f_code[0][0]: forward horizontal
-    writer.put(f_code[1], 4); // f_code[0][1]: forward vertical
-    writer.put(F_CODE_UNUSED, 4); // f_code[1][0]: backward horizontal
-    writer.put(F_CODE_UNUSED, 4); // f_code[1][1]: backward vertical
-    writer.put(picture.intra_dc_precision - 8, 2); // intra_dc_precision
+    for (s, used) in [picture.picture_type != PictureType::I, picture.picture_type == PictureType::B].into_iter().enumerate()
+    {
+        for f_code in picture.f_code[s] {
+            writer.put(if used { f_code } else { F_CODE_UNUSED }, 4); // f_code[s][t]
+        }
+    }
+    writer.put(picture.quantisers.intra_dc_precision - 8, 2); // intra_dc_precision
     writer.put(3, 2); // picture_structure: frame picture
     writer.put(0, 1); // top_field_first
     writer.put(1, 1); // frame_pred_frame_dct
     writer.put(0, 1); // concealment_motion_vectors
-    writer.put(picture.quantiser.q_scale_type.into(), 1); // q_scale_type
-    writer.put(0, 1); // intra_vlc_format: Table B.14
-    writer.put(0, 1); // alternate_scan
+    writer.put(picture.quantisers.q_scale_type.into(), 1); // q_scale_type
+    writer.put(picture.quantisers.intra_table as u32, 1); // intra_vlc_format
+    writer.put(picture.quantisers.alternate_scan.into(), 1); // alternate_scan
     writer.put(0, 1); // repeat_first_field
     writer.put(1, 1); // chroma_420_type: the same as progressive_frame
     writer.put(1, 1); // progressive_frame
@@ -150,14 +171,14 @@ pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader
 }
 
 /// The beginning of slice() in macroblock row `row` (6.2.4).
-pub(crate) fn put_slice_header(writer: &mut BitWriter, row: usize, height: usize, quantiser: QuantiserScaleCode) {
+pub(crate) fn put_slice_header(writer: &mut BitWriter, row: usize, height: usize, quantiser_scale_code: u8) {
     if coded_size(height) > 2800 {
         writer.start_code((row % 128 + 1) as u8); // slice_start_code: slice_vertical_position
         writer.put((row / 128) as u32, 3); // slice_vertical_position_extension
     } else {
         writer.start_code((row + 1) as u8);
     }
-    writer.put(quantiser.code.into(), 5); // quantiser_scale_code
+    writer.put(quantiser_scale_code.into(), 5); // quantiser_scale_code
     writer.put(0, 1); // extra_bit_slice
 }
 

@@ -30,11 +30,17 @@
 #![forbid(unsafe_code)]
 
 mod config; // what to encode
+mod effort; // how hard to try
 mod frame; // pictures
 
 mod level; // limits of Main Profile
 
-mod encoder; // the way of a picture
+mod encoder; // the way of a picture: without delay,
+mod lookahead_encoder; // and with
+
+mod lookahead; // what waiting frames tell: types of pictures, quantisers
+
+mod coder; // one picture
 
 mod motion; // vectors: given, predicted, searched
 
@@ -55,14 +61,19 @@ mod vlc; // code words
 mod bits;
 
 pub use crate::{
+    coder::Packet,
     config::{Config, ConfigError, FrameRate, QuantiserScaleCode, quantiser_scale_code},
-    encoder::{Encoder, Packet},
+    effort::Effort,
+    encoder::Encoder,
     frame::{Frame, psnr},
     header::PictureType,
     level::Level,
+    lookahead::KnownMotion,
+    lookahead_encoder::LookaheadEncoder,
     motion::MotionField,
     picture::PictureStatistics,
-    quant::DEFAULT_INTRA_MATRIX,
+    quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
+    vlc::CoefficientTable,
 };
 
 #[cfg(doctest)]

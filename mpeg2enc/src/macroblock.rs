@@ -5,33 +5,69 @@ use crate::{
     header::PictureType,
     motion::HalfSample,
     quant::Block,
-    vlc::{self, P_CODED, P_INTRA, P_MOTION, P_MOTION_CODED},
+    vlc::{self, CoefficientTable},
 };
 
 /// How a macroblock is predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mode {
     Intra,
-    Inter(HalfSample),
+    /// From the reference picture before it.
+    Forward(HalfSample),
+    /// From the reference picture after it, in B pictures.
+    Backward(HalfSample),
+    /// From the mean of both, in B pictures.
+    Both(HalfSample, HalfSample),
+}
+
+impl Mode {
+    pub const STILL: Self = Self::Forward(HalfSample::ZERO);
+
+    /// The forward and the backward vector.
+    pub fn vectors(self) -> [Option<HalfSample>; 2] {
+        match self {
+            Self::Intra => [None, None],
+            Self::Forward(vector) => [Some(vector), None],
+            Self::Backward(vector) => [None, Some(vector)],
+            Self::Both(forward, backward) => [Some(forward), Some(backward)],
+        }
+    }
+
+    /// The same directions with other vectors.
+    pub fn with_vectors(self, [forward, backward]: [HalfSample; 2]) -> Self {
+        match self {
+            Self::Intra => Self::Intra,
+            Self::Forward(_) => Self::Forward(forward),
+            Self::Backward(_) => Self::Backward(backward),
+            Self::Both(..) => Self::Both(forward, backward),
+        }
+    }
+
+    /// Place of the directions in the tables of macroblock_type of B pictures.
+    fn directions(self) -> usize {
+        match self {
+            Self::Intra => unreachable!("an intra macroblock has no direction"),
+            Self::Forward(_) => 0,
+            Self::Backward(_) => 1,
+            Self::Both(..) => 2,
+        }
+    }
 }
 
 /// What is written of a macroblock.
 #[derive(Clone)]
 pub(crate) struct Macroblock {
     pub mode: Mode,
+    /// quantiser_scale_code that the levels were made with.
+    pub quantiser: u8,
     /// Levels of the four luma blocks, Cb, Cr.
     pub blocks: [Block; 6],
 }
 
 impl Macroblock {
     /// pattern_code as a number, the first block highest (6.3.17.4).
-    fn coded_block_pattern(&self) -> usize {
+    pub fn coded_block_pattern(&self) -> usize {
         self.blocks.iter().fold(0, |pattern, block| 2 * pattern + usize::from(block.end > 0))
-    }
-
-    /// Zero vector and no coefficients: not written at all unless it begins or ends a slice (7.6.6.2).
-    pub fn is_skippable(&self) -> bool {
-        self.mode == Mode::Inter(HalfSample::ZERO) && self.blocks.iter().all(|block| block.end == 0)
     }
 }
 
@@ -39,9 +75,14 @@ impl Macroblock {
 #[derive(Clone, Copy)]
 pub(crate) struct SliceParameters {
     pub picture_type: PictureType,
-    pub f_code: [u32; 2],
+    /// f_code\[s\]\[t\]: forward and backward, horizontal and vertical.
+    pub f_code: [[u32; 2]; 2],
     /// Value of the DC predictors after a reset (7.2.1).
     pub dc_reset: i32,
+    /// Table of the coefficients of intra blocks.
+    pub intra_table: CoefficientTable,
+    /// quantiser_scale_code of the slice header.
+    pub quantiser: u8,
     /// Column of the last macroblock of the slice, which may not be skipped.
     pub last_column: usize,
 }
@@ -56,8 +97,12 @@ pub(crate) struct MacroblockBits {
 /// Predictors within a slice.
 #[derive(Clone, Copy)]
 pub(crate) struct SliceState {
-    /// PMV, the vector prediction (7.6.3).
-    pub motion_prediction: HalfSample,
+    /// PMV, the vector predictions, forward and backward (7.6.3).
+    pub motion_prediction: [HalfSample; 2],
+    /// quantiser_scale_code in force.
+    pub quantiser: u8,
+    /// Mode of the macroblock before.
+    last_mode: Mode,
     /// dct_dc_pred for Y, Cb, Cr (7.2.1).
     dc_prediction: [i32; 3],
     /// Macroblocks since the last written one, this one included: macroblock_address_increment.
@@ -67,7 +112,27 @@ pub(crate) struct SliceState {
 impl SliceState {
     /// At the start of a slice (7.2.1, 7.6.3.4), which begins with the first macroblock of its row.
     pub fn new(slice: &SliceParameters) -> Self {
-        Self { motion_prediction: HalfSample::ZERO, dc_prediction: [slice.dc_reset; 3], increment: 1 }
+        Self {
+            motion_prediction: [HalfSample::ZERO; 2],
+            quantiser: slice.quantiser,
+            last_mode: Mode::Intra,
+            dc_prediction: [slice.dc_reset; 3],
+            increment: 1,
+        }
+    }
+
+    /// The mode in which a macroblock without coefficients would not be written at all (7.6.6), if there is one here.
+    ///
+    /// In a P picture that is a zero vector, in a B picture what the macroblock before had unless that was intra.
+    pub fn skipped_mode(&self, slice: &SliceParameters, column: usize) -> Option<Mode> {
+        if column == 0 || column == slice.last_column {
+            return None;
+        }
+        match slice.picture_type {
+            PictureType::I => None,
+            PictureType::P => Some(Mode::STILL),
+            PictureType::B => Some(self.last_mode).filter(|&mode| mode != Mode::Intra),
+        }
     }
 
     /// Writes a macroblock, or counts it as skipped: false then.
@@ -79,56 +144,65 @@ impl SliceState {
         macroblock: &Macroblock,
     ) -> (bool, MacroblockBits) {
         let mut bits = MacroblockBits::default();
-        if macroblock.is_skippable() && column != 0 && column != slice.last_column {
+        let pattern = macroblock.coded_block_pattern();
+        if pattern == 0 && self.skipped_mode(slice, column) == Some(macroblock.mode) {
             self.increment += 1;
-            self.motion_prediction = HalfSample::ZERO; // 7.6.3.4
+            if slice.picture_type == PictureType::P {
+                self.motion_prediction = [HalfSample::ZERO; 2]; // 7.6.3.4
+            }
+            self.last_mode = macroblock.mode;
             self.dc_prediction = [slice.dc_reset; 3];
             return (false, bits);
         }
         vlc::put_macroblock_address_increment(sink, self.increment);
         self.increment = 1;
-        match macroblock.mode {
-            Mode::Intra => {
-                sink.put_code(if slice.picture_type == PictureType::I { vlc::I_INTRA } else { P_INTRA }); // macroblock_type
-                let before = sink.bits();
-                for (i, block) in macroblock.blocks.iter().enumerate() {
-                    let component = i.saturating_sub(3);
-                    vlc::put_intra_block(sink, block, self.dc_prediction[component], i < 4);
-                    self.dc_prediction[component] = block.levels[0].into();
-                }
-                bits.coefficients = sink.bits() - before;
-                self.motion_prediction = HalfSample::ZERO; // 7.6.3.4
-            }
-            Mode::Inter(vector) => {
-                let pattern = macroblock.coded_block_pattern();
-                let before = sink.bits();
-                if vector == HalfSample::ZERO && pattern != 0 {
-                    sink.put_code(P_CODED); // macroblock_type
-                    self.motion_prediction = HalfSample::ZERO; // 7.6.3.4
-                } else {
-                    sink.put_code(if pattern != 0 { P_MOTION_CODED } else { P_MOTION }); // macroblock_type
-                    self.put_motion_vector(sink, slice, vector);
-                }
-                bits.motion = sink.bits() - before;
-                let before = sink.bits();
-                if pattern != 0 {
-                    sink.put_code(vlc::CODED_BLOCK_PATTERN[pattern]); // coded_block_pattern()
-                    for block in macroblock.blocks.iter().filter(|block| block.end > 0) {
-                        vlc::put_inter_block(sink, block);
-                    }
-                }
-                bits.coefficients = sink.bits() - before;
-                self.dc_prediction = [slice.dc_reset; 3];
-            }
+        let is_intra = macroblock.mode == Mode::Intra;
+        let new_quantiser = macroblock.quantiser != self.quantiser && (is_intra || pattern != 0);
+        let before = sink.bits();
+        sink.put_code(macroblock_type(slice.picture_type, macroblock.mode, pattern != 0, new_quantiser));
+        if new_quantiser {
+            sink.put(macroblock.quantiser.into(), 5); // quantiser_scale_code
+            self.quantiser = macroblock.quantiser;
         }
+        if is_intra {
+            let before = sink.bits();
+            for (i, block) in macroblock.blocks.iter().enumerate() {
+                let prediction = &mut self.dc_prediction[i.saturating_sub(3)];
+                vlc::put_intra_block(sink, slice.intra_table, block, *prediction, i < 4);
+                *prediction = block.levels[0].into();
+            }
+            bits.coefficients = sink.bits() - before;
+            self.motion_prediction = [HalfSample::ZERO; 2]; // 7.6.3.4
+        } else {
+            if slice.picture_type == PictureType::P && macroblock.mode == Mode::STILL && pattern != 0 {
+                self.motion_prediction = [HalfSample::ZERO; 2]; // 7.6.3.4: macroblock_type says that there is no vector
+            } else {
+                self.put_motion_vectors(sink, slice, macroblock.mode);
+            }
+            bits.motion = sink.bits() - before;
+            let before = sink.bits();
+            if pattern != 0 {
+                sink.put_code(vlc::CODED_BLOCK_PATTERN[pattern]); // coded_block_pattern()
+                for block in macroblock.blocks.iter().filter(|block| block.end > 0) {
+                    vlc::put_inter_block(sink, block);
+                }
+            }
+            bits.coefficients = sink.bits() - before;
+            self.dc_prediction = [slice.dc_reset; 3];
+        }
+        self.last_mode = macroblock.mode;
         (true, bits)
     }
 
-    /// motion_vector(0, 0) (6.2.5.2.1); the vector is the next prediction (7.6.3.1).
-    fn put_motion_vector(&mut self, sink: &mut impl BitSink, slice: &SliceParameters, vector: HalfSample) {
-        vlc::put_motion_component(sink, vector.x - self.motion_prediction.x, slice.f_code[0]);
-        vlc::put_motion_component(sink, vector.y - self.motion_prediction.y, slice.f_code[1]);
-        self.motion_prediction = vector;
+    /// motion_vectors(0), motion_vectors(1) (6.2.5.2); each vector is the next prediction (7.6.3.1).
+    fn put_motion_vectors(&mut self, sink: &mut impl BitSink, slice: &SliceParameters, mode: Mode) {
+        for (s, vector) in mode.vectors().into_iter().enumerate() {
+            if let Some(vector) = vector {
+                vlc::put_motion_component(sink, vector.x - self.motion_prediction[s].x, slice.f_code[s][0]);
+                vlc::put_motion_component(sink, vector.y - self.motion_prediction[s].y, slice.f_code[s][1]);
+                self.motion_prediction[s] = vector;
+            }
+        }
     }
 
     /// Bits that `macroblock` would take here.
@@ -136,5 +210,22 @@ impl SliceState {
         let mut counter = BitCounter::default();
         self.clone().put_macroblock(&mut counter, slice, column, macroblock);
         counter.bits()
+    }
+}
+
+/// macroblock_type (Tables B.2, B.3, B.4).
+fn macroblock_type(picture_type: PictureType, mode: Mode, coded: bool, new_quantiser: bool) -> crate::bits::Vlc {
+    let choose = |plain, with_quantiser| if new_quantiser { with_quantiser } else { plain };
+    match (picture_type, mode) {
+        (PictureType::I, _) => choose(vlc::I_INTRA, vlc::I_INTRA_QUANT),
+        (PictureType::P, Mode::Intra) => choose(vlc::P_INTRA, vlc::P_INTRA_QUANT),
+        (PictureType::P, _) if !coded => vlc::P_MOTION,
+        (PictureType::P, Mode::STILL) => choose(vlc::P_CODED, vlc::P_CODED_QUANT),
+        (PictureType::P, _) => choose(vlc::P_MOTION_CODED, vlc::P_MOTION_CODED_QUANT),
+        (PictureType::B, Mode::Intra) => choose(vlc::B_INTRA, vlc::B_INTRA_QUANT),
+        (PictureType::B, _) if !coded => vlc::B_MOTION[mode.directions()],
+        (PictureType::B, _) => {
+            choose(vlc::B_MOTION_CODED[mode.directions()], vlc::B_MOTION_CODED_QUANT[mode.directions()])
+        }
     }
 }

@@ -2,11 +2,15 @@
 
 mod coarse;
 mod field;
+pub(crate) mod satd;
 
 pub use field::MotionField;
+pub(crate) use {
+    coarse::{CoarseSearch, quarter},
+    field::Candidates,
+};
 
 use crate::{Frame, predict::for_each_row};
-use coarse::CoarseSearch;
 use plane::Plane;
 use rayon::prelude::*;
 
@@ -20,37 +24,43 @@ pub(crate) struct HalfSample {
 impl HalfSample {
     pub const ZERO: Self = Self { x: 0, y: 0 };
 
-    fn offset(self, x: i32, y: i32) -> Self {
+    pub fn offset(self, x: i32, y: i32) -> Self {
         Self { x: self.x + x, y: self.y + y }
     }
 }
 
 /// The vectors that a macroblock may have.
 #[derive(Clone, Copy)]
-struct Range {
+pub(crate) struct Range {
     x: (i32, i32),
     y: (i32, i32),
 }
 
 impl Range {
-    /// Inside of the reference picture (7.6.3.8), and within the reach of the largest f_code of the level.
-    fn new(reference: &Plane<u8>, column: usize, row: usize, f_code_max: [u32; 2]) -> Self {
+    /// Of the macroblock at `(column, row)`.
+    pub fn new(reference: &Plane<u8>, column: usize, row: usize, f_code_max: [u32; 2]) -> Self {
+        Self::of_block(reference, 16, column, row, f_code_max)
+    }
+
+    /// Of a block of `block`² samples: inside of the reference picture (7.6.3.8), and within the reach of the largest
+    /// f_code of the level.
+    pub fn of_block(reference: &Plane<u8>, block: usize, column: usize, row: usize, f_code_max: [u32; 2]) -> Self {
         let range = |size: usize, position: usize, f_code: u32| {
             let reach = 16 << (f_code - 1);
-            let (first, last) = (-2 * position as i32, 2 * (size - 16 - position) as i32);
+            let (first, last) = (-2 * position as i32, 2 * (size - block - position) as i32);
             (first.max(-reach), last.min(reach - 1))
         };
         Self {
-            x: range(reference.width(), 16 * column, f_code_max[0]),
-            y: range(reference.height(), 16 * row, f_code_max[1]),
+            x: range(reference.width(), block * column, f_code_max[0]),
+            y: range(reference.height(), block * row, f_code_max[1]),
         }
     }
 
-    fn contains(&self, vector: HalfSample) -> bool {
+    pub fn contains(&self, vector: HalfSample) -> bool {
         (self.x.0..=self.x.1).contains(&vector.x) && (self.y.0..=self.y.1).contains(&vector.y)
     }
 
-    fn clamp(&self, vector: HalfSample) -> HalfSample {
+    pub fn clamp(&self, vector: HalfSample) -> HalfSample {
         HalfSample { x: vector.x.clamp(self.x.0, self.x.1), y: vector.y.clamp(self.y.0, self.y.1) }
     }
 }
@@ -61,18 +71,22 @@ pub(crate) fn f_code(components: impl Iterator<Item = i32>) -> u32 {
     (1..).find(|f_code| -low <= 16 << (f_code - 1) && high < 16 << (f_code - 1)).expect("some reach is enough")
 }
 
-/// What the search of one picture knows.
+/// What the search of one picture in one reference picture knows.
 pub(crate) struct Estimate<'a> {
     /// The picture to be coded, in whole macroblocks.
     pub source: &'a Frame,
-    /// The reconstructed picture before it.
+    /// The reconstructed reference picture.
     pub reference: &'a Frame,
-    /// Where surfaces were in the reference picture.
-    pub field: Option<&'a MotionField>,
+    /// Vectors worth trying in every macroblock, or empty.
+    pub candidates: &'a [Candidates],
     /// Vectors of the picture before, or empty.
     pub before: &'a [HalfSample],
+    /// Quarter-size pictures for what nothing foretells.
+    pub coarse: Option<CoarseSearch<'a>>,
     pub quantiser_scale: u32,
     pub f_code_max: [u32; 2],
+    /// Are half-sample positions compared by transformed differences, or by plain ones?
+    pub transformed: bool,
 }
 
 /// A step of half a sample in each of eight directions.
@@ -88,55 +102,37 @@ impl Estimate<'_> {
     /// The vector of every macroblock in raster order; rows do not depend on each other.
     pub fn vectors(&self) -> Vec<HalfSample> {
         let (columns, rows) = (self.source.width() / 16, self.source.height() / 16);
-        let coarse = self
-            .field
-            .is_none_or(MotionField::has_uncovered)
-            .then(|| CoarseSearch::new(&self.source.luma, &self.reference.luma));
         (0..rows)
             .into_par_iter()
             .flat_map_iter(|row| {
                 let mut left = HalfSample::ZERO;
-                let coarse = coarse.as_ref();
                 (0..columns).map(move |column| {
-                    left = self.vector(column, row, left, coarse);
+                    left = self.vector(column, row, left);
                     left
                 })
             })
             .collect()
     }
 
-    fn vector(&self, column: usize, row: usize, left: HalfSample, coarse: Option<&CoarseSearch>) -> HalfSample {
+    fn vector(&self, column: usize, row: usize, left: HalfSample) -> HalfSample {
         let range = Range::new(&self.reference.luma, column, row, self.f_code_max);
-        let mut search = Search {
-            source: std::array::from_fn(|y| {
-                self.source.luma.row(16 * row + y)[16 * column..][..16].try_into().expect("16 samples")
-            }),
-            reference: &self.reference.luma,
-            x2: 32 * column as i32,
-            y2: 32 * row as i32,
-            range,
-            predicted: left,
-            // The root of the price of a bit in squared errors, 0.4·quantiser_scale, in sixteenths.
-            price: (6 * self.quantiser_scale).max(1),
-            best: HalfSample::ZERO,
-            best_cost: u32::MAX,
-            best_error: u32::MAX,
-        };
+        let (source, reference) = (&self.source.luma, &self.reference.luma);
+        let mut search = Search::<16>::new(source, reference, (column, row), range, left, self.quantiser_scale);
         search.try_vector(HalfSample::ZERO);
         if search.best_error == 0 {
             return HalfSample::ZERO;
         }
         search.try_vector(left);
-        let candidates = self.field.map(|field| field.candidates(column, row));
-        for &vector in candidates.iter().flat_map(|candidates| candidates.vectors()) {
+        let index = row * (self.source.width() / 16) + column;
+        let candidates = self.candidates.get(index).unwrap_or(&Candidates::NONE);
+        for &vector in candidates.vectors() {
             search.try_vector(vector);
         }
         let poor = 256 * POOR_MATCH + 256 * POOR_MATCH_EIGHTHS * self.quantiser_scale / 8;
         // Where every pixel moved alike only half-sample neighbours are left to try.
-        let known = candidates.is_some_and(|candidates| candidates.one_motion);
+        let known = candidates.one_motion;
         if !known && search.best_error > poor / 4 {
             let columns = self.source.width() / 16;
-            let index = row * columns + column;
             for neighbour in [Some(index), index.checked_sub(columns), Some(index + 1), Some(index + columns)] {
                 if let Some(&vector) = neighbour.and_then(|neighbour| self.before.get(neighbour)) {
                     search.try_vector(vector);
@@ -145,7 +141,7 @@ impl Estimate<'_> {
             search.descend();
         }
         if search.best_error > poor {
-            if let Some(coarse) = coarse.filter(|_| !known) {
+            if let Some(coarse) = self.coarse.as_ref().filter(|_| !known) {
                 let found = coarse.search(column, row);
                 if search.try_vector(found) {
                     search.descend();
@@ -154,28 +150,57 @@ impl Estimate<'_> {
                 search.descend(); // highlights and shadows move otherwise than their surface
             }
         }
+        if self.transformed {
+            search.transform_differences();
+        }
         search.refine();
         search.best
     }
 }
 
-/// The search for one macroblock.
-struct Search<'a> {
-    source: [&'a [u8; 16]; 16],
+/// The search for one block of N×N samples.
+pub(crate) struct Search<'a, const N: usize> {
+    source: [&'a [u8; N]; N],
     reference: &'a Plane<u8>,
     x2: i32,
     y2: i32,
     range: Range,
     predicted: HalfSample,
     price: u32,
-    best: HalfSample,
+    pub best: HalfSample,
     best_cost: u32,
-    best_error: u32,
+    pub best_error: u32,
+    transformed: bool,
 }
 
-impl Search<'_> {
+impl<'a, const N: usize> Search<'a, N> {
+    /// For the block of `source` at `(column, row)` of a grid of blocks; `quantiser_scale` says what bits are worth.
+    pub fn new(
+        source: &'a Plane<u8>,
+        reference: &'a Plane<u8>,
+        (column, row): (usize, usize),
+        range: Range,
+        predicted: HalfSample,
+        quantiser_scale: u32,
+    ) -> Self {
+        Self {
+            source: std::array::from_fn(|y| source.row(N * row + y)[N * column..][..N].try_into().expect("N samples")),
+            reference,
+            x2: (2 * N * column) as i32,
+            y2: (2 * N * row) as i32,
+            range,
+            predicted,
+            // The root of the price of a bit in squared errors, 0.4·quantiser_scale, in sixteenths.
+            price: (6 * quantiser_scale).max(1),
+            best: HalfSample::ZERO,
+            best_cost: u32::MAX,
+            best_error: u32::MAX,
+            transformed: false,
+        }
+    }
+
     /// Tries a vector, brought into range; true if it is the best so far.
-    fn try_vector(&mut self, vector: HalfSample) -> bool {
+    pub fn try_vector(&mut self, vector: HalfSample) -> bool {
         let vector = self.range.clamp(vector);
         if vector == self.best && self.best_cost != u32::MAX {
             return false;
@@ -185,7 +210,7 @@ impl Search<'_> {
         if price >= self.best_cost {
             return false;
         }
-        let error = self.absolute_error(vector);
+        let error = self.error(vector);
         let cost = error + price;
         if cost < self.best_cost {
             (self.best, self.best_cost, self.best_error) = (vector, cost, error);
@@ -195,7 +220,7 @@ impl Search<'_> {
     }
 
     /// Follows the steepest of four whole-sample steps until none is better.
-    fn descend(&mut self) {
+    pub fn descend(&mut self) {
         for _ in 0..24 {
             let center = self.best;
             for (x, y) in DIAMOND {
@@ -211,7 +236,7 @@ impl Search<'_> {
     }
 
     /// Tries the half-sample neighbours, twice if one is better.
-    fn refine(&mut self) {
+    pub fn refine(&mut self) {
         for _ in 0..2 {
             let center = self.best;
             for (x, y) in NEIGHBOURS {
@@ -226,10 +251,24 @@ impl Search<'_> {
         }
     }
 
-    /// Sum of absolute luma differences.
-    fn absolute_error(&self, vector: HalfSample) -> u32 {
+    /// From here on compares by transformed differences, which are nearer to what coefficients cost.
+    pub fn transform_differences(&mut self) {
+        self.transformed = true;
+        self.best_cost -= self.best_error;
+        self.best_error = self.error(self.best);
+        self.best_cost += self.best_error;
+    }
+
+    /// Sum of absolute differences, plain or transformed.
+    fn error(&self, vector: HalfSample) -> u32 {
+        let (x2, y2) = (self.x2 + vector.x, self.y2 + vector.y);
+        if self.transformed {
+            let mut predicted = [[0; N]; N];
+            for_each_row::<N>(self.reference, x2, y2, N, |i, row| predicted[i] = *row);
+            return satd::of_rows(&self.source, &predicted);
+        }
         let mut sum = 0;
-        for_each_row::<16>(self.reference, self.x2 + vector.x, self.y2 + vector.y, 16, |i, row| {
+        for_each_row::<N>(self.reference, x2, y2, N, |i, row| {
             sum += self.source[i].iter().zip(row).map(|(&a, &b)| u32::from(a.abs_diff(b))).sum::<u32>();
         });
         sum
@@ -280,14 +319,17 @@ mod tests {
         for (x, y) in [(3.0, -2.0), (13.5, 7.0), (-24.0, 0.5)] {
             let (reference, source) = (moved(0.0, 0.0), moved(x, y));
             let field = MotionField::new(Plane::filled(128, 96, [x as f32, y as f32]));
-            for field in [None, Some(&field)] {
+            let quarters = [&source, &reference].map(|frame| quarter(&frame.luma));
+            for (field, transformed) in [(None, false), (Some(&field), false), (None, true), (Some(&field), true)] {
                 let estimate = Estimate {
                     source: &source,
                     reference: &reference,
-                    field,
+                    candidates: &field.map_or(Vec::new(), |field| field.all_candidates(8, 6)),
                     before: &[],
+                    coarse: Some(CoarseSearch { source: &quarters[0], reference: &quarters[1] }),
                     quantiser_scale: 4,
                     f_code_max: [7, 4],
+                    transformed,
                 };
                 let vectors = estimate.vectors();
                 let truth = HalfSample { x: (2.0 * x) as i32, y: (2.0 * y) as i32 };

@@ -3,12 +3,13 @@
 use crate::{
     Frame,
     bits::{BitSink, BitWriter},
-    decide::Decision,
+    config::nearest_code,
+    decide::{Decision, Tools, lambda},
     header::{PictureHeader, put_slice_header},
     macroblock::{Mode, SliceParameters, SliceState},
     motion::HalfSample,
-    predict::samples,
-    quant::Quantiser,
+    predict::{References, samples},
+    quant::Quantisers,
 };
 use rayon::prelude::*;
 
@@ -19,7 +20,7 @@ pub struct PictureStatistics {
     pub intra: u32,
     /// Macroblocks coded with a prediction.
     pub inter: u32,
-    /// Macroblocks that repeat the reference picture and take no bits.
+    /// Macroblocks that are predicted without a bit.
     pub skipped: u32,
     /// Bits of macroblock types and vectors of the predicted macroblocks.
     pub motion_bits: u64,
@@ -42,11 +43,13 @@ pub(crate) struct Picture<'a> {
     pub header: PictureHeader,
     /// The picture in whole macroblocks.
     pub source: &'a Frame,
-    /// The reconstructed picture before it; a P picture needs one.
-    pub reference: Option<&'a Frame>,
-    /// Vector of every macroblock, or empty.
-    pub vectors: &'a [HalfSample],
-    pub quantiser: &'a Quantiser,
+    pub references: References<'a>,
+    /// Forward and backward vector of every macroblock, or empty.
+    pub vectors: [&'a [HalfSample]; 2],
+    pub quantisers: &'a Quantisers,
+    /// quantiser_scale asked for in every macroblock, in sixteenths.
+    pub scales_x16: &'a [u32],
+    pub tools: Tools,
     /// vertical_size as the sequence header has it, before padding.
     pub height: usize,
 }
@@ -57,6 +60,8 @@ pub(crate) struct CodedPicture {
     pub slices: Vec<u8>,
     /// What a decoder shows, in whole macroblocks.
     pub reconstruction: Frame,
+    /// quantiser_scale in force at every macroblock.
+    pub quantiser_scales: Vec<u8>,
     pub statistics: PictureStatistics,
 }
 
@@ -81,38 +86,60 @@ impl Picture<'_> {
                 .map(|(row, (luma, (cb, cr)))| self.code_slice(row, RowMut { luma, cb, cr }))
                 .collect::<Vec<_>>()
         };
-        let mut coded = CodedPicture { slices: Vec::new(), reconstruction, statistics: PictureStatistics::default() };
-        for (bytes, statistics) in rows {
+        let mut coded = CodedPicture {
+            slices: Vec::new(),
+            reconstruction,
+            quantiser_scales: Vec::new(),
+            statistics: PictureStatistics::default(),
+        };
+        for (bytes, quantiser_scales, statistics) in rows {
             coded.slices.extend(bytes);
+            coded.quantiser_scales.extend(quantiser_scales);
             coded.statistics += statistics;
         }
         coded
     }
 
     /// slice() (6.2.4) of one row of macroblocks.
-    fn code_slice(&self, row: usize, out: RowMut) -> (Vec<u8>, PictureStatistics) {
+    fn code_slice(&self, row: usize, out: RowMut) -> (Vec<u8>, Vec<u8>, PictureStatistics) {
         let columns = self.source.width() / 16;
+        let scales_x16 = &self.scales_x16[row * columns..][..columns];
+        let parameters = &self.quantisers.parameters;
         let slice = SliceParameters {
             picture_type: self.header.picture_type,
             f_code: self.header.f_code,
-            dc_reset: self.quantiser.dc_reset(),
+            dc_reset: parameters.dc_reset(),
+            intra_table: parameters.intra_table,
+            quantiser: nearest_code(parameters.q_scale_type, scales_x16[0]),
             last_column: columns - 1,
         };
         let mut writer = BitWriter::default();
         let mut statistics = PictureStatistics::default();
-        put_slice_header(&mut writer, row, self.height, self.header.quantiser);
+        let mut quantiser_scales = Vec::with_capacity(columns);
+        put_slice_header(&mut writer, row, self.height, slice.quantiser);
         let mut state = SliceState::new(&slice);
         for column in 0..columns {
             let source = samples(self.source, column, row);
-            let vector = self.vectors.get(row * columns + column).copied().unwrap_or_default();
-            let decision =
-                Decision { slice: &slice, state: &state, quantiser: self.quantiser, column, row, source: &source };
-            let trial = decision.decide(self.reference, vector);
+            let vectors = self.vectors.map(|vectors| vectors.get(row * columns + column).copied().unwrap_or_default());
+            let decision = Decision {
+                slice: &slice,
+                state: &state,
+                quantisers: self.quantisers,
+                tools: self.tools,
+                quantiser: nearest_code(parameters.q_scale_type, scales_x16[column]),
+                lambda: lambda(scales_x16[column]),
+                references: self.references,
+                column,
+                row,
+                source: &source,
+            };
+            let trial = decision.decide(vectors);
             let (written, bits) = state.put_macroblock(&mut writer, &slice, column, &trial.macroblock);
+            quantiser_scales.push(self.quantisers.of(state.quantiser).scale as u8);
             match trial.macroblock.mode {
                 _ if !written => statistics.skipped += 1,
                 Mode::Intra => statistics.intra += 1,
-                Mode::Inter(_) => statistics.inter += 1,
+                _ => statistics.inter += 1,
             }
             statistics.motion_bits += bits.motion;
             statistics.coefficient_bits += bits.coefficients;
@@ -128,6 +155,6 @@ impl Picture<'_> {
             }
         }
         debug_assert!(writer.bits() > 38, "a slice has a macroblock");
-        (writer.into_bytes(), statistics)
+        (writer.into_bytes(), quantiser_scales, statistics)
     }
 }

@@ -1,6 +1,6 @@
 //! Half-sample motion compensation (7.6.4), and the samples of one macroblock.
 
-use crate::{Frame, motion::HalfSample};
+use crate::{Frame, macroblock::Mode, motion::HalfSample};
 use plane::Plane;
 
 /// The six blocks of a macroblock in coding order: four of luma, Cb, Cr (6.1.3), each in raster order.
@@ -21,6 +21,27 @@ pub(crate) fn samples(frame: &Frame, column: usize, row: usize) -> Samples {
         let (plane, x, y) = place(frame, block, column, row);
         plane.block(x / 8, y / 8)
     })
+}
+
+/// The reference pictures: before and after the picture in display order.
+pub(crate) type References<'a> = [Option<&'a Frame>; 2];
+
+/// The prediction of macroblock `(column, row)` in a mode that is not intra (7.6.7).
+pub(crate) fn predict_mode(references: &References, column: usize, row: usize, mode: Mode) -> Samples {
+    let from = |s: usize, vector| {
+        predict(references[s].expect("a mode has its reference picture"), column, row, vector)
+    };
+    match mode {
+        Mode::Intra => unreachable!("an intra macroblock is not predicted"),
+        Mode::Forward(vector) => from(0, vector),
+        Mode::Backward(vector) => from(1, vector),
+        Mode::Both(forward, backward) => mean(&from(0, forward), &from(1, backward)),
+    }
+}
+
+/// The mean of two predictions (7.6.7.1).
+pub(crate) fn mean(a: &Samples, b: &Samples) -> Samples {
+    std::array::from_fn(|i| mean_of_two(&a[i], &b[i]))
 }
 
 /// The prediction of macroblock `(column, row)` from `reference` with `vector`.

@@ -1,8 +1,14 @@
 //! Quantisation, and the inverse that every decoder shares (7.4).
 
-use crate::{dct, scan::ZIGZAG, trellis};
+use crate::{
+    config::{QuantiserScaleCode, quantiser_scale_of},
+    dct,
+    scan::{ALTERNATE, ZIGZAG},
+    trellis,
+    vlc::{CoefficientTable, block_bits},
+};
 
-/// Default weighting matrix for intra blocks in raster order (6.3.11); that of non-intra blocks is 16 throughout.
+/// Default weighting matrix for intra blocks in raster order (6.3.11).
 #[rustfmt::skip]
 pub const DEFAULT_INTRA_MATRIX: [u8; 64] = [
      8, 16, 19, 22, 26, 27, 29, 34,
@@ -15,8 +21,8 @@ pub const DEFAULT_INTRA_MATRIX: [u8; 64] = [
     27, 29, 35, 38, 46, 56, 69, 83,
 ];
 
-/// The one weight of the default non-intra matrix (6.3.11).
-const INTER_WEIGHT: i32 = 16;
+/// Default weighting matrix for non-intra blocks (6.3.11).
+pub const DEFAULT_NON_INTRA_MATRIX: [u8; 64] = [16; 64];
 
 /// Largest level that a coefficient may have (7.2.2.3): 12 bits, and −2048 is forbidden.
 const LEVEL_MAX: i32 = 2047;
@@ -28,10 +34,14 @@ pub(crate) struct Block {
     pub levels: [i16; 64],
     /// One more than the place of the last level that is not zero; at least 1 in an intra block.
     pub end: usize,
+    /// Bits of the coefficients and End of block; the intra DC is left out, an empty inter block takes none.
+    pub bits: u32,
+    /// Squared error that is left, with twice [`dct::COEFFICIENT_BITS`] fractional bits.
+    pub error: i64,
 }
 
 impl Block {
-    pub const EMPTY: Self = Self { levels: [0; 64], end: 0 };
+    pub const EMPTY: Self = Self { levels: [0; 64], end: 0, bits: 0, error: 0 };
 }
 
 /// Which formulae of 7.4 hold for a block.
@@ -41,13 +51,53 @@ pub(crate) enum Kind {
     Inter,
 }
 
-/// The quantiser of one picture.
+/// What the quantisers of a picture have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct QuantiserParameters {
+    pub q_scale_type: bool,
+    /// In bits, 8 to 10.
+    pub intra_dc_precision: u32,
+    pub alternate_scan: bool,
+    /// Table of the coefficients of intra blocks: intra_vlc_format.
+    pub intra_table: CoefficientTable,
+    /// Weighting matrices in raster order.
+    pub intra_matrix: [u8; 64],
+    pub non_intra_matrix: [u8; 64],
+}
+
+impl QuantiserParameters {
+    /// What a DC prediction is at the start of a slice (7.2.1): half of the range.
+    pub fn dc_reset(&self) -> i32 {
+        1 << (self.intra_dc_precision - 1)
+    }
+}
+
+/// The quantisers of all 31 values of quantiser_scale_code.
+pub(crate) struct Quantisers {
+    pub parameters: QuantiserParameters,
+    by_code: Vec<Quantiser>,
+}
+
+impl Quantisers {
+    pub fn new(parameters: QuantiserParameters) -> Self {
+        let scale = |code| quantiser_scale_of(QuantiserScaleCode { q_scale_type: parameters.q_scale_type, code });
+        Self { parameters, by_code: (1..=31).map(|code| Quantiser::new(scale(code), &parameters)).collect() }
+    }
+
+    /// The quantiser of quantiser_scale_code `code`, 1 to 31.
+    #[inline]
+    pub fn of(&self, code: u8) -> &Quantiser {
+        &self.by_code[usize::from(code) - 1]
+    }
+}
+
+/// The quantiser of one quantiser_scale.
 pub(crate) struct Quantiser {
-    scale: i32,
+    pub scale: i32,
     intra_dc_mult: i32,
     intra_dc_max: i32,
-    /// Price of a bit, in squared errors of coefficients with [`dct::COEFFICIENT_BITS`] fractional bits.
-    pub lambda: i64,
+    scan: &'static [usize; 64],
+    intra_table: CoefficientTable,
     intra: Weights,
     inter: Weights,
 }
@@ -59,65 +109,88 @@ struct Weights {
 }
 
 impl Weights {
-    fn new(scale: i32, weight: impl Fn(usize) -> i32) -> Self {
-        let scaled = ZIGZAG.map(|raster| weight(raster) * scale);
+    fn new(scale: i32, matrix: &[u8; 64], scan: &[usize; 64]) -> Self {
+        let scaled = scan.map(|raster| i32::from(matrix[raster]) * scale);
         Self { scaled, reciprocal_q32: scaled.map(|step| (1 << 32) / step as u64 + 1) }
     }
 }
 
+/// How levels are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rounding {
+    /// To what is nearest, with a wider zero.
+    DeadZone,
+    /// To what costs least with a bit at this price, in squared errors with twice [`dct::COEFFICIENT_BITS`]
+    /// fractional bits.
+    Trellis { lambda: i64 },
+}
+
 impl Quantiser {
-    /// `intra_dc_precision` in bits, 8 to 10.
-    pub fn new(quantiser_scale: u32, intra_dc_precision: u32) -> Self {
+    fn new(quantiser_scale: u32, parameters: &QuantiserParameters) -> Self {
         let scale = quantiser_scale as i32;
+        let scan = if parameters.alternate_scan { &ALTERNATE } else { &ZIGZAG };
         Self {
             scale,
-            intra_dc_mult: 1 << (11 - intra_dc_precision),
-            intra_dc_max: (1 << intra_dc_precision) - 1,
-            lambda: LAMBDA_NUMERATOR * i64::from(scale * scale),
-            intra: Weights::new(scale, |raster| DEFAULT_INTRA_MATRIX[raster].into()),
-            inter: Weights::new(scale, |_| INTER_WEIGHT),
+            intra_dc_mult: 1 << (11 - parameters.intra_dc_precision),
+            intra_dc_max: (1 << parameters.intra_dc_precision) - 1,
+            scan,
+            intra_table: parameters.intra_table,
+            intra: Weights::new(scale, &parameters.intra_matrix, scan),
+            inter: Weights::new(scale, &parameters.non_intra_matrix, scan),
         }
     }
 
-    /// What a DC prediction is at the start of a slice (7.2.1): half of the range.
-    pub fn dc_reset(&self) -> i32 {
-        (self.intra_dc_max + 1) / 2
-    }
-
-    /// Levels of coefficients as [`dct::forward`] gives them, chosen for few bits and little error together.
-    pub fn quantise(&self, coefficients: &[i32; 64], kind: Kind) -> Block {
-        let (weights, start, rounding) = match kind {
-            Kind::Intra => (&self.intra, 1, 1 << 31),
+    /// Levels of coefficients as [`dct::forward`] gives them.
+    pub fn quantise(&self, coefficients: &[i32; 64], kind: Kind, rounding: Rounding) -> Block {
+        let (weights, start, table, zero_q32) = match (kind, rounding) {
+            (Kind::Intra, Rounding::Trellis { .. }) => (&self.intra, 1, self.intra_table, 1 << 31),
+            // 3/8: what ffmpeg and others add, near the middle of the mass of a Laplacian interval.
+            (Kind::Intra, Rounding::DeadZone) => (&self.intra, 1, self.intra_table, 3 << 29),
             // (2·QF+1)·quantiser_scale/2 lies in the middle of its interval already: no rounding, zero is twice as wide.
-            Kind::Inter => (&self.inter, 0, 0),
+            (Kind::Inter, _) => (&self.inter, 0, CoefficientTable::Zero, 0),
         };
         let mut magnitudes = [0; 64];
         let mut levels = [0; 64];
-        let mut end = 0;
+        let (mut end, mut energy) = (0, 0);
         for i in start..64 {
-            magnitudes[i] = coefficients[ZIGZAG[i]].abs();
+            let magnitude = coefficients[self.scan[i]].abs();
+            magnitudes[i] = magnitude;
+            energy += i64::from(magnitude) * i64::from(magnitude);
             // step = weight·quantiser_scale/16, and coefficients have three fractional bits: hence the factor of 2.
-            let level = (2 * magnitudes[i] as u64 * weights.reciprocal_q32[i] + rounding) >> 32;
+            let level = (2 * magnitude as u64 * weights.reciprocal_q32[i] + zero_q32) >> 32;
             levels[i] = (level as i32).min(LEVEL_MAX);
             if levels[i] != 0 {
                 end = i + 1;
             }
         }
-        let mut block = Block::EMPTY;
+        let mut block = Block { error: energy, ..Block::EMPTY };
         if end > 0 {
-            block.end = trellis::choose(&magnitudes, &mut levels, end, kind, self.lambda, |i, level| {
-                inverse_quantise(level, kind, weights.scaled[i])
-            });
+            block.end = match rounding {
+                Rounding::DeadZone => end,
+                Rounding::Trellis { lambda } => {
+                    trellis::choose(&magnitudes, &mut levels, end, kind, table, lambda, |i, level| {
+                        inverse_quantise(level, kind, weights.scaled[i])
+                    })
+                }
+            };
             for i in start..block.end {
-                let level = levels[i] as i16;
-                block.levels[i] = if coefficients[ZIGZAG[i]] < 0 { -level } else { level };
+                if levels[i] != 0 {
+                    let restored = inverse_quantise(levels[i], kind, weights.scaled[i]) << dct::COEFFICIENT_BITS;
+                    let (before, after) = (i64::from(magnitudes[i]), i64::from(magnitudes[i] - restored));
+                    block.error += after * after - before * before;
+                    let level = levels[i] as i16;
+                    block.levels[i] = if coefficients[self.scan[i]] < 0 { -level } else { level };
+                }
             }
         }
         if kind == Kind::Intra {
             let step = self.intra_dc_mult << dct::COEFFICIENT_BITS;
-            block.levels[0] = ((coefficients[0] + step / 2) / step).clamp(0, self.intra_dc_max) as i16;
+            let level = ((coefficients[0] + step / 2) / step).clamp(0, self.intra_dc_max);
+            block.error += i64::from(coefficients[0] - level * step).pow(2);
+            block.levels[0] = level as i16;
             block.end = block.end.max(1);
         }
+        block.bits = block_bits(table, &block.levels, block.end, kind == Kind::Intra);
         block
     }
 
@@ -142,7 +215,7 @@ impl Quantiser {
             };
             let value = value.clamp(-2048, 2047); // 7.4.3
             sum += value;
-            out[ZIGZAG[i]] = value;
+            out[self.scan[i]] = value;
         }
         // 7.4.4: an even sum changes the last bit of F[7][7].
         if sum & 1 == 0 {
@@ -151,10 +224,6 @@ impl Quantiser {
         out
     }
 }
-
-/// Price of a bit against squared error, 0.16·quantiser_scale² with six fractional bits
-/// (two times [`dct::COEFFICIENT_BITS`]): the factor of mode decisions in the y262 encoder, near the best for us too.
-const LAMBDA_NUMERATOR: i64 = 10;
 
 /// Inverse quantisation of one coefficient (7.4.2.3), all but the intra DC.
 ///
@@ -173,13 +242,29 @@ fn inverse_quantise(level: i32, kind: Kind, scaled_weight: i32) -> i32 {
 mod tests {
     use super::*;
 
+    fn quantiser(scale: u32) -> Quantiser {
+        let parameters = QuantiserParameters {
+            q_scale_type: true,
+            intra_dc_precision: 8,
+            alternate_scan: false,
+            intra_table: CoefficientTable::Zero,
+            intra_matrix: DEFAULT_INTRA_MATRIX,
+            non_intra_matrix: DEFAULT_NON_INTRA_MATRIX,
+        };
+        Quantiser::new(scale, &parameters)
+    }
+
+    fn trellis(scale: u32) -> Rounding {
+        Rounding::Trellis { lambda: 10 * i64::from(scale * scale) }
+    }
+
     #[test]
     fn mismatch_control_makes_the_sum_odd() {
-        let quantiser = Quantiser::new(8, 8);
+        let quantiser = quantiser(8);
         for seed in 0..500i32 {
             let coefficients = std::array::from_fn(|i| (seed * 7919 + i as i32 * 104_729) % 9000 - 4500);
             for kind in [Kind::Intra, Kind::Inter] {
-                let block = quantiser.quantise(&coefficients, kind);
+                let block = quantiser.quantise(&coefficients, kind, trellis(8));
                 assert_eq!(quantiser.dequantise(&block, kind).iter().sum::<i32>() & 1, 1);
             }
         }
@@ -188,13 +273,13 @@ mod tests {
     #[test]
     fn levels_come_back_near_the_coefficients() {
         for scale in [1, 2, 8, 31, 112] {
-            let quantiser = Quantiser::new(scale, 8);
+            let quantiser = quantiser(scale);
             for seed in 0..100i32 {
                 let coefficients: [i32; 64] = std::array::from_fn(|i| {
                     (seed * 7919 + i as i32 * 104_729).rem_euclid(1600) - 800 + if i == 0 { 3000 } else { 0 }
                 });
                 for (kind, widest) in [(Kind::Intra, 83), (Kind::Inter, 16)] {
-                    let restored = quantiser.dequantise(&quantiser.quantise(&coefficients, kind), kind);
+                    let restored = quantiser.dequantise(&quantiser.quantise(&coefficients, kind, trellis(scale)), kind);
                     let step = f64::from(widest * scale) / 16.0;
                     for (i, (&a, &b)) in coefficients.iter().zip(&restored).enumerate() {
                         let error = (f64::from(a) / 8.0 - f64::from(b)).abs();
@@ -206,8 +291,45 @@ mod tests {
     }
 
     #[test]
+    fn the_error_and_bits_of_a_block_are_what_the_stream_has() {
+        for (scale, rounding) in [(3, trellis(3)), (10, Rounding::DeadZone), (24, trellis(24))] {
+            let quantiser = quantiser(scale);
+            for seed in 0..100i32 {
+                let coefficients: [i32; 64] = std::array::from_fn(|i| {
+                    (seed * 7919 + i as i32 * 104_729).rem_euclid(2400 / (1 + i as i32)) + if i == 0 { 3000 } else { 0 }
+                });
+                for kind in [Kind::Intra, Kind::Inter] {
+                    let block = quantiser.quantise(&coefficients, kind, rounding);
+                    let mut restored = quantiser.dequantise(&block, kind);
+                    restored[63] = 0; // mismatch control
+                    let error: i64 = coefficients
+                        .iter()
+                        .zip(&restored)
+                        .map(|(&c, &r)| i64::from(c - (r << dct::COEFFICIENT_BITS)).pow(2))
+                        .sum();
+                    let last = i64::from(coefficients[63] - 8).pow(2).max(i64::from(coefficients[63] + 8).pow(2));
+                    assert!((block.error - error).abs() <= last, "{} is not {error}", block.error);
+                    let mut counter = crate::bits::BitWriter::default();
+                    match kind {
+                        Kind::Intra => {
+                            let dc = i32::from(block.levels[0]);
+                            crate::vlc::put_intra_block(&mut counter, CoefficientTable::Zero, &block, dc, true);
+                            assert_eq!(crate::bits::BitSink::bits(&counter), u64::from(block.bits) + 3);
+                        }
+                        Kind::Inter if block.end > 0 => {
+                            crate::vlc::put_inter_block(&mut counter, &block);
+                            assert_eq!(crate::bits::BitSink::bits(&counter), u64::from(block.bits));
+                        }
+                        Kind::Inter => assert_eq!(block.bits, 0),
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
     fn values_saturate() {
-        let quantiser = Quantiser::new(112, 8);
+        let quantiser = quantiser(112);
         let mut block = Block::EMPTY;
         (block.levels[5], block.levels[6], block.end) = (2047, -2047, 7);
         let restored = quantiser.dequantise(&block, Kind::Inter);

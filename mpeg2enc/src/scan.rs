@@ -1,4 +1,4 @@
-//! Zig-zag scanning order (7.3, alternate_scan = 0).
+//! Scanning orders (7.3): zig-zag, and the alternate one.
 
 /// Raster position (`8 * v + u`) of the coefficients in transmission order, Figure 7-2.
 pub(crate) const ZIGZAG: [usize; 64] = {
@@ -30,6 +30,30 @@ pub(crate) const ZIGZAG: [usize; 64] = {
     order
 };
 
+/// Figure 7-3, alternate_scan = 1: the place in the order of each raster position, as printed.
+#[rustfmt::skip]
+const ALTERNATE_PRINTED: [usize; 64] = [
+     0,  4,  6, 20, 22, 36, 38, 52,
+     1,  5,  7, 21, 23, 37, 39, 53,
+     2,  8, 19, 24, 34, 40, 50, 54,
+     3,  9, 18, 25, 35, 41, 51, 55,
+    10, 17, 26, 30, 42, 46, 56, 60,
+    11, 16, 27, 31, 43, 47, 57, 61,
+    12, 15, 28, 32, 44, 48, 58, 62,
+    13, 14, 29, 33, 45, 49, 59, 63,
+];
+
+/// Raster position of the coefficients in transmission order with alternate_scan = 1.
+pub(crate) const ALTERNATE: [usize; 64] = {
+    let mut order = [0; 64];
+    let mut raster = 0;
+    while raster < 64 {
+        order[ALTERNATE_PRINTED[raster]] = raster;
+        raster += 1;
+    }
+    order
+};
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -51,5 +75,12 @@ mod tests {
         for (raster, &place) in printed.iter().enumerate() {
             assert_eq!(ZIGZAG[place], raster);
         }
+    }
+
+    #[test]
+    fn the_alternate_order_visits_every_position() {
+        let mut seen = ALTERNATE;
+        seen.sort_unstable();
+        assert_eq!(seen, std::array::from_fn(|raster| raster));
     }
 }

@@ -2,12 +2,12 @@
 //!
 //! Each coefficient may keep its level, lose one, or become zero.
 //! The bits of a level depend on the run of zeros before it, so the best choice is a shortest path (Viterbi)
-//! from one non-zero level to the next; lengths are those of Table B.14 itself.
+//! from one non-zero level to the next; lengths are those of Tables B.14 and B.15 themselves.
 
 use crate::{
     dct::COEFFICIENT_BITS,
     quant::Kind,
-    vlc::{coefficient_bits, first_coefficient_bits},
+    vlc::{CoefficientTable, coefficient_bits, end_of_block_bits, first_coefficient_bits},
 };
 
 /// A path that ends with a non-zero level, or before the first coefficient.
@@ -25,18 +25,20 @@ struct Node {
 /// Changes the `levels` (transmission order, no signs, zero from `end` on) of a block and returns their new end.
 ///
 /// `magnitudes` are the coefficients' with [`COEFFICIENT_BITS`] fractional bits, `restore` the inverse quantisation of
-/// a level at a place, `lambda` the price of a bit. The DC coefficient of an intra block takes no part.
+/// a level at a place, `table` and `lambda` say what bits cost. The DC coefficient of an intra block takes no part.
 pub(crate) fn choose(
     magnitudes: &[i32; 64],
     levels: &mut [i32; 64],
     end: usize,
     kind: Kind,
+    table: CoefficientTable,
     lambda: i64,
     restore: impl Fn(usize, i32) -> i32,
 ) -> usize {
     let start = if kind == Kind::Intra { 1 } else { 0 };
-    // An empty inter block needs no End of block.
-    let (end_bits, mut best_end) = if kind == Kind::Intra { (0, (0, 0)) } else { (2, (0, 0)) };
+    // An empty inter block needs no End of block; an intra block has one in any case.
+    let end_bits = if kind == Kind::Intra { 0 } else { i64::from(end_of_block_bits(table)) };
+    let mut best_end = (0, 0);
     let mut nodes = [Node { next: start, level: 0, cost: 0, from: 0 }; 65];
     let mut node_count = 1;
     let mut alive = [0usize; 65];
@@ -56,7 +58,7 @@ pub(crate) fn choose(
                 let bits = if kind == Kind::Inter && from == 0 {
                     first_coefficient_bits(run, candidate as u32)
                 } else {
-                    coefficient_bits(run, candidate as u32)
+                    coefficient_bits(table, run, candidate as u32)
                 };
                 let cost = nodes[from].cost + saved + lambda * i64::from(bits);
                 if cost < best.cost {
@@ -90,20 +92,22 @@ pub(crate) fn choose(
 mod tests {
     use super::*;
 
+    const TABLE: CoefficientTable = CoefficientTable::Zero;
+
     #[test]
     fn nothing_changes_when_bits_are_free() {
         let magnitudes: [i32; 64] = std::array::from_fn(|i| if i % 3 == 0 { 8 * (10 * i as i32 + 15) } else { 0 });
         let restore = |_: usize, level: i32| (2 * level + 1) * 5;
         let levels: [i32; 64] = std::array::from_fn(|i| magnitudes[i] / 80);
         let mut chosen = levels;
-        assert_eq!(choose(&magnitudes, &mut chosen, 64, Kind::Inter, 0, restore), 64);
+        assert_eq!(choose(&magnitudes, &mut chosen, 64, Kind::Inter, TABLE, 0, restore), 64);
         assert_eq!(chosen, levels);
     }
 
     #[test]
     fn nothing_is_left_when_bits_are_dear() {
         let mut levels = [1; 64];
-        assert_eq!(choose(&[100; 64], &mut levels, 64, Kind::Inter, 1 << 30, |_, level| 12 * level), 0);
+        assert_eq!(choose(&[100; 64], &mut levels, 64, Kind::Inter, TABLE, 1 << 30, |_, level| 12 * level), 0);
         assert_eq!(levels, [0; 64]);
     }
 
@@ -126,8 +130,10 @@ mod tests {
                     if levels[i] == 0 {
                         run += 1;
                     } else {
-                        let count = if first { first_coefficient_bits } else { coefficient_bits };
-                        cost += lambda * i64::from(count(run, levels[i] as u32));
+                        let level = levels[i] as u32;
+                        let bits =
+                            if first { first_coefficient_bits(run, level) } else { coefficient_bits(TABLE, run, level) };
+                        cost += lambda * i64::from(bits);
                         (run, first, any) = (0, false, true);
                     }
                 }
@@ -143,7 +149,7 @@ mod tests {
                 least = least.min(cost(&levels));
             }
             let mut chosen = nearest;
-            choose(&magnitudes, &mut chosen, 5, Kind::Inter, lambda, restore);
+            choose(&magnitudes, &mut chosen, 5, Kind::Inter, TABLE, lambda, restore);
             let found = cost(&chosen);
             assert!(found <= least + lambda, "{found} instead of {least} for {magnitudes:?}");
         }

@@ -6,11 +6,24 @@ use crate::{
     bits::{BitSink, Vlc},
     quant::Block,
 };
-pub(crate) use tables::{CODED_BLOCK_PATTERN, I_INTRA, P_CODED, P_INTRA, P_MOTION, P_MOTION_CODED};
+pub(crate) use tables::{
+    B_INTRA, B_INTRA_QUANT, B_MOTION, B_MOTION_CODED, B_MOTION_CODED_QUANT, CODED_BLOCK_PATTERN, I_INTRA,
+    I_INTRA_QUANT, P_CODED, P_CODED_QUANT, P_INTRA, P_INTRA_QUANT, P_MOTION, P_MOTION_CODED, P_MOTION_CODED_QUANT,
+};
 use tables::{
     DCT_COEFFICIENTS, DCT_DC_SIZE_CHROMINANCE, DCT_DC_SIZE_LUMINANCE, END_OF_BLOCK, ESCAPE, FIRST_COEFFICIENT_ONE,
     LEVELS, MACROBLOCK_ADDRESS_INCREMENT, MACROBLOCK_ESCAPE, MOTION_CODE, RUNS,
 };
+
+/// Which table the coefficients of a block are coded with (Table 7-3).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CoefficientTable {
+    /// Table B.14.
+    #[default]
+    Zero = 0,
+    /// Table B.15: shorter codes for the larger levels of intra blocks.
+    One = 1,
+}
 
 /// Bits of an escape-coded coefficient: the code, run of 6 and level of 12 bits.
 const ESCAPE_BITS: u32 = ESCAPE.length + 18;
@@ -60,45 +73,80 @@ fn put_dc(sink: &mut impl BitSink, differential: i32, luminance: bool) {
     }
 }
 
-/// The code of a coefficient without its sign; [`Vlc::NONE`] if it needs an escape.
+/// Bits of the vector component `delta` away from its prediction, as [`put_motion_component`] writes it.
 #[inline]
-fn coefficient_code(run: usize, level: u32) -> Vlc {
-    if run < RUNS && (level as usize) < LEVELS { DCT_COEFFICIENTS[run][level as usize] } else { Vlc::NONE }
+pub(crate) fn motion_component_bits(delta: i32, f_code: u32) -> u32 {
+    let r_size = f_code - 1;
+    let magnitude = delta.unsigned_abs();
+    if magnitude == 0 {
+        return MOTION_CODE[0].length;
+    }
+    // Differences beyond the range wrap around and come out shorter.
+    let magnitude = if magnitude > 16 << r_size { (32 << r_size) - magnitude } else { magnitude };
+    MOTION_CODE[((magnitude.max(1) - 1) >> r_size) as usize + 1].length + 1 + r_size
 }
 
-/// Bits by run and level, the sign included.
-static COEFFICIENT_BITS: [[u8; LEVELS]; 64] = {
-    let mut bits = [[ESCAPE_BITS as u8; LEVELS]; 64];
-    let mut run = 0;
-    while run < RUNS {
-        let mut level = 0;
-        while level < LEVELS {
-            if DCT_COEFFICIENTS[run][level].length > 0 {
-                bits[run][level] = DCT_COEFFICIENTS[run][level].length as u8 + 1;
+/// The code of a coefficient without its sign; [`Vlc::NONE`] if it needs an escape.
+#[inline]
+fn coefficient_code(table: CoefficientTable, run: usize, level: u32) -> Vlc {
+    if run < RUNS && (level as usize) < LEVELS {
+        DCT_COEFFICIENTS[table as usize][run][level as usize]
+    } else {
+        Vlc::NONE
+    }
+}
+
+/// Bits by table, run and level, the sign included.
+static COEFFICIENT_BITS: [[[u8; LEVELS]; 64]; 2] = {
+    let mut bits = [[[ESCAPE_BITS as u8; LEVELS]; 64]; 2];
+    let mut table = 0;
+    while table < 2 {
+        let mut run = 0;
+        while run < RUNS {
+            let mut level = 0;
+            while level < LEVELS {
+                if DCT_COEFFICIENTS[table][run][level].length > 0 {
+                    bits[table][run][level] = DCT_COEFFICIENTS[table][run][level].length as u8 + 1;
+                }
+                level += 1;
             }
-            level += 1;
+            run += 1;
         }
-        run += 1;
+        table += 1;
     }
     bits
 };
 
 /// Bits of a coefficient that is not the first one of a non-intra block.
 #[inline]
-pub(crate) fn coefficient_bits(run: usize, level: u32) -> u32 {
-    if (level as usize) < LEVELS { COEFFICIENT_BITS[run % 64][level as usize].into() } else { ESCAPE_BITS }
+pub(crate) fn coefficient_bits(table: CoefficientTable, run: usize, level: u32) -> u32 {
+    if (level as usize) < LEVELS {
+        COEFFICIENT_BITS[table as usize][run % 64][level as usize].into()
+    } else {
+        ESCAPE_BITS
+    }
 }
 
-/// Bits of the first coefficient of a non-intra block.
+/// Bits of the first coefficient of a non-intra block, which Table B.14 codes.
 #[inline]
 pub(crate) fn first_coefficient_bits(run: usize, level: u32) -> u32 {
-    if run == 0 && level == 1 { FIRST_COEFFICIENT_ONE.length + 1 } else { coefficient_bits(run, level) }
+    if run == 0 && level == 1 {
+        FIRST_COEFFICIENT_ONE.length + 1
+    } else {
+        coefficient_bits(CoefficientTable::Zero, run, level)
+    }
 }
 
-/// One run and level (7.2.2.1), by escape where Table B.14 has no code (7.2.2.3).
+/// Bits of End of block.
 #[inline]
-fn put_coefficient(sink: &mut impl BitSink, run: usize, level: i16) {
-    let code = coefficient_code(run, level.unsigned_abs().into());
+pub(crate) fn end_of_block_bits(table: CoefficientTable) -> u32 {
+    END_OF_BLOCK[table as usize].length
+}
+
+/// One run and level (7.2.2.1), by escape where the table has no code (7.2.2.3).
+#[inline]
+fn put_coefficient(sink: &mut impl BitSink, table: CoefficientTable, run: usize, level: i16) {
+    let code = coefficient_code(table, run, level.unsigned_abs().into());
     if code.length > 0 {
         sink.put_code(code.signed(level < 0));
     } else {
@@ -109,34 +157,62 @@ fn put_coefficient(sink: &mut impl BitSink, run: usize, level: i16) {
 }
 
 /// An intra block: the DC differential to `dc_prediction`, coefficients, End of block (6.2.6).
-pub(crate) fn put_intra_block(sink: &mut impl BitSink, block: &Block, dc_prediction: i32, luminance: bool) {
+pub(crate) fn put_intra_block(
+    sink: &mut impl BitSink,
+    table: CoefficientTable,
+    block: &Block,
+    dc_prediction: i32,
+    luminance: bool,
+) {
     put_dc(sink, i32::from(block.levels[0]) - dc_prediction, luminance);
-    put_coefficients(sink, block, 1);
+    if sink.only_counts() {
+        sink.count(block.bits);
+    } else {
+        put_coefficients(sink, table, block, 1);
+    }
 }
 
 /// A coded non-intra block (6.2.6).
 pub(crate) fn put_inter_block(sink: &mut impl BitSink, block: &Block) {
     debug_assert!(block.end > 0, "a coded block has a coefficient");
+    if sink.only_counts() {
+        return sink.count(block.bits);
+    }
     let first = block.levels[0];
     if first.unsigned_abs() == 1 {
         sink.put_code(FIRST_COEFFICIENT_ONE.signed(first < 0));
-        put_coefficients(sink, block, 1);
+        put_coefficients(sink, CoefficientTable::Zero, block, 1);
     } else {
-        put_coefficients(sink, block, 0);
+        put_coefficients(sink, CoefficientTable::Zero, block, 0);
     }
 }
 
-fn put_coefficients(sink: &mut impl BitSink, block: &Block, start: usize) {
+fn put_coefficients(sink: &mut impl BitSink, table: CoefficientTable, block: &Block, start: usize) {
     let mut run = 0;
     for &level in block.levels.iter().take(block.end).skip(start) {
         if level == 0 {
             run += 1;
         } else {
-            put_coefficient(sink, run, level);
+            put_coefficient(sink, table, run, level);
             run = 0;
         }
     }
-    sink.put_code(END_OF_BLOCK);
+    sink.put_code(END_OF_BLOCK[table as usize]);
+}
+
+/// Bits of the coefficients of a block with its End of block, the intra DC left out.
+pub(crate) fn block_bits(table: CoefficientTable, levels: &[i16; 64], end: usize, intra: bool) -> u32 {
+    let (mut bits, mut run, mut first) = (0, 0, !intra);
+    for &level in &levels[usize::from(intra)..end] {
+        let level = u32::from(level.unsigned_abs());
+        if level == 0 {
+            run += 1;
+            continue;
+        }
+        bits += if first { first_coefficient_bits(run, level) } else { coefficient_bits(table, run, level) };
+        (run, first) = (0, false);
+    }
+    if first { 0 } else { bits + end_of_block_bits(table) }
 }
 
 #[cfg(test)]
@@ -146,11 +222,13 @@ mod tests {
 
     #[test]
     fn bit_counts_agree_with_the_writer() {
-        for run in 0..63 {
-            for level in 1..=2047i16 {
-                let mut counter = BitCounter::default();
-                put_coefficient(&mut counter, run, -level);
-                assert_eq!(counter.0 as u32, coefficient_bits(run, level as u32));
+        for table in [CoefficientTable::Zero, CoefficientTable::One] {
+            for run in 0..63 {
+                for level in 1..=2047i16 {
+                    let mut counter = BitCounter::default();
+                    put_coefficient(&mut counter, table, run, -level);
+                    assert_eq!(counter.0 as u32, coefficient_bits(table, run, level as u32));
+                }
             }
         }
     }
@@ -164,7 +242,7 @@ mod tests {
                 self.0.push((value, length));
             }
             fn bits(&self) -> u64 {
-                0
+                self.0.iter().map(|word| u64::from(word.1)).sum()
             }
         }
         for f_code in 1..=9u32 {
@@ -172,6 +250,7 @@ mod tests {
             for delta in -32 * f + 1..32 * f {
                 let mut words = Words(Vec::new());
                 put_motion_component(&mut words, delta, f_code);
+                assert_eq!(words.bits() as u32, motion_component_bits(delta, f_code), "{delta} at f_code {f_code}");
                 let (value, length) = words.0[0];
                 let decoded = if (value, length) == (1, 1) {
                     0

@@ -4,9 +4,10 @@ use super::HalfSample;
 use plane::Plane;
 
 /// Both pictures at a quarter of the width and height.
-pub(super) struct CoarseSearch {
-    source: Plane<u8>,
-    reference: Plane<u8>,
+#[derive(Clone, Copy)]
+pub(crate) struct CoarseSearch<'a> {
+    pub source: &'a Plane<u8>,
+    pub reference: &'a Plane<u8>,
 }
 
 /// Reach of the search in coarse samples: ±64 samples of the picture.
@@ -14,11 +15,7 @@ const REACH: i32 = 16;
 /// The window is larger than the macroblock's 4 samples, which alone would match by chance.
 const WINDOW: usize = 8;
 
-impl CoarseSearch {
-    pub fn new(source: &Plane<u8>, reference: &Plane<u8>) -> Self {
-        Self { source: quarter(source), reference: quarter(reference) }
-    }
-
+impl CoarseSearch<'_> {
     /// The best vector for macroblock `(column, row)`; one that leaves the picture may come out.
     pub fn search(&self, column: usize, row: usize) -> HalfSample {
         let (width, height) = (self.source.width() as i32, self.source.height() as i32);
@@ -53,7 +50,7 @@ impl CoarseSearch {
 }
 
 /// Means of 4×4 samples.
-fn quarter(plane: &Plane<u8>) -> Plane<u8> {
+pub(crate) fn quarter(plane: &Plane<u8>) -> Plane<u8> {
     Plane::from_fn(plane.width() / 4, plane.height() / 4, |x, y| {
         let sum: u32 =
             (0..4).flat_map(|i| plane.row(4 * y + i)[4 * x..4 * x + 4].iter()).map(|&sample| u32::from(sample)).sum();

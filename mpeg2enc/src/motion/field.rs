@@ -2,6 +2,7 @@
 
 use super::HalfSample;
 use plane::Plane;
+use rayon::prelude::*;
 
 /// Where each pixel's surface was in the picture before.
 ///
@@ -23,7 +24,7 @@ pub struct MotionField {
 
 /// Vectors to be tried for one macroblock.
 #[derive(Clone, Copy)]
-pub(super) struct Candidates {
+pub(crate) struct Candidates {
     vectors: [HalfSample; CANDIDATES],
     count: usize,
     /// Every pixel could be seen before and moved like the others, to within half a sample.
@@ -31,13 +32,25 @@ pub(super) struct Candidates {
 }
 
 impl Candidates {
+    pub const NONE: Self = Self { vectors: [HalfSample::ZERO; CANDIDATES], count: 0, one_motion: false };
+
     pub fn vectors(&self) -> &[HalfSample] {
         &self.vectors[..self.count]
     }
+
+    /// Adds a vector if it is new and there is room.
+    pub fn add(&mut self, vector: HalfSample) {
+        if self.count < CANDIDATES && !self.vectors().contains(&vector) {
+            self.vectors[self.count] = vector;
+            self.count += 1;
+        }
+    }
 }
 
-/// The mean and the four most frequent vectors.
-const CANDIDATES: usize = 5;
+/// As many as are ever worth trying; a field gives the mean and the four most frequent vectors.
+const CANDIDATES: usize = 8;
+/// The most frequent vectors that a field gives.
+const FREQUENT: usize = 4;
 /// Different vectors that are counted in one macroblock; what is left over then counts for the mean alone.
 const DISTINCT: usize = 24;
 /// Larger than any picture, and small enough for sums of 256: beyond it a vector is as good as unknown.
@@ -56,12 +69,17 @@ impl MotionField {
     }
 
     /// Is there a pixel that could not be seen before?
-    pub(super) fn has_uncovered(&self) -> bool {
+    pub(crate) fn has_uncovered(&self) -> bool {
         self.has_uncovered
     }
 
+    /// Those of all macroblocks, in raster order.
+    pub(crate) fn all_candidates(&self, columns: usize, rows: usize) -> Vec<Candidates> {
+        (0..columns * rows).into_par_iter().map(|i| self.candidates(i % columns, i / columns)).collect()
+    }
+
     /// The mean and the most frequent vectors of macroblock `(column, row)`.
-    pub(super) fn candidates(&self, column: usize, row: usize) -> Candidates {
+    fn candidates(&self, column: usize, row: usize) -> Candidates {
         let (left, top) = (16 * column, 16 * row);
         let (right, bottom) = ((left + 16).min(self.motion_px.width()), (top + 16).min(self.motion_px.height()));
         let mut counts = [(HalfSample::ZERO, 0u32); DISTINCT];
@@ -89,17 +107,15 @@ impl MotionField {
         }
         let counts = &mut counts[..distinct];
         counts.sort_unstable_by_key(|&(vector, count)| (std::cmp::Reverse(count), vector));
-        let mut out = Candidates { vectors: [HalfSample::ZERO; CANDIDATES], count: 0, one_motion: false };
+        let mut out = Candidates::NONE;
         if known > 0 {
-            out.vectors[0] = half_sample(sum.map(|sum| sum / f64::from(known)));
-            out.count = 1;
-            let mean = out.vectors[0];
+            let mean = half_sample(sum.map(|sum| sum / f64::from(known)));
+            out.add(mean);
             out.one_motion =
                 unknown == 0 && counts.iter().all(|(v, _)| (v.x - mean.x).abs() <= 1 && (v.y - mean.y).abs() <= 1);
         }
-        for &(vector, _) in counts.iter().take(CANDIDATES - 1) {
-            out.vectors[out.count] = vector;
-            out.count += 1;
+        for &(vector, _) in counts.iter().take(FREQUENT) {
+            out.add(vector);
         }
         out
     }

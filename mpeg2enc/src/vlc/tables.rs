@@ -35,6 +35,8 @@ pub(crate) const MACROBLOCK_ESCAPE: Vlc = vlc("0000 0001 000");
 
 /// Table B.2: macroblock_type of an intra macroblock in an I picture.
 pub(crate) const I_INTRA: Vlc = vlc("1");
+/// Table B.2: intra, with quantiser_scale_code.
+pub(crate) const I_INTRA_QUANT: Vlc = vlc("01");
 
 /// Table B.3: macroblock_type in a P picture: vector and coefficients.
 pub(crate) const P_MOTION_CODED: Vlc = vlc("1");
@@ -44,6 +46,23 @@ pub(crate) const P_CODED: Vlc = vlc("01");
 pub(crate) const P_MOTION: Vlc = vlc("001");
 /// Table B.3: intra.
 pub(crate) const P_INTRA: Vlc = vlc("0001 1");
+/// Table B.3: vector and coefficients, with quantiser_scale_code.
+pub(crate) const P_MOTION_CODED_QUANT: Vlc = vlc("0001 0");
+/// Table B.3: coefficients, with quantiser_scale_code.
+pub(crate) const P_CODED_QUANT: Vlc = vlc("0000 1");
+/// Table B.3: intra, with quantiser_scale_code.
+pub(crate) const P_INTRA_QUANT: Vlc = vlc("0000 01");
+
+/// Table B.4: macroblock_type in a B picture without coefficients: forward, backward, both.
+pub(crate) const B_MOTION: [Vlc; 3] = [vlc("0010"), vlc("010"), vlc("10")];
+/// Table B.4: with coefficients: forward, backward, both.
+pub(crate) const B_MOTION_CODED: [Vlc; 3] = [vlc("0011"), vlc("011"), vlc("11")];
+/// Table B.4: with coefficients and quantiser_scale_code: forward, backward, both.
+pub(crate) const B_MOTION_CODED_QUANT: [Vlc; 3] = [vlc("0000 11"), vlc("0000 10"), vlc("0001 0")];
+/// Table B.4: intra.
+pub(crate) const B_INTRA: Vlc = vlc("0001 1");
+/// Table B.4: intra, with quantiser_scale_code.
+pub(crate) const B_INTRA_QUANT: Vlc = vlc("0000 01");
 
 /// Table B.9: coded_block_pattern, as (pattern, code).
 #[rustfmt::skip]
@@ -95,9 +114,9 @@ pub(crate) const DCT_DC_SIZE_CHROMINANCE: [Vlc; 12] = [
     vlc("1111 1110"), vlc("1111 1111 0"), vlc("1111 1111 10"), vlc("1111 1111 11"),
 ];
 
-/// Table B.14: End of block.
-pub(crate) const END_OF_BLOCK: Vlc = vlc("10");
-/// Table B.14: Escape; run and level follow (7.2.2.3).
+/// End of block in Tables B.14 and B.15.
+pub(crate) const END_OF_BLOCK: [Vlc; 2] = [vlc("10"), vlc("0110")];
+/// Tables B.14 and B.15: Escape; run and level follow (7.2.2.3).
 pub(crate) const ESCAPE: Vlc = vlc("0000 01");
 /// Table B.14: run 0, level 1 as the first coefficient of a non-intra block.
 pub(crate) const FIRST_COEFFICIENT_ONE: Vlc = vlc("1");
@@ -141,22 +160,60 @@ pub(crate) const DCT_COEFFICIENTS_PRINTED: [(u8, u8, &str); 111] = [
     (31, 1, "0000 0000 0001 1011"),
 ];
 
-/// Runs below this may have a code of their own in Table B.14.
+/// Table B.15: DCT coefficients table one, as (run, level, code), by length.
+#[rustfmt::skip]
+pub(crate) const DCT_COEFFICIENTS_ONE_PRINTED: [(u8, u8, &str); 111] = [
+    (0, 1, "10"), (0, 2, "110"), (1, 1, "010"), (0, 3, "0111"), (0, 4, "1110 0"), (0, 5, "1110 1"), (1, 2, "0011 0"),
+    (2, 1, "0010 1"), (3, 1, "0011 1"), (0, 6, "0001 01"), (0, 7, "0001 00"), (4, 1, "0001 10"), (5, 1, "0001 11"),
+    (0, 8, "1111 011"), (0, 9, "1111 100"), (1, 3, "1111 001"), (2, 2, "0000 111"), (6, 1, "0000 110"),
+    (7, 1, "0000 100"), (8, 1, "0000 101"), (9, 1, "1111 000"), (10, 1, "1111 010"), (0, 10, "0010 0011"),
+    (0, 11, "0010 0010"), (0, 12, "1111 1010"), (0, 13, "1111 1011"), (0, 14, "1111 1110"), (0, 15, "1111 1111"),
+    (1, 4, "0010 0111"), (1, 5, "0010 0000"), (2, 3, "1111 1100"), (3, 2, "0010 0110"), (4, 2, "1111 1101"),
+    (11, 1, "0010 0001"), (12, 1, "0010 0101"), (13, 1, "0010 0100"), (5, 2, "0000 0010 0"), (14, 1, "0000 0010 1"),
+    (15, 1, "0000 0011 1"), (2, 4, "0000 0011 00"), (16, 1, "0000 0011 01"), (3, 3, "0000 0001 1100"),
+    (4, 3, "0000 0001 0010"), (6, 2, "0000 0001 1110"), (7, 2, "0000 0001 0101"), (8, 2, "0000 0001 0001"),
+    (17, 1, "0000 0001 1111"), (18, 1, "0000 0001 1010"), (19, 1, "0000 0001 1001"), (20, 1, "0000 0001 0111"),
+    (21, 1, "0000 0001 0110"), (1, 6, "0000 0000 1011 0"), (1, 7, "0000 0000 1010 1"), (2, 5, "0000 0000 1010 0"),
+    (3, 4, "0000 0000 1001 1"), (5, 3, "0000 0000 1001 0"), (9, 2, "0000 0000 1000 1"), (10, 2, "0000 0000 1000 0"),
+    (22, 1, "0000 0000 1111 1"), (23, 1, "0000 0000 1111 0"), (24, 1, "0000 0000 1110 1"), (25, 1, "0000 0000 1110 0"),
+    (26, 1, "0000 0000 1101 1"), (0, 16, "0000 0000 0111 11"), (0, 17, "0000 0000 0111 10"),
+    (0, 18, "0000 0000 0111 01"), (0, 19, "0000 0000 0111 00"), (0, 20, "0000 0000 0110 11"),
+    (0, 21, "0000 0000 0110 10"), (0, 22, "0000 0000 0110 01"), (0, 23, "0000 0000 0110 00"),
+    (0, 24, "0000 0000 0101 11"), (0, 25, "0000 0000 0101 10"), (0, 26, "0000 0000 0101 01"),
+    (0, 27, "0000 0000 0101 00"), (0, 28, "0000 0000 0100 11"), (0, 29, "0000 0000 0100 10"),
+    (0, 30, "0000 0000 0100 01"), (0, 31, "0000 0000 0100 00"), (0, 32, "0000 0000 0011 000"),
+    (0, 33, "0000 0000 0010 111"), (0, 34, "0000 0000 0010 110"), (0, 35, "0000 0000 0010 101"),
+    (0, 36, "0000 0000 0010 100"), (0, 37, "0000 0000 0010 011"), (0, 38, "0000 0000 0010 010"),
+    (0, 39, "0000 0000 0010 001"), (0, 40, "0000 0000 0010 000"), (1, 8, "0000 0000 0011 111"),
+    (1, 9, "0000 0000 0011 110"), (1, 10, "0000 0000 0011 101"), (1, 11, "0000 0000 0011 100"),
+    (1, 12, "0000 0000 0011 011"), (1, 13, "0000 0000 0011 010"), (1, 14, "0000 0000 0011 001"),
+    (1, 15, "0000 0000 0001 0011"), (1, 16, "0000 0000 0001 0010"), (1, 17, "0000 0000 0001 0001"),
+    (1, 18, "0000 0000 0001 0000"), (6, 3, "0000 0000 0001 0100"), (11, 2, "0000 0000 0001 1010"),
+    (12, 2, "0000 0000 0001 1001"), (13, 2, "0000 0000 0001 1000"), (14, 2, "0000 0000 0001 0111"),
+    (15, 2, "0000 0000 0001 0110"), (16, 2, "0000 0000 0001 0101"), (27, 1, "0000 0000 0001 1111"),
+    (28, 1, "0000 0000 0001 1110"), (29, 1, "0000 0000 0001 1101"), (30, 1, "0000 0000 0001 1100"),
+    (31, 1, "0000 0000 0001 1011"),
+];
+
+/// Runs below this may have a code of their own in Tables B.14 and B.15.
 pub(crate) const RUNS: usize = 32;
-/// Levels below this may have a code of their own in Table B.14.
+/// Levels below this may have a code of their own in Tables B.14 and B.15.
 pub(crate) const LEVELS: usize = 41;
 
-/// Table B.14 by run and level; [`Vlc::NONE`] where escape coding is used.
-pub(crate) static DCT_COEFFICIENTS: [[Vlc; LEVELS]; RUNS] = {
+/// Tables B.14 and B.15 by run and level; [`Vlc::NONE`] where escape coding is used.
+pub(crate) static DCT_COEFFICIENTS: [[[Vlc; LEVELS]; RUNS]; 2] =
+    [by_run_and_level(&DCT_COEFFICIENTS_PRINTED), by_run_and_level(&DCT_COEFFICIENTS_ONE_PRINTED)];
+
+const fn by_run_and_level(printed: &[(u8, u8, &str)]) -> [[Vlc; LEVELS]; RUNS] {
     let mut table = [[Vlc::NONE; LEVELS]; RUNS];
     let mut i = 0;
-    while i < DCT_COEFFICIENTS_PRINTED.len() {
-        let (run, level, digits) = DCT_COEFFICIENTS_PRINTED[i];
+    while i < printed.len() {
+        let (run, level, digits) = printed[i];
         table[run as usize][level as usize] = vlc(digits);
         i += 1;
     }
     table
-};
+}
 
 #[cfg(test)]
 mod tests {
@@ -185,28 +242,37 @@ mod tests {
         let mut increments = MACROBLOCK_ADDRESS_INCREMENT.to_vec();
         increments.push(MACROBLOCK_ESCAPE);
         check("B.1", &increments);
-        check("B.3", &[P_MOTION_CODED, P_CODED, P_MOTION, P_INTRA]);
+        check("B.2", &[I_INTRA, I_INTRA_QUANT]);
+        let plain = [P_MOTION_CODED, P_CODED, P_MOTION, P_INTRA];
+        check("B.3", &[&plain[..], &[P_MOTION_CODED_QUANT, P_CODED_QUANT, P_INTRA_QUANT]].concat());
+        let motion = [B_MOTION, B_MOTION_CODED, B_MOTION_CODED_QUANT].concat();
+        check("B.4", &[&motion[..], &[B_INTRA, B_INTRA_QUANT]].concat());
         check("B.9", &CODED_BLOCK_PATTERN);
         let mut motion = vec![MOTION_CODE[0]];
         motion.extend(both_signs(&MOTION_CODE[1..]));
         check("B.10", &motion);
         check("B.12", &DCT_DC_SIZE_LUMINANCE);
         check("B.13", &DCT_DC_SIZE_CHROMINANCE);
-        let printed: Vec<Vlc> = DCT_COEFFICIENTS_PRINTED.iter().map(|&(_, _, digits)| vlc(digits)).collect();
-        let mut coefficients = vec![END_OF_BLOCK, ESCAPE];
-        coefficients.extend(both_signs(&printed));
-        check("B.14", &coefficients);
+        for (name, table, printed) in [("B.14", 0, &DCT_COEFFICIENTS_PRINTED), ("B.15", 1, &DCT_COEFFICIENTS_ONE_PRINTED)]
+        {
+            let printed: Vec<Vlc> = printed.iter().map(|&(_, _, digits)| vlc(digits)).collect();
+            let mut coefficients = vec![END_OF_BLOCK[table], ESCAPE];
+            coefficients.extend(both_signs(&printed));
+            check(name, &coefficients);
+        }
     }
 
     #[test]
-    fn every_entry_of_the_coefficient_table_is_found_again() {
-        for &(run, level, digits) in &DCT_COEFFICIENTS_PRINTED {
-            let found = DCT_COEFFICIENTS[run as usize][level as usize];
-            let written: String =
-                (0..found.length).rev().map(|bit| char::from(b'0' + (found.code >> bit & 1) as u8)).collect();
-            assert_eq!(written, digits.replace(' ', ""), "run {run}, level {level}");
+    fn every_entry_of_the_coefficient_tables_is_found_again() {
+        for (table, printed) in [&DCT_COEFFICIENTS_PRINTED, &DCT_COEFFICIENTS_ONE_PRINTED].into_iter().enumerate() {
+            for &(run, level, digits) in printed {
+                let found = DCT_COEFFICIENTS[table][run as usize][level as usize];
+                let written: String =
+                    (0..found.length).rev().map(|bit| char::from(b'0' + (found.code >> bit & 1) as u8)).collect();
+                assert_eq!(written, digits.replace(' ', ""), "run {run}, level {level}");
+            }
+            let codes = DCT_COEFFICIENTS[table].iter().flatten().filter(|code| code.length > 0).count();
+            assert_eq!(codes, printed.len(), "an entry stands twice");
         }
-        let codes = DCT_COEFFICIENTS.iter().flatten().filter(|code| code.length > 0).count();
-        assert_eq!(codes, DCT_COEFFICIENTS_PRINTED.len(), "an entry stands twice");
     }
 }

@@ -1,0 +1,234 @@
+//! Encodes a YUV4MPEG2 file (4:2:0, 8 bits) to an MPEG-2 elementary stream:
+//!
+//! ```text
+//! ffmpeg -f lavfi -i testsrc2=size=512x512:rate=25:duration=2 -pix_fmt yuv420p clip.y4m
+//! cargo run --release -p mpeg2enc --example mpeg2enc -- clip.y4m -o clip.m2v --qscale 8
+//! ```
+//! `--help` names all options.
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::{Parser, ValueEnum};
+use mpeg2enc::{CoefficientTable, Config, Effort, Frame, FrameRate, KnownMotion, MotionField, Packet};
+use plane::Plane;
+use std::{
+    fs::File,
+    io::{BufRead, BufReader, BufWriter, Read, Write},
+    path::PathBuf,
+};
+
+/// Encodes a YUV4MPEG2 file to an MPEG-2 elementary stream
+#[derive(Parser)]
+struct Arguments {
+    /// YUV4MPEG2, 4:2:0, 8 bits
+    input: PathBuf,
+    /// The stream to be written (.m2v)
+    #[arg(short, long)]
+    output: PathBuf,
+    /// quantiser_scale: 1 to 8, even values to 62, 64, multiples of 8 to 112
+    #[arg(short, long, default_value_t = 8)]
+    qscale: u32,
+    /// How much is tried for few bits
+    #[arg(short, long, value_enum, default_value_t = EffortName::Balanced)]
+    effort: EffortName,
+    /// The longest distance of I pictures, 1 to 132
+    #[arg(short, long, default_value_t = 15)]
+    gop: u32,
+    /// The most B pictures in a row, 0 to 7
+    #[arg(short, long, default_value_t = 2)]
+    bframes: u32,
+    /// No group of pictures needs the group before
+    #[arg(long)]
+    closed: bool,
+    /// No I pictures besides those that --gop asks for
+    #[arg(long)]
+    no_scene_cuts: bool,
+    /// One quantiser for all macroblocks of I and P pictures
+    #[arg(long)]
+    uniform: bool,
+    /// No reordering and no waiting: I and P pictures only
+    #[arg(long)]
+    zero_delay: bool,
+    /// The scan of Figure 7-3
+    #[arg(long)]
+    alternate_scan: bool,
+    /// Table B.15 for intra blocks
+    #[arg(long)]
+    intra_vlc: bool,
+    /// Bits of the intra DC coefficient, 8 to 10
+    #[arg(long, default_value_t = 8)]
+    dc: u32,
+    /// Motion to the frame before: i16 pairs, little endian, in 64ths of a pixel, frame after frame
+    #[arg(short, long)]
+    motion: Option<PathBuf>,
+    /// Motion to the frame after, in the same form
+    #[arg(long)]
+    motion_next: Option<PathBuf>,
+    /// Threads to encode with
+    #[arg(short, long, default_value_t = 1)]
+    threads: usize,
+    /// Prints a line for each picture
+    #[arg(short, long)]
+    verbose: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum EffortName {
+    Fast,
+    Balanced,
+    Best,
+}
+
+fn main() -> Result<()> {
+    let arguments = Arguments::parse();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
+    pool.install(|| encode(&arguments))
+}
+
+fn encode(arguments: &Arguments) -> Result<()> {
+    let open = |path: &PathBuf| File::open(path).with_context(|| format!("{} cannot be read", path.display()));
+    let mut input = BufReader::new(open(&arguments.input)?);
+    let (width, height, fps) = parse_header(&read_line(&mut input)?)
+        .with_context(|| format!("{} cannot be encoded", arguments.input.display()))?;
+    let reader = |path: &Option<PathBuf>| path.as_ref().map(|path| open(path).map(BufReader::new)).transpose();
+    let mut motion = [reader(&arguments.motion)?, reader(&arguments.motion_next)?];
+    let config = Config::new(width, height, FrameRate::from_fps(fps)?)
+        .with_quantiser_scale(arguments.qscale)
+        .with_gop(arguments.gop)
+        .with_b_pictures(if arguments.zero_delay { 0 } else { arguments.bframes })
+        .with_closed_gop(arguments.closed)
+        .with_scene_cuts(!arguments.no_scene_cuts)
+        .with_uniform_quantiser(arguments.uniform)
+        .with_alternate_scan(arguments.alternate_scan)
+        .with_intra_table(if arguments.intra_vlc { CoefficientTable::One } else { CoefficientTable::Zero })
+        .with_intra_dc_precision(arguments.dc)
+        .with_effort(match arguments.effort {
+            EffortName::Fast => Effort::Fast,
+            EffortName::Balanced => Effort::Balanced,
+            EffortName::Best => Effort::Best,
+        });
+    let file = File::create(&arguments.output)
+        .with_context(|| format!("{} cannot be written", arguments.output.display()))?;
+    let mut output = Sink { file: BufWriter::new(file), verbose: arguments.verbose, bits: 0, count: 0, psnr: 0.0 };
+    if arguments.zero_delay {
+        let mut encoder = config.encoder()?;
+        while let Some(frame) = read_frame(&mut input, width, height)? {
+            let [field, _] = read_motion(&mut motion, width, height)?;
+            output.take(&encoder.push(&frame, field.as_ref()))?;
+        }
+        output.file.write_all(&encoder.finish())?;
+    } else {
+        let mut encoder = config.lookahead_encoder()?;
+        while let Some(frame) = read_frame(&mut input, width, height)? {
+            let [previous, next] = read_motion(&mut motion, width, height)?;
+            let known = KnownMotion { to_previous: previous.as_ref(), to_next: next.as_ref() };
+            for packet in encoder.push(&frame, known) {
+                output.take(&packet)?;
+            }
+        }
+        let (packets, end) = encoder.finish();
+        for packet in &packets {
+            output.take(packet)?;
+        }
+        output.file.write_all(&end)?;
+    }
+    output.file.flush()?;
+    let count = output.count.max(1) as f64;
+    println!(
+        "{} frames, {:.1} kbit/s, {:.3} dB (mean PSNR of luma)",
+        output.count,
+        output.bits as f64 / count * fps / 1000.0,
+        output.psnr / count
+    );
+    Ok(())
+}
+
+/// Where packets go, and what is told of them.
+struct Sink {
+    file: BufWriter<File>,
+    verbose: bool,
+    bits: u64,
+    count: u64,
+    psnr: f64,
+}
+
+impl Sink {
+    fn take(&mut self, packet: &Packet) -> Result<()> {
+        self.file.write_all(&packet.data)?;
+        self.bits += packet.bits;
+        self.count += 1;
+        self.psnr += packet.psnr_y.min(100.0);
+        if self.verbose {
+            let scales = packet.quantiser_scales.samples();
+            let mean = scales.iter().map(|&scale| f64::from(scale)).sum::<f64>() / scales.len() as f64;
+            let s = packet.statistics;
+            println!(
+                "{:4} {:?} {:8} bits {:6.2} dB  scale {mean:5.2}  {} intra {} inter {} skipped, {} bits motion {} coefficients",
+                packet.display_index,
+                packet.picture_type,
+                packet.bits,
+                packet.psnr_y,
+                s.intra,
+                s.inter,
+                s.skipped,
+                s.motion_bits,
+                s.coefficient_bits
+            );
+        }
+        Ok(())
+    }
+}
+
+fn read_frame(input: &mut impl BufRead, width: usize, height: usize) -> Result<Option<Frame>> {
+    if !read_line(input)?.starts_with("FRAME") {
+        return Ok(None);
+    }
+    let mut plane = |width: usize, height: usize| -> Result<Plane<u8>> {
+        let mut samples = vec![0; width * height];
+        input.read_exact(&mut samples).context("the last frame is cut off")?;
+        Ok(Plane::from_vec(width, height, samples))
+    };
+    let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
+    let luma = plane(width, height)?;
+    Ok(Some(Frame::new(luma, plane(chroma_width, chroma_height)?, plane(chroma_width, chroma_height)?)?))
+}
+
+/// The fields of the next frame. The first frame of a file has none before it, which its zeros do not harm.
+fn read_motion(
+    files: &mut [Option<BufReader<File>>; 2],
+    width: usize,
+    height: usize,
+) -> Result<[Option<MotionField>; 2]> {
+    let mut fields = [None, None];
+    for (file, field) in files.iter_mut().zip(&mut fields) {
+        if let Some(file) = file {
+            let mut bytes = vec![0; width * height * 4];
+            file.read_exact(&mut bytes).context("a motion file has fewer frames than the clip")?;
+            let component = |bytes: &[u8]| f32::from(i16::from_le_bytes([bytes[0], bytes[1]])) / 64.0;
+            let vectors = bytes.chunks_exact(4).map(|b| [component(&b[..2]), component(&b[2..])]).collect();
+            *field = Some(MotionField::new(Plane::from_vec(width, height, vectors)));
+        }
+    }
+    Ok(fields)
+}
+
+fn read_line(input: &mut impl BufRead) -> Result<String> {
+    let mut line = Vec::new();
+    input.read_until(b'\n', &mut line)?;
+    Ok(String::from_utf8_lossy(&line).trim_end().into())
+}
+
+/// Width, height and frames a second of a line such as `YUV4MPEG2 W512 H512 F25:1 Ip C420jpeg`.
+fn parse_header(line: &str) -> Result<(usize, usize, f64)> {
+    ensure!(line.starts_with("YUV4MPEG2"), "this is not a YUV4MPEG2 file");
+    let value = |tag: char| line.split(' ').skip(1).find_map(|word| word.strip_prefix(tag));
+    if value('C').is_some_and(|format| !format.starts_with("420") || format.starts_with("420p1")) {
+        bail!("only 4:2:0 of 8 bits can be encoded");
+    }
+    let (numerator, denominator) = value('F').and_then(|rate| rate.split_once(':')).context("the file states no rate")?;
+    let fps = numerator.parse::<f64>()? / denominator.parse::<f64>()?;
+    Ok((
+        value('W').context("the file states no width")?.parse()?,
+        value('H').context("the file states no height")?.parse()?,
+        fps,
+    ))
+}

@@ -1,0 +1,201 @@
+//! One picture: vectors, slices, headers. What zero-delay and lookahead coding have in common.
+
+use crate::{
+    Config, Frame, PictureStatistics, PictureType,
+    bits::BitWriter,
+    config::quantiser_scale_code,
+    decide::Tools,
+    effort::Effort,
+    frame::psnr,
+    header::{self, PictureHeader},
+    motion::{Candidates, CoarseSearch, Estimate, HalfSample, f_code},
+    picture::{CodedPicture, Picture},
+    predict::References,
+    quant::{QuantiserParameters, Quantisers},
+};
+use plane::Plane;
+
+/// One coded picture.
+#[derive(Clone, Debug)]
+pub struct Packet {
+    /// Its part of the stream; an I picture's begins with sequence and group headers.
+    pub data: Vec<u8>,
+    /// Place of the frame among those that came in, from 0: the order in which pictures are shown.
+    pub display_index: u64,
+    /// Intra, predicted, or predicted from both sides.
+    pub picture_type: PictureType,
+    /// quantiser_scale asked for.
+    pub quantiser_scale: u32,
+    /// quantiser_scale in force at every macroblock: all the same unless the encoder was asked to vary it.
+    pub quantiser_scales: Plane<u8>,
+    /// Bits of `data`.
+    pub bits: u64,
+    /// What a decoder shows, to within the differences of inverse transforms that the standard allows.
+    pub reconstruction: Frame,
+    /// PSNR of luma against the frame that came in, dB; infinite if nothing was lost.
+    pub psnr_y: f64,
+    /// What the bits were spent on.
+    pub statistics: PictureStatistics,
+}
+
+/// What vectors of one direction are found from.
+pub(crate) struct Direction<'a> {
+    pub reference: &'a Frame,
+    /// Of every macroblock, or empty.
+    pub candidates: &'a [Candidates],
+    pub before: &'a [HalfSample],
+    pub coarse: Option<CoarseSearch<'a>>,
+}
+
+/// What a picture is to become.
+pub(crate) struct Job<'a> {
+    pub picture_type: PictureType,
+    pub display_index: u64,
+    pub temporal_reference: u32,
+    pub vbv_delay: u32,
+    /// The picture in whole macroblocks.
+    pub source: &'a Frame,
+    /// Forward and backward.
+    pub directions: [Option<Direction<'a>>; 2],
+    pub quantiser_scale: u32,
+    /// quantiser_scale asked for in every macroblock, in sixteenths.
+    pub scales_x16: &'a [u32],
+}
+
+/// A packet without sequence and group headers, and what the next picture needs.
+pub(crate) struct Coded {
+    pub packet: Packet,
+    /// In whole macroblocks.
+    pub reconstruction: Frame,
+    /// Forward and backward.
+    pub vectors: [Vec<HalfSample>; 2],
+}
+
+/// Codes pictures one after the other, each by itself.
+pub(crate) struct Coder {
+    pub config: Config,
+    quantisers: Quantisers,
+}
+
+impl Coder {
+    /// `varies` says that macroblocks will have quantisers of their own: the table with finer steps is used then.
+    pub fn new(config: Config, varies: bool) -> Self {
+        let quantisers = Quantisers::new(parameters(&config, varies));
+        Self { config, quantisers }
+    }
+
+    /// Uses another quantiser_scale for whole pictures; it was checked.
+    pub fn set_quantiser_scale(&mut self, quantiser_scale: u32) {
+        self.config.quantiser_scale = quantiser_scale;
+        let parameters = parameters(&self.config, false);
+        if parameters != self.quantisers.parameters {
+            self.quantisers = Quantisers::new(parameters);
+        }
+    }
+
+    /// Codes one picture on the current `rayon` pool.
+    pub fn code(&self, job: &Job) -> Coded {
+        let limits = self.config.level().limits();
+        let f_code_max = [limits.f_code_horizontal, limits.f_code_vertical];
+        let effort = self.config.effort;
+        let find = |direction: &Option<Direction>| {
+            direction.as_ref().map_or(Vec::new(), |direction| {
+                Estimate {
+                    source: job.source,
+                    reference: direction.reference,
+                    candidates: direction.candidates,
+                    before: direction.before,
+                    coarse: direction.coarse,
+                    quantiser_scale: job.quantiser_scale,
+                    f_code_max,
+                    transformed: effort != Effort::Fast,
+                }
+                .vectors()
+            })
+        };
+        let vectors = [find(&job.directions[0]), find(&job.directions[1])];
+        let reach =
+            |vectors: &[HalfSample]| [f_code(vectors.iter().map(|v| v.x)), f_code(vectors.iter().map(|v| v.y))];
+        let references: References =
+            [&job.directions[0], &job.directions[1]].map(|direction| direction.as_ref().map(|d| d.reference));
+        let header = PictureHeader {
+            picture_type: job.picture_type,
+            temporal_reference: job.temporal_reference,
+            vbv_delay: job.vbv_delay,
+            f_code: [reach(&vectors[0]), reach(&vectors[1])],
+            quantisers: self.quantisers.parameters,
+        };
+        let coded = Picture {
+            header,
+            source: job.source,
+            references,
+            vectors: [&vectors[0], &vectors[1]],
+            quantisers: &self.quantisers,
+            scales_x16: job.scales_x16,
+            tools: tools(effort, self.config.varies()),
+            height: self.config.height,
+        }
+        .code();
+        self.pack(job, &header, coded, vectors)
+    }
+
+    fn pack(&self, job: &Job, header: &PictureHeader, coded: CodedPicture, vectors: [Vec<HalfSample>; 2]) -> Coded {
+        let mut writer = BitWriter::default();
+        header::put_picture_header(&mut writer, header);
+        let mut data = writer.into_bytes();
+        data.extend(coded.slices);
+        let (width, height) = (self.config.width, self.config.height);
+        let reconstruction = coded.reconstruction.resized(width, height);
+        let (columns, rows) = (job.source.width() / 16, job.source.height() / 16);
+        let packet = Packet {
+            bits: 8 * data.len() as u64,
+            data,
+            display_index: job.display_index,
+            picture_type: job.picture_type,
+            quantiser_scale: job.quantiser_scale,
+            quantiser_scales: Plane::from_vec(columns, rows, coded.quantiser_scales),
+            psnr_y: psnr(&job.source.resized(width, height).luma, &reconstruction.luma),
+            reconstruction,
+            statistics: coded.statistics,
+        };
+        Coded { packet, reconstruction: coded.reconstruction, vectors }
+    }
+
+    /// Puts sequence and group headers in front of a packet; `number` is the first picture of the group to be shown.
+    pub fn begin_group(&self, packet: &mut Packet, number: u64, closed: bool) {
+        let mut writer = BitWriter::default();
+        header::put_sequence_header(&mut writer, &self.config);
+        header::put_group_header(&mut writer, &self.config, number, closed);
+        let mut data = writer.into_bytes();
+        data.append(&mut packet.data);
+        packet.bits = 8 * data.len() as u64;
+        packet.data = data;
+    }
+}
+
+/// sequence_end_code.
+pub(crate) fn sequence_end() -> Vec<u8> {
+    let mut writer = BitWriter::default();
+    header::put_sequence_end(&mut writer);
+    writer.into_bytes()
+}
+
+fn parameters(config: &Config, varies: bool) -> QuantiserParameters {
+    let code = quantiser_scale_code(config.quantiser_scale).expect("checked when it was set");
+    QuantiserParameters {
+        q_scale_type: varies || code.q_scale_type,
+        intra_dc_precision: config.intra_dc_precision,
+        alternate_scan: config.alternate_scan,
+        intra_table: config.intra_table,
+        intra_matrix: config.intra_matrix,
+        non_intra_matrix: config.non_intra_matrix,
+    }
+}
+
+fn tools(effort: Effort, varies: bool) -> Tools {
+    match effort {
+        Effort::Fast => Tools { trellis: false, trials: 1, quantiser_choice: false },
+        Effort::Balanced => Tools { trellis: true, trials: 2, quantiser_choice: false },
+        Effort::Best => Tools { trellis: true, trials: 6, quantiser_choice: varies },
+    }
+}

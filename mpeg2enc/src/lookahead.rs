@@ -1,0 +1,342 @@
+//! Frames that wait to be coded, and what is known of them beforehand.
+//!
+//! All is measured on luma of half the width and height, source against source: how well each block of 8×8 there,
+//! a macroblock of the picture, is predicted from other frames, and how well from nothing.
+//! Types of pictures ([`plan`]) and quantisers ([`tree`]) are chosen from that, and vectors begin with what was found.
+
+pub(crate) mod plan;
+pub(crate) mod tree;
+
+use crate::{
+    Frame, MotionField,
+    motion::{Candidates, CoarseSearch, HalfSample, Range, Search, quarter, satd},
+    predict::for_each_row,
+};
+use plane::Plane;
+use rayon::prelude::*;
+use std::{
+    collections::{BTreeMap, VecDeque},
+    sync::Arc,
+};
+
+/// What the renderer knows of a frame's motion.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct KnownMotion<'a> {
+    /// Where each pixel was in the frame before.
+    pub to_previous: Option<&'a MotionField>,
+    /// Where each pixel will be in the frame after.
+    pub to_next: Option<&'a MotionField>,
+}
+
+/// A frame that waits.
+pub(crate) struct Waiting {
+    /// The frame in whole macroblocks.
+    pub source: Frame,
+    /// Luma at half and at a quarter of the width and height.
+    half: Plane<u8>,
+    quarter: Plane<u8>,
+    /// Candidates of every macroblock that were given: to the frame before and to the frame after.
+    known: [Option<Vec<Candidates>>; 2],
+    /// What every macroblock costs without a prediction.
+    pub intra_costs: Arc<[u32]>,
+    /// Of every macroblock, by distance of the reference frame.
+    matches: BTreeMap<isize, Arc<[Match]>>,
+    /// Of every macroblock as part of a B picture, by the distances of both reference frames.
+    two_sided: BTreeMap<(isize, isize), Arc<[TwoSided]>>,
+}
+
+/// The best vector found for a block, and the difference that it leaves.
+#[derive(Clone, Copy)]
+pub(crate) struct Match {
+    /// In half samples of the half-size picture.
+    pub vector: HalfSample,
+    /// Sum of absolute transformed differences.
+    pub cost: u32,
+}
+
+/// The best of three predictions of a B picture.
+#[derive(Clone, Copy)]
+pub(crate) struct TwoSided {
+    pub cost: u32,
+    /// How much of it is forward and backward, in halves.
+    pub shares: [u32; 2],
+}
+
+/// Blocks of the half-size picture.
+const BLOCK: usize = 8;
+/// What a bit of a vector is worth here, as quantiser_scale of [`Search::new`]: that of middling quality.
+const SEARCH_QUANTISER_SCALE: u32 = 8;
+/// Mean difference a sample above which a block is looked for farther away.
+const POOR_MATCH: u32 = 4;
+/// Like the limits of High Level, at half the size: vectors are brought into the true range later.
+const REACH: [u32; 2] = [9, 8];
+
+/// Frames in display order, from the last coded reference frame on.
+pub(crate) struct Lookahead {
+    frames: VecDeque<Waiting>,
+    /// Display index of the first of them.
+    first: usize,
+}
+
+impl Lookahead {
+    pub fn new() -> Self {
+        Self { frames: VecDeque::new(), first: 0 }
+    }
+
+    /// One more than the display index of the last frame.
+    pub fn end(&self) -> usize {
+        self.first + self.frames.len()
+    }
+
+    pub fn get(&self, index: usize) -> &Waiting {
+        &self.frames[index - self.first]
+    }
+
+    /// Takes the next frame, in whole macroblocks.
+    pub fn push(&mut self, source: Frame, motion: KnownMotion) {
+        let half = halved(&source.luma);
+        let (columns, rows) = (source.width() / 16, source.height() / 16);
+        let known =
+            [motion.to_previous, motion.to_next].map(|field| field.map(|field| field.all_candidates(columns, rows)));
+        self.frames.push_back(Waiting {
+            quarter: quarter(&source.luma),
+            intra_costs: intra_costs(&half),
+            half,
+            source,
+            known,
+            matches: BTreeMap::new(),
+            two_sided: BTreeMap::new(),
+        });
+    }
+
+    /// Forgets the frames before this one.
+    pub fn drop_before(&mut self, index: usize) {
+        while self.first < index {
+            self.frames.pop_front();
+            self.first += 1;
+        }
+    }
+
+    fn columns(&self) -> usize {
+        self.frames[0].half.width() / BLOCK
+    }
+
+    /// Is the motion of this frame towards its neighbour given?
+    fn is_known(&self, index: usize, delta: isize) -> Option<&Vec<Candidates>> {
+        self.get(index).known[usize::from(delta > 0)].as_ref()
+    }
+
+    /// Vectors worth trying in each macroblock towards the frame `delta` away, in half samples of the picture.
+    pub fn candidates(&mut self, index: usize, delta: isize) -> Vec<Candidates> {
+        let step = delta.signum();
+        let neighbour = index.strict_add_signed(step);
+        let near = match self.is_known(index, step) {
+            Some(known) => known.clone(),
+            None if step > 0 => self.reversed(neighbour),
+            None => vec![Candidates::NONE; self.get(index).intra_costs.len()],
+        };
+        if delta == step {
+            return near;
+        }
+        // Where this is in the neighbour, and from there on.
+        let (first, rest) = (self.matches(index, step), self.matches(neighbour, delta - step));
+        let columns = self.columns();
+        let rows = rest.len() / columns;
+        near.iter()
+            .enumerate()
+            .map(|(i, near)| {
+                let mut out = Candidates::NONE;
+                let found = full_size(first[i].vector);
+                for &vector in [found].iter().chain(near.vectors()) {
+                    let place = |position: usize, component: i32, count: usize| {
+                        ((32 * position as i32 + component + 16) >> 5).clamp(0, count as i32 - 1) as usize
+                    };
+                    let (column, row) = (place(i % columns, vector.x, columns), place(i / columns, vector.y, rows));
+                    let onward = full_size(rest[row * columns + column].vector);
+                    out.add(vector.offset(onward.x, onward.y));
+                }
+                out
+            })
+            .collect()
+    }
+
+    /// Vectors from the frame before `later` to it: its own turned round, where they end.
+    fn reversed(&mut self, later: usize) -> Vec<Candidates> {
+        let matches = self.matches(later, -1);
+        let columns = self.columns();
+        let rows = matches.len() / columns;
+        let mut out = vec![Candidates::NONE; matches.len()];
+        let none = Vec::new();
+        let known = self.is_known(later, -1).unwrap_or(&none);
+        for (i, found) in matches.iter().enumerate() {
+            let given = known.get(i).map_or(&[][..], |candidates| candidates.vectors());
+            for vector in [full_size(found.vector)].iter().chain(given) {
+                // Up to four macroblocks are covered.
+                let (x, y) = (32 * (i % columns) as i32 + vector.x, 32 * (i / columns) as i32 + vector.y);
+                for (x, y) in [(x, y), (x + 31, y), (x, y + 31), (x + 31, y + 31)] {
+                    let (column, row) = (x >> 5, y >> 5);
+                    if (0..columns as i32).contains(&column) && (0..rows as i32).contains(&row) {
+                        out[row as usize * columns + column as usize].add(HalfSample { x: -vector.x, y: -vector.y });
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// The best match of every macroblock in the frame `delta` away.
+    pub fn matches(&mut self, index: usize, delta: isize) -> Arc<[Match]> {
+        if let Some(matches) = self.get(index).matches.get(&delta) {
+            return matches.clone();
+        }
+        let candidates = self.candidates(index, delta);
+        let before = (delta == -1 && index > self.first).then(|| self.get(index - 1).matches.get(&-1).cloned()).flatten();
+        let frame = self.get(index);
+        let reference = self.get(index.strict_add_signed(delta));
+        let columns = self.columns();
+        let rows = candidates.len() / columns;
+        let matches: Arc<[Match]> = (0..rows)
+            .into_par_iter()
+            .flat_map_iter(|row| {
+                let mut left = HalfSample::ZERO;
+                let (candidates, before) = (&candidates, before.as_deref());
+                (0..columns).map(move |column| {
+                    let i = row * columns + column;
+                    let found = best_match(frame, reference, (column, row), left, &candidates[i], before.map(|b| b[i].vector));
+                    left = found.vector;
+                    found
+                })
+            })
+            .collect();
+        self.frames[index - self.first].matches.insert(delta, matches.clone());
+        matches
+    }
+
+    /// The best of forward, backward and both in every macroblock of a B picture.
+    pub fn two_sided(&mut self, index: usize, back: isize, ahead: isize) -> Arc<[TwoSided]> {
+        if let Some(found) = self.get(index).two_sided.get(&(back, ahead)) {
+            return found.clone();
+        }
+        let (forward, backward) = (self.matches(index, back), self.matches(index, ahead));
+        let frame = self.get(index);
+        let references = [back, ahead].map(|delta| &self.get(index.strict_add_signed(delta)).half);
+        let columns = self.columns();
+        let found: Arc<[TwoSided]> = (0..forward.len())
+            .into_par_iter()
+            .map(|i| {
+                let (f, b) = (forward[i], backward[i]);
+                let both = mean_cost(&frame.half, references, (i % columns, i / columns), [f.vector, b.vector]);
+                let best = both.min(f.cost).min(b.cost);
+                let shares = if best == both { [1, 1] } else if best == f.cost { [2, 0] } else { [0, 2] };
+                TwoSided { cost: best, shares }
+            })
+            .collect();
+        self.frames[index - self.first].two_sided.insert((back, ahead), found.clone());
+        found
+    }
+
+    /// What a search in the picture itself begins with, towards the frame `delta` away.
+    pub fn for_coding(&mut self, index: usize, delta: isize) -> Vec<Candidates> {
+        let near = self.candidates(index, delta);
+        let matches = self.matches(index, delta);
+        let columns = self.columns();
+        (0..near.len())
+            .map(|i| {
+                let mut out = near[i];
+                out.add(full_size(matches[i].vector));
+                if out.one_motion {
+                    return out;
+                }
+                let left = (i % columns > 0).then(|| i - 1);
+                let right = (i % columns + 1 < columns).then_some(i + 1);
+                for neighbour in [left, right, i.checked_sub(columns), Some(i + columns)].into_iter().flatten() {
+                    if let Some(found) = matches.get(neighbour) {
+                        out.add(full_size(found.vector));
+                    }
+                }
+                out
+            })
+            .collect()
+    }
+}
+
+fn full_size(vector: HalfSample) -> HalfSample {
+    HalfSample { x: 2 * vector.x, y: 2 * vector.y }
+}
+
+fn best_match(
+    frame: &Waiting,
+    reference: &Waiting,
+    (column, row): (usize, usize),
+    left: HalfSample,
+    candidates: &Candidates,
+    before: Option<HalfSample>,
+) -> Match {
+    let range = Range::of_block(&reference.half, BLOCK, column, row, REACH);
+    let mut search =
+        Search::<BLOCK>::new(&frame.half, &reference.half, (column, row), range, left, SEARCH_QUANTISER_SCALE);
+    search.try_vector(HalfSample::ZERO);
+    for vector in candidates.vectors() {
+        search.try_vector(HalfSample { x: (vector.x + 1) >> 1, y: (vector.y + 1) >> 1 });
+    }
+    if !candidates.one_motion && search.best_error > 0 {
+        search.try_vector(left);
+        if let Some(before) = before {
+            search.try_vector(before);
+        }
+        search.descend();
+        if search.best_error > (BLOCK * BLOCK) as u32 * POOR_MATCH {
+            let coarse = CoarseSearch { source: &frame.quarter, reference: &reference.quarter }.search(column, row);
+            if search.try_vector(HalfSample { x: coarse.x / 2, y: coarse.y / 2 }) {
+                search.descend();
+            }
+        }
+    }
+    search.transform_differences();
+    search.refine();
+    Match { vector: search.best, cost: search.best_error }
+}
+
+/// Sum of absolute transformed differences to the mean of two predictions.
+fn mean_cost(
+    source: &Plane<u8>,
+    references: [&Plane<u8>; 2],
+    (column, row): (usize, usize),
+    vectors: [HalfSample; 2],
+) -> u32 {
+    let mut predicted = [[[0u8; BLOCK]; BLOCK]; 2];
+    for s in 0..2 {
+        let (x2, y2) = ((2 * BLOCK * column) as i32 + vectors[s].x, (2 * BLOCK * row) as i32 + vectors[s].y);
+        for_each_row::<BLOCK>(references[s], x2, y2, BLOCK, |i, row| predicted[s][i] = *row);
+    }
+    let mean: [[u8; BLOCK]; BLOCK] = std::array::from_fn(|y| {
+        std::array::from_fn(|x| ((u16::from(predicted[0][y][x]) + u16::from(predicted[1][y][x]) + 1) >> 1) as u8)
+    });
+    let rows = std::array::from_fn(|y| source.row(BLOCK * row + y)[BLOCK * column..][..BLOCK].try_into().expect("8 samples"));
+    satd::of_rows(&rows, &mean)
+}
+
+/// Sums of absolute transformed differences of every block to its mean.
+fn intra_costs(half: &Plane<u8>) -> Arc<[u32]> {
+    let (columns, rows) = (half.width() / BLOCK, half.height() / BLOCK);
+    (0..columns * rows)
+        .map(|i| {
+            let block = half.block(i % columns, i / columns);
+            let sum: u32 = block.iter().map(|&sample| u32::from(sample)).sum();
+            let mean = ((sum + 32) / 64) as i16;
+            satd::block(&std::array::from_fn(|y| std::array::from_fn(|x| i16::from(block[8 * y + x]) - mean)))
+        })
+        .collect()
+}
+
+/// Means of 2×2 samples.
+fn halved(plane: &Plane<u8>) -> Plane<u8> {
+    let mut data = Vec::with_capacity(plane.width() / 2 * (plane.height() / 2));
+    for y in 0..plane.height() / 2 {
+        let (upper, lower) = (plane.row(2 * y), plane.row(2 * y + 1));
+        data.extend(upper.chunks_exact(2).zip(lower.chunks_exact(2)).map(|(a, b)| {
+            ((u16::from(a[0]) + u16::from(a[1]) + u16::from(b[0]) + u16::from(b[1]) + 2) >> 2) as u8
+        }));
+    }
+    Plane::from_vec(plane.width() / 2, plane.height() / 2, data)
+}

@@ -1,0 +1,109 @@
+//! Which picture becomes I, P or B.
+
+use super::Lookahead;
+use crate::Config;
+
+/// An I or P picture, and the B pictures in front of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Span {
+    /// Display index of the I or P picture.
+    pub anchor: usize,
+    pub is_intra: bool,
+    /// B pictures in front of it, in display order.
+    pub b_pictures: usize,
+}
+
+/// Differences of B pictures count this many sixteenths of others: nothing is predicted from them, and they are coded
+/// coarser. Ours, tuned on the clips of README.md.
+const B_WEIGHT_SIXTEENTHS: u64 = 13;
+/// A frame of which the frame before predicts less than a quarter is a new scene.
+const SCENE_CUT_QUARTERS: u64 = 3;
+
+impl Lookahead {
+    /// The spans of all frames after the last anchor (display index, and that of the last I picture).
+    pub fn plan(&mut self, config: &Config, last: Option<(usize, usize)>) -> Vec<Span> {
+        let end = self.end();
+        let Some((anchor, last_intra)) = last else {
+            let first = Span { anchor: 0, is_intra: true, b_pictures: 0 };
+            let mut spans = vec![first];
+            if end > 1 {
+                spans.extend(self.plan(config, Some((0, 0))));
+            }
+            return spans;
+        };
+        let count = end - anchor - 1;
+        let is_intra = self.intra_places(config, anchor, last_intra);
+        // The least cost of all frames up to each that may be an anchor, and the B pictures in front of it.
+        let mut best = vec![(0u64, 0usize); count + 1];
+        for j in 1..=count {
+            best[j].0 = u64::MAX;
+            for b in 0..=(config.b_pictures as usize).min(j - 1) {
+                let from = j - b - 1;
+                let crosses = (from + 1..j).any(|k| is_intra[k]);
+                if crosses || best[from].0 == u64::MAX || is_intra[j] && config.closed_gop && b > 0 {
+                    continue;
+                }
+                let cost = if config.adapts_types() {
+                    best[from].0 + self.span_cost(anchor + from, anchor + j, is_intra[j])
+                } else {
+                    // As many B pictures as there may be: few anchors.
+                    best[from].0 + 1
+                };
+                if cost < best[j].0 {
+                    best[j] = (cost, b);
+                }
+            }
+        }
+        let mut spans = Vec::new();
+        let mut j = count;
+        while j > 0 {
+            let b_pictures = best[j].1;
+            spans.push(Span { anchor: anchor + j, is_intra: is_intra[j], b_pictures });
+            j -= b_pictures + 1;
+        }
+        spans.reverse();
+        spans
+    }
+
+    /// By distance from `anchor`: frames that must be I pictures.
+    fn intra_places(&mut self, config: &Config, anchor: usize, mut last_intra: usize) -> Vec<bool> {
+        let mut places = vec![false];
+        for index in anchor + 1..self.end() {
+            let due = index - last_intra >= config.gop as usize;
+            let is_intra = due || config.scene_cuts && self.is_scene_cut(index);
+            if is_intra {
+                last_intra = index;
+            }
+            places.push(is_intra);
+        }
+        places
+    }
+
+    fn is_scene_cut(&mut self, index: usize) -> bool {
+        let matches = self.matches(index, -1);
+        let intra = &self.get(index).intra_costs;
+        let total: u64 = intra.iter().map(|&cost| u64::from(cost)).sum();
+        let predicted: u64 = matches.iter().zip(intra.iter()).map(|(m, &cost)| u64::from(m.cost.min(cost))).sum();
+        predicted * 4 > total * SCENE_CUT_QUARTERS && total > 0
+    }
+
+    /// What the frames after `from` up to `anchor` cost, those between as B pictures.
+    fn span_cost(&mut self, from: usize, anchor: usize, is_intra: bool) -> u64 {
+        let distance = |a: usize, b: usize| b as isize - a as isize;
+        let sum = |costs: &mut dyn Iterator<Item = u32>| costs.map(u64::from).sum::<u64>();
+        let intra = self.get(anchor).intra_costs.clone();
+        let mut cost = if is_intra {
+            sum(&mut intra.iter().copied())
+        } else {
+            let matches = self.matches(anchor, distance(anchor, from));
+            sum(&mut matches.iter().zip(intra.iter()).map(|(m, &intra)| m.cost.min(intra)))
+        };
+        for index in from + 1..anchor {
+            let found = self.two_sided(index, distance(index, from), distance(index, anchor));
+            let intra = &self.get(index).intra_costs;
+            let b = sum(&mut found.iter().zip(intra.iter()).map(|(t, &intra)| t.cost.min(intra)));
+            cost += b * B_WEIGHT_SIXTEENTHS / 16;
+        }
+        cost
+    }
+}
