@@ -27,7 +27,10 @@
 //! All that reaches the stream is integer arithmetic over fixed slices: the same frames give the same bits on every
 //! processor and with any number of threads (those of the `rayon` pool that `push` is called in).
 //! Numbers of clauses and tables in this crate are those of the edition of 2000.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
+
+#[macro_use]
+mod kernel; // innermost loops, twice: plain and with vector instructions
 
 mod config; // what to encode
 mod effort; // how hard to try

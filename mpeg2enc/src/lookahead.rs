@@ -9,8 +9,9 @@ pub(crate) mod tree;
 
 use crate::{
     Frame, MotionField,
-    motion::{Candidates, CoarseSearch, HalfSample, Range, Search, quarter, satd},
-    predict::for_each_row,
+    kernel,
+    motion::{Candidates, CoarseSearch, HalfSample, Range, Search, quarter},
+    predict::place_of,
 };
 use plane::Plane;
 use rayon::prelude::*;
@@ -307,13 +308,12 @@ fn mean_cost(
     let mut predicted = [[[0u8; BLOCK]; BLOCK]; 2];
     for s in 0..2 {
         let (x2, y2) = ((2 * BLOCK * column) as i32 + vectors[s].x, (2 * BLOCK * row) as i32 + vectors[s].y);
-        for_each_row::<BLOCK>(references[s], x2, y2, BLOCK, |i, row| predicted[s][i] = *row);
+        kernel::predict(place_of(references[s], x2, y2), &mut predicted[s]);
     }
-    let mean: [[u8; BLOCK]; BLOCK] = std::array::from_fn(|y| {
-        std::array::from_fn(|x| ((u16::from(predicted[0][y][x]) + u16::from(predicted[1][y][x]) + 1) >> 1) as u8)
-    });
-    let rows = std::array::from_fn(|y| source.row(BLOCK * row + y)[BLOCK * column..][..BLOCK].try_into().expect("8 samples"));
-    satd::of_rows(&rows, &mean)
+    let mut mean = [[0; BLOCK]; BLOCK];
+    kernel::mean(predicted[0].as_flattened(), predicted[1].as_flattened(), mean.as_flattened_mut());
+    let block = source.block(column, row);
+    kernel::transformed_difference(block.as_chunks().0.try_into().expect("8 rows"), &mean)
 }
 
 /// Sums of absolute transformed differences of every block to its mean.
@@ -323,8 +323,8 @@ fn intra_costs(half: &Plane<u8>) -> Arc<[u32]> {
         .map(|i| {
             let block = half.block(i % columns, i / columns);
             let sum: u32 = block.iter().map(|&sample| u32::from(sample)).sum();
-            let mean = ((sum + 32) / 64) as i16;
-            satd::block(&std::array::from_fn(|y| std::array::from_fn(|x| i16::from(block[8 * y + x]) - mean)))
+            let mean = [[((sum + 32) / 64) as u8; BLOCK]; BLOCK];
+            kernel::transformed_difference(block.as_chunks().0.try_into().expect("8 rows"), &mean)
         })
         .collect()
 }

@@ -2,7 +2,6 @@
 
 mod coarse;
 mod field;
-pub(crate) mod satd;
 
 pub use field::MotionField;
 pub(crate) use {
@@ -10,7 +9,11 @@ pub(crate) use {
     field::Candidates,
 };
 
-use crate::{Frame, predict::for_each_row};
+use crate::{
+    Frame,
+    kernel,
+    predict::place_of,
+};
 use plane::Plane;
 use rayon::prelude::*;
 
@@ -160,7 +163,7 @@ impl Estimate<'_> {
 
 /// The search for one block of N×N samples.
 pub(crate) struct Search<'a, const N: usize> {
-    source: [&'a [u8; N]; N],
+    source: [[u8; N]; N],
     reference: &'a Plane<u8>,
     x2: i32,
     y2: i32,
@@ -176,7 +179,7 @@ pub(crate) struct Search<'a, const N: usize> {
 impl<'a, const N: usize> Search<'a, N> {
     /// For the block of `source` at `(column, row)` of a grid of blocks; `quantiser_scale` says what bits are worth.
     pub fn new(
-        source: &'a Plane<u8>,
+        source: &Plane<u8>,
         reference: &'a Plane<u8>,
         (column, row): (usize, usize),
         range: Range,
@@ -262,16 +265,14 @@ impl<'a, const N: usize> Search<'a, N> {
     /// Sum of absolute differences, plain or transformed.
     fn error(&self, vector: HalfSample) -> u32 {
         let (x2, y2) = (self.x2 + vector.x, self.y2 + vector.y);
+        let place = place_of(self.reference, x2, y2);
         if self.transformed {
             let mut predicted = [[0; N]; N];
-            for_each_row::<N>(self.reference, x2, y2, N, |i, row| predicted[i] = *row);
-            return satd::of_rows(&self.source, &predicted);
+            kernel::predict(place, &mut predicted);
+            kernel::transformed_difference(&self.source, &predicted)
+        } else {
+            kernel::absolute_difference(&self.source, place)
         }
-        let mut sum = 0;
-        for_each_row::<N>(self.reference, x2, y2, N, |i, row| {
-            sum += self.source[i].iter().zip(row).map(|(&a, &b)| u32::from(a.abs_diff(b))).sum::<u32>();
-        });
-        sum
     }
 }
 

@@ -1,6 +1,11 @@
 //! Half-sample motion compensation (7.6.4), and the samples of one macroblock.
 
-use crate::{Frame, macroblock::Mode, motion::HalfSample};
+use crate::{
+    Frame,
+    kernel::{self, Place},
+    macroblock::Mode,
+    motion::HalfSample,
+};
 use plane::Plane;
 
 /// The six blocks of a macroblock in coding order: four of luma, Cb, Cr (6.1.3), each in raster order.
@@ -41,7 +46,9 @@ pub(crate) fn predict_mode(references: &References, column: usize, row: usize, m
 
 /// The mean of two predictions (7.6.7.1).
 pub(crate) fn mean(a: &Samples, b: &Samples) -> Samples {
-    std::array::from_fn(|i| mean_of_two(&a[i], &b[i]))
+    let mut out = [[0; 64]; 6];
+    kernel::mean(a.as_flattened(), b.as_flattened(), out.as_flattened_mut());
+    out
 }
 
 /// The prediction of macroblock `(column, row)` from `reference` with `vector`.
@@ -49,47 +56,30 @@ pub(crate) fn mean(a: &Samples, b: &Samples) -> Samples {
 /// The vector of chroma is half of it, rounded toward zero (7.6.3.7).
 pub(crate) fn predict(reference: &Frame, column: usize, row: usize, vector: HalfSample) -> Samples {
     let chroma = HalfSample { x: vector.x / 2, y: vector.y / 2 };
-    std::array::from_fn(|block| {
-        let (plane, x, y) = place(reference, block, column, row);
-        let vector = if block < 4 { vector } else { chroma };
-        let mut out = [0; 64];
-        for_each_row::<8>(plane, 2 * x as i32 + vector.x, 2 * y as i32 + vector.y, 8, |i, row| {
-            out[8 * i..8 * i + 8].copy_from_slice(row);
-        });
-        out
-    })
-}
-
-/// Calls `take` with each of `height` rows of `N` predicted samples (7.6.4).
-///
-/// `(x2, y2)` is the upper left sample in half samples; the rectangle, with the neighbours that half positions need,
-/// lies inside of the plane.
-#[inline(always)]
-pub(crate) fn for_each_row<const N: usize>(
-    plane: &Plane<u8>,
-    x2: i32,
-    y2: i32,
-    height: usize,
-    mut take: impl FnMut(usize, &[u8; N]),
-) {
-    let (x, y) = ((x2 >> 1) as usize, (y2 >> 1) as usize);
-    let at = |x: usize, y: usize| -> &[u8; N] { plane.row(y)[x..x + N].try_into().expect("a slice of N samples") };
-    match (x2 & 1, y2 & 1) {
-        (0, 0) => (0..height).for_each(|i| take(i, at(x, y + i))),
-        (1, 0) => (0..height).for_each(|i| take(i, &mean_of_two(at(x, y + i), at(x + 1, y + i)))),
-        (0, _) => (0..height).for_each(|i| take(i, &mean_of_two(at(x, y + i), at(x, y + i + 1)))),
-        _ => (0..height).for_each(|i| {
-            let (a, b) = (at(x, y + i), at(x + 1, y + i));
-            let (c, d) = (at(x, y + i + 1), at(x + 1, y + i + 1));
-            let sum = |k: usize| u16::from(a[k]) + u16::from(b[k]) + u16::from(c[k]) + u16::from(d[k]);
-            take(i, &std::array::from_fn(|k| ((sum(k) + 2) >> 2) as u8));
-        }),
+    let mut out = [[0; 64]; 6];
+    let mut luma = [[0; 16]; 16];
+    let (x2, y2) = (32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
+    kernel::predict(place_of(&reference.luma, x2, y2), &mut luma);
+    for (y, line) in luma.iter().enumerate() {
+        for (half, eight) in line.chunks_exact(8).enumerate() {
+            out[2 * (y / 8) + half][8 * (y % 8)..][..8].copy_from_slice(eight);
+        }
     }
+    let (x2, y2) = (16 * column as i32 + chroma.x, 16 * row as i32 + chroma.y);
+    for (plane, out) in [&reference.cb, &reference.cr].into_iter().zip(&mut out[4..]) {
+        let rows: &mut [[u8; 8]; 8] = out.as_chunks_mut().0.try_into().expect("8 rows");
+        kernel::predict(place_of(plane, x2, y2), rows);
+    }
+    out
 }
 
-#[inline(always)]
-fn mean_of_two<const N: usize>(a: &[u8; N], b: &[u8; N]) -> [u8; N] {
-    std::array::from_fn(|k| ((u16::from(a[k]) + u16::from(b[k]) + 1) >> 1) as u8)
+/// Where a prediction begins: its upper left sample is at `(x2, y2)` in half samples.
+///
+/// The rectangle, with the neighbours that half positions need, lies inside of the plane.
+#[inline]
+pub(crate) fn place_of(plane: &Plane<u8>, x2: i32, y2: i32) -> Place<'_> {
+    let first = (y2 >> 1) as usize * plane.width() + (x2 >> 1) as usize;
+    Place { samples: &plane.samples()[first..], stride: plane.width(), half: (x2 & 1 == 1, y2 & 1 == 1) }
 }
 
 /// Sum of squared differences of all samples.
@@ -99,7 +89,7 @@ pub(crate) fn squared_error(a: &Samples, b: &Samples) -> u32 {
 
 /// Sum of squared differences of one block.
 pub(crate) fn block_squared_error(a: &[u8; 64], b: &[u8; 64]) -> u32 {
-    a.iter().zip(b).map(|(&a, &b)| (i32::from(a) - i32::from(b)).pow(2) as u32).sum()
+    kernel::squared_difference(a, b)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! A wide search at a quarter of the resolution, for macroblocks whose motion nothing foretells.
 
 use super::HalfSample;
+use crate::{kernel, predict::place_of};
 use plane::Plane;
 
 /// Both pictures at a quarter of the width and height.
@@ -25,21 +26,14 @@ impl CoarseSearch<'_> {
         }
         let x = (4 * column as i32 - 2).clamp(0, width - window);
         let y = (4 * row as i32 - 2).clamp(0, height - window);
+        let place = |x: i32, y: i32| place_of(self.reference, 2 * x, 2 * y);
         let mut source = [[0; WINDOW]; WINDOW];
-        for (i, line) in source.iter_mut().enumerate() {
-            line.copy_from_slice(&self.source.row(y as usize + i)[x as usize..][..WINDOW]);
-        }
+        kernel::predict(place_of(self.source, 2 * x, 2 * y), &mut source);
         let mut best = (u32::MAX, HalfSample::ZERO);
         for dy in (-REACH).max(-y)..=REACH.min(height - window - y) {
             for dx in (-REACH).max(-x)..=REACH.min(width - window - x) {
                 // Shorter vectors win where the picture is flat.
-                let mut error = (dx.abs() + dy.abs()) as u32;
-                for (i, line) in source.iter().enumerate() {
-                    let row: &[u8; WINDOW] = self.reference.row((y + dy) as usize + i)[(x + dx) as usize..][..WINDOW]
-                        .try_into()
-                        .expect("8 samples");
-                    error += line.iter().zip(row).map(|(&a, &b)| u32::from(a.abs_diff(b))).sum::<u32>();
-                }
+                let error = (dx.abs() + dy.abs()) as u32 + kernel::absolute_difference(&source, place(x + dx, y + dy));
                 if error < best.0 {
                     best = (error, HalfSample { x: 8 * dx, y: 8 * dy });
                 }
