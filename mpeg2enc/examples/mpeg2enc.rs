@@ -8,7 +8,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Parser, ValueEnum};
-use mpeg2enc::{CoefficientTable, Config, Effort, Frame, FrameRate, KnownMotion, MotionField, Packet};
+use mpeg2enc::{CoefficientTable, Config, Effort, Frame, FrameRate, KnownMotion, MotionField, Packet, Rate};
 use plane::Plane;
 use std::{
     fs::File,
@@ -27,6 +27,15 @@ struct Arguments {
     /// quantiser_scale: 1 to 8, even values to 62, 64, multiples of 8 to 112
     #[arg(short, long, default_value_t = 8)]
     qscale: u32,
+    /// Constant bit rate in kbit/s instead of a constant quantiser
+    #[arg(short, long, conflicts_with = "maxrate")]
+    bitrate: Option<u32>,
+    /// The most kbit/s that a decoder reads, with the quantiser of --qscale where that is enough
+    #[arg(long)]
+    maxrate: Option<u32>,
+    /// The decoder's buffer in kbit; half a second of the rate if not given
+    #[arg(long)]
+    vbv: Option<u32>,
     /// How much is tried for few bits
     #[arg(short, long, value_enum, default_value_t = EffortName::Balanced)]
     effort: EffortName,
@@ -34,7 +43,7 @@ struct Arguments {
     #[arg(short, long, default_value_t = 15)]
     gop: u32,
     /// The most B pictures in a row, 0 to 7
-    #[arg(short, long, default_value_t = 2)]
+    #[arg(long, default_value_t = 2)]
     bframes: u32,
     /// No group of pictures needs the group before
     #[arg(long)]
@@ -51,9 +60,9 @@ struct Arguments {
     /// The scan of Figure 7-3
     #[arg(long)]
     alternate_scan: bool,
-    /// Table B.15 for intra blocks
+    /// Table B.14 for intra blocks instead of Table B.15
     #[arg(long)]
-    intra_vlc: bool,
+    no_intra_vlc: bool,
     /// Bits of the intra DC coefficient, 8 to 10
     #[arg(long, default_value_t = 8)]
     dc: u32,
@@ -99,16 +108,17 @@ fn encode(arguments: &Arguments) -> Result<()> {
         .with_scene_cuts(!arguments.no_scene_cuts)
         .with_uniform_quantiser(arguments.uniform)
         .with_alternate_scan(arguments.alternate_scan)
-        .with_intra_table(if arguments.intra_vlc { CoefficientTable::One } else { CoefficientTable::Zero })
+        .with_intra_table(if arguments.no_intra_vlc { CoefficientTable::Zero } else { CoefficientTable::One })
         .with_intra_dc_precision(arguments.dc)
+        .with_rate(rate(arguments))
         .with_effort(match arguments.effort {
             EffortName::Fast => Effort::Fast,
             EffortName::Balanced => Effort::Balanced,
             EffortName::Best => Effort::Best,
         });
-    let file = File::create(&arguments.output)
-        .with_context(|| format!("{} cannot be written", arguments.output.display()))?;
-    let mut output = Sink { file: BufWriter::new(file), verbose: arguments.verbose, bits: 0, count: 0, psnr: 0.0 };
+    let file =
+        File::create(&arguments.output).with_context(|| format!("{} cannot be written", arguments.output.display()))?;
+    let mut output = Sink { file: BufWriter::new(file), verbose: arguments.verbose, bits: 0, count: 0, error: 0.0 };
     if arguments.zero_delay {
         let mut encoder = config.encoder()?;
         while let Some(frame) = read_frame(&mut input, width, height)? {
@@ -134,12 +144,21 @@ fn encode(arguments: &Arguments) -> Result<()> {
     output.file.flush()?;
     let count = output.count.max(1) as f64;
     println!(
-        "{} frames, {:.1} kbit/s, {:.3} dB (mean PSNR of luma)",
+        "{} frames, {:.1} kbit/s, {:.3} dB (PSNR of luma, all frames together)",
         output.count,
         output.bits as f64 / count * fps / 1000.0,
-        output.psnr / count
+        10.0 * (255.0f64.powi(2) * count / output.error).log10()
     );
     Ok(())
+}
+
+fn rate(arguments: &Arguments) -> Rate {
+    let buffer = |kbps: u32| 1000 * arguments.vbv.unwrap_or(kbps / 2);
+    match (arguments.bitrate, arguments.maxrate) {
+        (Some(kbps), _) => Rate::Constant { bits_per_second: 1000 * kbps, buffer_bits: buffer(kbps) },
+        (None, Some(kbps)) => Rate::Capped { bits_per_second: 1000 * kbps, buffer_bits: buffer(kbps) },
+        (None, None) => Rate::ConstantQuantiser,
+    }
 }
 
 /// Where packets go, and what is told of them.
@@ -148,7 +167,8 @@ struct Sink {
     verbose: bool,
     bits: u64,
     count: u64,
-    psnr: f64,
+    /// Sum of the mean squared errors of luma.
+    error: f64,
 }
 
 impl Sink {
@@ -156,7 +176,7 @@ impl Sink {
         self.file.write_all(&packet.data)?;
         self.bits += packet.bits;
         self.count += 1;
-        self.psnr += packet.psnr_y.min(100.0);
+        self.error += 255.0f64.powi(2) / 10.0f64.powf(packet.psnr_y / 10.0);
         if self.verbose {
             let scales = packet.quantiser_scales.samples();
             let mean = scales.iter().map(|&scale| f64::from(scale)).sum::<f64>() / scales.len() as f64;
@@ -224,7 +244,8 @@ fn parse_header(line: &str) -> Result<(usize, usize, f64)> {
     if value('C').is_some_and(|format| !format.starts_with("420") || format.starts_with("420p1")) {
         bail!("only 4:2:0 of 8 bits can be encoded");
     }
-    let (numerator, denominator) = value('F').and_then(|rate| rate.split_once(':')).context("the file states no rate")?;
+    let (numerator, denominator) =
+        value('F').and_then(|rate| rate.split_once(':')).context("the file states no rate")?;
     let fps = numerator.parse::<f64>()? / denominator.parse::<f64>()?;
     Ok((
         value('W').context("the file states no width")?.parse()?,

@@ -69,6 +69,20 @@ pub(crate) struct Coded {
     pub reconstruction: Frame,
     /// Forward and backward.
     pub vectors: [Vec<HalfSample>; 2],
+    /// Bytes of the picture header and its extension, after which user data may follow.
+    header_bytes: usize,
+}
+
+impl Coded {
+    /// Brings the packet to at least `bits` bits.
+    pub fn fill_to(&mut self, bits: i64) {
+        let missing = (bits - self.packet.bits as i64).max(0) as u64;
+        if missing > 0 {
+            let filling = header::filling(missing.div_ceil(8) as usize);
+            self.packet.data.splice(self.header_bytes..self.header_bytes, filling);
+            self.packet.bits = 8 * self.packet.data.len() as u64;
+        }
+    }
 }
 
 /// Codes pictures one after the other, each by itself.
@@ -114,8 +128,7 @@ impl Coder {
             })
         };
         let vectors = [find(&job.directions[0]), find(&job.directions[1])];
-        let reach =
-            |vectors: &[HalfSample]| [f_code(vectors.iter().map(|v| v.x)), f_code(vectors.iter().map(|v| v.y))];
+        let reach = |vectors: &[HalfSample]| [f_code(vectors.iter().map(|v| v.x)), f_code(vectors.iter().map(|v| v.y))];
         let references: References =
             [&job.directions[0], &job.directions[1]].map(|direction| direction.as_ref().map(|d| d.reference));
         let header = PictureHeader {
@@ -143,6 +156,7 @@ impl Coder {
         let mut writer = BitWriter::default();
         header::put_picture_header(&mut writer, header);
         let mut data = writer.into_bytes();
+        let header_bytes = data.len();
         data.extend(coded.slices);
         let (width, height) = (self.config.width, self.config.height);
         let reconstruction = coded.reconstruction.resized(width, height);
@@ -158,18 +172,25 @@ impl Coder {
             reconstruction,
             statistics: coded.statistics,
         };
-        Coded { packet, reconstruction: coded.reconstruction, vectors }
+        Coded { packet, reconstruction: coded.reconstruction, vectors, header_bytes }
     }
 
-    /// Puts sequence and group headers in front of a packet; `number` is the first picture of the group to be shown.
-    pub fn begin_group(&self, packet: &mut Packet, number: u64, closed: bool) {
+    /// Sequence and group headers, which stand in front of an I picture; `number` is the first picture of the group to
+    /// be shown.
+    pub fn group_headers(&self, number: u64, closed: bool) -> Vec<u8> {
         let mut writer = BitWriter::default();
         header::put_sequence_header(&mut writer, &self.config);
         header::put_group_header(&mut writer, &self.config, number, closed);
-        let mut data = writer.into_bytes();
-        data.append(&mut packet.data);
-        packet.bits = 8 * data.len() as u64;
-        packet.data = data;
+        writer.into_bytes()
+    }
+}
+
+impl Packet {
+    /// Puts headers in front.
+    pub(crate) fn prepend(&mut self, mut headers: Vec<u8>) {
+        headers.append(&mut self.data);
+        self.bits = 8 * headers.len() as u64;
+        self.data = headers;
     }
 }
 

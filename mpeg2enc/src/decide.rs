@@ -13,9 +13,12 @@ use crate::{
     quant::{Block, Kind, Quantiser, Quantisers, Rounding},
 };
 
-/// Price of a bit in squared errors: this times quantiser_scale², with twice [`dct::COEFFICIENT_BITS`] fractional bits.
-/// 0.16·quantiser_scale² is the factor of mode decisions in the y262 encoder, near the best for us too.
-const LAMBDA: i64 = 10;
+/// Price of a bit in squared errors: 0.23 times quantiser_scale², here with twice [`dct::COEFFICIENT_BITS`] fractional
+/// bits. Ours, tuned on the clips of README.md: 0.16, the factor of the y262 encoder, takes 0.5 % more bits, and 0.31
+/// as many where quality is high.
+const LAMBDA: i64 = 15;
+/// A prediction is coded for comparison if its error is less than this many tenths of the least.
+const WORTH_A_TRIAL_TENTHS: u64 = 14;
 
 /// What is tried for a macroblock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,7 +132,7 @@ impl Decision<'_> {
         let least = predictions.list.first().map(|entry| entry.2);
         for (mode, predicted, error) in predictions.list.iter().take(self.tools.trials) {
             // A prediction that is much worse is not going to need fewer bits.
-            if least.is_some_and(|least| u64::from(*error) * 8 > u64::from(least) * 10) {
+            if least.is_some_and(|least| u64::from(*error) * 10 > u64::from(least) * WORTH_A_TRIAL_TENTHS) {
                 break;
             }
             keep(self.coded(*mode, predicted));
@@ -217,12 +220,11 @@ impl Decision<'_> {
         let kind = if start.macroblock.mode == Mode::Intra { Kind::Intra } else { Kind::Inter };
         let with = |code: u8| {
             let quantiser = self.quantisers.of(code);
-            let blocks =
-                std::array::from_fn(|i| match (kind, &start.macroblock.blocks[i]) {
-                    // Left out before it was transformed: its error is known, its coefficients are not.
-                    (Kind::Inter, block) if coefficients[i] == [0; 64] => block.clone(),
-                    _ => quantiser.quantise(&coefficients[i], kind, self.rounding()),
-                });
+            let blocks = std::array::from_fn(|i| match (kind, &start.macroblock.blocks[i]) {
+                // Left out before it was transformed: its error is known, its coefficients are not.
+                (Kind::Inter, block) if coefficients[i] == [0; 64] => block.clone(),
+                _ => quantiser.quantise(&coefficients[i], kind, self.rounding()),
+            });
             self.trial(Macroblock { mode: start.macroblock.mode, quantiser: code, blocks }, Some(coefficients))
         };
         let mut best: Option<Trial> = None;
@@ -237,7 +239,8 @@ impl Decision<'_> {
         }
         for direction in [-1i8, 1] {
             for step in 1..=3 {
-                let Some(code) = self.quantiser.checked_add_signed(direction * step).filter(|code| (1..=31).contains(code))
+                let Some(code) =
+                    self.quantiser.checked_add_signed(direction * step).filter(|code| (1..=31).contains(code))
                 else {
                     break;
                 };

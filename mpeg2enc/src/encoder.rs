@@ -77,7 +77,7 @@ impl Encoder {
         });
         let mut packet = coded.packet;
         if packet.picture_type == PictureType::I {
-            self.coder.begin_group(&mut packet, self.count, true);
+            packet.prepend(self.coder.group_headers(self.count, true));
         }
         let [vectors, _] = coded.vectors;
         self.vectors = vectors;

@@ -9,6 +9,7 @@ use crate::{
 
 const PICTURE_START_CODE: u8 = 0x00;
 const SEQUENCE_HEADER_CODE: u8 = 0xb3;
+const USER_DATA_START_CODE: u8 = 0xb2;
 const EXTENSION_START_CODE: u8 = 0xb5;
 const SEQUENCE_END_CODE: u8 = 0xb7;
 const GROUP_START_CODE: u8 = 0xb8;
@@ -67,6 +68,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     let growth = rate.ceil().max(1.0) as u64;
     let bit_rate = (limits.bits_per_second * growth / 400).min((1 << 30) - 1) as u32;
     let vbv_buffer_size = (limits.vbv_buffer_size * growth).min((1 << 18) - 1) as u32;
+    let (bit_rate, vbv_buffer_size) = config.rate.stated().unwrap_or((bit_rate, vbv_buffer_size));
 
     writer.start_code(SEQUENCE_HEADER_CODE);
     writer.put(horizontal_size & 0xfff, 12); // horizontal_size_value
@@ -77,10 +79,9 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.put(1, 1); // marker_bit
     writer.put(vbv_buffer_size & 0x3ff, 10); // vbv_buffer_size_value
     writer.put(0, 1); // constrained_parameters_flag
-    for (matrix, default) in [
-        (&config.intra_matrix, &DEFAULT_INTRA_MATRIX),
-        (&config.non_intra_matrix, &DEFAULT_NON_INTRA_MATRIX),
-    ] {
+    for (matrix, default) in
+        [(&config.intra_matrix, &DEFAULT_INTRA_MATRIX), (&config.non_intra_matrix, &DEFAULT_NON_INTRA_MATRIX)]
+    {
         writer.put((matrix != default).into(), 1); // load_intra_quantiser_matrix, load_non_intra_quantiser_matrix
         if matrix != default {
             for raster in ZIGZAG {
@@ -150,7 +151,8 @@ pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader
 
     writer.start_code(EXTENSION_START_CODE);
     writer.put(PICTURE_CODING_EXTENSION_ID, 4); // extension_start_code_identifier
-    for (s, used) in [picture.picture_type != PictureType::I, picture.picture_type == PictureType::B].into_iter().enumerate()
+    for (s, used) in
+        [picture.picture_type != PictureType::I, picture.picture_type == PictureType::B].into_iter().enumerate()
     {
         for f_code in picture.f_code[s] {
             writer.put(if used { f_code } else { F_CODE_UNUSED }, 4); // f_code[s][t]
@@ -168,6 +170,15 @@ pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader
     writer.put(1, 1); // chroma_420_type: the same as progressive_frame
     writer.put(1, 1); // progressive_frame
     writer.put(0, 1); // composite_display_flag
+}
+
+/// user_data() (6.2.2.2.2) of `bytes` bytes, its start code included, at least 4: what fills a picture that is too small.
+pub(crate) fn filling(bytes: usize) -> Vec<u8> {
+    let mut writer = BitWriter::default();
+    writer.start_code(USER_DATA_START_CODE);
+    let mut data = writer.into_bytes();
+    data.resize(bytes.max(data.len()), 0xff); // never 23 zero bits
+    data
 }
 
 /// The beginning of slice() in macroblock row `row` (6.2.4).

@@ -171,8 +171,10 @@ fn hadamard_sum(block: &mut [[i16; 8]; 8]) -> u32 {
 #[inline(always)]
 fn hadamard(rows: &mut [[i16; 8]; 8]) {
     for x in 0..8 {
-        let (a0, a1, a2, a3) = (rows[0][x] + rows[4][x], rows[1][x] + rows[5][x], rows[2][x] + rows[6][x], rows[3][x] + rows[7][x]);
-        let (a4, a5, a6, a7) = (rows[0][x] - rows[4][x], rows[1][x] - rows[5][x], rows[2][x] - rows[6][x], rows[3][x] - rows[7][x]);
+        let (a0, a1, a2, a3) =
+            (rows[0][x] + rows[4][x], rows[1][x] + rows[5][x], rows[2][x] + rows[6][x], rows[3][x] + rows[7][x]);
+        let (a4, a5, a6, a7) =
+            (rows[0][x] - rows[4][x], rows[1][x] - rows[5][x], rows[2][x] - rows[6][x], rows[3][x] - rows[7][x]);
         let (b0, b1, b2, b3) = (a0 + a2, a1 + a3, a0 - a2, a1 - a3);
         let (b4, b5, b6, b7) = (a4 + a6, a5 + a7, a4 - a6, a5 - a7);
         rows[0][x] = b0 + b1;

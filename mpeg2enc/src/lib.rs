@@ -44,6 +44,8 @@ mod lookahead_encoder; // and with
 mod lookahead; // what waiting frames tell: types of pictures, quantisers
 
 mod coder; // one picture
+mod rate; // its quantiser, when bits are bounded
+mod vbv; // the buffer of a decoder
 
 mod motion; // vectors: given, predicted, searched
 
@@ -76,6 +78,7 @@ pub use crate::{
     motion::MotionField,
     picture::PictureStatistics,
     quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
+    rate::Rate,
     vlc::CoefficientTable,
 };
 

@@ -8,8 +8,7 @@ pub(crate) mod plan;
 pub(crate) mod tree;
 
 use crate::{
-    Frame, MotionField,
-    kernel,
+    Frame, MotionField, kernel,
     motion::{Candidates, CoarseSearch, HalfSample, Range, Search, quarter},
     predict::place_of,
 };
@@ -191,7 +190,8 @@ impl Lookahead {
             return matches.clone();
         }
         let candidates = self.candidates(index, delta);
-        let before = (delta == -1 && index > self.first).then(|| self.get(index - 1).matches.get(&-1).cloned()).flatten();
+        let before =
+            (delta == -1 && index > self.first).then(|| self.get(index - 1).matches.get(&-1).cloned()).flatten();
         let frame = self.get(index);
         let reference = self.get(index.strict_add_signed(delta));
         let columns = self.columns();
@@ -203,7 +203,8 @@ impl Lookahead {
                 let (candidates, before) = (&candidates, before.as_deref());
                 (0..columns).map(move |column| {
                     let i = row * columns + column;
-                    let found = best_match(frame, reference, (column, row), left, &candidates[i], before.map(|b| b[i].vector));
+                    let found =
+                        best_match(frame, reference, (column, row), left, &candidates[i], before.map(|b| b[i].vector));
                     left = found.vector;
                     found
                 })
@@ -228,7 +229,13 @@ impl Lookahead {
                 let (f, b) = (forward[i], backward[i]);
                 let both = mean_cost(&frame.half, references, (i % columns, i / columns), [f.vector, b.vector]);
                 let best = both.min(f.cost).min(b.cost);
-                let shares = if best == both { [1, 1] } else if best == f.cost { [2, 0] } else { [0, 2] };
+                let shares = if best == both {
+                    [1, 1]
+                } else if best == f.cost {
+                    [2, 0]
+                } else {
+                    [0, 2]
+                };
                 TwoSided { cost: best, shares }
             })
             .collect();
@@ -334,9 +341,12 @@ fn halved(plane: &Plane<u8>) -> Plane<u8> {
     let mut data = Vec::with_capacity(plane.width() / 2 * (plane.height() / 2));
     for y in 0..plane.height() / 2 {
         let (upper, lower) = (plane.row(2 * y), plane.row(2 * y + 1));
-        data.extend(upper.chunks_exact(2).zip(lower.chunks_exact(2)).map(|(a, b)| {
-            ((u16::from(a[0]) + u16::from(a[1]) + u16::from(b[0]) + u16::from(b[1]) + 2) >> 2) as u8
-        }));
+        data.extend(
+            upper
+                .chunks_exact(2)
+                .zip(lower.chunks_exact(2))
+                .map(|(a, b)| ((u16::from(a[0]) + u16::from(a[1]) + u16::from(b[0]) + u16::from(b[1]) + 2) >> 2) as u8),
+        );
     }
     Plane::from_vec(plane.width() / 2, plane.height() / 2, data)
 }

@@ -1,11 +1,12 @@
 //! Pictures in, packets out, some pictures later: I, P and B.
 
 use crate::{
-    Config, Frame, KnownMotion, PictureType,
-    coder::{Coder, Direction, Job, Packet, sequence_end},
+    Config, Frame, KnownMotion, PictureType, Rate,
+    coder::{Coded, Coder, Direction, Job, Packet, sequence_end},
     header::{VBV_DELAY_VARIABLE, macroblock_counts},
     lookahead::{Lookahead, plan::Span},
     motion::Candidates,
+    rate::{RateControl, Upcoming},
 };
 
 /// Encodes pictures that may wait for later ones; made by [`Config::lookahead_encoder`].
@@ -15,6 +16,7 @@ use crate::{
 pub struct LookaheadEncoder {
     coder: Coder,
     lookahead: Lookahead,
+    rate: Option<RateControl>,
     /// The last two I or P pictures.
     anchors: [Option<Anchor>; 2],
     /// Display index of the last I picture.
@@ -31,7 +33,9 @@ struct Anchor {
 
 impl LookaheadEncoder {
     pub(crate) fn new(config: Config) -> Self {
+        let (columns, rows) = macroblock_counts(config.width, config.height);
         Self {
+            rate: RateControl::new(&config, columns * rows),
             coder: Coder::new(config, true),
             lookahead: Lookahead::new(),
             anchors: [None, None],
@@ -75,43 +79,96 @@ impl LookaheadEncoder {
                 return packets;
             }
             let spans = self.lookahead.plan(&self.coder.config, last.map(|last| (last, self.last_intra)));
-            self.code_span(&spans, &mut packets);
+            self.code_span(&spans, keep == 0, &mut packets);
             self.lookahead.drop_before(spans[0].anchor);
         }
     }
 
-    /// Codes the first of `spans`: its anchor, then its B pictures.
-    fn code_span(&mut self, spans: &[Span], packets: &mut Vec<Packet>) {
+    /// Codes the first of `spans`: its anchor, then its B pictures. `complete` if no frame comes after them all.
+    fn code_span(&mut self, spans: &[Span], complete: bool, packets: &mut Vec<Packet>) {
         let span = spans[0];
         let last = self.anchors[1].as_ref().map(|anchor| anchor.index);
         let count = self.lookahead.get(span.anchor).intra_costs.len();
-        let base_x16 = 16 * self.coder.config.quantiser_scale;
-        let scales_x16: Vec<u32> = if self.coder.config.uses_tree() {
-            let factors = self.lookahead.factors(last, spans);
-            factors.iter().map(|factor| (base_x16 * factor / 256).max(16)).collect()
-        } else {
-            vec![base_x16; count]
-        };
+        let factors =
+            if self.coder.config.uses_tree() { self.lookahead.factors(last, spans) } else { vec![256; count] };
+        let upcoming = if self.rate.is_some() { self.lookahead.upcoming(last, spans) } else { Vec::new() };
+        let mut headers = Vec::new();
         if span.is_intra {
             self.last_intra = span.anchor;
             self.group_start = span.anchor - span.b_pictures;
+            headers = self.coder.group_headers(self.group_start as u64, span.b_pictures == 0);
         }
         let picture_type = if span.is_intra { PictureType::I } else { PictureType::P };
-        let mut coded = self.code_picture(span.anchor, picture_type, &scales_x16);
-        if span.is_intra {
-            self.coder.begin_group(&mut coded.0, self.group_start as u64, span.b_pictures == 0);
-        }
-        packets.push(coded.0);
+        let coded = self.code_within_rate(span.anchor, picture_type, &factors, headers, &upcoming, complete);
+        packets.push(coded.packet);
         self.anchors.swap(0, 1);
-        self.anchors[1] = Some(Anchor { index: span.anchor, reconstruction: coded.1 });
-        let b_scales_x16 = vec![base_x16 * B_SCALE_SIXTEENTHS / 16; count];
-        for index in span.anchor - span.b_pictures..span.anchor {
-            packets.push(self.code_picture(index, PictureType::B, &b_scales_x16).0);
+        self.anchors[1] = Some(Anchor { index: span.anchor, reconstruction: coded.reconstruction });
+        let b_factors = vec![16 * B_SCALE_SIXTEENTHS; count];
+        for (i, index) in (span.anchor - span.b_pictures..span.anchor).enumerate() {
+            let upcoming = upcoming.get(i + 1..).unwrap_or_default();
+            let coded = self.code_within_rate(index, PictureType::B, &b_factors, Vec::new(), upcoming, complete);
+            packets.push(coded.packet);
         }
     }
 
-    /// The packet of one picture and its reconstruction in whole macroblocks.
-    fn code_picture(&mut self, index: usize, picture_type: PictureType, scales_x16: &[u32]) -> (Packet, Frame) {
+    /// Codes one picture with the quantiser that the rate allows, times `factors` in 256ths; again if it does not fit.
+    fn code_within_rate(
+        &mut self,
+        index: usize,
+        picture_type: PictureType,
+        factors: &[u32],
+        headers: Vec<u8>,
+        upcoming: &[Upcoming],
+        complete: bool,
+    ) -> Coded {
+        let Some(mut rate) = self.rate.take() else {
+            let base_x16 = 16 * self.coder.config.quantiser_scale;
+            let mut coded = self.code_picture(index, picture_type, base_x16, factors, VBV_DELAY_VARIABLE);
+            coded.packet.prepend(headers);
+            return coded;
+        };
+        let header_bits = 8 * headers.len() as i64;
+        let vbv_delay = match self.coder.config.rate {
+            Rate::Constant { .. } => rate.buffer.delay(header_bits + 32), // picture_start_code has 32 bits
+            _ => VBV_DELAY_VARIABLE,
+        };
+        let mut base_x16 = rate.quantiser_x16(upcoming, complete);
+        // What is dear or soon over is looked at again if the forecast was far off.
+        let mut second_look =
+            !rate.knows(picture_type) || picture_type == PictureType::I || complete && upcoming.len() <= 4;
+        let mut coded = loop {
+            let coded = self.code_picture(index, picture_type, base_x16, factors, vbv_delay);
+            let bits = coded.packet.bits as i64 + header_bits;
+            rate.learn(upcoming[0], base_x16, bits);
+            if second_look {
+                second_look = false;
+                let informed = rate.quantiser_x16(upcoming, complete);
+                if informed.abs_diff(base_x16) * 16 > base_x16 {
+                    base_x16 = informed;
+                    continue;
+                }
+            }
+            match rate.coarser_after(base_x16, bits) {
+                Some(coarser) => base_x16 = coarser,
+                None => break coded,
+            }
+        };
+        coded.fill_to(rate.buffer.least() - header_bits);
+        coded.packet.prepend(headers);
+        rate.buffer.take(coded.packet.bits as i64);
+        self.rate = Some(rate);
+        coded
+    }
+
+    fn code_picture(
+        &mut self,
+        index: usize,
+        picture_type: PictureType,
+        base_x16: u32,
+        factors: &[u32],
+        vbv_delay: u32,
+    ) -> Coded {
+        let scales_x16: Vec<u32> = factors.iter().map(|factor| (base_x16 * factor / 256).clamp(16, 112 * 16)).collect();
         // Forward from the newest anchor in a P picture, from the one before in a B picture.
         let references = match picture_type {
             PictureType::I => [None, None],
@@ -125,20 +182,19 @@ impl LookaheadEncoder {
             }
         }
         let source = &self.lookahead.get(index).source;
-        let coded = self.coder.code(&Job {
+        self.coder.code(&Job {
             picture_type,
             display_index: index as u64,
             temporal_reference: (index - self.group_start) as u32,
-            vbv_delay: VBV_DELAY_VARIABLE,
+            vbv_delay,
             source,
             directions: std::array::from_fn(|s| {
                 let reference = &references[s]?.reconstruction;
                 Some(Direction { reference, candidates: &candidates[s], before: &[], coarse: None })
             }),
-            quantiser_scale: self.coder.config.quantiser_scale,
-            scales_x16,
-        });
-        (coded.packet, coded.reconstruction)
+            quantiser_scale: (base_x16 + 8) / 16,
+            scales_x16: &scales_x16,
+        })
     }
 }
 

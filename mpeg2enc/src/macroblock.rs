@@ -33,16 +33,6 @@ impl Mode {
         }
     }
 
-    /// The same directions with other vectors.
-    pub fn with_vectors(self, [forward, backward]: [HalfSample; 2]) -> Self {
-        match self {
-            Self::Intra => Self::Intra,
-            Self::Forward(_) => Self::Forward(forward),
-            Self::Backward(_) => Self::Backward(backward),
-            Self::Both(..) => Self::Both(forward, backward),
-        }
-    }
-
     /// Place of the directions in the tables of macroblock_type of B pictures.
     fn directions(self) -> usize {
         match self {

@@ -9,11 +9,7 @@ pub(crate) use {
     field::Candidates,
 };
 
-use crate::{
-    Frame,
-    kernel,
-    predict::place_of,
-};
+use crate::{Frame, kernel, predict::place_of};
 use plane::Plane;
 use rayon::prelude::*;
 
@@ -97,7 +93,7 @@ const NEIGHBOURS: [(i32, i32); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1),
 /// Steps of the search by whole samples.
 const DIAMOND: [(i32, i32); 4] = [(-2, 0), (2, 0), (0, -2), (0, 2)];
 /// Mean absolute difference a sample above which more is tried, and what each step of quantiser_scale adds in eighths:
-/// a coarse reference differs that much from its own source. Ours, tuned by the example `encode_y4m`.
+/// a coarse reference differs that much from its own source. Ours, tuned by the example `mpeg2enc`.
 const POOR_MATCH: u32 = 2;
 const POOR_MATCH_EIGHTHS: u32 = 1;
 

@@ -33,9 +33,8 @@ pub(crate) type References<'a> = [Option<&'a Frame>; 2];
 
 /// The prediction of macroblock `(column, row)` in a mode that is not intra (7.6.7).
 pub(crate) fn predict_mode(references: &References, column: usize, row: usize, mode: Mode) -> Samples {
-    let from = |s: usize, vector| {
-        predict(references[s].expect("a mode has its reference picture"), column, row, vector)
-    };
+    let from =
+        |s: usize, vector| predict(references[s].expect("a mode has its reference picture"), column, row, vector);
     match mode {
         Mode::Intra => unreachable!("an intra macroblock is not predicted"),
         Mode::Forward(vector) => from(0, vector),

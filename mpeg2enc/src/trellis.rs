@@ -131,8 +131,11 @@ mod tests {
                         run += 1;
                     } else {
                         let level = levels[i] as u32;
-                        let bits =
-                            if first { first_coefficient_bits(run, level) } else { coefficient_bits(TABLE, run, level) };
+                        let bits = if first {
+                            first_coefficient_bits(run, level)
+                        } else {
+                            coefficient_bits(TABLE, run, level)
+                        };
                         cost += lambda * i64::from(bits);
                         (run, first, any) = (0, false, true);
                     }

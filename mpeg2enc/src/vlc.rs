@@ -16,10 +16,9 @@ use tables::{
 };
 
 /// Which table the coefficients of a block are coded with (Table 7-3).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CoefficientTable {
     /// Table B.14.
-    #[default]
     Zero = 0,
     /// Table B.15: shorter codes for the larger levels of intra blocks.
     One = 1,
@@ -71,19 +70,6 @@ fn put_dc(sink: &mut impl BitSink, differential: i32, luminance: bool) {
         let value = if differential > 0 { differential } else { differential + (1 << size) - 1 };
         sink.put(value as u32, size);
     }
-}
-
-/// Bits of the vector component `delta` away from its prediction, as [`put_motion_component`] writes it.
-#[inline]
-pub(crate) fn motion_component_bits(delta: i32, f_code: u32) -> u32 {
-    let r_size = f_code - 1;
-    let magnitude = delta.unsigned_abs();
-    if magnitude == 0 {
-        return MOTION_CODE[0].length;
-    }
-    // Differences beyond the range wrap around and come out shorter.
-    let magnitude = if magnitude > 16 << r_size { (32 << r_size) - magnitude } else { magnitude };
-    MOTION_CODE[((magnitude.max(1) - 1) >> r_size) as usize + 1].length + 1 + r_size
 }
 
 /// The code of a coefficient without its sign; [`Vlc::NONE`] if it needs an escape.
@@ -250,7 +236,6 @@ mod tests {
             for delta in -32 * f + 1..32 * f {
                 let mut words = Words(Vec::new());
                 put_motion_component(&mut words, delta, f_code);
-                assert_eq!(words.bits() as u32, motion_component_bits(delta, f_code), "{delta} at f_code {f_code}");
                 let (value, length) = words.0[0];
                 let decoded = if (value, length) == (1, 1) {
                     0

@@ -1,7 +1,7 @@
 //! Which picture becomes I, P or B.
 
 use super::Lookahead;
-use crate::Config;
+use crate::{Config, PictureType, rate::Upcoming};
 
 /// An I or P picture, and the B pictures in front of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,23 +87,51 @@ impl Lookahead {
         predicted * 4 > total * SCENE_CUT_QUARTERS && total > 0
     }
 
+    /// What the pictures of `spans` cost by themselves, in the order of coding.
+    pub fn upcoming(&mut self, last_anchor: Option<usize>, spans: &[Span]) -> Vec<Upcoming> {
+        let mut out = Vec::new();
+        let mut from = last_anchor;
+        for span in spans {
+            let picture_type = if span.is_intra { PictureType::I } else { PictureType::P };
+            out.push(Upcoming { picture_type, cost: self.anchor_cost(from, span) });
+            if let Some(from) = from {
+                for index in from + 1..span.anchor {
+                    out.push(Upcoming { picture_type: PictureType::B, cost: self.b_cost(from, index, span.anchor) });
+                }
+            }
+            from = Some(span.anchor);
+        }
+        out
+    }
+
+    fn anchor_cost(&mut self, from: Option<usize>, span: &Span) -> u64 {
+        let intra = self.get(span.anchor).intra_costs.clone();
+        match from.filter(|_| !span.is_intra) {
+            None => intra.iter().map(|&cost| u64::from(cost)).sum(),
+            Some(from) => {
+                let matches = self.matches(span.anchor, distance(span.anchor, from));
+                matches.iter().zip(intra.iter()).map(|(m, &intra)| u64::from(m.cost.min(intra))).sum()
+            }
+        }
+    }
+
+    fn b_cost(&mut self, from: usize, index: usize, anchor: usize) -> u64 {
+        let found = self.two_sided(index, distance(index, from), distance(index, anchor));
+        let intra = &self.get(index).intra_costs;
+        found.iter().zip(intra.iter()).map(|(t, &intra)| u64::from(t.cost.min(intra))).sum()
+    }
+
     /// What the frames after `from` up to `anchor` cost, those between as B pictures.
     fn span_cost(&mut self, from: usize, anchor: usize, is_intra: bool) -> u64 {
-        let distance = |a: usize, b: usize| b as isize - a as isize;
-        let sum = |costs: &mut dyn Iterator<Item = u32>| costs.map(u64::from).sum::<u64>();
-        let intra = self.get(anchor).intra_costs.clone();
-        let mut cost = if is_intra {
-            sum(&mut intra.iter().copied())
-        } else {
-            let matches = self.matches(anchor, distance(anchor, from));
-            sum(&mut matches.iter().zip(intra.iter()).map(|(m, &intra)| m.cost.min(intra)))
-        };
+        let span = Span { anchor, is_intra, b_pictures: anchor - from - 1 };
+        let mut cost = self.anchor_cost(Some(from), &span);
         for index in from + 1..anchor {
-            let found = self.two_sided(index, distance(index, from), distance(index, anchor));
-            let intra = &self.get(index).intra_costs;
-            let b = sum(&mut found.iter().zip(intra.iter()).map(|(t, &intra)| t.cost.min(intra)));
-            cost += b * B_WEIGHT_SIXTEENTHS / 16;
+            cost += self.b_cost(from, index, anchor) * B_WEIGHT_SIXTEENTHS / 16;
         }
         cost
     }
+}
+
+fn distance(a: usize, b: usize) -> isize {
+    b as isize - a as isize
 }

@@ -253,7 +253,8 @@ mod tests {
         check("B.10", &motion);
         check("B.12", &DCT_DC_SIZE_LUMINANCE);
         check("B.13", &DCT_DC_SIZE_CHROMINANCE);
-        for (name, table, printed) in [("B.14", 0, &DCT_COEFFICIENTS_PRINTED), ("B.15", 1, &DCT_COEFFICIENTS_ONE_PRINTED)]
+        for (name, table, printed) in
+            [("B.14", 0, &DCT_COEFFICIENTS_PRINTED), ("B.15", 1, &DCT_COEFFICIENTS_ONE_PRINTED)]
         {
             let printed: Vec<Vlc> = printed.iter().map(|&(_, _, digits)| vlc(digits)).collect();
             let mut coefficients = vec![END_OF_BLOCK[table], ESCAPE];

@@ -1,0 +1,83 @@
+//! The buffer of the video buffering verifier (Annex C): what a decoder must hold before a picture is due.
+
+/// Fills at the bit rate; each picture is taken out whole when it is decoded.
+///
+/// A frame period holds a whole number of bits only by chance, so all is counted in bits times the numerator of the
+/// frame rate: no fraction is ever dropped.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Buffer {
+    /// Bits a second, as the sequence header says.
+    pub bit_rate: i64,
+    /// Size in bits.
+    pub size: i64,
+    /// Numerator and denominator of the frame rate.
+    frame_rate: (i64, i64),
+    /// Bits just before the next picture is taken out, times the numerator.
+    fullness: i64,
+    /// Is a full buffer just not filled further (variable rate), or is that an error (constant rate)?
+    pauses: bool,
+}
+
+impl Buffer {
+    pub fn new(bit_rate: i64, size: i64, frame_rate: (u32, u32), fullness: i64, pauses: bool) -> Self {
+        let frame_rate = (i64::from(frame_rate.0), i64::from(frame_rate.1));
+        Self { bit_rate, size, frame_rate, fullness: fullness * frame_rate.0, pauses }
+    }
+
+    /// Bits in the buffer just before the next picture is taken out.
+    pub fn bits(&self) -> i64 {
+        self.fullness / self.frame_rate.0
+    }
+
+    /// Bits that arrive in a frame period, rounded down.
+    pub fn bits_per_picture(&self) -> i64 {
+        self.bit_rate * self.frame_rate.1 / self.frame_rate.0
+    }
+
+    /// vbv_delay of the next picture, of which the headers up to its picture_start_code take `ahead` bits (6.3.9).
+    pub fn delay(&self, ahead: i64) -> u32 {
+        ((self.bits() - ahead).max(0) * 90_000 / self.bit_rate).min(0xfffe) as u32
+    }
+
+    /// The fewest bits that the next picture may have, so that the buffer does not overflow before the one after it.
+    pub fn least(&self) -> i64 {
+        if self.pauses {
+            return 0;
+        }
+        let after = self.fullness + self.bit_rate * self.frame_rate.1 - self.size * self.frame_rate.0;
+        (after + self.frame_rate.0 - 1).div_euclid(self.frame_rate.0).max(0)
+    }
+
+    /// Takes out a picture and fills for a frame period.
+    pub fn take(&mut self, bits: i64) {
+        self.fullness += self.bit_rate * self.frame_rate.1 - bits * self.frame_rate.0;
+        if self.pauses {
+            self.fullness = self.fullness.min(self.size * self.frame_rate.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_lost_over_an_hour() {
+        let mut buffer = Buffer::new(1_000_000, 2_000_000, (30000, 1001), 1_000_000, false);
+        for _ in 0..30_000 {
+            buffer.take(1_000_000 * 1001 / 30000); // rounded down: two thirds of a bit too few
+        }
+        assert_eq!(buffer.bits(), 1_000_000 + 20_000);
+    }
+
+    #[test]
+    fn delays_and_limits() {
+        let buffer = Buffer::new(900_000, 500_000, (30, 1), 450_000, false);
+        assert_eq!(buffer.delay(0), 45_000);
+        assert_eq!(buffer.delay(90_000), 36_000);
+        assert_eq!(buffer.least(), 0);
+        let full = Buffer::new(900_000, 500_000, (30, 1), 490_000, false);
+        assert_eq!(full.least(), 20_000);
+        assert_eq!(Buffer::new(900_000, 500_000, (30, 1), 490_000, true).least(), 0);
+    }
+}

@@ -1,0 +1,276 @@
+//! Streams with B pictures, varying quantisers and bounded rates: what decoders show, what a buffer holds.
+
+mod common;
+
+use common::*;
+use mpeg2enc::{
+    CoefficientTable, Config, Effort, Frame, FrameRate, KnownMotion, MotionField, Packet, PictureType, Rate,
+};
+use plane::Plane;
+
+/// Encodes frames, each with the motion to the frame before it if there is one; packets come back in display order.
+fn encode_ahead(
+    config: Config,
+    frames: impl Iterator<Item = Frame>,
+    motion: Option<&MotionField>,
+) -> (Vec<u8>, Vec<Packet>) {
+    let mut encoder = config.lookahead_encoder().expect("a valid configuration");
+    let known = KnownMotion { to_previous: motion, to_next: None };
+    let mut packets: Vec<Packet> = frames.flat_map(|frame| encoder.push(&frame, known)).collect();
+    let (rest, end) = encoder.finish();
+    packets.extend(rest);
+    let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
+    stream.extend(end);
+    packets.sort_by_key(|packet| packet.display_index);
+    (stream, packets)
+}
+
+fn largest_difference(a: &Frame, b: &Frame) -> u8 {
+    let of = |a: &Plane<u8>, b: &Plane<u8>| {
+        a.samples().iter().zip(b.samples()).map(|(&a, &b)| a.abs_diff(b)).max().expect("a plane has samples")
+    };
+    of(&a.luma, &b.luma).max(of(&a.cb, &b.cb)).max(of(&a.cr, &b.cr))
+}
+
+/// Both decoders show the reconstruction, to within 2 at every sample.
+fn check(stream: &[u8], packets: &[Packet], what: &str) {
+    let (width, height) = (packets[0].reconstruction.width(), packets[0].reconstruction.height());
+    let decoders = [
+        ("ffmpeg", decode_ffmpeg(stream, width, height, "faani")),
+        ("mpeg2dec", decode_mpeg2dec(stream, width, height)),
+    ];
+    for (decoder, frames) in decoders {
+        assert_eq!(frames.len(), packets.len(), "{decoder} shows every picture of {what}");
+        for (i, (frame, packet)) in frames.iter().zip(packets).enumerate() {
+            let difference = largest_difference(frame, &packet.reconstruction);
+            assert!(difference <= 2, "{decoder}, picture {i} ({:?}) of {what}: {difference}", packet.picture_type);
+        }
+    }
+}
+
+/// A small generator: each call gives a number below `below`.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, below: u64) -> u64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) % below
+    }
+
+    fn choose<T: Copy>(&mut self, list: &[T]) -> T {
+        list[self.below(list.len() as u64) as usize]
+    }
+}
+
+/// Random settings, sizes and content. `MPEG2ENC_STREAMS` says how many; a failure names its seed.
+#[test]
+fn random_streams_are_understood() {
+    let count = std::env::var("MPEG2ENC_STREAMS").map_or(24, |count| count.parse().expect("a number of streams"));
+    for seed in 0..count {
+        let mut random = Random(seed);
+        let large = seed % 64 == 63;
+        let (width, height) = if large {
+            (1920, 1088)
+        } else {
+            (random.choose(&[1, 2, 15, 16, 17, 33, 64, 97, 176]), random.choose(&[1, 3, 16, 31, 48, 66, 144]))
+        };
+        let rates = [
+            Rate::ConstantQuantiser,
+            Rate::ConstantQuantiser,
+            Rate::Constant { bits_per_second: 700_000, buffer_bits: 400_000 },
+            Rate::Capped { bits_per_second: 500_000, buffer_bits: 300_000 },
+        ];
+        let matrix = std::array::from_fn(|i| if i == 0 { 8 } else { (16 + 2 * i) as u8 });
+        let mut config = Config::new(width, height, random.choose(&[FrameRate::FPS_25, FrameRate::FPS_30]))
+            .with_quantiser_scale(random.choose(&[1, 2, 5, 8, 24, 62, 112]))
+            .with_gop(random.choose(&[1, 2, 5, 15]))
+            .with_b_pictures(random.choose(&[0, 1, 2, 3, 7]))
+            .with_effort(random.choose(&[Effort::Fast, Effort::Balanced, Effort::Best]))
+            .with_closed_gop(random.below(2) == 0)
+            .with_scene_cuts(random.below(2) == 0)
+            .with_uniform_quantiser(random.below(3) == 0)
+            .with_alternate_scan(random.below(3) == 0)
+            .with_intra_table(random.choose(&[CoefficientTable::Zero, CoefficientTable::One]))
+            .with_intra_dc_precision(random.choose(&[8, 9, 10]))
+            .with_rate(random.choose(&rates));
+        if random.below(4) == 0 {
+            config = config.with_matrices(matrix, matrix.map(|weight| weight + 5));
+        }
+        let what = format!("seed {seed}: {config:?}");
+        let frames = if large { 4 } else { 4 + random.below(16) as usize };
+        let start = random.below(100) as usize;
+        let kind = random.below(5);
+        let motion = (random.below(2) == 0).then(|| uniform_motion(width, height, 1.7, -0.6));
+        let content = (start..start + frames).map(|time| match kind {
+            0 => noise(width, height, time as u64),
+            1 => pan(width, height, 5.5 * time as f64, 0.0),
+            _ => moving(width, height, time),
+        });
+        let (stream, packets) = encode_ahead(config, content, motion.as_ref());
+        check(&stream, &packets, &what);
+    }
+}
+
+#[test]
+fn pictures_come_in_the_order_of_coding() {
+    let settings = config(64, 48).with_gop(6).with_b_pictures(2).with_effort(Effort::Fast);
+    let mut encoder = settings.lookahead_encoder().unwrap();
+    let mut packets: Vec<Packet> = Vec::new();
+    for time in 0..14 {
+        packets.extend(encoder.push(&moving(64, 48, time), KnownMotion::default()));
+    }
+    packets.extend(encoder.finish().0);
+    let order: String = packets.iter().map(|p| format!("{:?}{} ", p.picture_type, p.display_index)).collect();
+    assert_eq!(order, "I0 P3 B1 B2 I6 B4 B5 P9 B7 B8 I12 B10 B11 P13 ");
+}
+
+#[test]
+fn without_b_pictures_a_packet_follows_each_frame() {
+    let settings = config(64, 48).with_effort(Effort::Fast);
+    let mut encoder = settings.lookahead_encoder().unwrap();
+    for time in 0..5 {
+        assert_eq!(encoder.push(&moving(64, 48, time), KnownMotion::default()).len(), 1);
+    }
+}
+
+#[test]
+fn a_cut_begins_a_group() {
+    // moving() cuts at 60.
+    let settings = config(96, 64).with_gop(100).with_b_pictures(2);
+    let types = |settings: Config| -> Vec<PictureType> {
+        let (_, packets) = encode_ahead(settings, (52..68).map(|time| moving(96, 64, time)), None);
+        packets.iter().map(|packet| packet.picture_type).collect()
+    };
+    let found = types(settings.clone());
+    let intra: Vec<usize> = (0..found.len()).filter(|&i| found[i] == PictureType::I).collect();
+    assert_eq!(intra, [0, 8]);
+    let found = types(settings.with_scene_cuts(false));
+    assert_eq!(found.iter().filter(|&&t| t == PictureType::I).count(), 1);
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let settings = config(160, 128)
+            .with_gop(6)
+            .with_b_pictures(2)
+            .with_effort(Effort::Best)
+            .with_rate(Rate::Constant { bits_per_second: 400_000, buffer_bits: 200_000 });
+        pool.install(|| encode_ahead(settings, (0..12).map(|time| moving(160, 128, time)), None).0)
+    };
+    let one = run(1);
+    assert_eq!(one, run(3));
+    assert_eq!(one, run(4));
+}
+
+#[test]
+fn more_effort_takes_fewer_bits_for_as_good_a_picture() {
+    // Bits at equal quality, by the slope of 6 dB a factor of two in quantiser_scale and bits.
+    let mut last = f64::INFINITY;
+    for effort in [Effort::Fast, Effort::Balanced, Effort::Best] {
+        let settings = config(176, 144).with_gop(15).with_b_pictures(2).with_effort(effort);
+        let (stream, packets) = encode_ahead(settings, (0..30).map(|time| moving(176, 144, time)), None);
+        let mean_error = |packet: &Packet| 10f64.powf(-packet.psnr_y / 10.0) / packets.len() as f64;
+        let psnr = -10.0 * packets.iter().map(mean_error).sum::<f64>().log10();
+        let bits = stream.len() as f64 * 2f64.powf(-psnr / 6.0);
+        assert!(bits < last, "{effort:?}: {bits}, after {last}");
+        last = bits;
+    }
+}
+
+/// What the stream states of rate and buffer, and what its pictures do to it: Annex C, from the bytes alone.
+struct Verifier {
+    bit_rate: f64,
+    buffer: f64,
+    /// For each picture: bits since the end of the one before, of these up to picture_start_code, and vbv_delay.
+    pictures: Vec<(f64, f64, u32)>,
+}
+
+fn verifier(stream: &[u8]) -> Verifier {
+    let mut v = Verifier { bit_rate: 0.0, buffer: 0.0, pictures: Vec::new() };
+    let (mut end, mut in_picture) = (0, false);
+    let starts: Vec<usize> = (0..stream.len() - 3).filter(|&i| stream[i..i + 3] == [0, 0, 1]).collect();
+    for &i in &starts {
+        let b = |k: usize| f64::from(stream[i + k]);
+        match stream[i + 3] {
+            0xb3 => {
+                v.bit_rate = 400.0 * (b(8) * 1024.0 + b(9) * 4.0 + f64::from(stream[i + 10] >> 6));
+                v.buffer = 16384.0 * (f64::from(stream[i + 10] & 31) * 32.0 + f64::from(stream[i + 11] >> 3));
+            }
+            0x01..=0xaf | 0xb5 | 0xb2 => continue,
+            _ => {}
+        }
+        if in_picture {
+            // The picture before ends where this header begins.
+            v.pictures.last_mut().expect("a picture").0 += 8.0 * (i - end) as f64;
+            (end, in_picture) = (i, false);
+        }
+        if stream[i + 3] == 0 {
+            let delay =
+                u32::from(stream[i + 5] & 7) << 13 | u32::from(stream[i + 6]) << 5 | u32::from(stream[i + 7]) >> 3;
+            v.pictures.push((0.0, 8.0 * (i + 4 - end) as f64, delay));
+            in_picture = true;
+        }
+    }
+    v
+}
+
+#[test]
+fn a_constant_rate_keeps_buffer_and_delays() {
+    for (kbps, b_pictures, gop) in [(200, 2, 15), (600, 0, 12), (3000, 2, 60)] {
+        let rate = Rate::Constant { bits_per_second: 1000 * kbps, buffer_bits: 500 * kbps };
+        let settings = config(176, 144).with_gop(gop).with_b_pictures(b_pictures).with_rate(rate);
+        let (stream, packets) = encode_ahead(settings, (0..75).map(|time| moving(176, 144, time)), None);
+        let v = verifier(&stream);
+        assert_eq!(v.bit_rate, f64::from(1000 * kbps));
+        assert!(v.buffer <= f64::from(500 * kbps) && v.buffer > f64::from(500 * kbps) - 16384.0);
+        assert_eq!(v.pictures.len(), packets.len());
+        let mut fullness = f64::from(v.pictures[0].2) / 90_000.0 * v.bit_rate + v.pictures[0].1;
+        for (i, &(bits, ahead, delay)) in v.pictures.iter().enumerate() {
+            let stated = f64::from(delay) / 90_000.0 * v.bit_rate + ahead;
+            assert!(
+                (stated - fullness).abs() < 2.0 * v.bit_rate / 90_000.0 + 64.0,
+                "picture {i} at {kbps}: delay {delay}"
+            );
+            assert!(fullness <= v.buffer + v.bit_rate / 90_000.0 + 64.0, "picture {i} at {kbps} overflows: {fullness}");
+            assert!(bits <= fullness, "picture {i} at {kbps} underflows: {bits} of {fullness}");
+            fullness += v.bit_rate / 25.0 - bits;
+        }
+        let seconds = packets.len() as f64 / 25.0;
+        let reached = 8.0 * stream.len() as f64 / seconds / v.bit_rate;
+        assert!((0.97..1.03).contains(&reached), "{kbps} kbit/s are reached to {reached}");
+        check(&stream, &packets, "a constant rate");
+    }
+}
+
+#[test]
+fn a_capped_rate_never_runs_dry() {
+    let rate = Rate::Capped { bits_per_second: 300_000, buffer_bits: 200_000 };
+    let settings = config(176, 144).with_b_pictures(2).with_quantiser_scale(2).with_rate(rate);
+    let (stream, packets) = encode_ahead(settings, (0..50).map(|time| moving(176, 144, time)), None);
+    let v = verifier(&stream);
+    let mut fullness = v.buffer;
+    for &(bits, _, delay) in &v.pictures {
+        assert_eq!(delay, 0xffff);
+        assert!(bits <= fullness);
+        fullness = (fullness + v.bit_rate / 25.0 - bits).min(v.buffer);
+    }
+    assert!(packets.iter().any(|packet| packet.quantiser_scale > 2), "the cap is felt");
+    // Where it is not felt, the quantiser is the one asked for.
+    let rate = Rate::Capped { bits_per_second: 14_000_000, buffer_bits: 1_800_000 };
+    let settings = config(176, 144).with_b_pictures(2).with_quantiser_scale(8).with_rate(rate);
+    let (_, packets) = encode_ahead(settings, (0..20).map(|time| moving(176, 144, time)), None);
+    assert!(packets.iter().all(|packet| packet.quantiser_scale == 8));
+}
+
+#[test]
+fn a_rate_that_no_level_allows_is_an_error() {
+    let rate = Rate::Constant { bits_per_second: 90_000_000, buffer_bits: 200_000 };
+    let message = config(176, 144).with_rate(rate).lookahead_encoder().err().expect("an error").to_string();
+    assert!(message.contains("90000000") && message.contains("80000000"), "{message}");
+    let message = config(176, 144).with_b_pictures(2).encoder().err().expect("an error").to_string();
+    assert!(message.contains("lookahead_encoder"), "{message}");
+    let message = config(176, 144).with_b_pictures(8).lookahead_encoder().err().expect("an error").to_string();
+    assert!(message.contains("0 to 7"), "{message}");
+}
