@@ -40,6 +40,7 @@ fn report(index: u32, packet: &mpeg2enc::Packet, figures: FrameFigures) -> Frame
     let picture_type = match packet.picture_type {
         PictureType::I => "I",
         PictureType::P => "P",
+        PictureType::B => "B",
     };
     let psnr_y = packet.psnr_y.is_finite().then_some(packet.psnr_y);
     FrameReport::new(index, picture_type, packet.bits, packet.quantiser_scale, psnr_y, figures)
