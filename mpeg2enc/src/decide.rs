@@ -32,6 +32,7 @@ pub(crate) struct Tools {
 }
 
 /// A way to code a macroblock.
+#[derive(Clone)]
 struct Trial {
     macroblock: Macroblock,
     cost: i64,
@@ -87,7 +88,7 @@ impl Decision<'_> {
     /// The cheapest way, with `vectors` found forward and backward.
     pub fn decide(&self, [forward, backward]: [HalfSample; 2]) -> Decided {
         let quantiser = self.quantisers.of(self.quantiser);
-        let mut predictions = Predictions { list: Vec::new() };
+        let mut predictions = Predictions { list: Vec::with_capacity(8) };
         let skipped = self.state.skipped_mode(self.slice, self.column);
         if let Some(mode) = skipped {
             predictions.consider(self, mode);
@@ -126,8 +127,10 @@ impl Decision<'_> {
                 best = Some(trial);
             }
         };
-        for &(mode, _, error) in &predictions.list {
-            keep(self.uncoded(mode, error));
+        let uncoded = predictions.list.iter().map(|&(mode, _, error)| self.uncoded(mode, error));
+        let uncoded = uncoded.min_by_key(|trial| trial.cost);
+        if let Some(trial) = &uncoded {
+            keep(trial.clone());
         }
         let least = predictions.list.first().map(|entry| entry.2);
         for (mode, predicted, error) in predictions.list.iter().take(self.tools.trials) {
@@ -144,7 +147,17 @@ impl Decision<'_> {
         if self.tools.quantiser_choice {
             best = self.with_best_quantiser(best);
         }
-        self.finish(best, &predictions)
+        let bits_price = best.cost - best.macroblock.error();
+        let decided = self.finish(best, &predictions);
+        // Errors of coefficients foretell those of samples but for rounding: fine steps may change no sample at all.
+        match uncoded {
+            Some(uncoded) if decided.macroblock.mode != Mode::Intra => {
+                let error =
+                    i64::from(squared_error(self.source, &decided.reconstruction)) << (2 * dct::COEFFICIENT_BITS);
+                if uncoded.cost <= error + bits_price { self.finish(uncoded, &predictions) } else { decided }
+            }
+            _ => decided,
+        }
     }
 
     fn is_allowed(&self, mode: Mode) -> bool {
@@ -178,7 +191,7 @@ impl Decision<'_> {
     }
 
     fn trial(&self, macroblock: Macroblock, coefficients: Option<[[i32; 64]; 6]>) -> Trial {
-        let error: i64 = macroblock.blocks.iter().map(|block| block.error).sum();
+        let error = macroblock.error();
         let bits = self.state.count(self.slice, self.column, &macroblock);
         Trial { cost: error + self.lambda * bits as i64, macroblock, coefficients }
     }

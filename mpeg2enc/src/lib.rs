@@ -1,8 +1,11 @@
 //! An MPEG-2 video encoder that takes the motion it is given.
 //!
-//! It writes ISO/IEC 13818-2:2000 Main Profile: progressive 4:2:0 pictures of 8 bits, I and P, at a constant quantiser.
+//! It writes ISO/IEC 13818-2:2000 Main Profile: progressive 4:2:0 pictures of 8 bits, I, P and B, at a constant
+//! quantiser or within a bit rate.
 //! Make an [`Encoder`] by a [`Config`], give it each [`Frame`], and where pixels were before if that is known
 //! ([`MotionField`]); each frame gives a [`Packet`], whose reconstruction is what a decoder will show.
+//! A [`LookaheadEncoder`] waits for later frames first: it has B pictures, quality that follows what later pictures
+//! take over, and [`Rate`]s.
 //!
 //! ```
 //! use mpeg2enc::{Config, Frame, FrameRate, MotionField};

@@ -67,7 +67,7 @@ const BLOCK: usize = 8;
 /// What a bit of a vector is worth here, as quantiser_scale of [`Search::new`]: that of middling quality.
 const SEARCH_QUANTISER_SCALE: u32 = 8;
 /// Mean difference a sample above which a block is looked for farther away.
-const POOR_MATCH: u32 = 4;
+const POOR_MATCH: u32 = 6;
 /// Like the limits of High Level, at half the size: vectors are brought into the true range later.
 const REACH: [u32; 2] = [9, 8];
 
@@ -194,6 +194,8 @@ impl Lookahead {
             (delta == -1 && index > self.first).then(|| self.get(index - 1).matches.get(&-1).cloned()).flatten();
         let frame = self.get(index);
         let reference = self.get(index.strict_add_signed(delta));
+        // Farther frames are reached by way of nearer ones.
+        let wide = delta.abs() == 1 && self.is_known(index, delta).is_none();
         let columns = self.columns();
         let rows = candidates.len() / columns;
         let matches: Arc<[Match]> = (0..rows)
@@ -203,8 +205,15 @@ impl Lookahead {
                 let (candidates, before) = (&candidates, before.as_deref());
                 (0..columns).map(move |column| {
                     let i = row * columns + column;
-                    let found =
-                        best_match(frame, reference, (column, row), left, &candidates[i], before.map(|b| b[i].vector));
+                    let found = best_match(
+                        frame,
+                        reference,
+                        (column, row),
+                        left,
+                        &candidates[i],
+                        before.map(|b| b[i].vector),
+                        wide,
+                    );
                     left = found.vector;
                     found
                 })
@@ -279,6 +288,7 @@ fn best_match(
     left: HalfSample,
     candidates: &Candidates,
     before: Option<HalfSample>,
+    wide: bool,
 ) -> Match {
     let range = Range::of_block(&reference.half, BLOCK, column, row, REACH);
     let mut search =
@@ -293,7 +303,7 @@ fn best_match(
             search.try_vector(before);
         }
         search.descend();
-        if search.best_error > (BLOCK * BLOCK) as u32 * POOR_MATCH {
+        if wide && search.best_error > (BLOCK * BLOCK) as u32 * POOR_MATCH {
             let coarse = CoarseSearch { source: &frame.quarter, reference: &reference.quarter }.search(column, row);
             if search.try_vector(HalfSample { x: coarse.x / 2, y: coarse.y / 2 }) {
                 search.descend();

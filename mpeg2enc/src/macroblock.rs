@@ -55,6 +55,11 @@ pub(crate) struct Macroblock {
 }
 
 impl Macroblock {
+    /// Squared error of all blocks, with twice [`dct::COEFFICIENT_BITS`](crate::dct::COEFFICIENT_BITS) fractional bits.
+    pub fn error(&self) -> i64 {
+        self.blocks.iter().map(|block| block.error).sum()
+    }
+
     /// pattern_code as a number, the first block highest (6.3.17.4).
     pub fn coded_block_pattern(&self) -> usize {
         self.blocks.iter().fold(0, |pattern, block| 2 * pattern + usize::from(block.end > 0))

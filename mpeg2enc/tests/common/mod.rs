@@ -145,9 +145,11 @@ pub fn decode_ffmpeg(stream: &[u8], width: usize, height: usize, idct: &str) -> 
         let file = StreamFile::new(stream);
         let input = ["-i", file.path(), "-fps_mode", "passthrough"];
         let (bytes, messages) = run("ffmpeg", &[&common[..], flags, &input, output, &["-"]].concat());
-        // Not about the stream: what it says of its own raw output for the very smallest pictures.
-        let about_output = "The bitrate parameter is set too low";
-        let messages: Vec<&str> = messages.lines().filter(|line| !line.starts_with(about_output)).collect();
+        // Not about the stream: what it says of its own raw output for the very smallest pictures, and of the length of a
+        // file that states a bit rate.
+        let elsewhere = ["The bitrate parameter is set too low", "Estimating duration from bitrate"];
+        let is_about_stream = |line: &&str| !elsewhere.iter().any(|text| line.contains(text));
+        let messages: Vec<&str> = messages.lines().filter(is_about_stream).collect();
         assert!(messages.is_empty(), "ffmpeg has something to say: {messages:?}");
         bytes
     };
