@@ -235,7 +235,7 @@ impl Decision<'_> {
             let quantiser = self.quantisers.of(code);
             let blocks = std::array::from_fn(|i| match (kind, &start.macroblock.blocks[i]) {
                 // Left out before it was transformed: its error is known, its coefficients are not.
-                (Kind::Inter, block) if coefficients[i] == [0; 64] => block.clone(),
+                (Kind::Inter, block) if coefficients[i] == [0; 64] => *block,
                 _ => quantiser.quantise(&coefficients[i], kind, self.rounding()),
             });
             self.trial(Macroblock { mode: start.macroblock.mode, quantiser: code, blocks }, Some(coefficients))

@@ -169,6 +169,7 @@ fn hadamard_sum(block: &mut [[i16; 8]; 8]) -> u32 {
 
 /// The eight-point Hadamard transform along the first index, eight at a time.
 #[inline(always)]
+#[allow(clippy::needless_range_loop, reason = "x is a lane: the compiler takes all eight at once")]
 fn hadamard(rows: &mut [[i16; 8]; 8]) {
     for x in 0..8 {
         let (a0, a1, a2, a3) =
@@ -233,7 +234,7 @@ mod tests {
             // Entry (u, v) has the sign of the parity of the bits that u and x, v and y have in common.
             let mut sum = 0i32;
             for (u, v) in (0..8).flat_map(|u| (0..8).map(move |v| (u, v))) {
-                let sign = |u: usize, x: usize| if (u & x).count_ones() % 2 == 0 { 1 } else { -1 };
+                let sign = |u: usize, x: usize| if (u & x).count_ones().is_multiple_of(2) { 1 } else { -1 };
                 let difference = |i: usize| i32::from(source[i / 8][i % 8]) - i32::from(predicted[i / 8][i % 8]);
                 sum += (0..64).map(|i| sign(v, i / 8) * sign(u, i % 8) * difference(i)).sum::<i32>().abs();
             }

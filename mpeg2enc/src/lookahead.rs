@@ -129,7 +129,7 @@ impl Lookahead {
     /// Vectors worth trying in each macroblock towards the frame `delta` away, in half samples of the picture.
     pub fn candidates(&mut self, index: usize, delta: isize) -> Vec<Candidates> {
         let step = delta.signum();
-        let neighbour = index.strict_add_signed(step);
+        let neighbour = away(index, step);
         let near = match self.is_known(index, step) {
             Some(known) => known.clone(),
             None if step > 0 => self.reversed(neighbour),
@@ -193,7 +193,7 @@ impl Lookahead {
         let before =
             (delta == -1 && index > self.first).then(|| self.get(index - 1).matches.get(&-1).cloned()).flatten();
         let frame = self.get(index);
-        let reference = self.get(index.strict_add_signed(delta));
+        let reference = self.get(away(index, delta));
         // Farther frames are reached by way of nearer ones.
         let wide = delta.abs() == 1 && self.is_known(index, delta).is_none();
         let columns = self.columns();
@@ -230,7 +230,7 @@ impl Lookahead {
         }
         let (forward, backward) = (self.matches(index, back), self.matches(index, ahead));
         let frame = self.get(index);
-        let references = [back, ahead].map(|delta| &self.get(index.strict_add_signed(delta)).half);
+        let references = [back, ahead].map(|delta| &self.get(away(index, delta)).half);
         let columns = self.columns();
         let found: Arc<[TwoSided]> = (0..forward.len())
             .into_par_iter()
@@ -275,6 +275,11 @@ impl Lookahead {
             })
             .collect()
     }
+}
+
+/// Display index of the frame `delta` after another.
+fn away(index: usize, delta: isize) -> usize {
+    index.checked_add_signed(delta).expect("references are frames of the sequence")
 }
 
 fn full_size(vector: HalfSample) -> HalfSample {

@@ -118,7 +118,7 @@ impl Picture<'_> {
         let mut quantiser_scales = Vec::with_capacity(columns);
         put_slice_header(&mut writer, row, self.height, slice.quantiser);
         let mut state = SliceState::new(&slice);
-        for column in 0..columns {
+        for (column, &scale_x16) in scales_x16.iter().enumerate() {
             let source = samples(self.source, column, row);
             let vectors = self.vectors.map(|vectors| vectors.get(row * columns + column).copied().unwrap_or_default());
             let decision = Decision {
@@ -126,8 +126,8 @@ impl Picture<'_> {
                 state: &state,
                 quantisers: self.quantisers,
                 tools: self.tools,
-                quantiser: nearest_code(parameters.q_scale_type, scales_x16[column]),
-                lambda: lambda(scales_x16[column]),
+                quantiser: nearest_code(parameters.q_scale_type, scale_x16),
+                lambda: lambda(scale_x16),
                 references: self.references,
                 column,
                 row,
