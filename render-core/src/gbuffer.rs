@@ -172,19 +172,12 @@ fn see_together(
         }
     }
     for i in 0..count {
-        set(pixels[i], see(accelerator, hits[i], origins[i], directions[i], surfaces, view));
+        set(pixels[i], see(hits[i], origins[i], directions[i], surfaces, view));
     }
 }
 
-fn see(
-    accelerator: &Accelerator,
-    hit: Option<Hit>,
-    origin: Vec3A,
-    direction: Vec3A,
-    surfaces: &Surfaces,
-    view: &View,
-) -> PixelSurface {
-    let Some(hit) = hit.and_then(|hit| surfaces.past_backs(accelerator, hit, origin, direction)) else {
+fn see(hit: Option<Hit>, origin: Vec3A, direction: Vec3A, surfaces: &Surfaces, view: &View) -> PixelSurface {
+    let Some(hit) = hit else {
         let sky = surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
     };

@@ -3,7 +3,7 @@
 mod normal_map;
 mod site;
 
-use crate::accel::{Accelerator, Hit};
+use crate::accel::Hit;
 use crate::scene::{DeformedMesh, Material, Mesh, Pose, Scene, mesh_interpolate as interpolate, normal_matrix};
 use glam::{Affine3A, Mat3A, Vec3, Vec3A, Vec4};
 use site::Site;
@@ -31,11 +31,6 @@ pub struct Surface {
     /// Whether the material reflects on both sides.
     pub double_sided: bool,
 }
-
-/// A camera looks through no more backs than this: more stand one behind another only in scenes made to be hostile.
-const MOST_BACKS: usize = 64;
-/// It looks on from this share of the way behind a back: some roundings of a distance.
-const PAST: f32 = 1e-6;
 
 /// The scene at one time, with what turning hits into surfaces needs.
 pub struct Surfaces<'a> {
@@ -67,10 +62,14 @@ impl<'a> Surfaces<'a> {
         let instance = hit.instance as usize;
         let mesh = self.mesh(instance);
         let material = &self.scene.materials[mesh.material];
+        let world = &self.world[instance];
         let corners = self.corners(instance, hit.triangle as usize);
         let [a, b, c] = corners;
         let position = a + (b - a) * hit.u + (c - a) * hit.v;
-        let outward = self.outward(hit).unwrap_or(-direction);
+        let area_vector = (b - a).cross(c - a);
+        // A mirroring transform turns the corners round; the file's front stays the front.
+        let mirrored = if world.matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
+        let outward = (area_vector * mirrored).try_normalize().unwrap_or(-direction);
         let front = outward.dot(direction) <= 0.0;
         let geometric_normal = if front { outward } else { -outward };
         let cos = geometric_normal.dot(direction).abs().max(0.1);
@@ -107,31 +106,6 @@ impl<'a> Surfaces<'a> {
             front,
             double_sided: material.double_sided,
         }
-    }
-
-    /// What a camera sees along the unit `direction` from `origin`, where `hit` comes first: it looks through the backs
-    /// of single-sided materials (glTF 2.0, section 3.9.6). To light they are there, and swallow it.
-    pub fn past_backs(&self, accelerator: &Accelerator, hit: Hit, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
-        let mut hit = hit;
-        for _ in 0..MOST_BACKS {
-            let material = &self.scene.materials[self.mesh(hit.instance as usize).material];
-            if material.double_sided || self.outward(&hit).is_none_or(|outward| outward.dot(direction) <= 0.0) {
-                break;
-            }
-            let passed = hit.distance * (1.0 + PAST);
-            let next = accelerator.closest(origin + direction * passed, direction)?;
-            hit = Hit { distance: passed + next.distance, ..next };
-        }
-        Some(hit)
-    }
-
-    /// Unit normal of a triangle on the side that the file calls the front; `None` if it has no area.
-    fn outward(&self, hit: &Hit) -> Option<Vec3A> {
-        let instance = hit.instance as usize;
-        let [a, b, c] = self.corners(instance, hit.triangle as usize);
-        // A mirroring transform turns the corners round; the file's front stays the front.
-        let mirrored = if self.world[instance].matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
-        ((b - a).cross(c - a) * mirrored).try_normalize()
     }
 
     /// The normal to shade with, and how uneven the normal map is within the footprint.

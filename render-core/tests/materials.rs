@@ -155,29 +155,3 @@ fn bumps_below_a_pixel_become_roughness() {
     assert!((far.roughness - expected).abs() < 0.01, "{} instead of {expected}", far.roughness);
     assert!(near.roughness <= far.roughness);
 }
-
-#[test]
-fn a_camera_looks_through_the_backs_of_single_sided_surfaces() {
-    // Three squares one behind another; towards the viewer turn: a back, a back on both sides, a front.
-    let seen_with = |double_sided: bool| {
-        let mut scene = Scene::default();
-        let back = Transform { rotation: Quat::from_rotation_y(std::f32::consts::PI), ..rest(vec3(1.0, 0.0, 2.0)) };
-        add(&mut scene, back, square(), Material::default());
-        add(
-            &mut scene,
-            Transform { translation: vec3(1.0, 0.0, 1.0), ..back },
-            square(),
-            Material { double_sided, ..Material::default() },
-        );
-        add(&mut scene, rest(Vec3::ZERO), square(), Material::default());
-        let pose = scene.pose(0.0);
-        let accelerator = Geometry::new(&scene).place(&pose);
-        let (from, direction) = (Vec3A::new(0.4, 0.45, 5.0), -Vec3A::Z);
-        let first = accelerator.closest(from, direction).expect("the first square");
-        assert_eq!(first.instance, 0);
-        Surfaces::new(&scene, &pose).past_backs(&accelerator, first, from, direction).expect("a square")
-    };
-    let (through, stopped) = (seen_with(false), seen_with(true));
-    assert_eq!((through.instance, stopped.instance), (2, 1));
-    assert!((through.distance - 5.0).abs() < 1e-4 && (stopped.distance - 4.0).abs() < 1e-4);
-}

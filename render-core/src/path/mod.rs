@@ -119,9 +119,7 @@ impl<'a> PathTracer<'a> {
         // Density of the direction from the surface before; none at the camera, where light has no other way to be found.
         let mut drawn: Option<f32> = None;
         for bounce in 0.. {
-            let hit = self.accelerator.closest(origin, direction);
-            let at_camera = |hit| self.surfaces.past_backs(self.accelerator, hit, origin, direction);
-            let Some(hit) = (if bounce == 0 { hit.and_then(at_camera) } else { hit }) else {
+            let Some(hit) = self.accelerator.closest(origin, direction) else {
                 if let Some(sky) = &self.surfaces.scene().sky {
                     let weight = drawn.map_or(1.0, |pdf| power_heuristic(pdf, sky.pdf(direction.into())));
                     radiance += throughput * sky.radiance(direction.into()) * weight;
@@ -141,7 +139,7 @@ impl<'a> PathTracer<'a> {
                 }
                 Some(_) => {}
             }
-            let absorbed = !surface.front && !surface.double_sided;
+            let absorbed = bounce > 0 && !surface.front && !surface.double_sided;
             if bounce >= max_bounces || absorbed {
                 break;
             }
