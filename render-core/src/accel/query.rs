@@ -8,9 +8,6 @@ use super::tree::Visit;
 use super::{Accelerator, Placed};
 use glam::Vec3A;
 
-// Groups whose triangles have holes will give their own `accept` where `|_, _, _| true` stands here, and ask their rays
-// one by one where a packet comes to them.
-
 /// What a ray met, and in which group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Found {

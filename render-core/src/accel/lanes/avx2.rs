@@ -1,4 +1,4 @@
-//! Lanes by the 256-bit instructions of x86-64: the one place of this workspace with `unsafe` in it.
+//! Lanes by the 256-bit instructions of x86-64: the one place of this crate with `unsafe` in it.
 //!
 //! What it gains over the scalar twin, in million rays a second on one thread (Sponza, 66 thousand triangles, AMD EPYC, by
 //! `cargo bench -p render-core --bench rays`, which runs both): primary rays in packets 19.4 instead of 11.1, alone
