@@ -128,25 +128,23 @@ impl Estimate<'_> {
             search.try_vector(vector);
         }
         let poor = 256 * POOR_MATCH + 256 * POOR_MATCH_EIGHTHS * self.quantiser_scale / 8;
-        // Where every pixel moved alike only half-sample neighbours are left to try.
+        // Where every pixel moved alike nothing foretells better than they do. Highlights and shadows move otherwise than
+        // their surface: what matches poorly is still looked for near by.
         let known = candidates.one_motion;
-        if !known && search.best_error > poor / 4 {
+        if search.best_error > poor / 4 {
             let columns = self.source.width() / 16;
-            for neighbour in [Some(index), index.checked_sub(columns), Some(index + 1), Some(index + columns)] {
-                if let Some(&vector) = neighbour.and_then(|neighbour| self.before.get(neighbour)) {
+            let neighbours = [Some(index), index.checked_sub(columns), Some(index + 1), Some(index + columns)];
+            for neighbour in neighbours.into_iter().flatten().filter(|_| !known) {
+                if let Some(&vector) = self.before.get(neighbour) {
                     search.try_vector(vector);
                 }
             }
             search.descend();
         }
-        if search.best_error > poor {
-            if let Some(coarse) = self.coarse.as_ref().filter(|_| !known) {
-                let found = coarse.search(column, row);
-                if search.try_vector(found) {
-                    search.descend();
-                }
-            } else if known {
-                search.descend(); // highlights and shadows move otherwise than their surface
+        if search.best_error > poor && !known {
+            let found = self.coarse.as_ref().map(|coarse| coarse.search(column, row));
+            if found.is_some_and(|found| search.try_vector(found)) {
+                search.descend();
             }
         }
         if self.transformed {

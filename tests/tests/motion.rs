@@ -62,14 +62,10 @@ fn exact_vectors_cost_fewer_bits_than_none() {
     let [exact, searched, zero] = bits(folder.path(), "camera", &room);
     assert!(exact * 10.0 < zero * 9.0, "a moving camera: {exact} bits with exact motion, {zero} without");
     assert!(exact <= searched, "a search does no better than knowing: {exact} and {searched}");
-    // What moves slowly is found from zero and by a search as well: knowing must not cost anything then, but for what
-    // chance does to choices of modes (here 0.1 % against the search).
+    // What moves slowly is found from zero and by a search as well: knowing must not cost anything then.
     checkered_room(Moving::Box).write(&room);
     for (name, path) in [("box", &room), ("cornell", &cornell())] {
         let [exact, searched, zero] = bits(folder.path(), name, path);
-        assert!(
-            exact <= zero && exact <= searched * 1.005,
-            "{name}: {exact} bits, {searched} searched, {zero} from zero"
-        );
+        assert!(exact <= zero && exact <= searched, "{name}: {exact} bits, {searched} searched, {zero} from zero");
     }
 }
