@@ -126,24 +126,16 @@ impl Texture {
 
     fn bilinear(&self, level: usize, uv: Vec2) -> (Vec3, f32) {
         let level = &self.levels[level];
-        // NaN and infinity become 0: a broken coordinate shows a texel, not a crash.
-        let place = |c: f32, n: usize| {
-            let c = if c.is_finite() { c } else { 0.0 };
-            let p = c.rem_euclid(2.0).max(-1.0) * n as f32 - 0.5;
-            (p.floor() as i64, p - p.floor())
-        };
         let clamp = |c: f32, wrap: Wrap| if wrap == Wrap::Clamp { c.clamp(0.0, 1.0 - f32::EPSILON) } else { c };
-        let (x, fx) = place(clamp(uv.x, self.wrap[0]), level.width);
-        let (y, fy) = place(clamp(uv.y, self.wrap[1]), level.height);
+        let (columns, fx) = neighbours(clamp(uv.x, self.wrap[0]), level.width, self.wrap[0]);
+        let (rows, fy) = neighbours(clamp(uv.y, self.wrap[1]), level.height, self.wrap[1]);
         let to_linear = self.encoding.to_linear();
         let mut color = Vec3::ZERO;
         let mut alpha = 0.0;
         for (dx, dy, weight) in
             [(0, 0, (1.0 - fx) * (1.0 - fy)), (1, 0, fx * (1.0 - fy)), (0, 1, (1.0 - fx) * fy), (1, 1, fx * fy)]
         {
-            let column = wrap_index(x + dx, level.width, self.wrap[0]);
-            let row = wrap_index(y + dy, level.height, self.wrap[1]);
-            let [r, g, b, a] = level.texels[row * level.width + column];
+            let [r, g, b, a] = level.texels[rows[dy] * level.width + columns[dx]];
             let linear = |code: u8| to_linear[code as usize];
             color += Vec3::new(linear(r), linear(g), linear(b)) * weight;
             alpha += f32::from(a) / 255.0 * weight;
@@ -152,16 +144,36 @@ impl Texture {
     }
 }
 
-fn wrap_index(i: i64, n: usize, wrap: Wrap) -> usize {
+/// The two of `n` texels in a row that coordinate `c` lies between, and how far it is from the first to the second.
+///
+/// No division and no call: this is asked for every texture of every hit.
+#[inline]
+fn neighbours(c: f32, n: usize, wrap: Wrap) -> ([usize; 2], f32) {
+    // NaN and infinity become 0: a broken coordinate shows a texel, not a crash.
+    let c = if c.is_finite() { c } else { 0.0 };
+    // Two periods: a mirrored texture repeats after both. From 2³¹ on all coordinates are even.
+    let period = if c.abs() < 2.0f32.powi(31) { c - 2.0 * floor(c * 0.5) as f32 } else { 0.0 };
+    let p = period * n as f32 - 0.5;
+    let first = floor(p);
     let size = n as i64;
-    match wrap {
-        Wrap::Repeat => i.rem_euclid(size) as usize,
-        Wrap::Clamp => i.clamp(0, size - 1) as usize,
-        Wrap::Mirror => {
-            let twice = i.rem_euclid(2 * size);
-            twice.min(2 * size - 1 - twice) as usize
-        }
-    }
+    // From −1 to 2 n.
+    let within = |i: i64| match wrap {
+        Wrap::Clamp => i.clamp(0, size - 1),
+        Wrap::Repeat if i < 0 => i + size,
+        Wrap::Repeat if i >= 2 * size => i - 2 * size,
+        Wrap::Repeat if i >= size => i - size,
+        Wrap::Repeat => i,
+        Wrap::Mirror if i < 0 || i >= 2 * size => 0,
+        Wrap::Mirror => i.min(2 * size - 1 - i),
+    };
+    ([first, first + 1].map(|i| within(i) as usize), p - first as f32)
+}
+
+/// The next integer below, for what an `i64` holds: `f32::floor` is a call where the processor is not known.
+#[inline]
+fn floor(x: f32) -> i64 {
+    let towards_zero = x as i64;
+    towards_zero - i64::from(x < towards_zero as f32)
 }
 
 impl Level {
@@ -228,11 +240,23 @@ mod tests {
     }
 
     #[test]
-    fn mirror_and_clamp_stay_inside() {
-        assert_eq!(wrap_index(-1, 4, Wrap::Mirror), 0);
-        assert_eq!(wrap_index(4, 4, Wrap::Mirror), 3);
-        assert_eq!(wrap_index(9, 4, Wrap::Clamp), 3);
-        assert_eq!(wrap_index(-1, 4, Wrap::Repeat), 3);
+    fn neighbours_are_those_of_the_definition() {
+        let definition = |i: i64, n: i64, wrap: Wrap| match wrap {
+            Wrap::Clamp => i.clamp(0, n - 1),
+            Wrap::Repeat => i.rem_euclid(n),
+            Wrap::Mirror => i.rem_euclid(2 * n).min(2 * n - 1 - i.rem_euclid(2 * n)),
+        };
+        let coordinates = (-4000..4000).map(|k| k as f32 / 512.0).chain([-1e-9, 1e-9, 12_345.678, -9e8, 3e9, 1e30]);
+        for c in coordinates {
+            for n in [1, 2, 3, 4, 37] {
+                for wrap in [Wrap::Clamp, Wrap::Repeat, Wrap::Mirror] {
+                    let p = c.rem_euclid(2.0) * n as f32 - 0.5;
+                    let first = p.floor();
+                    let expected = [0, 1].map(|k| definition(first as i64 + k, n, wrap) as usize);
+                    assert_eq!(neighbours(c, n as usize, wrap), (expected, p - first), "{c} of {n}, {wrap:?}");
+                }
+            }
+        }
     }
 
     #[test]
