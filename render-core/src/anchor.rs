@@ -9,7 +9,7 @@ mod grid;
 mod surfels;
 
 use grid::Grid;
-pub(crate) use grid::Spot;
+pub(crate) use grid::{SplatScratch, Spot};
 pub(crate) use surfels::{SurfelMap, Surfels};
 
 use crate::Units;

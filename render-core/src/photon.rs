@@ -20,7 +20,7 @@ use crate::surface::Surfaces;
 use crate::{Busy, Units};
 use glam::Vec3;
 use path::{LONGEST_PATH, Path, Walk};
-use quanta::{Quantum, Sums};
+use quanta::{Left, Quantum, Sums};
 use rayon::prelude::*;
 
 /// What the photons of one frame left behind.
@@ -62,8 +62,8 @@ struct Settled {
     others: Vec<u32>,
 }
 
-/// Photons that a thread takes at a time.
-const BATCH: u64 = 4096;
+/// Photons that a thread takes at a time: enough that each surfel gets several, for then sharing out is fast.
+const BATCH: u64 = 16_384;
 
 impl Photons {
     /// `count` photons a frame (at most 2³²), with numbers that follow from `seed`.
@@ -96,6 +96,7 @@ impl Photons {
         let carried = anchors.surfels.carried_in_world(surfaces);
         let surfels: [&SurfelMap; 2] = [&anchors.surfels.fixed, &carried];
         let empty = || Sums::new(surfels);
+        let started = || (empty(), Left::default());
         let source = emitters.photons(surfaces.scene()).filter(|_| self.count > 0);
         let Some(source) = source else { return empty().energies(Quantum::default(), 0, anchors, surfels) };
         let quantum = Quantum::of(source.powers());
@@ -117,46 +118,54 @@ impl Photons {
         // With other powers photons start elsewhere: nothing that was kept holds.
         if let Some(settled) = self.settled.as_ref().filter(|settled| settled.powers == source.powers()) {
             let chunks = settled.others.par_chunks(BATCH as usize);
-            let fold = chunks.fold(empty, |mut sums, indices| {
+            let fold = chunks.fold(started, |(mut sums, mut left), indices| {
                 busy.measure(|| {
                     let mut path = Path::default();
                     for &index in indices {
                         walk.follow(index.into(), &mut path);
-                        sums.take(&path, surfels, quantum);
+                        sums.take(&path, quantum, &mut left);
                     }
+                    sums.settle(&mut left, surfels, quantum);
                 });
-                sums
+                (sums, left)
             });
-            let sums = fold.reduce(empty, Sums::plus).plus(settled.sums.clone());
+            let sums = fold.map(|(sums, _)| sums).reduce(empty, Sums::plus).plus(settled.sums.clone());
             return sums.energies(quantum, settled.others.len() as u64, anchors, surfels);
         }
         let Some(swept) = &self.swept else {
-            let fold = batches.fold(empty, |mut sums, place| {
+            let fold = batches.fold(started, |(mut sums, mut left), place| {
                 busy.measure(|| {
                     let mut path = Path::default();
                     for index in batch(place) {
                         walk.follow(index, &mut path);
-                        sums.take(&path, surfels, quantum);
+                        sums.take(&path, quantum, &mut left);
                     }
+                    sums.settle(&mut left, surfels, quantum);
                 });
-                sums
+                (sums, left)
             });
-            return fold.reduce(empty, Sums::plus).energies(quantum, self.count, anchors, surfels);
+            return fold
+                .map(|(sums, _)| sums)
+                .reduce(empty, Sums::plus)
+                .energies(quantum, self.count, anchors, surfels);
         };
         // The first frame with something to keep: photons that stay are summed apart from the others.
         let apart = || (empty(), empty(), Vec::new());
         let fold = batches.fold(apart, |(mut stay, mut change, mut others), place| {
             busy.measure(|| {
-                let mut path = Path::default();
+                let (mut path, mut left_to_stay, mut left_to_change) =
+                    (Path::default(), Left::default(), Left::default());
                 for index in batch(place) {
                     walk.follow(index, &mut path);
                     if path.meets(swept) {
-                        change.take(&path, surfels, quantum);
+                        change.take(&path, quantum, &mut left_to_change);
                         others.push(index as u32);
                     } else {
-                        stay.take(&path, surfels, quantum);
+                        stay.take(&path, quantum, &mut left_to_stay);
                     }
                 }
+                change.settle(&mut left_to_change, surfels, quantum);
+                stay.settle(&mut left_to_stay, surfels, quantum);
             });
             (stay, change, others)
         });

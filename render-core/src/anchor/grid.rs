@@ -31,12 +31,35 @@ pub(crate) struct Spot {
     pub came: Option<f32>,
 }
 
+/// What [`Grid::splat_all`] works with; kept from one call to the next for its memory.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SplatScratch {
+    /// Cell and index of each spot.
+    order: Vec<(u32, u32)>,
+    around: Around,
+}
+
+/// The points of a cell and of those beside it, by axis.
+#[derive(Clone, Debug, Default)]
+struct Around {
+    /// Places in [`Grid::points`].
+    places: Vec<u32>,
+    position: [Vec<f32>; 3],
+    normal: [Vec<f32>; 3],
+    instance: Vec<u32>,
+    /// What the kernel gives each of them.
+    weights: Vec<f32>,
+}
+
 /// Points that a kernel is expected to hold: enough to be smooth, few enough to stay local.
 const POINTS_PER_KERNEL: f32 = 8.0;
 /// Most cells along an axis: 8 MB of them at worst.
 const MOST_CELLS: f32 = 128.0;
 /// Most points that share what is left at one place.
 const MOST_NEAR: usize = 64;
+/// Half a right angle between normals, or well off the plane in radii: another wall, not this one.
+const LEAST_COSINE: f32 = 0.7;
+const MOST_HEIGHT: f32 = 0.3;
 
 impl Grid {
     /// Sorts `points`, each standing for `area_share` m², with their `outlooks` if these are known.
@@ -105,6 +128,66 @@ impl Grid {
         true
     }
 
+    /// As [`Grid::splat`] for many spots: `share(what, parts)` is given what comes with each spot, and the same weights, with
+    /// the points by where they stand here ([`Grid::by_index`] undoes that); no parts if there is no point.
+    ///
+    /// Spots are taken cell by cell: what is around a cell is looked up once for all of them, and what they give to lies
+    /// close together. Photons come from everywhere, and one by one they would wait for memory most of the time.
+    pub fn splat_all<T: Copy>(
+        &self,
+        spots: &[(Spot, T)],
+        scratch: &mut SplatScratch,
+        mut share: impl FnMut(T, &[(u32, f32)]),
+    ) {
+        let SplatScratch { order, around } = scratch;
+        let cell = |spot: &Spot| self.place(self.cell_of(spot.position)) as u32;
+        order.clear();
+        order.extend(spots.iter().zip(0..).map(|((spot, _), index)| (cell(spot), index)));
+        order.sort_unstable();
+        let mut here = Vec::new();
+        for same_cell in order.chunk_by(|a, b| a.0 == b.0) {
+            // First all of them: the waits for memory overlap then.
+            here.clear();
+            here.extend(same_cell.iter().map(|&(_, index)| spots[index as usize]));
+            around.find(self, self.cell_of(here[0].0.position));
+            for &(spot, what) in &here {
+                around.weigh(&spot, self.radius);
+                let about = spot.came.map(Outlook::bin);
+                let (mut near, mut count, mut sum) = ([(0, 0.0); MOST_NEAR], 0, 0.0);
+                for (&p, &weight) in around.places.iter().zip(&around.weights) {
+                    if weight > 0.0 && count < MOST_NEAR {
+                        let weight = weight * self.likelihood(p, about);
+                        near[count] = (p, weight);
+                        sum += weight;
+                        count += 1;
+                    }
+                }
+                if sum > 0.0 {
+                    near[..count].iter_mut().for_each(|(_, weight)| *weight /= sum);
+                } else if let Some(p) = self.nearest(&spot) {
+                    (near[0], count) = ((p as u32, 1.0), 1);
+                }
+                share(what, &near[..count]);
+            }
+        }
+    }
+
+    /// Of values that stand as the points do here, one for each, those of the points in the order that they came in.
+    pub fn by_index<T: Clone>(&self, by_place: &[T]) -> Vec<T> {
+        let mut place = vec![0; self.index.len()];
+        self.index.iter().enumerate().for_each(|(p, &index)| place[index as usize] = p);
+        place.into_iter().map(|p| by_place[p].clone()).collect()
+    }
+
+    /// How likely light that came from about as far as a bin says arrives at a point.
+    #[inline]
+    fn likelihood(&self, p: u32, about: Option<usize>) -> f32 {
+        match (about, self.outlooks.get(p as usize)) {
+            (Some(bin), Some(outlook)) => outlook.likelihood_of(bin),
+            _ => 1.0,
+        }
+    }
+
     /// Of the points near `spot` that face like it, that with the largest product of kernel and `rating(point)`; else
     /// the nearest that faces the same way.
     pub fn best(&self, spot: &Spot, rating: impl Fn(usize) -> f32) -> Option<usize> {
@@ -127,29 +210,29 @@ impl Grid {
             return;
         }
         let about = came.map(Outlook::bin);
-        let center = self.cell_of(position);
-        let [xs, ys, zs] =
-            std::array::from_fn(|axis| center[axis].saturating_sub(1)..=(center[axis] + 1).min(self.size[axis] - 1));
-        for (z, y) in zs.flat_map(|z| ys.clone().map(move |y| (z, y))) {
-            // The cells of a row lie behind each other, and so do their points.
-            let row = self.first[self.place([*xs.start(), y, z])]..self.first[self.place([*xs.end(), y, z]) + 1];
+        self.rows(self.cell_of(position)).for_each(|row| {
             for p in row {
                 let point = &self.points[p as usize];
                 let d2 = point.position.distance_squared(position) / (self.radius * self.radius);
-                // Half a right angle apart, or well off the plane: another wall, not this one.
                 let same_wall = d2 < 1.0
-                    && point.normal.dot(normal) > 0.7
-                    && normal.dot(point.position - position).abs() < 0.3 * self.radius
+                    && point.normal.dot(normal) > LEAST_COSINE
+                    && normal.dot(point.position - position).abs() < MOST_HEIGHT * self.radius
                     && instance.is_none_or(|instance| instance == point.instance);
                 if same_wall {
-                    let likely = match (about, self.outlooks.get(p as usize)) {
-                        (Some(bin), Some(outlook)) => outlook.likelihood_of(bin),
-                        _ => 1.0,
-                    };
-                    found(p, (1.0 - d2) * likely);
+                    found(p, (1.0 - d2) * self.likelihood(p, about));
                 }
             }
-        }
+        });
+    }
+
+    /// The points of a cell and of those beside it: the cells of a row lie behind each other, and so do their points.
+    #[inline]
+    fn rows(&self, center: [usize; 3]) -> impl Iterator<Item = std::ops::Range<u32>> {
+        let [xs, ys, zs] =
+            std::array::from_fn(|axis| center[axis].saturating_sub(1)..=(center[axis] + 1).min(self.size[axis] - 1));
+        zs.flat_map(move |z| ys.clone().map(move |y| (z, y))).map(move |(z, y)| {
+            self.first[self.place([*xs.start(), y, z])]..self.first[self.place([*xs.end(), y, z]) + 1]
+        })
     }
 
     /// The nearest point that faces to the same side, else the nearest at all: in cubes of cells that grow
@@ -195,6 +278,50 @@ impl Grid {
             }
         }
         best[0].or(best[1]).map(|(_, p)| p)
+    }
+}
+
+impl Around {
+    /// Finds what is in a cell of `grid` and in those beside it.
+    fn find(&mut self, grid: &Grid, cell: [usize; 3]) {
+        let Self { places, position, normal, instance, weights } = self;
+        places.clear();
+        position.iter_mut().chain(normal.iter_mut()).for_each(Vec::clear);
+        instance.clear();
+        if !grid.points.is_empty() {
+            grid.rows(cell).for_each(|row| places.extend(row));
+        }
+        for &p in places.iter() {
+            let point = &grid.points[p as usize];
+            for axis in 0..3 {
+                position[axis].push(point.position[axis]);
+                normal[axis].push(point.normal[axis]);
+            }
+            instance.push(point.instance);
+        }
+        weights.resize(places.len(), 0.0);
+    }
+
+    /// The weight of the kernel around `spot` for each: the same arithmetic as [`Grid::near`]'s, many side by side.
+    fn weigh(&mut self, spot: &Spot, radius: f32) {
+        let ([x, y, z], [n_x, n_y, n_z]) = (spot.position.to_array(), spot.normal.to_array());
+        let (any, instance) = (spot.instance.is_none(), spot.instance.unwrap_or_default());
+        let count = self.weights.len();
+        let [p_x, p_y, p_z] = self.position.each_ref().map(|axis| &axis[..count]);
+        let [m_x, m_y, m_z] = self.normal.each_ref().map(|axis| &axis[..count]);
+        let instances = &self.instance[..count];
+        for (i, weight) in self.weights.iter_mut().enumerate() {
+            let (d_x, d_y, d_z) = (p_x[i] - x, p_y[i] - y, p_z[i] - z);
+            let d2 = (d_x * d_x + d_y * d_y + d_z * d_z) / (radius * radius);
+            let cosine = m_x[i] * n_x + m_y[i] * n_y + m_z[i] * n_z;
+            let height = n_x * d_x + n_y * d_y + n_z * d_z;
+            // Without branches.
+            let same_wall = (d2 < 1.0)
+                & (cosine > LEAST_COSINE)
+                & (height.abs() < MOST_HEIGHT * radius)
+                & (any | (instances[i] == instance));
+            *weight = if same_wall { 1.0 - d2 } else { 0.0 };
+        }
     }
 }
 
@@ -260,5 +387,39 @@ mod tests {
         }
         let none = Grid::new(&[], &[], 1.0);
         assert!(!none.splat(&spot(Vec3A::ZERO), |_, _| unreachable!("there is no anchor")));
+    }
+
+    #[test]
+    fn many_spots_get_what_each_gets_alone() {
+        let points: Vec<Anchor> = (0..600)
+            .map(|k| Anchor {
+                position: random(k) * Vec3A::new(2.0, 1.0, 0.05),
+                normal: (random(1000 + k) * 0.3 + Vec3A::Z).normalize(),
+                instance: (k % 3) as u32,
+            })
+            .collect();
+        let grid = Grid::new(&points, &[], 0.01);
+        let spots: Vec<(Spot, usize)> = (0..2000)
+            .map(|k| {
+                let position = random(5000 + k) * Vec3A::new(2.2, 1.1, 0.1);
+                let instance = (k % 2 == 0).then_some((k % 4) as u32);
+                (
+                    Spot { position, normal: (random(9000 + k) * 0.3 + Vec3A::Z).normalize(), instance, came: None },
+                    k as usize,
+                )
+            })
+            .collect();
+        let mut shares: Vec<Vec<(usize, f32)>> = vec![Vec::new(); spots.len()];
+        grid.splat_all(&spots, &mut SplatScratch::default(), |k, parts| {
+            shares[k] = parts.iter().map(|&(p, weight)| (grid.index[p as usize] as usize, weight)).collect();
+        });
+        for ((spot, _), shares) in spots.iter().zip(shares) {
+            let mut alone = Vec::new();
+            grid.splat(spot, |point, weight| alone.push((point, weight)));
+            assert_eq!(shares, alone);
+        }
+        let by_place: Vec<u32> = grid.points.iter().map(|point| point.instance).collect();
+        assert_eq!(grid.by_index(&by_place), points.iter().map(|point| point.instance).collect::<Vec<_>>());
+        Grid::new(&[], &[], 1.0).splat_all(&spots, &mut SplatScratch::default(), |_, parts| assert!(parts.is_empty()));
     }
 }

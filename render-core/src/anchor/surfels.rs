@@ -14,7 +14,7 @@
 //! openness keeps what is caught in folds and gaps from shining out of an anchor that happens to lie outside of them.
 
 use super::exposure::{Eye, Outlook};
-use super::grid::Spot;
+use super::grid::{SplatScratch, Spot};
 use super::{Anchor, Anchors, CarriedAnchor, Grid, Patches};
 use crate::Units;
 use crate::accel::Accelerator;
@@ -175,6 +175,21 @@ impl SurfelMap {
     #[inline]
     pub fn splat(&self, spot: &Spot, give: impl FnMut(usize, f32)) -> bool {
         self.grid.splat(spot, give)
+    }
+
+    /// Shares out what is left at all `spots`: see [`Grid::splat_all`].
+    pub fn splat_all<T: Copy>(
+        &self,
+        spots: &[(Spot, T)],
+        scratch: &mut SplatScratch,
+        share: impl FnMut(T, &[(u32, f32)]),
+    ) {
+        self.grid.splat_all(spots, scratch, share);
+    }
+
+    /// Of values that stand as [`SurfelMap::splat_all`] names surfels, those of the surfels in their order.
+    pub fn by_index<T: Clone>(&self, by_place: &[T]) -> Vec<T> {
+        self.grid.by_index(by_place)
     }
 
     /// Flux of each of `anchors` anchors, from that of the surfels \[W\].

@@ -2,8 +2,8 @@
 
 use super::Energies;
 use super::path::Path;
-use crate::anchor::{Anchors, SurfelMap};
-use glam::Vec3;
+use crate::anchor::{Anchors, SplatScratch, Spot, SurfelMap};
+use glam::{DVec3, Vec3};
 
 /// Quanta in the largest power of all lights together: 2⁴⁸ leave room for sums of 2¹⁵ times as much, and divide the
 /// share of one of a million photons into 2²⁸ parts, more than `f32` does.
@@ -27,8 +27,12 @@ impl Quantum {
     }
 
     fn count(self, flux: Vec3) -> Quanta {
-        // The conversion saturates; NaN becomes 0.
-        Quanta(flux.to_array().map(|watts| (f64::from(watts) / self.0) as i64))
+        Quanta::round(self.exactly(flux))
+    }
+
+    /// Not yet whole.
+    fn exactly(self, flux: Vec3) -> DVec3 {
+        flux.as_dvec3() / self.0
     }
 
     fn watts(self, quanta: Quanta) -> Vec3 {
@@ -41,6 +45,11 @@ impl Quantum {
 struct Quanta([i64; 3]);
 
 impl Quanta {
+    /// The conversion saturates; NaN becomes 0.
+    fn round(exactly: DVec3) -> Self {
+        Self(exactly.to_array().map(|count| count as i64))
+    }
+
     fn add(&mut self, other: Quanta) {
         self.0.iter_mut().zip(other.0).for_each(|(sum, part)| *sum = sum.saturating_add(part));
     }
@@ -53,11 +62,18 @@ impl Quanta {
 /// What some of the photons left.
 #[derive(Clone, Debug)]
 pub(super) struct Sums {
-    /// At the fixed and at the carried surfels.
+    /// At the fixed and at the carried surfels, as [`SurfelMap::splat_all`] names them.
     held: [Vec<Quanta>; 2],
     emitted: Quanta,
     reflected: Quanta,
     lost: Quanta,
+}
+
+/// What photons left at surfaces, and where, until it is shared out: at surfaces that stand still and at those that move.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Left {
+    kinds: [Vec<(Spot, Vec3)>; 2],
+    scratch: SplatScratch,
 }
 
 impl Sums {
@@ -67,28 +83,33 @@ impl Sums {
         Self { held: surfels.map(|surfels| vec![none; surfels.len()]), emitted: none, reflected: none, lost: none }
     }
 
-    /// Takes what the photon of `path` left at the fixed and the carried `surfels`.
-    pub fn take(&mut self, path: &Path, surfels: [&SurfelMap; 2], quantum: Quantum) {
+    /// Takes what the photon of `path` brought; what it left at surfaces is put down in `left` for [`Sums::settle`].
+    pub fn take(&mut self, path: &Path, quantum: Quantum, left: &mut Left) {
         self.emitted.add(quantum.count(path.emitted));
         self.lost.add(quantum.count(path.lost));
         for reflection in &path.reflections {
-            let kind = usize::from(reflection.carrier.is_some());
-            let whole = quantum.count(reflection.flux);
-            // The last surfel also takes what rounding left of the others: nothing gets lost.
-            let (mut rest, mut last) = (whole, None);
-            let held = &mut self.held[kind];
-            let taken = surfels[kind].splat(&reflection.spot(), |surfel, weight| {
-                let part = quantum.count(reflection.flux * weight);
-                held[surfel].add(part);
-                rest.subtract(part);
-                last = Some(surfel);
-            });
-            if let Some(surfel) = last.filter(|_| taken) {
-                held[surfel].add(rest);
+            left.kinds[usize::from(reflection.carrier.is_some())].push((reflection.spot(), reflection.flux));
+        }
+    }
+
+    /// Shares out what was `left` among the surfels near by, and leaves nothing.
+    pub fn settle(&mut self, left: &mut Left, surfels: [&SurfelMap; 2], quantum: Quantum) {
+        let Left { kinds, scratch } = left;
+        for ((spots, held), surfels) in kinds.iter_mut().zip(&mut self.held).zip(surfels) {
+            surfels.splat_all(spots, scratch, |flux, parts| {
+                let (exactly, whole) = (quantum.exactly(flux), quantum.count(flux));
+                let Some((&(last, _), others)) = parts.split_last() else { return self.lost.add(whole) };
+                let mut rest = whole;
+                for &(surfel, weight) in others {
+                    let part = Quanta::round(exactly * f64::from(weight));
+                    held[surfel as usize].add(part);
+                    rest.subtract(part);
+                }
+                // The last takes what the others leave, and what rounding left of them: nothing gets lost.
+                held[last as usize].add(rest);
                 self.reflected.add(whole);
-            } else {
-                self.lost.add(whole);
-            }
+            });
+            spots.clear();
         }
     }
 
@@ -105,8 +126,10 @@ impl Sums {
 
     /// In watts.
     pub fn energies(&self, quantum: Quantum, traced: u64, anchors: &Anchors, surfels: [&SurfelMap; 2]) -> Energies {
-        let watts = |held: &Vec<Quanta>| -> Vec<Vec3> { held.iter().map(|&q| quantum.watts(q)).collect() };
-        let [fixed, carried] = self.held.each_ref().map(watts);
+        let watts = |kind: usize| -> Vec<Vec3> {
+            surfels[kind].by_index(&self.held[kind]).into_iter().map(|q| quantum.watts(q)).collect()
+        };
+        let [fixed, carried] = [watts(0), watts(1)];
         Energies {
             fixed: surfels[0].anchor_flux(&fixed, anchors.fixed.len()),
             carried: surfels[1].anchor_flux(&carried, anchors.carried.len()),
