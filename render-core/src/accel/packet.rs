@@ -16,7 +16,7 @@ use glam::Vec3A;
 /// As many rays as walk together at most.
 pub const PACKET: usize = 64;
 
-const ROWS: usize = PACKET / LANES;
+pub(super) const ROWS: usize = PACKET / LANES;
 
 /// Eight rays side by side.
 #[derive(Clone, Copy)]
@@ -74,11 +74,6 @@ pub(super) struct Entered {
 }
 
 impl Entered {
-    /// The first `count` rays, at once.
-    pub(super) fn everywhere(count: usize) -> Self {
-        Self { near: [[0.0; LANES]; ROWS], rows: (1 << count.div_ceil(LANES)) - 1 }
-    }
-
     /// The rays that enter, as bits.
     pub(super) fn rays(&self) -> u64 {
         (0..ROWS).filter(|row| self.rows >> row & 1 == 1).fold(0, |bits, row| {

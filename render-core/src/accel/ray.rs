@@ -45,7 +45,13 @@ impl Octant {
     /// The axes in cyclic order, the main one last.
     #[inline(always)]
     pub(super) fn axes(self) -> [usize; 3] {
-        match self.code >> 3 {
+        Self::axes_of(usize::from(self.code >> 3))
+    }
+
+    /// The same where the main axis is known.
+    #[inline(always)]
+    pub(super) fn axes_of(main: usize) -> [usize; 3] {
+        match main {
             0 => [1, 2, 0],
             1 => [2, 0, 1],
             _ => [0, 1, 2],

@@ -11,11 +11,11 @@
 use super::Accelerator;
 use super::group::Group;
 use super::lanes::{Kernel, LANES, Lanes};
-use super::packet::{Entered, PACKET, Packet};
-use super::query::{Octants, PacketRay};
+use super::packet::{PACKET, ROWS};
+use super::ray::{LEAST_COMPONENT, Octant};
 use super::tree::{Kind, Stack, Tree};
-use super::triangles::Leaf;
-use glam::Vec3A;
+use super::triangles::{Leaf, meet};
+use glam::{Affine3A, Vec3A};
 use std::f32::consts::TAU;
 
 /// Planes around the axis of a shaft.
@@ -64,22 +64,36 @@ impl Accelerator {
             return self.occluded_packet(from, to, active);
         }
         assert!(to.len() <= PACKET, "{} segments in a packet of at most {PACKET}", to.len());
-        let (mut rays, mut count) = ([PacketRay::NONE; PACKET], 0);
+        let origin = from * self.scale;
+        let mut bundle = Bundle { directions: [[[0.0; LANES]; 3]; ROWS], index: [0; PACKET], count: 0 };
         for (index, &end) in to.iter().enumerate().filter(|(index, _)| active >> index & 1 == 1) {
-            rays[count] = PacketRay { index, direction: (end - from) * self.scale, limit: 1.0, triangle: 0 };
-            count += 1;
+            let (row, lane) = (bundle.count / LANES, bundle.count % LANES);
+            for (column, x) in bundle.directions[row].iter_mut().zip(((end - from) * self.scale).to_array()) {
+                column[lane] = x;
+            }
+            bundle.index[bundle.count] = index as u8;
+            bundle.count += 1;
         }
-        self.lanes.run(Within { scene: self, blocks: &shaft.blocks, origin: from * self.scale, rays: &rays[..count] })
+        self.lanes.run(Within { scene: self, blocks: &shaft.blocks, origin, bundle: &bundle })
     }
 }
 
-/// Rays from one `origin` in scaled world space, held against what is listed: bits (by [`PacketRay::index`]) of those that
+/// Segments from one point, eight to a row.
+struct Bundle {
+    /// From end to end, by row, axis, lane.
+    directions: [[[f32; LANES]; 3]; ROWS],
+    /// Which segment this is for whoever asks.
+    index: [u8; PACKET],
+    count: usize,
+}
+
+/// Segments from one `origin` in scaled world space, held against what is listed: bits (by [`Bundle::index`]) of those that
 /// meet any of it.
 struct Within<'a> {
     scene: &'a Accelerator,
     blocks: &'a [Listed],
     origin: Vec3A,
-    rays: &'a [PacketRay],
+    bundle: &'a Bundle,
 }
 
 impl Kernel for Within<'_> {
@@ -87,32 +101,103 @@ impl Kernel for Within<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> u64 {
-        let Self { scene, blocks, origin, rays } = self;
-        let mut blocked = 0u64;
+        let Self { scene, blocks, origin, bundle } = self;
+        let rows = bundle.count.div_ceil(LANES);
+        // Segments that are met, by row: places without one count as met.
+        let mut met = [u32::MAX; ROWS];
+        for (row, met) in met.iter_mut().enumerate().take(rows) {
+            *met = u32::MAX << (bundle.count - row * LANES).min(LANES);
+        }
         for blocks in blocks.chunk_by(|a, b| a.place == b.place) {
             let placed = &scene.groups[blocks[0].place];
-            let (mut local, mut count) = ([PacketRay::NONE; PACKET], 0);
-            for ray in rays {
-                if blocked >> ray.index & 1 == 0 {
-                    local[count] = PacketRay { direction: placed.local(origin, ray.direction).1, ..*ray };
-                    count += 1;
+            let from = placed.local(origin, Vec3A::X).0.to_array();
+            let mut directions = [[lanes.splat(0.0); 3]; ROWS];
+            let mut mains = [[0u32; ROWS]; 3];
+            for row in 0..rows {
+                let [x, y, z] = &bundle.directions[row];
+                let mut direction = lanes.load3([x, y, z]);
+                if let Some(m) = &placed.to_local {
+                    direction = turned(lanes, m, direction);
+                }
+                directions[row] = direction;
+                let main = main_axes(lanes, direction);
+                for axis in 0..3 {
+                    mains[axis][row] = main[axis];
                 }
             }
-            let origin = placed.local(origin, Vec3A::X).0;
-            let mut octants = Octants::of(&local[..count]);
-            while let Some((octant, rays)) = octants.next() {
-                let mut packet = Packet::new(lanes, origin, octant, rays);
-                let everywhere = Entered::everywhere(rays.len());
-                for &Listed { content, lanes: which, .. } in blocks {
-                    packet.meet_block::<L, false>(lanes, &placed.group, (content, which), &everywhere);
+            // The test turns the main axis of a segment into z: nearly always all have the same.
+            for (main, of_row) in mains.iter().enumerate().filter(|(_, of_row)| of_row[..rows].iter().any(|&m| m != 0))
+            {
+                let axes = Octant::axes_of(main);
+                let mut shears = [[lanes.splat(0.0); 3]; ROWS];
+                for row in 0..rows {
+                    let direction = &directions[row];
+                    let along = lanes.div(lanes.splat(1.0), not_zero(lanes, direction[main]));
+                    shears[row] = [lanes.mul(direction[axes[0]], along), lanes.mul(direction[axes[1]], along), along];
                 }
-                for (k, ray) in rays.iter().enumerate() {
-                    blocked |= u64::from(packet.met(k).t < 0.0) << ray.index;
+                for listed in blocks {
+                    let leaf = placed.group.leaf(listed.content);
+                    let mut which = listed.lanes;
+                    while which != 0 {
+                        let (block, k) = leaf.place(which.trailing_zeros() as usize % LANES);
+                        which &= which - 1;
+                        let relative = |corner: usize, axis: usize| {
+                            let axis = axes[axis];
+                            block.corners[corner][axis][k] - from[axis]
+                        };
+                        let corners = [
+                            lanes.splat3([relative(0, 0), relative(0, 1), relative(0, 2)]),
+                            lanes.splat3([relative(1, 0), relative(1, 1), relative(1, 2)]),
+                            lanes.splat3([relative(2, 0), relative(2, 1), relative(2, 2)]),
+                        ];
+                        for row in 0..rows {
+                            if of_row[row] & !met[row] == 0 {
+                                continue;
+                            }
+                            let Some(meeting) = meet(lanes, corners, shears[row]) else { continue };
+                            let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
+                            let hit = lanes.and(ahead, lanes.le(meeting.t, lanes.splat(1.0)));
+                            met[row] |= lanes.bits(hit) & of_row[row];
+                        }
+                    }
                 }
             }
         }
-        blocked
+        (0..bundle.count)
+            .fold(0, |blocked, k| blocked | u64::from(met[k / LANES] >> (k % LANES) & 1) << bundle.index[k])
     }
+}
+
+/// A direction in a group's own space; the same operations as [`Affine3A::transform_vector3a`].
+#[inline(always)]
+fn turned<L: Lanes>(lanes: L, to_local: &Affine3A, [x, y, z]: [L::F; 3]) -> [L::F; 3] {
+    let m = &to_local.matrix3;
+    let along = |axis: Vec3A, x: L::F| lanes.mul3(lanes.splat3(axis.to_array()), [x; 3]);
+    let (a, b, c) = (along(m.x_axis, x), along(m.y_axis, y), along(m.z_axis, z));
+    [
+        lanes.add(lanes.add(a[0], b[0]), c[0]),
+        lanes.add(lanes.add(a[1], b[1]), c[1]),
+        lanes.add(lanes.add(a[2], b[2]), c[2]),
+    ]
+}
+
+/// Lanes whose direction goes along x, y or z most, as [`Octant::of`] decides it.
+#[inline(always)]
+fn main_axes<L: Lanes>(lanes: L, direction: [L::F; 3]) -> [u32; 3] {
+    let magnitude = |x: L::F| lanes.max(x, lanes.sub(lanes.splat(0.0), x));
+    let [x, y, z] = [magnitude(direction[0]), magnitude(direction[1]), magnitude(direction[2])];
+    let along_x = lanes.bits(lanes.and(lanes.le(y, x), lanes.le(z, x)));
+    let along_y = lanes.bits(lanes.le(z, y)) & !along_x;
+    [along_x, along_y, !(along_x | along_y) & ((1 << LANES) - 1)]
+}
+
+/// As [`super::ray::Direction`] does before it divides.
+#[inline(always)]
+fn not_zero<L: Lanes>(lanes: L, x: L::F) -> L::F {
+    let least =
+        lanes.select(lanes.lt(x, lanes.splat(0.0)), lanes.splat(-LEAST_COMPONENT), lanes.splat(LEAST_COMPONENT));
+    let magnitude = lanes.max(x, lanes.sub(lanes.splat(0.0), x));
+    lanes.select(lanes.lt(magnitude, lanes.splat(LEAST_COMPONENT)), least, x)
 }
 
 /// Lists what reaches into the shaft between two sets of points in scaled world space.
