@@ -4,8 +4,8 @@
 //! the last bit, and where something does, they change as little as the scene \[Herzog08, 4.1.1\].
 //!
 //! Energy is counted in whole quanta. Sums of integers do not depend on their order: not on the threads, and not on
-//! which photons are traced again. So those that nothing that moves can ever meet are traced once
-//! ([`Photons::keeping`]), and the bits are those of tracing them all.
+//! which photons are traced again. So the ways of all are traced once up to where anything that moves could meet them
+//! ([`Photons::keeping`]), and the bits are those of tracing them whole.
 
 mod path;
 mod quanta;
@@ -19,7 +19,7 @@ use crate::emitter::Emitters;
 use crate::surface::Surfaces;
 use crate::{Busy, Units};
 use glam::Vec3;
-use path::{LONGEST_PATH, Path, Walk};
+use path::{LONGEST_PATH, Leg, Path, Walk};
 use quanta::{Left, Quantum, Sums};
 use rayon::prelude::*;
 
@@ -38,7 +38,8 @@ pub struct Energies {
     pub reflected: Vec3,
     /// What left the scene, met surfaces from behind, or was sent back where there is no surfel \[W\].
     pub lost: Vec3,
-    /// Photons that were traced for this frame; what the others leave was known.
+    /// Photons that were traced for this frame, whole or from where something may have moved into their way; what the
+    /// others leave was known.
     pub traced: u64,
 }
 
@@ -52,14 +53,24 @@ pub struct Photons {
     settled: Option<Settled>,
 }
 
-/// What is known of the photons that meet nothing that moves.
+/// What is known of the ways of photons up to where they may meet what moves.
 #[derive(Clone, Debug)]
 struct Settled {
     /// Powers of the lights when they were traced: these decide which light a photon starts from.
     powers: Vec<Vec3>,
+    /// What no moving thing has a part in.
     sums: Sums,
-    /// The photons that have to be traced in every frame.
-    others: Vec<u32>,
+    /// Where photons have to be traced on from in every frame.
+    others: Vec<Other>,
+}
+
+/// A photon that moving things may meet.
+#[derive(Clone, Copy, Debug)]
+enum Other {
+    /// Its light moves.
+    Whole(u32),
+    /// From the first segment on that something may stand in the way of.
+    From(Leg),
 }
 
 /// Photons that a thread takes at a time: enough that each surfel gets several, for then sharing out is fast.
@@ -76,7 +87,7 @@ impl Photons {
         Self { bounces: bounces.min(LONGEST_PATH), ..self }
     }
 
-    /// Photons that never enter `swept`, the space that moving things pass through, are traced for the first frame only.
+    /// Photons are traced for the first frame only until they enter `swept`, the space that moving things pass through.
     /// The caller promises that nothing that moves leaves that space in the frames to come, and that the anchors stay.
     pub fn keeping(self, swept: Swept) -> Self {
         Self { swept: Some(swept), ..self }
@@ -118,11 +129,14 @@ impl Photons {
         // With other powers photons start elsewhere: nothing that was kept holds.
         if let Some(settled) = self.settled.as_ref().filter(|settled| settled.powers == source.powers()) {
             let chunks = settled.others.par_chunks(BATCH as usize);
-            let fold = chunks.fold(started, |(mut sums, mut left), indices| {
+            let fold = chunks.fold(started, |(mut sums, mut left), others| {
                 busy.measure(|| {
                     let mut path = Path::default();
-                    for &index in indices {
-                        walk.follow(index.into(), &mut path);
+                    for &other in others {
+                        match other {
+                            Other::Whole(index) => walk.follow(index, &mut path, |_| ()),
+                            Other::From(leg) => walk.follow_from(leg, &mut path, |_| ()),
+                        }
                         sums.take(&path, quantum, &mut left);
                     }
                     sums.settle(&mut left, surfels, quantum);
@@ -137,7 +151,7 @@ impl Photons {
                 busy.measure(|| {
                     let mut path = Path::default();
                     for index in batch(place) {
-                        walk.follow(index, &mut path);
+                        walk.follow(index as u32, &mut path, |_| ());
                         sums.take(&path, quantum, &mut left);
                     }
                     sums.settle(&mut left, surfels, quantum);
@@ -153,24 +167,29 @@ impl Photons {
         let apart = || (empty(), empty(), Vec::new());
         let fold = batches.fold(apart, |(mut stay, mut change, mut others), place| {
             busy.measure(|| {
-                let (mut path, mut left_to_stay, mut left_to_change) =
-                    (Path::default(), Left::default(), Left::default());
+                let (mut left_to_stay, mut left_to_change) = (Left::default(), Left::default());
+                let (mut path, mut legs) = (Path::default(), Vec::new());
                 for index in batch(place) {
-                    walk.follow(index, &mut path);
-                    if path.meets(swept) {
+                    let index = index as u32;
+                    legs.clear();
+                    walk.follow(index, &mut path, |leg| legs.push(leg));
+                    if path.from_moving {
                         change.take(&path, quantum, &mut left_to_change);
-                        others.push(index as u32);
-                    } else {
-                        stay.take(&path, quantum, &mut left_to_stay);
+                        others.push(Other::Whole(index));
+                        continue;
                     }
+                    if let Some(segment) = path.first_met(&legs, swept) {
+                        change.take(&path.split_off(segment), quantum, &mut left_to_change);
+                        others.push(Other::From(legs[segment]));
+                    }
+                    stay.take(&path, quantum, &mut left_to_stay);
                 }
                 change.settle(&mut left_to_change, surfels, quantum);
                 stay.settle(&mut left_to_stay, surfels, quantum);
             });
             (stay, change, others)
         });
-        let (stay, change, mut others) = fold.reduce(apart, |a, b| (a.0.plus(b.0), a.1.plus(b.1), [a.2, b.2].concat()));
-        others.sort_unstable();
+        let (stay, change, others) = fold.reduce(apart, |a, b| (a.0.plus(b.0), a.1.plus(b.1), [a.2, b.2].concat()));
         let energies = stay.clone().plus(change).energies(quantum, self.count, anchors, surfels);
         self.settled = Some(Settled { powers: source.powers().to_vec(), sums: stay, others });
         energies

@@ -3,7 +3,7 @@
 use super::Swept;
 use crate::accel::Accelerator;
 use crate::anchor::Spot;
-use crate::emitter::{EMISSION_DIMENSIONS, PhotonSource};
+use crate::emitter::{EMISSION_DIMENSIONS, Emission, PhotonSource};
 use crate::luminance;
 use crate::sampling::{cosine_hemisphere, halton};
 use crate::surface::Surfaces;
@@ -51,35 +51,52 @@ impl Reflection {
     }
 }
 
-/// A photon's way; kept from one photon to the next for its memory.
+/// The beginning of a segment of a photon's way: all that its rest follows from. Many are kept, so it is small.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leg {
+    index: u32,
+    /// Reflections before it.
+    bounce: u16,
+    /// It begins at a light that is infinitely far away.
+    distant: bool,
+    origin: Vec3,
+    direction: Vec3,
+    /// \[W\]
+    flux: Vec3,
+}
+
+/// A photon's way, or the rest of one; kept from one photon to the next for its memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Path {
+    /// What its light emitted \[W\]; zero for the rest of a way.
     pub emitted: Vec3,
     pub reflections: Vec<Reflection>,
     /// What left the scene or ended behind a surface \[W\].
     pub lost: Vec3,
     /// Started from a light that moves.
-    from_moving: bool,
-    start: Vec3A,
+    pub from_moving: bool,
     /// Where the last segment ends, if it went on beyond the last reflection.
     end: Option<Vec3A>,
 }
 
 impl Walk<'_> {
-    /// Follows photon `index` to its end.
-    pub fn follow(&self, index: u64, path: &mut Path) {
-        let start = self.source.emit(self.surfaces, self.seed, index, self.count);
-        let (mut origin, mut direction, mut flux) = (start.origin, start.direction, start.flux);
+    /// Follows photon `index` to its end; `each` is told where the segments begin.
+    pub fn follow(&self, index: u32, path: &mut Path, each: impl FnMut(Leg)) {
+        let start = self.source.emit(self.surfaces, self.seed, index.into(), self.count);
+        let Emission { origin, direction, flux, from_moving, distant } = start;
+        let leg = Leg { index, bounce: 0, distant, origin: origin.into(), direction: direction.into(), flux };
+        self.follow_from(leg, path, each);
+        (path.emitted, path.from_moving) = (flux, from_moving);
+    }
+
+    /// Follows a photon from the beginning of a segment on.
+    pub fn follow_from(&self, mut leg: Leg, path: &mut Path, mut each: impl FnMut(Leg)) {
         path.reflections.clear();
-        *path = Path {
-            emitted: flux,
-            reflections: std::mem::take(&mut path.reflections),
-            lost: Vec3::ZERO,
-            from_moving: start.from_moving,
-            start: origin,
-            end: None,
-        };
-        for bounce in 0..self.bounces {
+        *path = Path { reflections: std::mem::take(&mut path.reflections), ..Path::default() };
+        let index = u64::from(leg.index);
+        for bounce in usize::from(leg.bounce)..self.bounces {
+            each(leg);
+            let (origin, direction, flux) = (Vec3A::from(leg.origin), Vec3A::from(leg.direction), leg.flux);
             let Some(hit) = self.accelerator.closest(origin, direction) else {
                 path.lost = flux;
                 path.end = Some(origin + direction * Swept::FAR);
@@ -97,7 +114,7 @@ impl Walk<'_> {
                 normal: surface.geometric_normal,
                 flux: reflected,
                 carrier: self.moving[hit.instance as usize].then_some(hit.instance),
-                came: if bounce == 0 && start.distant { f32::INFINITY } else { hit.distance },
+                came: if leg.distant { f32::INFINITY } else { hit.distance },
             });
             let u = |k| halton(self.seed, index, EMISSION_DIMENSIONS + bounce * BOUNCE_DIMENSIONS + k);
             let survival = (luminance(reflected) / luminance(flux)).clamp(0.0, 0.95);
@@ -105,24 +122,36 @@ impl Walk<'_> {
             if survival.is_nan() || u(2) >= survival {
                 return;
             }
-            flux = reflected / survival;
-            direction = cosine_hemisphere(surface.shading_normal.into(), Vec2::new(u(0), u(1))).into();
-            if direction.dot(surface.geometric_normal) <= 0.0 {
+            let direction = cosine_hemisphere(surface.shading_normal.into(), Vec2::new(u(0), u(1)));
+            if Vec3A::from(direction).dot(surface.geometric_normal) <= 0.0 {
                 return;
             }
-            origin = surface.position + surface.geometric_normal * self.epsilon;
+            leg = Leg {
+                index: leg.index,
+                bounce: (bounce + 1) as u16,
+                distant: false,
+                origin: (surface.position + surface.geometric_normal * self.epsilon).into(),
+                direction,
+                flux: reflected / survival,
+            };
         }
     }
 }
 
 impl Path {
-    /// Whether anything that moves may ever stand in this path's way, or be its beginning.
-    pub fn meets(&self, swept: &Swept) -> bool {
-        let points = || self.reflections.iter().map(|reflection| reflection.position);
-        let begins = std::iter::once(self.start).chain(points());
-        let ends = points().chain(self.end);
-        self.from_moving
-            || self.reflections.iter().any(|reflection| reflection.carrier.is_some())
-            || begins.zip(ends).any(|(from, to)| swept.is_entered(from, to))
+    /// The first of its segments that anything that moves may ever stand in the way of, if there is one. `legs` are their
+    /// beginnings.
+    pub fn first_met(&self, legs: &[Leg], swept: &Swept) -> Option<usize> {
+        let ends = self.reflections.iter().map(|reflection| reflection.position).chain(self.end);
+        let meets = |(leg, end): (&Leg, Vec3A)| swept.is_entered(leg.origin.into(), end);
+        let entered = legs.iter().zip(ends).position(meets);
+        let carried = self.reflections.iter().position(|reflection| reflection.carrier.is_some());
+        entered.into_iter().chain(carried).min()
+    }
+
+    /// Parts the way into what comes before a segment, which is left here, and what follows from there on.
+    pub fn split_off(&mut self, segment: usize) -> Path {
+        let reflections = self.reflections.split_off(segment);
+        Path { reflections, lost: std::mem::take(&mut self.lost), end: self.end.take(), ..Path::default() }
     }
 }
