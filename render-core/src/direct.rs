@@ -349,7 +349,9 @@ struct Tile<'a> {
 impl<'a> Tile<'a> {
     fn new(accelerator: &'a Accelerator, receivers: &'a [Receiver], rays: &'a Cell<u64>) -> Self {
         let mut columns = [[[0.0; PACKET]; 3]; 3];
-        for (i, Receiver { position, normal, geometric_normal }) in receivers.iter().enumerate() {
+        // Places without a receiver repeat the last.
+        for i in 0..PACKET {
+            let Receiver { position, normal, geometric_normal } = receivers[i.min(receivers.len() - 1)];
             for (columns, v) in columns.iter_mut().zip([position, normal, geometric_normal]) {
                 columns.iter_mut().zip(v.to_array()).for_each(|(column, x)| column[i] = x);
             }
@@ -387,10 +389,9 @@ impl<'a> Tile<'a> {
             return 0;
         }
         self.rays.set(self.rays.get() + u64::from(ask.count_ones()));
-        let receivers = &self.positions[..self.receivers.len()];
         match shaft {
-            Some(shaft) => self.accelerator.occluded_packet_within(shaft, light, receivers, ask),
-            None => self.accelerator.occluded_packet(light, receivers, ask),
+            Some(shaft) => self.accelerator.occluded_packet_within(shaft, light, &self.columns[0], ask),
+            None => self.accelerator.occluded_packet(light, &self.positions[..self.receivers.len()], ask),
         }
     }
 

@@ -343,10 +343,11 @@ fn within_a_shaft_rays_meet_what_they_meet_without() {
             };
             let (from, to) = (around(31_000 + 1000 * k, PACKET as u64), around(631_000 + 1000 * k, 9));
             let shaft = accelerator.shaft(&from, &to);
+            let columns = std::array::from_fn(|axis| std::array::from_fn(|i| from[i][axis]));
             empty += u32::from(shaft.is_empty());
             for &light in &to {
                 let expected = accelerator.occluded_packet(light, &from, u64::MAX);
-                let found = accelerator.occluded_packet_within(&shaft, light, &from, u64::MAX);
+                let found = accelerator.occluded_packet_within(&shaft, light, &columns, u64::MAX);
                 assert_eq!(found, expected, "size {size}, {movers} movers, shaft {k}");
                 assert!(!shaft.is_empty() || expected == 0);
                 hidden += expected.count_ones();

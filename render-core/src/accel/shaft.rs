@@ -59,41 +59,23 @@ impl Accelerator {
     }
 
     /// As [`Accelerator::occluded_packet`] for segments within `shaft`: those between the two sets of points it was made for.
-    pub fn occluded_packet_within(&self, shaft: &Shaft, from: Vec3A, to: &[Vec3A], active: u64) -> u64 {
+    /// The ends `to` are given by axis; those that are not `active` may be anything, but narrow is fast.
+    pub fn occluded_packet_within(&self, shaft: &Shaft, from: Vec3A, to: &[[f32; PACKET]; 3], active: u64) -> u64 {
         if shaft.crowded {
-            return self.occluded_packet(from, to, active);
+            let to: [Vec3A; PACKET] = std::array::from_fn(|k| Vec3A::new(to[0][k], to[1][k], to[2][k]));
+            return self.occluded_packet(from, &to, active);
         }
-        assert!(to.len() <= PACKET, "{} segments in a packet of at most {PACKET}", to.len());
-        let origin = from * self.scale;
-        let mut bundle = Bundle { directions: [[[0.0; LANES]; 3]; ROWS], index: [0; PACKET], count: 0 };
-        for (index, &end) in to.iter().enumerate().filter(|(index, _)| active >> index & 1 == 1) {
-            let (row, lane) = (bundle.count / LANES, bundle.count % LANES);
-            for (column, x) in bundle.directions[row].iter_mut().zip(((end - from) * self.scale).to_array()) {
-                column[lane] = x;
-            }
-            bundle.index[bundle.count] = index as u8;
-            bundle.count += 1;
-        }
-        self.lanes.run(Within { scene: self, blocks: &shaft.blocks, origin, bundle: &bundle })
+        self.lanes.run(Within { scene: self, blocks: &shaft.blocks, from, to, active })
     }
 }
 
-/// Segments from one point, eight to a row.
-struct Bundle {
-    /// From end to end, by row, axis, lane.
-    directions: [[[f32; LANES]; 3]; ROWS],
-    /// Which segment this is for whoever asks.
-    index: [u8; PACKET],
-    count: usize,
-}
-
-/// Segments from one `origin` in scaled world space, held against what is listed: bits (by [`Bundle::index`]) of those that
-/// meet any of it.
+/// The `active` of the segments from one point, held against what is listed: bits of those that meet any of it.
 struct Within<'a> {
     scene: &'a Accelerator,
     blocks: &'a [Listed],
-    origin: Vec3A,
-    bundle: &'a Bundle,
+    from: Vec3A,
+    to: &'a [[f32; PACKET]; 3],
+    active: u64,
 }
 
 impl Kernel for Within<'_> {
@@ -101,71 +83,142 @@ impl Kernel for Within<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> u64 {
-        let Self { scene, blocks, origin, bundle } = self;
-        let rows = bundle.count.div_ceil(LANES);
-        // Segments that are met, by row: places without one count as met.
-        let mut met = [u32::MAX; ROWS];
-        for (row, met) in met.iter_mut().enumerate().take(rows) {
-            *met = u32::MAX << (bundle.count - row * LANES).min(LANES);
-        }
+        let Self { scene, blocks, from, to, active } = self;
+        let start = lanes.splat3(from.to_array());
+        let scale = lanes.splat(scene.scale);
+        // Segments that are still to be asked, eight to a row.
+        let mut asked: [u32; ROWS] = std::array::from_fn(|row| (active >> (row * LANES)) as u32 & EVERY_LANE);
         for blocks in blocks.chunk_by(|a, b| a.place == b.place) {
             let placed = &scene.groups[blocks[0].place];
-            let from = placed.local(origin, Vec3A::X).0.to_array();
-            let mut directions = [[lanes.splat(0.0); 3]; ROWS];
-            let mut mains = [[0u32; ROWS]; 3];
-            for row in 0..rows {
-                let [x, y, z] = &bundle.directions[row];
-                let mut direction = lanes.load3([x, y, z]);
-                if let Some(m) = &placed.to_local {
-                    direction = turned(lanes, m, direction);
+            let origin = placed.local(from * scene.scale, Vec3A::X).0.to_array();
+            let mut directions = [[scale; 3]; ROWS];
+            let mut along = [[0u32; ROWS]; 3];
+            for row in 0..ROWS {
+                if asked[row] == 0 {
+                    continue;
+                }
+                let ends = [eight(lanes, &to[0], row), eight(lanes, &to[1], row), eight(lanes, &to[2], row)];
+                let mut direction = lanes.mul3(lanes.sub3(ends, start), [scale; 3]);
+                if let Some(to_local) = &placed.to_local {
+                    direction = turned(lanes, to_local, direction);
                 }
                 directions[row] = direction;
                 let main = main_axes(lanes, direction);
                 for axis in 0..3 {
-                    mains[axis][row] = main[axis];
+                    along[axis][row] = main[axis] & asked[row];
                 }
             }
             // The test turns the main axis of a segment into z: nearly always all have the same.
-            for (main, of_row) in mains.iter().enumerate().filter(|(_, of_row)| of_row[..rows].iter().any(|&m| m != 0))
-            {
-                let axes = Octant::axes_of(main);
-                let mut shears = [[lanes.splat(0.0); 3]; ROWS];
-                for row in 0..rows {
-                    let direction = &directions[row];
-                    let along = lanes.div(lanes.splat(1.0), not_zero(lanes, direction[main]));
-                    shears[row] = [lanes.mul(direction[axes[0]], along), lanes.mul(direction[axes[1]], along), along];
-                }
-                for listed in blocks {
-                    let leaf = placed.group.leaf(listed.content);
-                    let mut which = listed.lanes;
-                    while which != 0 {
-                        let (block, k) = leaf.place(which.trailing_zeros() as usize % LANES);
-                        which &= which - 1;
-                        let relative = |corner: usize, axis: usize| {
-                            let axis = axes[axis];
-                            block.corners[corner][axis][k] - from[axis]
-                        };
-                        let corners = [
-                            lanes.splat3([relative(0, 0), relative(0, 1), relative(0, 2)]),
-                            lanes.splat3([relative(1, 0), relative(1, 1), relative(1, 2)]),
-                            lanes.splat3([relative(2, 0), relative(2, 1), relative(2, 2)]),
-                        ];
-                        for row in 0..rows {
-                            if of_row[row] & !met[row] == 0 {
-                                continue;
-                            }
-                            let Some(meeting) = meet(lanes, corners, shears[row]) else { continue };
-                            let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
-                            let hit = lanes.and(ahead, lanes.le(meeting.t, lanes.splat(1.0)));
-                            met[row] |= lanes.bits(hit) & of_row[row];
-                        }
+            for (main, alike) in along.iter().enumerate() {
+                if alike.iter().any(|&bits| bits != 0) {
+                    let slopes = Slopes::new(lanes, &directions, alike, main);
+                    for listed in blocks {
+                        slopes.hold_against(lanes, &placed.group, listed, origin, (alike, &mut asked));
                     }
                 }
             }
         }
-        (0..bundle.count)
-            .fold(0, |blocked, k| blocked | u64::from(met[k / LANES] >> (k % LANES) & 1) << bundle.index[k])
+        let left = asked.iter().enumerate().fold(0, |left, (row, &bits)| left | u64::from(bits) << (row * LANES));
+        active & !left
     }
+}
+
+const EVERY_LANE: u32 = (1 << LANES) - 1;
+
+/// Segments with a main axis in common, as [`meet`] takes them.
+struct Slopes<L: Lanes> {
+    axes: [usize; 3],
+    rows: [[L::F; 3]; ROWS],
+    /// Least and greatest over all.
+    range: [[L::F; 2]; 2],
+}
+
+impl<L: Lanes> Slopes<L> {
+    /// Of the rows that have segments in `alike`.
+    #[inline(always)]
+    fn new(lanes: L, directions: &[[L::F; 3]; ROWS], alike: &[u32; ROWS], main: usize) -> Self {
+        let axes = Octant::axes_of(main);
+        let mut rows = [[lanes.splat(0.0); 3]; ROWS];
+        let mut range = [[lanes.splat(f32::INFINITY), lanes.splat(f32::NEG_INFINITY)]; 2];
+        for row in 0..ROWS {
+            if alike[row] == 0 {
+                continue;
+            }
+            let direction = &directions[row];
+            let along = lanes.div(lanes.splat(1.0), not_zero(lanes, direction[main]));
+            let slopes = [lanes.mul(direction[axes[0]], along), lanes.mul(direction[axes[1]], along)];
+            rows[row] = [slopes[0], slopes[1], along];
+            for k in 0..2 {
+                range[k] = [lanes.min(slopes[k], range[k][0]), lanes.max(slopes[k], range[k][1])];
+            }
+        }
+        for [low, high] in &mut range {
+            *low = lanes.splat(lanes.store(*low).into_iter().fold(f32::INFINITY, f32::min));
+            *high = lanes.splat(lanes.store(*high).into_iter().fold(f32::NEG_INFINITY, f32::max));
+        }
+        Self { axes, rows, range }
+    }
+
+    /// Takes the segments that meet a listed triangle from those that are `asked`.
+    #[inline(always)]
+    fn hold_against(
+        &self,
+        lanes: L,
+        group: &Group,
+        listed: &Listed,
+        origin: [f32; 3],
+        (alike, asked): (&[u32; ROWS], &mut [u32; ROWS]),
+    ) {
+        let leaf = group.leaf(listed.content);
+        let from = [origin[self.axes[0]], origin[self.axes[1]], origin[self.axes[2]]];
+        let mut which = listed.lanes & !self.aside(lanes, &leaf, from);
+        while which != 0 {
+            let (block, k) = leaf.place(which.trailing_zeros() as usize % LANES);
+            which &= which - 1;
+            let mut corners = [[lanes.splat(0.0); 3]; 3];
+            for (relative, corner) in corners.iter_mut().zip(&block.corners) {
+                for axis in 0..3 {
+                    relative[axis] = lanes.splat(corner[self.axes[axis]][k] - from[axis]);
+                }
+            }
+            for row in 0..ROWS {
+                if alike[row] & asked[row] == 0 {
+                    continue;
+                }
+                let Some(meeting) = meet(lanes, corners, self.rows[row]) else { continue };
+                let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
+                let met = lanes.bits(lanes.and(ahead, lanes.le(meeting.t, lanes.splat(1.0))));
+                asked[row] &= !(met & alike[row]);
+            }
+        }
+    }
+
+    /// Triangles of a leaf that lie to one side of all segments: a corner's place after the shear lies between those for the
+    /// least and the greatest slope, in rounded numbers too.
+    #[inline(always)]
+    fn aside(&self, lanes: L, leaf: &Leaf, from: [f32; 3]) -> u32 {
+        let from = lanes.splat3(from);
+        let mut low = [lanes.splat(f32::INFINITY); 2];
+        let mut high = [lanes.splat(f32::NEG_INFINITY); 2];
+        for corner in 0..3 {
+            let corner = lanes.sub3(leaf.column(lanes, corner, self.axes), from);
+            for k in 0..2 {
+                for slope in self.range[k] {
+                    let place = lanes.sub(corner[k], lanes.mul(slope, corner[2]));
+                    (low[k], high[k]) = (lanes.min(place, low[k]), lanes.max(place, high[k]));
+                }
+            }
+        }
+        let zero = lanes.splat(0.0);
+        let beyond = |k: usize| lanes.bits(lanes.lt(zero, low[k])) | lanes.bits(lanes.lt(high[k], zero));
+        beyond(0) | beyond(1)
+    }
+}
+
+/// Eight of the numbers.
+#[inline(always)]
+fn eight<L: Lanes>(lanes: L, numbers: &[f32; PACKET], row: usize) -> L::F {
+    lanes.load(&numbers.as_chunks().0[row])
 }
 
 /// A direction in a group's own space; the same operations as [`Affine3A::transform_vector3a`].
@@ -188,7 +241,7 @@ fn main_axes<L: Lanes>(lanes: L, direction: [L::F; 3]) -> [u32; 3] {
     let [x, y, z] = [magnitude(direction[0]), magnitude(direction[1]), magnitude(direction[2])];
     let along_x = lanes.bits(lanes.and(lanes.le(y, x), lanes.le(z, x)));
     let along_y = lanes.bits(lanes.le(z, y)) & !along_x;
-    [along_x, along_y, !(along_x | along_y) & ((1 << LANES) - 1)]
+    [along_x, along_y, !(along_x | along_y) & EVERY_LANE]
 }
 
 /// As [`super::ray::Direction`] does before it divides.
