@@ -132,7 +132,7 @@ impl LookaheadEncoder {
             Rate::Constant { .. } => rate.buffer.delay(header_bits + 32), // picture_start_code has 32 bits
             _ => VBV_DELAY_VARIABLE,
         };
-        let mut base_x16 = rate.quantiser_x16(upcoming, complete);
+        let mut base_x16 = rate.quantiser_x16(upcoming);
         // What is dear or soon over is looked at again if the forecast was far off.
         let mut second_look =
             !rate.knows(picture_type) || picture_type == PictureType::I || complete && upcoming.len() <= 4;
@@ -142,7 +142,7 @@ impl LookaheadEncoder {
             rate.learn(upcoming[0], base_x16, bits);
             if second_look {
                 second_look = false;
-                let informed = rate.quantiser_x16(upcoming, complete);
+                let informed = rate.quantiser_x16(upcoming);
                 if informed.abs_diff(base_x16) * 16 > base_x16 {
                     base_x16 = informed;
                     continue;

@@ -62,10 +62,10 @@ const HEADER_BITS_PER_MACROBLOCK: i64 = 1;
 /// c for I, P, B in 256ths before anything is learnt. These and the powers of quantiser_scale are middle values over the
 /// clips of README.md at 0.5 to 8 Mbit/s.
 const FIRST_GUESS: [i64; 3] = [970, 2000, 1000];
-/// Part of the buffer that is full at the beginning, in 16ths: room for the first I picture, and for what comes after.
-const START_SIXTEENTHS: i64 = 13;
-/// Part of the buffer that is to be full at the end of a window, in 16ths.
-const AIM_SIXTEENTHS: i64 = 10;
+/// Part of the buffer that is full at the beginning, and is to be full again at the end of each window, in 16ths: room for
+/// the first I picture, and for what comes after. Any difference between the two would be spent over the length of the film:
+/// with 13 and 10 a second of film took 9 % more than its rate.
+const LEVEL_SIXTEENTHS: i64 = 11;
 /// Part of the buffer that planning does not touch, in 16ths: foretold bits are never exact.
 const RESERVE_SIXTEENTHS: i64 = 1;
 
@@ -86,7 +86,7 @@ impl RateControl {
         let (bit_rate, buffer_size) = config.rate.stated()?;
         let (bit_rate, size) = (400 * i64::from(bit_rate), 16_384 * i64::from(buffer_size));
         let pauses = matches!(config.rate, Rate::Capped { .. });
-        let start = if pauses { size } else { size * START_SIXTEENTHS / 16 };
+        let start = if pauses { size } else { size * LEVEL_SIXTEENTHS / 16 };
         Some(Self {
             buffer: Buffer::new(bit_rate, size, config.frame_rate.fraction(), start, pauses),
             rate: config.rate,
@@ -103,16 +103,15 @@ impl RateControl {
         self.header_bits + c * picture.cost as i64 / (16 * power_x16(picture.picture_type, quantiser_x16))
     }
 
-    /// quantiser_scale in sixteenths for the first of `upcoming`; `complete` if nothing comes after the last of them.
-    pub fn quantiser_x16(&self, upcoming: &[Upcoming], complete: bool) -> u32 {
+    /// quantiser_scale in sixteenths for the first of `upcoming`.
+    pub fn quantiser_x16(&self, upcoming: &[Upcoming]) -> u32 {
         match self.rate {
             Rate::ConstantQuantiser => self.quantiser_x16,
             Rate::Capped { .. } => least(self.quantiser_x16, |q| self.stays_above(upcoming, q)),
             Rate::Constant { .. } => {
-                let aim = if complete { self.start } else { self.buffer.size * AIM_SIXTEENTHS / 16 };
                 let planned = least(FINEST_X16, |q| {
                     let bits: i64 = upcoming.iter().map(|&picture| self.foretold(picture, q)).sum();
-                    self.buffer.bits() + upcoming.len() as i64 * self.buffer.bits_per_picture() - bits >= aim
+                    self.buffer.bits() + upcoming.len() as i64 * self.buffer.bits_per_picture() - bits >= self.start
                 });
                 // Coarser if the buffer would run dry on the way; finer if it would overflow.
                 let safe = least(planned, |q| self.stays_above(upcoming, q));

@@ -218,7 +218,7 @@ fn verifier(stream: &[u8]) -> Verifier {
 
 #[test]
 fn a_constant_rate_keeps_buffer_and_delays() {
-    for (kbps, b_pictures, gop) in [(200, 2, 15), (600, 0, 12), (3000, 2, 60)] {
+    for (kbps, b_pictures, gop) in [(200, 2, 15), (600, 0, 12), (1200, 2, 60), (3000, 2, 60)] {
         let rate = Rate::Constant { bits_per_second: 1000 * kbps, buffer_bits: 500 * kbps };
         let settings = config(176, 144).with_gop(gop).with_b_pictures(b_pictures).with_rate(rate);
         let (stream, packets) = encode_ahead(settings, (0..75).map(|time| moving(176, 144, time)), None);
@@ -239,7 +239,16 @@ fn a_constant_rate_keeps_buffer_and_delays() {
         }
         let seconds = packets.len() as f64 / 25.0;
         let reached = 8.0 * stream.len() as f64 / seconds / v.bit_rate;
-        assert!((0.96..1.04).contains(&reached), "{kbps} kbit/s are reached to {reached}");
+        println!("{kbps} kbit/s are reached to {reached:.4}");
+        // Where even the finest quantiser takes too few bits, the buffer fills up before anything is stuffed.
+        let finest = packets.iter().any(|packet| packet.quantiser_scale == 1);
+        assert_eq!(finest, kbps == 3000);
+        assert!(reached < 1.01 && (finest || reached > 0.99), "{kbps} kbit/s are reached to {reached}");
+        // The longest of these groups are long enough for the rounding of libmpeg2's transform to add up to 3 in a sample: the
+        // mean of it is held to what it is in a group of 15.
+        let (width, height) = (176, 144);
+        check_agreement("ffmpeg", &decode_ffmpeg(&stream, width, height, "faani"), &packets, 55.0);
+        check_agreement("mpeg2dec", &decode_mpeg2dec(&stream, width, height), &packets, 55.0);
     }
 }
 
