@@ -34,13 +34,14 @@ pub(crate) struct Outlook {
 const BINS: usize = 12;
 /// Octaves of distance in a bin.
 const OCTAVES: f32 = 2.0;
-/// log₂ of the length from which on the second bin begins \[m\]: 1 mm.
-const FIRST: f32 = -10.0;
+/// log₂ of the length from which on the second bin begins, in radii of a kernel of surfels: no surfel is exposed that does not
+/// see four times as far.
+const FIRST: f32 = -6.0;
 /// What a place gets of light that came as far as none of its rays go, in rays.
 const UNLIKELY: f32 = 0.125;
 
 impl Outlook {
-    /// The bin of a length \[m\].
+    /// The bin of a length, in radii of a kernel of surfels: √softening, the radius of the disc that an anchor stands for.
     #[inline]
     pub fn bin(length: f32) -> usize {
         // Negative values become 0; infinity the last.
@@ -120,7 +121,7 @@ impl Eye<'_> {
             if reflects {
                 out += u64::from(length >= near);
                 openness += 1.0 / (1.0 + softening / (length * length));
-                found.lengths[Outlook::bin(length)] += 1;
+                found.lengths[Outlook::bin(length / softening.sqrt())] += 1;
             }
         }
         found.openness = openness / LOOKS as f32;

@@ -152,7 +152,7 @@ impl Grid {
             around.find(self, self.cell_of(here[0].0.position));
             for &(spot, what) in &here {
                 around.weigh(&spot, self.radius);
-                let about = spot.came.map(Outlook::bin);
+                let about = spot.came.map(|length| Outlook::bin(length / self.radius));
                 let (mut near, mut count, mut sum) = ([(0, 0.0); MOST_NEAR], 0, 0.0);
                 for (&p, &weight) in around.places.iter().zip(&around.weights) {
                     if weight > 0.0 && count < MOST_NEAR {
@@ -209,7 +209,7 @@ impl Grid {
         if self.points.is_empty() {
             return;
         }
-        let about = came.map(Outlook::bin);
+        let about = came.map(|length| Outlook::bin(length / self.radius));
         self.rows(self.cell_of(position)).for_each(|row| {
             for p in row {
                 let point = &self.points[p as usize];
