@@ -262,7 +262,7 @@ impl Disc {
 
 impl Area {
     fn new(light: &AreaLight, surfaces: &Surfaces) -> Self {
-        let simple = light.patch_count() <= MOST_POLYGONS;
+        let simple = light.patch_count() <= MOST_POLYGONS && !light.is_textured();
         let samples = light.samples(surfaces, AREA_SAMPLES);
         Self {
             instance: light.instance as u32,

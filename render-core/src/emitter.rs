@@ -1,5 +1,6 @@
 //! What sends light out: surfaces, points, directions, the sky; as power, as photons, and as points to shade with.
 
+use crate::accel::Hit;
 use crate::polygon::Polygon;
 use crate::sampling::{
     Distribution, concentric_disc, cosine_hemisphere, frame, halton, radical_inverse, sobol_point, triangle,
@@ -20,6 +21,9 @@ pub struct AreaLight {
     /// Square metres, one side.
     pub area: f32,
     double_sided: bool,
+    /// Emitted radiance where no texture changes it \[W·m⁻²·sr⁻¹\].
+    emission: Vec3,
+    textured: bool,
 }
 
 /// A triangle that glows, or a parallelogram of two: those let points be spread over the whole of a panel.
@@ -195,7 +199,7 @@ impl PhotonSource<'_> {
         let share = 1.0 / (probability as f32 * count as f32);
         let (e, place, way) = (self.emitters, Vec2::new(u(1), u(2)), Vec2::new(u(3), u(4)));
         if let Some(area) = e.areas.get(light) {
-            let sample = area.sample(surfaces, rest, place, way.x);
+            let sample = area.sample(surfaces, rest, place, way.x, 0.0);
             // The same number chose the side; what it has left over is as good as new.
             let way = if area.double_sided { Vec2::new((way.x * 2.0).fract(), way.y) } else { way };
             let direction = cosine_hemisphere(sample.normal.into(), way);
@@ -300,7 +304,8 @@ impl AreaLight {
         }
         let choice = Distribution::new(patches.iter().map(|p| f64::from(p.area * luminance(p.emission))))?;
         let area = patches.iter().map(|patch| patch.area).sum();
-        Some(Self { instance, patches, choice, area, double_sided: material.double_sided })
+        let (emission, textured) = (material.emission, material.emission_texture.is_some());
+        Some(Self { instance, patches, choice, area, double_sided: material.double_sided, emission, textured })
     }
 
     /// Radiant flux of all its glowing sides \[W\], linear RGB.
@@ -309,21 +314,22 @@ impl AreaLight {
         if self.double_sided { one_side * 2.0 } else { one_side }
     }
 
-    /// A point with density in proportion to emitted luminance, standing for the whole light.
-    fn sample(&self, surfaces: &Surfaces, which: f64, place: Vec2, side: f32) -> AreaSample {
-        let (index, probability, _) = self.choice.pick(which);
-        let Patch { triangle: t, parallelogram, area, emission } = self.patches[index];
+    /// A point with density in proportion to emitted luminance, standing for the whole light. A texture is averaged over the
+    /// share `blur` of the light's area around it.
+    fn sample(&self, surfaces: &Surfaces, which: f64, place: Vec2, side: f32, blur: f32) -> AreaSample {
+        let (t, u, v, density) = self.point(which, place);
         let [a, b, c] = surfaces.corners(self.instance, t);
         let mirrored = if surfaces.world(self.instance).matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
         let sides = if self.double_sided { 2.0 } else { 1.0 };
         let turn = if self.double_sided && side >= 0.5 { -mirrored } else { mirrored };
         let normal = ((b - a).cross(c - a) * turn).normalize_or_zero();
-        let share = sides * area / probability as f32;
-        let position = if parallelogram {
-            a + (b - a) * place.x + (c - b) * place.y
+        let share = sides / density;
+        let position = a + (b - a) * u + (c - a) * v;
+        let emission = if self.textured {
+            let hit = Hit { distance: 0.0, instance: self.instance as u32, triangle: t as u32, u, v };
+            surfaces.at(&hit, -normal, (blur * share).sqrt()).emission
         } else {
-            let (u, v) = triangle(place);
-            a + (b - a) * u + (c - a) * v
+            self.emission
         };
         let offset = position.abs().max_element().max((b - a).length()) * 1e-5;
         AreaSample { position: position + normal * offset, normal, intensity: emission * share, area: share }
@@ -378,6 +384,11 @@ impl AreaLight {
         self.patches.len()
     }
 
+    /// Whether a texture makes it glow unevenly.
+    pub(crate) fn is_textured(&self) -> bool {
+        self.textured
+    }
+
     /// Largest side of the box around the glowing triangles, metres.
     pub fn extent(&self, surfaces: &Surfaces) -> f32 {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -398,7 +409,8 @@ impl AreaLight {
                 // Strata of power for the patch, in an order that has nothing to do with the place within it:
                 // any first few of the points are spread over the whole light.
                 let which = (f64::from(radical_inverse(3, i)) + 0.5 / count as f64).min(1.0);
-                let mut sample = self.sample(surfaces, which, sobol_point(i), radical_inverse(5, i));
+                let mut sample =
+                    self.sample(surfaces, which, sobol_point(i), radical_inverse(5, i), 1.0 / count as f32);
                 sample.intensity /= count as f32;
                 sample.area /= count as f32;
                 sample
