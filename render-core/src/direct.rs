@@ -61,6 +61,24 @@ struct Sun {
     directions: Vec<Vec3A>,
 }
 
+/// Where the lights are that each pixel asks for itself, by a point of each.
+#[derive(Clone, Debug, Default)]
+pub struct Lamps {
+    /// \[m\]
+    points: Vec<Vec3A>,
+    /// Unit vectors towards suns.
+    suns: Vec<Vec3A>,
+}
+
+impl Lamps {
+    /// Whether the point of any is seen from `position`, on a surface that faces along `normal`.
+    pub(crate) fn are_seen(&self, accelerator: &Accelerator, position: Vec3A, normal: Vec3A) -> bool {
+        let sun = |&towards: &Vec3A| normal.dot(towards) > 0.0 && !accelerator.occluded_towards(position, towards);
+        let point = |&lamp: &Vec3A| normal.dot(lamp - position) > 0.0 && !accelerator.occluded(position, lamp);
+        self.suns.iter().any(sun) || self.points.iter().any(point)
+    }
+}
+
 /// A point that light arrives at.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
@@ -135,6 +153,15 @@ impl DirectLights {
             }
         }
         sums
+    }
+
+    /// A point of each glowing surface, point light and sun that is asked here.
+    pub fn lamps(&self) -> Lamps {
+        let areas = self.areas.iter().filter_map(|area| area.positions.first().copied());
+        Lamps {
+            points: areas.chain(self.points.iter().map(|point| point.position)).collect(),
+            suns: self.suns.iter().map(|sun| sun.towards).collect(),
+        }
     }
 
     /// Whether this is a glowing surface that is asked here.

@@ -11,18 +11,28 @@
 //!
 //! # Differs from the paper
 //! L(y) comes from the surfels around y, which feed the virtual lights too, and not from a path traced onward: what is given
-//! back is what was taken, no more, and a ray costs a look-up.
+//! back is what was taken, no more, and a ray costs a look-up. Only in gaps that are narrower than surfels can tell are rays
+//! followed on (`gather/gap.rs`).
 
+mod gap;
+
+use crate::Units;
 use crate::accel::Accelerator;
 use crate::anchor::{Anchors, Spot, SurfelMap};
-use crate::direct::Receiver;
+use crate::direct::{Lamps, Receiver};
 use crate::photon::Energies;
 use crate::sampling::{concentric_disc, frame, hash_unit, sobol_point};
 use crate::surface::{Surface, Surfaces};
+use gap::Gaps;
 use glam::{Mat3A, Vec3, Vec3A};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
+/// How near a surface is whose light surfels do not tell from that of its surroundings, in sides of an anchor's share.
+///
+/// Measured on `atrium` and `nave`: without following rays on, pictures by all lights are off by 2.8e-3 and 3.7e-3 of relative
+/// MSE; with 0.1 by 2.1e-3 and 3.2e-3, with 0.3 by 2.0e-3 and 3.0e-3.
+const NEAR: f32 = 0.3;
 /// Rays that give back less than this share of what they see are not followed up: in sum not even half a per cent.
 const LEAST_SHARE: f32 = 5e-4;
 
@@ -34,6 +44,7 @@ pub struct Gather {
     radiance: Vec<Vec3>,
     /// Softening of the fixed and of the carried anchors \[m²\].
     softening: [f32; 2],
+    gaps: Gaps,
     /// By instance.
     moving: Vec<bool>,
     /// Instances whose own glow is made of virtual lights with the softening of the fixed anchors.
@@ -62,9 +73,26 @@ struct Source {
     /// Place in [`Gather::radiance`].
     surfel: u32,
     /// Irradiance per radiance.
-    share: f32,
-    /// Derivative of `share` by the position \[m⁻¹\].
+    share: Vec3,
+    /// Derivative of the logarithm of `share` by the position \[m⁻¹\].
     by_position: Vec3A,
+}
+
+/// Where a ray ended.
+struct Seen {
+    surface: Surface,
+    instance: u32,
+    /// From the place before \[m\].
+    distance: f32,
+}
+
+impl Surroundings {
+    /// Adds light that does not come from virtual lights.
+    fn emit(&mut self, radiance: Vec3, source: &Source) {
+        let light = radiance * source.share;
+        self.emitted += light;
+        self.emitted_by_position += outer(light, source.by_position);
+    }
 }
 
 impl Directions {
@@ -80,8 +108,15 @@ impl Directions {
 
 impl Gather {
     /// For the frame of `surfaces`, with the `energies` that its photons left. `glow_softened` says for each instance
-    /// whether its glow is made of virtual lights as soft as the fixed anchors.
-    pub fn new(surfaces: &Surfaces, anchors: &Anchors, energies: &Energies, glow_softened: Vec<bool>) -> Self {
+    /// whether its glow is made of virtual lights as soft as the fixed anchors, `lamps` where all other lights are.
+    pub fn new(
+        surfaces: &Surfaces,
+        anchors: &Anchors,
+        energies: &Energies,
+        units: &Units,
+        lamps: Lamps,
+        glow_softened: Vec<bool>,
+    ) -> Self {
         let scene = surfaces.scene();
         let fixed = anchors.surfels.fixed.clone();
         let carried = anchors.surfels.carried_in_world(surfaces);
@@ -92,6 +127,7 @@ impl Gather {
             carried,
             radiance,
             softening: [anchors.area_share / PI, anchors.carried_area_share / PI],
+            gaps: Gaps { near: NEAR * anchors.area_share.sqrt(), epsilon: units.epsilon, lamps },
             moving: scene.moving_instances(),
             glow_softened,
         }
@@ -119,6 +155,7 @@ impl Gather {
         };
         let (mut inverse_distances, mut above) = (0.0, 0);
         let weight = PI / directions.0.len() as f32;
+        let spread = weight.sqrt();
         for local in &directions.0 {
             let direction = x * local.x + y * local.y + normal * local.z;
             if direction.dot(geometric_normal) <= 0.0 {
@@ -129,13 +166,14 @@ impl Gather {
             inverse_distances += 1.0 / hit.distance;
             found.nearest = found.nearest.min(hit.distance);
             let r2 = hit.distance * hit.distance;
-            let carried = self.moving[hit.instance as usize];
-            let softening = self.softening[usize::from(carried)];
+            let softening = self.softening[usize::from(self.moving[hit.instance as usize])];
             let share = softening / (r2 + softening);
             if share < LEAST_SHARE {
                 continue;
             }
-            let surface = surfaces.at(&hit, direction, softening.sqrt());
+            // Of a texture a ray sees what lies between it and its neighbours.
+            let width = (hit.distance * spread).min(softening.sqrt());
+            let surface = surfaces.at(&hit, direction, width);
             let way = direction * hit.distance;
             // ∇ ln of cos θ cos θ_l s / (r⁴ (r² + s)) along the surface, the element of the other surface held fixed; both
             // cosines carry the way's length.
@@ -143,8 +181,14 @@ impl Gather {
             let falloff = way * (4.0 / r2 + 2.0 / (r2 + softening));
             let gradient = falloff - surface.geometric_normal / towards;
             let gradient = gradient - normal * gradient.dot(normal);
-            let source = Source { surfel: 0, share: weight * share, by_position: gradient * (weight * share) };
-            self.take(&surface, hit.instance, carried, source, &mut found);
+            let source = Source { surfel: 0, share: Vec3::splat(weight * share), by_position: gradient };
+            if surface.emission != Vec3::ZERO && self.glow_softened[hit.instance as usize] {
+                found.emit(surface.emission, &source);
+            }
+            let seen = Seen { surface, instance: hit.instance, distance: hit.distance };
+            let mut random = (0..).map(|k| hash_unit(key, above, k));
+            let (seen, source) = self.gaps.follow(accelerator, surfaces, seen, source, &mut random, &mut found);
+            self.take(&seen, source, &mut found);
         }
         found.harmonic_mean = above as f32 / inverse_distances;
         found
@@ -168,17 +212,15 @@ impl Gather {
     }
 
     /// Notes what `surface` gives back.
-    fn take(&self, surface: &Surface, instance: u32, carried: bool, source: Source, found: &mut Surroundings) {
-        if surface.emission != Vec3::ZERO && self.glow_softened[instance as usize] {
-            found.emitted += surface.emission * source.share;
-            found.emitted_by_position += outer(surface.emission, source.by_position);
-        }
-        if !surface.front && !surface.double_sided {
+    fn take(&self, seen: &Seen, source: Source, found: &mut Surroundings) {
+        let Seen { surface, instance, .. } = seen;
+        if surface.is_back() {
             return;
         }
+        let carried = self.moving[*instance as usize];
         let (surfels, first) = self.surfels(carried);
         let mut nearest = (0, 0.0);
-        surfels.splat(&spot(surface, carried.then_some(instance)), |surfel, weight| {
+        surfels.splat(&spot(surface, carried.then_some(*instance)), |surfel, weight| {
             if weight > nearest.1 {
                 nearest = (surfel, weight);
             }
@@ -199,8 +241,9 @@ impl Gather {
         let (mut sum, mut by_position) = (found.emitted, found.emitted_by_position);
         for source in &found.sources {
             let radiance = self.radiance[source.surfel as usize];
-            sum += radiance * source.share;
-            by_position += outer(radiance, source.by_position);
+            let light = radiance * source.share;
+            sum += light;
+            by_position += outer(light, source.by_position);
         }
         (sum, by_position)
     }
@@ -263,7 +306,9 @@ mod tests {
             lost: Vec3::ZERO,
             traced: 0,
         };
-        let gather = Gather::new(&surfaces, &anchors, &energies, vec![false; scene.instances.len()]);
+        let units = Units::of(scene);
+        let gather =
+            Gather::new(&surfaces, &anchors, &energies, &units, Lamps::default(), vec![false; scene.instances.len()]);
         *softening = gather.softening[0];
         let accelerator = Geometry::new(scene).place(&pose);
         let directions = Directions::new(4096);

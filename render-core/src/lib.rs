@@ -27,7 +27,7 @@ pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
 pub use anchor::{Anchor, Anchors, CarriedAnchor};
 pub use bsdf::{Bsdf, BsdfSample};
 pub use busy::Busy;
-pub use direct::{DirectLights, Receiver};
+pub use direct::{DirectLights, Lamps, Receiver};
 pub use emitter::{
     AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, Emission, Emitters, PhotonSource, PointLight, SunLight,
     dome_lights,

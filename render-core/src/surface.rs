@@ -32,6 +32,13 @@ pub struct Surface {
     pub double_sided: bool,
 }
 
+impl Surface {
+    /// Whether this is the back of a surface that reflects on its front alone.
+    pub(crate) fn is_back(&self) -> bool {
+        !self.front && !self.double_sided
+    }
+}
+
 /// The scene at one time, with what turning hits into surfaces needs.
 pub struct Surfaces<'a> {
     scene: &'a Scene,

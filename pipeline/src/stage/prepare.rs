@@ -188,7 +188,8 @@ impl<'s, 'a> Preparation<'s, 'a> {
         for place in (0..emitters.areas.len()).filter(|place| !sampled.contains(place)) {
             glow_softened[emitters.areas[place].instance] = true;
         }
-        let gather = busy.measure(|| Gather::new(surfaces, &self.anchors, &energies, glow_softened));
+        let gather = busy
+            .measure(|| Gather::new(surfaces, &self.anchors, &energies, &self.units, direct.lamps(), glow_softened));
         figures.tree = busy.seconds();
         Lights { tree, direct: Arc::new(direct), gather: Arc::new(gather) }
     }

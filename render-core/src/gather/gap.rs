@@ -1,0 +1,72 @@
+//! Light in gaps: between mouldings, behind a shutter, under a pot.
+//!
+//! What surfels hold is a mean over their neighbourhood. In a gap that is narrower, what a ray meets is darker than they say.
+//! So a ray that ends close by goes on:
+//!
+//! ```text
+//! L(y) = ρ(y) · (Lₑ(z) + L(z))     if a cosine-distributed ray from y meets z close by, and no lamp is seen from y
+//! L(y) = that of the surfels       otherwise
+//! ```
+//!
+//! Whatever comes to y from beyond the gap, the surfels know; what comes from within it is found anew. Where radiance is the
+//! same everywhere, both are the same: ρ · (Lₑ + L) = L.
+
+use super::{Seen, Source, Surroundings};
+use crate::accel::Accelerator;
+use crate::direct::Lamps;
+use crate::sampling::cosine_hemisphere;
+use crate::surface::Surfaces;
+use glam::{Vec2, Vec3};
+
+/// Reflections in a gap that are followed.
+const MOST_REFLECTIONS: usize = 8;
+
+/// What counts as a gap.
+pub(super) struct Gaps {
+    /// What is nearer than this is in the same gap \[m\].
+    pub near: f32,
+    /// Rays start this far off their surface \[m\].
+    pub epsilon: f32,
+    /// Lights that surfels are lit by and rays do not meet, or hardly ever.
+    pub lamps: Lamps,
+}
+
+impl Gaps {
+    /// Follows a ray that ended at `seen` out of the gap that it is in: where it comes out, and what is left of its share.
+    /// What glows on the way is noted in `found`.
+    pub fn follow(
+        &self,
+        accelerator: &Accelerator,
+        surfaces: &Surfaces,
+        mut seen: Seen,
+        mut source: Source,
+        random: &mut impl Iterator<Item = f32>,
+        found: &mut Surroundings,
+    ) -> (Seen, Source) {
+        for _ in 0..MOST_REFLECTIONS {
+            let Seen { surface, distance, .. } = &seen;
+            if *distance >= self.near || surface.is_back() {
+                break;
+            }
+            let position = surface.position + surface.geometric_normal * self.epsilon;
+            if self.lamps.are_seen(accelerator, position, surface.geometric_normal) {
+                break;
+            }
+            let mut next = || random.next().unwrap_or_default();
+            let direction = cosine_hemisphere(surface.shading_normal.into(), Vec2::new(next(), next())).into();
+            if surface.geometric_normal.dot(direction) <= 0.0 {
+                break;
+            }
+            let Some(hit) = accelerator.closest(position, direction).filter(|hit| hit.distance < self.near) else {
+                break;
+            };
+            source.share *= surface.albedo;
+            let surface = surfaces.at(&hit, direction, hit.distance);
+            if surface.emission != Vec3::ZERO {
+                found.emit(surface.emission, &source);
+            }
+            seen = Seen { surface, instance: hit.instance, distance: hit.distance };
+        }
+        (seen, source)
+    }
+}
