@@ -12,7 +12,7 @@ use std::path::Path;
 /// How a reference is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Method {
-    /// Every virtual light at every pixel: what a cut approximates.
+    /// Every virtual light at every pixel, and four times as many looks around as films take: what a cut approximates.
     AllLights,
     /// Path tracing without virtual lights: what all lights approximate.
     Path,

@@ -2,7 +2,7 @@
 
 use super::WITHOUT_THRESHOLD;
 use crate::message::{FrameFigures, Prepared};
-use crate::settings::{Settings, Thresholds};
+use crate::settings::{Lighting, Settings, Thresholds};
 use glam::{Vec3, Vec3A};
 use lighttree::{Light, Stop};
 use perceptual::ThresholdMap;
@@ -12,6 +12,8 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Rays of a look around: what compensation gives back is a few per cent of the light, known to a few per cent of itself.
 const LOOKS: usize = 64;
+/// The same where every light is asked: the noise of 64 would be a tenth of a reference's error, and its cost is small beside theirs.
+const LOOKS_OF_ALL_LIGHTS: usize = 256;
 
 /// A frame whose indirect light is asked for, from many threads at once.
 pub(super) struct LightTransport<'a> {
@@ -37,7 +39,8 @@ impl<'a> LightTransport<'a> {
         compensates: bool,
         figures: &'a Figures,
     ) -> Self {
-        let directions = Directions::new(LOOKS);
+        let all_lights = settings.lighting == Lighting::AllLights;
+        let directions = Directions::new(if all_lights { LOOKS_OF_ALL_LIGHTS } else { LOOKS });
         Self { settings, prepared, map, seen, direct, compensates, figures, directions }
     }
 
