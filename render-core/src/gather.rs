@@ -342,6 +342,34 @@ mod tests {
         assert!((light / expected - 1.0).abs() < 0.01, "{light} in place of {expected}");
     }
 
+    /// Between two wide plates of albedo ρ, a height h apart, a ray is followed from plate to plate while its pieces are shorter
+    /// than `near`; of cosine-distributed ones (h/near)² are not.
+    #[test]
+    fn narrow_gaps_are_as_dark_as_their_reflections_make_them() {
+        const ALBEDO: f32 = 0.5;
+        let height = 0.1;
+        let (along, across) = (Vec3::Z * 40.0, Vec3::X * 40.0);
+        let floor = [Vec3::new(-20.0, 0.0, -20.0), along, across];
+        let ceiling = [Vec3::new(-20.0, height, -20.0), across, along];
+        let mut plates = squares(&[floor, ceiling]);
+        plates.materials[0].base_color = Vec3::splat(ALBEDO);
+        let on_floor =
+            |_: f32| Receiver { position: Vec3A::new(0.3, 1e-3, 0.2), normal: Vec3A::Y, geometric_normal: Vec3A::Y };
+        let mut softening = 0.0;
+        let (light, _) = removed(&plates, on_floor, &mut softening)[0];
+        let near = NEAR * (PI * softening).sqrt();
+        let long = (height / near).powi(2);
+        let caught = (0..gap::MOST_REFLECTIONS).fold(1.0, |later, _| long + (1.0 - long) * ALBEDO * later);
+        // Over cos² θ, which is even for these rays.
+        let steps = 10_000;
+        let expected = (0..steps).map(|k| {
+            let length = height / ((k as f32 + 0.5) / steps as f32).sqrt();
+            softening / (length * length + softening) * if length < near { caught } else { 1.0 }
+        });
+        let expected = PI * RADIANCE * expected.sum::<f32>() / steps as f32;
+        assert!((light / expected - 1.0).abs() < 0.05, "{light} in place of {expected}");
+    }
+
     /// On a floor beside a wall: the derivative is what small steps find.
     #[test]
     fn the_derivative_is_that_of_small_steps() {

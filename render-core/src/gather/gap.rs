@@ -19,7 +19,7 @@ use crate::surface::Surfaces;
 use glam::{Vec2, Vec3};
 
 /// Reflections in a gap that are followed.
-const MOST_REFLECTIONS: usize = 8;
+pub(super) const MOST_REFLECTIONS: usize = 8;
 
 /// What counts as a gap.
 pub(super) struct Gaps {
