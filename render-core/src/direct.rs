@@ -11,13 +11,16 @@ use crate::luminance;
 use crate::polygon::Polygon;
 use crate::sampling::sobol_point;
 use crate::surface::Surfaces;
-use glam::{Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 use std::cell::Cell;
 use std::f32::consts::PI;
 
-/// Points of an area light, and how many are asked first: when these agree on all or nothing, so would the rest.
+/// Points of an area light, and how many are asked first: when these agree on all or nothing, and with them the corners of
+/// the light, so would the rest. Without the corners, where a penumbra begins is seen too late, and as a step.
 const AREA_SAMPLES: usize = 64;
 const FIRST_AREA_SAMPLES: usize = 16;
+/// How far in from the corner that is asked, in ways from the corner to the middle: what touches a lamp hides its border.
+const INWARD: f32 = 0.05;
 /// Softening of a point of an area light, in units of its own share's: as small as keeps contact finite. With the full
 /// share a panel seen from its own width comes out 0.5 % dark, since its points already average over each other.
 const AREA_SOFTENING: f32 = 1.0 / 8.0;
@@ -25,9 +28,20 @@ const AREA_SOFTENING: f32 = 1.0 / 8.0;
 const WORTH_A_SHAFT: usize = 8;
 /// A light of more pieces than this is summed over its points even where nothing hides it.
 const MOST_POLYGONS: usize = 4;
-/// The same for the disc of the sun, which is small.
+/// The same for the disc of the sun, of which eight points of the border are asked first.
 const SUN_SAMPLES: usize = 32;
-const FIRST_SUN_SAMPLES: usize = 8;
+const FIRST_SUN_SAMPLES: usize = 2;
+/// Points of the unit square that go to the border of a disc, an eighth of a turn apart.
+const BORDER: [Vec2; 8] = [
+    Vec2::new(0.0, 0.0),
+    Vec2::new(1.0, 1.0),
+    Vec2::new(1.0, 0.0),
+    Vec2::new(0.0, 1.0),
+    Vec2::new(0.5, 0.0),
+    Vec2::new(0.5, 1.0),
+    Vec2::new(1.0, 0.5),
+    Vec2::new(0.0, 0.5),
+];
 /// Carried anchors that together would give a receiver less than this share of its other direct light are not asked
 /// whether something hides them: it would not be seen.
 const UNASKED_SHARE: f32 = 1e-3;
@@ -46,7 +60,9 @@ pub struct DirectLights {
 struct Area {
     instance: u32,
     samples: Vec<AreaSample>,
-    /// Of the samples.
+    /// Where it ends, where its shape is simple.
+    corners: Vec<AreaSample>,
+    /// Of the samples and the corners.
     positions: Vec<Vec3A>,
     /// Its shape, where that is simple enough for a closed form.
     polygons: Vec<Polygon>,
@@ -57,8 +73,9 @@ struct Sun {
     irradiance: Vec3,
     towards: Vec3A,
     angular_radius: f32,
-    /// Towards points of its disc.
+    /// Towards points of its disc, and of its border.
     directions: Vec<Vec3A>,
+    border: [Vec3A; 8],
 }
 
 /// Where the lights are that each pixel asks for itself, by a point of each.
@@ -112,6 +129,7 @@ impl DirectLights {
                     towards: sun.towards,
                     angular_radius: sun.angular_radius,
                     directions: (0..SUN_SAMPLES as u64).map(|i| sun.direction(sobol_point(i))).collect(),
+                    border: BORDER.map(|u| sun.direction(u)),
                 })
                 .collect(),
             carried: carried
@@ -147,7 +165,7 @@ impl DirectLights {
             let tile = Tile::new(accelerator, receivers, rays);
             self.areas.iter().for_each(|area| tile.add_area(area, sums));
             self.points.iter().for_each(|point| tile.add_point(point, sums));
-            self.suns.iter().for_each(|sun| tile.add_sun(sun.irradiance, &sun.directions, sums));
+            self.suns.iter().for_each(|sun| tile.add_sun(sun, sums));
             if !self.carried_apart {
                 self.add_carried(&tile, sums);
             }
@@ -291,11 +309,14 @@ impl Area {
     fn new(light: &AreaLight, surfaces: &Surfaces) -> Self {
         let simple = light.patch_count() <= MOST_POLYGONS && !light.is_textured();
         let samples = light.samples(surfaces, AREA_SAMPLES);
+        let polygons = if simple { light.polygons(surfaces) } else { Vec::new() };
+        let corners: Vec<AreaSample> = polygons.iter().flat_map(|polygon| corners(polygon, &samples[0])).collect();
         Self {
             instance: light.instance as u32,
-            positions: samples.iter().map(|sample| sample.position).collect(),
+            positions: samples.iter().chain(&corners).map(|sample| sample.position).collect(),
             samples,
-            polygons: if simple { light.polygons(surfaces) } else { Vec::new() },
+            corners,
+            polygons,
         }
     }
 
@@ -313,6 +334,22 @@ impl Area {
         let Receiver { position, normal, geometric_normal } = *receiver;
         self.polygons.iter().map(|polygon| polygon.irradiance(position, normal, geometric_normal)).sum()
     }
+}
+
+/// Points of a light that are near its corners, and give nothing.
+fn corners(polygon: &Polygon, sample: &AreaSample) -> impl Iterator<Item = AreaSample> {
+    let Polygon { corners, normal, .. } = *polygon;
+    let middle = corners.iter().sum::<Vec3A>() / corners.len() as f32;
+    // As far off the surface as the others.
+    let offset = normal * normal.dot(sample.position - middle).abs().min(1e-3 * (corners[0] - middle).length());
+    // A triangle's last corner stands twice.
+    let count = if corners[2] == corners[3] { 3 } else { 4 };
+    corners.into_iter().take(count).map(move |corner| AreaSample {
+        position: corner.lerp(middle, INWARD) + offset,
+        normal,
+        intensity: Vec3::ZERO,
+        area: sample.area,
+    })
 }
 
 impl Sun {
@@ -441,7 +478,10 @@ impl<'a> Tile<'a> {
         // Where nothing can hide it, one sample that gives anything says as much as all.
         let (first, rest) = match &shaft {
             Some(shaft) if shaft.is_empty() => area.samples.split_at(1),
-            _ => (first, rest),
+            _ => {
+                ask_samples(&area.corners, self.all());
+                (first, rest)
+            }
         };
         let undecided = ask_samples(first, self.all());
         if undecided != 0 {
@@ -476,27 +516,30 @@ impl<'a> Tile<'a> {
         bits(ask & !hidden).for_each(|i| sums[i] += given[i]);
     }
 
-    /// Adds what a sun gives: after the first few of its `directions` it is all seen or not at all where these agreed.
-    fn add_sun(&self, irradiance: Vec3, directions: &[Vec3A], sums: &mut [Vec3]) {
+    /// Adds what a sun gives: it is all seen or not at all where its border and the first few of its points agree.
+    fn add_sun(&self, sun: &Sun, sums: &mut [Vec3]) {
+        let share = sun.irradiance / sun.directions.len() as f32;
         for (receiver, sum) in self.receivers.iter().zip(sums) {
             let given = |towards: Vec3A| {
                 let above = receiver.geometric_normal.dot(towards) > 0.0;
-                let cos = if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 };
-                irradiance * (cos / directions.len() as f32)
+                share * if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 }
+            };
+            let hides = |towards: Vec3A| {
+                self.rays.set(self.rays.get() + 1);
+                self.accelerator.occluded_towards(receiver.position, towards)
             };
             let mut votes = Votes::default();
-            for (index, &towards) in directions.iter().enumerate() {
-                let e = Vec3A::from(given(towards));
-                if e == Vec3A::ZERO {
-                    continue;
+            for towards in sun.border {
+                if given(towards) != Vec3::ZERO && (votes.lit == 0 || votes.dark == 0) {
+                    votes.add(Vec3A::ZERO, hides(towards));
                 }
-                let hidden = if index >= FIRST_SUN_SAMPLES && votes.agree() {
-                    votes.lit == 0
-                } else {
-                    self.rays.set(self.rays.get() + 1);
-                    self.accelerator.occluded_towards(receiver.position, towards)
-                };
-                votes.add(e, hidden);
+            }
+            for (index, &towards) in sun.directions.iter().enumerate() {
+                let e = Vec3A::from(given(towards));
+                if e != Vec3A::ZERO {
+                    let is_known = index >= FIRST_SUN_SAMPLES && votes.agree();
+                    votes.add(e, if is_known { votes.lit == 0 } else { hides(towards) });
+                }
             }
             *sum += Vec3::from(votes.lit_sum);
         }

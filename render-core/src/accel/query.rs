@@ -122,6 +122,9 @@ impl Visit for AnyGroup<'_> {
     }
 }
 
+/// Fewer shadow rays than this go alone: to make a packet ready takes as long as some walks.
+const WORTH_A_PACKET: usize = 8;
+
 /// A ray of a packet.
 #[derive(Clone, Copy)]
 pub(super) struct PacketRay {
@@ -157,6 +160,12 @@ impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
         let mut blocked = 0;
         let mut octants = Octants::of(rays);
         while let Some((octant, rays)) = octants.next() {
+            if !CLOSEST && rays.len() < WORTH_A_PACKET {
+                for &PacketRay { index, direction, limit, .. } in rays {
+                    blocked |= u64::from(Blocked { scene, origin, direction, limit }.run(lanes)) << index;
+                }
+                continue;
+            }
             let mut packet = Packet::new(lanes, origin, octant, rays);
             match scene.sole_group() {
                 Some(group) => {
@@ -214,8 +223,8 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
             count += 1;
         }
         let origin = placed.local(self.origin, Vec3A::X).0;
-        if placed.group.cut_outs.is_some() {
-            // Whether a hit counts is asked of each: these rays go alone.
+        if placed.group.cut_outs.is_some() || !CLOSEST && count < WORTH_A_PACKET {
+            // Whether a hit counts is asked of each, and few are faster alone.
             for ray in &local[..count] {
                 if let Some(met) = alone::<L, CLOSEST>(lanes, &placed.group, origin, ray) {
                     packet.set_limit(ray.index, met.t);
@@ -258,34 +267,47 @@ fn alone<L: Lanes, const CLOSEST: bool>(lanes: L, group: &Group, origin: Vec3A, 
     }
 }
 
-/// Rays sorted by octant. Nearly always all have the same, and are handed on as they are.
+/// Rays sorted by octant. Where they go to pixels all have the same, and are handed on as they are.
 pub(super) struct Octants<'a> {
     all: &'a [PacketRay],
-    /// What is left of a mixed lot, and what was taken from it last.
-    rest: Vec<PacketRay>,
+    /// Which of them are left, as bits.
+    left: u64,
+    octants: [Octant; PACKET],
+    /// What was taken from a mixed lot last.
     together: Vec<PacketRay>,
 }
 
 impl<'a> Octants<'a> {
     #[inline(always)]
     pub(super) fn of(rays: &'a [PacketRay]) -> Self {
-        Self { all: rays, rest: Vec::new(), together: Vec::new() }
+        let mut octants = [Octant::default(); PACKET];
+        for (octant, ray) in octants.iter_mut().zip(rays) {
+            *octant = Octant::of(ray.direction);
+        }
+        let left = u64::MAX.checked_shr((PACKET - rays.len()) as u32).unwrap_or(0);
+        Self { all: rays, left, octants, together: Vec::new() }
     }
 
     /// The rays that share an octant with the first that is left.
     #[inline(always)]
     pub(super) fn next(&mut self) -> Option<(Octant, &[PacketRay])> {
-        if let Some(first) = self.all.first() {
-            let octant = Octant::of(first.direction);
-            let all = std::mem::take(&mut self.all);
-            if all.iter().all(|ray| Octant::of(ray.direction) == octant) {
-                return Some((octant, all));
-            }
-            self.rest.extend_from_slice(all);
+        if self.left == 0 {
+            return None;
         }
-        let octant = Octant::of(self.rest.first()?.direction);
+        let octant = self.octants[self.left.trailing_zeros() as usize % PACKET];
+        let alike =
+            self.octants.iter().rev().fold(0, |bits, &other| bits << 1 | u64::from(other == octant)) & self.left;
+        self.left &= !alike;
+        if alike.count_ones() as usize == self.all.len() {
+            return Some((octant, self.all));
+        }
         self.together.clear();
-        self.together.extend(self.rest.extract_if(.., |ray| Octant::of(ray.direction) == octant));
+        self.together.reserve(PACKET);
+        let mut bits = alike;
+        while bits != 0 {
+            self.together.push(self.all[bits.trailing_zeros() as usize % PACKET]);
+            bits &= bits - 1;
+        }
         Some((octant, &self.together))
     }
 }

@@ -11,7 +11,7 @@ pub(super) const LEAST_COMPONENT: f32 = 1e-20;
 pub(super) const LENGTHENING: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 /// Which way a direction goes: what rays that walk together must have in common.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Octant {
     /// Bits 0…2: whether x, y, z go down. Bits 3…4: the axis that it goes along most.
     code: u8,
