@@ -4,7 +4,9 @@
 //! smooth and still, where random points would leave noise that the encoder pays for. And being the same, they send
 //! their rays to all pixels of a tile together.
 
-use crate::accel::{Accelerator, PACKET, Shaft};
+mod tile;
+
+use crate::accel::{Accelerator, PACKET};
 use crate::anchor::{Anchor, Anchors};
 use crate::emitter::{AreaLight, AreaSample, Emitters, PointLight};
 use crate::luminance;
@@ -14,6 +16,7 @@ use crate::surface::Surfaces;
 use glam::{Vec2, Vec3, Vec3A};
 use std::cell::Cell;
 use std::f32::consts::PI;
+use tile::Tile;
 
 /// Points of an area light, and how many are asked first: when these agree on all or nothing, and with them the corners of
 /// the light, so would the rest. Without the corners, where a penumbra begins is seen too late, and as a step.
@@ -369,180 +372,6 @@ impl Sun {
         rays.set(rays.get() + first.len() as u64);
         let seen = first.iter().filter(|&&towards| !accelerator.occluded_towards(receiver.position, towards));
         given * (seen.count() as f32 / first.len() as f32)
-    }
-}
-
-/// What the samples of a light have told a receiver so far.
-#[derive(Clone, Copy, Default)]
-struct Votes {
-    lit: u32,
-    dark: u32,
-    /// Sum over those that were lit, and over all.
-    lit_sum: Vec3A,
-    sum: Vec3A,
-}
-
-impl Votes {
-    #[inline]
-    fn add(&mut self, e: Vec3A, hidden: bool) {
-        self.sum += e;
-        if hidden {
-            self.dark += 1;
-        } else {
-            self.lit += 1;
-            self.lit_sum += e;
-        }
-    }
-
-    /// Whether all agreed. Without a vote there is no agreement, as when the first few samples all lie below the horizon.
-    fn agree(&self) -> bool {
-        (self.lit == 0) != (self.dark == 0)
-    }
-}
-
-/// Up to [`PACKET`] receivers that are lit together.
-struct Tile<'a> {
-    accelerator: &'a Accelerator,
-    receivers: &'a [Receiver],
-    positions: [Vec3A; PACKET],
-    /// The same, and both normals, by axis.
-    columns: [[[f32; PACKET]; 3]; 3],
-    rays: &'a Cell<u64>,
-}
-
-impl<'a> Tile<'a> {
-    fn new(accelerator: &'a Accelerator, receivers: &'a [Receiver], rays: &'a Cell<u64>) -> Self {
-        let mut columns = [[[0.0; PACKET]; 3]; 3];
-        // Places without a receiver repeat the last.
-        for i in 0..PACKET {
-            let Receiver { position, normal, geometric_normal } = receivers[i.min(receivers.len() - 1)];
-            for (columns, v) in columns.iter_mut().zip([position, normal, geometric_normal]) {
-                columns.iter_mut().zip(v.to_array()).for_each(|(column, x)| column[i] = x);
-            }
-        }
-        let positions = std::array::from_fn(|i| receivers.get(i).map_or(Vec3A::ZERO, |receiver| receiver.position));
-        Self { accelerator, receivers, positions, columns, rays }
-    }
-
-    /// Irradiance from a disc at each receiver, per intensity \[m⁻²\].
-    fn terms(&self, disc: &Disc) -> [f32; PACKET] {
-        let mut terms = [0.0; PACKET];
-        let [position, normal, geometric_normal] = &self.columns;
-        for i in 0..self.receivers.len().min(PACKET) {
-            let at = |columns: &[[f32; PACKET]; 3]| [columns[0][i], columns[1][i], columns[2][i]];
-            terms[i] = disc_term(at(position), [at(normal), at(geometric_normal)], disc);
-        }
-        terms
-    }
-
-    /// What can stand between the receivers and a light's points, if that is worth finding out.
-    fn shaft(&self, light: &[Vec3A]) -> Option<Shaft> {
-        let receivers = &self.positions[..self.receivers.len()];
-        (receivers.len() >= WORTH_A_SHAFT && !light.is_empty()).then(|| self.accelerator.shaft(receivers, light))
-    }
-
-    /// All receivers, as bits.
-    fn all(&self) -> u64 {
-        u64::MAX >> (PACKET - self.receivers.len())
-    }
-
-    /// Which of the receivers in `ask` do not see `light`, which lies in the `shaft`, if there is one. The rays go from the
-    /// light, which they have in common.
-    fn hidden_from(&self, light: Vec3A, ask: u64, shaft: Option<&Shaft>) -> u64 {
-        if ask == 0 || shaft.is_some_and(Shaft::is_empty) {
-            return 0;
-        }
-        self.rays.set(self.rays.get() + u64::from(ask.count_ones()));
-        match shaft {
-            Some(shaft) => self.accelerator.occluded_packet_within(shaft, light, &self.columns[0], ask),
-            None => self.accelerator.occluded_packet(light, &self.positions[..self.receivers.len()], ask),
-        }
-    }
-
-    /// Adds what a glowing surface gives: exact where all of it is seen, else by the share of its samples that is seen,
-    /// each counted by what it would give.
-    fn add_area(&self, area: &Area, sums: &mut [Vec3]) {
-        let shaft = self.shaft(&area.positions);
-        let mut votes = [Votes::default(); PACKET];
-        let mut ask_samples = |samples: &[AreaSample], among: u64| {
-            for sample in samples {
-                let intensity = Vec3A::from(sample.intensity);
-                let terms = self.terms(&Disc::of_sample(sample));
-                let ask = bits(among).fold(0, |ask, i| ask | u64::from(terms[i] > 0.0) << i);
-                let hidden = self.hidden_from(sample.position, ask, shaft.as_ref());
-                bits(ask).for_each(|i| votes[i].add(intensity * terms[i], hidden >> i & 1 == 1));
-            }
-            bits(among).fold(0, |undecided, i| undecided | u64::from(!votes[i].agree()) << i)
-        };
-        let (first, rest) = area.samples.split_at(FIRST_AREA_SAMPLES.min(area.samples.len()));
-        // Where nothing can hide it, one sample that gives anything says as much as all.
-        let (first, rest) = match &shaft {
-            Some(shaft) if shaft.is_empty() => area.samples.split_at(1),
-            _ => {
-                ask_samples(&area.corners, self.all());
-                (first, rest)
-            }
-        };
-        let undecided = ask_samples(first, self.all());
-        if undecided != 0 {
-            ask_samples(rest, undecided);
-        }
-        for ((receiver, votes), sum) in self.receivers.iter().zip(&votes).zip(sums) {
-            if votes.lit == 0 {
-                continue;
-            }
-            *sum += if votes.dark == 0 {
-                area.unhidden(receiver)
-            } else if area.polygons.is_empty() {
-                votes.lit_sum.into()
-            } else {
-                // Where a colour is missing in all samples, it is missing in the light.
-                let share = votes.lit_sum / votes.sum.max(Vec3A::splat(f32::MIN_POSITIVE));
-                area.unhidden(receiver) * Vec3::from(share)
-            };
-        }
-    }
-
-    fn add_point(&self, light: &PointLight, sums: &mut [Vec3]) {
-        let mut given = [Vec3::ZERO; PACKET];
-        let mut ask = 0;
-        for (i, receiver) in self.receivers.iter().enumerate() {
-            let (cos, r2) = receiver.cosine_to(light.position);
-            given[i] = light.intensity_towards(receiver.position) * (cos / r2.max(f32::MIN_POSITIVE));
-            ask |= u64::from(given[i] != Vec3::ZERO) << i;
-        }
-        let shaft = self.shaft(&[light.position]);
-        let hidden = self.hidden_from(light.position, ask, shaft.as_ref());
-        bits(ask & !hidden).for_each(|i| sums[i] += given[i]);
-    }
-
-    /// Adds what a sun gives: it is all seen or not at all where its border and the first few of its points agree.
-    fn add_sun(&self, sun: &Sun, sums: &mut [Vec3]) {
-        let share = sun.irradiance / sun.directions.len() as f32;
-        for (receiver, sum) in self.receivers.iter().zip(sums) {
-            let given = |towards: Vec3A| {
-                let above = receiver.geometric_normal.dot(towards) > 0.0;
-                share * if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 }
-            };
-            let hides = |towards: Vec3A| {
-                self.rays.set(self.rays.get() + 1);
-                self.accelerator.occluded_towards(receiver.position, towards)
-            };
-            let mut votes = Votes::default();
-            for towards in sun.border {
-                if given(towards) != Vec3::ZERO && (votes.lit == 0 || votes.dark == 0) {
-                    votes.add(Vec3A::ZERO, hides(towards));
-                }
-            }
-            for (index, &towards) in sun.directions.iter().enumerate() {
-                let e = Vec3A::from(given(towards));
-                if e != Vec3A::ZERO {
-                    let is_known = index >= FIRST_SUN_SAMPLES && votes.agree();
-                    votes.add(e, if is_known { votes.lit == 0 } else { hides(towards) });
-                }
-            }
-            *sum += Vec3::from(votes.lit_sum);
-        }
     }
 }
 

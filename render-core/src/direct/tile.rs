@@ -1,0 +1,230 @@
+//! Receivers that are lit together: the same points of a light send their rays to all of them.
+
+use super::{Area, Disc, FIRST_AREA_SAMPLES, FIRST_SUN_SAMPLES, Receiver, Sun, WORTH_A_SHAFT, bits, disc_term};
+use crate::accel::{Accelerator, PACKET, Shaft};
+use crate::emitter::{AreaSample, PointLight};
+use glam::{Vec3, Vec3A};
+use std::cell::Cell;
+
+/// What the samples of a sun have told a receiver so far.
+#[derive(Clone, Copy, Default)]
+struct Votes {
+    lit: bool,
+    dark: bool,
+    /// Irradiance from those that were lit \[W·m⁻²\].
+    sum: Vec3,
+}
+
+impl Votes {
+    fn add(&mut self, e: Vec3, hidden: bool) {
+        self.dark |= hidden;
+        self.lit |= !hidden;
+        self.sum += if hidden { Vec3::ZERO } else { e };
+    }
+
+    /// Whether all agreed. Without a vote there is no agreement, as when the first few samples all lie below the horizon.
+    fn agree(&self) -> bool {
+        self.lit != self.dark
+    }
+}
+
+/// What the samples of an area have told the receivers of a tile so far.
+struct TileVotes {
+    /// Receivers that saw any of the samples, and to which any was hidden, as bits.
+    lit: u64,
+    dark: u64,
+    /// By colour and receiver, irradiance from the samples that were seen, and from all \[W·m⁻²\].
+    seen: [[f32; PACKET]; 3],
+    all: [[f32; PACKET]; 3],
+}
+
+/// 0 for each bit of a number that is set, 1 for the others: hidden or not, as factors.
+const FACTORS: [[f32; 8]; 256] = {
+    let mut factors = [[1.0; 8]; 256];
+    let mut k = 0;
+    while k < 256 * 8 {
+        if (k / 8) >> (k % 8) & 1 == 1 {
+            factors[k / 8][k % 8] = 0.0;
+        }
+        k += 1;
+    }
+    factors
+};
+
+impl TileVotes {
+    const NONE: Self = Self { lit: 0, dark: 0, seen: [[0.0; PACKET]; 3], all: [[0.0; PACKET]; 3] };
+
+    /// Adds a sample: `terms` times its intensity, 0 where it does not shine, for those receivers that were asked.
+    fn add(&mut self, intensity: Vec3, terms: &[f32; PACKET], asked: u64, hidden: u64) {
+        self.lit |= asked & !hidden;
+        self.dark |= asked & hidden;
+        let (terms, _) = terms.as_chunks::<8>();
+        for (row, terms) in terms.iter().enumerate().filter(|(row, _)| asked >> (8 * row) & 0xff != 0) {
+            let factors = &FACTORS[(hidden >> (8 * row)) as usize & 0xff];
+            for (c, intensity) in intensity.to_array().into_iter().enumerate() {
+                let seen = &mut self.seen[c].as_chunks_mut::<8>().0[row];
+                let all = &mut self.all[c].as_chunks_mut::<8>().0[row];
+                for lane in 0..8 {
+                    let e = intensity * terms[lane];
+                    all[lane] += e;
+                    seen[lane] += e * factors[lane];
+                }
+            }
+        }
+    }
+
+    /// Receivers whose votes all agree, as bits.
+    fn agreed(&self) -> u64 {
+        self.lit ^ self.dark
+    }
+
+    fn of(sums: &[[f32; PACKET]; 3], receiver: usize) -> Vec3 {
+        Vec3::from(std::array::from_fn(|c| sums[c][receiver]))
+    }
+}
+
+/// Up to [`PACKET`] receivers that are lit together.
+pub(super) struct Tile<'a> {
+    accelerator: &'a Accelerator,
+    receivers: &'a [Receiver],
+    positions: [Vec3A; PACKET],
+    /// The same, and both normals, by axis.
+    columns: [[[f32; PACKET]; 3]; 3],
+    rays: &'a Cell<u64>,
+}
+
+impl<'a> Tile<'a> {
+    pub(super) fn new(accelerator: &'a Accelerator, receivers: &'a [Receiver], rays: &'a Cell<u64>) -> Self {
+        let mut columns = [[[0.0; PACKET]; 3]; 3];
+        // Places without a receiver repeat the last.
+        for i in 0..PACKET {
+            let Receiver { position, normal, geometric_normal } = receivers[i.min(receivers.len() - 1)];
+            for (columns, v) in columns.iter_mut().zip([position, normal, geometric_normal]) {
+                columns.iter_mut().zip(v.to_array()).for_each(|(column, x)| column[i] = x);
+            }
+        }
+        let positions = std::array::from_fn(|i| receivers.get(i).map_or(Vec3A::ZERO, |receiver| receiver.position));
+        Self { accelerator, receivers, positions, columns, rays }
+    }
+
+    /// Irradiance from a disc at each receiver, per intensity \[m⁻²\].
+    pub(super) fn terms(&self, disc: &Disc) -> [f32; PACKET] {
+        let mut terms = [0.0; PACKET];
+        let [position, normal, geometric_normal] = &self.columns;
+        for i in 0..self.receivers.len().min(PACKET) {
+            let at = |columns: &[[f32; PACKET]; 3]| [columns[0][i], columns[1][i], columns[2][i]];
+            terms[i] = disc_term(at(position), [at(normal), at(geometric_normal)], disc);
+        }
+        terms
+    }
+
+    /// What can stand between the receivers and a light's points, if that is worth finding out.
+    fn shaft(&self, light: &[Vec3A]) -> Option<Shaft> {
+        let receivers = &self.positions[..self.receivers.len()];
+        (receivers.len() >= WORTH_A_SHAFT && !light.is_empty()).then(|| self.accelerator.shaft(receivers, light))
+    }
+
+    /// All receivers, as bits.
+    fn all(&self) -> u64 {
+        u64::MAX >> (PACKET - self.receivers.len())
+    }
+
+    /// Which of the receivers in `ask` do not see `light`, which lies in the `shaft`, if there is one. The rays go from the
+    /// light, which they have in common.
+    pub(super) fn hidden_from(&self, light: Vec3A, ask: u64, shaft: Option<&Shaft>) -> u64 {
+        if ask == 0 || shaft.is_some_and(Shaft::is_empty) {
+            return 0;
+        }
+        self.rays.set(self.rays.get() + u64::from(ask.count_ones()));
+        match shaft {
+            Some(shaft) => self.accelerator.occluded_packet_within(shaft, light, &self.columns[0], ask),
+            None => self.accelerator.occluded_packet(light, &self.positions[..self.receivers.len()], ask),
+        }
+    }
+
+    /// Adds what a glowing surface gives: exact where all of it is seen, else by the share of its samples that is seen,
+    /// each counted by what it would give.
+    pub(super) fn add_area(&self, area: &Area, sums: &mut [Vec3]) {
+        let shaft = self.shaft(&area.positions);
+        let mut votes = TileVotes::NONE;
+        let mut ask_samples = |samples: &[AreaSample], among: u64| {
+            for sample in samples {
+                let terms = self.terms(&Disc::of_sample(sample));
+                let asked = among & shining(&terms);
+                let hidden = self.hidden_from(sample.position, asked, shaft.as_ref());
+                votes.add(sample.intensity, &terms, asked, hidden);
+            }
+            among & !votes.agreed()
+        };
+        let (first, rest) = match &shaft {
+            // Where nothing can hide it, one sample that gives anything says as much as all.
+            Some(shaft) if shaft.is_empty() => area.samples.split_at(1),
+            _ => {
+                ask_samples(&area.corners, self.all());
+                area.samples.split_at(FIRST_AREA_SAMPLES.min(area.samples.len()))
+            }
+        };
+        let undecided = ask_samples(first, self.all());
+        if undecided != 0 {
+            ask_samples(rest, undecided);
+        }
+        for i in bits(votes.lit) {
+            sums[i] += if votes.dark >> i & 1 == 0 {
+                area.unhidden(&self.receivers[i])
+            } else if area.polygons.is_empty() {
+                TileVotes::of(&votes.seen, i)
+            } else {
+                // Where a colour is missing in all samples, it is missing in the light.
+                let all = TileVotes::of(&votes.all, i).max(Vec3::splat(f32::MIN_POSITIVE));
+                area.unhidden(&self.receivers[i]) * (TileVotes::of(&votes.seen, i) / all)
+            };
+        }
+    }
+
+    pub(super) fn add_point(&self, light: &PointLight, sums: &mut [Vec3]) {
+        let mut given = [Vec3::ZERO; PACKET];
+        let mut ask = 0;
+        for (i, receiver) in self.receivers.iter().enumerate() {
+            let (cos, r2) = receiver.cosine_to(light.position);
+            given[i] = light.intensity_towards(receiver.position) * (cos / r2.max(f32::MIN_POSITIVE));
+            ask |= u64::from(given[i] != Vec3::ZERO) << i;
+        }
+        let shaft = self.shaft(&[light.position]);
+        let hidden = self.hidden_from(light.position, ask, shaft.as_ref());
+        bits(ask & !hidden).for_each(|i| sums[i] += given[i]);
+    }
+
+    /// Adds what a sun gives: it is all seen or not at all where its border and the first few of its points agree.
+    pub(super) fn add_sun(&self, sun: &Sun, sums: &mut [Vec3]) {
+        let share = sun.irradiance / sun.directions.len() as f32;
+        for (receiver, sum) in self.receivers.iter().zip(sums) {
+            let given = |towards: Vec3A| {
+                let above = receiver.geometric_normal.dot(towards) > 0.0;
+                share * if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 }
+            };
+            let hides = |towards: Vec3A| {
+                self.rays.set(self.rays.get() + 1);
+                self.accelerator.occluded_towards(receiver.position, towards)
+            };
+            let mut votes = Votes::default();
+            for towards in sun.border {
+                if given(towards) != Vec3::ZERO && !(votes.lit && votes.dark) {
+                    votes.add(Vec3::ZERO, hides(towards));
+                }
+            }
+            for (index, &towards) in sun.directions.iter().enumerate() {
+                let e = given(towards);
+                if e != Vec3::ZERO {
+                    let is_known = index >= FIRST_SUN_SAMPLES && votes.agree();
+                    votes.add(e, if is_known { votes.dark } else { hides(towards) });
+                }
+            }
+            *sum += votes.sum;
+        }
+    }
+}
+
+/// Where a disc shines, as bits.
+fn shining(terms: &[f32; PACKET]) -> u64 {
+    terms.iter().rev().fold(0, |bits, &term| bits << 1 | u64::from(term > 0.0))
+}
