@@ -100,9 +100,11 @@ impl Plan {
             ),
         };
         let photons_apart = match (photons, settings.leave_out && settings.frames > 1) {
-            (State::On, true) => {
-                step("photons that stay", State::On, "those that nothing that moves can meet are traced once")
-            }
+            (State::On, true) => step(
+                "photons that stay",
+                State::On,
+                "their ways are traced once up to where something that moves can meet them",
+            ),
             (State::On, false) => step("photons that stay", State::Off, "every photon is traced for every frame"),
             _ => step("photons that stay", State::Off, "no photon has to be traced again"),
         };

@@ -48,6 +48,33 @@ fn a_rectangle_lights_as_its_form_factor_says() {
     }
 }
 
+/// Half of a plane stands between a lamp and the floor: each place sees a rectangle of the lamp, which alone would light it
+/// by the closed form. Where the penumbra begins and ends, too, it is no further off than a few of the lamp's 64 points.
+#[test]
+fn a_penumbra_begins_where_the_lamp_comes_up() {
+    let lamp = |from: f32| {
+        let mut scene = Scene::default();
+        let panel = quad(vec3(from, 2.0, -0.5), Vec3::X * (0.5 - from), Vec3::Z);
+        add(&mut scene, rest(Vec3::ZERO), panel, material(Vec3::ZERO, Vec3::ONE));
+        scene
+    };
+    let mut hidden = lamp(-0.5);
+    let half = quad(vec3(-9.0, 1.0, -9.0), Vec3::X * 9.0, Vec3::Z * 18.0);
+    add(&mut hidden, rest(Vec3::ZERO), half, material(Vec3::ONE, Vec3::ZERO));
+    let mut partial = 0;
+    for k in -70..70 {
+        let place = vec3(k as f32 / 100.0 + 0.003, 0.0, 0.02);
+        let whole = irradiance(&lamp(-0.5), place).x;
+        // The edge is half way up: as far as the place is to the right of it, the lamp is seen to the left.
+        let seen_from = (-place.x).clamp(-0.5, 0.5);
+        let expected = if seen_from < 0.5 { irradiance(&lamp(seen_from), place).x } else { 0.0 };
+        let found = irradiance(&hidden, place).x;
+        partial += usize::from(found > 0.0 && found < 0.99 * whole);
+        assert!((found - expected).abs() < 0.025 * whole, "at {}: {found}, not {expected} of {whole}", place.x);
+    }
+    assert!(partial > 80, "{partial} places in the penumbra");
+}
+
 #[test]
 fn punctual_lights_follow_their_laws() {
     let mut scene = Scene::default();
