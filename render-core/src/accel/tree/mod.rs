@@ -55,7 +55,7 @@ pub(super) struct Tree {
 }
 
 /// As many entries as a [`Stack`] has room for without asking the system for memory.
-const COMMON: usize = 64;
+const COMMON: usize = 32;
 
 /// Where walks keep what they have yet to visit: nearly always short, and never too short.
 pub(super) struct Stack<T> {
