@@ -17,6 +17,14 @@ use crate::sampling::{Distribution, radical_inverse, triangle};
 use crate::scene::Scene;
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3A};
+use std::f32::consts::PI;
+
+/// Shares of surface that an anchor is softened over, where the light that softening takes is given back.
+///
+/// Near an anchor it matters by chance where it happens to lie; rays that look around do not care, and surfels tell them more.
+/// `cornell`, `atrium` and `nave` by all lights, 128×128, relative MSE against paths: 3.8e-4, 1.8e-3 and 2.8e-3 with 1 share;
+/// 2.8e-4, 1.4e-3 and 1.6e-3 with 4; 2.6e-4, 1.3e-3 and 1.4e-3 with 8. Cuts are as large, and frames take as long.
+pub(crate) const SHARES: f32 = 8.0;
 
 /// A place that stands for the light its share of surface sends back.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +85,18 @@ impl Anchors {
             anchors.carried_area_share = patches.area() / carried.max(1) as f32;
         }
         anchors
+    }
+
+    /// Softening of the fixed anchors as lights \[m²\]: what stands for r² in place of it is r² + softening. Where the light
+    /// that this takes is given back by [`crate::Gather`], it reaches as far as the disc of eight shares; where it is not, no
+    /// farther than an anchor's own.
+    pub fn softening(&self, given_back: bool) -> f32 {
+        self.area_share / PI * if given_back { SHARES } else { 1.0 }
+    }
+
+    /// Softening of the carried anchors \[m²\]: of their own share, as they are seen from near by no more than a few things.
+    pub fn carried_softening(&self) -> f32 {
+        self.carried_area_share / PI
     }
 
     /// The carried anchors in world space at the pose that `surfaces` has.

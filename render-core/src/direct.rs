@@ -139,7 +139,7 @@ impl DirectLights {
                 .filter(|(_, energy)| energy.max_element() > 0.0)
                 .map(|(anchor, energy)| (anchor, *energy / PI))
                 .collect(),
-            carried_softening: anchors.carried_area_share / PI,
+            carried_softening: anchors.carried_softening(),
             carried_apart: false,
         }
     }

@@ -126,7 +126,7 @@ impl Gather {
             fixed,
             carried,
             radiance,
-            softening: [anchors.area_share / PI, anchors.carried_area_share / PI],
+            softening: [anchors.softening(true), anchors.carried_softening()],
             gaps: Gaps { near: NEAR * anchors.area_share.sqrt(), epsilon: units.epsilon, lamps },
             moving: scene.moving_instances(),
             glow_softened,
@@ -267,6 +267,7 @@ fn outer(a: Vec3, b: Vec3A) -> Mat3A {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::anchor::SHARES;
     use crate::scene::{Material, Mesh, Node, Pose, Scene, Transform};
     use crate::{Geometry, Units};
     use glam::Quat;
@@ -357,7 +358,7 @@ mod tests {
             |_: f32| Receiver { position: Vec3A::new(0.3, 1e-3, 0.2), normal: Vec3A::Y, geometric_normal: Vec3A::Y };
         let mut softening = 0.0;
         let (light, _) = removed(&plates, on_floor, &mut softening)[0];
-        let near = NEAR * (PI * softening).sqrt();
+        let near = NEAR * (PI * softening / SHARES).sqrt();
         let long = (height / near).powi(2);
         let caught = (0..gap::MOST_REFLECTIONS).fold(1.0, |later, _| long + (1.0 - long) * ALBEDO * later);
         // Over cos² θ, which is even for these rays.

@@ -174,7 +174,7 @@ impl<'s, 'a> Preparation<'s, 'a> {
                     intensity,
                 });
                 let lights: Vec<Light> = anchors.chain(self.lights_that_stay(&emitters, surfaces, &sampled)).collect();
-                let softening2 = self.anchors.area_share / std::f32::consts::PI;
+                let softening2 = self.anchors.softening(self.plan.compensation == State::On);
                 let params = BuildParams { softening2, seed: self.settings.seed };
                 Arc::new(busy.measure(|| LightTree::build(&lights, params)))
             }

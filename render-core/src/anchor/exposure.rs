@@ -11,6 +11,7 @@ use crate::scene::Scene;
 use crate::surface::Surfaces;
 use glam::Vec2;
 use rayon::prelude::*;
+use std::f32::consts::PI;
 
 /// Rays that look out from a place.
 const LOOKS: u64 = 32;
@@ -23,7 +24,7 @@ const NEAR: f32 = 0.1;
 /// How far light gets from a place, by cosine-distributed rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Outlook {
-    /// Share of the rays that go farther than the side of an anchor's share, softly: mean of r² / (r² + softening).
+    /// Share of the rays that get farther than softening reaches: mean of r² / (r² + softening).
     pub openness: f32,
     /// Whether enough of them get out.
     pub exposed: bool,
@@ -41,7 +42,7 @@ const FIRST: f32 = -6.0;
 const UNLIKELY: f32 = 0.125;
 
 impl Outlook {
-    /// The bin of a length, in radii of a kernel of surfels: √softening, the radius of the disc that an anchor stands for.
+    /// The bin of a length, in radii of a kernel of surfels: that of the disc that an anchor stands for.
     #[inline]
     pub fn bin(length: f32) -> usize {
         // Negative values become 0; infinity the last.
@@ -69,7 +70,7 @@ impl Anchors {
     ) -> Self {
         let spread = |fixed| {
             let mut anchors = Self::without_surfels(scene, surfaces, units, fixed, carried);
-            let eye = Eye { surfaces, accelerator, side: anchors.area_share.sqrt(), near: NEAR };
+            let eye = Eye::of(&anchors, surfaces, accelerator, NEAR);
             let outlooks = eye.outlooks(&anchors.fixed);
             let exposed: Vec<_> = anchors.fixed.iter().zip(outlooks).filter(|(_, outlook)| outlook.exposed).collect();
             let (places, outlooks) = exposed.into_iter().map(|(anchor, outlook)| (*anchor, outlook)).unzip();
@@ -93,11 +94,18 @@ pub(super) struct Eye<'a> {
     pub accelerator: &'a Accelerator,
     /// Side of an anchor's share \[m\].
     pub side: f32,
+    /// Softening of the anchors \[m²\].
+    pub softening: f32,
     /// How far rays have to go to get out, in sides.
     pub near: f32,
 }
 
-impl Eye<'_> {
+impl<'a> Eye<'a> {
+    /// Looks out as far as matters to `anchors`; a ray gets out that goes `near` sides of their share.
+    pub fn of(anchors: &Anchors, surfaces: &'a Surfaces<'a>, accelerator: &'a Accelerator, near: f32) -> Self {
+        Self { surfaces, accelerator, side: anchors.area_share.sqrt(), softening: anchors.softening(true), near }
+    }
+
     pub fn outlooks(&self, places: &[Anchor]) -> Vec<Outlook> {
         places.par_iter().enumerate().map(|(index, place)| self.outlook(place, index as u64)).collect()
     }
@@ -105,7 +113,7 @@ impl Eye<'_> {
     /// The look from `place`, with rays turned by an angle that follows from `index`. What ends on a side that does not
     /// reflect is lost.
     fn outlook(&self, place: &Anchor, index: u64) -> Outlook {
-        let (softening, near) = (self.side * self.side / std::f32::consts::PI, self.near * self.side);
+        let (near, radius) = (self.near * self.side, self.side / PI.sqrt());
         let turn = hash_unit(index, 0, 0);
         let (mut found, mut out, mut openness) = (Outlook::default(), 0, 0.0);
         for k in 0..LOOKS {
@@ -120,8 +128,8 @@ impl Eye<'_> {
             };
             if reflects {
                 out += u64::from(length >= near);
-                openness += 1.0 / (1.0 + softening / (length * length));
-                found.lengths[Outlook::bin(length / softening.sqrt())] += 1;
+                openness += 1.0 / (1.0 + self.softening / (length * length));
+                found.lengths[Outlook::bin(length / radius)] += 1;
             }
         }
         found.openness = openness / LOOKS as f32;

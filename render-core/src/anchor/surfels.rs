@@ -77,7 +77,7 @@ impl Surfels {
         units: &Units,
     ) -> Self {
         let points = Self::points(surfaces, units, anchors.fixed.len(), anchors.area_share);
-        let eye = Eye { surfaces, accelerator, side: anchors.area_share.sqrt(), near: NEAR };
+        let eye = Eye::of(anchors, surfaces, accelerator, NEAR);
         let seen = eye.outlooks(&points);
         let exposed = points.into_iter().zip(seen).filter(|(_, outlook)| outlook.exposed);
         let (points, seen): (Vec<Anchor>, Vec<Outlook>) = exposed.unzip();
