@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::light::{Light, unshadowed};
+use crate::light::{Light, unshadowed_by};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
@@ -17,7 +17,7 @@ pub fn exhaustive<R: Receiver>(
 ) -> Vec3 {
     let mut radiance = DVec3::ZERO;
     for (index, light) in lights.iter().enumerate() {
-        let contribution = unshadowed(receiver, light, softening2) * light.intensity;
+        let contribution = unshadowed_by(receiver, light, softening2) * light.intensity;
         if contribution != Vec3::ZERO && visible(light, index) {
             radiance += contribution.as_dvec3();
         }

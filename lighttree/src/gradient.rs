@@ -23,10 +23,18 @@ pub struct IrradianceTerm {
 ///
 /// ```text
 /// E / I = a b / (r² (r² + s²))        d  way to the light, r its length
-///   a = n · d     b = −axis · d for Cosine, r for Omni
+///   a = n · d     b = −axis · d for Cosine, r for Omni       a for Directional, d being the unit way against it
 /// ```
 #[inline]
 pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, softening2: f32) -> IrradianceTerm {
+    if let Emission::Directional(travel) = light.emission {
+        let value = -normal.dot(travel);
+        return if value > 0.0 {
+            IrradianceTerm { value, by_normal: -travel, by_position: Vec3::ZERO }
+        } else {
+            IrradianceTerm::default()
+        };
+    }
     let d = light.position - position;
     let r2 = d.length_squared();
     let a = normal.dot(d);
@@ -37,7 +45,7 @@ pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, softening2: 
     // 1/q and −∇q/q, where d itself loses what the position gains.
     let (b, b_by_position) = match light.emission {
         Emission::Cosine(axis) => (-axis.dot(d), axis),
-        Emission::Omni => (r2.sqrt(), -d / r2.sqrt()),
+        Emission::Omni | Emission::Directional(_) => (r2.sqrt(), -d / r2.sqrt()),
     };
     if b <= 0.0 {
         return IrradianceTerm::default();
@@ -56,7 +64,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::light::unshadowed;
+    use crate::light::unshadowed_by;
     use crate::receiver::Lambert;
     use crate::testing;
 
@@ -68,9 +76,10 @@ mod tests {
             let Lambert { position, normal, .. } = scene.receiver;
             let term = irradiance_term(position, normal, &light, s2);
             let white = Lambert { position, normal, reflectance: Vec3::splat(std::f32::consts::PI) };
-            let expected = unshadowed(&white, &light, s2).x;
+            let expected = unshadowed_by(&white, &light, s2).x;
             // Near a horizon a cosine is all rounding: measured against what the light does face to face.
-            let face_to_face = 1.0 / ((light.position - position).length_squared() + s2);
+            let far = matches!(light.emission, Emission::Directional(_));
+            let face_to_face = if far { 1.0 } else { 1.0 / ((light.position - position).length_squared() + s2) };
             let rounding = 1e-5 * expected + 1e-6 * face_to_face;
             prop_assert!((term.value - expected).abs() <= rounding, "{} {}", term.value, expected);
             prop_assert!((term.by_normal.dot(normal) - term.value).abs() <= 1e-5 * term.by_normal.length());
@@ -81,6 +90,11 @@ mod tests {
             let shines = match light.emission {
                 Emission::Cosine(axis) => -axis.dot(way) > 0.05 * r,
                 Emission::Omni => true,
+                // The same everywhere.
+                Emission::Directional(_) => {
+                    prop_assert_eq!(term.by_position, Vec3::ZERO);
+                    false
+                }
             };
             if term.value == 0.0 || normal.dot(way) <= 0.05 * r || !shines {
                 return Ok(());

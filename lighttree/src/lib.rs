@@ -3,11 +3,16 @@
 
 mod bounds; // box and cone of a cluster
 mod build;
+mod change; // lights that come and go
 mod cut; // the lightcut
 mod error_bound; // how wrong a cluster can be
 mod exhaustive; // the sum over every light: the truth
 mod gradient; // how irradiance changes with place and normal
+mod lanes; // one number or four
 mod light; // what is clustered
+mod method; // rivals of the cut
+mod race; // who represents a cluster
+mod rebuild; // a new tree, and the way to it
 mod receiver; // where light arrives
 mod store; // trees as bytes
 #[cfg(test)]
@@ -15,13 +20,18 @@ mod testing; // random scenes
 mod tree; // nodes and their invariants
 mod update; // new intensities
 
-pub use crate::bounds::Region;
-pub use crate::build::BuildParams;
-pub use crate::cut::{Cluster, Cut, Scratch, Stop};
+pub use crate::bounds::{DirectionCone, Region};
+pub use crate::build::{BuildParams, Builder};
+pub use crate::cut::{Cluster, Cut, Scratch, ShadowRay, Stop};
 pub use crate::exhaustive::exhaustive;
 pub use crate::gradient::{IrradianceTerm, irradiance_term};
+pub use crate::lanes::{Real, Vector3};
 pub use crate::light::{Emission, LUMINANCE_WEIGHTS, Light, luminance};
-pub use crate::receiver::{Lambert, Phong, Receiver};
+pub use crate::method::Method;
+pub use crate::rebuild::{Handover, Rebuild};
+pub use crate::receiver::{
+    Bundled, Ggx, GgxBundle, Lambert, LambertBundle, Phong, PhongBundle, Receiver, ReflectBound,
+};
 pub use crate::store::StoreError;
 pub use crate::tree::LightTree;
 pub use crate::update::UpdateStats;

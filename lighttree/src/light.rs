@@ -1,8 +1,9 @@
 //! What is clustered: one point light, its geometric term and its unshadowed share of the light reflected at a receiver.
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
+use crate::lanes::{Real, Vector3};
 use crate::receiver::Receiver;
 
 /// Weights of linear RGB (Rec. 709 primaries) in luminance; they sum to one, so luminance keeps the unit of its argument.
@@ -28,16 +29,20 @@ pub enum Emission {
     Omni,
     /// `max(0, cos θ)` of the axis' intensity, θ being the angle to this unit axis: a virtual light on a surface.
     Cosine(Vec3),
+    /// Parallel light that travels along this unit vector, as from a sun: the same everywhere, whatever the light's
+    /// position. Its `intensity` is the irradiance on a surface that faces it \[W·m⁻²\].
+    Directional(Vec3),
 }
 
-/// A point light.
+/// A point light, or one so far away that only its direction is left.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq)]
 pub struct Light {
-    /// Where it is, in world space \[m\].
+    /// Where it is, in world space \[m\]; for [`Emission::Directional`] it does not matter, but has to be finite.
     pub position: Vec3,
     /// Where it shines.
     pub emission: Emission,
-    /// Radiant intensity, linear RGB \[W·sr⁻¹\], not negative; along the axis for [`Emission::Cosine`].
+    /// Radiant intensity, linear RGB \[W·sr⁻¹\], not negative; along the axis for [`Emission::Cosine`];
+    /// irradiance \[W·m⁻²\] for [`Emission::Directional`].
     pub intensity: Vec3,
 }
 
@@ -48,11 +53,17 @@ impl Light {
         if !placed {
             self.position = Vec3::ZERO;
         }
-        if let Emission::Cosine(axis) = self.emission {
-            let unit = axis.try_normalize();
-            self.emission = Emission::Cosine(unit.unwrap_or(Vec3::Z));
+        let mut unit = |axis: Vec3| {
+            // What is of unit length already stays as it is, to the last bit.
+            let unit = if (axis.length_squared() - 1.0).abs() < 1e-6 { Some(axis) } else { axis.try_normalize() };
             placed &= unit.is_some();
-        }
+            unit.unwrap_or(Vec3::Z)
+        };
+        self.emission = match self.emission {
+            Emission::Omni => Emission::Omni,
+            Emission::Cosine(axis) => Emission::Cosine(unit(axis)),
+            Emission::Directional(travel) => Emission::Directional(unit(travel)),
+        };
         let (intensity, lit) = accepted_intensity(self.intensity);
         self.intensity = if placed { intensity } else { Vec3::ZERO };
         let fitness = match (placed, lit) {
@@ -82,34 +93,97 @@ pub(crate) fn accepted_intensity(intensity: Vec3) -> (Vec3, bool) {
     (if usable { intensity } else { Vec3::ZERO }, usable)
 }
 
-/// M·G of one light: radiance at the receiver per unit of the light's intensity, visibility left out \[m⁻²·sr⁻¹·sr\].
+/// Value of [`Node::cone_cosine`](crate::tree::Node) and of [`Site::kind`] that marks directional lights, below any cosine.
+pub(crate) const DIRECTIONAL: f32 = -2.0;
+
+/// What an estimate reads of a light, or of four.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Site<F> {
+    /// Position; the unit direction towards a directional light.
+    pub position: Vector3<F>,
+    pub axis: Vector3<F>,
+    /// Cosine of the cone of axes, as nodes have it: 1 for an axis, −1 for omni lights, [`DIRECTIONAL`].
+    pub kind: F,
+}
+
+/// Site of one light as it lies in memory: half a cache line.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(crate) struct StoredSite {
+    pub position: Vec3,
+    pub kind: f32,
+    pub axis: Vec3,
+    pub pad: f32,
+}
+
+impl StoredSite {
+    pub fn new(light: &Light) -> Self {
+        let (position, axis, kind) = match light.emission {
+            Emission::Omni => (light.position, Vec3::Z, -1.0),
+            Emission::Cosine(axis) => (light.position, axis, 1.0),
+            Emission::Directional(travel) => (-travel, Vec3::Z, DIRECTIONAL),
+        };
+        Self { position, kind, axis, pad: 0.0 }
+    }
+
+    #[inline(always)]
+    pub fn one(&self) -> Site<f32> {
+        Site { position: self.position.into(), axis: self.axis.into(), kind: self.kind }
+    }
+
+    /// Four of them side by side.
+    #[inline(always)]
+    pub fn four(sites: [&Self; 4]) -> Site<Vec4> {
+        let [px, py, pz, kind] = transpose(sites.map(|s| Vec4::new(s.position.x, s.position.y, s.position.z, s.kind)));
+        let [ax, ay, az, _] = transpose(sites.map(|s| Vec4::new(s.axis.x, s.axis.y, s.axis.z, s.pad)));
+        Site { position: Vector3 { x: px, y: py, z: pz }, axis: Vector3 { x: ax, y: ay, z: az }, kind }
+    }
+}
+
+/// Rows to columns.
+#[inline(always)]
+pub(crate) fn transpose([a, b, c, d]: [Vec4; 4]) -> [Vec4; 4] {
+    let m = glam::Mat4::from_cols(a, b, c, d).transpose();
+    [m.x_axis, m.y_axis, m.z_axis, m.w_axis]
+}
+
+/// M·G of a light: radiance at the receiver per unit of the light's intensity, visibility left out
+/// \[m⁻²; 1 for directional lights\].
 ///
 /// ```text
 /// L = M · G · V · I                        \[Walter05\], eq. 1
 ///   M  material term, the receiver's cosine included
 ///   G  cos θ_light / (r² + s²)             Cosine
 ///      1 / (r² + s²)                       Omni
+///      1                                   Directional
 ///   V  visibility, 0 or 1
 ///   I  intensity
 /// ```
 /// `s²` (`softening2`) is ours: it keeps G finite close to a light that stands for a disc.
 /// A receiver exactly on the light gets nothing from it, as no direction exists.
+#[inline(always)]
+pub(crate) fn unshadowed<F: Real, R: Receiver>(
+    receiver: &R,
+    position: Vector3<F>,
+    site: &Site<F>,
+    softening2: F,
+) -> Vector3<F> {
+    let (zero, one) = (F::splat(0.0), F::splat(1.0));
+    let far = site.kind.lt(F::splat(-1.5));
+    let to_light = site.position - Vector3::select(far, Vector3::splat(Vec3::ZERO), position);
+    let r2 = to_light.dot(to_light);
+    let somewhere = r2.max(F::splat(SMALLEST_DISTANCE2));
+    let direction = to_light * (one / somewhere.sqrt());
+    let emitted = F::select(site.kind.lt(zero), one, -site.axis.dot(direction));
+    let g = emitted * (one / F::select(far, one, r2 + softening2));
+    let lit = F::select(r2.lt(F::splat(SMALLEST_DISTANCE2)), zero, emitted);
+    Vector3::select(zero.lt(lit), receiver.reflect(direction) * g, Vector3::splat(Vec3::ZERO))
+}
+
+/// [`unshadowed`] for one light.
 #[inline]
-pub(crate) fn unshadowed<R: Receiver>(receiver: &R, light: &Light, softening2: f32) -> Vec3 {
-    let to_light = light.position - receiver.position();
-    let r2 = to_light.length_squared();
-    if r2 < SMALLEST_DISTANCE2 {
-        return Vec3::ZERO;
-    }
-    let direction = to_light * (1.0 / r2.sqrt());
-    let emitted = match light.emission {
-        Emission::Omni => 1.0,
-        Emission::Cosine(axis) => -axis.dot(direction),
-    };
-    if emitted <= 0.0 {
-        return Vec3::ZERO;
-    }
-    receiver.reflect(direction) * (emitted / (r2 + softening2))
+pub(crate) fn unshadowed_by<R: Receiver>(receiver: &R, light: &Light, softening2: f32) -> Vec3 {
+    unshadowed(receiver, receiver.position().into(), &StoredSite::new(light).one(), softening2).into()
 }
 
 #[cfg(test)]
@@ -142,11 +216,15 @@ mod tests {
     fn closed_form_below_a_lamp() {
         let receiver = Lambert { position: Vec3::ZERO, normal: Vec3::Z, reflectance: Vec3::ONE };
         let position = Vec3::new(0.0, 0.0, 2.0);
-        let value = |emission| unshadowed(&receiver, &Light { position, emission, intensity: Vec3::ONE }, 0.0).x;
+        let value = |emission| unshadowed_by(&receiver, &Light { position, emission, intensity: Vec3::ONE }, 0.0).x;
         let expected = 0.25 / std::f32::consts::PI;
         assert!((value(Emission::Omni) - expected).abs() < 1e-7);
         assert!((value(Emission::Cosine(-Vec3::Z)) - expected).abs() < 1e-7);
         assert_eq!(value(Emission::Cosine(Vec3::X)), 0.0);
         assert_eq!(value(Emission::Cosine(Vec3::Z)), 0.0);
+        // A sun of 1 W/m² that stands 60° from the zenith: L = ρ/π · E cos 60°, wherever the "lamp" is.
+        let sun = Emission::Directional(Vec3::new(0.75f32.sqrt(), 0.0, -0.5));
+        assert!((value(sun) - 0.5 / std::f32::consts::PI).abs() < 1e-7);
+        assert_eq!(value(Emission::Directional(Vec3::Z)), 0.0);
     }
 }

@@ -1,26 +1,70 @@
 //! The receiver: the one thing a cut asks of materials.
 
-use std::f32::consts::{FRAC_1_PI, PI};
+mod ggx;
+mod phong;
+
+use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
-use crate::bounds::Region;
+use crate::bounds::{DirectionCone, Region};
+use crate::lanes::{Real, Vector3};
+
+pub use ggx::{Ggx, GgxBundle};
+pub use phong::{Phong, PhongBundle};
 
 /// A shading point: position, reflection, and an upper bound of the reflection. All in world space.
 ///
 /// The two reflection functions must agree: for every point of a region, `reflect` of the direction to it stays
 /// below `reflect_bound` of the region, in each channel. A cut's error bound rests on nothing else.
+///
+/// Both are written for [`Real`] numbers, one or four at a time. A material that exists for one direction only comes in
+/// by [`Real::map3`]:
+///
+/// ```
+/// # use glam::Vec3;
+/// # use lighttree::{Real, Receiver, Region, Vector3};
+/// struct Velvet(Vec3, Vec3);
+/// impl Receiver for Velvet {
+///     fn position(&self) -> Vec3 {
+///         self.0
+///     }
+///     fn reflect<F: Real>(&self, direction: Vector3<F>) -> Vector3<F> {
+///         F::map3(direction, |d| Vec3::splat((1.0 - self.1.dot(d)).clamp(0.0, 1.0)))
+///     }
+///     fn reflect_bound<F: Real>(&self, region: &Region<F>) -> Vector3<F> {
+///         let most = F::splat(1.0) + region.max_cosine(Vector3::splat(-self.1));
+///         Vector3 { x: most, y: most, z: most }
+///     }
+/// }
+/// ```
 pub trait Receiver {
     /// Where light is gathered \[m\].
     fn position(&self) -> Vec3;
 
     /// Material term M of \[Walter05\], linear RGB \[sr⁻¹\]: BRDF times the receiver's cosine, for light arriving from
     /// `direction` (unit length, pointing away from the receiver). Not negative.
-    fn reflect(&self, direction: Vec3) -> Vec3;
+    fn reflect<F: Real>(&self, direction: Vector3<F>) -> Vector3<F>;
 
     /// Upper bound M_max of [`Receiver::reflect`] over all directions to the region, each channel for itself \[sr⁻¹\].
     /// Exactly zero says that nothing can be reflected: the cut then drops the whole cluster.
-    fn reflect_bound(&self, region: &Region) -> Vec3;
+    fn reflect_bound<F: Real>(&self, region: &Region<F>) -> Vector3<F>;
+}
+
+/// Receivers that can be bounded together, for [`LightTree::lightcuts`](crate::LightTree::lightcuts).
+pub trait Bundled: Receiver + Sized {
+    /// What is known of all of them.
+    type Bundle: ReflectBound;
+
+    /// Bounds that hold for each of these receivers, of which there is one at least.
+    fn bundle(receivers: &[Self]) -> Self::Bundle;
+}
+
+/// Upper bound of the reflection of every receiver of a bundle.
+pub trait ReflectBound {
+    /// [`Receiver::reflect_bound`] for all of them. The region holds the way from any receiver's position to any point
+    /// of the cluster's box.
+    fn reflect_bound<F: Real>(&self, region: &Region<F>) -> Vector3<F>;
 }
 
 /// A diffuse surface seen from its front: M = reflectance/π · max(0, cos θ).
@@ -40,64 +84,40 @@ impl Receiver for Lambert {
         self.position
     }
 
-    #[inline]
-    fn reflect(&self, direction: Vec3) -> Vec3 {
-        self.reflectance * (FRAC_1_PI * self.normal.dot(direction).max(0.0))
+    #[inline(always)]
+    fn reflect<F: Real>(&self, direction: Vector3<F>) -> Vector3<F> {
+        let cosine = Vector3::splat(self.normal).dot(direction).max(F::splat(0.0));
+        Vector3::splat(self.reflectance) * (cosine * F::splat(FRAC_1_PI))
     }
 
-    #[inline]
-    fn reflect_bound(&self, region: &Region) -> Vec3 {
-        self.reflectance * (FRAC_1_PI * region.max_cosine_in_front(self.normal))
-    }
-}
-
-/// A diffuse surface with a normalized Phong lobe around the mirror direction:
-///
-/// ```text
-/// M = (diffuse/π + specular · (n + 2)/(2π) · max(0, cos α)ⁿ) · max(0, cos θ)
-///   n  exponent             α  angle to the mirror direction           θ  angle to the normal
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Phong {
-    /// Position \[m\].
-    pub position: Vec3,
-    /// Unit normal.
-    pub normal: Vec3,
-    /// Unit mirror direction of the view: where a mirror would show the viewer the light from.
-    pub mirror: Vec3,
-    /// Diffuse reflectance, linear RGB, 0 … 1.
-    pub diffuse: Vec3,
-    /// Specular reflectance, linear RGB, 0 … 1.
-    pub specular: Vec3,
-    /// Phong exponent n ≥ 0.
-    pub exponent: f32,
-}
-
-impl Phong {
-    #[inline]
-    fn material(&self, cos_mirror: f32, cos_normal: f32) -> Vec3 {
-        let lobe = (self.exponent + 2.0) / (2.0 * PI) * cos_mirror.max(0.0).powf(self.exponent);
-        (self.diffuse * FRAC_1_PI + self.specular * lobe) * cos_normal
+    #[inline(always)]
+    fn reflect_bound<F: Real>(&self, region: &Region<F>) -> Vector3<F> {
+        let cosine = region.max_cosine_in_front(Vector3::splat(self.normal));
+        Vector3::splat(self.reflectance) * (cosine * F::splat(FRAC_1_PI))
     }
 }
 
-impl Receiver for Phong {
-    #[inline]
-    fn position(&self) -> Vec3 {
-        self.position
-    }
+/// [`Lambert`] receivers together.
+#[derive(Clone, Copy, Debug)]
+pub struct LambertBundle {
+    normals: DirectionCone,
+    reflectance: Vec3,
+}
 
-    #[inline]
-    fn reflect(&self, direction: Vec3) -> Vec3 {
-        self.material(self.mirror.dot(direction), self.normal.dot(direction).max(0.0))
-    }
+impl Bundled for Lambert {
+    type Bundle = LambertBundle;
 
-    #[inline]
-    fn reflect_bound(&self, region: &Region) -> Vec3 {
-        let cos_normal = region.max_cosine_in_front(self.normal);
-        if cos_normal == 0.0 {
-            return Vec3::ZERO;
+    fn bundle(receivers: &[Self]) -> LambertBundle {
+        LambertBundle {
+            normals: DirectionCone::around(receivers.iter().map(|r| r.normal)),
+            reflectance: receivers.iter().fold(Vec3::ZERO, |most, r| most.max(r.reflectance)),
         }
-        self.material(region.max_cosine_in_front(self.mirror), cos_normal)
+    }
+}
+
+impl ReflectBound for LambertBundle {
+    #[inline(always)]
+    fn reflect_bound<F: Real>(&self, region: &Region<F>) -> Vector3<F> {
+        Vector3::splat(self.reflectance) * (region.max_cosine_of_cone(&self.normals.splat()) * F::splat(FRAC_1_PI))
     }
 }

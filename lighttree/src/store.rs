@@ -7,7 +7,7 @@
 use crate::LightTree;
 
 const MAGIC: [u8; 4] = *b"LTRE";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const HEADER: usize = 20;
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 
@@ -98,7 +98,11 @@ mod tests {
     fn tree() -> LightTree {
         let lamp = |k: u32| Light {
             position: Vec3::new(k as f32, (k * k % 7) as f32, 0.5),
-            emission: if k.is_multiple_of(3) { Emission::Omni } else { Emission::Cosine(Vec3::Y) },
+            emission: match k % 4 {
+                0 => Emission::Omni,
+                1 => Emission::Directional(Vec3::NEG_Y),
+                _ => Emission::Cosine(Vec3::Y),
+            },
             intensity: Vec3::splat(1.0 + k as f32),
         };
         LightTree::build(&(0..40).map(lamp).collect::<Vec<_>>(), BuildParams { softening2: 0.01, seed: 5 })

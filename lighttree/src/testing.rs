@@ -41,7 +41,11 @@ pub(crate) fn scene(count: std::ops::Range<usize>) -> impl Strategy<Value = Scen
 }
 
 fn light() -> impl Strategy<Value = Light> {
-    let emission = prop_oneof![1 => Just(Emission::Omni), 3 => unit().prop_map(Emission::Cosine)];
+    let emission = prop_oneof![
+        1 => Just(Emission::Omni),
+        4 => unit().prop_map(Emission::Cosine),
+        1 => unit().prop_map(Emission::Directional),
+    ];
     let color = (0.0..1.0f32, 0.0..1.0f32, 0.0..1.0f32).prop_map(|(r, g, b)| Vec3::new(r, g, b));
     let intensity = prop_oneof![1 => Just(Vec3::ZERO), 6 => color, 1 => Just(Vec3::splat(50.0))];
     (point(), emission, intensity).prop_map(|(position, emission, intensity)| Light { position, emission, intensity })
@@ -63,4 +67,78 @@ fn unit() -> impl Strategy<Value = Vec3> {
     });
     let axes = prop::sample::select(Vec3::AXES.iter().flat_map(|&a| [a, -a]).collect::<Vec<_>>());
     prop_oneof![2 => free, 1 => axes]
+}
+
+/// Reproducible numbers, for tests of so many cases that strategies would take most of the time (SplitMix64).
+#[derive(Clone, Debug)]
+pub(crate) struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// low … high
+    pub fn within(&mut self, low: f32, high: f32) -> f32 {
+        low + (high - low) * ((self.bits() >> 40) as f32 / (1u64 << 24) as f32)
+    }
+
+    /// True once in so many times.
+    pub fn once_in(&mut self, times: u64) -> bool {
+        self.bits().is_multiple_of(times)
+    }
+
+    pub fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.within(-1.0, 1.0), self.within(-1.0, 1.0), self.within(-1.0, 1.0))
+    }
+
+    /// A unit vector, often an axis.
+    pub fn unit(&mut self) -> Vec3 {
+        let sign = if self.once_in(2) { 1.0 } else { -1.0 };
+        let axis = Vec3::AXES[(self.bits() % 3) as usize] * sign;
+        if self.once_in(3) { axis } else { self.vector().try_normalize().unwrap_or(axis) }
+    }
+
+    fn place(&mut self) -> Vec3 {
+        match self.bits() % 10 {
+            0 => self.unit() * 100.0,
+            1..4 => (self.vector() * 1.5).round() * 0.5,
+            _ => self.vector(),
+        }
+    }
+
+    /// Lights and a receiver at any scale of length and power between 10⁻⁶ and 10⁶: coincident ones, dark ones, far
+    /// ones, axes in all directions, all emissions, and receivers on lights.
+    pub fn scene(&mut self, most: u64) -> Scene {
+        let (length, power) = (10f32.powf(self.within(-6.0, 6.0)), 10f32.powf(self.within(-6.0, 6.0)));
+        let softening2 = length * length * 10f32.powf(self.within(-6.0, 0.0));
+        // Now and then all lights face about one way, as on a wall, and their cones are narrow.
+        let wall = self.once_in(3).then(|| (self.unit(), self.within(0.0, 0.5)));
+        let lights: Vec<Light> = (0..1 + self.bits() % most)
+            .map(|_| {
+                let axis = match wall {
+                    Some((axis, spread)) => (axis + self.vector() * spread).try_normalize().unwrap_or(axis),
+                    None => self.unit(),
+                };
+                let emission = match self.bits() % 8 {
+                    0 => Emission::Omni,
+                    1 => Emission::Directional(axis),
+                    _ => Emission::Cosine(axis),
+                };
+                let intensity = match self.bits() % 8 {
+                    0 => Vec3::ZERO,
+                    1 => Vec3::splat(50.0),
+                    _ => self.vector().abs(),
+                };
+                Light { position: self.place() * length, emission, intensity: intensity * power }
+            })
+            .collect();
+        let position = if self.once_in(5) { lights[0].position } else { self.place() * length };
+        let receiver = Lambert { position, normal: self.unit(), reflectance: Vec3::new(0.9, 0.5, 0.1) };
+        Scene { lights, receiver, direction: self.unit(), softening2, seed: self.bits() }
+    }
 }

@@ -4,7 +4,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::Cone;
-use crate::light::{Emission, Light};
+use crate::light::{DIRECTIONAL, Emission, Light, StoredSite};
 
 /// A cluster of lights, one cache line.
 ///
@@ -13,14 +13,15 @@ use crate::light::{Emission, Light};
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
-    /// Box of positions.
+    /// Box of positions; of the unit directions to them for directional lights.
     pub low: Vec3,
     /// Index of the child that hands its representative up; 0 marks a leaf.
     pub representative_child: u32,
     pub high: Vec3,
     /// Index of the representative light; a leaf's only light.
     pub representative: u32,
-    /// Cone of emission axes: axis, cosine and sine of its half-angle; the whole sphere has cosine −1.
+    /// Cone of emission axes: axis, cosine and sine of its half-angle; the whole sphere has cosine −1, directional
+    /// lights have [`DIRECTIONAL`].
     pub axis: Vec3,
     pub cone_cosine: f32,
     /// Sum of the lights' intensities.
@@ -38,6 +39,19 @@ impl Node {
     #[inline]
     pub fn children(&self) -> usize {
         first_of_pair(self.representative_child as usize)
+    }
+
+    /// Whether its lights are directional ones.
+    #[inline]
+    pub fn is_directional(&self) -> bool {
+        self.cone_cosine == DIRECTIONAL
+    }
+
+    /// Bounds of a single light.
+    pub fn set_light(&mut self, light: &Light) {
+        let site = StoredSite::new(light);
+        (self.low, self.high, self.intensity) = (site.position, site.position, light.intensity);
+        (self.axis, self.cone_cosine, self.cone_sine) = (site.axis, site.kind, 0.0);
     }
 
     pub fn set_cone(&mut self, cone: Cone) {
@@ -60,14 +74,21 @@ pub(crate) fn sibling(child: usize) -> usize {
     ((child - 1) ^ 1) + 1
 }
 
-/// A binary tree over point lights, each node a cluster with bounds, total intensity and one representative light
+/// A binary tree over lights, each node a cluster with bounds, total intensity and one representative light
 /// \[Walter05\].
+///
+/// Directional lights have a tree of their own, in their own space: the unit sphere. Where there are others too, the
+/// root joins both trees and is itself no cluster.
 ///
 /// Made by [`LightTree::build`], given new intensities by [`LightTree::update`], read by [`LightTree::lightcut`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(from = "Stored")]
 pub struct LightTree {
     pub(crate) nodes: Vec<Node>,
     pub(crate) lights: Vec<Light>,
+    /// What estimates read of the lights, side by side.
+    #[serde(skip)]
+    pub(crate) sites: Vec<StoredSite>,
     /// s² in G, see [`BuildParams`](crate::BuildParams).
     pub(crate) softening2: f32,
     /// Cost of each node per luminance \[m²\]; it depends on positions and axes only.
@@ -75,11 +96,33 @@ pub struct LightTree {
     pub(crate) depth: usize,
     /// Cost of the tree per total luminance when it was built; zero for a dark tree.
     pub(crate) cost_at_build: f64,
-    /// Lights without a usable position or axis: dark for ever, in ascending order.
+    /// Lights that are dark for ever, in ascending order: removed, or without a usable position or axis.
     pub(crate) misplaced: Vec<u32>,
     pub(crate) rejected: usize,
     /// Of the draws of representatives.
     pub(crate) seed: u64,
+}
+
+/// A tree as it is stored.
+#[derive(Deserialize)]
+struct Stored {
+    nodes: Vec<Node>,
+    lights: Vec<Light>,
+    softening2: f32,
+    extents: Vec<f32>,
+    depth: usize,
+    cost_at_build: f64,
+    misplaced: Vec<u32>,
+    rejected: usize,
+    seed: u64,
+}
+
+impl From<Stored> for LightTree {
+    fn from(stored: Stored) -> Self {
+        let Stored { nodes, lights, softening2, extents, depth, cost_at_build, misplaced, rejected, seed } = stored;
+        let sites = lights.iter().map(StoredSite::new).collect();
+        Self { nodes, lights, sites, softening2, extents, depth, cost_at_build, misplaced, rejected, seed }
+    }
 }
 
 impl LightTree {
@@ -103,7 +146,19 @@ impl LightTree {
         self.depth
     }
 
-    /// Sum of all intensities \[W·sr⁻¹\].
+    /// Whether the root joins a tree of directional lights and one of others, and is no cluster.
+    #[inline]
+    pub(crate) fn is_joint(&self) -> bool {
+        self.nodes.len() > 2 && self.nodes[1].is_directional() != self.nodes[2].is_directional()
+    }
+
+    /// The nodes that cover all lights and are clusters: one, or two where the root is a joint; none without lights.
+    #[inline]
+    pub(crate) fn roots(&self) -> std::ops::Range<usize> {
+        if self.is_joint() { 1..3 } else { 0..self.nodes.len().min(1) }
+    }
+
+    /// Sum of all intensities \[W·sr⁻¹; irradiances of directional lights are added as they are\].
     pub fn total_intensity(&self) -> Vec3 {
         self.nodes.first().map_or(Vec3::ZERO, |root| root.intensity)
     }
@@ -162,6 +217,10 @@ impl LightTree {
                 return Err(format!("node {index} has intensity {}, its children {sum}", node.intensity));
             }
             for child in [first, first + 1] {
+                if index == 0 && self.is_joint() {
+                    stack.push((child, level + 1));
+                    continue;
+                }
                 check_inside(node, &self.nodes[child]).map_err(|e| format!("node {index}, child {child}: {e}"))?;
                 stack.push((child, level + 1));
             }
@@ -178,12 +237,13 @@ impl LightTree {
         if std::mem::replace(&mut found[node.representative as usize], true) {
             return Err(format!("light {} is in two leaves", node.representative));
         }
+        let site = StoredSite::new(light);
         let cone_fits = match light.emission {
             Emission::Omni => node.cone_cosine == -1.0,
             Emission::Cosine(axis) => node.axis.dot(axis) > 1.0 - 1e-6 && node.cone_cosine == 1.0,
+            Emission::Directional(_) => node.is_directional(),
         };
-        if node.low != light.position || node.high != light.position || node.intensity != light.intensity || !cone_fits
-        {
+        if node.low != site.position || node.high != site.position || node.intensity != light.intensity || !cone_fits {
             return Err(format!("leaf {index} is {node:?}, its light {light:?}"));
         }
         Ok(())
@@ -194,6 +254,10 @@ impl LightTree {
 fn check_inside(parent: &Node, child: &Node) -> Result<(), String> {
     if parent.low.cmpgt(child.low).any() || parent.high.cmplt(child.high).any() {
         return Err(format!("box {}…{} in {}…{}", child.low, child.high, parent.low, parent.high));
+    }
+    if parent.is_directional() || child.is_directional() {
+        let both = parent.is_directional() && child.is_directional();
+        return if both { Ok(()) } else { Err("a directional cluster and one of other lights".into()) };
     }
     let angle = |node: &Node| f64::from(node.cone_sine).atan2(f64::from(node.cone_cosine));
     let between = parent.axis.as_dvec3().angle_between(child.axis.as_dvec3());

@@ -7,22 +7,21 @@
 //!
 //! Nothing in the rule of [`LightTree::update`]. As it compares only the two present intensities, the first update also
 //! turns those draws of [`LightTree::build`] round in which the much dimmer child had won.
-//! [`LightTree::update_drawn`] is ours: it keeps the draws.
+//! [`LightTree::update_drawn`] is ours: it keeps the draws (`race.rs`).
 
 use glam::Vec3;
 
-use crate::build::uniform;
 use crate::light::{accepted_intensity, luminance};
+use crate::race::arrivals;
 use crate::tree::{LightTree, Node, sibling};
 
 /// C_I of \[Herzog08\]: the representative child may be this much dimmer than its sibling.
 const SWAP_RATIO: f32 = 0.7;
 
-/// What decides about a node's representative.
-struct Drawn {
-    index: u64,
-    first_chosen: bool,
-}
+/// Ours: cost growth from which a new tree pays. A spot that circles for a thousand frames makes the cost 11 times what
+/// it was at its furthest, and cuts 7 to 10 % larger than in a new tree; at up to 7 times they are 2 to 7 % larger
+/// (`examples/drift.rs`).
+const REBUILD_GROWTH: f64 = 10.0;
 
 /// What an update did, and how well the old clusters fit the new intensities.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,6 +40,13 @@ pub struct UpdateStats {
     pub cost_growth: f64,
 }
 
+impl UpdateStats {
+    /// Whether cuts have grown so much that a new tree serves better: a cost growth of 10 and more, from which cuts are up to a tenth larger than in a new tree.
+    pub fn rebuild_pays(&self) -> bool {
+        self.cost_growth >= REBUILD_GROWTH
+    }
+}
+
 impl LightTree {
     /// Gives light k the intensity `intensities[k]` \[W·sr⁻¹\], sums upward, and lets a node take the representative of
     /// its other child where the present one's intensity has fallen below 0.7 of the other's. Structure and bounds stay.
@@ -49,11 +55,14 @@ impl LightTree {
     ///
     /// If there is not one intensity per light.
     pub fn update(&mut self, intensities: &[Vec3]) -> UpdateStats {
-        self.update_by(intensities, |_, chosen, other| chosen < SWAP_RATIO * other)
+        let rejected = self.accept(intensities);
+        let dimmer =
+            |chosen: &Node, other: &Node| luminance(chosen.intensity) < SWAP_RATIO * luminance(other.intensity);
+        UpdateStats { rejected, ..self.sum_upward(dimmer) }
     }
 
-    /// As [`LightTree::update`], but a node keeps the random number it was built with, and swaps when that number now
-    /// falls on its other child.
+    /// As [`LightTree::update`], but a node's representative stays the winner of its lights' race: a light keeps the
+    /// random number it was built with, and whoever wins in the present intensities represents.
     ///
     /// So the representative stays drawn in proportion to intensity, where the paper's rule leans to the brighter child
     /// and with it the errors of all clusters to one side; and a swap still happens only where the balance moved.
@@ -62,29 +71,37 @@ impl LightTree {
     ///
     /// If there is not one intensity per light.
     pub fn update_drawn(&mut self, intensities: &[Vec3]) -> UpdateStats {
-        let seed = self.seed;
-        self.update_by(intensities, |node: &Drawn, chosen, other| {
-            let sum = chosen + other;
-            // Of the first child, as when the tree was built.
-            let share = if node.first_chosen { chosen } else { other };
-            sum > 0.0 && (uniform(seed, node.index) * f64::from(sum) < f64::from(share)) != node.first_chosen
-        })
+        let rejected = self.accept(intensities);
+        UpdateStats { rejected, ..self.sum_upward_drawn() }
     }
 
-    /// `swap` decides from the node and the luminances of its chosen and its other child.
-    fn update_by(&mut self, intensities: &[Vec3], swap: impl Fn(&Drawn, f32, f32) -> bool) -> UpdateStats {
+    /// Sums and drawn representatives from the lights' present intensities.
+    pub(crate) fn sum_upward_drawn(&mut self) -> UpdateStats {
+        let arrivals = arrivals(self.seed, &self.lights);
+        let arrival = |node: &Node| arrivals[node.representative as usize];
+        self.sum_upward(|chosen, other| arrival(other) < arrival(chosen))
+    }
+
+    /// Takes over what is usable of the intensities and counts the rest.
+    fn accept(&mut self, intensities: &[Vec3]) -> usize {
         assert_eq!(intensities.len(), self.lights.len(), "update needs one intensity per light");
-        let mut stats = UpdateStats::default();
+        let mut rejected = 0;
         for (light, &intensity) in self.lights.iter_mut().zip(intensities) {
             let usable;
             (light.intensity, usable) = accepted_intensity(intensity);
-            stats.rejected += usize::from(!usable);
+            rejected += usize::from(!usable);
         }
         for &k in &self.misplaced {
             let light = &mut self.lights[k as usize];
-            stats.rejected += usize::from(light.intensity != Vec3::ZERO);
+            rejected += usize::from(light.intensity != Vec3::ZERO);
             light.intensity = Vec3::ZERO;
         }
+        rejected
+    }
+
+    /// New sums and representatives; `swap` decides from a node's chosen and its other child.
+    fn sum_upward(&mut self, swap: impl Fn(&Node, &Node) -> bool) -> UpdateStats {
+        let mut stats = UpdateStats::default();
         // Children lie behind their parents.
         for index in (0..self.nodes.len()).rev() {
             let mut node = self.nodes[index];
@@ -95,9 +112,7 @@ impl LightTree {
                 node.intensity = self.nodes[first].intensity + self.nodes[first + 1].intensity;
                 let chosen = node.representative_child as usize;
                 let other = sibling(chosen);
-                let drawn = Drawn { index: index as u64, first_chosen: chosen == first };
-                let swap =
-                    swap(&drawn, luminance(self.nodes[chosen].intensity), luminance(self.nodes[other].intensity));
+                let swap = swap(&self.nodes[chosen], &self.nodes[other]);
                 let chosen = if swap { other } else { chosen };
                 let representative = self.nodes[chosen].representative;
                 stats.swapped += usize::from(swap);

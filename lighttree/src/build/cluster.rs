@@ -7,7 +7,7 @@ use crate::light::{Emission, Light};
 
 /// The constants of the cost of one build.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Metric {
+pub(crate) struct Metric {
     /// Added to α² \[m²\].
     pub coincidence2: f32,
     /// c² \[m²\].
@@ -41,11 +41,12 @@ pub(super) struct Cluster {
 
 impl Cluster {
     pub fn leaf(id: u32, light: &Light, luminance: f32) -> Self {
-        let (kind, axis) = match light.emission {
-            Emission::Omni => (Kind::Omni, Vec3A::Z),
-            Emission::Cosine(axis) => (Kind::Oriented, axis.into()),
+        let (kind, axis, position) = match light.emission {
+            Emission::Omni => (Kind::Omni, Vec3A::Z, light.position.into()),
+            Emission::Cosine(axis) => (Kind::Oriented, axis.into(), light.position.into()),
+            // A point of the unit sphere.
+            Emission::Directional(travel) => (Kind::Omni, Vec3A::Z, (-travel).into()),
         };
-        let position = light.position.into();
         Self {
             low: position,
             high: position,

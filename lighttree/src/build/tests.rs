@@ -1,6 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::bounds::Cone;
 use crate::testing;
 
 /// Follows the merges and holds each against the definition: no pair alive at that step is cheaper.
@@ -32,17 +33,21 @@ proptest! {
 
     #[test]
     fn each_merge_is_the_cheapest(scene in testing::scene(0..60)) {
-        let (metric, leaves) = leaf_clusters(&scene.lights);
-        let merges = agglomerate(leaves.clone(), &metric);
+        let metric = Metrics::of(&scene.lights).points;
+        let leaves: Vec<Cluster> =
+            leaf_clusters(&scene.lights).into_iter().filter(|c| !is_directional(&scene.lights[c.id as usize])).collect();
+        let leaves: Vec<Cluster> = (0u32..).zip(leaves).map(|(id, leaf)| Cluster { id, ..leaf }).collect();
+        let merges = agglomerate::agglomerate(leaves.clone(), &metric, leaves.len() as u32);
         check_greedy(&leaves, &merges, &metric)?;
     }
 
     #[test]
-    fn is_valid_and_deterministic(scene in testing::scene(0..200)) {
-        let tree = LightTree::build(&scene.lights, params(scene.seed));
+    fn is_valid_and_deterministic(scene in testing::scene(0..200), top_down: bool) {
+        let builder = if top_down { Builder::TopDown } else { Builder::BottomUp };
+        let tree = LightTree::build_by(builder, &scene.lights, params(scene.seed));
         prop_assert_eq!(tree.validate(), Ok(()));
         prop_assert_eq!(tree.len(), scene.lights.len());
-        let again = LightTree::build(&scene.lights, params(scene.seed));
+        let again = LightTree::build_by(builder, &scene.lights, params(scene.seed));
         let names = |tree: &LightTree| tree.nodes.iter().map(|n| (n.representative_child, n.representative)).collect::<Vec<_>>();
         prop_assert_eq!(names(&tree), names(&again));
     }
@@ -77,9 +82,11 @@ fn representatives_are_drawn_in_proportion() {
 #[test]
 fn coincident_lights_make_a_balanced_tree() {
     let light = Light { position: Vec3::ONE, emission: Emission::Omni, intensity: Vec3::ONE };
-    let tree = LightTree::build(&vec![light; 5000], params(0));
-    assert_eq!(tree.validate(), Ok(()));
-    assert!(tree.depth() <= 20, "depth {}", tree.depth());
+    for builder in [Builder::BottomUp, Builder::TopDown] {
+        let tree = LightTree::build_by(builder, &vec![light; 5000], params(0));
+        assert_eq!(tree.validate(), Ok(()));
+        assert!(tree.depth() <= 20, "depth {}", tree.depth());
+    }
 }
 
 #[test]

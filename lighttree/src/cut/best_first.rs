@@ -1,9 +1,9 @@
 //! Refinement in the paper's order, for thresholds that move with the estimate and for cuts that reach their limit.
 
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DVec3, Vec3};
 
 use super::{Cluster, Cut, Scratch};
-use crate::error_bound::error_bound;
+use crate::error_bound::{Cluster as Bounds, error_bound};
 use crate::light::{Light, luminance};
 use crate::receiver::Receiver;
 use crate::tree::{LightTree, sibling};
@@ -129,14 +129,15 @@ impl LightTree {
         let max_size = scratch.max_size;
         let refined = &mut scratch.refined;
         refined.clear(max_size);
-        let position = Vec3A::from(receiver.position());
+        let position = receiver.position().into();
         let mut cut = Cut::default();
         // In f64 the running estimate does not drift; it steers the threshold, the result is summed at the end.
         let mut estimate = 0.0f64;
         let mut place = |index: usize, known: Option<Vec3>, refined: &mut Refined, cut: &mut Cut| {
             let node = &self.nodes[index];
             cut.nodes_visited += 1;
-            let bound = if node.is_leaf() { 0.0 } else { error_bound(receiver, position, node, self.softening2) };
+            let bound =
+                if node.is_leaf() { 0.0 } else { error_bound(receiver, position, &Bounds::one(node), self.softening2) };
             if !node.is_leaf() && bound == 0.0 {
                 return 0.0;
             }
@@ -151,7 +152,9 @@ impl LightTree {
             }
             f64::from(luminance(radiance))
         };
-        estimate += place(0, None, refined, &mut cut);
+        for root in self.roots() {
+            estimate += place(root, None, refined, &mut cut);
+        }
         while refined.largest_bound() > threshold(estimate.max(0.0) as f32).max(0.0) && refined.size() < max_size {
             let Some(slot) = refined.pop() else { break };
             let cluster = refined.remove(slot);

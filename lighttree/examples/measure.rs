@@ -1,0 +1,193 @@
+//! Builds, cuts and shared cuts on the lights and pixels of a real scene, in seconds of this thread's processor time.
+//!
+//! ```sh
+//! cargo run --release -p tests --example many_lights -- SCENE 512x512 150000 out/conference.lights
+//! cargo run --release -p lighttree --example measure -- out/conference.lights
+//! ```
+//!
+//! Shadow rays all find their light, so that it is the tree which is measured. Thresholds are 2 % of each pixel's own
+//! luminance. `measure` alone takes lights in a room (`measure COUNT` as many) and a picture of its floor.
+
+use glam::Vec3;
+use lighttree::{BuildParams, Builder, Cut, Emission, Lambert, Light, LightTree, Scratch, ShadowRay, Stop, luminance};
+
+/// Processor time of this thread \[s\].
+fn now() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
+}
+
+fn seconds<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = now();
+    let result = work();
+    (result, now() - start)
+}
+
+/// Reproducible numbers in 0 … 1: fractional parts of multiples of roots (Roberts' R3 sequence).
+fn spread(k: usize) -> Vec3 {
+    let step = [0.819_172_5, 0.671_043_6, 0.549_700_5f64];
+    Vec3::from_array(step.map(|s| (s * (k + 1) as f64).fract() as f32))
+}
+
+fn room(count: usize) -> (LightTree, Vec<Lambert>, usize) {
+    let lights: Vec<Light> = (0..count)
+        .map(|k| {
+            let p = spread(k) * 2.0 - 1.0;
+            let (position, axis) = match k % 3 {
+                0 => (p.with_x(1.0), Vec3::NEG_X),
+                1 => (p.with_y(1.0), Vec3::NEG_Y),
+                _ => (p.with_z(1.0), Vec3::NEG_Z),
+            };
+            let intensity = Vec3::splat((0.1 + p.x * p.x) / count as f32);
+            Light { position, emission: Emission::Cosine(axis), intensity }
+        })
+        .collect();
+    let softening2 = 12.0 / (std::f32::consts::PI * count as f32);
+    let side = 128;
+    let floor = (0..side * side).map(|k| Lambert {
+        position: Vec3::new((k % side) as f32 / 64.0 - 0.99, (k / side) as f32 / 64.0 - 0.99, -1.0),
+        normal: Vec3::Z,
+        reflectance: Vec3::new(0.7, 0.5, 0.3),
+    });
+    (LightTree::build_by(Builder::TopDown, &lights, BuildParams { softening2, seed: 1 }), floor.collect(), side)
+}
+
+fn read(path: &str) -> (LightTree, Vec<Lambert>, usize) {
+    let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{path}: {error}"));
+    let length = u64::from_le_bytes(bytes[..8].try_into().expect("eight bytes")) as usize;
+    let tree = LightTree::from_bytes(&bytes[8..8 + length]).unwrap_or_else(|error| panic!("{path}: {error}"));
+    let rest = &bytes[8 + length..];
+    let width = u32::from_le_bytes(rest[..4].try_into().expect("four bytes")) as usize;
+    let vector = |bytes: &[u8]| {
+        let number = |k: usize| f32::from_le_bytes(bytes[4 * k..4 * k + 4].try_into().expect("four bytes"));
+        Vec3::new(number(0), number(1), number(2))
+    };
+    let pixel = |b: &[u8]| Lambert { position: vector(b), normal: vector(&b[12..]), reflectance: vector(&b[24..]) };
+    (tree, rest[8..].chunks(36).map(pixel).collect(), width)
+}
+
+fn main() {
+    let (given, pixels, width) = match std::env::args().nth(1) {
+        Some(argument) => argument.parse().map_or_else(|_| read(&argument), room),
+        None => room(150_000),
+    };
+    let (lights, params) = (given.lights().to_vec(), BuildParams { softening2: given.softening2(), seed: 1 });
+    drop(given);
+    println!("{} lights, {} pixels", lights.len(), pixels.len());
+
+    let mut trees = Vec::new();
+    // One thread, so that its time is all there is.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool of one thread");
+    for builder in [Builder::TopDown, Builder::BottomUp] {
+        let (tree, time) = pool.install(|| seconds(|| LightTree::build_by(builder, &lights, params)));
+        println!("{builder:?}: built in {time:.3} s, depth {}", tree.depth());
+        trees.push(tree);
+    }
+    let tree = trees.pop().expect("bottom-up");
+    // No cut of these is as large.
+    let mut scratch = Scratch::with_max_size(20_000);
+
+    // Every fourth block of 8×8 pixels, thresholds of 2 %.
+    let height = pixels.len() / width;
+    let mut blocks = Vec::new();
+    for (left, top) in (0..height).step_by(32).flat_map(|y| (0..width).step_by(32).map(move |x| (x, y))) {
+        let within = (0..64).map(|k| (left + k % 8, top + k / 8)).filter(|&(x, y)| x < width && y < height);
+        let block: Vec<Lambert> =
+            within.map(|(x, y)| pixels[y * width + x]).filter(|r| r.normal != Vec3::ZERO).collect();
+        let relative = Stop::Relative { fraction: 0.02, known_luminance: 0.0 };
+        let thresholds: Vec<f32> = block
+            .iter()
+            .map(|r| 0.02 * luminance(tree.lightcut(r, relative, |_, _| true, &mut scratch).radiance))
+            .collect();
+        blocks.push((block, thresholds));
+    }
+
+    // Interleaved, so that whatever else the machine does falls on all alike.
+    let (mut alone, mut together, mut top_down, mut plain) = (Sum::default(), Sum::default(), Sum::default(), 0.0);
+    let mut evaluated = 0;
+    let rounds = 100_000usize.div_ceil(blocks.iter().map(|(block, _)| block.len()).sum::<usize>().max(1));
+    let mut shared = Vec::new();
+    for (block, thresholds) in std::iter::repeat_n(&blocks, rounds).flatten() {
+        let cut = |tree: &LightTree, scratch: &mut Scratch| -> Vec<Cut> {
+            let each = block.iter().zip(thresholds);
+            each.map(|(r, &t)| tree.lightcut(r, Stop::Absolute(t), |_, _| true, scratch)).collect()
+        };
+        let (cuts, time) = seconds(|| cut(&tree, &mut scratch));
+        alone.add(&cuts, time);
+        let all_visible = |_, _: &[Light], rays: &mut [ShadowRay]| rays.iter_mut().for_each(|ray| ray.visible = true);
+        let ((), time) = seconds(|| tree.lightcuts(block, thresholds, all_visible, &mut scratch, &mut shared));
+        together.add(&shared, time);
+        let (cuts, time) = seconds(|| cut(&trees[0], &mut scratch));
+        top_down.add(&cuts, time);
+        // As many lights as there were nodes visited, one after the other.
+        if let Some(receiver) = block.first() {
+            let count = cuts.iter().map(|cut| cut.nodes_visited as usize).sum::<usize>().min(lights.len());
+            let (sum, time) = seconds(|| plain_loop(&lights[..count], params.softening2, receiver));
+            assert!(sum.is_finite());
+            plain += time;
+            evaluated += count;
+        }
+    }
+    alone.print("independent");
+    together.print("shared");
+    top_down.print("top-down");
+    let (node, light) = (alone.time / alone.visited, plain / evaluated as f64);
+    println!("plain loop: {:.2} ns per light; lights in the time of a node visit: {:.2}", light * 1e9, node / light);
+    println!("node visits per second against the plain loop: {:.2}", light / node);
+    println!(
+        "shared against independent: time {:.2}, visits {:.2}, size {:.3}",
+        together.time / alone.time,
+        together.visited / alone.visited,
+        together.size / alone.size
+    );
+    println!("top-down cuts against bottom-up: {:.3}", top_down.size / alone.size);
+}
+
+/// What anybody would write who has no tree.
+fn plain_loop(lights: &[Light], softening2: f32, receiver: &Lambert) -> Vec3 {
+    let mut radiance = Vec3::ZERO;
+    for light in lights {
+        let way = light.position - receiver.position;
+        let r2 = way.length_squared();
+        let direction = way / r2.sqrt();
+        let emitted = match light.emission {
+            Emission::Omni => 1.0,
+            Emission::Cosine(axis) => -axis.dot(direction),
+            Emission::Directional(_) => continue,
+        };
+        let received = receiver.normal.dot(direction);
+        if emitted > 0.0 && received > 0.0 {
+            radiance += light.intensity * (emitted * received / (r2 + softening2));
+        }
+    }
+    radiance * receiver.reflectance / std::f32::consts::PI
+}
+
+/// Figures of many cuts.
+#[derive(Default)]
+struct Sum {
+    cuts: usize,
+    time: f64,
+    visited: f64,
+    size: f64,
+}
+
+impl Sum {
+    fn add(&mut self, cuts: &[Cut], time: f64) {
+        self.cuts += cuts.len();
+        self.time += time;
+        self.visited += cuts.iter().map(|cut| f64::from(cut.nodes_visited)).sum::<f64>();
+        self.size += cuts.iter().map(|cut| f64::from(cut.size)).sum::<f64>();
+    }
+
+    fn print(&self, name: &str) {
+        let cuts = self.cuts as f64;
+        println!(
+            "{name:12} {:8.2} µs a cut, {:6.1} clusters, {:6.1} nodes visited, {:.2} ns a visit",
+            self.time / cuts * 1e6,
+            self.size / cuts,
+            self.visited / cuts,
+            self.time / self.visited * 1e9,
+        );
+    }
+}

@@ -1,0 +1,79 @@
+//! A room whose walls and ceiling glow unevenly, and a ball that throws shadows on the floor: lights, receivers and
+//! visibility for the examples, without any renderer.
+
+#![allow(dead_code, reason = "each example uses a part of it")]
+
+use std::f32::consts::{PI, TAU};
+
+use glam::Vec3;
+use lighttree::{Emission, Lambert, Light};
+
+/// Half the room's width, and its height \[m\].
+const HALF_WIDTH: f32 = 5.0;
+const HEIGHT: f32 = 4.0;
+const BALL: (Vec3, f32) = (Vec3::new(1.0, 0.5, 1.0), 0.8);
+
+/// Reproducible numbers in 0 … 1 (xorshift64*).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f32 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 40) as f32 / (1u64 << 24) as f32
+    }
+}
+
+/// Squared radius of the disc that each of so many lights stands for \[m²\].
+pub fn softening2(count: usize) -> f32 {
+    let lit_area = 4.0 * 2.0 * HALF_WIDTH * HEIGHT + 4.0 * HALF_WIDTH * HALF_WIDTH;
+    lit_area / (PI * count as f32)
+}
+
+/// Virtual lights on four walls and the ceiling, brighter near two lamps; the last hundredth hang free and shine
+/// everywhere.
+pub fn room(count: usize) -> Vec<Light> {
+    let mut random = Random(0x9e37_79b9_7f4a_7c15);
+    let lamps = [Vec3::new(-4.0, -4.0, 3.0), Vec3::new(4.5, 2.0, 2.0)];
+    (0..count)
+        .map(|k| {
+            let (u, v) = ((2.0 * random.next() - 1.0) * HALF_WIDTH, random.next() * HEIGHT);
+            let w = (2.0 * random.next() - 1.0) * HALF_WIDTH;
+            let (position, axis) = match k % 6 {
+                0 => (Vec3::new(-HALF_WIDTH, u, v), Vec3::X),
+                1 => (Vec3::new(HALF_WIDTH, u, v), Vec3::NEG_X),
+                2 => (Vec3::new(u, -HALF_WIDTH, v), Vec3::Y),
+                3 => (Vec3::new(u, HALF_WIDTH, v), Vec3::NEG_Y),
+                _ => (Vec3::new(u, w, HEIGHT), Vec3::NEG_Z),
+            };
+            let glow: f32 = lamps.iter().map(|lamp| 1.0 / (0.5 + lamp.distance_squared(position))).sum();
+            let color = Vec3::new(1.0, 0.9, 0.7).lerp(Vec3::new(0.6, 0.7, 1.0), random.next());
+            let intensity = color * (glow * 0.5 + random.next() * 0.1) * (1000.0 / count as f32);
+            match k % 100 {
+                99 => Light { position: position * 0.9, emission: Emission::Omni, intensity: intensity / TAU },
+                _ => Light { position, emission: Emission::Cosine(axis), intensity },
+            }
+        })
+        .collect()
+}
+
+/// Does the ball leave the segment free?
+pub fn unblocked(from: Vec3, to: Vec3) -> bool {
+    let (centre, radius) = BALL;
+    let along = to - from;
+    let t = ((centre - from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+    (from + along * t).distance_squared(centre) > radius * radius
+}
+
+/// Points of the floor, in rows.
+pub fn floor(side: usize) -> Vec<Lambert> {
+    let place = |k: usize| ((k as f32 + 0.5) / side as f32 * 2.0 - 1.0) * HALF_WIDTH;
+    (0..side * side)
+        .map(|k| Lambert {
+            position: Vec3::new(place(k % side), place(k / side), 0.0),
+            normal: Vec3::Z,
+            reflectance: Vec3::new(0.6, 0.5, 0.4),
+        })
+        .collect()
+}

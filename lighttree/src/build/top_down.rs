@@ -1,0 +1,218 @@
+//! Top-down clustering: the lights are split in two where that costs least, and each half again.
+//!
+//! `[Conty18]` A. Conty Estévez, C. Kulla: Importance sampling of many lights with adaptive tree splitting. HPG 2018.
+//!
+//! ```text
+//! cost of a split = I_a (α_a² + c² (1 − cos β_a)²) + I_b (α_b² + c² (1 − cos β_b)²)
+//! ```
+//!
+//! with the letters of the [bottom-up](super::agglomerate) cost, whose metric this is. Candidates are the borders of
+//! [`BINS`] slabs along each coordinate of the position and of the axis.
+//!
+//! # Differs from the paper
+//!
+//! \[Conty18\] weighs surface area and solid angle, for sampling; here it is the metric of Lightcuts, and axes are split
+//! like positions, as a point in six dimensions. Cones of candidates are bounded by the box of their axes: it costs six
+//! comparisons, and the cones of the tree itself are made exactly afterwards.
+
+use glam::Vec3A;
+
+use super::cluster::{Cluster, Kind, Metric};
+
+/// Slabs along a coordinate.
+const BINS: usize = 16;
+/// Larger subtrees are built beside each other \[lights\]; smaller ones are done before another thread wakes.
+const PARALLEL: usize = 4096;
+
+/// A light while it is being sorted.
+#[derive(Clone, Copy)]
+struct Item {
+    position: Vec3A,
+    /// Zero for lights without.
+    axis: Vec3A,
+    luminance: f32,
+    id: u32,
+}
+
+/// The merges of the tree, named from `first_merge` on, children before parents.
+pub(super) fn divide(leaves: Vec<Cluster>, metric: &Metric, first_merge: u32) -> Vec<[u32; 2]> {
+    let (mut omni, mut oriented): (Vec<Item>, Vec<Item>) = (Vec::new(), Vec::new());
+    for leaf in &leaves {
+        let item = Item { position: leaf.low, axis: Vec3A::ZERO, luminance: leaf.luminance, id: leaf.id };
+        match leaf.kind {
+            Kind::Oriented => oriented.push(Item { axis: leaf.axis, ..item }),
+            Kind::Omni | Kind::Mixed => omni.push(item),
+        }
+    }
+    let mut merges = vec![[0; 2]; leaves.len().saturating_sub(1)];
+    if omni.is_empty() || oriented.is_empty() {
+        let items = if omni.is_empty() { &mut oriented } else { &mut omni };
+        split(items, &mut merges, first_merge, metric);
+        return merges;
+    }
+    // A cluster of both shines everywhere: the most a split can cost.
+    let (of_omni, rest) = merges.split_at_mut(omni.len() - 1);
+    let (of_oriented, last) = rest.split_at_mut(oriented.len() - 1);
+    let a = split(&mut omni, of_omni, first_merge, metric);
+    let b = split(&mut oriented, of_oriented, first_merge + of_omni.len() as u32, metric);
+    last[0] = [a, b];
+    merges
+}
+
+/// Divides the items and gives the name of their root. Of the merges, as many as items less one, the last is the root.
+fn split(items: &mut [Item], merges: &mut [[u32; 2]], first_merge: u32, metric: &Metric) -> u32 {
+    match items {
+        [] => return u32::MAX,
+        [item] => return item.id,
+        _ => {}
+    }
+    let middle = partition(items, metric);
+    let (left, right) = items.split_at_mut(middle);
+    let root = first_merge + merges.len() as u32 - 1;
+    let (below, last) = merges.split_at_mut(left.len() + right.len() - 2);
+    let (of_left, of_right) = below.split_at_mut(left.len() - 1);
+    let second = first_merge + of_left.len() as u32;
+    let (large, first) = (left.len() + right.len() > PARALLEL, first_merge);
+    last[0] = if large {
+        let (a, b) = rayon::join(|| split(left, of_left, first, metric), || split(right, of_right, second, metric));
+        [a, b]
+    } else {
+        [split(left, of_left, first, metric), split(right, of_right, second, metric)]
+    };
+    root
+}
+
+/// What is known of some lights together.
+#[derive(Clone, Copy)]
+struct Group {
+    low: Vec3A,
+    high: Vec3A,
+    axis_low: Vec3A,
+    axis_high: Vec3A,
+    luminance: f32,
+    count: usize,
+}
+
+impl Group {
+    const EMPTY: Self = Self {
+        low: Vec3A::INFINITY,
+        high: Vec3A::NEG_INFINITY,
+        axis_low: Vec3A::INFINITY,
+        axis_high: Vec3A::NEG_INFINITY,
+        luminance: 0.0,
+        count: 0,
+    };
+
+    #[inline]
+    fn add(&mut self, item: &Item) {
+        self.low = self.low.min(item.position);
+        self.high = self.high.max(item.position);
+        self.axis_low = self.axis_low.min(item.axis);
+        self.axis_high = self.axis_high.max(item.axis);
+        self.luminance += item.luminance;
+        self.count += 1;
+    }
+
+    fn union(&self, other: &Self) -> Self {
+        Self {
+            low: self.low.min(other.low),
+            high: self.high.max(other.high),
+            axis_low: self.axis_low.min(other.axis_low),
+            axis_high: self.axis_high.max(other.axis_high),
+            luminance: self.luminance + other.luminance,
+            count: self.count + other.count,
+        }
+    }
+
+    /// I (α² + c² (1 − cos β)²)
+    fn cost(&self, metric: &Metric) -> f32 {
+        let diagonal2 = (self.high - self.low).length_squared();
+        let spread = 1.0 - self.cone_cosine();
+        self.luminance * (metric.coincidence2 + diagonal2 + metric.orientation2 * spread * spread)
+    }
+
+    /// A lower bound of cos β: unit axes a in a box of middle m and half diagonal h have |a − m| ≤ h, so
+    /// a · m ≥ (1 + m² − h²)/2. Without axes 1.
+    fn cone_cosine(&self) -> f32 {
+        let middle = 0.5 * (self.axis_low + self.axis_high);
+        let half2 = 0.25 * (self.axis_high - self.axis_low).length_squared();
+        let middle2 = middle.length_squared();
+        if half2 == 0.0 {
+            return 1.0;
+        }
+        if middle2 < 1e-12 {
+            return -1.0;
+        }
+        ((1.0 + middle2 - half2) / (2.0 * middle2.sqrt())).clamp(-1.0, 1.0)
+    }
+}
+
+/// Sorts the items into the two halves of the cheapest split and gives the length of the first, at least 1 and less
+/// than all.
+fn partition(items: &mut [Item], metric: &Metric) -> usize {
+    let mut all = Group::EMPTY;
+    items.iter().for_each(|item| all.add(item));
+    let mut best = (f32::INFINITY, 0, 0);
+    let bins_in_use = BINS.min(2 * items.len());
+    for dimension in 0..6 {
+        let (low, high) =
+            (coordinate_of(all.low, all.axis_low, dimension), coordinate_of(all.high, all.axis_high, dimension));
+        if high <= low {
+            continue;
+        }
+        let bin_of = binning(low, high, dimension, bins_in_use);
+        let mut bins = [Group::EMPTY; BINS];
+        for item in items.iter() {
+            bins[bin_of(item)].add(item);
+        }
+        let mut above = [Group::EMPTY; BINS];
+        let mut sum = Group::EMPTY;
+        for k in (1..bins_in_use).rev() {
+            sum = sum.union(&bins[k]);
+            above[k] = sum;
+        }
+        let mut below = Group::EMPTY;
+        for k in 1..bins_in_use {
+            below = below.union(&bins[k - 1]);
+            if below.count == 0 || above[k].count == 0 {
+                continue;
+            }
+            let cost = below.cost(metric) + above[k].cost(metric);
+            if cost < best.0 {
+                best = (cost, dimension, k);
+            }
+        }
+    }
+    let (cost, dimension, border) = best;
+    // All in one place, or costs beyond the range of f32: any halves do.
+    if cost == f32::INFINITY {
+        return items.len() / 2;
+    }
+    let (low, high) =
+        (coordinate_of(all.low, all.axis_low, dimension), coordinate_of(all.high, all.axis_high, dimension));
+    let bin_of = binning(low, high, dimension, bins_in_use);
+    // Keeps the order of the first half only; the same for any number of threads.
+    let mut middle = 0;
+    for k in 0..items.len() {
+        if bin_of(&items[k]) < border {
+            items.swap(k, middle);
+            middle += 1;
+        }
+    }
+    middle
+}
+
+#[inline]
+fn coordinate_of(position: Vec3A, axis: Vec3A, dimension: usize) -> f32 {
+    if dimension < 3 { position[dimension] } else { axis[dimension - 3] }
+}
+
+/// Which slab an item lies in.
+fn binning(low: f32, high: f32, dimension: usize, bins: usize) -> impl Fn(&Item) -> usize {
+    let scale = bins as f32 / (high - low);
+    move |item| {
+        let x = coordinate_of(item.position, item.axis, dimension);
+        // A scale that overflowed gives no number, which `as` makes 0; the border of the last bin belongs to it.
+        (((x - low) * scale) as usize).min(bins - 1)
+    }
+}

@@ -1,0 +1,86 @@
+//! The estimate of a cut whose clusters are known: M · G · V of each representative times its cluster's intensity.
+
+use glam::{Vec3, Vec4};
+
+use super::{Cluster, Cut, Scratch};
+use crate::lanes::Vector3;
+use crate::light::{Light, StoredSite, unshadowed};
+use crate::receiver::Receiver;
+use crate::tree::LightTree;
+
+/// A question to the scene: is the way from the receiver to this light free?
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ShadowRay {
+    /// Index of the light.
+    pub light: u32,
+    /// The answer; false when it is asked.
+    pub visible: bool,
+}
+
+impl LightTree {
+    /// Sums the estimates of the nodes in `scratch.selected`, shadow rays together.
+    #[inline(always)]
+    pub(super) fn evaluate<R: Receiver>(
+        &self,
+        receiver: &R,
+        visible: &mut impl FnMut(&[Light], &mut [ShadowRay]),
+        scratch: &mut Scratch,
+        mut cut: Cut,
+        each: &mut impl FnMut(Cluster, Vec3),
+    ) -> Cut {
+        scratch.begin_estimate();
+        self.estimate_selected(receiver, scratch, each);
+        let Scratch { rays, ray_count, terms, .. } = scratch;
+        let rays = &mut rays[..*ray_count];
+        if !rays.is_empty() {
+            visible(&self.lights, rays);
+        }
+        for (ray, &(unit, node)) in rays.iter().zip(&*terms) {
+            let unit = if ray.visible { unit.truncate() } else { Vec3::ZERO };
+            cut.radiance += unit * self.nodes[node as usize].intensity;
+            each(Cluster { node, light: ray.light }, unit);
+        }
+        cut.shadow_rays = rays.len() as u32;
+        cut
+    }
+
+    /// M · G of the representatives of the nodes in `scratch.selected`, four at a time: those that are not dark go to
+    /// the end of `rays` and to `terms`, the others to `dark` at once.
+    #[inline(always)]
+    pub(super) fn estimate_selected<R: Receiver>(
+        &self,
+        receiver: &R,
+        scratch: &mut Scratch,
+        dark: &mut impl FnMut(Cluster, Vec3),
+    ) {
+        let Scratch { selected, selected_count, rays, ray_count, terms, .. } = scratch;
+        let mut own = 0;
+        let (position, softening2) = (Vector3::splat(receiver.position()), Vec4::splat(self.softening2));
+        for four in selected[..*selected_count].chunks(4) {
+            let nodes: [u32; 4] = std::array::from_fn(|k| four[k.min(four.len() - 1)]);
+            let lights = nodes.map(|index| self.nodes[index as usize].representative);
+            let sites = StoredSite::four(lights.map(|light| &self.sites[light as usize]));
+            let units = unshadowed(receiver, position, &sites, softening2);
+            for ((&node, &light), unit) in four.iter().zip(&lights).zip(units.rows()) {
+                rays[*ray_count] = ShadowRay { light, visible: false };
+                terms[own] = (unit, node);
+                let lit = unit.w > 0.0;
+                *ray_count += usize::from(lit);
+                own += usize::from(lit);
+                if !lit {
+                    dark(Cluster { node, light }, Vec3::ZERO);
+                }
+            }
+        }
+    }
+}
+
+impl Scratch {
+    /// Room for the largest cut, and nothing in it.
+    pub(super) fn begin_estimate(&mut self) {
+        let room = self.max_size as usize + 8;
+        self.ray_count = 0;
+        self.rays.resize(self.rays.len().max(room), ShadowRay { light: 0, visible: false });
+        self.terms.resize(self.terms.len().max(room), (Vec4::ZERO, 0));
+    }
+}

@@ -1,0 +1,180 @@
+use super::*;
+use crate::build::{BuildParams, Builder};
+use crate::light::{Emission, luminance};
+use crate::receiver::{Ggx, Lambert};
+use crate::testing::{self, Random, Scene};
+
+fn ceiling(side: u32) -> LightTree {
+    let lights: Vec<Light> = (0..side * side)
+        .map(|k| Light {
+            position: Vec3::new((k % side) as f32, (k / side) as f32, side as f32),
+            emission: Emission::Cosine(Vec3::NEG_Z),
+            intensity: Vec3::ONE,
+        })
+        .collect();
+    LightTree::build(&lights, BuildParams { softening2: 0.3, seed: 3 })
+}
+
+/// Both ways through the tree give the same cut where both can be taken.
+#[test]
+fn order_of_refinement_does_not_matter() {
+    let tree = ceiling(40);
+    let mut scratch = Scratch::default();
+    for k in 0..40 {
+        let position = Vec3::new(k as f32, 13.0, 0.1);
+        let receiver = Lambert { position, normal: Vec3::Z, reflectance: Vec3::ONE };
+        let mut visible = |_: &Light, index: usize| index & 3 != 0;
+        let threshold = 0.005;
+        let depth_first = tree.lightcut(&receiver, Stop::Absolute(threshold), &mut visible, &mut scratch);
+        let best_first = tree.best_first(&receiver, |_| threshold, &mut visible, &mut scratch, &mut |_, _| {});
+        assert_eq!(depth_first.size, best_first.size);
+        assert_eq!(depth_first.largest_bound, best_first.largest_bound);
+        assert!(depth_first.nodes_visited.abs_diff(best_first.nodes_visited) <= 1);
+        assert!(depth_first.size > 20, "{depth_first:?}");
+        assert!(best_first.radiance.abs_diff_eq(depth_first.radiance, 1e-5 * depth_first.radiance.x));
+    }
+}
+
+/// The clusters handed out are the cut: their number, and their sum to the last bit but rounding; and they take new
+/// intensities as the tree does.
+#[test]
+fn clusters_sum_to_the_cut() {
+    let mut tree = ceiling(30);
+    let receiver = Lambert { position: Vec3::new(9.0, 13.0, 0.1), normal: Vec3::Z, reflectance: Vec3::ONE };
+    let mut scratch = Scratch::default();
+    for stop in [Stop::Absolute(0.005), Stop::Relative { fraction: 0.02, known_luminance: 0.0 }] {
+        let mut clusters = Vec::new();
+        let visible = |_: &Light, index: usize| index & 3 != 0;
+        let cut = tree.lightcut_with(&receiver, stop, visible, &mut scratch, |c, unit| clusters.push((c, unit)));
+        assert_eq!(clusters.len(), cut.size as usize);
+        let sum = |tree: &LightTree| clusters.iter().map(|&(c, unit)| unit * tree.cluster_intensity(c)).sum::<Vec3>();
+        assert!(sum(&tree).abs_diff_eq(cut.radiance, 1e-5 * cut.radiance.x), "{} {}", sum(&tree), cut.radiance);
+        let before = sum(&tree);
+        let doubled: Vec<Vec3> = tree.lights().iter().map(|light| light.intensity * 2.0).collect();
+        tree.update_drawn(&doubled);
+        assert_eq!(sum(&tree), before * 2.0);
+    }
+}
+
+/// After the first cut in a tree no buffer grows, whatever the threshold.
+#[test]
+fn scratch_is_reused() {
+    let tree = ceiling(50);
+    let mut scratch = Scratch::with_max_size(200);
+    let receiver = Lambert { position: Vec3::new(20.0, 20.0, 49.0), normal: Vec3::Z, reflectance: Vec3::ONE };
+    let capacities = |s: &Scratch| [s.pending.capacity(), s.selected.capacity(), s.rays.capacity(), s.terms.capacity()];
+    let refined = |scratch: &Scratch| scratch.refined.capacities();
+    tree.lightcut(&receiver, Stop::Absolute(1.0), |_, _| true, &mut scratch);
+    tree.lightcut(&receiver, Stop::Relative { fraction: 1.0, known_luminance: 0.0 }, |_, _| true, &mut scratch);
+    let before = (capacities(&scratch), refined(&scratch));
+    for threshold in [1e3, 1.0, 1e-3, 0.0] {
+        let cut = tree.lightcut(&receiver, Stop::Absolute(threshold), |_, _| true, &mut scratch);
+        assert!(cut.size <= 200);
+        assert_eq!((capacities(&scratch), refined(&scratch)), before);
+    }
+}
+
+/// Of the light that would arrive if all lights and the receiver faced each other: rounding of cosines near 90°.
+const ROUNDING: f32 = 1e-4;
+
+/// Luminance at a receiver of the given largest M that faces all lights while they all face it.
+fn face_to_face(tree: &LightTree, position: Vec3, strongest: Vec3) -> f32 {
+    let arrives = |light: &Light| {
+        let reflected = luminance(light.intensity * strongest);
+        match light.emission {
+            Emission::Directional(_) => reflected,
+            _ => reflected / (light.position.distance_squared(position) + tree.softening2),
+        }
+    };
+    tree.lights().iter().map(arrives).sum()
+}
+
+fn build(scene: &Scene, builder: Builder) -> LightTree {
+    LightTree::build_by(builder, &scene.lights, BuildParams { softening2: scene.softening2, seed: scene.seed })
+}
+
+/// 10⁵ cuts of all scales, at random thresholds and largest sizes, behind random shadows.
+#[test]
+fn cuts_keep_their_promises() {
+    let mut random = Random(7);
+    let mut refined = 0;
+    for case in 0..100_000u64 {
+        let scene = random.scene(24);
+        let tree = build(&scene, if case.is_multiple_of(2) { Builder::BottomUp } else { Builder::TopDown });
+        let receiver = &scene.receiver;
+        let (shadows, max_size) = (random.bits(), 1 + (random.bits() % 30) as u32);
+        let visible = |_: &Light, k: usize| testing::visible(shadows, k);
+        let arriving = face_to_face(&tree, receiver.position, receiver.reflectance * std::f32::consts::FRAC_1_PI);
+        let truth = luminance(tree.exhaustive(receiver, visible));
+        let slack = ROUNDING * arriving;
+        let share = 10f32.powf(random.within(-5.0, 0.0));
+        let mut scratch = Scratch::with_max_size(max_size);
+
+        let (absolute, known) = (share * arriving, 0.1 * truth);
+        let relative = Stop::Relative { fraction: share, known_luminance: known };
+        for stop in [Stop::Absolute(absolute), relative] {
+            let cut = tree.lightcut(receiver, stop, visible, &mut scratch);
+            let error = (luminance(cut.radiance) - truth).abs();
+            assert!(error <= cut.total_bound * 1.0001 + slack, "error {error} of {truth}: {cut:?}");
+            assert!(cut.size <= max_size.max(1 + u32::from(tree.is_joint())), "{cut:?}, at most {max_size}");
+            assert!(cut.largest_bound <= cut.total_bound * 1.0001, "{cut:?}");
+            let threshold = if stop == relative { share * (known + luminance(cut.radiance)) } else { absolute };
+            assert!(cut.largest_bound <= threshold * 1.0001 || cut.size >= max_size, "{cut:?}, {threshold}");
+            refined += u64::from(cut.size > 1);
+        }
+        let all = tree.lightcut(receiver, Stop::Absolute(0.0), visible, &mut Scratch::default());
+        assert!((luminance(all.radiance) - truth).abs() <= slack, "{all:?}, every light {truth}");
+        assert_eq!((all.largest_bound, all.total_bound), (0.0, 0.0));
+    }
+    assert!(refined > 50_000, "{refined} cuts of more than one cluster");
+}
+
+/// Bundles of neighbours and of strangers, by shared cuts: the promises of cuts made alone.
+#[test]
+fn shared_cuts_keep_the_promises_of_each() {
+    let mut random = Random(8);
+    let mut saved = 0;
+    for _ in 0..4000 {
+        let scene = random.scene(60);
+        let tree = build(&scene, Builder::BottomUp);
+        let length = scene.softening2.sqrt() * 10f32.powf(random.within(-2.0, 1.0));
+        let tilt = random.within(0.0, 1.0);
+        let receivers: Vec<Ggx> = (0..1 + random.bits() % 12)
+            .map(|_| Ggx {
+                position: scene.receiver.position + random.vector() * length,
+                normal: (scene.receiver.normal + random.vector() * tilt).try_normalize().unwrap_or(Vec3::Z),
+                view: scene.direction,
+                diffuse: random.vector().abs(),
+                specular: Vec3::splat(0.04),
+                alpha: 0.3,
+            })
+            .collect();
+        let around = crate::Region::<f32>::new(Vec3::NEG_ONE.into(), Vec3::ONE.into());
+        let arriving: Vec<f32> =
+            receivers.iter().map(|r| face_to_face(&tree, r.position, r.reflect_bound(&around).into())).collect();
+        let thresholds: Vec<f32> =
+            arriving.iter().map(|arriving| arriving * 10f32.powf(random.within(-4.0, -1.0))).collect();
+        let (shadows, max_size) = (random.bits(), 1 + (random.bits() % 100) as u32);
+        let sees = |receiver: usize, light: usize| testing::visible(shadows ^ receiver as u64, light);
+        let mut scratch = Scratch::with_max_size(max_size);
+        let mut cuts = Vec::new();
+        let visible = |receiver: usize, _: &[Light], rays: &mut [ShadowRay]| {
+            rays.iter_mut().for_each(|ray| ray.visible = sees(receiver, ray.light as usize));
+        };
+        tree.lightcuts(&receivers, &thresholds, visible, &mut scratch, &mut cuts);
+        assert_eq!(cuts.len(), receivers.len());
+        let mut alone = 0;
+        for (k, cut) in cuts.iter().enumerate() {
+            let receiver = &receivers[k];
+            let truth = luminance(tree.exhaustive(receiver, |_, light| sees(k, light)));
+            let error = (luminance(cut.radiance) - truth).abs();
+            assert!(error <= cut.total_bound * 1.0001 + ROUNDING * arriving[k], "error {error} of {truth}: {cut:?}");
+            assert!(cut.largest_bound <= thresholds[k] || cut.size >= max_size, "{cut:?}, {}", thresholds[k]);
+            assert!(cut.size <= max_size.max(1 + u32::from(tree.is_joint())), "{cut:?}, at most {max_size}");
+            let stop = Stop::Absolute(thresholds[k]);
+            alone += tree.lightcut(receiver, stop, |_, light| sees(k, light), &mut scratch).nodes_visited;
+        }
+        saved += u32::from(cuts.iter().map(|cut| cut.nodes_visited).sum::<u32>() < alone);
+    }
+    assert!(saved > 2000, "{saved} bundles with fewer visits");
+}

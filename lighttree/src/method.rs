@@ -1,0 +1,247 @@
+//! Rivals of the cut, behind one call: every light, a cut whose representatives are drawn anew for each receiver, and
+//! plain importance sampling of the tree.
+//!
+//! `[Yuksel19]` C. Yuksel: Stochastic lightcuts. High-Performance Graphics 2019.
+//!
+//! A light of a cluster is drawn by going down from the cluster's node: at each step the child i is taken with
+//! probability w_i / (w_0 + w_1), and the light found counts I_light / p times, p being the product of them all.
+//!
+//! # Differs from the paper
+//!
+//! * \[Yuksel19\] weighs children by intensity over squared distance, with the largest distance close by. Here w is
+//!   the mean of a child's error bound, as a share of both, and of its share of the intensity times a floor: a child is
+//!   left out only where its bound proves it dark, so the estimate is unbiased.
+//! * Random numbers are a function of (seed, stream, node) and of nothing else: with the pixel as the stream they stay
+//!   from frame to frame, and the picture does not flicker where nothing changes.
+
+use glam::{DVec3, Vec3};
+
+use crate::cut::{Cut, Scratch, Stop};
+use crate::error_bound::{Cluster as Bounds, error_bound};
+use crate::light::{Light, luminance, unshadowed};
+use crate::race::uniform;
+use crate::receiver::Receiver;
+use crate::tree::LightTree;
+
+/// How much of its share of the intensity a child is drawn by at least: bounds may be far too large, and a light that is
+/// drawn much too rarely is a bright spot.
+const FLOOR: f32 = 0.05;
+
+/// How the light at a receiver is found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    /// Every light.
+    Exhaustive,
+    /// [`LightTree::lightcut`].
+    Lightcut(Stop),
+    /// The clusters of a cut, each by a light drawn for this receiver alone \[Yuksel19\]: errors become noise that
+    /// differs between streams, where the cut's own representatives are wrong alike for all neighbours.
+    Stochastic {
+        /// Chooses the clusters. The thresholds bound errors of the clusters as they do for cuts.
+        stop: Stop,
+        /// Which random numbers, such as the pixel's index.
+        stream: u64,
+    },
+    /// Independent lights drawn by importance from the root.
+    Sampled {
+        /// How many, at least one.
+        samples: u32,
+        /// Which random numbers, such as the pixel's index.
+        stream: u64,
+    },
+}
+
+impl LightTree {
+    /// Light reflected at a receiver, by the method of choice. [`Cut::size`] counts lights that stood for clusters;
+    /// bounds are those of clusters where there are any.
+    pub fn illuminate<R: Receiver>(
+        &self,
+        receiver: &R,
+        method: Method,
+        mut visible: impl FnMut(&Light, usize) -> bool,
+        scratch: &mut Scratch,
+    ) -> Cut {
+        match method {
+            Method::Exhaustive => {
+                let mut cut = Cut { size: self.len() as u32, ..Cut::default() };
+                cut.radiance = self.exhaustive(receiver, |light, index| {
+                    cut.shadow_rays += 1;
+                    visible(light, index)
+                });
+                cut
+            }
+            Method::Lightcut(stop) => self.lightcut(receiver, stop, visible, scratch),
+            Method::Stochastic { stop, stream } => self.stochastic(receiver, stop, stream, visible, scratch),
+            Method::Sampled { samples, stream } => self.sampled(receiver, samples.max(1), stream, visible),
+        }
+    }
+
+    fn stochastic<R: Receiver>(
+        &self,
+        receiver: &R,
+        stop: Stop,
+        stream: u64,
+        mut visible: impl FnMut(&Light, usize) -> bool,
+        scratch: &mut Scratch,
+    ) -> Cut {
+        // The cut is chosen by bounds; where it follows the estimate, by the estimate without shadows.
+        let mut clusters = std::mem::take(&mut scratch.clusters);
+        clusters.clear();
+        let mut cut =
+            self.lightcut_with(receiver, stop, |_, _| true, scratch, |cluster, _| clusters.push(cluster.node));
+        (cut.radiance, cut.shadow_rays) = (Vec3::ZERO, 0);
+        let mut sum = DVec3::ZERO;
+        for &node in &clusters {
+            let draw = uniform(self.seed ^ stream.wrapping_mul(0xd134_2543_de82_ef95), u64::from(node));
+            if let Some((light, probability)) = self.draw(receiver, node as usize, draw, &mut cut.nodes_visited) {
+                sum += self.share(receiver, light, probability, &mut visible, &mut cut.shadow_rays);
+            }
+        }
+        scratch.clusters = clusters;
+        cut.radiance = sum.as_vec3();
+        cut
+    }
+
+    fn sampled<R: Receiver>(
+        &self,
+        receiver: &R,
+        samples: u32,
+        stream: u64,
+        mut visible: impl FnMut(&Light, usize) -> bool,
+    ) -> Cut {
+        let mut cut = Cut { size: samples, ..Cut::default() };
+        let mut sum = DVec3::ZERO;
+        let roots = self.roots();
+        for sample in 0..samples {
+            // One random number in each of as many equal parts.
+            let offset = uniform(self.seed ^ stream.wrapping_mul(0xd134_2543_de82_ef95), u64::from(sample));
+            let draw = (f64::from(sample) + offset) / f64::from(samples);
+            for root in roots.clone() {
+                if let Some((light, probability)) = self.draw(receiver, root, draw, &mut cut.nodes_visited) {
+                    sum += self.share(receiver, light, probability, &mut visible, &mut cut.shadow_rays);
+                }
+            }
+        }
+        cut.radiance = (sum / f64::from(samples)).as_vec3();
+        cut
+    }
+
+    /// Goes down from a node by the number `draw` in 0 … 1, which is stretched again at each step; the light and its
+    /// probability, or none where all that could be reached is dark.
+    fn draw<R: Receiver>(&self, receiver: &R, node: usize, mut draw: f64, visited: &mut u32) -> Option<(u32, f64)> {
+        let (mut index, mut probability) = (node, 1.0);
+        while !self.nodes[index].is_leaf() {
+            let first = self.nodes[index].children();
+            let position = receiver.position().into();
+            let [a, b] = [first, first + 1].map(|child| {
+                let node = &self.nodes[child];
+                let bound = error_bound(receiver, position, &Bounds::one(node), self.softening2);
+                (f64::from(bound), f64::from(luminance(node.intensity)))
+            });
+            *visited += 2;
+            let (bounds, intensities) = (a.0 + b.0, a.1 + b.1);
+            if bounds <= 0.0 {
+                return None;
+            }
+            let weight = |child: (f64, f64)| {
+                if child.0 > 0.0 { child.0 / bounds + f64::from(FLOOR) * child.1 / intensities } else { 0.0 }
+            };
+            let share = weight(a) / (weight(a) + weight(b));
+            if draw < share {
+                draw /= share;
+                probability *= share;
+                index = first;
+            } else {
+                draw = (draw - share) / (1.0 - share);
+                probability *= 1.0 - share;
+                index = first + 1;
+            }
+        }
+        (probability > 0.0).then_some((self.nodes[index].representative, probability))
+    }
+
+    /// What a drawn light stands for.
+    fn share<R: Receiver>(
+        &self,
+        receiver: &R,
+        light: u32,
+        probability: f64,
+        visible: &mut impl FnMut(&Light, usize) -> bool,
+        shadow_rays: &mut u32,
+    ) -> DVec3 {
+        let index = light as usize;
+        let site = self.sites[index].one();
+        let unit = Vec3::from(unshadowed(receiver, receiver.position().into(), &site, self.softening2));
+        if unit == Vec3::ZERO {
+            return DVec3::ZERO;
+        }
+        *shadow_rays += 1;
+        if !visible(&self.lights[index], index) {
+            return DVec3::ZERO;
+        }
+        (unit * self.lights[index].intensity).as_dvec3() / probability
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::BuildParams;
+    use crate::testing;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+
+        /// The mean over many streams is the sum over every light, within five standard errors.
+        #[test]
+        fn drawn_lights_are_right_on_average(scene in testing::scene(1..40), shadow_seed: u64) {
+            let tree = LightTree::build(&scene.lights, BuildParams { softening2: scene.softening2, seed: scene.seed });
+            let visible = |_: &Light, k: usize| testing::visible(shadow_seed, k);
+            let truth = f64::from(luminance(tree.exhaustive(&scene.receiver, visible)));
+            let stop = Stop::Absolute(0.1 * truth as f32);
+            let mut scratch = Scratch::default();
+            type Choice = fn(u64, Stop) -> Method;
+            let methods: [Choice; 2] = [
+                |stream, stop| Method::Stochastic { stop, stream },
+                |stream, _| Method::Sampled { samples: 2, stream },
+            ];
+            for method in methods {
+                let streams = 4000;
+                let (mut sum, mut squares) = (0.0, 0.0);
+                for stream in 0..streams {
+                    let cut = tree.illuminate(&scene.receiver, method(stream, stop), visible, &mut scratch);
+                    let value = f64::from(luminance(cut.radiance));
+                    (sum, squares) = (sum + value, squares + value * value);
+                }
+                let mean = sum / streams as f64;
+                let error = ((squares / streams as f64 - mean * mean).max(0.0) / streams as f64).sqrt();
+                prop_assert!((mean - truth).abs() <= 5.0 * error + 1e-4 * truth, "{mean} ± {error}, truth {truth}");
+            }
+        }
+    }
+
+    /// The same stream gives the same bits, and another one another choice.
+    #[test]
+    fn streams_are_stable_and_differ() {
+        let lights: Vec<Light> = (0..200)
+            .map(|k| Light {
+                position: Vec3::new((k % 20) as f32, (k / 20) as f32, 3.0),
+                emission: crate::Emission::Cosine(Vec3::NEG_Z),
+                intensity: Vec3::splat(1.0 + (k % 7) as f32),
+            })
+            .collect();
+        let tree = LightTree::build(&lights, BuildParams { softening2: 0.1, seed: 1 });
+        let receiver = crate::Lambert { position: Vec3::ZERO, normal: Vec3::Z, reflectance: Vec3::ONE };
+        let mut scratch = Scratch::default();
+        let mut at = |stream| {
+            let stop = Stop::Absolute(0.05);
+            tree.illuminate(&receiver, Method::Stochastic { stop, stream }, |_, _| true, &mut scratch).radiance
+        };
+        assert_eq!(at(7), at(7));
+        assert_ne!(at(7), at(8));
+        let every = tree.illuminate(&receiver, Method::Exhaustive, |_, _| true, &mut Scratch::default());
+        assert_eq!((every.radiance, every.shadow_rays), (tree.exhaustive(&receiver, |_, _| true), 200));
+    }
+}
