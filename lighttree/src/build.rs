@@ -14,8 +14,8 @@ mod top_down;
 use glam::{Vec3, Vec3A};
 
 use crate::bounds::Cone;
-use crate::light::{Emission, Fitness, Light, StoredSite, luminance};
-use crate::race::arrivals;
+use crate::light::{Emission, Fitness, Light, luminance};
+use crate::race::{arrivals, sites};
 use crate::tree::{LightTree, Node};
 use cluster::{Cluster, Metric};
 
@@ -76,7 +76,7 @@ impl LightTree {
         let mut tree = Self {
             nodes: Vec::new(),
             extents: Vec::new(),
-            sites: lights.iter().map(StoredSite::new).collect(),
+            sites: sites(params.seed, &lights),
             lights,
             softening2: params.softening2.max(SMALLEST_SOFTENING2),
             depth: 0,

@@ -11,6 +11,7 @@ use glam::Vec3;
 use crate::bounds::Cone;
 use crate::build::{BuildParams, Builder, Metrics};
 use crate::light::{Fitness, Light, StoredSite, luminance};
+use crate::race::delay;
 use crate::tree::{LightTree, Node};
 
 /// Ours: a tree this much deeper than log₂ of its lights is built anew instead of grown further \[levels\].
@@ -39,7 +40,7 @@ impl LightTree {
                 self.misplaced.push(index);
             }
             self.lights.push(light);
-            self.sites.push(StoredSite::new(&light));
+            self.sites.push(StoredSite { delay: delay(self.seed, index.into()), ..StoredSite::new(&light) });
             fits = fits && self.grow(index);
         }
         if fits {

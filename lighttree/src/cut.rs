@@ -8,20 +8,23 @@
 //!   Cuts that would exceed the largest size, and relative thresholds, go [best first](best_first) as in the paper.
 //! * A cluster whose bound is exactly zero contributes exactly nothing. It is dropped: no estimate, no shadow ray, no
 //!   place in the size of the cut. In [walked](walk) cuts that holds for single lights too.
+//! * A cluster is estimated by [both of its halves](halves), with one shadow ray. Clusters that are handed out to be
+//!   kept are those of the paper, with one representative.
 //! * Receivers close together can [share](bundle) most of their walk.
 
 mod best_first;
 mod bundle;
 mod evaluate;
+mod halves;
 mod walk;
 
 use glam::{Vec3, Vec4};
 
 use crate::error_bound::{Cluster as Bounds, error_bound};
-use crate::light::{Light, unshadowed};
+use crate::light::Light;
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
-use best_first::Refined;
+use best_first::{Form, Refined};
 use bundle::Shared;
 pub use evaluate::ShadowRay;
 
@@ -81,7 +84,8 @@ pub struct Scratch {
     /// Shadow rays, `ray_count` of them, and room for those of the largest cut.
     rays: Vec<ShadowRay>,
     ray_count: usize,
-    /// M · G of the representatives behind `rays` (the fourth number does not matter), and their node.
+    /// What arrives by each of the `rays` if it is free, or M · G of its light, and its node; the fourth number does not
+    /// matter.
     terms: Vec<(Vec4, u32)>,
     /// Nodes of a cut whose lights are drawn.
     pub(crate) clusters: Vec<u32>,
@@ -129,15 +133,21 @@ impl LightTree {
         &self,
         receiver: &R,
         stop: Stop,
-        visible: impl FnMut(&Light, usize) -> bool,
+        mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
     ) -> Cut {
-        self.lightcut_with(receiver, stop, visible, scratch, |_, _| {})
+        let visible_together = |lights: &[Light], rays: &mut [ShadowRay]| {
+            for ray in rays {
+                ray.visible = visible(&lights[ray.light as usize], ray.light as usize);
+            }
+        };
+        self.lightcut_batched(receiver, stop, visible_together, scratch)
     }
 
-    /// As [`LightTree::lightcut`], and hands every cluster of the finished cut to `each`, with M · G · V of its
-    /// representative: radiance per intensity \[m⁻²\], zero where it is hidden. The cut's radiance is the sum of that times
-    /// [`LightTree::cluster_intensity`].
+    /// As [`LightTree::lightcut`], with the estimate of the paper: each cluster by its one representative, where
+    /// `lightcut` has both halves of a cluster and is nearer to the truth. So clusters can be kept and summed again:
+    /// `each` gets every cluster of the finished cut and M · G · V of its representative, radiance per intensity \[m⁻²\],
+    /// zero where it is hidden. The cut's radiance is the sum of that times [`LightTree::cluster_intensity`].
     pub fn lightcut_with<R: Receiver>(
         &self,
         receiver: &R,
@@ -149,12 +159,12 @@ impl LightTree {
         match stop {
             _ if self.nodes.is_empty() => Cut::default(),
             Stop::Absolute(threshold) => match self.walk(receiver, threshold, scratch) {
-                Some(cut) => self.evaluate(receiver, &mut one_by_one(visible), scratch, cut, &mut each),
-                None => self.best_first(receiver, |_| threshold, &mut visible, scratch, &mut each),
+                Some(cut) => self.evaluate(receiver, visible, scratch, cut, &mut each),
+                None => self.best_first(receiver, |_| threshold, &mut visible, scratch, Form::Kept(&mut each)),
             },
             Stop::Relative { fraction, known_luminance } => {
                 let threshold = |estimate: f32| fraction * (known_luminance + estimate);
-                self.best_first(receiver, threshold, &mut visible, scratch, &mut each)
+                self.best_first(receiver, threshold, &mut visible, scratch, Form::Kept(&mut each))
             }
         }
     }
@@ -169,19 +179,24 @@ impl LightTree {
         mut visible: impl FnMut(&[Light], &mut [ShadowRay]),
         scratch: &mut Scratch,
     ) -> Cut {
+        if self.nodes.is_empty() {
+            return Cut::default();
+        }
         if let Stop::Absolute(threshold) = stop
-            && !self.nodes.is_empty()
             && let Some(cut) = self.walk(receiver, threshold, scratch)
         {
-            return self.evaluate(receiver, &mut visible, scratch, cut, &mut |_, _| {});
+            return self.evaluate_halves(receiver, visible, scratch, cut);
         }
-        let lights = &self.lights;
-        let alone = |_: &Light, index: usize| {
+        let mut alone = |_: &Light, index: usize| {
             let mut ray = [ShadowRay { light: index as u32, visible: false }];
-            visible(lights, &mut ray);
+            visible(&self.lights, &mut ray);
             ray[0].visible
         };
-        self.lightcut(receiver, stop, alone, scratch)
+        let threshold = |estimate: f32| match stop {
+            Stop::Absolute(threshold) => threshold,
+            Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + estimate),
+        };
+        self.best_first(receiver, threshold, &mut alone, scratch, Form::<fn(Cluster, Vec3)>::Halves)
     }
 
     /// Intensity that a cluster has now, after any [`update`](LightTree::update) since the cut that it comes from
@@ -225,33 +240,6 @@ impl LightTree {
             return 0.0;
         }
         error_bound(receiver, receiver.position().into(), &Bounds::one(node), self.softening2)
-    }
-
-    /// M · G · V of one light.
-    #[inline]
-    fn representative_term<R: Receiver>(
-        &self,
-        receiver: &R,
-        light: u32,
-        visible: &mut impl FnMut(&Light, usize) -> bool,
-        shadow_rays: &mut u32,
-    ) -> Vec3 {
-        let site = self.sites[light as usize].one();
-        let unit = Vec3::from(unshadowed(receiver, receiver.position().into(), &site, self.softening2));
-        if unit == Vec3::ZERO {
-            return unit;
-        }
-        *shadow_rays += 1;
-        if visible(&self.lights[light as usize], light as usize) { unit } else { Vec3::ZERO }
-    }
-}
-
-/// A function for one shadow ray as one for many.
-fn one_by_one(mut visible: impl FnMut(&Light, usize) -> bool) -> impl FnMut(&[Light], &mut [ShadowRay]) {
-    move |lights, rays| {
-        for ray in rays {
-            ray.visible = visible(&lights[ray.light as usize], ray.light as usize);
-        }
     }
 }
 

@@ -104,6 +104,8 @@ pub(crate) struct Site<F> {
     pub axis: Vector3<F>,
     /// Cosine of the cone of axes, as nodes have it: 1 for an axis, −1 for omni lights, [`DIRECTIONAL`].
     pub kind: F,
+    /// See [`StoredSite::delay`].
+    pub delay: F,
 }
 
 /// Site of one light as it lies in memory: half a cache line.
@@ -113,7 +115,9 @@ pub(crate) struct StoredSite {
     pub position: Vec3,
     pub kind: f32,
     pub axis: Vec3,
-    pub pad: f32,
+    /// How long it takes to ask for its shadow at unit light: the light's number in the race of
+    /// [halves](crate::cut) \[W·m⁻²·sr⁻¹\]; 0 where there is none.
+    pub delay: f32,
 }
 
 impl StoredSite {
@@ -123,20 +127,20 @@ impl StoredSite {
             Emission::Cosine(axis) => (light.position, axis, 1.0),
             Emission::Directional(travel) => (-travel, Vec3::Z, DIRECTIONAL),
         };
-        Self { position, kind, axis, pad: 0.0 }
+        Self { position, kind, axis, delay: 0.0 }
     }
 
     #[inline(always)]
     pub fn one(&self) -> Site<f32> {
-        Site { position: self.position.into(), axis: self.axis.into(), kind: self.kind }
+        Site { position: self.position.into(), axis: self.axis.into(), kind: self.kind, delay: self.delay }
     }
 
     /// Four of them side by side.
     #[inline(always)]
     pub fn four(sites: [&Self; 4]) -> Site<Vec4> {
         let [px, py, pz, kind] = transpose(sites.map(|s| Vec4::new(s.position.x, s.position.y, s.position.z, s.kind)));
-        let [ax, ay, az, _] = transpose(sites.map(|s| Vec4::new(s.axis.x, s.axis.y, s.axis.z, s.pad)));
-        Site { position: Vector3 { x: px, y: py, z: pz }, axis: Vector3 { x: ax, y: ay, z: az }, kind }
+        let [ax, ay, az, delay] = transpose(sites.map(|s| Vec4::new(s.axis.x, s.axis.y, s.axis.z, s.delay)));
+        Site { position: Vector3 { x: px, y: py, z: pz }, axis: Vector3 { x: ax, y: ay, z: az }, kind, delay }
     }
 }
 

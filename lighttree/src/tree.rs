@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bounds::Cone;
 use crate::light::{DIRECTIONAL, Emission, Light, StoredSite};
+use crate::race::sites;
 
 /// A cluster of lights, one cache line.
 ///
@@ -120,7 +121,7 @@ struct Stored {
 impl From<Stored> for LightTree {
     fn from(stored: Stored) -> Self {
         let Stored { nodes, lights, softening2, extents, depth, cost_at_build, misplaced, rejected, seed } = stored;
-        let sites = lights.iter().map(StoredSite::new).collect();
+        let sites = sites(seed, &lights);
         Self { nodes, lights, sites, softening2, extents, depth, cost_at_build, misplaced, rejected, seed }
     }
 }

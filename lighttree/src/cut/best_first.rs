@@ -2,11 +2,12 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Cluster, Cut, Scratch};
+use super::{Cluster, Cut, Scratch, ShadowRay};
 use crate::error_bound::{Cluster as Bounds, error_bound};
-use crate::light::{Light, luminance};
+use crate::lanes::Vector3;
+use crate::light::{Light, luminance, unshadowed};
 use crate::receiver::Receiver;
-use crate::tree::{LightTree, sibling};
+use crate::tree::{LightTree, Node, sibling};
 
 /// The clusters of a growing cut, and a heap over those that can be refined.
 #[derive(Clone, Debug, Default)]
@@ -18,15 +19,23 @@ pub(super) struct Refined {
     heap: Vec<u64>,
 }
 
-/// A cluster with the value of its representative.
+/// A cluster with its estimate.
 #[derive(Clone, Copy, Debug)]
 struct Evaluated {
     node: u32,
-    /// Who stands for the cluster; none in a slot that is free.
-    light: Option<u32>,
-    /// M · G · V of the representative \[m⁻²\]; a child with the same representative takes it over.
+    /// The light that was asked for its shadow; none in a slot that is free.
+    ray: Option<ShadowRay>,
+    /// M · G · V of the representative \[m⁻²\], where clusters are to be kept.
     unit: Vec3,
     radiance: Vec3,
+}
+
+/// How clusters are estimated.
+pub(super) enum Form<E> {
+    /// By both [halves](super::halves).
+    Halves,
+    /// By their representatives, as in the paper, and then handed to this function.
+    Kept(E),
 }
 
 impl Refined {
@@ -52,7 +61,7 @@ impl Refined {
     fn remove(&mut self, slot: u32) -> Evaluated {
         let cluster = self.clusters[slot as usize];
         self.clusters[slot as usize].radiance = Vec3::ZERO;
-        self.clusters[slot as usize].light = None;
+        self.clusters[slot as usize].ray = None;
         self.free.push(slot);
         cluster
     }
@@ -118,55 +127,69 @@ fn bound_of(key: u64) -> f32 {
 impl LightTree {
     /// Refines the cluster of the largest bound until that is below `threshold` of the estimated luminance, or the
     /// cut is as large as the scratch allows.
-    pub(super) fn best_first<R: Receiver>(
+    pub(super) fn best_first<R: Receiver, E: FnMut(Cluster, Vec3)>(
         &self,
         receiver: &R,
         threshold: impl Fn(f32) -> f32,
         visible: &mut impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
-        each: &mut impl FnMut(Cluster, Vec3),
+        form: Form<E>,
     ) -> Cut {
         let max_size = scratch.max_size;
         let refined = &mut scratch.refined;
         refined.clear(max_size);
-        let position = receiver.position().into();
         let mut cut = Cut::default();
         // In f64 the running estimate does not drift; it steers the threshold, the result is summed at the end.
         let mut estimate = 0.0f64;
-        let mut place = |index: usize, known: Option<Vec3>, refined: &mut Refined, cut: &mut Cut| {
-            let node = &self.nodes[index];
+        let mut place = |cluster: Unshadowed, known: Option<ShadowRay>, refined: &mut Refined, cut: &mut Cut| {
+            let Unshadowed { node: index, light, unit, radiance } = cluster;
+            let node = &self.nodes[index as usize];
             cut.nodes_visited += 1;
-            let bound =
-                if node.is_leaf() { 0.0 } else { error_bound(receiver, position, &Bounds::one(node), self.softening2) };
+            let bound = if node.is_leaf() { 0.0 } else { self.bound(receiver, node) };
             if !node.is_leaf() && bound == 0.0 {
                 return 0.0;
             }
-            let unit = known.unwrap_or_else(|| {
-                self.representative_term(receiver, node.representative, visible, &mut cut.shadow_rays)
-            });
-            let radiance = unit * node.intensity;
-            let slot =
-                refined.insert(Evaluated { node: index as u32, light: Some(node.representative), unit, radiance });
+            let visible = match known {
+                _ if radiance == Vec3::ZERO => false,
+                Some(ray) if ray.light == light => ray.visible,
+                _ => {
+                    cut.shadow_rays += 1;
+                    visible(&self.lights[light as usize], light as usize)
+                }
+            };
+            let seen = f32::from(visible);
+            let (unit, radiance) = (unit * seen, radiance * seen);
+            let ray = Some(ShadowRay { light, visible });
+            let slot = refined.insert(Evaluated { node: index, ray, unit, radiance });
             if bound > 0.0 {
                 refined.push(bound, slot);
             }
             f64::from(luminance(radiance))
         };
+        let estimates = |clusters: [usize; 2]| match form {
+            Form::Halves => self.by_halves(receiver, clusters.map(|cluster| cluster as u32)),
+            Form::Kept(_) => clusters.map(|cluster| self.by_representative(receiver, cluster)),
+        };
         for root in self.roots() {
-            estimate += place(root, None, refined, &mut cut);
+            let [cluster, _] = estimates([root; 2]);
+            estimate += place(cluster, None, refined, &mut cut);
         }
         while refined.largest_bound() > threshold(estimate.max(0.0) as f32).max(0.0) && refined.size() < max_size {
             let Some(slot) = refined.pop() else { break };
             let cluster = refined.remove(slot);
-            let chosen = self.nodes[cluster.node as usize].representative_child as usize;
             estimate -= f64::from(luminance(cluster.radiance));
-            estimate += place(chosen, Some(cluster.unit), refined, &mut cut);
-            estimate += place(sibling(chosen), None, refined, &mut cut);
+            let chosen = self.nodes[cluster.node as usize].representative_child as usize;
+            for child in estimates([chosen, sibling(chosen)]) {
+                estimate += place(child, cluster.ray, refined, &mut cut);
+            }
         }
         cut.radiance = refined.clusters.iter().map(|c| c.radiance.as_dvec3()).sum::<DVec3>().as_vec3();
-        for cluster in &refined.clusters {
-            if let Some(light) = cluster.light {
-                each(Cluster { node: cluster.node, light }, cluster.unit);
+        let mut each = form;
+        for (cluster, ray) in refined.clusters.iter().filter_map(|cluster| Some((cluster, cluster.ray?))) {
+            match &mut each {
+                Form::Kept(each) => each(Cluster { node: cluster.node, light: ray.light }, cluster.unit),
+                Form::Halves if !self.nodes[cluster.node as usize].is_leaf() => cut.nodes_visited += 2,
+                Form::Halves => {}
             }
         }
         cut.size = refined.size();
@@ -174,4 +197,34 @@ impl LightTree {
         cut.total_bound = refined.heap.iter().map(|&key| bound_of(key)).sum();
         cut
     }
+
+    fn bound<R: Receiver>(&self, receiver: &R, node: &Node) -> f32 {
+        error_bound(receiver, receiver.position().into(), &Bounds::one(node), self.softening2)
+    }
+
+    fn by_halves<R: Receiver>(&self, receiver: &R, clusters: [u32; 2]) -> [Unshadowed; 2] {
+        let position = Vector3::splat(receiver.position());
+        let [a, b] = self.halves(clusters).estimates(receiver, position, self.softening2);
+        [(clusters[0], a), (clusters[1], b)].map(|(node, (ray, radiance))| Unshadowed {
+            node,
+            light: ray.light,
+            unit: Vec3::ZERO,
+            radiance: radiance.truncate(),
+        })
+    }
+
+    fn by_representative<R: Receiver>(&self, receiver: &R, cluster: usize) -> Unshadowed {
+        let node = &self.nodes[cluster];
+        let site = self.sites[node.representative as usize].one();
+        let unit = Vec3::from(unshadowed(receiver, receiver.position().into(), &site, self.softening2));
+        Unshadowed { node: cluster as u32, light: node.representative, unit, radiance: unit * node.intensity }
+    }
+}
+
+/// What a cluster would send if its light were seen.
+struct Unshadowed {
+    node: u32,
+    light: u32,
+    unit: Vec3,
+    radiance: Vec3,
 }

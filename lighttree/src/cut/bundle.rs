@@ -15,11 +15,12 @@
 
 use glam::{Vec3, Vec4};
 
+use super::halves::Halves;
 use super::walk::Walk;
 use super::{Cut, Scratch, ShadowRay, Stop};
 use crate::error_bound::{Cluster, error_bound, error_bound_of_bundle};
 use crate::lanes::Vector3;
-use crate::light::{Light, Site, StoredSite, unshadowed};
+use crate::light::Light;
 use crate::receiver::{Bundled, Receiver};
 use crate::tree::LightTree;
 
@@ -32,9 +33,8 @@ pub(super) struct Shared {
     pending: Vec<u32>,
     common: Vec<u32>,
     undecided: Vec<u32>,
-    /// Representatives of the common clusters, with the clusters' intensities and the lights' indices; the last four
-    /// are filled up with dark ones.
-    sites: Vec<(Site<Vec4>, Vector3<Vec4>, [u32; 4])>,
+    /// The common clusters, two by two; of an odd number the last is there twice.
+    halves: Vec<Halves>,
     /// The undecided clusters; the last four are filled up by repetition.
     bounds: Vec<Cluster<Vec4>>,
     /// Unshadowed, of the common clusters that are not dark for one receiver; the fourth number does not matter.
@@ -84,9 +84,9 @@ impl LightTree {
     /// The common walk: fills `common` and `undecided`; `None` if that alone is more than the largest cut.
     fn walk_together<R: Bundled>(&self, receivers: &[R], thresholds: &[f32], scratch: &mut Scratch) -> Option<Cut> {
         let Scratch { max_size, shared, .. } = scratch;
-        let Shared { pending, common, undecided, sites, bounds, .. } = shared;
+        let Shared { pending, common, undecided, halves, bounds, .. } = shared;
         [&mut *pending, common, undecided].into_iter().for_each(Vec::clear);
-        sites.clear();
+        halves.clear();
         bounds.clear();
         let positions = receivers.iter().map(|r| r.position());
         let corners = [positions.clone().reduce(Vec3::min)?, positions.reduce(Vec3::max)?].map(Vector3::splat);
@@ -107,6 +107,7 @@ impl LightTree {
                 } else if bound > 0.0 {
                     common.push(index);
                     if !leaf {
+                        cut.nodes_visited += 2;
                         cut.total_bound += bound;
                         cut.largest_bound = cut.largest_bound.max(bound);
                     }
@@ -130,11 +131,8 @@ impl LightTree {
         for four in undecided.chunks(4) {
             bounds.push(Cluster::four(padded(four).map(|index| &self.nodes[index as usize])));
         }
-        for four in common.chunks(4) {
-            let nodes = padded(four).map(|index| &self.nodes[index as usize]);
-            let site = StoredSite::four(nodes.map(|node| &self.sites[node.representative as usize]));
-            let intensity = std::array::from_fn(|k| if k < four.len() { nodes[k].intensity } else { Vec3::ZERO });
-            sites.push((site, Vector3::gather(intensity), nodes.map(|node| node.representative)));
+        for two in common.chunks(2) {
+            halves.push(self.halves([two[0], two[two.len() - 1]]));
         }
         Some(cut)
     }
@@ -189,19 +187,18 @@ impl LightTree {
         mut cut: Cut,
     ) -> Cut {
         scratch.begin_estimate();
-        let Scratch { rays, ray_count, shared: Shared { sites, radiance, .. }, .. } = scratch;
+        let Scratch { rays, ray_count, shared: Shared { common, halves, radiance, .. }, .. } = scratch;
         radiance.resize(radiance.len().max(rays.len()), Vec4::ZERO);
-        let (position, softening2) = (Vector3::splat(receiver.position()), Vec4::splat(self.softening2));
-        for (sites, intensity, lights) in &*sites {
-            let unoccluded = unshadowed(receiver, position, sites, softening2).times(*intensity);
-            for (&light, value) in lights.iter().zip(unoccluded.rows()) {
-                rays[*ray_count] = ShadowRay { light, visible: false };
+        let position = Vector3::splat(receiver.position());
+        for (two, halves) in common.chunks(2).zip(&*halves) {
+            for (_, (ray, value)) in two.iter().zip(halves.estimates(receiver, position, self.softening2)) {
+                rays[*ray_count] = ray;
                 radiance[*ray_count] = value;
                 *ray_count += usize::from(value.w > 0.0);
             }
         }
         let of_common = *ray_count;
-        self.estimate_selected(receiver, scratch, &mut |_, _| {});
+        cut.nodes_visited += self.estimate_halves(receiver, scratch);
         let Scratch { rays, ray_count, terms, shared, selected_count, .. } = scratch;
         let rays = &mut rays[..*ray_count];
         if !rays.is_empty() {
@@ -212,9 +209,8 @@ impl LightTree {
         for (ray, &value) in of_common.iter().zip(&shared.radiance) {
             sum += if ray.visible { value } else { Vec4::ZERO };
         }
-        for (ray, &(unit, node)) in own.iter().zip(&*terms) {
-            let unit = if ray.visible { unit } else { Vec4::ZERO };
-            sum += unit * self.nodes[node as usize].intensity.extend(0.0);
+        for (ray, &(value, _)) in own.iter().zip(&*terms) {
+            sum += if ray.visible { value } else { Vec4::ZERO };
         }
         cut.radiance = sum.truncate();
         cut.shadow_rays = rays.len() as u32;

@@ -1,4 +1,5 @@
-//! The estimate of a cut whose clusters are known: M · G · V of each representative times its cluster's intensity.
+//! The paper's estimate of a cut whose clusters are known: M · G · V of each representative times its cluster's
+//! intensity. Its clusters can be kept, and summed again when intensities have changed.
 
 use glam::{Vec3, Vec4};
 
@@ -23,7 +24,7 @@ impl LightTree {
     pub(super) fn evaluate<R: Receiver>(
         &self,
         receiver: &R,
-        visible: &mut impl FnMut(&[Light], &mut [ShadowRay]),
+        mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
         mut cut: Cut,
         each: &mut impl FnMut(Cluster, Vec3),
@@ -32,8 +33,8 @@ impl LightTree {
         self.estimate_selected(receiver, scratch, each);
         let Scratch { rays, ray_count, terms, .. } = scratch;
         let rays = &mut rays[..*ray_count];
-        if !rays.is_empty() {
-            visible(&self.lights, rays);
+        for ray in &mut *rays {
+            ray.visible = visible(&self.lights[ray.light as usize], ray.light as usize);
         }
         for (ray, &(unit, node)) in rays.iter().zip(&*terms) {
             let unit = if ray.visible { unit.truncate() } else { Vec3::ZERO };
@@ -47,7 +48,7 @@ impl LightTree {
     /// M · G of the representatives of the nodes in `scratch.selected`, four at a time: those that are not dark go to
     /// the end of `rays` and to `terms`, the others to `dark` at once.
     #[inline(always)]
-    pub(super) fn estimate_selected<R: Receiver>(
+    fn estimate_selected<R: Receiver>(
         &self,
         receiver: &R,
         scratch: &mut Scratch,

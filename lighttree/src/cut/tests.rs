@@ -4,6 +4,8 @@ use crate::light::{Emission, luminance};
 use crate::receiver::{Ggx, Lambert};
 use crate::testing::{self, Random, Scene};
 
+const HALVES: Form<fn(Cluster, Vec3)> = Form::Halves;
+
 fn ceiling(side: u32) -> LightTree {
     let lights: Vec<Light> = (0..side * side)
         .map(|k| Light {
@@ -26,7 +28,7 @@ fn order_of_refinement_does_not_matter() {
         let mut visible = |_: &Light, index: usize| index & 3 != 0;
         let threshold = 0.005;
         let depth_first = tree.lightcut(&receiver, Stop::Absolute(threshold), &mut visible, &mut scratch);
-        let best_first = tree.best_first(&receiver, |_| threshold, &mut visible, &mut scratch, &mut |_, _| {});
+        let best_first = tree.best_first(&receiver, |_| threshold, &mut visible, &mut scratch, HALVES);
         assert_eq!(depth_first.size, best_first.size);
         assert_eq!(depth_first.largest_bound, best_first.largest_bound);
         assert!(depth_first.nodes_visited.abs_diff(best_first.nodes_visited) <= 1);
@@ -54,6 +56,40 @@ fn clusters_sum_to_the_cut() {
         tree.update_drawn(&doubled);
         assert_eq!(sum(&tree), before * 2.0);
     }
+}
+
+/// Over many draws the estimate is the sum over every light, shadows included, and nearer to it than that by one
+/// representative for each cluster, for the same clusters and as many rays.
+#[test]
+fn halves_are_right_on_average_and_nearer() {
+    let lights: Vec<Light> = (0..400)
+        .map(|k| Light {
+            position: Vec3::new((k % 20) as f32, (k / 20) as f32, 4.0),
+            emission: Emission::Cosine(Vec3::NEG_Z),
+            intensity: Vec3::new(1.0, 1.0 + (k % 3) as f32, 1.0 + (k % 7) as f32),
+        })
+        .collect();
+    let receiver = Lambert { position: Vec3::new(7.0, 9.0, 0.0), normal: Vec3::Z, reflectance: Vec3::ONE };
+    // The half of the lights that is nearer hides behind a board with holes: seen light and strong light go together.
+    let visible = |light: &Light, k: usize| light.position.distance(receiver.position) > 7.0 || k.is_multiple_of(4);
+    let mut scratch = Scratch::default();
+    let truth = f64::from(luminance(crate::exhaustive(&lights, 0.3, &receiver, visible)));
+    let stop = Stop::Absolute(0.1 * truth as f32);
+    let draws = 2000;
+    let (mut sum, mut squares, mut of_kept, mut rays) = (0.0, 0.0, 0.0, [0; 2]);
+    for seed in 0..draws {
+        let tree = LightTree::build_by(Builder::TopDown, &lights, BuildParams { softening2: 0.3, seed });
+        let cut = tree.lightcut(&receiver, stop, visible, &mut scratch);
+        let kept = tree.lightcut_with(&receiver, stop, visible, &mut scratch, |_, _| {});
+        assert_eq!((cut.size, cut.total_bound), (kept.size, kept.total_bound));
+        rays = [rays[0] + cut.shadow_rays, rays[1] + kept.shadow_rays];
+        let [error, error_of_kept] = [cut, kept].map(|cut| f64::from(luminance(cut.radiance)) - truth);
+        (sum, squares, of_kept) = (sum + error, squares + error * error, of_kept + error_of_kept * error_of_kept);
+    }
+    let standard_error = squares.sqrt() / f64::from(draws as u32);
+    assert!(sum.abs() / f64::from(draws as u32) < 4.0 * standard_error, "{sum} ± {standard_error}, truth {truth}");
+    assert!(squares < 0.7 * of_kept, "{squares} against {of_kept}");
+    assert!(rays[0] <= rays[1], "{rays:?}");
 }
 
 /// After the first cut in a tree no buffer grows, whatever the threshold.

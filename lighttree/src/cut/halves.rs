@@ -1,0 +1,135 @@
+//! Estimates of clusters by their halves.
+//!
+//! The paper takes one light for a cluster, L = M · G · V · I. Its light without the shadow costs next to nothing beside
+//! a shadow ray, so two are asked for it, the representatives a and b of the cluster's children, and one of them for
+//! the shadow:
+//!
+//! ```text
+//! L = V_k (M_a G_a I_a + M_b G_b I_b)        k is a with probability M_a G_a I_a / (M_a G_a I_a + M_b G_b I_b), else b
+//! ```
+//!
+//! The mean over k is M_a G_a V_a I_a + M_b G_b V_b I_b: right on average as one representative is, and both halves stay
+//! below their bounds. It is resampling \[Talbot05\] of two candidates that are strata.
+//!
+//! k is decided by a second race, in which each light keeps its exponentially distributed number and runs as fast as
+//! what it stands for arrives at the receiver. So k is the same for neighbours, and stays in time.
+//!
+//! Measured on the lights, pixels and shadows of `scenes/`, 96×96 pixels, cuts of 20 % that are equal but for this; root
+//! mean square of the relative error over all pixels and 50 seeds:
+//!
+//! ```text
+//!                            one representative   both, k drawn   both, k the cluster's representative
+//! cornell, cut size 41                   8.7 %           6.4 %           6.5 %, on average −0.1 %
+//! nave, cut size 175                    11.7 %          10.4 %          10.7 %, on average −1.7 %
+//! atrium, cut size 155                  11.5 %          10.3 %          10.4 %, on average −1.7 %
+//! ```
+//!
+//! (Lights that are near are seen more often: hence the third column's lean. Candidates from all four grandchildren gave
+//! 5.7 %, 10.2 % and 10.3 %, for twice the work. Representatives near the middle of their clusters made nave 4 % too
+//! bright; children drawn against each other, from antithetic or scrambled radical inverse numbers, gained nothing.)
+//!
+//! `[Talbot05]` J. F. Talbot, D. Cline, P. Egbert: Importance resampling for global illumination. EGSR 2005.
+
+use glam::Vec4;
+
+use super::{Cut, Scratch, ShadowRay};
+use crate::lanes::Vector3;
+use crate::light::{Light, Site, StoredSite, transpose, unshadowed};
+use crate::receiver::Receiver;
+use crate::tree::LightTree;
+
+/// The halves of two clusters, side by side. A single light is its own first half, and the second is dark.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Halves {
+    sites: Site<Vec4>,
+    intensity: Vector3<Vec4>,
+    lights: [u32; 4],
+}
+
+impl Halves {
+    /// Of two clusters: the light that is asked for the shadow, and the radiance that arrives if it is seen; the fourth
+    /// number is zero only if none does.
+    #[inline(always)]
+    pub fn estimates<R: Receiver>(
+        &self,
+        receiver: &R,
+        position: Vector3<Vec4>,
+        softening2: f32,
+    ) -> [(ShadowRay, Vec4); 2] {
+        let unoccluded = unshadowed(receiver, position, &self.sites, Vec4::splat(softening2)).times(self.intensity);
+        let rows = unoccluded.rows();
+        let delays = self.sites.delay.to_array();
+        [0, 2].map(|a| {
+            let (first, second) = (rows[a], rows[a + 1]);
+            // Who arrives first: delay divided by light.
+            let wins = first.w > 0.0 && delays[a] * second.w <= delays[a + 1] * first.w;
+            let light = if wins { self.lights[a] } else { self.lights[a + 1] };
+            (ShadowRay { light, visible: false }, first + second)
+        })
+    }
+}
+
+impl LightTree {
+    /// What [`Halves::estimates`] needs of two clusters.
+    #[inline(always)]
+    pub(super) fn halves(&self, clusters: [u32; 2]) -> Halves {
+        let inner = clusters.map(|cluster| !self.nodes[cluster as usize].is_leaf());
+        let [[a, b], [c, d]] = clusters.map(|cluster| {
+            let node = &self.nodes[cluster as usize];
+            if node.is_leaf() { [cluster as usize; 2] } else { [node.children(), node.children() + 1] }
+        });
+        let nodes = [a, b, c, d].map(|index| &self.nodes[index]);
+        let lights = nodes.map(|node| node.representative);
+        let [r, g, b, _] = transpose(nodes.map(|node| node.intensity.extend(node.cone_sine)));
+        let counts = Vec4::new(1.0, f32::from(inner[0]), 1.0, f32::from(inner[1]));
+        Halves {
+            sites: StoredSite::four(lights.map(|light| &self.sites[light as usize])),
+            intensity: Vector3 { x: r, y: g, z: b } * counts,
+            lights,
+        }
+    }
+
+    /// Estimates of the nodes in `scratch.selected`: those that are not dark go to the end of `rays` and to `terms`.
+    /// Returns how many nodes it looked at beyond those.
+    #[inline(always)]
+    pub(super) fn estimate_halves<R: Receiver>(&self, receiver: &R, scratch: &mut Scratch) -> u32 {
+        let Scratch { selected, selected_count, rays, ray_count, terms, .. } = scratch;
+        let position = Vector3::splat(receiver.position());
+        let (mut own, mut visited) = (0, 0);
+        for two in selected[..*selected_count].chunks(2) {
+            let clusters = [two[0], two[two.len() - 1]];
+            let estimates = self.halves(clusters).estimates(receiver, position, self.softening2);
+            for (&node, (ray, radiance)) in two.iter().zip(estimates) {
+                rays[*ray_count] = ray;
+                terms[own] = (radiance, node);
+                visited += if self.nodes[node as usize].is_leaf() { 0 } else { 2 };
+                let lit = usize::from(radiance.w > 0.0);
+                *ray_count += lit;
+                own += lit;
+            }
+        }
+        visited
+    }
+
+    /// Sums the estimates of the nodes in `scratch.selected` by their halves, shadow rays together.
+    #[inline(always)]
+    pub(super) fn evaluate_halves<R: Receiver>(
+        &self,
+        receiver: &R,
+        mut visible: impl FnMut(&[Light], &mut [ShadowRay]),
+        scratch: &mut Scratch,
+        mut cut: Cut,
+    ) -> Cut {
+        scratch.begin_estimate();
+        cut.nodes_visited += self.estimate_halves(receiver, scratch);
+        let Scratch { rays, ray_count, terms, .. } = scratch;
+        let rays = &mut rays[..*ray_count];
+        if !rays.is_empty() {
+            visible(&self.lights, rays);
+        }
+        let seen = rays.iter().zip(&*terms).filter(|(ray, _)| ray.visible);
+        cut.radiance = seen.fold(Vec4::ZERO, |sum, (_, &(radiance, _))| sum + radiance).truncate();
+        cut.shadow_rays = rays.len() as u32;
+        cut
+    }
+}
