@@ -9,13 +9,14 @@
 //! * *undecided* otherwise: every receiver looks at it with its own bound and goes on from there alone;
 //! * *dark*, if the bundle's bound is zero.
 //!
+//! The walk goes on from the undecided clusters for each group of [`GROUP`] receivers, before it does for each alone.
 //! A few receivers do not speak for all. But refining is always right: no cluster of any cut is
 //! ever wrong by more than the threshold. Common and undecided clusters are gathered once, in the order in which they
 //! are read, by every receiver.
 
 use glam::{Vec3, Vec4};
 
-use super::halves::Halves;
+use super::halves::{Halves, sum_of_seen};
 use super::walk::Walk;
 use super::{Cut, Scratch, ShadowRay, Stop};
 use crate::error_bound::{Cluster, error_bound, error_bound_of_bundle};
@@ -26,28 +27,61 @@ use crate::tree::LightTree;
 
 /// Receivers that are asked whether a node is to be refined.
 const PROBES: usize = 4;
+/// Receivers of a group: those that follow each other in a bundle.
+const GROUP: usize = 16;
 
-/// Memory of a bundle.
+/// What some receivers have in common.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Shared {
-    pending: Vec<u32>,
+struct Shares {
     common: Vec<u32>,
     undecided: Vec<u32>,
     /// The common clusters, two by two; of an odd number the last is there twice.
     halves: Vec<Halves>,
     /// The undecided clusters; the last four are filled up by repetition.
     bounds: Vec<Cluster<Vec4>>,
+}
+
+impl Shares {
+    fn clear(&mut self) {
+        let Self { common, undecided, halves, bounds } = self;
+        [common, undecided].into_iter().for_each(Vec::clear);
+        halves.clear();
+        bounds.clear();
+    }
+}
+
+/// Memory of a bundle.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Shared {
+    pending: Vec<u32>,
+    of_all: Shares,
+    of_group: Shares,
     /// Unshadowed, of the common clusters that are not dark for one receiver; the fourth number does not matter.
     radiance: Vec<Vec4>,
 }
 
+/// Receivers and their thresholds.
+struct Together<'a, R> {
+    receivers: &'a [R],
+    thresholds: &'a [f32],
+}
+
+impl<R> Clone for Together<'_, R> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<R> Copy for Together<'_, R> {}
+
 impl LightTree {
     /// Cuts for receivers that lie close together, such as the pixels of a block, each to its own absolute threshold
     /// \[W·m⁻²·sr⁻¹\]: what [`LightTree::lightcut`] would find for each alone, with fewer nodes visited.
+    /// It saves most where those that follow each other are the closest.
     ///
     /// `visible(receiver, lights, rays)` sets [`ShadowRay::visible`] of each ray of one receiver, called once for each.
     /// `cuts` is cleared and gets one cut for each receiver. A cut is never coarser than one made alone and may be a
-    /// little finer; [`Cut::nodes_visited`] of the first includes the common walk.
+    /// little finer; [`Cut::nodes_visited`] of the first includes the walk for all.
     ///
     /// # Panics
     ///
@@ -66,32 +100,63 @@ impl LightTree {
             cuts.resize(receivers.len(), Cut::default());
             return;
         }
-        let mut common = self.walk_together(receivers, thresholds, scratch);
-        for (index, (receiver, &threshold)) in receivers.iter().zip(thresholds).enumerate() {
-            let visible = |lights: &[Light], rays: &mut [ShadowRay]| visible(index, lights, rays);
-            let own = common.and_then(|_| self.walk_on(receiver, threshold, scratch));
-            let cut = match (common, own) {
-                (Some(common), Some(own)) => self.evaluate_shared(receiver, visible, scratch, plus(common, own)),
-                _ => self.lightcut_batched(receiver, Stop::Absolute(threshold), visible, scratch),
-            };
-            cuts.push(cut);
-            if let Some(common) = &mut common {
-                common.nodes_visited = 0;
+        // Taken out while walks hold the rest of the scratch.
+        let mut shared = std::mem::take(&mut scratch.shared);
+        let Shared { pending, of_all, of_group, radiance } = &mut shared;
+        let most = scratch.max_size as usize;
+        let roots = [self.roots().start as u32, self.roots().end as u32 - 1];
+        let roots = &roots[..self.roots().len()];
+        let mut all = if receivers.len() > GROUP {
+            self.walk_together(Together { receivers, thresholds }, roots, most, pending, of_all)
+        } else {
+            of_all.clear();
+            of_all.undecided.extend(roots);
+            Some(Cut::default())
+        };
+        for (receivers, thresholds) in receivers.chunks(GROUP).zip(thresholds.chunks(GROUP)) {
+            let mut common = all.and_then(|all| {
+                let most = most - of_all.common.len();
+                let group = Together { receivers, thresholds };
+                Some(plus(all, self.walk_together(group, &of_all.undecided, most, pending, of_group)?))
+            });
+            for (receiver, &threshold) in receivers.iter().zip(thresholds) {
+                let visible = |lights: &[Light], rays: &mut [ShadowRay]| visible(cuts.len(), lights, rays);
+                let in_common = of_all.common.len() + of_group.common.len();
+                let cut = match common.and_then(|common| {
+                    Some(plus(
+                        common,
+                        self.walk_on(receiver, threshold, of_group, most.checked_sub(in_common)?, scratch)?,
+                    ))
+                }) {
+                    Some(cut) => self.evaluate_shared(receiver, visible, [of_all, of_group], radiance, scratch, cut),
+                    None => self.lightcut_batched(receiver, Stop::Absolute(threshold), visible, scratch),
+                };
+                cuts.push(cut);
+                // Counted with the first.
+                for walk in [&mut all, &mut common].into_iter().flatten() {
+                    walk.nodes_visited = 0;
+                }
             }
         }
+        scratch.shared = shared;
     }
 
-    /// The common walk: fills `common` and `undecided`; `None` if that alone is more than the largest cut.
-    fn walk_together<R: Bundled>(&self, receivers: &[R], thresholds: &[f32], scratch: &mut Scratch) -> Option<Cut> {
-        let Scratch { max_size, shared, .. } = scratch;
-        let Shared { pending, common, undecided, halves, bounds, .. } = shared;
-        [&mut *pending, common, undecided].into_iter().for_each(Vec::clear);
-        halves.clear();
-        bounds.clear();
-        let positions = receivers.iter().map(|r| r.position());
+    /// The common walk from some clusters on; `None` if that alone is more than `most`.
+    fn walk_together<R: Bundled>(
+        &self,
+        together: Together<R>,
+        from: &[u32],
+        most: usize,
+        pending: &mut Vec<u32>,
+        shares: &mut Shares,
+    ) -> Option<Cut> {
+        shares.clear();
+        pending.clear();
+        let Shares { common, undecided, halves, bounds } = shares;
+        let positions = together.receivers.iter().map(|r| r.position());
         let corners = [positions.clone().reduce(Vec3::min)?, positions.reduce(Vec3::max)?].map(Vector3::splat);
-        let bundle = R::bundle(receivers);
-        let smallest = thresholds.iter().fold(f32::INFINITY, |a, &b| a.min(b)).max(0.0);
+        let bundle = R::bundle(together.receivers);
+        let smallest = together.thresholds.iter().fold(f32::INFINITY, |a, &b| a.min(b)).max(0.0);
         let softening2 = Vec4::splat(self.softening2);
         let mut cut = Cut::default();
         let mut look = |indices: [usize; 4], count: usize, pending: &mut Vec<u32>| {
@@ -102,7 +167,7 @@ impl LightTree {
             for k in 0..count {
                 let (index, bound, leaf) = (indices[k] as u32, of_bundle[k], self.nodes[indices[k]].is_leaf());
                 if bound > smallest && !leaf {
-                    let refined = *refined.get_or_insert_with(|| self.most_refine(receivers, thresholds, &clusters));
+                    let refined = *refined.get_or_insert_with(|| self.most_refine(together, &clusters));
                     if refined[k] { pending.push(index) } else { undecided.push(index) }
                 } else if bound > 0.0 {
                     common.push(index);
@@ -113,11 +178,12 @@ impl LightTree {
                     }
                 }
             }
-            common.len() <= *max_size as usize
+            common.len() <= most
         };
-        let roots = self.roots();
-        let (first, last) = (roots.start, roots.end - 1);
-        let mut fits = look([first, last, first, first], roots.len(), pending);
+        let mut fits = true;
+        for four in from.chunks(4) {
+            fits = fits && look(padded(four).map(|index| index as usize), four.len(), pending);
+        }
         while fits && let Some(a) = pending.pop() {
             let a = self.nodes[a as usize].children();
             fits = match pending.pop().map(|b| self.nodes[b as usize].children()) {
@@ -128,18 +194,17 @@ impl LightTree {
         if !fits {
             return None;
         }
-        for four in undecided.chunks(4) {
-            bounds.push(Cluster::four(padded(four).map(|index| &self.nodes[index as usize])));
-        }
-        for two in common.chunks(2) {
-            halves.push(self.halves([two[0], two[two.len() - 1]]));
-        }
+        bounds.extend(
+            undecided.chunks(4).map(|four| Cluster::four(padded(four).map(|index| &self.nodes[index as usize]))),
+        );
+        halves.extend(common.chunks(2).map(|two| self.halves([two[0], two[two.len() - 1]])));
         Some(cut)
     }
 
     /// Which of four clusters all of the probes but one at most would refine.
     #[inline(always)]
-    fn most_refine<R: Receiver>(&self, receivers: &[R], thresholds: &[f32], clusters: &Cluster<Vec4>) -> [bool; 4] {
+    fn most_refine<R: Receiver>(&self, together: Together<R>, clusters: &Cluster<Vec4>) -> [bool; 4] {
+        let Together { receivers, thresholds } = together;
         let probes = PROBES.min(receivers.len());
         let mut votes = [0; 4];
         for probe in 0..probes {
@@ -154,27 +219,27 @@ impl LightTree {
         votes.map(|votes| votes + 1 >= probes)
     }
 
-    /// What one receiver does with the undecided clusters: fills `selected`; `None` if the cut gets too large.
+    /// What one receiver does with the undecided clusters: fills `selected`; `None` if that is more than `most`.
     #[inline(always)]
-    fn walk_on<R: Receiver>(&self, receiver: &R, threshold: f32, scratch: &mut Scratch) -> Option<Cut> {
-        // Taken out while the walk holds the rest of the scratch.
-        let shared = std::mem::take(&mut scratch.shared);
-        let most = scratch.max_size as usize - shared.common.len();
+    fn walk_on<R: Receiver>(
+        &self,
+        receiver: &R,
+        threshold: f32,
+        shares: &Shares,
+        most: usize,
+        scratch: &mut Scratch,
+    ) -> Option<Cut> {
         let mut walk = Walk::new(self, receiver, threshold, scratch);
         let position = Vector3::splat(receiver.position());
-        let mut fits = true;
-        walk.cut.nodes_visited = shared.undecided.len() as u32;
-        for (four, clusters) in shared.undecided.chunks(4).zip(&shared.bounds) {
+        walk.cut.nodes_visited = shares.undecided.len() as u32;
+        for (four, clusters) in shares.undecided.chunks(4).zip(&shares.bounds) {
             let bounds = error_bound(receiver, position, clusters, Vec4::splat(self.softening2));
-            fits = fits && walk.has_room(most);
-            if fits {
-                walk.place(padded(four).map(|index| index as usize), bounds, four.len());
+            if !walk.has_room(most) {
+                return None;
             }
+            walk.place(padded(four).map(|index| index as usize), bounds, four.len());
         }
-        fits = fits && walk.finish_walk(most);
-        let cut = walk.finish();
-        scratch.shared = shared;
-        fits.then_some(cut)
+        walk.finish_walk(most).then(|| walk.finish())
     }
 
     /// Estimates of the common clusters and of those selected by the receiver alone.
@@ -183,38 +248,37 @@ impl LightTree {
         &self,
         receiver: &R,
         mut visible: impl FnMut(&[Light], &mut [ShadowRay]),
+        shares: [&Shares; 2],
+        radiance: &mut Vec<Vec4>,
         scratch: &mut Scratch,
         mut cut: Cut,
     ) -> Cut {
         scratch.begin_estimate();
-        let Scratch { rays, ray_count, shared: Shared { common, halves, radiance, .. }, .. } = scratch;
+        let Scratch { rays, ray_count, .. } = &mut *scratch;
         radiance.resize(radiance.len().max(rays.len()), Vec4::ZERO);
         let position = Vector3::splat(receiver.position());
-        for (two, halves) in common.chunks(2).zip(&*halves) {
-            for (_, (ray, value)) in two.iter().zip(halves.estimates(receiver, position, self.softening2)) {
-                rays[*ray_count] = ray;
-                radiance[*ray_count] = value;
-                *ray_count += usize::from(value.w > 0.0);
+        for Shares { common, halves, .. } in shares {
+            for (two, halves) in common.chunks(2).zip(halves) {
+                for (_, (ray, value)) in two.iter().zip(halves.estimates(receiver, position, self.softening2)) {
+                    rays[*ray_count] = ray;
+                    radiance[*ray_count] = value;
+                    *ray_count += usize::from(value.w > 0.0);
+                }
             }
         }
         let of_common = *ray_count;
         cut.nodes_visited += self.estimate_halves(receiver, scratch);
-        let Scratch { rays, ray_count, terms, shared, selected_count, .. } = scratch;
+        let Scratch { rays, ray_count, terms, selected_count, .. } = scratch;
         let rays = &mut rays[..*ray_count];
         if !rays.is_empty() {
             visible(&self.lights, rays);
         }
         let (of_common, own) = rays.split_at(of_common);
-        let mut sum = Vec4::ZERO;
-        for (ray, &value) in of_common.iter().zip(&shared.radiance) {
-            sum += if ray.visible { value } else { Vec4::ZERO };
-        }
-        for (ray, &(value, _)) in own.iter().zip(&*terms) {
-            sum += if ray.visible { value } else { Vec4::ZERO };
-        }
+        let sum = sum_of_seen(of_common, radiance.iter().copied())
+            + sum_of_seen(own, terms.iter().map(|&(radiance, _)| radiance));
         cut.radiance = sum.truncate();
         cut.shadow_rays = rays.len() as u32;
-        cut.size = (shared.common.len() + *selected_count) as u32;
+        cut.size = (shares.map(|shares| shares.common.len()).iter().sum::<usize>() + *selected_count) as u32;
         cut
     }
 }
