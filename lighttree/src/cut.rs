@@ -53,8 +53,8 @@ pub struct Cut {
     /// Clusters in the cut, single lights included; those that provably contribute nothing are not counted.
     /// At most what the [`Scratch`] allows, and one more where a tree holds directional and other lights.
     pub size: u32,
-    /// Calls of `visible`, at most one per light. An absolute cut asks for its own clusters only, a relative one also
-    /// for clusters on its way that turn out dark.
+    /// Calls of `visible`, at most one per light. An absolute cut asks for its own clusters only, a relative one, and
+    /// one that reaches the largest size, also for clusters on its way that turn out dark and for halves it leaves again.
     pub shadow_rays: u32,
     /// Largest error bound of a cluster in the cut, as luminance \[W·m⁻²·sr⁻¹\].
     pub largest_bound: f32,

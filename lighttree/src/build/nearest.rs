@@ -2,6 +2,7 @@
 
 use glam::Vec3A;
 
+use super::agglomerate::Partner;
 use super::cluster::{Cluster, Kind, Metric, union_cosine};
 
 /// Clusters per leaf of the search tree; 4 … 8 measured alike.
@@ -9,7 +10,8 @@ const LEAF_SIZE: usize = 6;
 /// Of the extent of axes (2 at most), how much counts as a length when the search tree splits, in c.
 /// Lights at right angles cost as much as a distance of about 0.3 c (β = 45°).
 const AXIS_SCALE: f32 = 0.3;
-const DEAD: u32 = u32::MAX;
+/// No cluster.
+pub(super) const DEAD: u32 = u32::MAX;
 
 /// A static tree over the clusters alive when it was made. A merged cluster takes the slot of one of its parts: it is
 /// larger than the part, so the bounds above stay lower bounds of costs.
@@ -50,13 +52,18 @@ impl<'a> Neighborhood<'a> {
         this
     }
 
+    /// Those that are left, neighbours next to each other.
+    pub fn alive(&self) -> impl Iterator<Item = u32> {
+        self.slots.iter().map(|cluster| cluster.id).filter(|&id| id != DEAD)
+    }
+
     pub fn is_alive(&self, id: u32) -> bool {
         self.slot_of[id as usize] != DEAD
     }
 
-    /// Whether half of the slots have died since the last rebuild.
+    /// Whether a quarter of the slots have died since the last rebuild.
     pub fn is_sparse(&self) -> bool {
-        2 * self.alive < self.slots.len()
+        4 * self.alive < 3 * self.slots.len()
     }
 
     /// Replaces two clusters by their union.
@@ -98,10 +105,11 @@ impl<'a> Neighborhood<'a> {
         self.split(right, first + middle);
     }
 
-    /// The living cluster with the cheapest union and that cost; `None` if there is no other.
-    pub fn nearest(&self, id: u32) -> Option<(f32, u32)> {
-        let own = self.slots[self.slot_of[id as usize] as usize];
-        let mut best = (f32::INFINITY, DEAD);
+    /// The living cluster with the cheapest union and that cost, no cluster if there is no other. `hint` is one that is
+    /// close.
+    pub fn nearest(&self, id: u32, hint: Option<u32>) -> Partner {
+        let own = *self.cluster(id);
+        let mut best = hint.map_or((f32::INFINITY, DEAD), |hint| (own.cost(self.cluster(hint), self.metric), hint));
         // Median splits: the depth is that of a balanced tree of fewer than 2³² slots.
         let mut stack = [(0.0f32, 0u32); 40];
         let mut top = 1;
@@ -131,7 +139,11 @@ impl<'a> Neighborhood<'a> {
             stack[top + 1] = near;
             top += 2;
         }
-        (best.1 != DEAD).then_some(best)
+        Partner { cost: best.0, id: best.1 }
+    }
+
+    fn cluster(&self, id: u32) -> &Cluster {
+        &self.slots[self.slot_of[id as usize] as usize]
     }
 }
 

@@ -4,21 +4,28 @@ use super::*;
 use crate::bounds::Cone;
 use crate::testing;
 
-/// Follows the merges and holds each against the definition: no pair alive at that step is cheaper.
-/// Stepwise, because two pairs that tie up to rounding lead to different trees, both greedy.
+/// Follows the merges, those first that cost least, and holds each against the definition: no pair alive at that step is
+/// cheaper. Stepwise, because two pairs that tie up to rounding lead to different trees, both greedy.
 fn check_greedy(leaves: &[Cluster], merges: &[[u32; 2]], metric: &Metric) -> Result<(), TestCaseError> {
     let mut alive: Vec<(Cluster, Cone)> = leaves.iter().map(|leaf| (*leaf, leaf.leaf_cone())).collect();
-    for (step, pair) in merges.iter().enumerate() {
+    let mut waiting: Vec<usize> = (0..merges.len()).collect();
+    while !waiting.is_empty() {
+        let place = |id: u32| alive.iter().position(|(cluster, _)| cluster.id == id);
+        let possible = waiting.iter().enumerate().filter_map(|(at, &step)| {
+            let [a, b] = merges[step].map(place);
+            Some((alive[a?].0.cost(&alive[b?].0, metric), at, step, [a?, b?]))
+        });
+        let Some((cost, at, step, places)) = possible.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return Err(TestCaseError::fail("merges of clusters that do not exist"));
+        };
         let pairs = (0..alive.len()).flat_map(|a| (a + 1..alive.len()).map(move |b| (a, b)));
         let cheapest = pairs.map(|(a, b)| alive[a].0.cost(&alive[b].0, metric)).fold(f32::INFINITY, f32::min);
-        let [(a, cone_a), (b, cone_b)] = pair.map(|id| {
-            let at = alive.iter().position(|(cluster, _)| cluster.id == id).expect("a living cluster");
-            alive.swap_remove(at)
-        });
-        let cost = a.cost(&b, metric);
         prop_assert!(cost <= cheapest * (1.0 + 1e-5), "step {} costs {}, the cheapest pair {}", step, cost, cheapest);
+        let [(a, cone_a), (b, cone_b)] = places.map(|place| alive[place]);
         let cone = cone_a.union(cone_b);
+        alive.retain(|(cluster, _)| cluster.id != a.id && cluster.id != b.id);
         alive.push((a.merged(&b, (leaves.len() + step) as u32, cone), cone));
+        waiting.swap_remove(at);
     }
     prop_assert!(alive.len() <= 1);
     Ok(())

@@ -25,6 +25,8 @@ struct Evaluated {
     node: u32,
     /// The light that was asked for its shadow; none in a slot that is free.
     ray: Option<ShadowRay>,
+    /// What is known of the other half's light from a cluster above.
+    spare: Option<ShadowRay>,
     /// M · G · V of the representative \[m⁻²\], where clusters are to be kept.
     unit: Vec3,
     radiance: Vec3,
@@ -149,6 +151,7 @@ impl LightTree {
             if !node.is_leaf() && bound == 0.0 {
                 return 0.0;
             }
+            // Of both lights only the representative can have been asked before: it is one of those of the cluster above.
             let visible = match known {
                 _ if radiance == Vec3::ZERO => false,
                 Some(ray) if ray.light == light => ray.visible,
@@ -160,7 +163,7 @@ impl LightTree {
             let seen = f32::from(visible);
             let (unit, radiance) = (unit * seen, radiance * seen);
             let ray = Some(ShadowRay { light, visible });
-            let slot = refined.insert(Evaluated { node: index, ray, unit, radiance });
+            let slot = refined.insert(Evaluated { node: index, ray, spare: known, unit, radiance });
             if bound > 0.0 {
                 refined.push(bound, slot);
             }
@@ -180,7 +183,10 @@ impl LightTree {
             estimate -= f64::from(luminance(cluster.radiance));
             let chosen = self.nodes[cluster.node as usize].representative_child as usize;
             for child in estimates([chosen, sibling(chosen)]) {
-                estimate += place(child, cluster.ray, refined, &mut cut);
+                let representative = self.nodes[child.node as usize].representative;
+                let mut answers = [cluster.ray, cluster.spare].into_iter().flatten();
+                let known = answers.find(|ray| ray.light == representative);
+                estimate += place(child, known, refined, &mut cut);
             }
         }
         cut.radiance = refined.clusters.iter().map(|c| c.radiance.as_dvec3()).sum::<DVec3>().as_vec3();
