@@ -1,8 +1,9 @@
-//! Building, updating and cutting trees of several sizes; lights on the walls of a box, receivers on its floor.
+//! Building, updating and cutting trees of several sizes, and the rivals of cuts; lights on the walls of a box, receivers
+//! on its floor. `cargo bench -p lighttree`
 
 use divan::{Bencher, black_box};
 use glam::Vec3;
-use lighttree::{BuildParams, Emission, Lambert, Light, LightTree, Scratch, Stop};
+use lighttree::{BuildParams, Builder, Emission, Lambert, Light, LightTree, Method, Scratch, ShadowRay, Stop};
 
 const SIZES: [usize; 3] = [2_000, 10_000, 100_000];
 
@@ -51,6 +52,12 @@ fn build(bencher: Bencher, count: usize) {
     bencher.bench(|| LightTree::build(black_box(&lights), params(count)));
 }
 
+#[divan::bench(args = SIZES, sample_count = 20)]
+fn build_top_down(bencher: Bencher, count: usize) {
+    let lights = walls(count);
+    bencher.bench(|| LightTree::build_by(Builder::TopDown, black_box(&lights), params(count)));
+}
+
 #[divan::bench(args = SIZES)]
 fn update(bencher: Bencher, count: usize) {
     let lights = walls(count);
@@ -80,6 +87,55 @@ fn cut_absolute(bencher: Bencher, count: usize) {
 #[divan::bench(args = SIZES)]
 fn cut_relative(bencher: Bencher, count: usize) {
     cuts(bencher, count, Stop::Relative { fraction: 0.02, known_luminance: 0.0 });
+}
+
+/// The 256 receivers as four bundles of 8×8 that lie close together; the counter as for cuts made alone.
+#[divan::bench(args = SIZES)]
+fn cut_shared(bencher: Bencher, count: usize) {
+    let tree = LightTree::build(&walls(count), params(count));
+    let bundles = [0, 1, 2, 3].map(|bundle| {
+        let corner = floor()[bundle].position * 0.9;
+        let step = |k: usize| Vec3::new((k % 8) as f32, (k / 8) as f32, 0.0) * 0.004;
+        let receiver = |k| Lambert { position: corner.with_z(-1.0) + step(k), ..floor()[bundle] };
+        (0..64).map(receiver).collect::<Vec<_>>()
+    });
+    let (mut scratch, mut found) = (Scratch::default(), Vec::new());
+    let mut visit = || {
+        let mut visited = 0;
+        for bundle in &bundles {
+            let all_free = |_, _: &[Light], rays: &mut [ShadowRay]| rays.iter_mut().for_each(|ray| ray.visible = true);
+            tree.lightcuts(bundle, &[2e-4; 64], all_free, &mut scratch, &mut found);
+            visited += found.iter().map(|cut| u64::from(cut.nodes_visited)).sum::<u64>();
+        }
+        visited
+    };
+    let visited = visit();
+    bencher.counter(divan::counter::ItemsCount::new(visited)).bench_local(visit);
+}
+
+/// 256 receivers by a rival of the cut; the counter is of shadow rays.
+fn rival(bencher: Bencher, count: usize, method: impl Fn(u64) -> Method) {
+    let tree = LightTree::build(&walls(count), params(count));
+    let receivers = floor();
+    let mut scratch = Scratch::default();
+    let mut light = || {
+        let cuts = (0..)
+            .zip(&receivers)
+            .map(|(stream, receiver)| tree.illuminate(receiver, method(stream), |_, _| true, &mut scratch));
+        cuts.map(|cut| u64::from(cut.shadow_rays)).sum::<u64>()
+    };
+    let rays = light();
+    bencher.counter(divan::counter::ItemsCount::new(rays)).bench_local(light);
+}
+
+#[divan::bench(args = SIZES)]
+fn stochastic(bencher: Bencher, count: usize) {
+    rival(bencher, count, |stream| Method::Stochastic { stop: Stop::Absolute(2e-3), stream });
+}
+
+#[divan::bench(args = SIZES)]
+fn sampled(bencher: Bencher, count: usize) {
+    rival(bencher, count, |stream| Method::Sampled { samples: 64, stream });
 }
 
 #[divan::bench(args = SIZES)]

@@ -7,6 +7,7 @@
 //!
 //! Shadow rays all find their light, so that it is the tree which is measured. Thresholds are 2 % of each pixel's own
 //! luminance. `measure` alone takes lights in a room (`measure COUNT` as many) and a picture of its floor.
+//! The plain loop that cuts are held against has as many lights as a cut has visits to nodes.
 
 use glam::Vec3;
 use lighttree::{BuildParams, Builder, Cut, Emission, Lambert, Light, LightTree, Scratch, ShadowRay, Stop, luminance};
@@ -80,9 +81,13 @@ fn main() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool of one thread");
     for builder in [Builder::TopDown, Builder::BottomUp] {
         let (tree, time) = pool.install(|| seconds(|| LightTree::build_by(builder, &lights, params)));
-        println!("{builder:?}: built in {time:.3} s, depth {}", tree.depth());
+        println!("{builder:?}: built in {time:.3} s, depth {}, memory so far {} MiB", tree.depth(), peak_memory());
         trees.push(tree);
     }
+    let intensities: Vec<Vec3> = lights.iter().map(|light| light.intensity).collect();
+    let mut update = || seconds(|| trees[0].update_drawn(&intensities)).1;
+    let time = (0..9).map(|_| update()).fold(f64::INFINITY, f64::min);
+    println!("update: {:.2} ms", 1e3 * time);
     let tree = trees.pop().expect("bottom-up");
     // No cut of these is as large.
     let mut scratch = Scratch::with_max_size(20_000);
@@ -141,6 +146,13 @@ fn main() {
         together.size / alone.size
     );
     println!("top-down cuts against bottom-up: {:.3}", top_down.size / alone.size);
+}
+
+/// Most memory that this program has had at once \[MiB\]; 0 where the system does not tell.
+fn peak_memory() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap_or_default();
+    line.split_whitespace().next().and_then(|number| number.parse::<u64>().ok()).unwrap_or(0) / 1024
 }
 
 /// What anybody would write who has no tree.
