@@ -1,13 +1,13 @@
 //! Refinement in the paper's order, for thresholds that move with the estimate and for cuts that reach their limit.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec4};
 
 use super::{Cluster, Cut, Scratch, ShadowRay};
 use crate::error_bound::{Cluster as Bounds, error_bound};
 use crate::lanes::Vector3;
 use crate::light::{Light, luminance, unshadowed};
 use crate::receiver::Receiver;
-use crate::tree::{LightTree, Node, sibling};
+use crate::tree::{LightTree, sibling};
 
 /// The clusters of a growing cut, and a heap over those that can be refined.
 #[derive(Clone, Debug, Default)]
@@ -143,50 +143,52 @@ impl LightTree {
         let mut cut = Cut::default();
         // In f64 the running estimate does not drift; it steers the threshold, the result is summed at the end.
         let mut estimate = 0.0f64;
-        let mut place = |cluster: Unshadowed, known: Option<ShadowRay>, refined: &mut Refined, cut: &mut Cut| {
-            let Unshadowed { node: index, light, unit, radiance } = cluster;
-            let node = &self.nodes[index as usize];
-            cut.nodes_visited += 1;
-            let bound = if node.is_leaf() { 0.0 } else { self.bound(receiver, node) };
-            if !node.is_leaf() && bound == 0.0 {
-                return 0.0;
-            }
-            // Of both lights only the representative can have been asked before: it is one of those of the cluster above.
-            let visible = match known {
-                _ if radiance == Vec3::ZERO => false,
-                Some(ray) if ray.light == light => ray.visible,
-                _ => {
-                    cut.shadow_rays += 1;
-                    visible(&self.lights[light as usize], light as usize)
+        let mut place =
+            |cluster: Unshadowed, bound: f32, known: Option<ShadowRay>, refined: &mut Refined, cut: &mut Cut| {
+                let Unshadowed { node: index, light, unit, radiance } = cluster;
+                let leaf = self.nodes[index as usize].is_leaf();
+                let bound = if leaf { 0.0 } else { bound };
+                cut.nodes_visited += 1;
+                if !leaf && bound == 0.0 {
+                    return 0.0;
                 }
+                // Of both lights only the representative can have been asked before: it is one of those of the cluster above.
+                let visible = match known {
+                    _ if radiance == Vec3::ZERO => false,
+                    Some(ray) if ray.light == light => ray.visible,
+                    _ => {
+                        cut.shadow_rays += 1;
+                        visible(&self.lights[light as usize], light as usize)
+                    }
+                };
+                let seen = f32::from(visible);
+                let (unit, radiance) = (unit * seen, radiance * seen);
+                let ray = Some(ShadowRay { light, visible });
+                let slot = refined.insert(Evaluated { node: index, ray, spare: known, unit, radiance });
+                if bound > 0.0 {
+                    refined.push(bound, slot);
+                }
+                f64::from(luminance(radiance))
             };
-            let seen = f32::from(visible);
-            let (unit, radiance) = (unit * seen, radiance * seen);
-            let ray = Some(ShadowRay { light, visible });
-            let slot = refined.insert(Evaluated { node: index, ray, spare: known, unit, radiance });
-            if bound > 0.0 {
-                refined.push(bound, slot);
-            }
-            f64::from(luminance(radiance))
-        };
         let estimates = |clusters: [usize; 2]| match form {
             Form::Halves => self.by_halves(receiver, clusters.map(|cluster| cluster as u32)),
             Form::Kept(_) => clusters.map(|cluster| self.by_representative(receiver, cluster)),
         };
         for root in self.roots() {
-            let [cluster, _] = estimates([root; 2]);
-            estimate += place(cluster, None, refined, &mut cut);
+            let ([cluster, _], [bound, _]) = (estimates([root; 2]), self.bounds(receiver, [root; 2]));
+            estimate += place(cluster, bound, None, refined, &mut cut);
         }
         while refined.largest_bound() > threshold(estimate.max(0.0) as f32).max(0.0) && refined.size() < max_size {
             let Some(slot) = refined.pop() else { break };
             let cluster = refined.remove(slot);
             estimate -= f64::from(luminance(cluster.radiance));
             let chosen = self.nodes[cluster.node as usize].representative_child as usize;
-            for child in estimates([chosen, sibling(chosen)]) {
+            let children = [chosen, sibling(chosen)];
+            for (child, bound) in estimates(children).into_iter().zip(self.bounds(receiver, children)) {
                 let representative = self.nodes[child.node as usize].representative;
                 let mut answers = [cluster.ray, cluster.spare].into_iter().flatten();
                 let known = answers.find(|ray| ray.light == representative);
-                estimate += place(child, known, refined, &mut cut);
+                estimate += place(child, bound, known, refined, &mut cut);
             }
         }
         cut.radiance = refined.clusters.iter().map(|c| c.radiance.as_dvec3()).sum::<DVec3>().as_vec3();
@@ -204,8 +206,12 @@ impl LightTree {
         cut
     }
 
-    fn bound<R: Receiver>(&self, receiver: &R, node: &Node) -> f32 {
-        error_bound(receiver, receiver.position().into(), &Bounds::one(node), self.softening2)
+    /// Error bounds of two clusters, side by side.
+    fn bounds<R: Receiver>(&self, receiver: &R, clusters: [usize; 2]) -> [f32; 2] {
+        let [a, b] = clusters.map(|cluster| &self.nodes[cluster]);
+        let position = Vector3::splat(receiver.position());
+        let bounds = error_bound(receiver, position, &Bounds::four([a, b, a, b]), Vec4::splat(self.softening2));
+        [bounds.x, bounds.y]
     }
 
     fn by_halves<R: Receiver>(&self, receiver: &R, clusters: [u32; 2]) -> [Unshadowed; 2] {
