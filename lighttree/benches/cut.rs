@@ -1,35 +1,18 @@
 //! Building, updating and cutting trees of several sizes, and the rivals of cuts; lights on the walls of a box, receivers
 //! on its floor. `cargo bench -p lighttree`
 
+#[path = "../examples/walls/mod.rs"]
+mod walls;
+
 use divan::{Bencher, black_box};
 use glam::Vec3;
-use lighttree::{BuildParams, Builder, Emission, Lambert, Light, LightTree, Method, Scratch, ShadowRay, Stop};
+use lighttree::{BuildParams, Builder, Lambert, Light, LightTree, Method, Scratch, ShadowRay, Stop};
+use walls::{spread, walls};
 
 const SIZES: [usize; 3] = [2_000, 10_000, 100_000];
 
 fn main() {
     divan::main();
-}
-
-/// Reproducible numbers in 0 … 1: fractional parts of multiples of roots (Roberts' R3 sequence).
-fn spread(k: usize) -> Vec3 {
-    let step = [0.819_172_5, 0.671_043_6, 0.549_700_5f64];
-    Vec3::from_array(step.map(|s| (s * (k + 1) as f64).fract() as f32))
-}
-
-fn walls(count: usize) -> Vec<Light> {
-    (0..count)
-        .map(|k| {
-            let p = spread(k) * 2.0 - 1.0;
-            let (position, axis) = match k % 3 {
-                0 => (p.with_x(1.0), Vec3::NEG_X),
-                1 => (p.with_y(1.0), Vec3::NEG_Y),
-                _ => (p.with_z(1.0), Vec3::NEG_Z),
-            };
-            let intensity = Vec3::splat((0.1 + p.x * p.x) / count as f32);
-            Light { position, emission: Emission::Cosine(axis), intensity }
-        })
-        .collect()
 }
 
 fn params(count: usize) -> BuildParams {

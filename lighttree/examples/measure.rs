@@ -9,8 +9,11 @@
 //! luminance. `measure` alone takes lights in a room (`measure COUNT` as many) and a picture of its floor.
 //! The plain loop that cuts are held against has as many lights as a cut has visits to nodes.
 
+mod walls;
+
 use glam::Vec3;
 use lighttree::{BuildParams, Builder, Cut, Emission, Lambert, Light, LightTree, Scratch, ShadowRay, Stop, luminance};
+use walls::walls;
 
 /// Processor time of this thread \[s\].
 fn now() -> f64 {
@@ -24,25 +27,8 @@ fn seconds<T>(work: impl FnOnce() -> T) -> (T, f64) {
     (result, now() - start)
 }
 
-/// Reproducible numbers in 0 … 1: fractional parts of multiples of roots (Roberts' R3 sequence).
-fn spread(k: usize) -> Vec3 {
-    let step = [0.819_172_5, 0.671_043_6, 0.549_700_5f64];
-    Vec3::from_array(step.map(|s| (s * (k + 1) as f64).fract() as f32))
-}
-
 fn room(count: usize) -> (LightTree, Vec<Lambert>, usize) {
-    let lights: Vec<Light> = (0..count)
-        .map(|k| {
-            let p = spread(k) * 2.0 - 1.0;
-            let (position, axis) = match k % 3 {
-                0 => (p.with_x(1.0), Vec3::NEG_X),
-                1 => (p.with_y(1.0), Vec3::NEG_Y),
-                _ => (p.with_z(1.0), Vec3::NEG_Z),
-            };
-            let intensity = Vec3::splat((0.1 + p.x * p.x) / count as f32);
-            Light { position, emission: Emission::Cosine(axis), intensity }
-        })
-        .collect();
+    let lights = walls(count);
     let softening2 = 12.0 / (std::f32::consts::PI * count as f32);
     let side = 128;
     let floor = (0..side * side).map(|k| Lambert {

@@ -11,7 +11,7 @@ mod cluster;
 mod nearest;
 mod top_down;
 
-use glam::{Vec3, Vec3A};
+use glam::Vec3A;
 
 use crate::bounds::Cone;
 use crate::light::{Emission, Fitness, Light, luminance};
@@ -97,17 +97,7 @@ impl LightTree {
         if leaf_count == 0 {
             return;
         }
-        let blank = Node {
-            low: Vec3::ZERO,
-            representative_child: 0,
-            high: Vec3::ZERO,
-            representative: 0,
-            axis: Vec3::Z,
-            cone_cosine: 1.0,
-            intensity: Vec3::ZERO,
-            cone_sine: 0.0,
-        };
-        self.nodes = vec![blank; leaf_count + merges.len()];
+        self.nodes = vec![Node::BLANK; leaf_count + merges.len()];
         let mut stack = vec![(leaf_count + merges.len() - 1, 0, 1)];
         let mut next_pair = 1;
         while let Some((cluster, index, level)) = stack.pop() {

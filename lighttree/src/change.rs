@@ -79,7 +79,7 @@ impl LightTree {
     /// Puts light `index` into the tree; false if it has no place there. Bounds on its way grow, sums do not yet.
     fn grow(&mut self, index: u32) -> bool {
         let light = self.lights[index as usize];
-        let mut leaf = blank();
+        let mut leaf = Node::BLANK;
         leaf.set_light(&light);
         leaf.representative = index;
         let Some(mut at) = self.roots().find(|&root| self.nodes[root].is_directional() == leaf.is_directional()) else {
@@ -138,19 +138,6 @@ impl Node {
     fn extent(&self, orientation2: f32) -> f32 {
         let spread = if self.cone_cosine <= -1.0 { 0.0 } else { 1.0 - self.cone_cosine };
         (self.high - self.low).length_squared() + orientation2 * spread * spread
-    }
-}
-
-fn blank() -> Node {
-    Node {
-        low: Vec3::ZERO,
-        representative_child: 0,
-        high: Vec3::ZERO,
-        representative: 0,
-        axis: Vec3::Z,
-        cone_cosine: 1.0,
-        intensity: Vec3::ZERO,
-        cone_sine: 0.0,
     }
 }
 

@@ -31,6 +31,18 @@ pub(crate) struct Node {
 }
 
 impl Node {
+    /// A leaf without a light.
+    pub const BLANK: Self = Self {
+        low: Vec3::ZERO,
+        representative_child: 0,
+        high: Vec3::ZERO,
+        representative: 0,
+        axis: Vec3::Z,
+        cone_cosine: 1.0,
+        intensity: Vec3::ZERO,
+        cone_sine: 0.0,
+    };
+
     #[inline]
     pub fn is_leaf(&self) -> bool {
         self.representative_child == 0

@@ -1,5 +1,7 @@
 use proptest::prelude::*;
 
+use glam::Vec3;
+
 use super::*;
 use crate::bounds::Cone;
 use crate::testing;

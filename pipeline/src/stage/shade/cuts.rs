@@ -10,7 +10,8 @@ use plane::Plane;
 use render_core::{Accelerator, Directions, GBuffer, PACKET, PixelSurface, Receiver, Surroundings, luminance};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
-/// Rays of a look around: what compensation gives back is a tenth of the light or two, known to a few per cent of itself.
+/// Rays of a look around. With as many, films of `cornell` and `nave` at 256×256 came no less near to paths when anchors were
+/// softened over eight shares and more of the light was left to these rays.
 const LOOKS: usize = 64;
 /// The same where every light is asked: the noise of 64 would be a tenth of a reference's error, and its cost is small beside theirs.
 const LOOKS_OF_ALL_LIGHTS: usize = 256;
