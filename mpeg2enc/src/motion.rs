@@ -92,6 +92,8 @@ pub(crate) struct Estimate<'a> {
 const NEIGHBOURS: [(i32, i32); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 /// Steps of the search by whole samples.
 const DIAMOND: [(i32, i32); 4] = [(-2, 0), (2, 0), (0, -2), (0, 2)];
+/// The most rounds of [`Search::settle`]: after two, searches from different vectors still end apart now and then.
+const SETTLED: usize = 4;
 /// Mean absolute difference a sample above which more is tried, and what each step of quantiser_scale adds in eighths:
 /// a coarse reference differs that much from its own source. Ours, tuned by the example `mpeg2enc`.
 const POOR_MATCH: u32 = 2;
@@ -149,8 +151,10 @@ impl Estimate<'_> {
         }
         if self.transformed {
             search.transform_differences();
+            search.settle();
+        } else {
+            search.refine();
         }
-        search.refine();
         search.best
     }
 }
@@ -237,6 +241,26 @@ impl<'a, const N: usize> Search<'a, N> {
         for _ in 0..2 {
             let center = self.best;
             for (x, y) in NEIGHBOURS {
+                let next = center.offset(x, y);
+                if self.range.contains(next) {
+                    self.try_vector(next);
+                }
+            }
+            if self.best == center {
+                break;
+            }
+        }
+    }
+
+    /// Follows half- and whole-sample steps until none is better.
+    ///
+    /// Half positions smooth the reference, noise in it too, and whole ones do not: differences then lie lower on one kind
+    /// of position than on the other. Steps to neighbours, all of the other kind, would end on any position of the better
+    /// kind, depending on where they began, so steps to the next of the same kind are tried as well.
+    pub fn settle(&mut self) {
+        for _ in 0..SETTLED {
+            let center = self.best;
+            for (x, y) in NEIGHBOURS.into_iter().chain(DIAMOND) {
                 let next = center.offset(x, y);
                 if self.range.contains(next) {
                     self.try_vector(next);
