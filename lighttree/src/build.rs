@@ -15,7 +15,8 @@ use glam::Vec3A;
 
 use crate::bounds::Cone;
 use crate::light::{Emission, Fitness, Light, luminance};
-use crate::race::{arrivals, sites};
+use crate::race::arrivals;
+use crate::sites::Sites;
 use crate::tree::{LightTree, Node};
 use cluster::{Cluster, Metric};
 
@@ -76,7 +77,7 @@ impl LightTree {
         let mut tree = Self {
             nodes: Vec::new(),
             extents: Vec::new(),
-            sites: sites(params.seed, &lights),
+            sites: Sites::default(),
             lights,
             softening2: params.softening2.max(SMALLEST_SOFTENING2),
             depth: 0,
@@ -159,6 +160,7 @@ impl LightTree {
             }
             self.nodes[index] = node;
         }
+        self.sites = Sites::new(&self.nodes, &self.lights, self.seed);
     }
 
     fn is_joint_by_lights(&self) -> bool {

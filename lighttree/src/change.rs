@@ -10,8 +10,7 @@ use glam::Vec3;
 
 use crate::bounds::Cone;
 use crate::build::{BuildParams, Builder, Metrics};
-use crate::light::{Fitness, Light, StoredSite, luminance};
-use crate::race::delay;
+use crate::light::{Fitness, Light, luminance};
 use crate::tree::{LightTree, Node};
 
 /// Ours: a tree this much deeper than log₂ of its lights is built anew instead of grown further \[levels\].
@@ -40,7 +39,6 @@ impl LightTree {
                 self.misplaced.push(index);
             }
             self.lights.push(light);
-            self.sites.push(StoredSite { delay: delay(self.seed, index.into()), ..StoredSite::new(&light) });
             fits = fits && self.grow(index);
         }
         if fits {

@@ -76,16 +76,19 @@ pub struct Cluster {
 #[derive(Clone, Debug)]
 pub struct Scratch {
     max_size: u32,
-    /// Nodes that were to be refined, in the order of refinement.
+    /// First children of the nodes that were to be refined, in the order of refinement.
     pending: Vec<u32>,
     /// Nodes in the cut, `selected_count` of them, and room for the largest.
     selected: Vec<u32>,
     selected_count: usize,
+    /// How many of these are no single lights.
+    inner_count: usize,
     /// Shadow rays, `ray_count` of them, and room for those of the largest cut.
     rays: Vec<ShadowRay>,
     ray_count: usize,
-    /// What arrives by each of the `rays` if it is free, or M · G of its light, and its node; the fourth number does not
-    /// matter.
+    /// What arrives by each of the `rays` if it is free; the fourth number is not zero.
+    radiance: Vec<Vec4>,
+    /// M · G of the light of each of the `rays`, where clusters are kept, and its node; the fourth number does not matter.
     terms: Vec<(Vec4, u32)>,
     /// Nodes of a cut whose lights are drawn.
     pub(crate) clusters: Vec<u32>,
@@ -108,8 +111,10 @@ impl Scratch {
             pending: Vec::new(),
             selected: Vec::new(),
             selected_count: 0,
+            inner_count: 0,
             rays: Vec::new(),
             ray_count: 0,
+            radiance: Vec::new(),
             terms: Vec::new(),
             clusters: Vec::new(),
             refined: Refined::default(),

@@ -14,6 +14,7 @@ mod method; // rivals of the cut
 mod race; // who represents a cluster
 mod rebuild; // a new tree, and the way to it
 mod receiver; // where light arrives
+mod sites; // where the lights of clusters are
 mod store; // trees as bytes
 #[cfg(test)]
 mod testing; // random scenes

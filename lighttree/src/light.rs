@@ -109,7 +109,7 @@ pub(crate) struct Site<F> {
 }
 
 /// Site of one light as it lies in memory: half a cache line.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(32))]
 pub(crate) struct StoredSite {
     pub position: Vec3,
@@ -121,6 +121,9 @@ pub(crate) struct StoredSite {
 }
 
 impl StoredSite {
+    /// Of no light.
+    pub const NOWHERE: Self = Self { position: Vec3::ZERO, kind: -1.0, axis: Vec3::Z, delay: 0.0 };
+
     pub fn new(light: &Light) -> Self {
         let (position, axis, kind) = match light.emission {
             Emission::Omni => (light.position, Vec3::Z, -1.0),

@@ -171,7 +171,7 @@ impl LightTree {
             return DVec3::ZERO;
         }
         let index = self.nodes[node].representative as usize;
-        let site = self.sites[index].one();
+        let site = self.sites.of(node).one();
         let unit = Vec3::from(unshadowed(receiver, receiver.position().into(), &site, self.softening2));
         if unit == Vec3::ZERO {
             return DVec3::ZERO;

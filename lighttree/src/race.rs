@@ -7,7 +7,7 @@
 //! Drawn like this, a representative depends on the lights of the cluster and not on the tree around it: it stays when
 //! a tree is built anew, and changes with intensities only as much as it has to.
 
-use crate::light::{Light, StoredSite, luminance};
+use crate::light::{Light, luminance};
 
 /// Weight of dark lights \[W·sr⁻¹\]: among themselves they are drawn alike, and against any other they lose.
 const DARK: f64 = 1e-300;
@@ -23,11 +23,7 @@ fn arrival(seed: u64, light: u64, luminance: f32) -> f64 {
     -uniform(seed, light).ln() / f64::from(luminance).max(DARK)
 }
 
-/// The lights with their numbers in the [second race](crate::cut): which half of a cluster is asked for its shadow.
-pub(crate) fn sites(seed: u64, lights: &[Light]) -> Vec<StoredSite> {
-    (0u64..).zip(lights).map(|(k, light)| StoredSite { delay: delay(seed, k), ..StoredSite::new(light) }).collect()
-}
-
+/// A light's number in the [second race](crate::cut), of the halves of a cluster: which of them is asked for its shadow.
 /// Exponentially distributed, and independent of [`arrivals`].
 pub(crate) fn delay(seed: u64, light: u64) -> f32 {
     -uniform(seed ^ SECOND_RACE, light).ln() as f32

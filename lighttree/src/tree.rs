@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bounds::Cone;
 use crate::light::{DIRECTIONAL, Emission, Light, StoredSite};
-use crate::race::sites;
+use crate::sites::Sites;
 
 /// A cluster of lights, one cache line.
 ///
@@ -99,9 +99,9 @@ pub(crate) fn sibling(child: usize) -> usize {
 pub struct LightTree {
     pub(crate) nodes: Vec<Node>,
     pub(crate) lights: Vec<Light>,
-    /// What estimates read of the lights, side by side.
+    /// What estimates read of the representatives.
     #[serde(skip)]
-    pub(crate) sites: Vec<StoredSite>,
+    pub(crate) sites: Sites,
     /// s² in G, see [`BuildParams`](crate::BuildParams).
     pub(crate) softening2: f32,
     /// Cost of each node per luminance \[m²\]; it depends on positions and axes only.
@@ -133,7 +133,7 @@ struct Stored {
 impl From<Stored> for LightTree {
     fn from(stored: Stored) -> Self {
         let Stored { nodes, lights, softening2, extents, depth, cost_at_build, misplaced, rejected, seed } = stored;
-        let sites = sites(seed, &lights);
+        let sites = Sites::new(&nodes, &lights, seed);
         Self { nodes, lights, sites, softening2, extents, depth, cost_at_build, misplaced, rejected, seed }
     }
 }
@@ -169,6 +169,12 @@ impl LightTree {
     #[inline]
     pub(crate) fn roots(&self) -> std::ops::Range<usize> {
         if self.is_joint() { 1..3 } else { 0..self.nodes.len().min(1) }
+    }
+
+    /// Four nodes. (Written out: a closure that can panic would stay a call.)
+    #[inline(always)]
+    pub(crate) fn four(&self, [a, b, c, d]: [usize; 4]) -> [&Node; 4] {
+        [&self.nodes[a], &self.nodes[b], &self.nodes[c], &self.nodes[d]]
     }
 
     /// Sum of all intensities \[W·sr⁻¹; irradiances of directional lights are added as they are\].
@@ -212,6 +218,9 @@ impl LightTree {
             let node = &self.nodes[index];
             if node.is_leaf() {
                 self.validate_leaf(index, &mut found)?;
+                if *self.sites.of(index) != Sites::of_leaf(node, &self.lights, self.seed) {
+                    return Err(format!("leaf {index} has the site {:?}", self.sites.of(index)));
+                }
                 continue;
             }
             let first = node.children();
@@ -224,6 +233,9 @@ impl LightTree {
             let chosen = self.nodes[node.representative_child as usize].representative;
             if node.representative != chosen {
                 return Err(format!("node {index} has representative {}, its child {chosen}", node.representative));
+            }
+            if self.sites.of(index) != self.sites.of(node.representative_child as usize) {
+                return Err(format!("node {index} has the site {:?}, not its child's", self.sites.of(index)));
             }
             let sum = self.nodes[first].intensity + self.nodes[first + 1].intensity;
             if node.intensity != sum {

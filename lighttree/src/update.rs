@@ -116,7 +116,10 @@ impl LightTree {
                 let chosen = if swap { other } else { chosen };
                 let representative = self.nodes[chosen].representative;
                 stats.swapped += usize::from(swap);
-                stats.representatives_changed += usize::from(representative != node.representative);
+                if representative != node.representative {
+                    stats.representatives_changed += 1;
+                    self.sites.inherit(index, chosen);
+                }
                 node.representative_child = chosen as u32;
                 node.representative = representative;
             }

@@ -227,7 +227,7 @@ impl LightTree {
 
     fn by_representative<R: Receiver>(&self, receiver: &R, cluster: usize) -> Unshadowed {
         let node = &self.nodes[cluster];
-        let site = self.sites[node.representative as usize].one();
+        let site = self.sites.of(cluster).one();
         let unit = Vec3::from(unshadowed(receiver, receiver.position().into(), &site, self.softening2));
         Unshadowed { node: cluster as u32, light: node.representative, unit, radiance: unit * node.intensity }
     }

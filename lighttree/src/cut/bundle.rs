@@ -16,7 +16,7 @@
 
 use glam::{Vec3, Vec4};
 
-use super::halves::{Halves, sum_of_seen};
+use super::halves::{Arriving, Halves, sum_of_seen};
 use super::walk::Walk;
 use super::{Cut, Scratch, ShadowRay, Stop};
 use crate::error_bound::{Cluster, error_bound, error_bound_of_bundle};
@@ -56,8 +56,6 @@ pub(super) struct Shared {
     pending: Vec<u32>,
     of_all: Shares,
     of_group: Shares,
-    /// Unshadowed, of the common clusters that are not dark for one receiver; the fourth number does not matter.
-    radiance: Vec<Vec4>,
 }
 
 /// Receivers and their thresholds.
@@ -102,7 +100,7 @@ impl LightTree {
         }
         // Taken out while walks hold the rest of the scratch.
         let mut shared = std::mem::take(&mut scratch.shared);
-        let Shared { pending, of_all, of_group, radiance } = &mut shared;
+        let Shared { pending, of_all, of_group } = &mut shared;
         let most = scratch.max_size as usize;
         let roots = [self.roots().start as u32, self.roots().end as u32 - 1];
         let roots = &roots[..self.roots().len()];
@@ -128,7 +126,7 @@ impl LightTree {
                         self.walk_on(receiver, threshold, of_group, most.checked_sub(in_common)?, scratch)?,
                     ))
                 }) {
-                    Some(cut) => self.evaluate_shared(receiver, visible, [of_all, of_group], radiance, scratch, cut),
+                    Some(cut) => self.evaluate_shared(receiver, visible, [of_all, of_group], scratch, cut),
                     None => self.lightcut_batched(receiver, Stop::Absolute(threshold), visible, scratch),
                 };
                 cuts.push(cut);
@@ -249,33 +247,32 @@ impl LightTree {
         receiver: &R,
         mut visible: impl FnMut(&[Light], &mut [ShadowRay]),
         shares: [&Shares; 2],
-        radiance: &mut Vec<Vec4>,
         scratch: &mut Scratch,
         mut cut: Cut,
     ) -> Cut {
         scratch.begin_estimate();
-        let Scratch { rays, ray_count, .. } = &mut *scratch;
-        radiance.resize(radiance.len().max(rays.len()), Vec4::ZERO);
         let position = Vector3::splat(receiver.position());
+        let mut arriving = Arriving::after(0, &mut scratch.rays, &mut scratch.radiance);
         for Shares { common, halves, .. } in shares {
             for (two, halves) in common.chunks(2).zip(halves) {
-                for (_, (ray, value)) in two.iter().zip(halves.estimates(receiver, position, self.softening2)) {
-                    rays[*ray_count] = ray;
-                    radiance[*ray_count] = value;
-                    *ray_count += usize::from(value.w > 0.0);
+                let [a, b] = halves.estimates(receiver, position, self.softening2);
+                arriving.push(a);
+                if two.len() == 2 {
+                    arriving.push(b);
                 }
             }
         }
-        let of_common = *ray_count;
+        let of_common = arriving.count;
+        scratch.ray_count = of_common;
         cut.nodes_visited += self.estimate_halves(receiver, scratch);
-        let Scratch { rays, ray_count, terms, selected_count, .. } = scratch;
+        let Scratch { rays, ray_count, radiance, selected_count, .. } = scratch;
         let rays = &mut rays[..*ray_count];
         if !rays.is_empty() {
             visible(&self.lights, rays);
         }
-        let (of_common, own) = rays.split_at(of_common);
-        let sum = sum_of_seen(of_common, radiance.iter().copied())
-            + sum_of_seen(own, terms.iter().map(|&(radiance, _)| radiance));
+        let (common_rays, own_rays) = rays.split_at(of_common);
+        let (common, own) = radiance.split_at(of_common);
+        let sum = sum_of_seen(common_rays, common) + sum_of_seen(own_rays, own);
         cut.radiance = sum.truncate();
         cut.shadow_rays = rays.len() as u32;
         cut.size = (shares.map(|shares| shares.common.len()).iter().sum::<usize>() + *selected_count) as u32;

@@ -5,7 +5,7 @@ use glam::{Vec3, Vec4};
 
 use super::{Cluster, Cut, Scratch};
 use crate::lanes::Vector3;
-use crate::light::{Light, StoredSite, unshadowed};
+use crate::light::{Light, unshadowed};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
@@ -60,7 +60,7 @@ impl LightTree {
         for four in selected[..*selected_count].chunks(4) {
             let nodes: [u32; 4] = std::array::from_fn(|k| four[k.min(four.len() - 1)]);
             let lights = nodes.map(|index| self.nodes[index as usize].representative);
-            let sites = StoredSite::four(lights.map(|light| &self.sites[light as usize]));
+            let sites = self.sites.four(nodes.map(|node| node as usize));
             let units = unshadowed(receiver, position, &sites, softening2);
             for ((&node, &light), unit) in four.iter().zip(&lights).zip(units.rows()) {
                 rays[*ray_count] = ShadowRay { light, visible: false };
@@ -82,6 +82,7 @@ impl Scratch {
         let room = self.max_size as usize + 8;
         self.ray_count = 0;
         self.rays.resize(self.rays.len().max(room), ShadowRay { light: 0, visible: false });
+        self.radiance.resize(self.radiance.len().max(room), Vec4::ZERO);
         self.terms.resize(self.terms.len().max(room), (Vec4::ZERO, 0));
     }
 }

@@ -34,7 +34,7 @@ use glam::{Vec4, Vec4Swizzles};
 
 use super::{Cut, Scratch, ShadowRay};
 use crate::lanes::Vector3;
-use crate::light::{Light, Site, StoredSite, transpose, unshadowed};
+use crate::light::{Light, Site, transpose, unshadowed};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
@@ -62,55 +62,49 @@ impl Halves {
         // By numbers and not by branches, of which every other would be guessed wrong.
         let loses = light.cmple(Vec4::ZERO) | (delay * light.yxwz()).cmpgt(delay.yxwz() * light);
         let loses = loses.bitmask() as usize;
-        let rows = unoccluded.rows();
-        [0, 2].map(|first| {
-            let light = self.lights[first + (loses >> first & 1)];
-            (ShadowRay { light, visible: false }, rows[first] + rows[first + 1])
-        })
+        let [a, b, c, d] = unoccluded.rows();
+        let ray = |first: usize| ShadowRay { light: self.lights[first + (loses >> first & 1)], visible: false };
+        [(ray(0), a + b), (ray(2), c + d)]
     }
 }
 
 impl LightTree {
     /// What [`Halves::estimates`] needs of two clusters.
     #[inline(always)]
-    pub(super) fn halves(&self, clusters: [u32; 2]) -> Halves {
-        let inner = clusters.map(|cluster| !self.nodes[cluster as usize].is_leaf());
+    pub(super) fn halves(&self, [first, second]: [u32; 2]) -> Halves {
+        let [first, second] = [first as usize, second as usize];
+        let inner = [!self.nodes[first].is_leaf(), !self.nodes[second].is_leaf()];
         // A branch, for most clusters of a cut are no single lights: the processor fetches the halves while it decides.
-        let [[a, b], [c, d]] = clusters.map(|cluster| {
-            let node = &self.nodes[cluster as usize];
-            if node.is_leaf() { [cluster as usize; 2] } else { [node.children(), node.children() + 1] }
-        });
-        let nodes = [a, b, c, d].map(|index| &self.nodes[index]);
-        let lights = nodes.map(|node| node.representative);
-        let [r, g, b, _] = transpose(nodes.map(|node| node.intensity.extend(node.cone_sine)));
+        let below = |cluster: usize, inner| {
+            if inner { [self.nodes[cluster].children(), self.nodes[cluster].children() + 1] } else { [cluster; 2] }
+        };
+        let ([a, b], [c, d]) = (below(first, inner[0]), below(second, inner[1]));
+        let nodes = self.four([a, b, c, d]);
+        let [red, green, blue, _] = transpose(nodes.map(|node| node.intensity.extend(node.cone_sine)));
         let counts = Vec4::new(1.0, f32::from(inner[0]), 1.0, f32::from(inner[1]));
         Halves {
-            sites: StoredSite::four(lights.map(|light| &self.sites[light as usize])),
-            intensity: Vector3 { x: r, y: g, z: b } * counts,
-            lights,
+            sites: self.sites.four([a, b, c, d]),
+            intensity: Vector3 { x: red, y: green, z: blue } * counts,
+            lights: nodes.map(|node| node.representative),
         }
     }
 
-    /// Estimates of the nodes in `scratch.selected`: those that are not dark go to the end of `rays` and to `terms`.
+    /// Estimates of the nodes in `scratch.selected`: those that are not dark go to the end of `rays` and to `radiance`.
     /// Returns how many nodes it looked at beyond those.
     #[inline(always)]
     pub(super) fn estimate_halves<R: Receiver>(&self, receiver: &R, scratch: &mut Scratch) -> u32 {
-        let Scratch { selected, selected_count, rays, ray_count, terms, .. } = scratch;
         let position = Vector3::splat(receiver.position());
-        let (mut own, mut visited) = (0, 0);
-        for two in selected[..*selected_count].chunks(2) {
-            let clusters = [two[0], two[two.len() - 1]];
-            let estimates = self.halves(clusters).estimates(receiver, position, self.softening2);
-            for (&node, (ray, radiance)) in two.iter().zip(estimates) {
-                rays[*ray_count] = ray;
-                terms[own] = (radiance, node);
-                visited += 2 * u32::from(!self.nodes[node as usize].is_leaf());
-                let lit = usize::from(radiance.w > 0.0);
-                *ray_count += lit;
-                own += lit;
+        let selected = &scratch.selected[..scratch.selected_count];
+        let mut arriving = Arriving::after(scratch.ray_count, &mut scratch.rays, &mut scratch.radiance);
+        for two in selected.chunks(2) {
+            let [a, b] = self.halves([two[0], two[two.len() - 1]]).estimates(receiver, position, self.softening2);
+            arriving.push(a);
+            if two.len() == 2 {
+                arriving.push(b);
             }
         }
-        visited
+        scratch.ray_count = arriving.count;
+        2 * scratch.inner_count as u32
     }
 
     /// Sums the estimates of the nodes in `scratch.selected` by their halves, shadow rays together.
@@ -124,19 +118,41 @@ impl LightTree {
     ) -> Cut {
         scratch.begin_estimate();
         cut.nodes_visited += self.estimate_halves(receiver, scratch);
-        let Scratch { rays, ray_count, terms, .. } = scratch;
-        let rays = &mut rays[..*ray_count];
+        let rays = &mut scratch.rays[..scratch.ray_count];
         if !rays.is_empty() {
             visible(&self.lights, rays);
         }
-        cut.radiance = sum_of_seen(rays, terms.iter().map(|&(radiance, _)| radiance)).truncate();
+        cut.radiance = sum_of_seen(rays, &scratch.radiance).truncate();
         cut.shadow_rays = rays.len() as u32;
         cut
     }
 }
 
+/// Estimates that are not dark, one after the other.
+pub(super) struct Arriving<'a> {
+    rays: &'a mut [ShadowRay],
+    radiance: &'a mut [Vec4],
+    pub count: usize,
+}
+
+impl<'a> Arriving<'a> {
+    /// Behind the first `count`.
+    #[inline(always)]
+    pub fn after(count: usize, rays: &'a mut [ShadowRay], radiance: &'a mut [Vec4]) -> Self {
+        Self { rays, radiance, count }
+    }
+
+    /// Without a branch, which would be guessed wrong too often.
+    #[inline(always)]
+    pub fn push(&mut self, (ray, radiance): (ShadowRay, Vec4)) {
+        self.rays[self.count] = ray;
+        self.radiance[self.count] = radiance;
+        self.count += usize::from(radiance.w > 0.0);
+    }
+}
+
 /// Sum of what arrives by the rays that are free.
 #[inline(always)]
-pub(super) fn sum_of_seen(rays: &[ShadowRay], radiance: impl Iterator<Item = Vec4>) -> Vec4 {
-    rays.iter().zip(radiance).fold(Vec4::ZERO, |sum, (ray, value)| sum + value * f32::from(ray.visible))
+pub(super) fn sum_of_seen(rays: &[ShadowRay], radiance: &[Vec4]) -> Vec4 {
+    rays.iter().zip(radiance).fold(Vec4::ZERO, |sum, (ray, &value)| sum + value * f32::from(ray.visible))
 }

@@ -33,23 +33,25 @@ pub(super) struct Walk<'a, R> {
     receiver: &'a R,
     position: Vector3<Vec4>,
     threshold: f32,
+    /// First children.
     queue: &'a mut [u32],
     /// Next to leave the queue, and end of the queue.
     head: usize,
     tail: usize,
     selected: &'a mut [u32],
     selected_count: &'a mut usize,
+    inner_count: &'a mut usize,
     pub cut: Cut,
 }
 
 impl<'a, R: Receiver> Walk<'a, R> {
     #[inline(always)]
     pub fn new(tree: &'a LightTree, receiver: &'a R, threshold: f32, scratch: &'a mut Scratch) -> Self {
-        let Scratch { max_size, pending, selected, selected_count, .. } = scratch;
+        let Scratch { max_size, pending, selected, selected_count, inner_count, .. } = scratch;
         let most = *max_size as usize;
         pending.resize(pending.len().max(QUEUE_PER_CLUSTER * (most + 8)), 0);
         selected.resize(selected.len().max(most + 8), 0);
-        *selected_count = 0;
+        (*selected_count, *inner_count) = (0, 0);
         Self {
             tree,
             receiver,
@@ -60,6 +62,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
             tail: 0,
             selected,
             selected_count,
+            inner_count,
             cut: Cut::default(),
         }
     }
@@ -74,7 +77,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
     /// Looks at the first `count` of four nodes.
     #[inline(always)]
     fn look(&mut self, indices: [usize; 4], count: usize) {
-        let nodes = indices.map(|index| &self.tree.nodes[index]);
+        let nodes = self.tree.four(indices);
         let softening2 = Vec4::splat(self.tree.softening2);
         let bounds = error_bound(self.receiver, self.position, &Cluster::four(nodes), softening2);
         self.cut.nodes_visited += count as u32;
@@ -88,12 +91,13 @@ impl<'a, R: Receiver> Walk<'a, R> {
             let index = indices[k] as u32;
             let leaf = self.tree.nodes[indices[k]].is_leaf();
             if bound > self.threshold && !leaf {
-                self.queue[self.tail] = index;
+                self.queue[self.tail] = self.tree.nodes[indices[k]].children() as u32;
                 self.tail += 1;
             } else if bound > 0.0 {
                 self.selected[*self.selected_count] = index;
                 *self.selected_count += 1;
                 if !leaf {
+                    *self.inner_count += 1;
                     self.cut.total_bound += bound;
                     self.cut.largest_bound = self.cut.largest_bound.max(bound);
                 }
@@ -110,14 +114,13 @@ impl<'a, R: Receiver> Walk<'a, R> {
     /// Refines what is in the queue; false when the cut has more than `most` clusters, or the queue is full.
     #[inline(always)]
     pub fn finish_walk(&mut self, most: usize) -> bool {
-        let first_child = |walk: &Self, k: usize| walk.tree.nodes[walk.queue[k] as usize].children();
         while self.head < self.tail {
             if !self.has_room(most) {
                 return false;
             }
-            let a = first_child(self, self.head);
+            let a = self.queue[self.head] as usize;
             if self.head + 1 < self.tail {
-                let b = first_child(self, self.head + 1);
+                let b = self.queue[self.head + 1] as usize;
                 self.head += 2;
                 self.look([a, a + 1, b, b + 1], 4);
             } else {
