@@ -78,10 +78,10 @@ fn main() {
     // No cut of these is as large.
     let mut scratch = Scratch::with_max_size(20_000);
 
-    // Every fourth block of 8×8 pixels, thresholds of 2 %.
+    // The whole picture in blocks of 8×8 pixels, thresholds of 2 %.
     let height = pixels.len() / width;
     let mut blocks = Vec::new();
-    for (left, top) in (0..height).step_by(32).flat_map(|y| (0..width).step_by(32).map(move |x| (x, y))) {
+    for (left, top) in (0..height).step_by(8).flat_map(|y| (0..width).step_by(8).map(move |x| (x, y))) {
         let within = (0..64).map(|k| (left + k % 8, top + k / 8)).filter(|&(x, y)| x < width && y < height);
         let block: Vec<Lambert> =
             within.map(|(x, y)| pixels[y * width + x]).filter(|r| r.normal != Vec3::ZERO).collect();

@@ -175,14 +175,28 @@ pub(crate) fn unshadowed<F: Real, R: Receiver>(
     site: &Site<F>,
     softening2: F,
 ) -> Vector3<F> {
+    unshadowed_of::<false, F, R>(receiver, position, site, softening2)
+}
+
+/// [`unshadowed`], to the same bits, of lights that are known to be `Cosine` if `COSINE`: nothing asks for their kind.
+#[inline(always)]
+pub(crate) fn unshadowed_of<const COSINE: bool, F: Real, R: Receiver>(
+    receiver: &R,
+    position: Vector3<F>,
+    site: &Site<F>,
+    softening2: F,
+) -> Vector3<F> {
     let (zero, one) = (F::splat(0.0), F::splat(1.0));
     let far = site.kind.lt(F::splat(-1.5));
-    let to_light = site.position - Vector3::select(far, Vector3::splat(Vec3::ZERO), position);
+    let from = if COSINE { position } else { Vector3::select(far, Vector3::splat(Vec3::ZERO), position) };
+    let to_light = site.position - from;
     let r2 = to_light.dot(to_light);
     let somewhere = r2.max(F::splat(SMALLEST_DISTANCE2));
     let direction = to_light * (one / somewhere.sqrt());
-    let emitted = F::select(site.kind.lt(zero), one, -site.axis.dot(direction));
-    let g = emitted * (one / F::select(far, one, r2 + softening2));
+    let cosine = -site.axis.dot(direction);
+    let emitted = if COSINE { cosine } else { F::select(site.kind.lt(zero), one, cosine) };
+    let spread2 = if COSINE { r2 + softening2 } else { F::select(far, one, r2 + softening2) };
+    let g = emitted * (one / spread2);
     let lit = F::select(r2.lt(F::splat(SMALLEST_DISTANCE2)), zero, emitted);
     Vector3::select(zero.lt(lit), receiver.reflect(direction) * g, Vector3::splat(Vec3::ZERO))
 }
@@ -215,6 +229,26 @@ mod tests {
             let (light, fitness) = bad.accepted();
             assert_eq!(fitness, expected, "{bad:?}");
             assert!(light.position.is_finite() && light.intensity == Vec3::ZERO, "{light:?}");
+        }
+    }
+
+    /// Also at the light itself, behind it, in its plane and behind the receiver's.
+    #[test]
+    fn known_kinds_change_no_bit() {
+        let receiver = Lambert { position: Vec3::ZERO, normal: Vec3::Z, reflectance: Vec3::new(0.7, 0.5, 0.3) };
+        let position = Vector3::splat(receiver.position);
+        for k in 0..1000 {
+            let number = |salt: u64| crate::race::uniform(salt, k) as f32 - 0.5;
+            let position_of_light = Vec3::new(number(1), number(2), number(3)) * (k % 10) as f32;
+            let axis = if k % 7 == 0 { Vec3::Z } else { Vec3::new(number(4), number(5), number(6)).normalize() };
+            let light = Light { position: position_of_light, emission: Emission::Cosine(axis), intensity: Vec3::ONE };
+            let site = StoredSite::new(&light).one();
+            let of = [
+                unshadowed_of::<true, f32, _>(&receiver, position, &site, 1e-4),
+                unshadowed_of::<false, f32, _>(&receiver, position, &site, 1e-4),
+            ];
+            let bits = of.map(|unit| Vec3::from(unit).to_array().map(f32::to_bits));
+            assert_eq!(bits[0], bits[1], "{light:?}");
         }
     }
 

@@ -34,7 +34,7 @@ use glam::{Vec4, Vec4Swizzles};
 
 use super::{Cut, Scratch, ShadowRay};
 use crate::lanes::Vector3;
-use crate::light::{Light, Site, transpose, unshadowed};
+use crate::light::{Light, Site, transpose, unshadowed_of};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
@@ -44,6 +44,8 @@ pub(super) struct Halves {
     sites: Site<Vec4>,
     intensity: Vector3<Vec4>,
     lights: [u32; 4],
+    /// Whether all four are `Cosine`, as most lights are.
+    cosine: bool,
 }
 
 impl Halves {
@@ -56,15 +58,22 @@ impl Halves {
         position: Vector3<Vec4>,
         softening2: f32,
     ) -> [(ShadowRay, Vec4); 2] {
-        let unoccluded = unshadowed(receiver, position, &self.sites, Vec4::splat(softening2)).times(self.intensity);
+        let softening2 = Vec4::splat(softening2);
+        let unit = if self.cosine {
+            unshadowed_of::<true, _, _>(receiver, position, &self.sites, softening2)
+        } else {
+            unshadowed_of::<false, _, _>(receiver, position, &self.sites, softening2)
+        };
+        let unoccluded = unit.times(self.intensity);
         let (light, delay) = (unoccluded.x + unoccluded.y + unoccluded.z, self.sites.delay);
         // Who arrives last, by delay divided by light; the first of both, at lanes 0 and 2, if it is dark.
         // By numbers and not by branches, of which every other would be guessed wrong.
         let loses = light.cmple(Vec4::ZERO) | (delay * light.yxwz()).cmpgt(delay.yxwz() * light);
         let loses = loses.bitmask() as usize;
-        let [a, b, c, d] = unoccluded.rows();
+        let both = |x: Vec4| x + x.yxwz();
+        let [a, _, b, _] = transpose([both(unoccluded.x), both(unoccluded.y), both(unoccluded.z), both(light)]);
         let ray = |first: usize| ShadowRay { light: self.lights[first + (loses >> first & 1)], visible: false };
-        [(ray(0), a + b), (ray(2), c + d)]
+        [(ray(0), a), (ray(2), b)]
     }
 }
 
@@ -82,8 +91,10 @@ impl LightTree {
         let nodes = self.four([a, b, c, d]);
         let [red, green, blue, _] = transpose(nodes.map(|node| node.intensity.extend(node.cone_sine)));
         let counts = Vec4::new(1.0, f32::from(inner[0]), 1.0, f32::from(inner[1]));
+        let sites = self.sites.four([a, b, c, d]);
         Halves {
-            sites: self.sites.four([a, b, c, d]),
+            cosine: sites.kind.cmpeq(Vec4::ONE).all(),
+            sites,
             intensity: Vector3 { x: red, y: green, z: blue } * counts,
             lights: nodes.map(|node| node.representative),
         }
