@@ -1,7 +1,12 @@
-//! The innermost loops, each compiled twice: for any processor, and for those with AVX2.
+//! The innermost loops.
 //!
-//! The source of both is the same plain loop over fixed sizes, so both give the same bits; the compiler makes vector
+//! Those over bytes are made of [`lanes`]. The others are compiled twice, for any processor and for those with AVX2: the
+//! source of both is the same plain loop over fixed sizes, so both give the same bits; the compiler makes vector
 //! instructions of it where it may. A test runs every one both ways.
+
+mod lanes;
+
+use lanes::{Bytes, Words};
 
 /// Can AVX2 be used? The answer is kept by the standard library: this is one load.
 #[inline(always)]
@@ -46,64 +51,112 @@ pub(crate) struct Place<'a> {
     pub half: (bool, bool),
 }
 
-/// Writes N predicted samples of row `i` (7.6.4).
+/// Samples of a square block, sixteen at a time: N is 8 or 16, and each group is one row of 16 or two of 8.
 #[inline(always)]
-fn predict_row<const N: usize>(place: &Place, i: usize, out: &mut [u8; N]) {
-    let at = |row: usize, column: usize| -> &[u8; N] {
-        place.samples[row * place.stride + column..][..N].try_into().expect("N samples")
-    };
+fn group<const N: usize>(samples: &[[u8; N]; N], i: usize) -> Bytes {
+    let eight = |y: usize, x: usize| -> [u8; 8] { samples[y][x..x + 8].try_into().expect("8 samples") };
+    if N == 16 { Bytes::new(eight(i, 0), eight(i, 8)) } else { Bytes::new(eight(2 * i, 0), eight(2 * i + 1, 0)) }
+}
+
+/// Gives `each` the predicted samples of N rows of N (7.6.4), in groups as [`group`] makes them.
+#[inline(always)]
+fn for_predicted<const N: usize>(place: Place, each: impl FnMut(usize, Bytes)) {
     match place.half {
-        (false, false) => *out = *at(i, 0),
-        (true, false) => mean_of_two(at(i, 0), at(i, 1), out),
-        (false, true) => mean_of_two(at(i, 0), at(i + 1, 0), out),
-        (true, true) => {
-            let (a, b, c, d) = (at(i, 0), at(i, 1), at(i + 1, 0), at(i + 1, 1));
-            for k in 0..N {
-                let sum = u16::from(a[k]) + u16::from(b[k]) + u16::from(c[k]) + u16::from(d[k]);
-                out[k] = ((sum + 2) >> 2) as u8;
-            }
-        }
+        (false, false) => for_predicted_at::<N, false, false>(place, each),
+        (true, false) => for_predicted_at::<N, true, false>(place, each),
+        (false, true) => for_predicted_at::<N, false, true>(place, each),
+        (true, true) => for_predicted_at::<N, true, true>(place, each),
     }
 }
 
+/// For half positions to the right (`H`) and below (`V`).
 #[inline(always)]
-fn mean_of_two<const N: usize>(a: &[u8; N], b: &[u8; N], out: &mut [u8; N]) {
-    for k in 0..N {
-        out[k] = ((u16::from(a[k]) + u16::from(b[k]) + 1) >> 1) as u8;
+fn for_predicted_at<const N: usize, const H: bool, const V: bool>(place: Place, mut each: impl FnMut(usize, Bytes)) {
+    let stride = place.stride;
+    // The last sample that is looked at: the compiler knows from here on that no other lies beyond.
+    let samples = &place.samples[..(N - 1 + usize::from(V)) * stride + N + usize::from(H)];
+    let eight = |first: usize| -> [u8; 8] { samples[first..first + 8].try_into().expect("8 samples") };
+    let sixteen = |first: usize| Bytes::new(eight(first), eight(first + if N == 16 { 8 } else { stride }));
+    for i in 0..N * N / 16 {
+        let first = i * stride * 16 / N;
+        let here = sixteen(first);
+        each(
+            i,
+            match (H, V) {
+                (false, false) => here,
+                (true, false) => here.mean(sixteen(first + 1)),
+                (false, true) => here.mean(sixteen(first + stride)),
+                (true, true) => {
+                    let below = first + stride;
+                    Bytes::mean_of_four([here, sixteen(first + 1), sixteen(below), sixteen(below + 1)])
+                }
+            },
+        );
     }
 }
 
-vectorised! {
-    /// N rows of N predicted samples (7.6.4).
-    fn predict, predict_plain<const N: usize>(place: Place, out: &mut [[u8; N]; N]) {
-        for (i, row) in out.iter_mut().enumerate() {
-            predict_row(&place, i, row);
-        }
+/// N rows of N predicted samples (7.6.4); N is 8 or 16.
+#[inline]
+pub(crate) fn predict<const N: usize>(place: Place, out: &mut [[u8; N]; N]) {
+    let (out, _) = out.as_flattened_mut().as_chunks_mut::<8>();
+    for_predicted::<N>(place, |i, bytes| [out[2 * i], out[2 * i + 1]] = bytes.halves());
+}
+
+/// The mean of two predictions, rounded up (7.6.7.1); a multiple of 16 samples.
+#[inline]
+pub(crate) fn mean(a: &[u8], b: &[u8], out: &mut [u8]) {
+    let ((a, _), (b, _), (out, _)) = (a.as_chunks::<8>(), b.as_chunks::<8>(), out.as_chunks_mut::<8>());
+    for ((a, b), out) in a.chunks_exact(2).zip(b.chunks_exact(2)).zip(out.chunks_exact_mut(2)) {
+        out.copy_from_slice(&Bytes::new(a[0], a[1]).mean(Bytes::new(b[0], b[1])).halves());
     }
 }
 
-vectorised! {
-    /// The mean of two predictions, rounded up (7.6.7.1).
-    fn mean, mean_plain(a: &[u8], b: &[u8], out: &mut [u8]) {
-        for ((&a, &b), out) in a.iter().zip(b).zip(out) {
-            *out = ((u16::from(a) + u16::from(b) + 1) >> 1) as u8;
-        }
-    }
+/// Sum of absolute differences between N×N samples and their prediction; N is 8 or 16.
+#[inline]
+pub(crate) fn absolute_difference<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+    let mut sums = Words::splat(0);
+    for_predicted::<N>(place, |i, bytes| sums = sums.plus(bytes.difference(group(source, i))));
+    sums.dot(Words::splat(1)) as u32
 }
 
-vectorised! {
-    /// Sum of absolute differences between N×N samples and their prediction.
-    fn absolute_difference, absolute_difference_plain<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
-        let mut sum = 0;
-        let mut row = [0; N];
-        for (i, source) in source.iter().enumerate() {
-            predict_row(&place, i, &mut row);
-            for k in 0..N {
-                sum += u32::from(source[k].abs_diff(row[k]));
-            }
+/// Sum of absolute transformed differences of N×N samples to their prediction; N is 8 or 16.
+///
+/// Each block of 8×8 differences goes through a Hadamard transform; an eighth of the sum of magnitudes is taken:
+/// one coefficient of a flat difference d then counts 8·d, about as 64 plain differences spread over many
+/// coefficients do.
+#[inline]
+pub(crate) fn transformed_difference<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+    let mut rows = [[Words::splat(0); 8]; 4];
+    for_predicted::<N>(place, |i, bytes| {
+        let [low, high] = group(source, i).minus(bytes);
+        if N == 16 {
+            (rows[i / 8 * 2][i % 8], rows[i / 8 * 2 + 1][i % 8]) = (low, high);
+        } else {
+            (rows[0][2 * i], rows[0][2 * i + 1]) = (low, high);
         }
-        sum
+    });
+    rows[..N * N / 64].iter().map(|&block| hadamard_sum(block)).sum()
+}
+
+/// An eighth of the sum of magnitudes of transformed differences.
+#[inline(always)]
+fn hadamard_sum(block: [Words; 8]) -> u32 {
+    let columns = Words::transposed(butterflies(butterflies(butterflies(block, 4), 2), 1));
+    let [a, b, c, d, e, f, g, h] = butterflies(butterflies(columns, 4), 2);
+    // The last step is |x + y| + |x − y| = 2·max(|x|, |y|).
+    let larger = [(a, b), (c, d), (e, f), (g, h)].map(|(x, y)| x.abs().max(y.abs()));
+    let sum = larger[0].plus(larger[1]).dot(Words::splat(1)) + larger[2].plus(larger[3]).dot(Words::splat(1));
+    (2 * sum as u32 + 4) >> 3
+}
+
+/// Sums and differences of rows that lie `distance` apart: a third of an eight-point Hadamard transform.
+#[inline(always)]
+fn butterflies(rows: [Words; 8], distance: usize) -> [Words; 8] {
+    let mut out = rows;
+    for i in (0..8).filter(|i| i & distance == 0) {
+        (out[i], out[i + distance]) = (rows[i].plus(rows[i + distance]), rows[i].minus(rows[i + distance]));
     }
+    out
 }
 
 vectorised! {
@@ -115,77 +168,6 @@ vectorised! {
             sum += (difference * difference) as u32;
         }
         sum
-    }
-}
-
-vectorised! {
-    /// Sum of absolute transformed differences of N×N samples, N a multiple of eight.
-    ///
-    /// Each block of 8×8 differences goes through a Hadamard transform; an eighth of the sum of magnitudes is taken:
-    /// one coefficient of a flat difference d then counts 8·d, about as 64 plain differences spread over many
-    /// coefficients do.
-    fn transformed_difference, transformed_difference_plain<const N: usize>(
-        source: &[[u8; N]; N], predicted: &[[u8; N]; N]
-    ) -> u32 {
-        let mut sum = 0;
-        let mut top = 0;
-        while top < N {
-            let mut left = 0;
-            while left < N {
-                let mut differences = [[0i16; 8]; 8];
-                for y in 0..8 {
-                    for x in 0..8 {
-                        differences[y][x] = i16::from(source[top + y][left + x]) - i16::from(predicted[top + y][left + x]);
-                    }
-                }
-                sum += hadamard_sum(&mut differences);
-                left += 8;
-            }
-            top += 8;
-        }
-        sum
-    }
-}
-
-/// An eighth of the sum of magnitudes of the transformed differences, which are used up.
-#[inline(always)]
-fn hadamard_sum(block: &mut [[i16; 8]; 8]) -> u32 {
-    hadamard(block);
-    let mut transposed = [[0i16; 8]; 8];
-    for y in 0..8 {
-        for x in 0..8 {
-            transposed[x][y] = block[y][x];
-        }
-    }
-    hadamard(&mut transposed);
-    let mut sum = 0;
-    for row in &transposed {
-        for &value in row {
-            sum += u32::from(value.unsigned_abs());
-        }
-    }
-    (sum + 4) >> 3
-}
-
-/// The eight-point Hadamard transform along the first index, eight at a time.
-#[inline(always)]
-#[allow(clippy::needless_range_loop, reason = "x is a lane: the compiler takes all eight at once")]
-fn hadamard(rows: &mut [[i16; 8]; 8]) {
-    for x in 0..8 {
-        let (a0, a1, a2, a3) =
-            (rows[0][x] + rows[4][x], rows[1][x] + rows[5][x], rows[2][x] + rows[6][x], rows[3][x] + rows[7][x]);
-        let (a4, a5, a6, a7) =
-            (rows[0][x] - rows[4][x], rows[1][x] - rows[5][x], rows[2][x] - rows[6][x], rows[3][x] - rows[7][x]);
-        let (b0, b1, b2, b3) = (a0 + a2, a1 + a3, a0 - a2, a1 - a3);
-        let (b4, b5, b6, b7) = (a4 + a6, a5 + a7, a4 - a6, a5 - a7);
-        rows[0][x] = b0 + b1;
-        rows[1][x] = b0 - b1;
-        rows[2][x] = b2 + b3;
-        rows[3][x] = b2 - b3;
-        rows[4][x] = b4 + b5;
-        rows[5][x] = b4 - b5;
-        rows[6][x] = b6 + b7;
-        rows[7][x] = b6 - b7;
     }
 }
 
@@ -202,44 +184,71 @@ mod tests {
         std::array::from_fn(|_| std::array::from_fn(|_| random(state)))
     }
 
-    #[test]
-    fn both_ways_give_the_same() {
-        let mut state = 1;
-        for _ in 0..200 {
+    /// The definition of 7.6.4: the mean of the two or four samples around a half position, rounded up.
+    fn predicted<const N: usize>(place: Place) -> [[u8; N]; N] {
+        let (right, below) = (usize::from(place.half.0), usize::from(place.half.1));
+        let at = |x: usize, y: usize| u32::from(place.samples[y * place.stride + x]);
+        std::array::from_fn(|y| {
+            std::array::from_fn(|x| {
+                ((at(x, y) + at(x + right, y) + at(x, y + below) + at(x + right, y + below) + 2) / 4) as u8
+            })
+        })
+    }
+
+    /// Entry (u, v) of the transform has the sign of the parity of the bits that u and x, v and y have in common.
+    fn transformed(source: &[[u8; 8]; 8], predicted: &[[u8; 8]; 8]) -> u32 {
+        let mut sum = 0i32;
+        for (u, v) in (0..8).flat_map(|u| (0..8).map(move |v| (u, v))) {
+            let sign = |u: usize, x: usize| if (u & x).count_ones().is_multiple_of(2) { 1 } else { -1 };
+            let difference = |i: usize| i32::from(source[i / 8][i % 8]) - i32::from(predicted[i / 8][i % 8]);
+            sum += (0..64).map(|i| sign(v, i / 8) * sign(u, i % 8) * difference(i)).sum::<i32>().abs();
+        }
+        ((sum + 4) / 8) as u32
+    }
+
+    const POSITIONS: [(bool, bool); 4] = [(false, false), (true, false), (false, true), (true, true)];
+
+    fn follow_their_definitions<const N: usize>() {
+        let mut state = N as u32;
+        for _ in 0..50 {
             let samples: Vec<u8> = (0..40 * 40).map(|_| random(&mut state)).collect();
-            let source = block::<16>(&mut state);
-            for half in [(false, false), (true, false), (false, true), (true, true)] {
+            let source = block::<N>(&mut state);
+            for half in POSITIONS {
                 let place = Place { samples: &samples[43..], stride: 40, half };
-                let (mut a, mut b) = ([[0; 16]; 16], [[0; 16]; 16]);
-                predict(place, &mut a);
-                predict_plain(place, &mut b);
-                assert_eq!(a, b);
-                assert_eq!(absolute_difference(&source, place), absolute_difference_plain(&source, place));
-                assert_eq!(transformed_difference(&source, &a), transformed_difference_plain(&source, &b));
+                let truth = predicted::<N>(place);
+                let mut ours = [[0; N]; N];
+                predict(place, &mut ours);
+                assert_eq!(ours, truth);
+                let pairs = source.as_flattened().iter().zip(truth.as_flattened());
+                let absolute: u32 = pairs.map(|(&a, &b)| u32::from(a.abs_diff(b))).sum();
+                assert_eq!(absolute_difference(&source, place), absolute);
+                let eight = |of: &[[u8; N]; N], left: usize, top: usize| -> [[u8; 8]; 8] {
+                    std::array::from_fn(|y| std::array::from_fn(|x| of[top + y][left + x]))
+                };
+                let corners = (0..N / 8).flat_map(|y| (0..N / 8).map(move |x| (8 * x, 8 * y)));
+                let sum: u32 = corners.map(|(x, y)| transformed(&eight(&source, x, y), &eight(&truth, x, y))).sum();
+                assert_eq!(transformed_difference(&source, place), sum);
             }
-            let (a, b): ([u8; 64], [u8; 64]) = (std::array::from_fn(|_| random(&mut state)), [random(&mut state); 64]);
-            assert_eq!(squared_difference(&a, &b), squared_difference_plain(&a, &b));
-            let (mut x, mut y) = ([0; 64], [0; 64]);
-            mean(&a, &b, &mut x);
-            mean_plain(&a, &b, &mut y);
-            assert_eq!(x, y);
         }
     }
 
     #[test]
-    fn the_transform_is_its_definition() {
-        let mut state = 7;
-        for _ in 0..100 {
-            let (source, predicted) = (block::<8>(&mut state), block::<8>(&mut state));
-            // Entry (u, v) has the sign of the parity of the bits that u and x, v and y have in common.
-            let mut sum = 0i32;
-            for (u, v) in (0..8).flat_map(|u| (0..8).map(move |v| (u, v))) {
-                let sign = |u: usize, x: usize| if (u & x).count_ones().is_multiple_of(2) { 1 } else { -1 };
-                let difference = |i: usize| i32::from(source[i / 8][i % 8]) - i32::from(predicted[i / 8][i % 8]);
-                sum += (0..64).map(|i| sign(v, i / 8) * sign(u, i % 8) * difference(i)).sum::<i32>().abs();
-            }
-            assert_eq!(transformed_difference(&source, &predicted), ((sum + 4) / 8) as u32);
+    fn predictions_and_differences_follow_their_definitions() {
+        follow_their_definitions::<8>();
+        follow_their_definitions::<16>();
+        let place = Place { samples: &[0; 64], stride: 8, half: (false, false) };
+        assert_eq!(transformed_difference(&[[255; 8]; 8], place), 255 * 8, "the largest values fit");
+    }
+
+    #[test]
+    fn both_ways_give_the_same() {
+        let mut state = 1;
+        for _ in 0..200 {
+            let (a, b): ([u8; 64], [u8; 64]) = (std::array::from_fn(|_| random(&mut state)), [random(&mut state); 64]);
+            assert_eq!(squared_difference(&a, &b), squared_difference_plain(&a, &b));
+            let mut mean_of_both = [0; 64];
+            mean(&a, &b, &mut mean_of_both);
+            assert_eq!(mean_of_both, std::array::from_fn(|i| (u16::from(a[i]) + u16::from(b[i])).div_ceil(2) as u8));
         }
-        assert_eq!(transformed_difference(&[[255; 8]; 8], &[[0; 8]; 8]), 255 * 8, "the largest values fit");
     }
 }

@@ -8,7 +8,8 @@ pub(crate) mod plan;
 pub(crate) mod tree;
 
 use crate::{
-    Frame, MotionField, kernel,
+    Frame, MotionField,
+    kernel::{self, Place},
     motion::{Candidates, CoarseSearch, HalfSample, Range, Search, quarter},
     predict::place_of,
 };
@@ -335,7 +336,12 @@ fn mean_cost(
     let mut mean = [[0; BLOCK]; BLOCK];
     kernel::mean(predicted[0].as_flattened(), predicted[1].as_flattened(), mean.as_flattened_mut());
     let block = source.block(column, row);
-    kernel::transformed_difference(block.as_chunks().0.try_into().expect("8 rows"), &mean)
+    kernel::transformed_difference::<BLOCK>(block.as_chunks().0.try_into().expect("8 rows"), whole(&mean))
+}
+
+/// A prediction that was made already.
+fn whole(block: &[[u8; BLOCK]; BLOCK]) -> Place<'_> {
+    Place { samples: block.as_flattened(), stride: BLOCK, half: (false, false) }
 }
 
 /// Sums of absolute transformed differences of every block to its mean.
@@ -346,7 +352,7 @@ fn intra_costs(half: &Plane<u8>) -> Arc<[u32]> {
             let block = half.block(i % columns, i / columns);
             let sum: u32 = block.iter().map(|&sample| u32::from(sample)).sum();
             let mean = [[((sum + 32) / 64) as u8; BLOCK]; BLOCK];
-            kernel::transformed_difference(block.as_chunks().0.try_into().expect("8 rows"), &mean)
+            kernel::transformed_difference::<BLOCK>(block.as_chunks().0.try_into().expect("8 rows"), whole(&mean))
         })
         .collect()
 }

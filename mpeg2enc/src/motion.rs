@@ -285,9 +285,7 @@ impl<'a, const N: usize> Search<'a, N> {
         let (x2, y2) = (self.x2 + vector.x, self.y2 + vector.y);
         let place = place_of(self.reference, x2, y2);
         if self.transformed {
-            let mut predicted = [[0; N]; N];
-            kernel::predict(place, &mut predicted);
-            kernel::transformed_difference(&self.source, &predicted)
+            kernel::transformed_difference(&self.source, place)
         } else {
             kernel::absolute_difference(&self.source, place)
         }
