@@ -7,6 +7,7 @@
 use crate::{
     dct,
     header::PictureType,
+    kernel,
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
     motion::{HalfSample, Range},
     predict::{References, Samples, block_squared_error, predict_mode, squared_error},
@@ -32,18 +33,65 @@ pub(crate) struct Tools {
 }
 
 /// A way to code a macroblock.
-#[derive(Clone)]
 struct Trial {
     macroblock: Macroblock,
     cost: i64,
-    /// Coefficients of what the blocks code, for a second look; `None` if there are none to code.
-    coefficients: Option<[[i32; 64]; 6]>,
+    /// Coefficients of the blocks, for a second look, and what they leave if all become zero.
+    coefficients: [[i32; 64]; 6],
+    energies: [i64; 6],
+    /// Blocks that are certain to become zero were not transformed.
+    is_transformed: [bool; 6],
 }
 
-/// A macroblock as it will be written, and what the decoder will show.
-pub(crate) struct Decided {
-    pub macroblock: Macroblock,
+impl Trial {
+    const fn new() -> Self {
+        Self {
+            macroblock: Macroblock { mode: Mode::Intra, quantiser: 1, blocks: [Block::EMPTY; 6] },
+            cost: i64::MAX,
+            coefficients: [[0; 64]; 6],
+            energies: [0; 6],
+            is_transformed: [false; 6],
+        }
+    }
+}
+
+/// Where decisions of a slice are made: kept from one macroblock to the next, so that nothing large is moved.
+pub(crate) struct Workspace {
+    predictions: Predictions,
+    /// The cheapest way so far.
+    best: Box<Trial>,
+    /// The one being tried.
+    other: Box<Trial>,
+    /// A macroblock that is predicted and nothing else.
+    uncoded: Macroblock,
+    /// What the decoder will show.
     pub reconstruction: Samples,
+}
+
+impl Workspace {
+    pub fn new() -> Self {
+        Self {
+            predictions: Predictions { samples: [[[0; 64]; 6]; PREDICTIONS], order: Vec::with_capacity(PREDICTIONS) },
+            best: Box::new(Trial::new()),
+            other: Box::new(Trial::new()),
+            uncoded: Trial::new().macroblock,
+            reconstruction: [[0; 64]; 6],
+        }
+    }
+
+    /// The macroblock as it will be written.
+    pub fn macroblock(&self) -> &Macroblock {
+        &self.best.macroblock
+    }
+
+    /// The trial is the best so far if it is cheaper.
+    fn keep_cheaper(&mut self) -> bool {
+        let is_cheaper = self.other.cost < self.best.cost;
+        if is_cheaper {
+            std::mem::swap(&mut self.best, &mut self.other);
+        }
+        is_cheaper
+    }
 }
 
 /// What a decision looks at.
@@ -67,36 +115,46 @@ pub(crate) fn lambda(scale_x16: u32) -> i64 {
     (LAMBDA * i64::from(scale_x16) * i64::from(scale_x16) / 256).max(1)
 }
 
-/// Predictions to choose from, the best first.
+/// The most predictions that are looked at: the skipped one, and six of a B picture.
+const PREDICTIONS: usize = 8;
+
+/// Predictions to choose from.
 struct Predictions {
-    list: Vec<(Mode, Samples, u32)>,
+    samples: [Samples; PREDICTIONS],
+    /// Mode, squared error and place in `samples`, the best first.
+    order: Vec<(Mode, u32, usize)>,
 }
 
 impl Predictions {
     fn consider(&mut self, decision: &Decision, mode: Mode) {
-        if self.list.iter().any(|entry| entry.0 == mode) || !decision.is_allowed(mode) {
+        if self.order.iter().any(|entry| entry.0 == mode) || !decision.is_allowed(mode) {
             return;
         }
-        let predicted = predict_mode(&decision.references, decision.column, decision.row, mode);
-        let error = squared_error(decision.source, &predicted);
-        let place = self.list.partition_point(|entry| entry.2 <= error);
-        self.list.insert(place, (mode, predicted, error));
+        let index = self.order.len();
+        predict_mode(&decision.references, decision.column, decision.row, mode, &mut self.samples[index]);
+        let error = squared_error(decision.source, &self.samples[index]);
+        let place = self.order.partition_point(|entry| entry.1 <= error);
+        self.order.insert(place, (mode, error, index));
     }
 }
 
 impl Decision<'_> {
-    /// The cheapest way, with `vectors` found forward and backward.
-    pub fn decide(&self, [forward, backward]: [HalfSample; 2]) -> Decided {
+    /// The cheapest way, with `vectors` found forward and backward; it and what the decoder shows stay in `work`.
+    pub fn decide(&self, [forward, backward]: [HalfSample; 2], work: &mut Workspace) {
+        work.predictions.order.clear();
+        work.best.cost = i64::MAX;
         let quantiser = self.quantisers.of(self.quantiser);
-        let mut predictions = Predictions { list: Vec::with_capacity(8) };
         let skipped = self.state.skipped_mode(self.slice, self.column);
         if let Some(mode) = skipped {
-            predictions.consider(self, mode);
+            work.predictions.consider(self, mode);
             // What quantises to nothing and takes no bits cannot be beaten by much.
-            if predictions.list.first().is_some_and(|(_, predicted, _)| self.leaves_nothing(quantiser, predicted)) {
-                return self.finish(self.uncoded(mode, 0), &predictions);
+            if let Some(&(_, _, index)) = work.predictions.order.first()
+                && self.leaves_nothing(quantiser, &work.predictions.samples[index])
+            {
+                return self.finish_uncoded(mode, index, work);
             }
         }
+        let predictions = &mut work.predictions;
         let [forward_prediction, backward_prediction] = self.state.motion_prediction;
         let near = |a: HalfSample, b: HalfSample| (a.x - b.x).abs().max((a.y - b.y).abs()) <= 2;
         match self.slice.picture_type {
@@ -121,42 +179,51 @@ impl Decision<'_> {
                 predictions.consider(self, Mode::Both(forward_prediction, backward_prediction));
             }
         }
-        let mut best: Option<Trial> = None;
-        let mut keep = |trial: Trial| {
-            if best.as_ref().is_none_or(|best| trial.cost < best.cost) {
-                best = Some(trial);
+        // The prediction and nothing else.
+        let mut uncoded: Option<(i64, Mode, usize)> = None;
+        for &(mode, error, index) in &work.predictions.order {
+            work.uncoded.mode = mode;
+            let bits = self.state.count(self.slice, self.column, &work.uncoded);
+            let cost = in_coefficients(error) + self.lambda * bits as i64;
+            if uncoded.is_none_or(|least| cost < least.0) {
+                uncoded = Some((cost, mode, index));
             }
-        };
-        let uncoded = predictions.list.iter().map(|&(mode, _, error)| self.uncoded(mode, error));
-        let uncoded = uncoded.min_by_key(|trial| trial.cost);
-        if let Some(trial) = &uncoded {
-            keep(trial.clone());
         }
-        let least = predictions.list.first().map(|entry| entry.2);
-        for (mode, predicted, error) in predictions.list.iter().take(self.tools.trials) {
+        let least = work.predictions.order.first().map(|entry| entry.1);
+        let mut chosen = 0;
+        for i in 0..work.predictions.order.len().min(self.tools.trials) {
+            let (mode, error, index) = work.predictions.order[i];
             // A prediction that is much worse is not going to need fewer bits.
-            if least.is_some_and(|least| u64::from(*error) * 10 > u64::from(least) * WORTH_A_TRIAL_TENTHS) {
+            if least.is_some_and(|least| u64::from(error) * 10 > u64::from(least) * WORTH_A_TRIAL_TENTHS) {
                 break;
             }
-            keep(self.coded(*mode, predicted));
+            self.try_coded(mode, &work.predictions.samples[index], &mut work.other);
+            if work.keep_cheaper() {
+                chosen = index;
+            }
         }
         if least.is_none_or(|least| u64::from(least) * 2 > u64::from(self.activity())) {
-            keep(self.intra());
+            self.try_intra(&mut work.other);
+            work.keep_cheaper();
         }
-        let mut best = best.expect("intra is always possible");
+        if let Some((cost, mode, index)) = uncoded
+            && cost <= work.best.cost
+        {
+            return self.finish_uncoded(mode, index, work);
+        }
         if self.tools.quantiser_choice {
-            best = self.with_best_quantiser(best);
+            self.choose_quantiser(work);
         }
-        let bits_price = best.cost - best.macroblock.error();
-        let decided = self.finish(best, &predictions);
+        self.finish(chosen, work);
         // Errors of coefficients foretell those of samples but for rounding: fine steps may change no sample at all.
-        match uncoded {
-            Some(uncoded) if decided.macroblock.mode != Mode::Intra => {
-                let error =
-                    i64::from(squared_error(self.source, &decided.reconstruction)) << (2 * dct::COEFFICIENT_BITS);
-                if uncoded.cost <= error + bits_price { self.finish(uncoded, &predictions) } else { decided }
+        if let Some((cost, mode, index)) = uncoded
+            && work.best.macroblock.mode != Mode::Intra
+        {
+            let bits_price = work.best.cost - work.best.macroblock.error();
+            let error = in_coefficients(squared_error(self.source, &work.reconstruction));
+            if cost <= error + bits_price {
+                self.finish_uncoded(mode, index, work);
             }
-            _ => decided,
         }
     }
 
@@ -177,116 +244,110 @@ impl Decision<'_> {
 
     /// Squared error if each block were its mean: what intra coding starts from.
     fn activity(&self) -> u32 {
-        self.source
-            .iter()
-            .map(|block| {
-                let sum: u32 = block.iter().map(|&sample| u32::from(sample)).sum();
-                block_squared_error(block, &[((sum + 32) / 64) as u8; 64])
-            })
-            .sum()
+        self.source.iter().map(kernel::deviation).sum()
     }
 
     fn rounding(&self) -> Rounding {
         if self.tools.trellis { Rounding::Trellis { lambda: self.lambda } } else { Rounding::DeadZone }
     }
 
-    fn trial(&self, macroblock: Macroblock, coefficients: Option<[[i32; 64]; 6]>) -> Trial {
-        let error = macroblock.error();
-        let bits = self.state.count(self.slice, self.column, &macroblock);
-        Trial { cost: error + self.lambda * bits as i64, macroblock, coefficients }
-    }
-
-    /// The prediction and nothing else.
-    fn uncoded(&self, mode: Mode, error: u32) -> Trial {
-        let mut blocks = [Block::EMPTY; 6];
-        blocks[0].error = i64::from(error) << (2 * dct::COEFFICIENT_BITS);
-        self.trial(Macroblock { mode, quantiser: self.quantiser, blocks }, None)
+    fn price(&self, trial: &mut Trial) {
+        let bits = self.state.count(self.slice, self.column, &trial.macroblock);
+        trial.cost = trial.macroblock.error() + self.lambda * bits as i64;
     }
 
     /// The prediction and what the quantiser leaves of the difference.
-    fn coded(&self, mode: Mode, predicted: &Samples) -> Trial {
+    fn try_coded(&self, mode: Mode, predicted: &Samples, trial: &mut Trial) {
         let quantiser = self.quantisers.of(self.quantiser);
-        let mut coefficients = [[0; 64]; 6];
-        let blocks = std::array::from_fn(|i| {
-            let (source, predicted) = (&self.source[i], &predicted[i]);
+        (trial.macroblock.mode, trial.macroblock.quantiser) = (mode, self.quantiser);
+        for (i, (source, predicted)) in self.source.iter().zip(predicted).enumerate() {
             let error = block_squared_error(source, predicted);
-            if quantiser.leaves_nothing(error) {
-                return Block { error: i64::from(error) << (2 * dct::COEFFICIENT_BITS), ..Block::EMPTY };
-            }
-            let residual = std::array::from_fn(|k| i32::from(source[k]) - i32::from(predicted[k]));
-            coefficients[i] = dct::forward(&residual);
-            quantiser.quantise(&coefficients[i], Kind::Inter, self.rounding())
-        });
-        self.trial(Macroblock { mode, quantiser: self.quantiser, blocks }, Some(coefficients))
+            let energy = in_coefficients(error);
+            trial.energies[i] = energy;
+            trial.is_transformed[i] = !quantiser.leaves_nothing(error);
+            trial.macroblock.blocks[i] = if trial.is_transformed[i] {
+                trial.coefficients[i] = dct::forward_difference(source, predicted);
+                quantiser.quantise(&trial.coefficients[i], energy, Kind::Inter, self.rounding())
+            } else {
+                Block { error: energy, ..Block::EMPTY }
+            };
+        }
+        self.price(trial);
     }
 
-    fn intra(&self) -> Trial {
+    fn try_intra(&self, trial: &mut Trial) {
         let quantiser = self.quantisers.of(self.quantiser);
-        let coefficients: [[i32; 64]; 6] = std::array::from_fn(|i| dct::forward(&self.source[i].map(i32::from)));
-        let blocks = std::array::from_fn(|i| quantiser.quantise(&coefficients[i], Kind::Intra, self.rounding()));
-        self.trial(Macroblock { mode: Mode::Intra, quantiser: self.quantiser, blocks }, Some(coefficients))
+        (trial.macroblock.mode, trial.macroblock.quantiser) = (Mode::Intra, self.quantiser);
+        trial.is_transformed = [true; 6];
+        for (i, source) in self.source.iter().enumerate() {
+            trial.coefficients[i] = dct::forward_difference(source, &[0; 64]);
+            let energy = in_coefficients(block_squared_error(source, &[0; 64]));
+            trial.energies[i] = (energy - i64::from(trial.coefficients[i][0]).pow(2)).max(0);
+            let block = quantiser.quantise(&trial.coefficients[i], trial.energies[i], Kind::Intra, self.rounding());
+            trial.macroblock.blocks[i] = block;
+        }
+        self.price(trial);
     }
 
     /// The same mode with the quantiser that costs least: steps away from the one asked for, as long as they pay.
-    fn with_best_quantiser(&self, start: Trial) -> Trial {
-        let Some(coefficients) = start.coefficients else { return start };
-        let kind = if start.macroblock.mode == Mode::Intra { Kind::Intra } else { Kind::Inter };
-        let with = |code: u8| {
+    fn choose_quantiser(&self, work: &mut Workspace) {
+        let mode = work.best.macroblock.mode;
+        let kind = if mode == Mode::Intra { Kind::Intra } else { Kind::Inter };
+        let (coefficients, energies, is_transformed) =
+            (work.best.coefficients, work.best.energies, work.best.is_transformed);
+        let mut is_cheaper = |code: u8| {
             let quantiser = self.quantisers.of(code);
-            let blocks = std::array::from_fn(|i| match (kind, &start.macroblock.blocks[i]) {
-                // Left out before it was transformed: its error is known, its coefficients are not.
-                (Kind::Inter, block) if coefficients[i] == [0; 64] => *block,
-                _ => quantiser.quantise(&coefficients[i], kind, self.rounding()),
-            });
-            self.trial(Macroblock { mode: start.macroblock.mode, quantiser: code, blocks }, Some(coefficients))
+            let trial = &mut *work.other;
+            (trial.macroblock.mode, trial.macroblock.quantiser) = (mode, code);
+            for i in 0..6 {
+                trial.macroblock.blocks[i] = if is_transformed[i] {
+                    quantiser.quantise(&coefficients[i], energies[i], kind, self.rounding())
+                } else {
+                    Block { error: energies[i], ..Block::EMPTY }
+                };
+            }
+            self.price(trial);
+            work.keep_cheaper()
         };
-        let mut best: Option<Trial> = None;
-        let least = |best: &Option<Trial>| best.as_ref().map_or(start.cost, |best| best.cost);
         // The one in force takes no bits to state.
         let current = self.state.quantiser;
         if current != self.quantiser && current.abs_diff(self.quantiser) <= 2 {
-            let trial = with(current);
-            if trial.cost < least(&best) {
-                best = Some(trial);
-            }
+            is_cheaper(current);
         }
         for direction in [-1i8, 1] {
             for step in 1..=3 {
-                let Some(code) =
-                    self.quantiser.checked_add_signed(direction * step).filter(|code| (1..=31).contains(code))
-                else {
-                    break;
-                };
-                let trial = with(code);
-                if trial.cost >= least(&best) {
+                let code = self.quantiser.checked_add_signed(direction * step);
+                if !code.filter(|code| (1..=31).contains(code)).is_some_and(&mut is_cheaper) {
                     break;
                 }
-                best = Some(trial);
             }
         }
-        best.unwrap_or(start)
     }
 
-    /// What the decoder makes of the choice.
-    fn finish(&self, trial: Trial, predictions: &Predictions) -> Decided {
-        let macroblock = trial.macroblock;
-        let quantiser = self.quantisers.of(macroblock.quantiser);
-        let reconstruction = if macroblock.mode == Mode::Intra {
-            std::array::from_fn(|i| {
-                let restored = dct::inverse(&quantiser.dequantise(&macroblock.blocks[i], Kind::Intra));
-                restored.map(|sample| sample.clamp(0, 255) as u8)
-            })
-        } else {
-            let entry = predictions.list.iter().find(|entry| entry.0 == macroblock.mode);
-            let mut reconstruction = entry.expect("the mode was predicted").1;
-            for (samples, block) in reconstruction.iter_mut().zip(&macroblock.blocks) {
-                if block.end > 0 {
-                    let restored = dct::inverse(&quantiser.dequantise(block, Kind::Inter));
-                    *samples = std::array::from_fn(|k| (i32::from(samples[k]) + restored[k]).clamp(0, 255) as u8);
-                }
-            }
-            reconstruction
-        };
-        Decided { macroblock, reconstruction }
+    /// Nothing but the prediction, number `index` of those considered.
+    fn finish_uncoded(&self, mode: Mode, index: usize, work: &mut Workspace) {
+        work.best.macroblock = Macroblock { mode, quantiser: self.quantiser, blocks: [Block::EMPTY; 6] };
+        work.reconstruction = work.predictions.samples[index];
     }
+
+    /// What the decoder makes of the choice, with prediction number `index` if it is not intra.
+    fn finish(&self, index: usize, work: &mut Workspace) {
+        let macroblock = &work.best.macroblock;
+        let quantiser = self.quantisers.of(macroblock.quantiser);
+        let is_intra = macroblock.mode == Mode::Intra;
+        let kind = if is_intra { Kind::Intra } else { Kind::Inter };
+        for (i, block) in macroblock.blocks.iter().enumerate() {
+            let predicted = if is_intra { &[0; 64] } else { &work.predictions.samples[index][i] };
+            if block.is_coded() {
+                dct::inverse_onto(&quantiser.dequantise(block, kind), predicted, &mut work.reconstruction[i]);
+            } else {
+                work.reconstruction[i] = *predicted;
+            }
+        }
+    }
+}
+
+/// A squared error of samples as one of coefficients.
+fn in_coefficients(error: u32) -> i64 {
+    i64::from(error) << (2 * dct::COEFFICIENT_BITS)
 }

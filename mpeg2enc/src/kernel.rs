@@ -102,6 +102,16 @@ pub(crate) fn predict<const N: usize>(place: Place, out: &mut [[u8; N]; N]) {
     for_predicted::<N>(place, |i, bytes| [out[2 * i], out[2 * i + 1]] = bytes.halves());
 }
 
+/// The four luma blocks of a predicted macroblock (7.6.4), upper before lower.
+#[inline]
+pub(crate) fn predict_blocks(place: Place, out: &mut [[u8; 64]; 4]) {
+    for_predicted::<16>(place, |y, bytes| {
+        for (x, eight) in bytes.halves().into_iter().enumerate() {
+            out[2 * (y / 8) + x][8 * (y % 8)..][..8].copy_from_slice(&eight);
+        }
+    });
+}
+
 /// The mean of two predictions, rounded up (7.6.7.1); a multiple of 16 samples.
 #[inline]
 pub(crate) fn mean(a: &[u8], b: &[u8], out: &mut [u8]) {
@@ -168,6 +178,36 @@ vectorised! {
             sum += (difference * difference) as u32;
         }
         sum
+    }
+}
+
+vectorised! {
+    /// Sum of squared differences to the mean.
+    fn deviation, deviation_plain(samples: &[u8; 64]) -> u32 {
+        let mut sum = 0;
+        for &sample in samples {
+            sum += u32::from(sample);
+        }
+        let mean = ((sum + 32) / 64) as u8;
+        squared_difference_plain(samples, &[mean; 64])
+    }
+}
+
+vectorised! {
+    /// `(|value|·reciprocal + zero) >> shift` of every value, and which rows of eight have any that is not zero.
+    fn divide, divide_plain(
+        values: &[i32; 64], reciprocals: &[u32; 64], zero: u32, shift: u32, out: &mut [u32; 64]
+    ) -> u64 {
+        let mut filled = 0;
+        for y in 0..8 {
+            let mut any = 0;
+            for i in 8 * y..8 * y + 8 {
+                out[i] = (values[i].unsigned_abs() * reciprocals[i] + zero) >> shift;
+                any |= out[i];
+            }
+            filled |= u64::from(any != 0) << y;
+        }
+        filled
     }
 }
 
@@ -246,6 +286,12 @@ mod tests {
         for _ in 0..200 {
             let (a, b): ([u8; 64], [u8; 64]) = (std::array::from_fn(|_| random(&mut state)), [random(&mut state); 64]);
             assert_eq!(squared_difference(&a, &b), squared_difference_plain(&a, &b));
+            assert_eq!(deviation(&a), deviation_plain(&a));
+            let values = std::array::from_fn(|i| i32::from(a[i]) * 128 - 16384);
+            let reciprocals = std::array::from_fn(|i| u32::from(a[i]) * 513);
+            let (mut x, mut y) = ([0; 64], [0; 64]);
+            let filled = divide(&values, &reciprocals, 1 << 20, 26, &mut x);
+            assert_eq!((filled, x), (divide_plain(&values, &reciprocals, 1 << 20, 26, &mut y), y));
             let mut mean_of_both = [0; 64];
             mean(&a, &b, &mut mean_of_both);
             assert_eq!(mean_of_both, std::array::from_fn(|i| (u16::from(a[i]) + u16::from(b[i])).div_ceil(2) as u8));

@@ -62,7 +62,7 @@ impl Macroblock {
 
     /// pattern_code as a number, the first block highest (6.3.17.4).
     pub fn coded_block_pattern(&self) -> usize {
-        self.blocks.iter().fold(0, |pattern, block| 2 * pattern + usize::from(block.end > 0))
+        self.blocks.iter().fold(0, |pattern, block| 2 * pattern + usize::from(block.is_coded()))
     }
 }
 
@@ -178,7 +178,7 @@ impl SliceState {
             let before = sink.bits();
             if pattern != 0 {
                 sink.put_code(vlc::CODED_BLOCK_PATTERN[pattern]); // coded_block_pattern()
-                for block in macroblock.blocks.iter().filter(|block| block.end > 0) {
+                for block in macroblock.blocks.iter().filter(|block| block.is_coded()) {
                     vlc::put_inter_block(sink, block);
                 }
             }

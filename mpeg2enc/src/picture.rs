@@ -4,7 +4,7 @@ use crate::{
     Frame,
     bits::{BitSink, BitWriter},
     config::nearest_code,
-    decide::{Decision, Tools, lambda},
+    decide::{Decision, Tools, Workspace, lambda},
     header::{PictureHeader, put_slice_header},
     macroblock::{Mode, SliceParameters, SliceState},
     motion::HalfSample,
@@ -118,6 +118,7 @@ impl Picture<'_> {
         let mut quantiser_scales = Vec::with_capacity(columns);
         put_slice_header(&mut writer, row, self.height, slice.quantiser);
         let mut state = SliceState::new(&slice);
+        let mut work = Workspace::new();
         for (column, &scale_x16) in scales_x16.iter().enumerate() {
             let source = samples(self.source, column, row);
             let vectors = self.vectors.map(|vectors| vectors.get(row * columns + column).copied().unwrap_or_default());
@@ -133,17 +134,18 @@ impl Picture<'_> {
                 row,
                 source: &source,
             };
-            let trial = decision.decide(vectors);
-            let (written, bits) = state.put_macroblock(&mut writer, &slice, column, &trial.macroblock);
+            decision.decide(vectors, &mut work);
+            let macroblock = work.macroblock();
+            let (written, bits) = state.put_macroblock(&mut writer, &slice, column, macroblock);
             quantiser_scales.push(self.quantisers.of(state.quantiser).scale as u8);
-            match trial.macroblock.mode {
+            match macroblock.mode {
                 _ if !written => statistics.skipped += 1,
                 Mode::Intra => statistics.intra += 1,
                 _ => statistics.inter += 1,
             }
             statistics.motion_bits += bits.motion;
             statistics.coefficient_bits += bits.coefficients;
-            for (i, block) in trial.reconstruction.iter().enumerate() {
+            for (i, block) in work.reconstruction.iter().enumerate() {
                 let (plane, stride, first) = match i {
                     0..4 => (&mut *out.luma, 16 * columns, 16 * column + 8 * (i & 1) + 16 * columns * 8 * (i >> 1)),
                     4 => (&mut *out.cb, 8 * columns, 8 * column),

@@ -32,44 +32,35 @@ pub(crate) fn samples(frame: &Frame, column: usize, row: usize) -> Samples {
 pub(crate) type References<'a> = [Option<&'a Frame>; 2];
 
 /// The prediction of macroblock `(column, row)` in a mode that is not intra (7.6.7).
-pub(crate) fn predict_mode(references: &References, column: usize, row: usize, mode: Mode) -> Samples {
-    let from =
-        |s: usize, vector| predict(references[s].expect("a mode has its reference picture"), column, row, vector);
+pub(crate) fn predict_mode(references: &References, column: usize, row: usize, mode: Mode, out: &mut Samples) {
+    let from = |s: usize, vector, out: &mut Samples| {
+        predict(references[s].expect("a mode has its reference picture"), column, row, vector, out);
+    };
     match mode {
         Mode::Intra => unreachable!("an intra macroblock is not predicted"),
-        Mode::Forward(vector) => from(0, vector),
-        Mode::Backward(vector) => from(1, vector),
-        Mode::Both(forward, backward) => mean(&from(0, forward), &from(1, backward)),
+        Mode::Forward(vector) => from(0, vector, out),
+        Mode::Backward(vector) => from(1, vector, out),
+        Mode::Both(forward, backward) => {
+            let mut both = [[[0; 64]; 6]; 2];
+            from(0, forward, &mut both[0]);
+            from(1, backward, &mut both[1]);
+            kernel::mean(both[0].as_flattened(), both[1].as_flattened(), out.as_flattened_mut()); // 7.6.7.1
+        }
     }
-}
-
-/// The mean of two predictions (7.6.7.1).
-pub(crate) fn mean(a: &Samples, b: &Samples) -> Samples {
-    let mut out = [[0; 64]; 6];
-    kernel::mean(a.as_flattened(), b.as_flattened(), out.as_flattened_mut());
-    out
 }
 
 /// The prediction of macroblock `(column, row)` from `reference` with `vector`.
 ///
 /// The vector of chroma is half of it, rounded toward zero (7.6.3.7).
-pub(crate) fn predict(reference: &Frame, column: usize, row: usize, vector: HalfSample) -> Samples {
+pub(crate) fn predict(reference: &Frame, column: usize, row: usize, vector: HalfSample, out: &mut Samples) {
     let chroma = HalfSample { x: vector.x / 2, y: vector.y / 2 };
-    let mut out = [[0; 64]; 6];
-    let mut luma = [[0; 16]; 16];
     let (x2, y2) = (32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
-    kernel::predict(place_of(&reference.luma, x2, y2), &mut luma);
-    for (y, line) in luma.iter().enumerate() {
-        for (half, eight) in line.chunks_exact(8).enumerate() {
-            out[2 * (y / 8) + half][8 * (y % 8)..][..8].copy_from_slice(eight);
-        }
-    }
+    kernel::predict_blocks(place_of(&reference.luma, x2, y2), out.first_chunk_mut().expect("six blocks"));
     let (x2, y2) = (16 * column as i32 + chroma.x, 16 * row as i32 + chroma.y);
     for (plane, out) in [&reference.cb, &reference.cr].into_iter().zip(&mut out[4..]) {
         let rows: &mut [[u8; 8]; 8] = out.as_chunks_mut().0.try_into().expect("8 rows");
         kernel::predict(place_of(plane, x2, y2), rows);
     }
-    out
 }
 
 /// Where a prediction begins: its upper left sample is at `(x2, y2)` in half samples.
@@ -102,7 +93,8 @@ mod tests {
         let frame = Frame { luma: plane(2), ..frame };
         for vector in [(0, 0), (5, 0), (0, 7), (-9, 3), (3, -10), (-1, -1), (6, 8)] {
             let vector = HalfSample { x: vector.0, y: vector.1 };
-            let predicted = predict(&frame, 1, 2, vector);
+            let mut predicted = [[0; 64]; 6];
+            predict(&frame, 1, 2, vector, &mut predicted);
             for (block, samples) in predicted.iter().enumerate() {
                 let (plane, x, y) = place(&frame, block, 1, 2);
                 let v = if block < 4 { vector } else { HalfSample { x: vector.x / 2, y: vector.y / 2 } };

@@ -2,7 +2,7 @@
 
 use crate::{
     config::{QuantiserScaleCode, quantiser_scale_of},
-    dct,
+    dct, kernel,
     scan::{ALTERNATE, ZIGZAG},
     trellis,
     vlc::{CoefficientTable, block_bits},
@@ -32,8 +32,8 @@ const LEVEL_MAX: i32 = 2047;
 pub(crate) struct Block {
     /// Levels in transmission order.
     pub levels: [i16; 64],
-    /// One more than the place of the last level that is not zero; at least 1 in an intra block.
-    pub end: usize,
+    /// Places of the levels that are not zero, the first place lowest, and of the DC of an intra block.
+    pub places: u64,
     /// Bits of the coefficients and End of block; the intra DC is left out, an empty inter block takes none.
     pub bits: u32,
     /// Squared error that is left, with twice [`dct::COEFFICIENT_BITS`] fractional bits.
@@ -41,7 +41,22 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    pub const EMPTY: Self = Self { levels: [0; 64], end: 0, bits: 0, error: 0 };
+    pub const EMPTY: Self = Self { levels: [0; 64], places: 0, bits: 0, error: 0 };
+
+    /// Is there anything to write? Always, in an intra block.
+    pub fn is_coded(&self) -> bool {
+        self.places != 0
+    }
+}
+
+/// The places of a set, the lowest first.
+#[inline]
+pub(crate) fn places(mut set: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = set.trailing_zeros() as usize;
+        set &= set.wrapping_sub(1);
+        (place < 64).then_some(place)
+    })
 }
 
 /// Which formulae of 7.4 hold for a block.
@@ -97,21 +112,30 @@ pub(crate) struct Quantiser {
     intra_dc_mult: i32,
     intra_dc_max: i32,
     scan: &'static [usize; 64],
+    /// Place in transmission order of every raster position.
+    places: [u8; 64],
     intra_table: CoefficientTable,
     intra: Weights,
     inter: Weights,
 }
 
-/// A weighting matrix in transmission order, times quantiser_scale, and its reciprocals.
+/// A weighting matrix times quantiser_scale: in transmission order, and its reciprocals in raster order.
 struct Weights {
     scaled: [i32; 64],
-    reciprocal_q32: [u64; 64],
+    reciprocal: [u32; 64],
+    /// Fractional bits of `reciprocal`, one less.
+    shift: u32,
 }
 
 impl Weights {
     fn new(scale: i32, matrix: &[u8; 64], scan: &[usize; 64]) -> Self {
-        let scaled = scan.map(|raster| i32::from(matrix[raster]) * scale);
-        Self { scaled, reciprocal_q32: scaled.map(|step| (1 << 32) / step as u64 + 1) }
+        let steps = matrix.map(|weight| i32::from(weight) * scale);
+        // The intra DC, of the least weight, is not quantised with these.
+        let least = *steps[1..].iter().min().expect("63 weights") as u64;
+        // The largest reciprocal has 17 bits, so that its product with a coefficient, of 14, has no more than 32.
+        let shift = (least << 16).ilog2();
+        let reciprocal = steps.map(|step| ((2u64 << shift) / step as u64 + 1).min(1 << 17) as u32);
+        Self { scaled: scan.map(|raster| steps[raster]), reciprocal, shift }
     }
 }
 
@@ -129,8 +153,13 @@ impl Quantiser {
     fn new(quantiser_scale: u32, parameters: &QuantiserParameters) -> Self {
         let scale = quantiser_scale as i32;
         let scan = if parameters.alternate_scan { &ALTERNATE } else { &ZIGZAG };
+        let mut places = [0; 64];
+        for (place, &raster) in scan.iter().enumerate() {
+            places[raster] = place as u8;
+        }
         Self {
             scale,
+            places,
             intra_dc_mult: 1 << (11 - parameters.intra_dc_precision),
             intra_dc_max: (1 << parameters.intra_dc_precision) - 1,
             scan,
@@ -140,47 +169,49 @@ impl Quantiser {
         }
     }
 
-    /// Levels of coefficients as [`dct::forward`] gives them.
-    pub fn quantise(&self, coefficients: &[i32; 64], kind: Kind, rounding: Rounding) -> Block {
-        let (weights, start, table, zero_q32) = match (kind, rounding) {
-            (Kind::Intra, Rounding::Trellis { .. }) => (&self.intra, 1, self.intra_table, 1 << 31),
+    /// Levels of coefficients as [`dct::forward`] gives them, which leave `energy` if all become zero: the sum of their
+    /// squares, without that of the DC of an intra block.
+    pub fn quantise(&self, coefficients: &[i32; 64], energy: i64, kind: Kind, rounding: Rounding) -> Block {
+        let (weights, table, zero_256ths) = match (kind, rounding) {
+            (Kind::Intra, Rounding::Trellis { .. }) => (&self.intra, self.intra_table, 128),
             // 3/8: what ffmpeg and others add, near the middle of the mass of a Laplacian interval.
-            (Kind::Intra, Rounding::DeadZone) => (&self.intra, 1, self.intra_table, 3 << 29),
+            (Kind::Intra, Rounding::DeadZone) => (&self.intra, self.intra_table, 96),
             // (2·QF+1)·quantiser_scale/2 lies in the middle of its interval already: no rounding, zero is twice as wide.
-            (Kind::Inter, _) => (&self.inter, 0, CoefficientTable::Zero, 0),
+            (Kind::Inter, _) => (&self.inter, CoefficientTable::Zero, 0),
         };
-        let mut magnitudes = [0; 64];
         let mut levels = [0; 64];
-        let (mut end, mut energy) = (0, 0);
-        for i in start..64 {
-            let magnitude = coefficients[self.scan[i]].abs();
-            magnitudes[i] = magnitude;
-            energy += i64::from(magnitude) * i64::from(magnitude);
-            // step = weight·quantiser_scale/16, and coefficients have three fractional bits: hence the factor of 2.
-            let level = (2 * magnitude as u64 * weights.reciprocal_q32[i] + zero_q32) >> 32;
-            levels[i] = (level as i32).min(LEVEL_MAX);
-            if levels[i] != 0 {
-                end = i + 1;
+        let zero = (zero_256ths << weights.shift) >> 8;
+        let filled_rows = kernel::divide(coefficients, &weights.reciprocal, zero, weights.shift, &mut levels);
+        let mut found = 0u64;
+        for y in places(filled_rows) {
+            for x in 0..8 {
+                let raster = 8 * y + x;
+                if levels[raster] != 0 {
+                    found |= 1 << self.places[raster];
+                }
             }
         }
+        if kind == Kind::Intra {
+            found &= !1;
+        }
         let mut block = Block { error: energy, ..Block::EMPTY };
-        if end > 0 {
-            block.end = match rounding {
-                Rounding::DeadZone => end,
-                Rounding::Trellis { lambda } => {
-                    trellis::choose(&magnitudes, &mut levels, end, kind, table, lambda, |i, level| {
-                        inverse_quantise(level, kind, weights.scaled[i])
-                    })
-                }
-            };
-            for i in start..block.end {
-                if levels[i] != 0 {
-                    let restored = inverse_quantise(levels[i], kind, weights.scaled[i]) << dct::COEFFICIENT_BITS;
-                    let (before, after) = (i64::from(magnitudes[i]), i64::from(magnitudes[i] - restored));
-                    block.error += after * after - before * before;
-                    let level = levels[i] as i16;
-                    block.levels[i] = if coefficients[self.scan[i]] < 0 { -level } else { level };
-                }
+        let restore = |place: usize, level: i32| inverse_quantise(level, kind, weights.scaled[place]);
+        let mut save = |place: usize, level: i32| {
+            let coefficient = coefficients[self.scan[place]];
+            let before = i64::from(coefficient.abs());
+            let after = before - (i64::from(restore(place, level)) << dct::COEFFICIENT_BITS);
+            block.error += after * after - before * before;
+            block.levels[place] = if coefficient < 0 { -level as i16 } else { level as i16 };
+            block.places |= 1 << place;
+        };
+        let nearest = |place: usize| (levels[self.scan[place]] as i32).min(LEVEL_MAX);
+        match rounding {
+            _ if found == 0 => {}
+            Rounding::DeadZone => places(found).for_each(|place| save(place, nearest(place))),
+            Rounding::Trellis { lambda } => {
+                let magnitude = |place: usize| coefficients[self.scan[place]].abs();
+                let nonzero = places(found).map(|place| (place, magnitude(place), nearest(place)));
+                trellis::choose(nonzero, kind, table, lambda, restore, save);
             }
         }
         if kind == Kind::Intra {
@@ -188,9 +219,9 @@ impl Quantiser {
             let level = ((coefficients[0] + step / 2) / step).clamp(0, self.intra_dc_max);
             block.error += i64::from(coefficients[0] - level * step).pow(2);
             block.levels[0] = level as i16;
-            block.end = block.end.max(1);
+            block.places |= 1;
         }
-        block.bits = block_bits(table, &block.levels, block.end, kind == Kind::Intra);
+        block.bits = block_bits(table, &block, kind == Kind::Intra);
         block
     }
 
@@ -207,7 +238,7 @@ impl Quantiser {
         let mut out = [0; 64];
         let mut sum = 0;
         let weights = if kind == Kind::Intra { &self.intra } else { &self.inter };
-        for i in 0..block.end {
+        for i in places(block.places) {
             let level = i32::from(block.levels[i]);
             let value = match (kind, i) {
                 (Kind::Intra, 0) => self.intra_dc_mult * level, // 7.4.1
@@ -254,6 +285,12 @@ mod tests {
         Quantiser::new(scale, &parameters)
     }
 
+    fn quantise(quantiser: &Quantiser, coefficients: &[i32; 64], kind: Kind, rounding: Rounding) -> Block {
+        let start = usize::from(kind == Kind::Intra);
+        let energy = coefficients[start..].iter().map(|&c| i64::from(c).pow(2)).sum();
+        quantiser.quantise(coefficients, energy, kind, rounding)
+    }
+
     fn trellis(scale: u32) -> Rounding {
         Rounding::Trellis { lambda: 10 * i64::from(scale * scale) }
     }
@@ -264,7 +301,7 @@ mod tests {
         for seed in 0..500i32 {
             let coefficients = std::array::from_fn(|i| (seed * 7919 + i as i32 * 104_729) % 9000 - 4500);
             for kind in [Kind::Intra, Kind::Inter] {
-                let block = quantiser.quantise(&coefficients, kind, trellis(8));
+                let block = quantise(&quantiser, &coefficients, kind, trellis(8));
                 assert_eq!(quantiser.dequantise(&block, kind).iter().sum::<i32>() & 1, 1);
             }
         }
@@ -279,7 +316,8 @@ mod tests {
                     (seed * 7919 + i as i32 * 104_729).rem_euclid(1600) - 800 + if i == 0 { 3000 } else { 0 }
                 });
                 for (kind, widest) in [(Kind::Intra, 83), (Kind::Inter, 16)] {
-                    let restored = quantiser.dequantise(&quantiser.quantise(&coefficients, kind, trellis(scale)), kind);
+                    let restored =
+                        quantiser.dequantise(&quantise(&quantiser, &coefficients, kind, trellis(scale)), kind);
                     let step = f64::from(widest * scale) / 16.0;
                     for (i, (&a, &b)) in coefficients.iter().zip(&restored).enumerate() {
                         let error = (f64::from(a) / 8.0 - f64::from(b)).abs();
@@ -299,7 +337,7 @@ mod tests {
                     (seed * 7919 + i as i32 * 104_729).rem_euclid(2400 / (1 + i as i32)) + if i == 0 { 3000 } else { 0 }
                 });
                 for kind in [Kind::Intra, Kind::Inter] {
-                    let block = quantiser.quantise(&coefficients, kind, rounding);
+                    let block = quantise(&quantiser, &coefficients, kind, rounding);
                     let mut restored = quantiser.dequantise(&block, kind);
                     restored[63] = 0; // mismatch control
                     let error: i64 = coefficients
@@ -316,7 +354,7 @@ mod tests {
                             crate::vlc::put_intra_block(&mut counter, CoefficientTable::Zero, &block, dc, true);
                             assert_eq!(crate::bits::BitSink::bits(&counter), u64::from(block.bits) + 3);
                         }
-                        Kind::Inter if block.end > 0 => {
+                        Kind::Inter if block.is_coded() => {
                             crate::vlc::put_inter_block(&mut counter, &block);
                             assert_eq!(crate::bits::BitSink::bits(&counter), u64::from(block.bits));
                         }
@@ -331,7 +369,7 @@ mod tests {
     fn values_saturate() {
         let quantiser = quantiser(112);
         let mut block = Block::EMPTY;
-        (block.levels[5], block.levels[6], block.end) = (2047, -2047, 7);
+        (block.levels[5], block.levels[6], block.places) = (2047, -2047, 0b110_0000);
         let restored = quantiser.dequantise(&block, Kind::Inter);
         assert_eq!((restored[ZIGZAG[5]], restored[ZIGZAG[6]]), (2047, -2048));
     }

@@ -22,33 +22,28 @@ struct Node {
     from: usize,
 }
 
-/// Changes the `levels` (transmission order, no signs, zero from `end` on) of a block and returns their new end.
+/// Gives `keep` the places and levels of a block that stay, the last first.
 ///
-/// `magnitudes` are the coefficients' with [`COEFFICIENT_BITS`] fractional bits, `restore` the inverse quantisation of
-/// a level at a place, `table` and `lambda` say what bits cost. The DC coefficient of an intra block takes no part.
+/// `nonzero` are places in transmission order, magnitudes of coefficients with [`COEFFICIENT_BITS`] fractional bits and
+/// their nearest levels, where these are not zero; `restore` is the inverse quantisation of a level at a place, `table`
+/// and `lambda` say what bits cost. The DC coefficient of an intra block takes no part.
 pub(crate) fn choose(
-    magnitudes: &[i32; 64],
-    levels: &mut [i32; 64],
-    end: usize,
+    nonzero: impl Iterator<Item = (usize, i32, i32)>,
     kind: Kind,
     table: CoefficientTable,
     lambda: i64,
     restore: impl Fn(usize, i32) -> i32,
-) -> usize {
+    mut keep: impl FnMut(usize, i32),
+) {
     let start = if kind == Kind::Intra { 1 } else { 0 };
     // An empty inter block needs no End of block; an intra block has one in any case.
     let end_bits = if kind == Kind::Intra { 0 } else { i64::from(end_of_block_bits(table)) };
     let mut best_end = (0, 0);
     let mut nodes = [Node { next: start, level: 0, cost: 0, from: 0 }; 65];
-    let mut node_count = 1;
     let mut alive = [0usize; 65];
     let mut alive_count = 1;
-    for i in start..end {
-        let level = levels[i];
-        if level == 0 {
-            continue;
-        }
-        let magnitude = i64::from(magnitudes[i]);
+    for (number, (i, magnitude, level)) in (1..).zip(nonzero) {
+        let magnitude = i64::from(magnitude);
         let mut best = Node { next: i + 1, level, cost: i64::MAX, from: 0 };
         for candidate in (level - 1).max(1)..=level {
             let error = magnitude - (i64::from(restore(i, candidate)) << COEFFICIENT_BITS);
@@ -66,26 +61,22 @@ pub(crate) fn choose(
                 }
             }
         }
-        nodes[node_count] = best;
+        nodes[number] = best;
         if best.cost + end_bits * lambda < best_end.0 {
-            best_end = (best.cost + end_bits * lambda, node_count);
+            best_end = (best.cost + end_bits * lambda, number);
         }
         // A later path that is cheaper has the shorter run as well: the dearer ones cannot win any more.
         while alive_count > 0 && nodes[alive[alive_count - 1]].cost >= best.cost {
             alive_count -= 1;
         }
-        alive[alive_count] = node_count;
+        alive[alive_count] = number;
         alive_count += 1;
-        node_count += 1;
     }
-    levels[start..end].fill(0);
-    let new_end = if best_end.1 == 0 { 0 } else { nodes[best_end.1].next };
     let mut node = best_end.1;
     while node != 0 {
-        levels[nodes[node].next - 1] = nodes[node].level;
+        keep(nodes[node].next - 1, nodes[node].level);
         node = nodes[node].from;
     }
-    new_end
 }
 
 #[cfg(test)]
@@ -94,21 +85,30 @@ mod tests {
 
     const TABLE: CoefficientTable = CoefficientTable::Zero;
 
+    /// The levels that are chosen from those of an inter block.
+    fn chosen(
+        magnitudes: &[i32; 64],
+        levels: &[i32; 64],
+        lambda: i64,
+        restore: impl Fn(usize, i32) -> i32,
+    ) -> [i32; 64] {
+        let nonzero = (0..64).map(|i| (i, magnitudes[i], levels[i])).filter(|entry| entry.2 != 0);
+        let mut out = [0; 64];
+        choose(nonzero, Kind::Inter, TABLE, lambda, restore, |place, level| out[place] = level);
+        out
+    }
+
     #[test]
     fn nothing_changes_when_bits_are_free() {
         let magnitudes: [i32; 64] = std::array::from_fn(|i| if i % 3 == 0 { 8 * (10 * i as i32 + 15) } else { 0 });
         let restore = |_: usize, level: i32| (2 * level + 1) * 5;
         let levels: [i32; 64] = std::array::from_fn(|i| magnitudes[i] / 80);
-        let mut chosen = levels;
-        assert_eq!(choose(&magnitudes, &mut chosen, 64, Kind::Inter, TABLE, 0, restore), 64);
-        assert_eq!(chosen, levels);
+        assert_eq!(chosen(&magnitudes, &levels, 0, restore), levels);
     }
 
     #[test]
     fn nothing_is_left_when_bits_are_dear() {
-        let mut levels = [1; 64];
-        assert_eq!(choose(&[100; 64], &mut levels, 64, Kind::Inter, TABLE, 1 << 30, |_, level| 12 * level), 0);
-        assert_eq!(levels, [0; 64]);
+        assert_eq!(chosen(&[100; 64], &[1; 64], 1 << 30, |_, level| 12 * level), [0; 64]);
     }
 
     #[test]
@@ -151,9 +151,7 @@ mod tests {
                 }
                 least = least.min(cost(&levels));
             }
-            let mut chosen = nearest;
-            choose(&magnitudes, &mut chosen, 5, Kind::Inter, TABLE, lambda, restore);
-            let found = cost(&chosen);
+            let found = cost(&chosen(&magnitudes, &nearest, lambda, restore));
             assert!(found <= least + lambda, "{found} instead of {least} for {magnitudes:?}");
         }
     }

@@ -4,7 +4,7 @@ mod tables;
 
 use crate::{
     bits::{BitSink, Vlc},
-    quant::Block,
+    quant::{Block, places},
 };
 pub(crate) use tables::{
     B_INTRA, B_INTRA_QUANT, B_MOTION, B_MOTION_CODED, B_MOTION_CODED_QUANT, CODED_BLOCK_PATTERN, I_INTRA,
@@ -160,7 +160,7 @@ pub(crate) fn put_intra_block(
 
 /// A coded non-intra block (6.2.6).
 pub(crate) fn put_inter_block(sink: &mut impl BitSink, block: &Block) {
-    debug_assert!(block.end > 0, "a coded block has a coefficient");
+    debug_assert!(block.is_coded(), "a coded block has a coefficient");
     if sink.only_counts() {
         return sink.count(block.bits);
     }
@@ -174,31 +174,25 @@ pub(crate) fn put_inter_block(sink: &mut impl BitSink, block: &Block) {
 }
 
 fn put_coefficients(sink: &mut impl BitSink, table: CoefficientTable, block: &Block, start: usize) {
-    let mut run = 0;
-    for &level in block.levels.iter().take(block.end).skip(start) {
-        if level == 0 {
-            run += 1;
-        } else {
-            put_coefficient(sink, table, run, level);
-            run = 0;
-        }
+    let mut next = start;
+    for place in places(block.places >> start << start) {
+        put_coefficient(sink, table, place - next, block.levels[place]);
+        next = place + 1;
     }
     sink.put_code(END_OF_BLOCK[table as usize]);
 }
 
 /// Bits of the coefficients of a block with its End of block, the intra DC left out.
-pub(crate) fn block_bits(table: CoefficientTable, levels: &[i16; 64], end: usize, intra: bool) -> u32 {
-    let (mut bits, mut run, mut first) = (0, 0, !intra);
-    for &level in &levels[usize::from(intra)..end] {
-        let level = u32::from(level.unsigned_abs());
-        if level == 0 {
-            run += 1;
-            continue;
-        }
+pub(crate) fn block_bits(table: CoefficientTable, block: &Block, intra: bool) -> u32 {
+    let start = usize::from(intra);
+    let (mut bits, mut next) = (0, start);
+    for place in places(block.places >> start << start) {
+        let (run, level) = (place - next, u32::from(block.levels[place].unsigned_abs()));
+        let first = !intra && next == 0;
         bits += if first { first_coefficient_bits(run, level) } else { coefficient_bits(table, run, level) };
-        (run, first) = (0, false);
+        next = place + 1;
     }
-    if first { 0 } else { bits + end_of_block_bits(table) }
+    if block.is_coded() || intra { bits + end_of_block_bits(table) } else { 0 }
 }
 
 #[cfg(test)]

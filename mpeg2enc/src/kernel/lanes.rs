@@ -141,7 +141,7 @@ mod sse2 {
                 let [upper, lower] = [0, 2].map(|i| [0, 1].map(|half| weave(pairs[i][half], pairs[i + 1][half])));
                 let column = |i: usize| {
                     let (x, y) = (upper[i / 4][i / 2 % 2], lower[i / 4][i / 2 % 2]);
-                    Self(if i % 2 == 0 { _mm_unpacklo_epi64(x, y) } else { _mm_unpackhi_epi64(x, y) })
+                    Self(if i.is_multiple_of(2) { _mm_unpacklo_epi64(x, y) } else { _mm_unpackhi_epi64(x, y) })
                 };
                 [column(0), column(1), column(2), column(3), column(4), column(5), column(6), column(7)]
             }
