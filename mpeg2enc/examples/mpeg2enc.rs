@@ -87,6 +87,9 @@ enum EffortName {
     Best,
 }
 
+/// Bytes that are read at once.
+const BUFFER: usize = 1 << 16;
+
 fn main() -> Result<()> {
     let arguments = Arguments::parse();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
@@ -95,10 +98,12 @@ fn main() -> Result<()> {
 
 fn encode(arguments: &Arguments) -> Result<()> {
     let open = |path: &PathBuf| File::open(path).with_context(|| format!("{} cannot be read", path.display()));
-    let mut input = BufReader::new(open(&arguments.input)?);
+    let mut input = BufReader::with_capacity(BUFFER, open(&arguments.input)?);
     let (width, height, fps) = parse_header(&read_line(&mut input)?)
         .with_context(|| format!("{} cannot be encoded", arguments.input.display()))?;
-    let reader = |path: &Option<PathBuf>| path.as_ref().map(|path| open(path).map(BufReader::new)).transpose();
+    let reader = |path: &Option<PathBuf>| {
+        path.as_ref().map(|path| open(path).map(|file| BufReader::with_capacity(BUFFER, file))).transpose()
+    };
     let mut motion = [reader(&arguments.motion)?, reader(&arguments.motion_next)?];
     let config = Config::new(width, height, FrameRate::from_fps(fps)?)
         .with_quantiser_scale(arguments.qscale)
@@ -119,18 +124,19 @@ fn encode(arguments: &Arguments) -> Result<()> {
     let file =
         File::create(&arguments.output).with_context(|| format!("{} cannot be written", arguments.output.display()))?;
     let mut output = Sink { file: BufWriter::new(file), verbose: arguments.verbose, bits: 0, count: 0, error: 0.0 };
+    let (mut frame, mut fields) = (Frame::black(width, height), [None, None]);
     if arguments.zero_delay {
         let mut encoder = config.encoder()?;
-        while let Some(frame) = read_frame(&mut input, width, height)? {
-            let [field, _] = read_motion(&mut motion, width, height)?;
-            output.take(&encoder.push(&frame, field.as_ref()))?;
+        while read_frame(&mut input, &mut frame)? {
+            read_motion(&mut motion, &mut fields, (width, height))?;
+            output.take(&encoder.push(&frame, fields[0].as_ref()))?;
         }
         output.file.write_all(&encoder.finish())?;
     } else {
         let mut encoder = config.lookahead_encoder()?;
-        while let Some(frame) = read_frame(&mut input, width, height)? {
-            let [previous, next] = read_motion(&mut motion, width, height)?;
-            let known = KnownMotion { to_previous: previous.as_ref(), to_next: next.as_ref() };
+        while read_frame(&mut input, &mut frame)? {
+            read_motion(&mut motion, &mut fields, (width, height))?;
+            let known = KnownMotion { to_previous: fields[0].as_ref(), to_next: fields[1].as_ref() };
             for packet in encoder.push(&frame, known) {
                 output.take(&packet)?;
             }
@@ -198,37 +204,40 @@ impl Sink {
     }
 }
 
-fn read_frame(input: &mut impl BufRead, width: usize, height: usize) -> Result<Option<Frame>> {
+/// Reads the next frame over the last one; false at the end of the file.
+fn read_frame(input: &mut impl BufRead, frame: &mut Frame) -> Result<bool> {
     if !read_line(input)?.starts_with("FRAME") {
-        return Ok(None);
+        return Ok(false);
     }
-    let mut plane = |width: usize, height: usize| -> Result<Plane<u8>> {
-        let mut samples = vec![0; width * height];
-        input.read_exact(&mut samples).context("the last frame is cut off")?;
-        Ok(Plane::from_vec(width, height, samples))
-    };
-    let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
-    let luma = plane(width, height)?;
-    Ok(Some(Frame::new(luma, plane(chroma_width, chroma_height)?, plane(chroma_width, chroma_height)?)?))
+    for plane in [&mut frame.luma, &mut frame.cb, &mut frame.cr] {
+        input.read_exact(plane.samples_mut()).context("the last frame is cut off")?;
+    }
+    Ok(true)
 }
 
-/// The fields of the next frame. The first frame of a file has none before it, which its zeros do not harm.
+/// The fields of the next frame, in the memory of the last ones. The first frame of a file has none before it, which its
+/// zeros do not harm.
 fn read_motion(
     files: &mut [Option<BufReader<File>>; 2],
-    width: usize,
-    height: usize,
-) -> Result<[Option<MotionField>; 2]> {
-    let mut fields = [None, None];
-    for (file, field) in files.iter_mut().zip(&mut fields) {
+    fields: &mut [Option<MotionField>; 2],
+    (width, height): (usize, usize),
+) -> Result<()> {
+    let mut bytes = [0; 4096];
+    for (file, field) in files.iter_mut().zip(fields) {
         if let Some(file) = file {
-            let mut bytes = vec![0; width * height * 4];
-            file.read_exact(&mut bytes).context("a motion file has fewer frames than the clip")?;
-            let component = |bytes: &[u8]| f32::from(i16::from_le_bytes([bytes[0], bytes[1]])) / 64.0;
-            let vectors = bytes.chunks_exact(4).map(|b| [component(&b[..2]), component(&b[2..])]).collect();
-            *field = Some(MotionField::new(Plane::from_vec(width, height, vectors)));
+            let last = field.take().map(MotionField::into_motion_px);
+            let mut motion_px = last.unwrap_or_else(|| Plane::filled(width, height, [0.0; 2]));
+            for vectors in motion_px.samples_mut().chunks_mut(bytes.len() / 4) {
+                let bytes = &mut bytes[..4 * vectors.len()];
+                file.read_exact(bytes).context("a motion file has fewer frames than the clip")?;
+                for (component, bytes) in vectors.as_flattened_mut().iter_mut().zip(bytes.as_chunks().0) {
+                    *component = f32::from(i16::from_le_bytes(*bytes)) / 64.0;
+                }
+            }
+            *field = Some(MotionField::new(motion_px));
         }
     }
-    Ok(fields)
+    Ok(())
 }
 
 fn read_line(input: &mut impl BufRead) -> Result<String> {

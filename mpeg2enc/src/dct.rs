@@ -8,8 +8,6 @@
 //! The forward transform has 13 fractional bits in the cosines and 5 between the passes: 32 bits hold everything.
 //! The inverse, which every decoder must agree with, has 28 and 14: far finer than IEEE 1180 asks for.
 
-use crate::kernel::has_avx2;
-
 /// round(cos(kπ/16) · 2^28) for k = 1 … 7.
 const COSINE: [i64; 8] =
     [1 << 28, 263_277_544, 248_002_024, 223_195_925, 189_812_531, 149_134_749, 102_725_802, 52_369_160];

@@ -51,14 +51,14 @@ impl Encoder {
         let source = frame.resized(16 * columns, 16 * rows);
         let place_in_group = self.count % u64::from(config.gop);
         let reference = self.reference.take().filter(|_| place_in_group != 0);
-        let quarters: Option<[Plane<u8>; 2]> = reference
-            .as_ref()
-            .filter(|_| motion.is_none_or(MotionField::has_uncovered))
-            .map(|reference| [quarter(&source.luma), quarter(&reference.luma)]);
         let candidates = match motion.filter(|_| reference.is_some()) {
             Some(field) => field.all_candidates(columns, rows),
             None => Vec::new(),
         };
+        let quarters: Option<[Plane<u8>; 2]> = reference
+            .as_ref()
+            .filter(|_| motion.is_none() || candidates.iter().any(|candidates| candidates.is_uncovered))
+            .map(|reference| [quarter(&source.luma), quarter(&reference.luma)]);
         let forward = reference.as_ref().map(|reference| Direction {
             reference,
             candidates: &candidates,

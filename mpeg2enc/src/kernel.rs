@@ -33,7 +33,7 @@ macro_rules! vectorised {
                 fn avx2 $(<const $n: usize>)? ($($arg: $type),*) $(-> $out)? {
                     $plain $(::<$n>)? ($($arg),*)
                 }
-                if has_avx2() {
+                if $crate::kernel::has_avx2() {
                     // SAFETY: the processor has AVX2.
                     return unsafe { avx2 $(::<$n>)? ($($arg),*) };
                 }

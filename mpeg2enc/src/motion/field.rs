@@ -19,7 +19,6 @@ use rayon::prelude::*;
 #[derive(Clone, Debug)]
 pub struct MotionField {
     motion_px: Plane<[f32; 2]>,
-    has_uncovered: bool,
 }
 
 /// Vectors to be tried for one macroblock.
@@ -29,10 +28,13 @@ pub(crate) struct Candidates {
     count: usize,
     /// Every pixel could be seen before and moved like the others, to within half a sample.
     pub one_motion: bool,
+    /// Some pixel could not be seen before.
+    pub is_uncovered: bool,
 }
 
 impl Candidates {
-    pub const NONE: Self = Self { vectors: [HalfSample::ZERO; CANDIDATES], count: 0, one_motion: false };
+    pub const NONE: Self =
+        Self { vectors: [HalfSample::ZERO; CANDIDATES], count: 0, one_motion: false, is_uncovered: false };
 
     pub fn vectors(&self) -> &[HalfSample] {
         &self.vectors[..self.count]
@@ -53,14 +55,13 @@ const CANDIDATES: usize = 8;
 const FREQUENT: usize = 4;
 /// Different vectors that are counted in one macroblock; what is left over then counts for the mean alone.
 const DISTINCT: usize = 24;
-/// Larger than any picture, and small enough for sums of 256: beyond it a vector is as good as unknown.
-const FARTHEST_PX: f32 = 65536.0;
+/// Larger than any picture, and small enough for 64ths and their sums: beyond it a vector is as good as unknown.
+const FARTHEST_PX: f32 = 16384.0;
 
 impl MotionField {
     /// Takes one vector per luma sample of the frame.
     pub fn new(motion_px: Plane<[f32; 2]>) -> Self {
-        let has_uncovered = motion_px.samples().iter().any(|&motion| !is_known(motion));
-        Self { motion_px, has_uncovered }
+        Self { motion_px }
     }
 
     /// The vectors, in pixels.
@@ -68,9 +69,9 @@ impl MotionField {
         &self.motion_px
     }
 
-    /// Is there a pixel that could not be seen before?
-    pub(crate) fn has_uncovered(&self) -> bool {
-        self.has_uncovered
+    /// Gives the vectors back, so that the next field can take their memory.
+    pub fn into_motion_px(self) -> Plane<[f32; 2]> {
+        self.motion_px
     }
 
     /// Those of all macroblocks, in raster order.
@@ -81,10 +82,27 @@ impl MotionField {
     /// The mean and the most frequent vectors of macroblock `(column, row)`.
     fn candidates(&self, column: usize, row: usize) -> Candidates {
         let (left, top) = (16 * column, 16 * row);
+        let (width, height) = (self.motion_px.width(), self.motion_px.height());
+        if left + 16 <= width && top + 16 <= height {
+            let spread = spread(&self.motion_px.samples()[top * width + left..], width);
+            let mean = mean_of(spread.sum, 256);
+            let near = |half: [i32; 2]| (half[0] - mean.x).abs() <= 1 && (half[1] - mean.y).abs() <= 1;
+            // The most frequent ones are looked at as neighbours of the mean then.
+            if spread.all_known && near(spread.least.map(half_of)) && near(spread.most.map(half_of)) {
+                let mut out = Candidates { one_motion: true, ..Candidates::NONE };
+                out.add(mean);
+                return out;
+            }
+        }
+        self.several(left, top)
+    }
+
+    /// The mean and the most frequent vectors of a macroblock that is not of one motion.
+    fn several(&self, left: usize, top: usize) -> Candidates {
         let (right, bottom) = ((left + 16).min(self.motion_px.width()), (top + 16).min(self.motion_px.height()));
         let mut counts = [(HalfSample::ZERO, 0u32); DISTINCT];
-        let mut distinct = 0;
-        let (mut sum, mut known, mut unknown) = ([0.0f64; 2], 0, 0);
+        let (mut distinct, mut latest) = (0, 0);
+        let (mut sum, mut known, mut unknown) = ([0; 2], 0, 0);
         // A macroblock may lie wholly in the padding.
         for y in top..bottom.max(top) {
             for &motion in &self.motion_px.row(y)[left.min(right)..right] {
@@ -93,23 +111,26 @@ impl MotionField {
                     continue;
                 }
                 known += 1;
-                sum = [sum[0] + f64::from(motion[0]), sum[1] + f64::from(motion[1])];
-                let vector = half_sample(motion.map(f64::from));
-                match counts[..distinct].iter_mut().find(|entry| entry.0 == vector) {
-                    Some(entry) => entry.1 += 1,
-                    None if distinct < DISTINCT => {
-                        counts[distinct] = (vector, 1);
-                        distinct += 1;
+                let parts = motion.map(in_64ths);
+                sum = [sum[0] + parts[0], sum[1] + parts[1]];
+                let vector = HalfSample { x: half_of(parts[0]), y: half_of(parts[1]) };
+                if counts[latest].0 != vector || distinct == 0 {
+                    latest = counts[..distinct].iter().position(|entry| entry.0 == vector).unwrap_or(distinct);
+                    if latest == DISTINCT {
+                        latest = 0;
+                        continue;
                     }
-                    None => {}
+                    distinct = distinct.max(latest + 1);
+                    counts[latest].0 = vector;
                 }
+                counts[latest].1 += 1;
             }
         }
         let counts = &mut counts[..distinct];
         counts.sort_unstable_by_key(|&(vector, count)| (std::cmp::Reverse(count), vector));
-        let mut out = Candidates::NONE;
+        let mut out = Candidates { is_uncovered: unknown > 0, ..Candidates::NONE };
         if known > 0 {
-            let mean = half_sample(sum.map(|sum| sum / f64::from(known)));
+            let mean = mean_of(sum, known);
             out.add(mean);
             out.one_motion =
                 unknown == 0 && counts.iter().all(|(v, _)| (v.x - mean.x).abs() <= 1 && (v.y - mean.y).abs() <= 1);
@@ -125,8 +146,59 @@ fn is_known(motion: [f32; 2]) -> bool {
     motion.iter().all(|component| component.abs() < FARTHEST_PX) // false for NaN
 }
 
-fn half_sample(motion_px: [f64; 2]) -> HalfSample {
-    HalfSample { x: (2.0 * motion_px[0]).round() as i32, y: (2.0 * motion_px[1]).round() as i32 }
+/// A component in 64ths of a pixel: the sum with 3·2²² has no bits left for a fraction.
+#[inline(always)]
+fn in_64ths(component_px: f32) -> i32 {
+    const ROUNDING: f32 = 12_582_912.0;
+    (component_px * 64.0 + ROUNDING).to_bits().wrapping_sub(ROUNDING.to_bits()) as i32
+}
+
+/// Half samples of 64ths of a pixel.
+#[inline(always)]
+fn half_of(part: i32) -> i32 {
+    (part + 16) >> 5
+}
+
+fn mean_of(sum: [i32; 2], count: i32) -> HalfSample {
+    let [x, y] = sum.map(|sum| (sum + 16 * count).div_euclid(32 * count));
+    HalfSample { x, y }
+}
+
+/// How far the vectors of 16×16 pixels lie apart, in 64ths of a pixel.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Spread {
+    sum: [i32; 2],
+    least: [i32; 2],
+    most: [i32; 2],
+    /// Nothing else means anything if this is false.
+    all_known: bool,
+}
+
+vectorised! {
+    /// The spread of 16 rows of 16 vectors, which begin `stride` apart.
+    fn spread, spread_plain(motion_px: &[[f32; 2]], stride: usize) -> Spread {
+        let (mut sum, mut least, mut most, mut known) = ([0; 8], [i32::MAX; 8], [i32::MIN; 8], [true; 8]);
+        for y in 0..16 {
+            for four in motion_px[y * stride..][..16].as_flattened().as_chunks::<8>().0 {
+                for k in 0..8 {
+                    let part = in_64ths(four[k]);
+                    sum[k] = i32::wrapping_add(sum[k], part);
+                    least[k] = least[k].min(part);
+                    most[k] = most[k].max(part);
+                    known[k] &= four[k].abs() < FARTHEST_PX;
+                }
+            }
+        }
+        let fold = |values: [i32; 8], f: fn(i32, i32) -> i32| {
+            [0, 1].map(|i| f(f(values[i], values[i + 2]), f(values[i + 4], values[i + 6])))
+        };
+        Spread {
+            sum: fold(sum, i32::wrapping_add),
+            least: fold(least, i32::min),
+            most: fold(most, i32::max),
+            all_known: known == [true; 8],
+        }
+    }
 }
 
 #[cfg(test)]
@@ -142,8 +214,8 @@ mod tests {
             _ => [0.25, f32::INFINITY],
         });
         let field = MotionField::new(plane);
-        assert!(field.has_uncovered());
         let candidates = field.candidates(0, 0);
+        assert!(candidates.is_uncovered);
         assert!(!candidates.one_motion);
         assert_eq!(candidates.vectors()[1..], [HalfSample { x: 2, y: 0 }, HalfSample { x: -6, y: 5 }]);
         assert!(field.candidates(1, 0).vectors().is_empty());
@@ -152,7 +224,15 @@ mod tests {
 
     #[test]
     fn one_motion_is_recognised() {
-        let field = MotionField::new(Plane::from_fn(16, 16, |x, _| [2.0 + 0.02 * x as f32, 0.0]));
-        assert!(field.candidates(0, 0).one_motion);
+        for (slope, one_motion) in [(0.02, true), (0.05, true), (0.2, false), (-0.2, false), (f32::NAN, false)] {
+            let field = MotionField::new(Plane::from_fn(16, 16, |x, _| [2.0 + slope * x as f32, -0.75]));
+            let (quick, thorough) = (field.candidates(0, 0), field.several(0, 0));
+            assert_eq!(quick.one_motion, one_motion, "{slope}");
+            assert_eq!(thorough.one_motion, one_motion, "{slope}");
+            assert_eq!(quick.vectors().first(), thorough.vectors().first(), "the mean");
+            let samples = field.motion_px().samples();
+            let (a, b) = (spread(samples, 16), spread_plain(samples, 16));
+            assert!(a == b || !a.all_known && !b.all_known, "{a:?} {b:?}");
+        }
     }
 }
