@@ -6,7 +6,7 @@ use crate::{
     config::quantiser_scale_code,
     decide::Tools,
     effort::Effort,
-    frame::psnr,
+    frame::psnr_within,
     header::{self, PictureHeader},
     motion::{Candidates, CoarseSearch, Estimate, HalfSample, f_code},
     picture::{CodedPicture, Picture},
@@ -168,7 +168,7 @@ impl Coder {
             picture_type: job.picture_type,
             quantiser_scale: job.quantiser_scale,
             quantiser_scales: Plane::from_vec(columns, rows, coded.quantiser_scales),
-            psnr_y: psnr(&job.source.resized(width, height).luma, &reconstruction.luma),
+            psnr_y: psnr_within(&job.source.luma, &coded.reconstruction.luma, (width, height)),
             reconstruction,
             statistics: coded.statistics,
         };

@@ -65,6 +65,9 @@ impl Frame {
 }
 
 fn resized(plane: &Plane<u8>, width: usize, height: usize) -> Plane<u8> {
+    if (plane.width(), plane.height()) == (width, height) {
+        return plane.clone();
+    }
     let kept = width.min(plane.width());
     let mut data = Vec::with_capacity(width * height);
     for y in 0..height {
@@ -78,11 +81,21 @@ fn resized(plane: &Plane<u8>, width: usize, height: usize) -> Plane<u8> {
 /// Peak signal-to-noise ratio of two planes of one size, dB; infinite if they are equal.
 pub fn psnr(a: &Plane<u8>, b: &Plane<u8>) -> f64 {
     assert_eq!((a.width(), a.height()), (b.width(), b.height()), "planes of different size");
-    let sum: u64 = a.samples().iter().zip(b.samples()).map(|(&a, &b)| u64::from(a.abs_diff(b)).pow(2)).sum();
+    psnr_within(a, b, (a.width(), a.height()))
+}
+
+/// PSNR of the upper left `width × height` samples of two planes.
+pub(crate) fn psnr_within(a: &Plane<u8>, b: &Plane<u8>, (width, height): (usize, usize)) -> f64 {
+    let sum: u64 = (0..height).map(|y| squared_error(&a.row(y)[..width], &b.row(y)[..width])).sum();
     if sum == 0 {
         return f64::INFINITY;
     }
-    10.0 * (255.0f64.powi(2) * a.samples().len() as f64 / sum as f64).log10()
+    10.0 * (255.0f64.powi(2) * (width * height) as f64 / sum as f64).log10()
+}
+
+/// Of at most 2^16 samples, so that 32 bits hold it.
+fn squared_error(a: &[u8], b: &[u8]) -> u64 {
+    a.iter().zip(b).map(|(&a, &b)| u32::from(a.abs_diff(b)).pow(2)).sum::<u32>().into()
 }
 
 #[cfg(test)]

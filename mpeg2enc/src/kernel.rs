@@ -150,23 +150,28 @@ pub(crate) fn transformed_difference<const N: usize>(source: &[[u8; N]; N], plac
 
 /// An eighth of the sum of magnitudes of transformed differences.
 #[inline(always)]
-fn hadamard_sum(block: [Words; 8]) -> u32 {
-    let columns = Words::transposed(butterflies(butterflies(butterflies(block, 4), 2), 1));
-    let [a, b, c, d, e, f, g, h] = butterflies(butterflies(columns, 4), 2);
-    // The last step is |x + y| + |x − y| = 2·max(|x|, |y|).
-    let larger = [(a, b), (c, d), (e, f), (g, h)].map(|(x, y)| x.abs().max(y.abs()));
-    let sum = larger[0].plus(larger[1]).dot(Words::splat(1)) + larger[2].plus(larger[3]).dot(Words::splat(1));
+fn hadamard_sum(mut block: [Words; 8]) -> u32 {
+    butterflies::<4>(&mut block);
+    butterflies::<2>(&mut block);
+    butterflies::<1>(&mut block);
+    let mut columns = Words::transposed(block);
+    butterflies::<4>(&mut columns);
+    butterflies::<2>(&mut columns);
+    // The last step is |x + y| + |x − y| = 2·max(|x|, |y|), which four times is more than 16 bits hold.
+    let [a, b, c, d, e, f, g, h] = columns;
+    let upper = a.abs().max(b.abs()).plus(c.abs().max(d.abs()));
+    let lower = e.abs().max(f.abs()).plus(g.abs().max(h.abs()));
+    let sum = upper.dot(Words::splat(1)) + lower.dot(Words::splat(1));
     (2 * sum as u32 + 4) >> 3
 }
 
-/// Sums and differences of rows that lie `distance` apart: a third of an eight-point Hadamard transform.
+/// Sums and differences of rows that lie this far apart: a third of an eight-point Hadamard transform.
 #[inline(always)]
-fn butterflies(rows: [Words; 8], distance: usize) -> [Words; 8] {
-    let mut out = rows;
-    for i in (0..8).filter(|i| i & distance == 0) {
-        (out[i], out[i + distance]) = (rows[i].plus(rows[i + distance]), rows[i].minus(rows[i + distance]));
+fn butterflies<const DISTANCE: usize>(rows: &mut [Words; 8]) {
+    for k in 0..4 {
+        let i = k / DISTANCE * 2 * DISTANCE + k % DISTANCE;
+        (rows[i], rows[i + DISTANCE]) = (rows[i].plus(rows[i + DISTANCE]), rows[i].minus(rows[i + DISTANCE]));
     }
-    out
 }
 
 vectorised! {

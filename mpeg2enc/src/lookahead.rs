@@ -17,7 +17,7 @@ use plane::Plane;
 use rayon::prelude::*;
 use std::{
     collections::{BTreeMap, VecDeque},
-    sync::Arc,
+    sync::{Arc, OnceLock},
 };
 
 /// What the renderer knows of a frame's motion.
@@ -33,9 +33,9 @@ pub struct KnownMotion<'a> {
 pub(crate) struct Waiting {
     /// The frame in whole macroblocks.
     pub source: Frame,
-    /// Luma at half and at a quarter of the width and height.
+    /// Luma at half and at a quarter of the width and height; the latter is seldom looked at.
     half: Plane<u8>,
-    quarter: Plane<u8>,
+    quarter: OnceLock<Plane<u8>>,
     /// Candidates of every macroblock that were given: to the frame before and to the frame after.
     known: [Option<Vec<Candidates>>; 2],
     /// What every macroblock costs without a prediction.
@@ -46,12 +46,18 @@ pub(crate) struct Waiting {
     two_sided: BTreeMap<(isize, isize), Arc<[TwoSided]>>,
 }
 
+impl Waiting {
+    fn quarter(&self) -> &Plane<u8> {
+        self.quarter.get_or_init(|| quarter(&self.source.luma))
+    }
+}
+
 /// The best vector found for a block, and the difference that it leaves.
 #[derive(Clone, Copy)]
 pub(crate) struct Match {
     /// In half samples of the half-size picture.
     pub vector: HalfSample,
-    /// Sum of absolute transformed differences.
+    /// Sum of absolute differences, transformed unless all is to be quick.
     pub cost: u32,
 }
 
@@ -77,11 +83,14 @@ pub(crate) struct Lookahead {
     frames: VecDeque<Waiting>,
     /// Display index of the first of them.
     first: usize,
+    /// Are plain differences good enough?
+    quick: bool,
 }
 
 impl Lookahead {
-    pub fn new() -> Self {
-        Self { frames: VecDeque::new(), first: 0 }
+    /// With `quick`, only what tells new scenes and begins vectors is found, by plain differences.
+    pub fn new(quick: bool) -> Self {
+        Self { frames: VecDeque::new(), first: 0, quick }
     }
 
     /// One more than the display index of the last frame.
@@ -100,8 +109,8 @@ impl Lookahead {
         let known =
             [motion.to_previous, motion.to_next].map(|field| field.map(|field| field.all_candidates(columns, rows)));
         self.frames.push_back(Waiting {
-            quarter: quarter(&source.luma),
-            intra_costs: intra_costs(&half),
+            quarter: OnceLock::new(),
+            intra_costs: intra_costs(&half, self.quick),
             half,
             source,
             known,
@@ -197,7 +206,7 @@ impl Lookahead {
         let reference = self.get(away(index, delta));
         // Farther frames are reached by way of nearer ones.
         let wide = delta.abs() == 1 && self.is_known(index, delta).is_none();
-        let columns = self.columns();
+        let (columns, quick) = (self.columns(), self.quick);
         let rows = candidates.len() / columns;
         let matches: Arc<[Match]> = (0..rows)
             .into_par_iter()
@@ -214,6 +223,7 @@ impl Lookahead {
                         &candidates[i],
                         before.map(|b| b[i].vector),
                         wide,
+                        quick,
                     );
                     left = found.vector;
                     found
@@ -287,6 +297,7 @@ fn full_size(vector: HalfSample) -> HalfSample {
     HalfSample { x: 2 * vector.x, y: 2 * vector.y }
 }
 
+#[expect(clippy::too_many_arguments, reason = "all that a vector can be foretold from")]
 fn best_match(
     frame: &Waiting,
     reference: &Waiting,
@@ -295,6 +306,7 @@ fn best_match(
     candidates: &Candidates,
     before: Option<HalfSample>,
     wide: bool,
+    quick: bool,
 ) -> Match {
     let range = Range::of_block(&reference.half, BLOCK, column, row, REACH);
     let mut search =
@@ -310,14 +322,16 @@ fn best_match(
         }
         search.descend();
         if wide && search.best_error > (BLOCK * BLOCK) as u32 * POOR_MATCH {
-            let coarse = CoarseSearch { source: &frame.quarter, reference: &reference.quarter }.search(column, row);
+            let coarse = CoarseSearch { source: frame.quarter(), reference: reference.quarter() }.search(column, row);
             if search.try_vector(HalfSample { x: coarse.x / 2, y: coarse.y / 2 }) {
                 search.descend();
             }
         }
     }
-    search.transform_differences();
-    search.refine();
+    if !quick {
+        search.transform_differences();
+        search.refine();
+    }
     Match { vector: search.best, cost: search.best_error }
 }
 
@@ -344,15 +358,20 @@ fn whole(block: &[[u8; BLOCK]; BLOCK]) -> Place<'_> {
     Place { samples: block.as_flattened(), stride: BLOCK, half: (false, false) }
 }
 
-/// Sums of absolute transformed differences of every block to its mean.
-fn intra_costs(half: &Plane<u8>) -> Arc<[u32]> {
+/// Sums of absolute differences of every block to its mean, transformed or plain.
+fn intra_costs(half: &Plane<u8>, quick: bool) -> Arc<[u32]> {
     let (columns, rows) = (half.width() / BLOCK, half.height() / BLOCK);
     (0..columns * rows)
         .map(|i| {
             let block = half.block(i % columns, i / columns);
             let sum: u32 = block.iter().map(|&sample| u32::from(sample)).sum();
             let mean = [[((sum + 32) / 64) as u8; BLOCK]; BLOCK];
-            kernel::transformed_difference::<BLOCK>(block.as_chunks().0.try_into().expect("8 rows"), whole(&mean))
+            let source = block.as_chunks().0.try_into().expect("8 rows");
+            if quick {
+                kernel::absolute_difference::<BLOCK>(source, whole(&mean))
+            } else {
+                kernel::transformed_difference::<BLOCK>(source, whole(&mean))
+            }
         })
         .collect()
 }

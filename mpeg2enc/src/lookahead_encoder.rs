@@ -3,6 +3,7 @@
 use crate::{
     Config, Frame, KnownMotion, PictureType, Rate,
     coder::{Coded, Coder, Direction, Job, Packet, sequence_end},
+    effort::Effort,
     header::{VBV_DELAY_VARIABLE, macroblock_counts},
     lookahead::{Lookahead, plan::Span},
     motion::Candidates,
@@ -36,8 +37,8 @@ impl LookaheadEncoder {
         let (columns, rows) = macroblock_counts(config.width, config.height);
         Self {
             rate: RateControl::new(&config, columns * rows),
+            lookahead: Lookahead::new(config.effort == Effort::Fast),
             coder: Coder::new(config, true),
-            lookahead: Lookahead::new(),
             anchors: [None, None],
             last_intra: 0,
             group_start: 0,

@@ -92,6 +92,14 @@ pub(crate) struct Estimate<'a> {
 const NEIGHBOURS: [(i32, i32); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 /// Steps of the search by whole samples.
 const DIAMOND: [(i32, i32); 4] = [(-2, 0), (2, 0), (0, -2), (0, 2)];
+/// Both kinds of steps.
+const NEIGHBOURS_AND_DIAMOND: [(i32, i32); 12] = {
+    let mut steps = [(0, 0); 12];
+    let (first, last) = steps.split_at_mut(NEIGHBOURS.len());
+    first.copy_from_slice(&NEIGHBOURS);
+    last.copy_from_slice(&DIAMOND);
+    steps
+};
 /// The most rounds of [`Search::settle`]: after two, searches from different vectors still end apart now and then.
 const SETTLED: usize = 4;
 /// Mean absolute difference a sample above which more is tried, and what each step of quantiser_scale adds in eighths:
@@ -238,18 +246,7 @@ impl<'a, const N: usize> Search<'a, N> {
 
     /// Tries the half-sample neighbours, twice if one is better.
     pub fn refine(&mut self) {
-        for _ in 0..2 {
-            let center = self.best;
-            for (x, y) in NEIGHBOURS {
-                let next = center.offset(x, y);
-                if self.range.contains(next) {
-                    self.try_vector(next);
-                }
-            }
-            if self.best == center {
-                break;
-            }
-        }
+        self.follow(NEIGHBOURS, 2);
     }
 
     /// Follows half- and whole-sample steps until none is better.
@@ -258,11 +255,21 @@ impl<'a, const N: usize> Search<'a, N> {
     /// of position than on the other. Steps to neighbours, all of the other kind, would end on any position of the better
     /// kind, depending on where they began, so steps to the next of the same kind are tried as well.
     pub fn settle(&mut self) {
-        for _ in 0..SETTLED {
+        self.follow(NEIGHBOURS_AND_DIAMOND, SETTLED);
+    }
+
+    /// Goes to the best of `steps` from the best vector, and on from there; no vector is tried twice.
+    fn follow<const STEPS: usize>(&mut self, steps: [(i32, i32); STEPS], rounds: usize) {
+        let start = self.best;
+        // A bit for each vector around the start, farther than the rounds reach.
+        let mut tried = [0u32; 32];
+        for _ in 0..rounds {
             let center = self.best;
-            for (x, y) in NEIGHBOURS.into_iter().chain(DIAMOND) {
+            for (x, y) in steps {
                 let next = center.offset(x, y);
-                if self.range.contains(next) {
+                let (row, bit) = (((next.y - start.y) & 31) as usize, 1 << ((next.x - start.x) & 31));
+                if tried[row] & bit == 0 && self.range.contains(next) {
+                    tried[row] |= bit;
                     self.try_vector(next);
                 }
             }

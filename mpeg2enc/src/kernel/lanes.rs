@@ -133,18 +133,18 @@ mod sse2 {
         /// Rows become columns.
         #[inline(always)]
         pub fn transposed(rows: [Self; 8]) -> [Self; 8] {
-            sse2! {
-                let [a, b, c, d, e, f, g, h] = rows.map(|row| row.0);
-                // Neighbouring rows, then pairs of them, then fours, are woven together.
-                let pairs = [(a, b), (c, d), (e, f), (g, h)].map(|(x, y)| [_mm_unpacklo_epi16(x, y), _mm_unpackhi_epi16(x, y)]);
-                let weave = |x, y| [_mm_unpacklo_epi32(x, y), _mm_unpackhi_epi32(x, y)];
-                let [upper, lower] = [0, 2].map(|i| [0, 1].map(|half| weave(pairs[i][half], pairs[i + 1][half])));
-                let column = |i: usize| {
-                    let (x, y) = (upper[i / 4][i / 2 % 2], lower[i / 4][i / 2 % 2]);
-                    Self(if i.is_multiple_of(2) { _mm_unpacklo_epi64(x, y) } else { _mm_unpackhi_epi64(x, y) })
-                };
-                [column(0), column(1), column(2), column(3), column(4), column(5), column(6), column(7)]
+            // Rows that lie four apart are woven together three times over. Closures here are not always inlined.
+            let mut out = rows;
+            for _ in 0..3 {
+                let rows = out;
+                for i in 0..4 {
+                    sse2! {
+                        out[2 * i] = Self(_mm_unpacklo_epi16(rows[i].0, rows[i + 4].0));
+                        out[2 * i + 1] = Self(_mm_unpackhi_epi16(rows[i].0, rows[i + 4].0));
+                    }
+                }
             }
+            out
         }
     }
 }
