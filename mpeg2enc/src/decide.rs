@@ -281,8 +281,8 @@ impl Decision<'_> {
         trial.is_transformed = [true; 6];
         for (i, source) in self.source.iter().enumerate() {
             trial.coefficients[i] = dct::forward_difference(source, &[0; 64]);
-            let energy = in_coefficients(block_squared_error(source, &[0; 64]));
-            trial.energies[i] = (energy - i64::from(trial.coefficients[i][0]).pow(2)).max(0);
+            // The samples' would not do: the square of the DC is so much larger that its rounding alone is an error.
+            trial.energies[i] = trial.coefficients[i][1..].iter().map(|&c| c * c).sum::<i32>().into();
             let block = quantiser.quantise(&trial.coefficients[i], trial.energies[i], Kind::Intra, self.rounding());
             trial.macroblock.blocks[i] = block;
         }

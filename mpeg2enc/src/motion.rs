@@ -9,7 +9,11 @@ pub(crate) use {
     field::Candidates,
 };
 
-use crate::{Frame, kernel, predict::place_of};
+use crate::{
+    Frame,
+    kernel::{self, Place},
+    predict::place_of,
+};
 use plane::Plane;
 use rayon::prelude::*;
 
@@ -92,6 +96,8 @@ pub(crate) struct Estimate<'a> {
 const NEIGHBOURS: [(i32, i32); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 /// Steps of the search by whole samples.
 const DIAMOND: [(i32, i32); 4] = [(-2, 0), (2, 0), (0, -2), (0, 2)];
+/// A vector's differences are transformed if, as they are, they are less than this many eighths of the best one's.
+const WORTH_A_TRANSFORM_EIGHTHS: u64 = 9;
 /// Both kinds of steps.
 const NEIGHBOURS_AND_DIAMOND: [(i32, i32); 12] = {
     let mut steps = [(0, 0); 12];
@@ -178,7 +184,9 @@ pub(crate) struct Search<'a, const N: usize> {
     price: u32,
     pub best: HalfSample,
     best_cost: u32,
+    /// Sum of absolute differences, plain at first and then transformed.
     pub best_error: u32,
+    best_plain: u32,
     transformed: bool,
 }
 
@@ -204,6 +212,7 @@ impl<'a, const N: usize> Search<'a, N> {
             best: HalfSample::ZERO,
             best_cost: u32::MAX,
             best_error: u32::MAX,
+            best_plain: u32::MAX,
             transformed: false,
         }
     }
@@ -219,10 +228,16 @@ impl<'a, const N: usize> Search<'a, N> {
         if price >= self.best_cost {
             return false;
         }
-        let error = self.error(vector);
+        let plain = self.plain_error(vector);
+        let error = match self.transformed {
+            false => plain,
+            // What differs much more will not differ less when transformed.
+            true if u64::from(plain) * 8 > u64::from(self.best_plain) * WORTH_A_TRANSFORM_EIGHTHS => return false,
+            true => self.transformed_error(vector),
+        };
         let cost = error + price;
         if cost < self.best_cost {
-            (self.best, self.best_cost, self.best_error) = (vector, cost, error);
+            (self.best, self.best_cost, self.best_error, self.best_plain) = (vector, cost, error, plain);
             return true;
         }
         false
@@ -283,19 +298,22 @@ impl<'a, const N: usize> Search<'a, N> {
     pub fn transform_differences(&mut self) {
         self.transformed = true;
         self.best_cost -= self.best_error;
-        self.best_error = self.error(self.best);
+        self.best_error = self.transformed_error(self.best);
         self.best_cost += self.best_error;
     }
 
-    /// Sum of absolute differences, plain or transformed.
-    fn error(&self, vector: HalfSample) -> u32 {
-        let (x2, y2) = (self.x2 + vector.x, self.y2 + vector.y);
-        let place = place_of(self.reference, x2, y2);
-        if self.transformed {
-            kernel::transformed_difference(&self.source, place)
-        } else {
-            kernel::absolute_difference(&self.source, place)
-        }
+    fn place(&self, vector: HalfSample) -> Place<'_> {
+        place_of(self.reference, self.x2 + vector.x, self.y2 + vector.y)
+    }
+
+    /// Sum of absolute differences.
+    fn plain_error(&self, vector: HalfSample) -> u32 {
+        kernel::absolute_difference(&self.source, self.place(vector))
+    }
+
+    /// Sum of absolute transformed differences.
+    fn transformed_error(&self, vector: HalfSample) -> u32 {
+        kernel::transformed_difference(&self.source, self.place(vector))
     }
 }
 
