@@ -215,8 +215,8 @@ fn parameters(config: &Config, varies: bool) -> QuantiserParameters {
 
 fn tools(effort: Effort, varies: bool) -> Tools {
     match effort {
-        Effort::Fast => Tools { trellis: false, trials: 1, quantiser_choice: false },
-        Effort::Balanced => Tools { trellis: true, trials: 2, quantiser_choice: false },
-        Effort::Best => Tools { trellis: true, trials: 6, quantiser_choice: varies },
+        Effort::Fast => Tools { trellis: false, predicts_more: false, trials: 1, quantiser_choice: false },
+        Effort::Balanced => Tools { trellis: true, predicts_more: true, trials: 2, quantiser_choice: false },
+        Effort::Best => Tools { trellis: true, predicts_more: true, trials: 6, quantiser_choice: varies },
     }
 }

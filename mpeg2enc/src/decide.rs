@@ -26,6 +26,8 @@ const WORTH_A_TRIAL_TENTHS: u64 = 14;
 pub(crate) struct Tools {
     /// Levels by shortest path instead of rounding.
     pub trellis: bool,
+    /// Are other vectors than those found looked at: zero, and those that take no bits?
+    pub predicts_more: bool,
     /// Predictions that are coded for comparison.
     pub trials: usize,
     /// Other quantisers than the one asked for, where they cost less.
@@ -160,23 +162,27 @@ impl Decision<'_> {
         match self.slice.picture_type {
             PictureType::I => {}
             PictureType::P => {
-                predictions.consider(self, Mode::STILL);
                 predictions.consider(self, Mode::Forward(forward));
-                if near(forward, forward_prediction) {
-                    predictions.consider(self, Mode::Forward(forward_prediction));
+                if self.tools.predicts_more {
+                    predictions.consider(self, Mode::STILL);
+                    if near(forward, forward_prediction) {
+                        predictions.consider(self, Mode::Forward(forward_prediction));
+                    }
                 }
             }
             PictureType::B => {
                 predictions.consider(self, Mode::Forward(forward));
                 predictions.consider(self, Mode::Backward(backward));
                 predictions.consider(self, Mode::Both(forward, backward));
-                if near(forward, forward_prediction) {
-                    predictions.consider(self, Mode::Forward(forward_prediction));
+                if self.tools.predicts_more {
+                    if near(forward, forward_prediction) {
+                        predictions.consider(self, Mode::Forward(forward_prediction));
+                    }
+                    if near(backward, backward_prediction) {
+                        predictions.consider(self, Mode::Backward(backward_prediction));
+                    }
+                    predictions.consider(self, Mode::Both(forward_prediction, backward_prediction));
                 }
-                if near(backward, backward_prediction) {
-                    predictions.consider(self, Mode::Backward(backward_prediction));
-                }
-                predictions.consider(self, Mode::Both(forward_prediction, backward_prediction));
             }
         }
         // The prediction and nothing else.

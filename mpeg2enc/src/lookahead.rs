@@ -158,11 +158,7 @@ impl Lookahead {
                 let mut out = Candidates::NONE;
                 let found = full_size(first[i].vector);
                 for &vector in [found].iter().chain(near.vectors()) {
-                    let place = |position: usize, component: i32, count: usize| {
-                        ((32 * position as i32 + component + 16) >> 5).clamp(0, count as i32 - 1) as usize
-                    };
-                    let (column, row) = (place(i % columns, vector.x, columns), place(i / columns, vector.y, rows));
-                    let onward = full_size(rest[row * columns + column].vector);
+                    let onward = full_size(rest[landing(i, vector, columns, rows)].vector);
                     out.add(vector.offset(onward.x, onward.y));
                 }
                 out
@@ -263,8 +259,43 @@ impl Lookahead {
         found
     }
 
+    /// Vectors towards the frame `delta` away, as given from frame to frame and nothing else; `None` if they are not.
+    fn chained(&mut self, index: usize, delta: isize) -> Option<Vec<Candidates>> {
+        let step = delta.signum();
+        let neighbour = away(index, step);
+        let near = match self.is_known(index, step) {
+            Some(known) => known.clone(),
+            None if step > 0 && self.is_known(neighbour, -1).is_some() => self.reversed(neighbour),
+            None => return None,
+        };
+        if delta == step {
+            return Some(near);
+        }
+        let rest = self.chained(neighbour, delta - step)?;
+        let columns = self.columns();
+        let rows = rest.len() / columns;
+        let chained = near.iter().enumerate().map(|(i, near)| {
+            let mut out = Candidates::NONE;
+            out.one_motion = near.one_motion;
+            for &vector in near.vectors() {
+                let onward = &rest[landing(i, vector, columns, rows)];
+                out.one_motion &= onward.one_motion;
+                for further in onward.vectors().iter().take(2) {
+                    out.add(vector.offset(further.x, further.y));
+                }
+            }
+            out
+        });
+        Some(chained.collect())
+    }
+
     /// What a search in the picture itself begins with, towards the frame `delta` away.
     pub fn for_coding(&mut self, index: usize, delta: isize) -> Vec<Candidates> {
+        if self.quick
+            && let Some(chained) = self.chained(index, delta)
+        {
+            return chained;
+        }
         let near = self.candidates(index, delta);
         let matches = self.matches(index, delta);
         let columns = self.columns();
@@ -291,6 +322,14 @@ impl Lookahead {
 /// Display index of the frame `delta` after another.
 fn away(index: usize, delta: isize) -> usize {
     index.checked_add_signed(delta).expect("references are frames of the sequence")
+}
+
+/// The macroblock in which the middle of macroblock `i` lands.
+fn landing(i: usize, vector: HalfSample, columns: usize, rows: usize) -> usize {
+    let place = |position: usize, component: i32, count: usize| {
+        ((32 * position as i32 + component + 16) >> 5).clamp(0, count as i32 - 1) as usize
+    };
+    place(i / columns, vector.y, rows) * columns + place(i % columns, vector.x, columns)
 }
 
 fn full_size(vector: HalfSample) -> HalfSample {
