@@ -48,6 +48,7 @@ pub(crate) trait BitSink {
 #[derive(Default)]
 pub(crate) struct BitWriter {
     bytes: Vec<u8>,
+    /// Bits that do not make four bytes yet are the low ones.
     pending: u64,
     pending_bits: u32,
 }
@@ -62,13 +63,13 @@ impl BitWriter {
     /// The bytes, the last one filled with zero bits.
     pub fn into_bytes(mut self) -> Vec<u8> {
         self.align();
+        let bytes = (self.pending << (32 - self.pending_bits)) as u32;
+        self.bytes.extend(&bytes.to_be_bytes()[..self.pending_bits as usize / 8]);
         self.bytes
     }
 
     fn align(&mut self) {
-        if self.pending_bits > 0 {
-            self.put(0, 8 - self.pending_bits);
-        }
+        self.put(0, self.pending_bits.wrapping_neg() % 8);
     }
 }
 
@@ -78,9 +79,9 @@ impl BitSink for BitWriter {
         debug_assert!(length <= 32 && (length == 32 || value >> length == 0), "{value:#x} has more than {length} bits");
         self.pending = self.pending << length | u64::from(value);
         self.pending_bits += length;
-        while self.pending_bits >= 8 {
-            self.pending_bits -= 8;
-            self.bytes.push((self.pending >> self.pending_bits) as u8);
+        if self.pending_bits >= 32 {
+            self.pending_bits -= 32;
+            self.bytes.extend(((self.pending >> self.pending_bits) as u32).to_be_bytes());
         }
     }
 

@@ -199,20 +199,21 @@ vectorised! {
 }
 
 vectorised! {
-    /// `(|value|·reciprocal + zero) >> shift` of every value, and which rows of eight have any that is not zero.
+    /// `(|value|·reciprocal + zero) >> shift` of every value, and a bit for each that is not zero.
     fn divide, divide_plain(
         values: &[i32; 64], reciprocals: &[u32; 64], zero: u32, shift: u32, out: &mut [u32; 64]
     ) -> u64 {
-        let mut filled = 0;
+        let mut nonzero = 0;
         for y in 0..8 {
-            let mut any = 0;
-            for i in 8 * y..8 * y + 8 {
+            let mut row = 0;
+            for x in 0..8 {
+                let i = 8 * y + x;
                 out[i] = (values[i].unsigned_abs() * reciprocals[i] + zero) >> shift;
-                any |= out[i];
+                row |= u32::from(out[i] != 0) << x;
             }
-            filled |= u64::from(any != 0) << y;
+            nonzero |= u64::from(row) << (8 * y);
         }
-        filled
+        nonzero
     }
 }
 
@@ -295,8 +296,9 @@ mod tests {
             let values = std::array::from_fn(|i| i32::from(a[i]) * 128 - 16384);
             let reciprocals = std::array::from_fn(|i| u32::from(a[i]) * 513);
             let (mut x, mut y) = ([0; 64], [0; 64]);
-            let filled = divide(&values, &reciprocals, 1 << 20, 26, &mut x);
-            assert_eq!((filled, x), (divide_plain(&values, &reciprocals, 1 << 20, 26, &mut y), y));
+            let nonzero = divide(&values, &reciprocals, 1 << 20, 26, &mut x);
+            assert!((0..64).all(|i| (nonzero >> i & 1 == 1) == (x[i] != 0)));
+            assert_eq!((nonzero, x), (divide_plain(&values, &reciprocals, 1 << 20, 26, &mut y), y));
             let mut mean_of_both = [0; 64];
             mean(&a, &b, &mut mean_of_both);
             assert_eq!(mean_of_both, std::array::from_fn(|i| (u16::from(a[i]) + u16::from(b[i])).div_ceil(2) as u8));

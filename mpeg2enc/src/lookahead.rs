@@ -368,8 +368,8 @@ fn best_match(
         }
     }
     if !quick {
-        search.transform_differences();
         search.refine();
+        search.transform_differences();
     }
     Match { vector: search.best, cost: search.best_error }
 }

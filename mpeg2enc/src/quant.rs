@@ -181,16 +181,8 @@ impl Quantiser {
         };
         let mut levels = [0; 64];
         let zero = (zero_256ths << weights.shift) >> 8;
-        let filled_rows = kernel::divide(coefficients, &weights.reciprocal, zero, weights.shift, &mut levels);
-        let mut found = 0u64;
-        for y in places(filled_rows) {
-            for x in 0..8 {
-                let raster = 8 * y + x;
-                if levels[raster] != 0 {
-                    found |= 1 << self.places[raster];
-                }
-            }
-        }
+        let nonzero = kernel::divide(coefficients, &weights.reciprocal, zero, weights.shift, &mut levels);
+        let mut found = places(nonzero).fold(0u64, |found, raster| found | 1 << self.places[raster]);
         if kind == Kind::Intra {
             found &= !1;
         }

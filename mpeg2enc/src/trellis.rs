@@ -13,13 +13,13 @@ use crate::{
 /// A path that ends with a non-zero level, or before the first coefficient.
 #[derive(Clone, Copy)]
 struct Node {
-    /// Place after the level.
-    next: usize,
-    level: i32,
     /// Error saved against all zeros, and the price of the bits.
     cost: i64,
+    level: i32,
+    /// Place after the level.
+    next: u8,
     /// Index of the node before.
-    from: usize,
+    from: u8,
 }
 
 /// Gives `keep` the places and levels of a block that stay, the last first.
@@ -39,34 +39,35 @@ pub(crate) fn choose(
     // An empty inter block needs no End of block; an intra block has one in any case.
     let end_bits = if kind == Kind::Intra { 0 } else { i64::from(end_of_block_bits(table)) };
     let mut best_end = (0, 0);
-    let mut nodes = [Node { next: start, level: 0, cost: 0, from: 0 }; 65];
-    let mut alive = [0usize; 65];
+    let mut nodes = [Node { cost: 0, level: 0, next: start, from: 0 }; 65];
+    let mut alive = [0u8; 65];
     let mut alive_count = 1;
-    for (number, (i, magnitude, level)) in (1..).zip(nonzero) {
+    for (number, (i, magnitude, level)) in (1u8..).zip(nonzero) {
         let magnitude = i64::from(magnitude);
-        let mut best = Node { next: i + 1, level, cost: i64::MAX, from: 0 };
+        let mut best = Node { cost: i64::MAX, level, next: i as u8 + 1, from: 0 };
         for candidate in (level - 1).max(1)..=level {
             let error = magnitude - (i64::from(restore(i, candidate)) << COEFFICIENT_BITS);
             let saved = error * error - magnitude * magnitude;
             for &from in &alive[..alive_count] {
-                let run = i - nodes[from].next;
+                let node = &nodes[usize::from(from)];
+                let run = i - usize::from(node.next);
                 let bits = if kind == Kind::Inter && from == 0 {
                     first_coefficient_bits(run, candidate as u32)
                 } else {
                     coefficient_bits(table, run, candidate as u32)
                 };
-                let cost = nodes[from].cost + saved + lambda * i64::from(bits);
+                let cost = node.cost + saved + lambda * i64::from(bits);
                 if cost < best.cost {
                     best = Node { level: candidate, cost, from, ..best };
                 }
             }
         }
-        nodes[number] = best;
+        nodes[usize::from(number)] = best;
         if best.cost + end_bits * lambda < best_end.0 {
             best_end = (best.cost + end_bits * lambda, number);
         }
         // A later path that is cheaper has the shorter run as well: the dearer ones cannot win any more.
-        while alive_count > 0 && nodes[alive[alive_count - 1]].cost >= best.cost {
+        while alive_count > 0 && nodes[usize::from(alive[alive_count - 1])].cost >= best.cost {
             alive_count -= 1;
         }
         alive[alive_count] = number;
@@ -74,8 +75,9 @@ pub(crate) fn choose(
     }
     let mut node = best_end.1;
     while node != 0 {
-        keep(nodes[node].next - 1, nodes[node].level);
-        node = nodes[node].from;
+        let Node { next, level, from, .. } = nodes[usize::from(node)];
+        keep(usize::from(next) - 1, level);
+        node = from;
     }
 }
 

@@ -177,7 +177,7 @@ pub(crate) struct Spread {
 vectorised! {
     /// The spread of 16 rows of 16 vectors, which begin `stride` apart.
     fn spread, spread_plain(motion_px: &[[f32; 2]], stride: usize) -> Spread {
-        let (mut sum, mut least, mut most, mut known) = ([0; 8], [i32::MAX; 8], [i32::MIN; 8], [true; 8]);
+        let (mut sum, mut least, mut most, mut farthest) = ([0; 8], [i32::MAX; 8], [i32::MIN; 8], [0; 8]);
         for y in 0..16 {
             for four in motion_px[y * stride..][..16].as_flattened().as_chunks::<8>().0 {
                 for k in 0..8 {
@@ -185,7 +185,8 @@ vectorised! {
                     sum[k] = i32::wrapping_add(sum[k], part);
                     least[k] = least[k].min(part);
                     most[k] = most[k].max(part);
-                    known[k] &= four[k].abs() < FARTHEST_PX;
+                    // Magnitudes and their bits are in the same order, infinity and NaN last.
+                    farthest[k] = i32::max(farthest[k], four[k].abs().to_bits() as i32);
                 }
             }
         }
@@ -196,7 +197,7 @@ vectorised! {
             sum: fold(sum, i32::wrapping_add),
             least: fold(least, i32::min),
             most: fold(most, i32::max),
-            all_known: known == [true; 8],
+            all_known: farthest.iter().all(|&bits| bits < FARTHEST_PX.to_bits() as i32),
         }
     }
 }
