@@ -96,8 +96,9 @@ pub(crate) struct Estimate<'a> {
 const NEIGHBOURS: [(i32, i32); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 /// Steps of the search by whole samples.
 const DIAMOND: [(i32, i32); 4] = [(-2, 0), (2, 0), (0, -2), (0, 2)];
-/// A vector's differences are transformed if, as they are, they are less than this many eighths of the best one's.
-const WORTH_A_TRANSFORM_EIGHTHS: u64 = 9;
+/// A vector's differences are transformed if, as they are, they are less than this many eighths of the best one's. With 9
+/// it depends on where a search began which vectors are asked for, and with it where the search ends.
+const WORTH_A_TRANSFORM_EIGHTHS: u64 = 12;
 /// Both kinds of steps.
 const NEIGHBOURS_AND_DIAMOND: [(i32, i32); 12] = {
     let mut steps = [(0, 0); 12];
