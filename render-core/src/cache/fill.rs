@@ -3,7 +3,7 @@
 use super::record::{Illumination, Record, Site};
 use super::spacing::{clamp_to_neighbours, least_radius};
 use super::tile::{Tiles, weight_between};
-use super::{IrradianceCache, Picture};
+use super::{IrradianceCache, Picture, openness};
 use crate::Busy;
 use rayon::prelude::*;
 
@@ -37,7 +37,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
                 .zip(made..made.wrapping_add(sites.len() as u32))
                 .with_min_len(4)
                 .map_init(I::Scratch::default, |scratch, (site, number)| {
-                    busy.measure(|| Record::new(*site, illumination.compute(site, scratch), number, frame))
+                    let scale = openness::scale(site, picture.seen);
+                    busy.measure(|| Record::new(*site, scale, illumination.compute(site, scratch), number, frame))
                 })
                 .collect();
             self.made = made.wrapping_add(new.len() as u32);

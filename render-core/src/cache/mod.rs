@@ -12,10 +12,12 @@
 //! * The weight is `(1 − e²)²` of the error measure e and ends smoothly at e = 1, so that a record's border is no edge.
 //! * A record is made where the weights sum to less than a minimum, not where none is left. What a pass adds depends on
 //!   earlier passes alone, so the result does not depend on the number of threads.
+//! * A record serves places that are about as open as its own, by a few rays at each: see `openness.rs`.
 //! * The turn of the normal is accounted for exactly by the vector irradiance, as long as no light crosses the horizon.
 
 mod fill;
 mod interpolate;
+mod openness;
 mod record;
 mod spacing;
 mod tile;
@@ -26,6 +28,7 @@ pub use spacing::footprint;
 use crate::gbuffer::{GBuffer, NOTHING, PixelSurface};
 use crate::{Busy, MACROBLOCK};
 use glam::{Affine3A, Vec3A};
+use openness::Openness;
 use plane::Plane;
 use rayon::prelude::*;
 use record::Record;
@@ -50,6 +53,8 @@ pub struct IrradianceCache<R> {
     made: u32,
     /// Where the instances stood in the last frame.
     world: Vec<Affine3A>,
+    /// Of the last picture.
+    openness: Openness,
 }
 
 /// What is different from the frame before.
@@ -74,7 +79,8 @@ pub struct CachedLight {
 
 impl<R> Default for IrradianceCache<R> {
     fn default() -> Self {
-        Self { records: Vec::new(), frame: 0, changed: 0, made: 0, world: Vec::new() }
+        let openness = Openness::default();
+        Self { records: Vec::new(), frame: 0, changed: 0, made: 0, world: Vec::new(), openness }
     }
 }
 
@@ -91,8 +97,11 @@ impl<R: Send + Sync> IrradianceCache<R> {
         busy: &Busy,
     ) -> CachedLight {
         self.frame += 1;
-        let picture = Picture { seen, moving };
+        let bare = |x, y| bare_site(seen, moving, x, y);
+        let openness = Openness::new(seen, bare, &self.openness, illumination, busy);
+        let picture = Picture { seen, moving, openness: &openness };
         busy.measure(|| self.carry_along(seen));
+        openness::renew(&mut self.records, seen, illumination, busy);
         let mut tiles = Tiles::new(&picture, busy);
         let all: Vec<usize> = (0..self.records.len()).collect();
         tiles.list(&picture, &self.records, &all, busy);
@@ -108,6 +117,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.records[index].seen = self.frame;
         }
         self.forget();
+        self.openness = openness;
         CachedLight { irradiance, in_use, computed }
     }
 
@@ -120,7 +130,9 @@ impl<R: Send + Sync> IrradianceCache<R> {
         illumination: &I,
         busy: &Busy,
     ) -> CachedLight {
-        let picture = Picture { seen, moving };
+        let bare = |x, y| bare_site(seen, moving, x, y);
+        let openness = Openness::new(seen, bare, &Openness::default(), illumination, busy);
+        let picture = Picture { seen, moving, openness: &openness };
         let mut tiles = Tiles::new(&picture, busy);
         // What this frame has not brought up to date is light of another.
         let current: Vec<usize> =
@@ -229,6 +241,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
 struct Picture<'a> {
     seen: &'a GBuffer,
     moving: &'a [bool],
+    openness: &'a Openness,
 }
 
 impl Picture<'_> {
@@ -258,15 +271,21 @@ impl Picture<'_> {
 
     /// Where light is wanted at a pixel, if anything there reflects.
     fn site(&self, x: usize, y: usize) -> Option<Site> {
-        let pixel: PixelSurface = self.seen.pixels.get(x, y);
-        (pixel.instance != NOTHING && pixel.albedo != [0.0; 3]).then(|| Site {
-            position: pixel.position.into(),
-            normal: pixel.shading_normal.into(),
-            geometric_normal: pixel.geometric_normal.into(),
-            carrier: if self.moving[pixel.instance as usize] { pixel.instance } else { NOTHING },
-            key: (y as u64) << 32 | x as u64,
-        })
+        bare_site(self.seen, self.moving, x, y).map(|site| Site { openness: self.openness.get(x, y), ..site })
     }
+}
+
+/// As [`Picture::site`], open whatever is around.
+fn bare_site(seen: &GBuffer, moving: &[bool], x: usize, y: usize) -> Option<Site> {
+    let pixel: PixelSurface = seen.pixels.get(x, y);
+    (pixel.instance != NOTHING && pixel.albedo != [0.0; 3]).then(|| Site {
+        position: pixel.position.into(),
+        normal: pixel.shading_normal.into(),
+        geometric_normal: pixel.geometric_normal.into(),
+        carrier: if moving[pixel.instance as usize] { pixel.instance } else { NOTHING },
+        openness: openness::OPEN,
+        key: (y as u64) << 32 | x as u64,
+    })
 }
 
 #[cfg(test)]

@@ -13,6 +13,8 @@ pub struct Site {
     pub geometric_normal: Vec3A,
     /// The instance, if it is one that moves; else [`NOTHING`](crate::NOTHING).
     pub carrier: u32,
+    /// How open it is around: from 0 in a crack to 1 ([`Illumination::openness`]).
+    pub openness: f32,
     /// For random numbers: it stays with a record for life.
     pub key: u64,
 }
@@ -55,6 +57,17 @@ pub trait Illumination: Sync {
     /// The light at a `site` whose light was last known when `known` says; `None` when too much has changed near it, and it
     /// has to be computed.
     fn relight(&self, site: &Site, recipe: &mut Self::Recipe, known: Known) -> Option<Estimate>;
+
+    /// Mean of d / (d + `scale`) over cosine-distributed directions from `site`, in each of which something is d away:
+    /// alike at places that are alike, so with directions that follow from the normal alone. `scale` is in metres.
+    fn openness(&self, _site: &Site, _scale: f32) -> f32 {
+        1.0
+    }
+
+    /// Whether [`Illumination::openness`] is certain to be next to what it was in the frame before.
+    fn is_undisturbed(&self, _site: &Site, _scale: f32) -> bool {
+        false
+    }
 }
 
 /// When the light of a record was last up to date.
@@ -75,6 +88,8 @@ pub(super) struct Record<R> {
     pub radius: f32,
     /// The most that its neighbours allowed when it was made \[m\].
     pub radius_by_neighbours: f32,
+    /// What [`Illumination::openness`] was asked with \[m\].
+    pub scale: f32,
     /// Which one it was ever made.
     pub number: u32,
     /// Whether it was carried along since it was last brought up to date.
@@ -86,7 +101,7 @@ pub(super) struct Record<R> {
 }
 
 impl<R> Record<R> {
-    pub fn new(site: Site, (estimate, recipe): (Estimate, R), number: u32, frame: u32) -> Self {
+    pub fn new(site: Site, scale: f32, (estimate, recipe): (Estimate, R), number: u32, frame: u32) -> Self {
         let radius = super::spacing::radius(&estimate);
         Self {
             site,
@@ -94,6 +109,7 @@ impl<R> Record<R> {
             recipe,
             radius,
             radius_by_neighbours: f32::INFINITY,
+            scale,
             number,
             carried: false,
             current: frame,

@@ -189,6 +189,87 @@ fn other_surfaces_have_records_of_their_own() {
     }
 }
 
+/// Light that depends on the place alone, in steps that neither position nor normal tell of.
+struct Groove {
+    openness: f32,
+}
+
+impl Groove {
+    /// One pixel wide, and so shallow that records beside it would count for it.
+    const DEPTH: f32 = 0.005;
+    const LIGHT: f32 = 0.1;
+
+    fn has(x: f32) -> bool {
+        (0.0..2.0 / SIDE as f32).contains(&x)
+    }
+}
+
+impl Illumination for Groove {
+    type Recipe = ();
+    type Scratch = ();
+
+    fn compute(&self, site: &Site, (): &mut ()) -> (Estimate, ()) {
+        let estimate = Estimate {
+            irradiance: Vec3::splat(if site.position.y < 0.0 { Self::LIGHT } else { 1.0 }),
+            by_normal: Mat3A::ZERO,
+            by_position: Mat3A::ZERO,
+            harmonic_mean: 1.0,
+            nearest: 1.0,
+        };
+        (estimate, ())
+    }
+
+    fn relight(&self, _: &Site, (): &mut (), _: Known) -> Option<Estimate> {
+        None
+    }
+
+    fn openness(&self, site: &Site, _: f32) -> f32 {
+        if site.position.y < 0.0 { self.openness } else { 1.0 }
+    }
+}
+
+/// A dark groove among light is as dark as it is where it is less open, and takes the light beside it where it is not.
+#[test]
+fn a_groove_keeps_its_own_light() {
+    let mut seen = floor(|_| ());
+    for pixel in seen.pixels.samples_mut().iter_mut().filter(|pixel| Groove::has(pixel.position[0])) {
+        pixel.position[1] -= Groove::DEPTH;
+    }
+    let wrong = |openness| {
+        let groove = Groove { openness };
+        let lit = IrradianceCache::default().light(&seen, &[false, true], NO_NEWS, &groove, &Busy::default());
+        let expected = |pixel: &PixelSurface| if Groove::has(pixel.position[0]) { Groove::LIGHT } else { 1.0 };
+        let pairs = lit.irradiance.samples().iter().zip(seen.pixels.samples());
+        pairs.filter(|(e, pixel)| (e[0] - expected(pixel)).abs() > 1e-5).count()
+    };
+    assert_eq!(wrong(0.5), 0);
+    assert!(wrong(1.0) > SIDE / 2, "the same without openness");
+}
+
+/// The openness of what is seen from far nearer than before is asked for again; that of open floor never is.
+#[test]
+fn openness_follows_the_picture() {
+    let mut seen = floor(|_| ());
+    for pixel in seen.pixels.samples_mut().iter_mut().filter(|pixel| Groove::has(pixel.position[0])) {
+        pixel.position[1] -= Groove::DEPTH;
+    }
+    let mut cache = IrradianceCache::default();
+    let groove = Groove { openness: 0.5 };
+    cache.light(&seen, &[false, true], NO_NEWS, &groove, &Busy::default());
+    let openness = |cache: &IrradianceCache<()>| -> Vec<f32> {
+        cache.records.iter().filter(|record| record.site.position.y < 0.0).map(|record| record.site.openness).collect()
+    };
+    assert!(!openness(&cache).is_empty() && openness(&cache).iter().all(|&o| o == 0.5));
+    let above = Affine3A::from_rotation_translation(
+        glam::Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2),
+        Vec3::new(0.0, 5.0, 0.0),
+    );
+    seen.view = View::new(above, Projection::Orthographic { ymag: 0.5 }, SIDE, SIDE);
+    openness::renew(&mut cache.records, &seen, &Groove { openness: 0.7 }, &Busy::default());
+    assert!(openness(&cache).iter().all(|&o| o == 0.7));
+    assert!(cache.records.iter().filter(|r| r.site.position.y == 0.0).all(|r| r.site.openness == 1.0));
+}
+
 /// Without news nothing is computed; with news of light all is lit again, at once and exactly as if new.
 #[test]
 fn light_that_changes_is_followed_at_once() {

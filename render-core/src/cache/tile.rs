@@ -7,8 +7,10 @@ use crate::accel::lanes::{Choice, Kernel, LANES, Lanes};
 use crate::{Busy, MACROBLOCK};
 use rayon::prelude::*;
 
-/// 1 − cos of the largest angle between the normals of a record and of a pixel that uses it: 28°.
-pub(super) const NORMAL_TOLERANCE: f32 = 0.12;
+/// 1 − cos of the largest angle between the normals of a record and of a pixel that uses it: 37°.
+pub(super) const NORMAL_TOLERANCE: f32 = 0.2;
+/// Difference of openness at which a record is no use. In a simulation of `nave` 0.2 brings 5 % more records and 6 % less error.
+const OPENNESS_TOLERANCE: f32 = 0.25;
 /// Distances along the normal count so many times as much: a step is another surface.
 const ACROSS: f32 = 5.0;
 
@@ -30,6 +32,7 @@ struct Group {
     normal: [[f32; LANES]; 3],
     inverse_radius2: [f32; LANES],
     carrier: [u32; LANES],
+    openness: [f32; LANES],
 }
 
 impl Group {
@@ -39,13 +42,15 @@ impl Group {
         normal: [[0.0; LANES]; 3],
         inverse_radius2: [1.0; LANES],
         carrier: [0; LANES],
+        openness: [0.0; LANES],
     };
 
     /// e² of each record at `site`:
     ///
     /// ```text
-    /// e² = (|d|² + k² (d · n̄)²) / R² + (1 − n · nᵢ) / c
+    /// e² = (|d|² + k² (d · n̄)²) / R² + (1 − n · nᵢ) / c + (o − oᵢ)² / t²
     ///   d  way from the record        n̄  mean of the two normals        k  ACROSS     c  NORMAL_TOLERANCE
+    ///   o  openness                                                                   t  OPENNESS_TOLERANCE
     /// ```
     #[inline(always)]
     fn error2(&self, site: &Site) -> [f32; LANES] {
@@ -60,8 +65,10 @@ impl Group {
                 cosine += n[axis] * self.normal[axis][k];
             }
             let other = if self.carrier[k] == site.carrier { 0.0 } else { 2.0 };
+            let opener = (site.openness - self.openness[k]) * (1.0 / OPENNESS_TOLERANCE);
             *error2 = (d2 + ACROSS * ACROSS / 4.0 * along * along) * self.inverse_radius2[k]
                 + (1.0 - cosine) * (1.0 / NORMAL_TOLERANCE)
+                + opener * opener
                 + other;
         }
         error2
@@ -90,6 +97,7 @@ impl Group {
         }
         self.inverse_radius2[lane] = 1.0 / (radius * radius).max(f32::MIN_POSITIVE);
         self.carrier[lane] = site.carrier;
+        self.openness[lane] = site.openness;
     }
 }
 
@@ -260,7 +268,7 @@ impl Tiles {
     pub fn list<R: Sync + Send>(&mut self, picture: &Picture, records: &[Record<R>], chosen: &[usize], busy: &Busy) {
         let reach = |&index: &usize| {
             let radius = radius_in_view(&records[index], picture);
-            (index, radius, trust(&records[index].estimate, radius))
+            (index, radius, trust(&records[index].estimate, records[index].radius, radius))
         };
         let spheres: Vec<(usize, f32, f32)> = busy.measure(|| chosen.iter().map(reach).collect());
         // A row of tiles first rules out what none of them needs.

@@ -205,6 +205,14 @@ impl Illumination for Cuts<'_> {
         self.transport.figures.count_rays(rays);
         Some(self.estimate(&receiver, recipe))
     }
+
+    fn openness(&self, site: &Site, scale: f32) -> f32 {
+        self.transport.openness(&self.receiver(site), scale)
+    }
+
+    fn is_undisturbed(&self, site: &Site, scale: f32) -> bool {
+        site.carrier == NOTHING && self.swept.iter().all(|thing| thing.distance2(site.position) > scale * scale)
+    }
 }
 
 impl Recipe {

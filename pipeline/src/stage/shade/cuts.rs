@@ -7,6 +7,7 @@ use glam::{Vec3, Vec3A};
 use lighttree::{Light, Stop};
 use perceptual::ThresholdMap;
 use plane::Plane;
+use render_core::sampling::{concentric_disc, frame, sobol_point};
 use render_core::{Accelerator, Directions, GBuffer, PACKET, PixelSurface, Receiver, Surroundings, luminance};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
@@ -15,6 +16,9 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 const LOOKS: usize = 64;
 /// The same where every light is asked: the noise of 64 would be a tenth of a reference's error, and its cost is small beside theirs.
 const LOOKS_OF_ALL_LIGHTS: usize = 256;
+
+/// Rays that feel how open a pixel is. On `nave`, 32 instead leave a twentieth less error.
+const FEELERS: usize = 16;
 
 /// A frame whose indirect light is asked for, from many threads at once.
 pub(super) struct LightTransport<'a> {
@@ -29,6 +33,8 @@ pub(super) struct LightTransport<'a> {
     pub compensates: bool,
     pub figures: &'a Figures,
     directions: Directions,
+    /// Cosine-distributed about +z.
+    feelers: [Vec3; FEELERS],
 }
 
 impl<'a> LightTransport<'a> {
@@ -42,7 +48,11 @@ impl<'a> LightTransport<'a> {
     ) -> Self {
         let all_lights = settings.lighting == Lighting::AllLights;
         let directions = Directions::new(if all_lights { LOOKS_OF_ALL_LIGHTS } else { LOOKS });
-        Self { settings, prepared, map, seen, direct, compensates, figures, directions }
+        let feelers = std::array::from_fn(|i| {
+            let p = concentric_disc(sobol_point(i as u64));
+            p.extend((1.0 - p.length_squared()).max(0.0).sqrt())
+        });
+        Self { settings, prepared, map, seen, direct, compensates, figures, directions, feelers }
     }
 
     /// Whether light from `lamp` arrives at `receiver`.
@@ -69,6 +79,22 @@ impl<'a> LightTransport<'a> {
     pub fn look_around(&self, receiver: &Receiver, key: u64) -> Surroundings {
         let Prepared { accelerator, surfaces, gather, .. } = self.prepared;
         gather.look_around(accelerator, surfaces, receiver, &self.directions, key)
+    }
+
+    /// Mean of d / (d + `scale`) for the distances d of what is around; the same directions about the same normal.
+    pub fn openness(&self, receiver: &Receiver, scale: f32) -> f32 {
+        let normal = Vec3::from(receiver.normal);
+        let (x, y) = frame(normal);
+        let (mut sum, mut count) = (0.0, 0);
+        for local in &self.feelers {
+            let direction = Vec3A::from(x * local.x + y * local.y + normal * local.z);
+            if direction.dot(receiver.geometric_normal) > 0.0 {
+                let met = self.prepared.accelerator.closest(receiver.position, direction);
+                sum += met.map_or(1.0, |hit| hit.distance / (hit.distance + scale));
+                count += 1;
+            }
+        }
+        if count == 0 { 1.0 } else { sum / count as f32 }
     }
 
     /// The absolute threshold of a pixel, if it has one \[W·m⁻²·sr⁻¹\].
