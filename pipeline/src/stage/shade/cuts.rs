@@ -17,7 +17,7 @@ const LOOKS: usize = 64;
 /// The same where every light is asked: the noise of 64 would be a tenth of a reference's error, and its cost is small beside theirs.
 const LOOKS_OF_ALL_LIGHTS: usize = 256;
 
-/// Rays that feel how open a pixel is. On `nave`, 32 instead leave a twentieth less error.
+/// Rays that feel how open a pixel is. In a simulation of `nave`, 32 leave 3 % less error.
 const FEELERS: usize = 16;
 
 /// A frame whose indirect light is asked for, from many threads at once.
