@@ -8,12 +8,13 @@
 //! ```
 //!
 //! runs from 0 in a crack to 1 in the open, smoothly. Places of different openness are no neighbours: see
-//! [`OPENNESS_TOLERANCE`](super::tile). Where the surface goes on evenly around a pixel as far as the picture shows, it is
+//! `OPENNESS_TOLERANCE` in `tile.rs`. Where the surface goes on evenly around a pixel as far as the picture shows, it is
 //! taken as open, without a ray.
 
 use super::record::{Illumination, Record, Site};
 use super::spacing::pixel_width;
 use crate::gbuffer::{GBuffer, NOTHING};
+use crate::scene::View;
 use crate::{Busy, MACROBLOCK};
 use glam::Vec3A;
 use plane::Plane;
@@ -32,20 +33,49 @@ const OTHER_SCALE: f32 = 1.25;
 /// What is open all around.
 pub(super) const OPEN: f32 = 1.0;
 
-/// The openness of every pixel, and the places it is of.
-pub(super) struct Openness(Plane<(Vec3A, f32)>);
+/// How far from a pixel's place, along its surface and off it, what was felt in an earlier picture holds \[pixels\]. Openness
+/// changes over [`SCALE`] of them.
+const STILL_HOLDS: f32 = 1.0;
+const STILL_HOLDS_OFF_PLANE: f32 = 0.25;
 
-const NOWHERE: (Vec3A, f32) = (Vec3A::NAN, OPEN);
+/// The openness of every pixel.
+#[derive(Default)]
+pub(super) struct Openness {
+    pixels: Plane<Felt>,
+    /// How they were seen; none before the first picture.
+    view: Option<View>,
+}
 
-impl Default for Openness {
+/// What rays felt.
+#[derive(Clone, Copy, Debug)]
+struct Felt {
+    /// Where, though perhaps for an earlier picture; NaN where nothing was looked for.
+    position: Vec3A,
+    openness: f32,
+    /// D \[m\].
+    scale: f32,
+}
+
+impl Default for Felt {
     fn default() -> Self {
-        Self(Plane::filled(0, 0, NOWHERE))
+        Self { position: Vec3A::NAN, openness: OPEN, scale: 0.0 }
+    }
+}
+
+impl Felt {
+    /// Whether it tells how open `site` is, with D = `scale`.
+    fn holds_at(&self, site: &Site, scale: f32) -> bool {
+        let (way, pixel) = (self.position - site.position, scale / SCALE);
+        // False for NaN.
+        way.length_squared() <= (STILL_HOLDS * pixel).powi(2)
+            && way.dot(site.geometric_normal).abs() <= STILL_HOLDS_OFF_PLANE * pixel
+            && is_alike(scale / self.scale)
     }
 }
 
 impl Openness {
-    /// Of the picture `seen`, whose sites are `site(x, y)`. What is known from `before` is taken from there, for pixels that
-    /// see the same point, where `illumination` finds their surroundings undisturbed.
+    /// Of the picture `seen`, whose sites are `site(x, y)`. What is known from `before` is taken from there, for pixels whose
+    /// place is less than a pixel from where it was felt, and where `illumination` finds the surroundings undisturbed.
     pub fn new<I: Illumination>(
         seen: &GBuffer,
         site: impl Fn(usize, usize) -> Option<Site> + Sync,
@@ -54,37 +84,45 @@ impl Openness {
         busy: &Busy,
     ) -> Self {
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
-        let comparable = (before.0.width(), before.0.height()) == (width, height);
         let openness = |x: usize, y: usize| {
             // What glows outshines what it reflects.
             let site = site(x, y).filter(|_| seen.pixels.get(x, y).emission == [0.0; 3]);
-            let Some(site) = site else { return NOWHERE };
+            let Some(site) = site else { return Felt::default() };
             if goes_on_evenly(seen, x, y) {
-                return (site.position, OPEN);
+                return Felt::default();
             }
             let scale = scale(&site, seen);
-            if comparable {
-                let (position, known) = before.0.get(x, y);
-                if position == site.position && known != OPEN && illumination.is_undisturbed(&site, scale) {
-                    return (position, known);
-                }
-            }
-            (site.position, illumination.openness(&site, scale))
+            let known = before.at(site.position).filter(|felt| felt.holds_at(&site, scale));
+            known.filter(|_| illumination.is_undisturbed(&site, scale)).unwrap_or_else(|| Felt {
+                position: site.position,
+                openness: illumination.openness(&site, scale),
+                scale,
+            })
         };
-        let mut plane = Plane::filled(width, height, NOWHERE);
-        plane.samples_mut().par_chunks_mut((MACROBLOCK * width).max(1)).enumerate().for_each(|(strip, samples)| {
+        let mut pixels = Plane::filled(width, height, Felt::default());
+        pixels.samples_mut().par_chunks_mut((MACROBLOCK * width).max(1)).enumerate().for_each(|(strip, samples)| {
             busy.measure(|| {
                 for (k, sample) in samples.iter_mut().enumerate() {
                     *sample = openness(k % width, strip * MACROBLOCK + k / width);
                 }
             });
         });
-        Self(plane)
+        Self { pixels, view: Some(seen.view) }
+    }
+
+    /// What was felt for the pixel that a point falls on.
+    fn at(&self, point: Vec3A) -> Option<Felt> {
+        let (place, _) = self.view.as_ref()?.project(point)?;
+        let inside = place.x >= 0.0
+            && place.y >= 0.0
+            && place.x < self.pixels.width() as f32
+            && place.y < self.pixels.height() as f32;
+        inside.then(|| self.pixels.get(place.x as usize, place.y as usize))
     }
 
     /// At a pixel, 0…1.
     pub fn get(&self, x: usize, y: usize) -> f32 {
-        self.0.get(x, y).1
+        self.pixels.get(x, y).openness
     }
 }
 
@@ -101,15 +139,20 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
             return;
         }
         let scale = scale(&record.site, seen);
-        let ratio = scale / record.scale;
-        let alike = (OTHER_SCALE.recip()..OTHER_SCALE).contains(&ratio);
         // Out of sight it may stay what it was.
-        if scale > 0.0 && !(alike && !record.carried && illumination.is_undisturbed(&record.site, scale)) {
+        if scale > 0.0
+            && !(is_alike(scale / record.scale) && !record.carried && illumination.is_undisturbed(&record.site, scale))
+        {
             record.site.openness = illumination.openness(&record.site, scale);
             record.scale = scale;
         }
     };
     records.par_chunks_mut(super::CHUNK).for_each(|records| busy.measure(|| records.iter_mut().for_each(renew)));
+}
+
+/// Whether openness for two distances D of this ratio is about the same.
+fn is_alike(ratio: f32) -> bool {
+    (OTHER_SCALE.recip()..OTHER_SCALE).contains(&ratio)
 }
 
 /// D at a site \[m\].
