@@ -23,7 +23,7 @@ use rayon::prelude::*;
 /// Distance of what halves the light of a direction \[pixels\]. From 8 to 32 the simulated error on `nave` is the same to 3 %.
 const SCALE: f32 = 16.0;
 /// Pixels whose surfaces have to continue that of the pixel between them, for it to count as open: so far to all sides.
-const LOOKED_AT: [isize; 2] = [1, 3];
+const LOOKED_AT: [usize; 2] = [3, 1];
 /// Sine of the angle by which they may lie off its plane, and cosine between the normals of both.
 const OFF_PLANE: f32 = 0.05;
 const ALIKE_COSINE: f32 = 0.98;
@@ -162,18 +162,20 @@ pub(super) fn scale(site: &Site, seen: &GBuffer) -> f32 {
 
 /// Whether the surface of a pixel goes on evenly around it, as far as the picture shows.
 fn goes_on_evenly(seen: &GBuffer, x: usize, y: usize) -> bool {
-    let pixel = seen.pixels.get(x, y);
+    let (width, height) = (seen.pixels.width(), seen.pixels.height());
+    let samples = seen.pixels.samples();
+    let pixel = &samples[y * width + x];
     let (position, normal) = (Vec3A::from(pixel.position), Vec3A::from(pixel.geometric_normal));
-    let goes_on = |dx: isize, dy: isize| {
-        let (Some(u), Some(v)) = (x.checked_add_signed(dx), y.checked_add_signed(dy)) else { return true };
-        if u >= seen.pixels.width() || v >= seen.pixels.height() {
-            return true;
-        }
-        let other = seen.pixels.get(u, v);
+    let goes_on = |u: usize, v: usize| {
+        let other = &samples[v * width + u];
         let way = Vec3A::from(other.position) - position;
         other.instance != NOTHING
             && normal.dot(other.geometric_normal.into()) > ALIKE_COSINE
-            && way.dot(normal).abs() <= OFF_PLANE * way.length()
+            && way.dot(normal).powi(2) <= OFF_PLANE * OFF_PLANE * way.length_squared()
     };
-    LOOKED_AT.iter().all(|&r| [-r, 0, r].iter().all(|&dy| [-r, 0, r].iter().all(|&dx| goes_on(dx, dy))))
+    LOOKED_AT.iter().all(|&r| {
+        // Beyond the border nobody knows better.
+        let rows = [y.wrapping_sub(r), y, y + r].into_iter().filter(|&v| v < height);
+        rows.into_iter().all(|v| [x.wrapping_sub(r), x, x + r].into_iter().all(|u| u >= width || goes_on(u, v)))
+    })
 }
