@@ -1,5 +1,7 @@
 //! New records where a picture needs them, coarse to fine.
 
+use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
+use super::predict::{Prediction, predictions};
 use super::record::{Illumination, Record, Site};
 use super::spacing::{clamp_to_neighbours, least_radius};
 use super::tile::{Tiles, weight_between};
@@ -14,62 +16,128 @@ const COVERED: f32 = 0.3;
 /// Pixels around a candidate in which another can cover it, at the least radius and seen face on.
 const NEIGHBOURHOOD: usize = 3;
 
+/// Times that new records are held against their neighbours.
+const DOUBTS: usize = 3;
+
 impl<R: Send + Sync> IrradianceCache<R> {
-    /// Adds records until every pixel of the picture is covered; returns how many.
-    ///
-    /// Each pass asks which pixels of its lattice the records of the passes before leave bare, and gives them records of
-    /// their own, but for those that a neighbour of the same pass is certain to cover. So the last pass leaves none.
+    /// Adds records until every pixel of the picture is covered and none is contradicted; returns how many, and what the
+    /// listed ones predict. Those listed at the places `carried` may fit in no longer.
     pub(super) fn fill<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &Picture,
         tiles: &mut Tiles,
+        carried: Vec<usize>,
         illumination: &I,
         busy: &Busy,
-    ) -> usize {
-        let first = self.records.len();
-        for step in STEPS {
-            let bare = bare_pixels(picture, tiles, step, busy);
-            let sites = busy.measure(|| thinned(picture, bare));
-            let before = self.records.len();
-            let (frame, made) = (self.frame, self.made);
-            let new: Vec<Record<R>> = sites
-                .par_iter()
-                .zip(made..made.wrapping_add(sites.len() as u32))
-                .with_min_len(4)
-                .map_init(I::Scratch::default, |scratch, (site, number)| {
-                    let scale = openness::scale(site, picture.seen);
-                    busy.measure(|| Record::new(*site, scale, illumination.compute(site, scratch), number, frame))
-                })
-                .collect();
-            self.made = made.wrapping_add(new.len() as u32);
-            self.records.extend(new);
-            busy.measure(|| clamp_to_neighbours(&mut self.records, before));
-            let added: Vec<usize> = (before..self.records.len()).collect();
-            tiles.list(picture, &self.records, &added, busy);
+    ) -> (usize, Vec<(Prediction, f32)>) {
+        let (first, first_place) = (self.records.len(), tiles.listed.len());
+        if !carried.is_empty() {
+            self.doubt(picture, tiles, &carried, busy);
+            tiles.list_again(picture, &self.records, 0, busy);
         }
-        self.records.len() - first
+        let mut bare = vec![true; tiles.all.len()];
+        for doubts_left in (0..=DOUBTS).rev() {
+            let place = tiles.listed.len();
+            self.cover(picture, tiles, &bare, illumination, busy);
+            if doubts_left == 0 || tiles.listed.len() == place {
+                break;
+            }
+            // The newest are not yet known to fit in.
+            self.doubt(picture, tiles, &Vec::from_iter(place..tiles.listed.len()), busy);
+            bare = tiles.list_again(picture, &self.records, place, busy);
+        }
+        let unsettled: Vec<usize> = carried.into_iter().chain(first_place..tiles.listed.len()).collect();
+        if !unsettled.is_empty() {
+            let contradicted = contradicted_pixels(picture, tiles, &self.records, &unsettled, busy);
+            self.make(picture, tiles, contradicted, LEAST_SHARE, illumination, busy);
+            // What no pixel takes light from is not known in the next frame, where the same is to come out.
+            tiles.keep_used(picture, &self.records, first_place, busy);
+        }
+        (self.records.len() - first, predictions(picture, tiles, &self.records, 0..tiles.listed.len(), busy))
+    }
+
+    /// Holds the records listed at these `places` against their neighbours.
+    pub(super) fn doubt(&mut self, picture: &Picture, tiles: &Tiles, places: &[usize], busy: &Busy) {
+        let tolerances = Tolerances::of(tiles, &self.records);
+        let differences = predictions(picture, tiles, &self.records, places.par_iter().copied(), busy);
+        for (&place, (_, difference)) in places.iter().zip(differences) {
+            let record = &mut self.records[tiles.listed[place] as usize];
+            record.share = record.share.min(tolerances.share(record, difference));
+        }
+    }
+
+    /// Adds records until every pixel of the `bare` tiles is covered.
+    ///
+    /// Each pass asks which pixels of its lattice the records of the passes before leave bare, and gives them records of
+    /// their own, but for those that a neighbour of the same pass is certain to cover. So the last pass leaves none.
+    fn cover<I: Illumination<Recipe = R>>(
+        &mut self,
+        picture: &Picture,
+        tiles: &mut Tiles,
+        bare: &[bool],
+        illumination: &I,
+        busy: &Busy,
+    ) {
+        for step in STEPS {
+            let pixels = bare_pixels(picture, tiles, bare, step, busy);
+            self.make(picture, tiles, pixels, 1.0, illumination, busy);
+        }
+    }
+
+    /// Makes records at those of `pixels` that no other of them is certain to cover, with this `share` of their radii, and
+    /// lists them.
+    fn make<I: Illumination<Recipe = R>>(
+        &mut self,
+        picture: &Picture,
+        tiles: &mut Tiles,
+        pixels: Vec<(usize, usize)>,
+        share: f32,
+        illumination: &I,
+        busy: &Busy,
+    ) {
+        let sites = busy.measure(|| thinned(picture, pixels));
+        let before = self.records.len();
+        let (frame, made) = (self.frame, self.made);
+        let record = |scratch: &mut I::Scratch, site: &Site, number: u32| {
+            let scale = openness::scale(site, picture.seen);
+            let record = Record::new(*site, scale, illumination.compute(site, scratch), number, frame);
+            Record { share, ..record }
+        };
+        let new: Vec<Record<R>> = sites
+            .par_iter()
+            .zip(made..made.wrapping_add(sites.len() as u32))
+            .with_min_len(4)
+            .map_init(I::Scratch::default, |scratch, (site, number)| busy.measure(|| record(scratch, site, number)))
+            .collect();
+        self.made = made.wrapping_add(new.len() as u32);
+        self.records.extend(new);
+        busy.measure(|| clamp_to_neighbours(&mut self.records, before));
+        tiles.list(picture, &self.records, before..self.records.len(), busy);
     }
 }
 
-/// Pixels of the lattice of this step that no record covers, in raster order of tiles and within them.
-fn bare_pixels(picture: &Picture, tiles: &Tiles, step: usize, busy: &Busy) -> Vec<(usize, usize)> {
+/// Pixels of the lattice of this step that no record covers, in raster order of the tiles that may be `bare` and within them.
+fn bare_pixels(picture: &Picture, tiles: &Tiles, bare: &[bool], step: usize, busy: &Busy) -> Vec<(usize, usize)> {
     let in_tile = |index: usize| {
+        let mut pixels = Vec::new();
+        if !bare[index] {
+            return pixels;
+        }
         let (columns, rows) = picture.tile_area(index);
         let on_lattice = |v: &usize| v % step == step / 2;
-        let mut bare = Vec::new();
         for y in rows.filter(on_lattice) {
             for x in columns.clone().filter(on_lattice) {
                 let Some(site) = picture.site(x, y) else { continue };
                 if !tiles.all[index].is_covered(tiles.lanes, &site, COVERED) {
-                    bare.push((x, y));
+                    pixels.push((x, y));
                 }
             }
         }
-        bare
+        pixels
     };
-    let bare: Vec<Vec<(usize, usize)>> =
+    let pixels: Vec<Vec<(usize, usize)>> =
         (0..tiles.all.len()).into_par_iter().map(|index| busy.measure(|| in_tile(index))).collect();
-    bare.concat()
+    pixels.concat()
 }
 
 /// The sites of `pixels`, without those that an earlier one covers whatever its radius turns out to be.

@@ -1,24 +1,24 @@
 //! Light between records.
 
 use super::Picture;
-use super::record::Record;
+use super::predict::Prediction;
 use super::tile::Tiles;
 use crate::Busy;
 use glam::Vec3A;
 use plane::Plane;
 use rayon::prelude::*;
 
-/// Irradiance of every pixel, and the records it came from, ascending.
-pub(super) fn picture<R: Send + Sync>(
+/// Irradiance of every pixel by what the listed records predict, and the records it came from, ascending.
+pub(super) fn picture(
     picture: &Picture,
     tiles: &Tiles,
-    records: &[Record<R>],
+    predictions: &[(Prediction, f32)],
     busy: &Busy,
 ) -> (Plane<[f32; 3]>, Vec<usize>) {
     let (width, height) = picture.size();
-    let lit: Vec<(Vec<[f32; 3]>, Vec<usize>)> = (0..tiles.all.len())
+    let lit: Vec<(Vec<[f32; 3]>, Vec<u32>)> = (0..tiles.all.len())
         .into_par_iter()
-        .map(|index| busy.measure(|| tile(picture, tiles, index, records)))
+        .map(|index| busy.measure(|| tile(picture, tiles, index, predictions)))
         .collect();
     let mut plane = Plane::filled(width, height, [0.0; 3]);
     let mut used = Vec::new();
@@ -29,15 +29,18 @@ pub(super) fn picture<R: Send + Sync>(
         }
         used.extend(of_tile);
     }
-    used.sort_unstable();
-    used.dedup();
-    (plane, used)
+    (plane, tiles.records(used))
 }
 
-fn tile<R>(picture: &Picture, tiles: &Tiles, index: usize, records: &[Record<R>]) -> (Vec<[f32; 3]>, Vec<usize>) {
+fn tile(
+    picture: &Picture,
+    tiles: &Tiles,
+    index: usize,
+    predictions: &[(Prediction, f32)],
+) -> (Vec<[f32; 3]>, Vec<u32>) {
     let tile = &tiles.all[index];
     let (columns, rows) = picture.tile_area(index);
-    let mut used = vec![false; tile.records.len()];
+    let mut used = vec![false; tile.candidates.len()];
     let mut light = Vec::with_capacity(columns.len() * rows.len());
     let mut weights = Vec::new();
     for y in rows {
@@ -50,13 +53,12 @@ fn tile<R>(picture: &Picture, tiles: &Tiles, index: usize, records: &[Record<R>]
             let (mut sum, mut whole) = (Vec3A::ZERO, 0.0);
             for &(k, weight) in &weights {
                 used[k] = true;
-                let (record, trust) = tile.records[k];
-                sum += records[record as usize].extrapolate(site.position, site.normal, trust) * weight;
+                sum += predictions[tile.candidates[k] as usize].0.at(&site) * weight;
                 whole += weight;
             }
             light.push((sum / whole.max(f32::MIN_POSITIVE)).to_array());
         }
     }
-    let used = tile.records.iter().zip(used).filter(|(_, used)| *used).map(|(&(record, _), _)| record as usize);
+    let used = tile.candidates.iter().zip(used).filter(|(_, used)| *used).map(|(&candidate, _)| candidate);
     (light, used.collect())
 }

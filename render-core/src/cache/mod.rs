@@ -5,19 +5,24 @@
 //! knowledge, behind [`Illumination`].
 //!
 //! A frame goes like this: records on moving things are carried along; the records that the picture needs are brought up
-//! to date; lattices of pixels, coarse to fine, are looked through for pixels that no record covers, and get one; at last
-//! every pixel is the weighted mean of the records around it.
+//! to date; lattices of pixels, coarse to fine, are looked through for pixels that no record covers, and get one; records and
+//! pixels where what is known is contradicted get more; at last every pixel is the weighted mean of what the records around it
+//! predict.
 //!
 //! # Differs from the papers
 //! * The weight is `(1 − e²)²` of the error measure e and ends smoothly at e = 1, so that a record's border is no edge.
 //! * A record is made where the weights sum to less than a minimum, not where none is left. What a pass adds depends on
 //!   earlier passes alone, so the result does not depend on the number of threads.
 //! * A record serves places that are about as open as its own, by a few rays at each: see `openness.rs`.
+//! * Derivatives by the position are fitted to neighbouring records, where these know better: see `predict.rs`. What the fit
+//!   leaves decides how far a record is used: see `doubt.rs`.
 //! * The turn of the normal is accounted for exactly by the vector irradiance, as long as no light crosses the horizon.
 
+mod doubt;
 mod fill;
 mod interpolate;
 mod openness;
+mod predict;
 mod record;
 mod spacing;
 mod tile;
@@ -103,15 +108,16 @@ impl<R: Send + Sync> IrradianceCache<R> {
         busy.measure(|| self.carry_along(seen));
         openness::renew(&mut self.records, seen, illumination, busy);
         let mut tiles = Tiles::new(&picture, busy);
-        let all: Vec<usize> = (0..self.records.len()).collect();
-        tiles.list(&picture, &self.records, &all, busy);
+        tiles.list(&picture, &self.records, 0..self.records.len(), busy);
         // What is hidden, or too far from every pixel, need not be known.
         let needed = tiles.in_use(&picture, busy);
+        let carried: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].carried).collect();
         let mut computed = self.bring_up_to_date(&needed, news, illumination, busy);
         tiles.clear();
-        tiles.list(&picture, &self.records, &needed, busy);
-        computed += self.fill(&picture, &mut tiles, illumination, busy);
-        let (irradiance, used) = interpolate::picture(&picture, &tiles, &self.records, busy);
+        tiles.list(&picture, &self.records, needed, busy);
+        let (made, predictions) = self.fill(&picture, &mut tiles, carried, illumination, busy);
+        computed += made;
+        let (irradiance, used) = interpolate::picture(&picture, &tiles, &predictions, busy);
         let in_use = used.len();
         for index in used {
             self.records[index].seen = self.frame;
@@ -135,11 +141,10 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let picture = Picture { seen, moving, openness: &openness };
         let mut tiles = Tiles::new(&picture, busy);
         // What this frame has not brought up to date is light of another.
-        let current: Vec<usize> =
-            (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed).collect();
-        tiles.list(&picture, &self.records, &current, busy);
-        let computed = self.fill(&picture, &mut tiles, illumination, busy);
-        let (irradiance, used) = interpolate::picture(&picture, &tiles, &self.records, busy);
+        let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
+        tiles.list(&picture, &self.records, current, busy);
+        let (computed, predictions) = self.fill(&picture, &mut tiles, Vec::new(), illumination, busy);
+        let (irradiance, used) = interpolate::picture(&picture, &tiles, &predictions, busy);
         let in_use = used.len();
         for index in used {
             self.records[index].seen = self.frame;
@@ -260,13 +265,17 @@ impl Picture<'_> {
     /// Whether the pixel that a place falls on shows the same surface, no farther than `apart` from it \[m\]; outside of the
     /// picture nobody knows better.
     fn shows(&self, site: &Site, apart: f32) -> bool {
-        let Some((place, _)) = self.seen.view.project(site.position) else { return true };
+        let Some((x, y)) = self.pixel_of(site) else { return true };
+        self.site(x, y)
+            .is_some_and(|shown| shown.carrier == site.carrier && shown.position.distance(site.position) < apart)
+    }
+
+    /// The pixel that a place falls on, if the picture has it.
+    fn pixel_of(&self, site: &Site) -> Option<(usize, usize)> {
+        let (place, _) = self.seen.view.project(site.position)?;
         let (width, height) = self.size();
-        if !(place.x >= 0.0 && place.y >= 0.0 && place.x < width as f32 && place.y < height as f32) {
-            return true;
-        }
-        let shown = self.site(place.x as usize, place.y as usize);
-        shown.is_some_and(|shown| shown.carrier == site.carrier && shown.position.distance(site.position) < apart)
+        let inside = place.x >= 0.0 && place.y >= 0.0 && place.x < width as f32 && place.y < height as f32;
+        inside.then_some((place.x as usize, place.y as usize))
     }
 
     /// Where light is wanted at a pixel, if anything there reflects.

@@ -42,6 +42,8 @@ pub struct Estimate {
     pub harmonic_mean: f32,
     /// Distance to the nearest of them \[m\]; may be infinite.
     pub nearest: f32,
+    /// Luminance of irradiance that may be wrong here before anybody minds \[W·m⁻²\].
+    pub tolerance: f32,
 }
 
 /// What knows the light at a place; asked from many threads at once.
@@ -88,6 +90,8 @@ pub(super) struct Record<R> {
     pub radius: f32,
     /// The most that its neighbours allowed when it was made \[m\].
     pub radius_by_neighbours: f32,
+    /// How much of its radius remains, 0…1, since its neighbours contradict what it predicts (`doubt.rs`).
+    pub share: f32,
     /// What [`Illumination::openness`] was asked with \[m\].
     pub scale: f32,
     /// Which one it was ever made.
@@ -109,6 +113,7 @@ impl<R> Record<R> {
             recipe,
             radius,
             radius_by_neighbours: f32::INFINITY,
+            share: 1.0,
             scale,
             number,
             carried: false,
@@ -127,13 +132,5 @@ impl<R> Record<R> {
     pub fn computed_afresh(&mut self, (estimate, recipe): (Estimate, R)) {
         self.relit(estimate);
         self.recipe = recipe;
-    }
-
-    /// Irradiance it predicts at a place nearby, with this much `trust` (0…1) in its derivatives.
-    #[inline]
-    pub fn extrapolate(&self, position: Vec3A, normal: Vec3A, trust: f32) -> Vec3A {
-        let Estimate { irradiance, by_normal, by_position, .. } = &self.estimate;
-        let change = *by_normal * (normal - self.site.normal) + *by_position * (position - self.site.position);
-        (Vec3A::from(*irradiance) + change * trust).max(Vec3A::ZERO)
     }
 }

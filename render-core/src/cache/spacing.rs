@@ -21,9 +21,11 @@ const KEPT_UP_BY_GRADIENT: f32 = 0.25;
 const LARGEST_TURN: f32 = 0.632;
 const _: () = assert!((LARGEST_TURN * LARGEST_TURN - 2.0 * NORMAL_TOLERANCE).abs() < 1e-3);
 /// Radius on the screen at least and at most \[pixels\] \[Tabellion04\].
-const ON_SCREEN: (f32, f32) = (5.0, 40.0);
+const ON_SCREEN: (f32, f32) = (8.0, 40.0);
 /// The least radius of a record to which something is nearer than that \[pixels\]: light must not leak past thin walls.
-const BESIDE_WALLS: f32 = 2.9;
+const BESIDE_WALLS: f32 = 4.0;
+/// What remains at least of a radius that is doubted \[pixels\].
+const DOUBTED: f32 = 2.2;
 
 /// Radius that the surroundings allow \[m\].
 pub(super) fn radius(estimate: &Estimate) -> f32 {
@@ -76,10 +78,9 @@ pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &Picture) -> f32 {
     let pixel = pixel_width(&record.site, &picture.seen.view);
     let beside_wall = record.estimate.nearest < BESIDE_WALLS * pixel;
     let least = pixel * if beside_wall { BESIDE_WALLS } else { ON_SCREEN.0 };
-    if record.radius < least && !picture.shows(&record.site, least) {
-        return record.radius;
-    }
-    record.radius.clamp(least, ON_SCREEN.1 * pixel)
+    let kept_up = record.radius >= least || picture.shows(&record.site, least);
+    let radius = if kept_up { record.radius.clamp(least, ON_SCREEN.1 * pixel) } else { record.radius };
+    (radius * record.share).max(radius.min(DOUBTED * pixel))
 }
 
 /// Neighbour clamping \[Krivanek08, section 4.3.2\]: what is near to one record is not much farther from the next, even if its

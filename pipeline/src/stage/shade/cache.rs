@@ -7,7 +7,7 @@ use lighttree::{Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop
 use plane::Plane;
 use render_core::cache::{CachedLight, Estimate, Illumination, IrradianceCache, Known, News, Site, footprint};
 use render_core::scene::{DeformedMesh, Scene};
-use render_core::{Anchor, Busy, GBuffer, NOTHING, PACKET, Receiver, Surroundings, luminance};
+use render_core::{Anchor, Busy, GBuffer, NOTHING, PACKET, PixelSurface, Receiver, Surroundings, luminance};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
@@ -291,7 +291,8 @@ impl Cuts<'_> {
             irradiance += removed;
             by_position += slope;
         }
-        Estimate { irradiance, by_normal, by_position, harmonic_mean, nearest }
+        let tolerance = recipe.threshold / FINENESS;
+        Estimate { irradiance, by_normal, by_position, harmonic_mean, nearest, tolerance }
     }
 
     /// When the cut of a record ends: at the Gaussian average of the thresholds over its footprint \[Herzog08, 4.3\], made
@@ -304,20 +305,24 @@ impl Cuts<'_> {
         let Some((center, _)) = seen.view.project(site.position) else { return relative(0.0) };
         let (width, height) = (seen.pixels.width() as i32, seen.pixels.height() as i32);
         let radius = footprint(site, surroundings.harmonic_mean, surroundings.nearest, &seen.view);
+        let alike = |place: glam::Vec2| {
+            let place = place.floor();
+            let (x, y) = (place.x as i32, place.y as i32);
+            let inside = x >= 0 && y >= 0 && x < width && y < height;
+            let (x, y) = inside.then_some((x as usize, y as usize))?;
+            let pixel = seen.pixels.get(x, y);
+            let alike = pixel.instance != NOTHING && site.normal.dot(pixel.shading_normal.into()) >= ALIKE_COSINE;
+            alike.then_some((x, y, pixel))
+        };
+        let glows = |pixel: &PixelSurface| pixel.emission != [0.0; 3];
+        // What glows says nothing about what is lit beside it, and outshines what it reflects itself.
+        let glows_here = alike(center).is_some_and(|(.., pixel)| glows(&pixel));
         let (mut sum, mut weights, mut known, mut known_weights) = (0.0, 0.0, 0.0, 0.0);
         let half = FOOTPRINT_POINTS / 2;
         for (i, j) in (-half..=half).flat_map(|j| (-half..=half).map(move |i| (i, j))) {
             let offset = glam::Vec2::new(i as f32, j as f32) / half as f32;
-            let place = (center + offset * radius).floor();
-            let (x, y) = (place.x as i32, place.y as i32);
-            if x < 0 || y < 0 || x >= width || y >= height {
-                continue;
-            }
-            let (x, y) = (x as usize, y as usize);
-            let pixel = seen.pixels.get(x, y);
-            // What glows says nothing about what is lit beside it.
-            let glows = pixel.emission != [0.0; 3];
-            if pixel.instance == NOTHING || glows || site.normal.dot(pixel.shading_normal.into()) < ALIKE_COSINE {
+            let Some((x, y, pixel)) = alike(center + offset * radius) else { continue };
+            if glows(&pixel) != glows_here {
                 continue;
             }
             let per_radiance = PI / luminance(pixel.albedo.into()).max(LEAST_REFLECTANCE);

@@ -17,9 +17,9 @@ const LOOKS: usize = 64;
 /// The same where every light is asked: the noise of 64 would be a tenth of a reference's error, and its cost is small beside theirs.
 const LOOKS_OF_ALL_LIGHTS: usize = 256;
 
-/// Rays that feel how open a pixel is. On `nave` 8 leave a tenth more error than 16 and need one record in a hundred more; in a
-/// simulation, 32 leave 3 % less than 16.
-const FEELERS: usize = 12;
+/// Rays that feel how open a pixel is. On `nave` 8 leave a tenth more error than 16 and need one record in a hundred more, 12 leave
+/// one in a hundred more; in a simulation, 32 leave 3 % less than 16.
+const FEELERS: usize = 16;
 
 /// A frame whose indirect light is asked for, from many threads at once.
 pub(super) struct LightTransport<'a> {
