@@ -109,6 +109,9 @@ const NEIGHBOURS_AND_DIAMOND: [(i32, i32); 12] = {
 };
 /// The most rounds of [`Search::settle`]: after two, searches from different vectors still end apart now and then.
 const SETTLED: usize = 4;
+/// Half samples that highlights and shadows are taken to move over a surface at most, whose own motion is known. Farther, the
+/// vectors of the picture before are those of other things.
+const LIGHT_MOVES: i32 = 8;
 /// Mean absolute difference a sample above which more is tried, and what each step of quantiser_scale adds in eighths:
 /// a coarse reference differs that much from its own source. Ours, tuned by the example `mpeg2enc`.
 const POOR_MATCH: u32 = 2;
@@ -151,8 +154,10 @@ impl Estimate<'_> {
         if search.best_error > poor / 4 {
             let columns = self.source.width() / 16;
             let neighbours = [Some(index), index.checked_sub(columns), Some(index + 1), Some(index + columns)];
-            for neighbour in neighbours.into_iter().flatten().filter(|_| !known) {
-                if let Some(&vector) = self.before.get(neighbour) {
+            let surface = search.best;
+            let over_it = |vector: HalfSample| (vector.x - surface.x).abs().max((vector.y - surface.y).abs());
+            for neighbour in neighbours.into_iter().flatten() {
+                if let Some(&vector) = self.before.get(neighbour).filter(|&&v| !known || over_it(v) <= LIGHT_MOVES) {
                     search.try_vector(vector);
                 }
             }
