@@ -8,8 +8,8 @@
 //! ```
 //!
 //! runs from 0 in a crack to 1 in the open, smoothly. Places of different openness are no neighbours: see
-//! `OPENNESS_TOLERANCE` in `tile.rs`. Where the surface goes on evenly around a pixel as far as the picture shows, it is
-//! taken as open, without a ray.
+//! `OPENNESS_TOLERANCE` in `tile.rs`. Where the picture shows nothing around a pixel that rises above its surface, it is taken
+//! as open, without a ray.
 
 use super::record::{Illumination, Record, Site};
 use super::spacing::pixel_width;
@@ -22,11 +22,13 @@ use rayon::prelude::*;
 
 /// Distance of what halves the light of a direction \[pixels\]. From 8 to 32 the simulated error on `nave` is the same to 3 %.
 const SCALE: f32 = 16.0;
-/// Pixels whose surfaces have to continue that of the pixel between them, for it to count as open: so far to all sides.
-const LOOKED_AT: [usize; 2] = [3, 1];
-/// Sine of the angle by which they may lie off its plane, and cosine between the normals of both.
-const OFF_PLANE: f32 = 0.05;
-const ALIKE_COSINE: f32 = 0.98;
+/// Pixels so far to all sides are looked at for what rises above the surface of the one between them. On `nave` 3 and 1 leave 1 %
+/// more error with 6 % more records, and 16, 6, 3 and 1 the same with 1 % fewer, for 7 % more rays.
+const LOOKED_AT: [usize; 3] = [10, 4, 1];
+/// Sine of the angle above the surface from which on it rises.
+const RISES: f32 = 0.05;
+/// Distance up to which it does, in distances D: beyond, it hides the less. With 2 it is 1 % more error on `nave`.
+const NEAR: f32 = 8.0;
 /// Ratio of distances D at which what was found for one is not taken for the other.
 const OTHER_SCALE: f32 = 1.25;
 
@@ -88,10 +90,11 @@ impl Openness {
             // What glows outshines what it reflects.
             let site = site(x, y).filter(|_| seen.pixels.get(x, y).emission == [0.0; 3]);
             let Some(site) = site else { return Felt::default() };
-            if goes_on_evenly(seen, x, y) {
+            let scale = || scale(&site, seen);
+            if !is_below_something(seen, x, y, scale) {
                 return Felt::default();
             }
-            let scale = scale(&site, seen);
+            let scale = scale();
             let known = before.at(site.position).filter(|felt| felt.holds_at(&site, scale));
             known.filter(|_| illumination.is_undisturbed(&site, scale)).unwrap_or_else(|| Felt {
                 position: site.position,
@@ -160,22 +163,24 @@ pub(super) fn scale(site: &Site, seen: &GBuffer) -> f32 {
     SCALE * pixel_width(site, &seen.view)
 }
 
-/// Whether the surface of a pixel goes on evenly around it, as far as the picture shows.
-fn goes_on_evenly(seen: &GBuffer, x: usize, y: usize) -> bool {
+/// Whether something that the picture shows around a pixel rises above its surface; `scale` is D there.
+fn is_below_something(seen: &GBuffer, x: usize, y: usize, scale: impl Fn() -> f32) -> bool {
     let (width, height) = (seen.pixels.width(), seen.pixels.height());
     let samples = seen.pixels.samples();
     let pixel = &samples[y * width + x];
     let (position, normal) = (Vec3A::from(pixel.position), Vec3A::from(pixel.geometric_normal));
-    let goes_on = |u: usize, v: usize| {
+    let rises = |u: usize, v: usize| {
         let other = &samples[v * width + u];
         let way = Vec3A::from(other.position) - position;
-        other.instance != NOTHING
-            && normal.dot(other.geometric_normal.into()) > ALIKE_COSINE
-            && way.dot(normal).powi(2) <= OFF_PLANE * OFF_PLANE * way.length_squared()
+        let (above, far2) = (way.dot(normal), way.length_squared());
+        // D takes longest to know.
+        above > 0.0
+            && above * above > RISES * RISES * far2
+            && other.instance != NOTHING
+            && far2 < (NEAR * scale()).powi(2)
     };
-    LOOKED_AT.iter().all(|&r| {
-        // Beyond the border nobody knows better.
-        let rows = [y.wrapping_sub(r), y, y + r].into_iter().filter(|&v| v < height);
-        rows.into_iter().all(|v| [x.wrapping_sub(r), x, x + r].into_iter().all(|u| u >= width || goes_on(u, v)))
+    LOOKED_AT.iter().any(|&r| {
+        let beside = |at: usize, end: usize| [at.wrapping_sub(r), at, at + r].into_iter().filter(move |&at| at < end);
+        beside(y, height).any(|v| beside(x, width).any(|u| rises(u, v)))
     })
 }

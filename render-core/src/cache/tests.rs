@@ -229,7 +229,8 @@ impl Illumination for Groove {
     }
 
     fn openness(&self, site: &Site, _: f32) -> f32 {
-        if site.position.y < 0.0 { self.openness } else { 1.0 }
+        assert!(site.position.y < 0.0, "nothing rises beside the rim: it is open without a ray");
+        self.openness
     }
 }
 
