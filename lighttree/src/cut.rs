@@ -15,6 +15,7 @@
 mod best_first;
 mod bundle;
 mod evaluate;
+mod group;
 mod halves;
 mod walk;
 
@@ -246,6 +247,18 @@ impl LightTree {
         }
         error_bound(receiver, receiver.position().into(), &Bounds::one(node), self.softening2)
     }
+}
+
+/// Four of them, the last repeated.
+#[inline(always)]
+fn padded(four: &[u32]) -> [u32; 4] {
+    std::array::from_fn(|k| four[k.min(four.len() - 1)])
+}
+
+/// Which of four are the repeated ones, as bits.
+#[inline(always)]
+fn missing(four: &[u32]) -> u32 {
+    0b1111 << four.len() & 0b1111
 }
 
 #[cfg(test)]

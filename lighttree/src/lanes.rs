@@ -1,13 +1,17 @@
-//! One number or four: bounds and estimates are written once and run for one cluster, or for four side by side.
+//! One number, four or eight: bounds and estimates are written once and run for one cluster, or for several side by side.
 //!
-//! Both kinds perform the same IEEE operations in the same order, none of them fused, so a lane of four has the bits
-//! that the one number has. `f32` is the scalar twin; [`Vec4`] is a vector register where the processor has any.
+//! All kinds perform the same IEEE operations in the same order, none of them fused, so a lane has the bits that the one
+//! number has. `f32` is the scalar twin; [`Vec4`] is a vector register where the processor has any; eight at once are
+//! [`avx2`]'s, for [`Kernel`]s whose operands lie side by side already.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use glam::{BVec4A, Mat4, Vec3, Vec4};
 
-/// Real numbers: one `f32`, or the four of a [`Vec4`].
+/// Real numbers: one `f32`, or the four of a [`Vec4`], or eight where [`LightTree`](crate::LightTree) computes with so many.
 pub trait Real:
     Copy
     + std::fmt::Debug
@@ -113,7 +117,79 @@ impl Real for Vec4 {
     }
 }
 
-/// Three coordinates, or red, green and blue, of one thing or of four.
+/// Eight numbers in memory.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(crate) struct Eight(pub [Vec4; 2]);
+
+/// What computes with [`Eight`]: all of them at once, or four by four.
+pub(crate) trait PartOfEight: Real {
+    /// How many fours it holds.
+    const FOURS: usize;
+    /// From the four at an index on.
+    fn load(eight: &Eight, at: usize) -> Self;
+    /// To where [`load`](PartOfEight::load) would take it from.
+    fn store(self, eight: &mut Eight, at: usize);
+
+    /// [`load`](PartOfEight::load) of three coordinates.
+    #[inline(always)]
+    fn load3(v: &Vector3<Eight>, at: usize) -> Vector3<Self> {
+        Vector3 { x: Self::load(&v.x, at), y: Self::load(&v.y, at), z: Self::load(&v.z, at) }
+    }
+}
+
+impl PartOfEight for Vec4 {
+    const FOURS: usize = 1;
+
+    #[inline(always)]
+    fn load(eight: &Eight, at: usize) -> Self {
+        eight.0[at]
+    }
+    #[inline(always)]
+    fn store(self, eight: &mut Eight, at: usize) {
+        eight.0[at] = self;
+    }
+}
+
+/// Work on numbers that lie by eights.
+///
+/// `run` and all that it calls with such numbers are `#[inline(always)]`: they become part of a function that is compiled
+/// for the processor's instructions, and are compiled for them with it.
+pub(crate) trait Kernel {
+    type Output;
+    fn run<F: PartOfEight>(self) -> Self::Output;
+}
+
+/// How many numbers to compute with at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Width {
+    Four,
+    #[cfg(target_arch = "x86_64")]
+    Eight(avx2::Avx2),
+}
+
+impl Width {
+    /// The most that this processor has instructions for.
+    #[inline]
+    pub fn best() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = avx2::Avx2::detect() {
+            return Self::Eight(avx2);
+        }
+        Self::Four
+    }
+
+    #[inline(always)]
+    pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        match self {
+            Self::Four => kernel.run::<Vec4>(),
+            #[cfg(target_arch = "x86_64")]
+            Self::Eight(avx2) => avx2.run(kernel),
+        }
+    }
+}
+
+/// Three coordinates, or red, green and blue, of one thing or of several.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vector3<F> {
     /// First coordinate, or red.
@@ -170,6 +246,13 @@ impl Vector3<Vec4> {
     }
 }
 
+impl Vector3<Eight> {
+    pub(crate) const ZERO: Self = {
+        let zero = Eight([Vec4::ZERO; 2]);
+        Self { x: zero, y: zero, z: zero }
+    };
+}
+
 impl From<Vec3> for Vector3<f32> {
     #[inline(always)]
     fn from(v: Vec3) -> Self {
@@ -213,5 +296,83 @@ impl<F: Real> Mul<F> for Vector3<F> {
     #[inline(always)]
     fn mul(self, factor: F) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3Swizzles;
+
+    use super::*;
+
+    /// Every operation on eight pairs of numbers.
+    struct Everything<'a>(&'a Eight, &'a Eight);
+
+    impl Kernel for Everything<'_> {
+        type Output = Vec<u32>;
+
+        #[inline(always)]
+        fn run<F: PartOfEight>(self) -> Vec<u32> {
+            let mut results = [Eight([Vec4::ZERO; 2]); 15];
+            for at in (0..2).step_by(F::FOURS) {
+                let (a, b) = (F::load(self.0, at), F::load(self.1, at));
+                let turned = F::map3(Vector3 { x: a, y: b, z: a }, |v| v.yzx() + Vec3::X);
+                let of = [
+                    a + b,
+                    a - b,
+                    a * b,
+                    a / b,
+                    -a,
+                    a.min(b),
+                    a.max(b),
+                    a.sqrt(),
+                    F::select(a.lt(b), a, b),
+                    F::select(b.lt(a), F::splat(0.1), b),
+                    a.map(|x| x.abs().sqrt() + 1.0),
+                    turned.x,
+                    turned.y,
+                    turned.z,
+                    F::load3(&Vector3 { x: *self.0, y: *self.1, z: *self.0 }, at).y,
+                ];
+                for (result, of) in results.iter_mut().zip(of) {
+                    of.store(result, at);
+                }
+            }
+            results
+                .iter()
+                .flat_map(|Eight(fours)| fours.map(|four| four.to_array().map(f32::to_bits)))
+                .flatten()
+                .collect()
+        }
+    }
+
+    /// Ordinary numbers, zeros of both signs, infinities and no numbers, each with each.
+    #[test]
+    fn eight_at_once_have_the_bits_of_four() {
+        let numbers = [0.0, -0.0, 1.0, -2.5, 1e-40, -3e38, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 0.3, 7e20];
+        let all = numbers.len() * numbers.len();
+        for start in 0..all {
+            let pairs: [(f32, f32); 8] = std::array::from_fn(|k| {
+                let pair = (start + k) % all;
+                (numbers[pair / numbers.len()], numbers[pair % numbers.len()])
+            });
+            let eight = |of: [f32; 8]| Eight([0, 4].map(|k| Vec4::from_slice(&of[k..])));
+            let (a, b) = (eight(pairs.map(|pair| pair.0)), eight(pairs.map(|pair| pair.1)));
+            let bits = |width: Width| -> Vec<u32> {
+                // Which of all that are no numbers comes out is not promised by anyone.
+                let bits = width.run(Everything(&a, &b));
+                bits.into_iter()
+                    .map(|bits| if f32::from_bits(bits).is_nan() { f32::NAN.to_bits() } else { bits })
+                    .collect()
+            };
+            assert_eq!(bits(Width::best()), bits(Width::Four), "{pairs:?}");
+            for (k, (a, b)) in pairs.into_iter().enumerate() {
+                let expected = [a + b, a - b, a * b, a / b, -a, Real::min(a, b), Real::max(a, b), Real::sqrt(a)];
+                for (which, expected) in expected.into_iter().enumerate() {
+                    let found = f32::from_bits(bits(Width::best())[8 * which + k]);
+                    assert!(found.to_bits() == expected.to_bits() || found.is_nan() && expected.is_nan());
+                }
+            }
+        }
     }
 }

@@ -1,5 +1,5 @@
 #![doc = include_str!("../README.md")]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod bounds; // box and cone of a cluster
 mod build;
@@ -8,7 +8,7 @@ mod cut; // the lightcut
 mod error_bound; // how wrong a cluster can be
 mod exhaustive; // the sum over every light: the truth
 mod gradient; // how irradiance changes with place and normal
-mod lanes; // one number or four
+mod lanes; // one number, four or eight
 mod light; // what is clustered
 mod method; // rivals of the cut
 mod race; // who represents a cluster

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3, Vec4};
 
+use super::halves::Estimates;
 use super::{Cluster, Cut, Scratch, ShadowRay};
 use crate::error_bound::{Cluster as Bounds, error_bound};
 use crate::lanes::Vector3;
@@ -215,14 +216,14 @@ impl LightTree {
     }
 
     fn by_halves<R: Receiver>(&self, receiver: &R, clusters: [u32; 2]) -> [Unshadowed; 2] {
-        let position = Vector3::splat(receiver.position());
-        let [a, b] = self.halves(clusters).estimates(receiver, position, self.softening2);
-        [(clusters[0], a), (clusters[1], b)].map(|(node, (ray, radiance))| Unshadowed {
-            node,
-            light: ray.light,
+        let Estimates { lights, radiance, .. } = self.estimates_of_two(receiver, clusters);
+        let estimate = |k: usize| Unshadowed {
+            node: clusters[k],
+            light: lights[k],
             unit: Vec3::ZERO,
-            radiance: radiance.truncate(),
-        })
+            radiance: radiance[k].truncate(),
+        };
+        [estimate(0), estimate(1)]
     }
 
     fn by_representative<R: Receiver>(&self, receiver: &R, cluster: usize) -> Unshadowed {

@@ -6,19 +6,17 @@
 //! * *common*, if the bundle's bound is within every threshold (or it is a single light): part of every cut;
 //! * *refined*, if of four receivers at least three would refine it (cuts are 1 % larger than with all four, with a
 //!   quarter fewer visits; `examples/measure.rs`);
-//! * *undecided* otherwise: every receiver looks at it with its own bound and goes on from there alone;
+//! * *undecided* otherwise: every receiver looks at it with its own bound, and takes it or goes on from there alone;
 //! * *dark*, if the bundle's bound is zero.
 //!
-//! The walk goes on from the undecided clusters for each group of [`GROUP`] receivers, before it does for each alone.
+//! The walk goes on from the undecided clusters for each [group](super::group) of receivers, before it does for each alone.
 //! A few receivers do not speak for all. But refining is always right: no cluster of any cut is
-//! ever wrong by more than the threshold. Common and undecided clusters are gathered once, in the order in which they
-//! are read, by every receiver.
+//! ever wrong by more than the threshold.
 
 use glam::{Vec3, Vec4};
 
-use super::halves::{Arriving, Halves, sum_of_seen};
-use super::walk::Walk;
-use super::{Cut, Scratch, ShadowRay, Stop};
+use super::group::{GROUP, Shares, Together};
+use super::{Cut, Scratch, ShadowRay, Stop, padded};
 use crate::error_bound::{Cluster, error_bound, error_bound_of_bundle};
 use crate::lanes::Vector3;
 use crate::light::Light;
@@ -27,28 +25,6 @@ use crate::tree::LightTree;
 
 /// Receivers that are asked whether a node is to be refined.
 const PROBES: usize = 4;
-/// Receivers of a group: those that follow each other in a bundle.
-const GROUP: usize = 16;
-
-/// What some receivers have in common.
-#[derive(Clone, Debug, Default)]
-struct Shares {
-    common: Vec<u32>,
-    undecided: Vec<u32>,
-    /// The common clusters, two by two; of an odd number the last is there twice.
-    halves: Vec<Halves>,
-    /// The undecided clusters; the last four are filled up by repetition.
-    bounds: Vec<Cluster<Vec4>>,
-}
-
-impl Shares {
-    fn clear(&mut self) {
-        let Self { common, undecided, halves, bounds } = self;
-        [common, undecided].into_iter().for_each(Vec::clear);
-        halves.clear();
-        bounds.clear();
-    }
-}
 
 /// Memory of a bundle.
 #[derive(Clone, Debug, Default)]
@@ -56,21 +32,9 @@ pub(super) struct Shared {
     pending: Vec<u32>,
     of_all: Shares,
     of_group: Shares,
+    /// What each receiver of a group takes of the undecided clusters.
+    begun: Vec<Cut>,
 }
-
-/// Receivers and their thresholds.
-struct Together<'a, R> {
-    receivers: &'a [R],
-    thresholds: &'a [f32],
-}
-
-impl<R> Clone for Together<'_, R> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<R> Copy for Together<'_, R> {}
 
 impl LightTree {
     /// Cuts for receivers that lie close together, such as the pixels of a block, each to its own absolute threshold
@@ -100,7 +64,7 @@ impl LightTree {
         }
         // Taken out while walks hold the rest of the scratch.
         let mut shared = std::mem::take(&mut scratch.shared);
-        let Shared { pending, of_all, of_group } = &mut shared;
+        let Shared { pending, of_all, of_group, begun } = &mut shared;
         let most = scratch.max_size as usize;
         let roots = [self.roots().start as u32, self.roots().end as u32 - 1];
         let roots = &roots[..self.roots().len()];
@@ -112,21 +76,22 @@ impl LightTree {
             Some(Cut::default())
         };
         for (receivers, thresholds) in receivers.chunks(GROUP).zip(thresholds.chunks(GROUP)) {
+            let group = Together { receivers, thresholds };
             let mut common = all.and_then(|all| {
                 let most = most - of_all.common.len();
-                let group = Together { receivers, thresholds };
                 Some(plus(all, self.walk_together(group, &of_all.undecided, most, pending, of_group)?))
             });
-            for (receiver, &threshold) in receivers.iter().zip(thresholds) {
+            if common.is_some() {
+                self.decide(group, of_group, begun);
+            }
+            for (k, (receiver, &threshold)) in receivers.iter().zip(thresholds).enumerate() {
                 let visible = |lights: &[Light], rays: &mut [ShadowRay]| visible(cuts.len(), lights, rays);
-                let in_common = of_all.common.len() + of_group.common.len();
                 let cut = match common.and_then(|common| {
-                    Some(plus(
-                        common,
-                        self.walk_on(receiver, threshold, of_group, most.checked_sub(in_common)?, scratch)?,
-                    ))
+                    let shared = begun[k].size as usize + of_all.common.len() + of_group.common.len();
+                    let own = self.walk_on(receiver, threshold, (of_group, k), most.checked_sub(shared)?, scratch)?;
+                    Some(Cut { size: shared as u32 + own.size, ..plus(plus(common, begun[k]), own) })
                 }) {
-                    Some(cut) => self.evaluate_shared(receiver, visible, [of_all, of_group], scratch, cut),
+                    Some(cut) => self.evaluate_shared(receiver, visible, ([of_all, of_group], k), scratch, cut),
                     None => self.lightcut_batched(receiver, Stop::Absolute(threshold), visible, scratch),
                 };
                 cuts.push(cut);
@@ -150,7 +115,7 @@ impl LightTree {
     ) -> Option<Cut> {
         shares.clear();
         pending.clear();
-        let Shares { common, undecided, halves, bounds } = shares;
+        let Shares { common, undecided, .. } = shares;
         let positions = together.receivers.iter().map(|r| r.position());
         let corners = [positions.clone().reduce(Vec3::min)?, positions.reduce(Vec3::max)?].map(Vector3::splat);
         let bundle = R::bundle(together.receivers);
@@ -192,10 +157,7 @@ impl LightTree {
         if !fits {
             return None;
         }
-        bounds.extend(
-            undecided.chunks(4).map(|four| Cluster::four(padded(four).map(|index| &self.nodes[index as usize]))),
-        );
-        halves.extend(common.chunks(2).map(|two| self.halves([two[0], two[two.len() - 1]])));
+        self.gather_common(shares);
         Some(cut)
     }
 
@@ -216,73 +178,6 @@ impl LightTree {
         }
         votes.map(|votes| votes + 1 >= probes)
     }
-
-    /// What one receiver does with the undecided clusters: fills `selected`; `None` if that is more than `most`.
-    #[inline(always)]
-    fn walk_on<R: Receiver>(
-        &self,
-        receiver: &R,
-        threshold: f32,
-        shares: &Shares,
-        most: usize,
-        scratch: &mut Scratch,
-    ) -> Option<Cut> {
-        let mut walk = Walk::new(self, receiver, threshold, scratch);
-        let position = Vector3::splat(receiver.position());
-        walk.cut.nodes_visited = shares.undecided.len() as u32;
-        for (four, clusters) in shares.undecided.chunks(4).zip(&shares.bounds) {
-            let bounds = error_bound(receiver, position, clusters, Vec4::splat(self.softening2));
-            if !walk.has_room(most) {
-                return None;
-            }
-            walk.place(padded(four).map(|index| index as usize), bounds, four.len());
-        }
-        walk.finish_walk(most).then(|| walk.finish())
-    }
-
-    /// Estimates of the common clusters and of those selected by the receiver alone.
-    #[inline(always)]
-    fn evaluate_shared<R: Receiver>(
-        &self,
-        receiver: &R,
-        mut visible: impl FnMut(&[Light], &mut [ShadowRay]),
-        shares: [&Shares; 2],
-        scratch: &mut Scratch,
-        mut cut: Cut,
-    ) -> Cut {
-        scratch.begin_estimate();
-        let position = Vector3::splat(receiver.position());
-        let mut arriving = Arriving::after(0, &mut scratch.rays, &mut scratch.radiance);
-        for Shares { common, halves, .. } in shares {
-            for (two, halves) in common.chunks(2).zip(halves) {
-                let [a, b] = halves.estimates(receiver, position, self.softening2);
-                arriving.push(a);
-                if two.len() == 2 {
-                    arriving.push(b);
-                }
-            }
-        }
-        let of_common = arriving.count;
-        scratch.ray_count = of_common;
-        cut.nodes_visited += self.estimate_halves(receiver, scratch);
-        let Scratch { rays, ray_count, radiance, selected_count, .. } = scratch;
-        let rays = &mut rays[..*ray_count];
-        if !rays.is_empty() {
-            visible(&self.lights, rays);
-        }
-        let (common_rays, own_rays) = rays.split_at(of_common);
-        let (common, own) = radiance.split_at(of_common);
-        let sum = sum_of_seen(common_rays, common) + sum_of_seen(own_rays, own);
-        cut.radiance = sum.truncate();
-        cut.shadow_rays = rays.len() as u32;
-        cut.size = (shares.map(|shares| shares.common.len()).iter().sum::<usize>() + *selected_count) as u32;
-        cut
-    }
-}
-
-/// Four of them, the last repeated.
-fn padded(four: &[u32]) -> [u32; 4] {
-    std::array::from_fn(|k| four[k.min(four.len() - 1)])
 }
 
 /// Bounds and counts of both together.

@@ -32,87 +32,171 @@
 
 use glam::{Vec4, Vec4Swizzles};
 
-use super::{Cut, Scratch, ShadowRay};
-use crate::lanes::Vector3;
+use super::{Cut, Scratch, ShadowRay, missing, padded};
+use crate::lanes::{Eight, PartOfEight, Real, Vector3};
 use crate::light::{Light, Site, transpose, unshadowed_of};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
-/// The halves of two clusters, side by side. A single light is its own first half, and the second is dark.
+/// The halves of four clusters: four first halves and then the second ones. A single light is its own first half, and
+/// the second is dark.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Halves {
-    sites: Site<Vec4>,
-    intensity: Vector3<Vec4>,
-    lights: [u32; 4],
-    /// Whether all four are `Cosine`, as most lights are.
+    sites: Site<Eight>,
+    intensity: Vector3<Eight>,
+    /// Bits of the lights' indices.
+    lights: Eight,
+    /// Whether all are `Cosine`, as most lights are.
     cosine: bool,
 }
 
+/// Of four clusters: the light that is asked for the shadow, and the radiance that arrives if it is seen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Estimates {
+    pub lights: [u32; 4],
+    pub radiance: [Vec4; 4],
+    /// From which of them any does, as bits.
+    pub lit: u32,
+}
+
 impl Halves {
-    /// Of two clusters: the light that is asked for the shadow, and the radiance that arrives if it is seen; the fourth
-    /// number is zero only if none does.
     #[inline(always)]
-    pub fn estimates<R: Receiver>(
-        &self,
-        receiver: &R,
-        position: Vector3<Vec4>,
-        softening2: f32,
-    ) -> [(ShadowRay, Vec4); 2] {
-        let softening2 = Vec4::splat(softening2);
-        let unit = if self.cosine {
-            unshadowed_of::<true, _, _>(receiver, position, &self.sites, softening2)
-        } else {
-            unshadowed_of::<false, _, _>(receiver, position, &self.sites, softening2)
-        };
-        let unoccluded = unit.times(self.intensity);
-        let (light, delay) = (unoccluded.x + unoccluded.y + unoccluded.z, self.sites.delay);
-        // Who arrives last, by delay divided by light; the first of both, at lanes 0 and 2, if it is dark.
-        // By numbers and not by branches, of which every other would be guessed wrong.
-        let loses = light.cmple(Vec4::ZERO) | (delay * light.yxwz()).cmpgt(delay.yxwz() * light);
-        let loses = loses.bitmask() as usize;
-        let both = |x: Vec4| x + x.yxwz();
-        let [a, _, b, _] = transpose([both(unoccluded.x), both(unoccluded.y), both(unoccluded.z), both(light)]);
-        let ray = |first: usize| ShadowRay { light: self.lights[first + (loses >> first & 1)], visible: false };
-        [(ray(0), a), (ray(2), b)]
+    pub fn estimates<F: PartOfEight, R: Receiver>(&self, receiver: &R, softening2: f32) -> Estimates {
+        self.choose(&self.arriving::<F, R>(receiver, softening2))
+    }
+
+    /// What arrives of all eight halves if they are seen.
+    #[inline(always)]
+    pub fn arriving<F: PartOfEight, R: Receiver>(&self, receiver: &R, softening2: f32) -> Vector3<Eight> {
+        let mut arriving = Vector3::ZERO;
+        let mut at = 0;
+        while at < 2 {
+            let sites = Site {
+                position: F::load3(&self.sites.position, at),
+                axis: F::load3(&self.sites.axis, at),
+                kind: F::load(&self.sites.kind, at),
+                delay: F::load(&self.sites.delay, at),
+            };
+            let part = unoccluded(receiver, &sites, F::load3(&self.intensity, at), self.cosine, softening2);
+            part.x.store(&mut arriving.x, at);
+            part.y.store(&mut arriving.y, at);
+            part.z.store(&mut arriving.z, at);
+            at += F::FOURS;
+        }
+        arriving
+    }
+
+    /// The estimates of four clusters by what arrives of their halves.
+    #[inline(always)]
+    pub fn choose(&self, arriving: &Vector3<Eight>) -> Estimates {
+        let [x, y, z] = [arriving.x.0, arriving.y.0, arriving.z.0];
+        let half = |k: usize| Vector3 { x: x[k], y: y[k], z: z[k] };
+        Estimates::of_halves([half(0), half(1)], self.sites.delay.0, self.lights.0)
     }
 }
 
-impl LightTree {
-    /// What [`Halves::estimates`] needs of two clusters.
+impl Estimates {
+    /// From what arrives of each cluster's two halves.
     #[inline(always)]
-    pub(super) fn halves(&self, [first, second]: [u32; 2]) -> Halves {
-        let [first, second] = [first as usize, second as usize];
-        let inner = [!self.nodes[first].is_leaf(), !self.nodes[second].is_leaf()];
-        // A branch, for most clusters of a cut are no single lights: the processor fetches the halves while it decides.
-        let below = |cluster: usize, inner| {
-            if inner { [self.nodes[cluster].children(), self.nodes[cluster].children() + 1] } else { [cluster; 2] }
-        };
-        let ([a, b], [c, d]) = (below(first, inner[0]), below(second, inner[1]));
-        let nodes = self.four([a, b, c, d]);
-        let [red, green, blue, _] = transpose(nodes.map(|node| node.intensity.extend(node.cone_sine)));
-        let counts = Vec4::new(1.0, f32::from(inner[0]), 1.0, f32::from(inner[1]));
-        let sites = self.sites.four([a, b, c, d]);
-        Halves {
-            cosine: sites.kind.cmpeq(Vec4::ONE).all(),
-            sites,
-            intensity: Vector3 { x: red, y: green, z: blue } * counts,
-            lights: nodes.map(|node| node.representative),
+    fn of_halves([a, b]: [Vector3<Vec4>; 2], delays: [Vec4; 2], lights: [Vec4; 2]) -> Self {
+        let [light_a, light_b] = [a.x + a.y + a.z, b.x + b.y + b.z];
+        // Who arrives last, by delay divided by light; the first of both if it is dark.
+        // By numbers and not by branches, of which every other would be guessed wrong.
+        let loses = light_a.cmple(Vec4::ZERO) | (delays[0] * light_b).cmpgt(delays[1] * light_a);
+        let (both, light) = (a + b, light_a + light_b);
+        Self {
+            lights: Vec4::select(loses, lights[1], lights[0]).to_array().map(f32::to_bits),
+            radiance: transpose([both.x, both.y, both.z, light]),
+            lit: light.cmpgt(Vec4::ZERO).bitmask(),
         }
+    }
+}
+
+/// M · G · I of some sites.
+#[inline(always)]
+fn unoccluded<F: Real, R: Receiver>(
+    receiver: &R,
+    sites: &Site<F>,
+    intensity: Vector3<F>,
+    cosine: bool,
+    softening2: f32,
+) -> Vector3<F> {
+    let (position, softening2) = (Vector3::splat(receiver.position()), F::splat(softening2));
+    let unit = if cosine {
+        unshadowed_of::<true, F, R>(receiver, position, sites, softening2)
+    } else {
+        unshadowed_of::<false, F, R>(receiver, position, sites, softening2)
+    };
+    unit.times(intensity)
+}
+
+/// What an estimate reads of four nodes: one half of each of four clusters, or both of two.
+struct FourNodes {
+    sites: Site<Vec4>,
+    intensity: Vector3<Vec4>,
+    lights: Vec4,
+}
+
+impl LightTree {
+    /// What [`Halves::estimates`] needs of four clusters.
+    #[inline(always)]
+    pub(super) fn halves(&self, clusters: [u32; 4]) -> Halves {
+        let [a, b, c, d] = clusters.map(|cluster| self.below(cluster as usize));
+        let first = self.read([a, b, c, d].map(|(halves, _)| halves[0]));
+        let second = self.read([a, b, c, d].map(|(halves, _)| halves[1]));
+        let lit = Vec4::new(a.1, b.1, c.1, d.1);
+        let join = |a, b| Eight([a, b]);
+        let join3 = |a: Vector3<_>, b: Vector3<_>| Vector3 { x: join(a.x, b.x), y: join(a.y, b.y), z: join(a.z, b.z) };
+        Halves {
+            cosine: (first.sites.kind.cmpeq(Vec4::ONE) & second.sites.kind.cmpeq(Vec4::ONE)).all(),
+            sites: Site {
+                position: join3(first.sites.position, second.sites.position),
+                axis: join3(first.sites.axis, second.sites.axis),
+                kind: join(first.sites.kind, second.sites.kind),
+                delay: join(first.sites.delay, second.sites.delay),
+            },
+            intensity: join3(first.intensity, second.intensity * lit),
+            lights: join(first.lights, second.lights),
+        }
+    }
+
+    /// Estimates of two clusters, at the first two places.
+    #[inline(always)]
+    pub(super) fn estimates_of_two<R: Receiver>(&self, receiver: &R, clusters: [u32; 2]) -> Estimates {
+        let [(a, lit_a), (b, lit_b)] = clusters.map(|cluster| self.below(cluster as usize));
+        let FourNodes { sites, intensity, lights } = self.read([a[0], b[0], a[1], b[1]]);
+        let intensity = intensity * Vec4::new(1.0, 1.0, lit_a, lit_b);
+        let cosine = sites.kind.cmpeq(Vec4::ONE).all();
+        let first = unoccluded(receiver, &sites, intensity, cosine, self.softening2);
+        let second = Vector3 { x: first.x.zwxy(), y: first.y.zwxy(), z: first.z.zwxy() };
+        Estimates::of_halves([first, second], [sites.delay, sites.delay.zwxy()], [lights, lights.zwxy()])
+    }
+
+    /// The halves of a cluster, and whether there is a second: 1, or 0 for a single light.
+    #[inline(always)]
+    fn below(&self, cluster: usize) -> ([usize; 2], f32) {
+        let node = &self.nodes[cluster];
+        // A branch, for most clusters of a cut are no single lights: the processor fetches the halves while it decides.
+        if node.is_leaf() { ([cluster; 2], 0.0) } else { ([node.children(), node.children() + 1], 1.0) }
+    }
+
+    #[inline(always)]
+    fn read(&self, indices: [usize; 4]) -> FourNodes {
+        let nodes = self.four(indices);
+        let [x, y, z, _] = transpose(nodes.map(|node| node.intensity.extend(node.cone_sine)));
+        let lights = Vec4::from_array(nodes.map(|node| f32::from_bits(node.representative)));
+        FourNodes { sites: self.sites.four(indices), intensity: Vector3 { x, y, z }, lights }
     }
 
     /// Estimates of the nodes in `scratch.selected`: those that are not dark go to the end of `rays` and to `radiance`.
     /// Returns how many nodes it looked at beyond those.
     #[inline(always)]
     pub(super) fn estimate_halves<R: Receiver>(&self, receiver: &R, scratch: &mut Scratch) -> u32 {
-        let position = Vector3::splat(receiver.position());
         let selected = &scratch.selected[..scratch.selected_count];
         let mut arriving = Arriving::after(scratch.ray_count, &mut scratch.rays, &mut scratch.radiance);
-        for two in selected.chunks(2) {
-            let [a, b] = self.halves([two[0], two[two.len() - 1]]).estimates(receiver, position, self.softening2);
-            arriving.push(a);
-            if two.len() == 2 {
-                arriving.push(b);
-            }
+        for four in selected.chunks(4) {
+            let estimates = self.halves(padded(four)).estimates::<Vec4, R>(receiver, self.softening2);
+            arriving.push(&estimates, !missing(four));
         }
         scratch.ray_count = arriving.count;
         2 * scratch.inner_count as u32
@@ -153,12 +237,20 @@ impl<'a> Arriving<'a> {
         Self { rays, radiance, count }
     }
 
-    /// Without a branch, which would be guessed wrong too often.
+    /// Those of four whose bits are set in `wanted`: by numbers, for branches would be guessed wrong too often.
     #[inline(always)]
-    pub fn push(&mut self, (ray, radiance): (ShadowRay, Vec4)) {
-        self.rays[self.count] = ray;
-        self.radiance[self.count] = radiance;
-        self.count += usize::from(radiance.w > 0.0);
+    pub fn push(&mut self, estimates: &Estimates, wanted: u32) {
+        // Room for all four is checked once.
+        let rays = &mut self.rays[self.count..self.count + 4];
+        let radiance = &mut self.radiance[self.count..self.count + 4];
+        let wanted = (wanted & estimates.lit) as usize;
+        let mut end = 0;
+        for k in 0..4 {
+            rays[end & 3] = ShadowRay { light: estimates.lights[k], visible: false };
+            radiance[end & 3] = estimates.radiance[k];
+            end += wanted >> k & 1;
+        }
+        self.count += end;
     }
 }
 

@@ -1,7 +1,8 @@
 use super::*;
 use crate::build::{BuildParams, Builder};
+use crate::lanes::{Kernel, PartOfEight, Width};
 use crate::light::{Emission, luminance};
-use crate::receiver::{Ggx, Lambert};
+use crate::receiver::{Ggx, Lambert, Phong};
 use crate::testing::{self, Random, Scene};
 
 const HALVES: Form<fn(Cluster, Vec3)> = Form::Halves;
@@ -175,7 +176,9 @@ fn shared_cuts_keep_the_promises_of_each() {
         let tree = build(&scene, Builder::BottomUp);
         let length = scene.softening2.sqrt() * 10f32.powf(random.within(-2.0, 1.0));
         let tilt = random.within(0.0, 1.0);
-        let receivers: Vec<Ggx> = (0..1 + random.bits() % 12)
+        // Some are more than one group.
+        let count = if random.once_in(4) { 17 + random.bits() % 32 } else { 1 + random.bits() % 12 };
+        let receivers: Vec<Ggx> = (0..count)
             .map(|_| Ggx {
                 position: scene.receiver.position + random.vector() * length,
                 normal: (scene.receiver.normal + random.vector() * tilt).try_normalize().unwrap_or(Vec3::Z),
@@ -213,4 +216,55 @@ fn shared_cuts_keep_the_promises_of_each() {
         saved += u32::from(cuts.iter().map(|cut| cut.nodes_visited).sum::<u32>() < alone);
     }
     assert!(saved > 2000, "{saved} bundles with fewer visits");
+}
+
+/// What arrives at a receiver of the halves of four clusters.
+struct Arriving<'a, R>(&'a halves::Halves, &'a R, f32);
+
+impl<R: Receiver> Kernel for Arriving<'_, R> {
+    type Output = [Vec4; 6];
+
+    #[inline(always)]
+    fn run<F: PartOfEight>(self) -> [Vec4; 6] {
+        let arriving = self.0.arriving::<F, R>(self.1, self.2);
+        let [[a, b], [c, d], [e, f]] = [arriving.x.0, arriving.y.0, arriving.z.0];
+        [a, b, c, d, e, f]
+    }
+}
+
+/// Lights of all kinds at all scales, before every given material: eight at once, four by four, and clusters by twos.
+#[test]
+fn estimates_have_the_same_bits_however_many_at_once() {
+    let mut random = Random(9);
+    let mut lit = 0;
+    for _ in 0..4000 {
+        let scene = random.scene(24);
+        let tree = build(&scene, Builder::TopDown);
+        let clusters = std::array::from_fn(|_| (random.bits() % tree.nodes.len() as u64) as u32);
+        let Scene { receiver: Lambert { position, normal, .. }, direction: view, .. } = scene;
+        let (diffuse, specular) = (Vec3::new(0.7, 0.5, 0.3), Vec3::splat(0.04));
+        fn same<R: Receiver>(tree: &LightTree, clusters: [u32; 4], receiver: &R) -> bool {
+            let halves = tree.halves(clusters);
+            let arriving = |width: Width| width.run(Arriving(&halves, receiver, tree.softening2));
+            let bits = |arriving: [Vec4; 6]| arriving.map(|four| four.to_array().map(f32::to_bits));
+            assert_eq!(bits(arriving(Width::best())), bits(arriving(Width::Four)));
+            let estimates = halves.estimates::<Vec4, R>(receiver, tree.softening2);
+            for pair in [0, 2] {
+                let of_two = tree.estimates_of_two(receiver, [clusters[pair], clusters[pair + 1]]);
+                for k in 0..2 {
+                    assert_eq!(of_two.lights[k], estimates.lights[pair + k]);
+                    assert_eq!(of_two.radiance[k].to_array(), estimates.radiance[pair + k].to_array());
+                }
+            }
+            estimates.lit != 0
+        }
+        lit += u32::from(same(&tree, clusters, &scene.receiver));
+        lit += u32::from(same(&tree, clusters, &Ggx { position, normal, view, diffuse, specular, alpha: 0.2 }));
+        lit += u32::from(same(
+            &tree,
+            clusters,
+            &Phong { position, normal, mirror: view, diffuse, specular, exponent: 20.0 },
+        ));
+    }
+    assert!(lit > 4000, "{lit}");
 }

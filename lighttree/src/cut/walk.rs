@@ -74,6 +74,17 @@ impl<'a, R: Receiver> Walk<'a, R> {
         self.look([first, last, first, first], nodes.len());
     }
 
+    /// Begins with a node that is known to be refined; false if there is no room for more.
+    #[inline(always)]
+    pub fn refine(&mut self, node: u32) -> bool {
+        let room = self.tail < self.queue.len();
+        if room {
+            self.queue[self.tail] = self.tree.nodes[node as usize].children() as u32;
+            self.tail += 1;
+        }
+        room
+    }
+
     /// Looks at the first `count` of four nodes.
     #[inline(always)]
     fn look(&mut self, indices: [usize; 4], count: usize) {
@@ -86,7 +97,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
 
     /// Each of the first `count` nodes is part of the cut, to be refined, or dark.
     #[inline(always)]
-    pub fn place(&mut self, indices: [usize; 4], bounds: Vec4, count: usize) {
+    fn place(&mut self, indices: [usize; 4], bounds: Vec4, count: usize) {
         for (k, bound) in bounds.to_array().into_iter().enumerate().take(count) {
             let index = indices[k] as u32;
             let leaf = self.tree.nodes[indices[k]].is_leaf();
@@ -107,7 +118,7 @@ impl<'a, R: Receiver> Walk<'a, R> {
 
     /// Whether there is room for what four more nodes can bring.
     #[inline(always)]
-    pub fn has_room(&self, most: usize) -> bool {
+    fn has_room(&self, most: usize) -> bool {
         *self.selected_count <= most && self.tail + 4 < self.queue.len()
     }
 
