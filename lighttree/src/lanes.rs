@@ -2,7 +2,7 @@
 //!
 //! All kinds perform the same IEEE operations in the same order, none of them fused, so a lane has the bits that the one
 //! number has. `f32` is the scalar twin; [`Vec4`] is a vector register where the processor has any; eight at once are
-//! [`avx2`]'s, for [`Kernel`]s whose operands lie side by side already.
+//! `avx2.rs`'s, for [`Kernel`]s whose operands lie side by side already.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -11,7 +11,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use glam::{BVec4A, Mat4, Vec3, Vec4};
 
-/// Real numbers: one `f32`, or the four of a [`Vec4`], or eight where [`LightTree`](crate::LightTree) computes with so many.
+/// Real numbers: one `f32`, the four of a [`Vec4`], or eight, in a kind that has no name outside of this crate.
 pub trait Real:
     Copy
     + std::fmt::Debug
