@@ -1,5 +1,7 @@
 //! Just enough of SVG for the figures.
 
+#![allow(dead_code, reason = "each example uses a part of it")]
+
 use std::fmt::Write;
 
 pub const BLUE: &str = "#2060c0";
