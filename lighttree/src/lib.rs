@@ -1,4 +1,17 @@
 #![doc = include_str!("../README.md")]
+//!
+//! # Figures
+//!
+//! The above, where pictures beside the page are not shown. A cut:
+//!
+#![doc = include_str!("../docs/cut.svg")]
+//!
+//! Bounds and errors of its clusters, errors and thresholds of pixels, and the rivals:
+//!
+#![doc = include_str!("../docs/bounds.svg")]
+#![doc = include_str!("../docs/errors.svg")]
+#![doc = include_str!("../docs/thresholds.svg")]
+#![doc = include_str!("../docs/methods.svg")]
 #![deny(unsafe_code)]
 
 mod bounds; // box and cone of a cluster
