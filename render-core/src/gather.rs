@@ -22,7 +22,7 @@ use crate::anchor::{Anchors, Spot, SurfelMap};
 use crate::direct::{Lamps, Receiver};
 use crate::photon::Energies;
 use crate::sampling::{concentric_disc, frame, hash_unit, sobol_point};
-use crate::surface::{Surface, Surfaces};
+use crate::surface::{Interaction, Surface, Surfaces};
 use gap::Gaps;
 use glam::{Mat3A, Vec3, Vec3A};
 use std::f32::consts::PI;
@@ -80,16 +80,19 @@ struct Source {
 }
 
 /// Where a ray ended.
-struct Seen {
-    surface: Surface,
-    instance: u32,
+struct Seen<'a> {
+    surface: Interaction<'a>,
     /// From the place before \[m\].
     distance: f32,
 }
 
 impl Surroundings {
     /// Adds light that does not come from virtual lights.
-    fn emit(&mut self, radiance: Vec3, source: &Source) {
+    fn emit(&mut self, surface: &Interaction, source: &Source) {
+        let radiance = surface.emission();
+        if radiance == Vec3::ZERO {
+            return;
+        }
         let light = radiance * source.share;
         self.emitted += light;
         self.emitted_by_position += outer(light, source.by_position);
@@ -174,7 +177,7 @@ impl Gather {
             }
             // Of a texture a ray sees what lies between it and its neighbours.
             let width = (hit.distance * spread).min(softening.sqrt());
-            let surface = surfaces.at(&hit, direction, width);
+            let surface = surfaces.meet(&hit, direction, width);
             let way = direction * hit.distance;
             // ∇ ln of cos θ cos θ_l s / (r⁴ (r² + s)) along the surface, the element of the other surface held fixed; both
             // cosines carry the way's length.
@@ -183,10 +186,10 @@ impl Gather {
             let gradient = falloff - surface.geometric_normal / towards;
             let gradient = gradient - normal * gradient.dot(normal);
             let source = Source { surfel: 0, share: Vec3::splat(weight * share), by_position: gradient };
-            if surface.emission != Vec3::ZERO && self.glow_softened[hit.instance as usize] {
-                found.emit(surface.emission, &source);
+            if self.glow_softened[hit.instance as usize] {
+                found.emit(&surface, &source);
             }
-            let seen = Seen { surface, instance: hit.instance, distance: hit.distance };
+            let seen = Seen { surface, distance: hit.distance };
             let mut random = (0..).map(|k| hash_unit(key, above, k));
             let (seen, source) = self.gaps.follow(accelerator, surfaces, seen, source, &mut random, &mut found);
             self.take(&seen, source, &mut found);
@@ -206,7 +209,8 @@ impl Gather {
         let carried = self.moving[instance as usize];
         let (surfels, first) = self.surfels(carried);
         let mut sum = Vec3::ZERO;
-        surfels.splat(&spot(surface, carried.then_some(instance)), |surfel, weight| {
+        let spot = spot(surface.position, surface.geometric_normal, carried.then_some(instance));
+        surfels.splat(&spot, |surfel, weight| {
             sum += self.radiance[first + surfel] * weight;
         });
         sum
@@ -214,14 +218,15 @@ impl Gather {
 
     /// Notes what `surface` gives back.
     fn take(&self, seen: &Seen, source: Source, found: &mut Surroundings) {
-        let Seen { surface, instance, .. } = seen;
+        let surface = &seen.surface;
         if surface.is_back() {
             return;
         }
-        let carried = self.moving[*instance as usize];
+        let carried = self.moving[surface.instance as usize];
         let (surfels, first) = self.surfels(carried);
         let mut nearest = (0, 0.0);
-        surfels.splat(&spot(surface, carried.then_some(*instance)), |surfel, weight| {
+        let spot = spot(surface.position, surface.geometric_normal, carried.then_some(surface.instance));
+        surfels.splat(&spot, |surfel, weight| {
             if weight > nearest.1 {
                 nearest = (surfel, weight);
             }
@@ -255,8 +260,8 @@ impl Gather {
 const MIN_COSINE: f32 = 0.05;
 
 /// Where a surface stands among the surfels; of one instance alone, if that moves.
-fn spot(surface: &Surface, instance: Option<u32>) -> Spot {
-    Spot { position: surface.position, normal: surface.geometric_normal, instance, came: None }
+fn spot(position: Vec3A, normal: Vec3A, instance: Option<u32>) -> Spot {
+    Spot { position, normal, instance, came: None }
 }
 
 /// `a · bᵀ`.

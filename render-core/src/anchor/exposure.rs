@@ -121,10 +121,7 @@ impl<'a> Eye<'a> {
             let direction = cosine_hemisphere(place.normal.into(), Vec2::new(u.x, (u.y + turn).fract())).into();
             let (length, reflects) = match self.accelerator.closest(place.position, direction) {
                 None => (f32::INFINITY, true),
-                Some(hit) => {
-                    let surface = self.surfaces.at(&hit, direction, 0.0);
-                    (hit.distance, surface.front || surface.double_sided)
-                }
+                Some(hit) => (hit.distance, !self.surfaces.meet(&hit, direction, 0.0).is_back()),
             };
             if reflects {
                 out += u64::from(length >= near);

@@ -16,7 +16,7 @@ use crate::accel::Accelerator;
 use crate::direct::Lamps;
 use crate::sampling::cosine_hemisphere;
 use crate::surface::Surfaces;
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 
 /// Reflections in a gap that are followed.
 pub(super) const MOST_REFLECTIONS: usize = 8;
@@ -34,15 +34,15 @@ pub(super) struct Gaps {
 impl Gaps {
     /// Follows a ray that ended at `seen` out of the gap that it is in: where it comes out, and what is left of its share.
     /// What glows on the way is noted in `found`.
-    pub fn follow(
+    pub fn follow<'a>(
         &self,
         accelerator: &Accelerator,
-        surfaces: &Surfaces,
-        mut seen: Seen,
+        surfaces: &'a Surfaces,
+        mut seen: Seen<'a>,
         mut source: Source,
         random: &mut impl Iterator<Item = f32>,
         found: &mut Surroundings,
-    ) -> (Seen, Source) {
+    ) -> (Seen<'a>, Source) {
         for _ in 0..MOST_REFLECTIONS {
             let Seen { surface, distance, .. } = &seen;
             if *distance >= self.near || surface.is_back() {
@@ -53,19 +53,17 @@ impl Gaps {
                 break;
             }
             let mut next = || random.next().unwrap_or_default();
-            let direction = cosine_hemisphere(surface.shading_normal.into(), Vec2::new(next(), next())).into();
+            let direction = cosine_hemisphere(surface.shading_normal().into(), Vec2::new(next(), next())).into();
             if surface.geometric_normal.dot(direction) <= 0.0 {
                 break;
             }
             let Some(hit) = accelerator.closest(position, direction).filter(|hit| hit.distance < self.near) else {
                 break;
             };
-            source.share *= surface.albedo;
-            let surface = surfaces.at(&hit, direction, hit.distance);
-            if surface.emission != Vec3::ZERO {
-                found.emit(surface.emission, &source);
-            }
-            seen = Seen { surface, instance: hit.instance, distance: hit.distance };
+            source.share *= surface.albedo();
+            let surface = surfaces.meet(&hit, direction, hit.distance);
+            found.emit(&surface, &source);
+            seen = Seen { surface, distance: hit.distance };
         }
         (seen, source)
     }

@@ -102,13 +102,13 @@ impl Walk<'_> {
                 path.end = Some(origin + direction * Swept::FAR);
                 return;
             };
-            let surface = self.surfaces.at(&hit, direction, self.footprint);
-            if !(surface.front || surface.double_sided) {
+            let surface = self.surfaces.meet(&hit, direction, self.footprint);
+            if surface.is_back() {
                 path.lost = flux;
                 path.end = Some(surface.position);
                 return;
             }
-            let reflected = flux * surface.albedo;
+            let reflected = flux * surface.albedo();
             path.reflections.push(Reflection {
                 position: surface.position,
                 normal: surface.geometric_normal,
@@ -122,7 +122,7 @@ impl Walk<'_> {
             if survival.is_nan() || u(2) >= survival {
                 return;
             }
-            let direction = cosine_hemisphere(surface.shading_normal.into(), Vec2::new(u(0), u(1)));
+            let direction = cosine_hemisphere(surface.shading_normal().into(), Vec2::new(u(0), u(1)));
             if Vec3A::from(direction).dot(surface.geometric_normal) <= 0.0 {
                 return;
             }
