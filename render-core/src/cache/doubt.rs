@@ -4,7 +4,7 @@
 //! At last, a pixel whose records predict different things for it gets one. So records crowd where irradiance changes as nobody
 //! foresaw, and are spared where it is smooth.
 
-use super::Picture;
+use super::picture::Picture;
 use super::predict::predictions;
 use super::record::Record;
 use super::tile::{Tile, Tiles};
@@ -68,16 +68,17 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     (0..).zip(&candidates).for_each(|(k, &place)| number[place as usize] = k);
     let in_tile = |&index: &usize| {
         let tile = &tiles.all[index];
-        let (columns, rows) = picture.tile_area(index);
         let (mut contradicted, mut weights) = (Vec::new(), Vec::new());
-        for (x, y) in rows.flat_map(|y| columns.clone().map(move |x| (x, y))) {
-            let Some(site) = picture.site(x, y) else { continue };
-            tile.weights(tiles.lanes, &site, &mut weights);
+        for (pixel, shown) in picture.pixels(index).zip(picture.shown(index)) {
+            if !shown.is_something() {
+                continue;
+            }
+            tile.weights(tiles.lanes, shown, &mut weights);
             // Sums of 1, v, v², and of the tolerance.
             let (mut whole, mut sum, mut squares, mut tolerance) = (0.0, 0.0, 0.0, 0.0);
             for &(k, weight) in &weights {
                 let place = tile.candidates[k] as usize;
-                let light = luminance(known[number[place]].0.at(&site).into());
+                let light = luminance(known[number[place]].0.at(shown).into());
                 whole += weight;
                 sum += weight * light;
                 squares += weight * light * light;
@@ -85,7 +86,7 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
             }
             let variance = (squares - sum * sum / whole) / whole;
             if variance > (CONTRADICTED * tolerance / whole).powi(2) {
-                contradicted.push((x, y));
+                contradicted.push(pixel);
             }
         }
         contradicted

@@ -1,11 +1,12 @@
 //! New records where a picture needs them, coarse to fine.
 
 use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
+use super::picture::Picture;
 use super::predict::{Prediction, predictions};
 use super::record::{Illumination, Record, Site};
 use super::spacing::{clamp_to_neighbours, least_radius};
 use super::tile::{Tiles, weight_between};
-use super::{IrradianceCache, Picture, openness};
+use super::{IrradianceCache, openness};
 use crate::Busy;
 use rayon::prelude::*;
 
@@ -123,14 +124,11 @@ fn bare_pixels(picture: &Picture, tiles: &Tiles, bare: &[bool], step: usize, bus
         if !bare[index] {
             return pixels;
         }
-        let (columns, rows) = picture.tile_area(index);
-        let on_lattice = |v: &usize| v % step == step / 2;
-        for y in rows.filter(on_lattice) {
-            for x in columns.clone().filter(on_lattice) {
-                let Some(site) = picture.site(x, y) else { continue };
-                if !tiles.all[index].is_covered(tiles.lanes, &site, COVERED) {
-                    pixels.push((x, y));
-                }
+        let on_lattice = |(x, y): (usize, usize)| x % step == step / 2 && y % step == step / 2;
+        let there = picture.pixels(index).zip(picture.shown(index));
+        for (pixel, shown) in there.filter(|&(pixel, shown)| on_lattice(pixel) && shown.is_something()) {
+            if !tiles.all[index].is_covered(tiles.lanes, shown, COVERED) {
+                pixels.push(pixel);
             }
         }
         pixels

@@ -1,6 +1,6 @@
 //! Light between records.
 
-use super::Picture;
+use super::picture::Picture;
 use super::predict::Prediction;
 use super::tile::Tiles;
 use crate::Busy;
@@ -39,25 +39,23 @@ fn tile(
     predictions: &[(Prediction, f32)],
 ) -> (Vec<[f32; 3]>, Vec<u32>) {
     let tile = &tiles.all[index];
-    let (columns, rows) = picture.tile_area(index);
+    let shown = picture.shown(index);
     let mut used = vec![false; tile.candidates.len()];
-    let mut light = Vec::with_capacity(columns.len() * rows.len());
+    let mut light = Vec::with_capacity(shown.len());
     let mut weights = Vec::new();
-    for y in rows {
-        for x in columns.clone() {
-            let Some(site) = picture.site(x, y) else {
-                light.push([0.0; 3]);
-                continue;
-            };
-            tile.weights(tiles.lanes, &site, &mut weights);
-            let (mut sum, mut whole) = (Vec3A::ZERO, 0.0);
-            for &(k, weight) in &weights {
-                used[k] = true;
-                sum += predictions[tile.candidates[k] as usize].0.at(&site) * weight;
-                whole += weight;
-            }
-            light.push((sum / whole.max(f32::MIN_POSITIVE)).to_array());
+    for shown in shown {
+        if !shown.is_something() {
+            light.push([0.0; 3]);
+            continue;
         }
+        tile.weights(tiles.lanes, shown, &mut weights);
+        let (mut sum, mut whole) = (Vec3A::ZERO, 0.0);
+        for &(k, weight) in &weights {
+            used[k] = true;
+            sum += predictions[tile.candidates[k] as usize].0.at(shown) * weight;
+            whole += weight;
+        }
+        light.push((sum / whole.max(f32::MIN_POSITIVE)).to_array());
     }
     let used = tile.candidates.iter().zip(used).filter(|(_, used)| *used).map(|(&candidate, _)| candidate);
     (light, used.collect())

@@ -22,6 +22,7 @@ mod doubt;
 mod fill;
 mod interpolate;
 mod openness;
+mod picture;
 mod predict;
 mod record;
 mod spacing;
@@ -30,10 +31,11 @@ mod tile;
 pub use record::{Estimate, Illumination, Known, Site};
 pub use spacing::footprint;
 
-use crate::gbuffer::{GBuffer, NOTHING, PixelSurface};
-use crate::{Busy, MACROBLOCK};
+use crate::Busy;
+use crate::gbuffer::{GBuffer, NOTHING};
 use glam::{Affine3A, Vec3A};
 use openness::Openness;
+use picture::{Picture, bare_site};
 use plane::Plane;
 use rayon::prelude::*;
 use record::Record;
@@ -104,7 +106,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         self.frame += 1;
         let bare = |x, y| bare_site(seen, moving, x, y);
         let openness = Openness::new(seen, bare, &self.openness, illumination, busy);
-        let picture = Picture { seen, moving, openness: &openness };
+        let picture = Picture::new(seen, moving, &openness, busy);
         busy.measure(|| self.carry_along(seen));
         openness::renew(&mut self.records, seen, illumination, busy);
         let mut tiles = Tiles::new(&picture, busy);
@@ -138,7 +140,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     ) -> CachedLight {
         let bare = |x, y| bare_site(seen, moving, x, y);
         let openness = Openness::new(seen, bare, &Openness::default(), illumination, busy);
-        let picture = Picture { seen, moving, openness: &openness };
+        let picture = Picture::new(seen, moving, &openness, busy);
         let mut tiles = Tiles::new(&picture, busy);
         // What this frame has not brought up to date is light of another.
         let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
@@ -240,61 +242,6 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.records.retain(|record| record.seen > oldest);
         }
     }
-}
-
-/// The picture that is lit.
-struct Picture<'a> {
-    seen: &'a GBuffer,
-    moving: &'a [bool],
-    openness: &'a Openness,
-}
-
-impl Picture<'_> {
-    fn size(&self) -> (usize, usize) {
-        (self.seen.pixels.width(), self.seen.pixels.height())
-    }
-
-    /// Columns and rows of macroblock `tile`, in raster order of macroblocks.
-    fn tile_area(&self, tile: usize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
-        let (width, height) = self.size();
-        let across = width.div_ceil(MACROBLOCK);
-        let (left, top) = (tile % across * MACROBLOCK, tile / across * MACROBLOCK);
-        (left..width.min(left + MACROBLOCK), top..height.min(top + MACROBLOCK))
-    }
-
-    /// Whether the pixel that a place falls on shows the same surface, no farther than `apart` from it \[m\]; outside of the
-    /// picture nobody knows better.
-    fn shows(&self, site: &Site, apart: f32) -> bool {
-        let Some((x, y)) = self.pixel_of(site) else { return true };
-        self.site(x, y)
-            .is_some_and(|shown| shown.carrier == site.carrier && shown.position.distance(site.position) < apart)
-    }
-
-    /// The pixel that a place falls on, if the picture has it.
-    fn pixel_of(&self, site: &Site) -> Option<(usize, usize)> {
-        let (place, _) = self.seen.view.project(site.position)?;
-        let (width, height) = self.size();
-        let inside = place.x >= 0.0 && place.y >= 0.0 && place.x < width as f32 && place.y < height as f32;
-        inside.then_some((place.x as usize, place.y as usize))
-    }
-
-    /// Where light is wanted at a pixel, if anything there reflects.
-    fn site(&self, x: usize, y: usize) -> Option<Site> {
-        bare_site(self.seen, self.moving, x, y).map(|site| Site { openness: self.openness.get(x, y), ..site })
-    }
-}
-
-/// As [`Picture::site`], open whatever is around.
-fn bare_site(seen: &GBuffer, moving: &[bool], x: usize, y: usize) -> Option<Site> {
-    let pixel: PixelSurface = seen.pixels.get(x, y);
-    (pixel.instance != NOTHING && pixel.albedo != [0.0; 3]).then(|| Site {
-        position: pixel.position.into(),
-        normal: pixel.shading_normal.into(),
-        geometric_normal: pixel.geometric_normal.into(),
-        carrier: if moving[pixel.instance as usize] { pixel.instance } else { NOTHING },
-        openness: openness::OPEN,
-        key: (y as u64) << 32 | x as u64,
-    })
 }
 
 #[cfg(test)]

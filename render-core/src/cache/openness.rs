@@ -52,7 +52,7 @@ pub(super) struct Openness {
 #[derive(Clone, Copy, Debug)]
 struct Felt {
     /// Where, though perhaps for an earlier picture; NaN where nothing was looked for.
-    position: Vec3A,
+    position: [f32; 3],
     openness: f32,
     /// D \[m\].
     scale: f32,
@@ -60,14 +60,14 @@ struct Felt {
 
 impl Default for Felt {
     fn default() -> Self {
-        Self { position: Vec3A::NAN, openness: OPEN, scale: 0.0 }
+        Self { position: [f32::NAN; 3], openness: OPEN, scale: 0.0 }
     }
 }
 
 impl Felt {
     /// Whether it tells how open `site` is, with D = `scale`.
     fn holds_at(&self, site: &Site, scale: f32) -> bool {
-        let (way, pixel) = (self.position - site.position, scale / SCALE);
+        let (way, pixel) = (Vec3A::from(self.position) - site.position, scale / SCALE);
         // False for NaN.
         way.length_squared() <= (STILL_HOLDS * pixel).powi(2)
             && way.dot(site.geometric_normal).abs() <= STILL_HOLDS_OFF_PLANE * pixel
@@ -97,7 +97,7 @@ impl Openness {
             let scale = scale();
             let known = before.at(site.position).filter(|felt| felt.holds_at(&site, scale));
             known.filter(|_| illumination.is_undisturbed(&site, scale)).unwrap_or_else(|| Felt {
-                position: site.position,
+                position: site.position.into(),
                 openness: illumination.openness(&site, scale),
                 scale,
             })

@@ -11,7 +11,7 @@
 //! a ridge regression per record, along the surface; wⱼ is the weight that neighbour j would have for record i at some more
 //! than its radius. What is left of the sum tells how far the record is to be trusted: see `doubt.rs`.
 
-use super::Picture;
+use super::picture::{Picture, Shown};
 use super::record::{Record, Site};
 use super::spacing::{pixel_width, radius_in_view, trust};
 use super::tile::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE, Tile, Tiles, weight};
@@ -67,13 +67,13 @@ impl Prediction {
         }
     }
 
-    /// Irradiance at a place nearby.
+    /// Irradiance at a pixel nearby.
     #[inline]
-    pub fn at(&self, site: &Site) -> Vec3A {
+    pub fn at(&self, shown: &Shown) -> Vec3A {
         let light = self.irradiance
-            + self.by_normal * (site.normal - self.normal)
-            + self.by_position * (site.position - self.position)
-            + self.by_openness * (site.openness - self.openness);
+            + self.by_normal * (shown.normal() - self.normal)
+            + self.by_position * (shown.position() - self.position)
+            + self.by_openness * (shown.openness - self.openness);
         light.max(Vec3A::ZERO)
     }
 }

@@ -1,6 +1,6 @@
 //! How far around its place a record may be used.
 
-use super::Picture;
+use super::picture::Picture;
 use super::record::{Estimate, Record, Site};
 use super::tile::NORMAL_TOLERANCE;
 use crate::luminance;

@@ -1,6 +1,7 @@
 //! The cache against environments whose irradiance is known in closed form.
 
 use super::*;
+use crate::PixelSurface;
 use crate::scene::{Projection, View};
 use glam::{Mat3A, Vec3};
 use std::sync::atomic::{AtomicUsize, Ordering};

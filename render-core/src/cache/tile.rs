@@ -1,8 +1,9 @@
 //! Which records a macroblock's pixels may take light from, laid out for a loop over them.
 
+use super::Vec3A;
+use super::picture::{Picture, Shown};
 use super::record::{Record, Site};
 use super::spacing::radius_in_view;
-use super::{Picture, Vec3A};
 use crate::accel::lanes::{Choice, Kernel, LANES, Lanes};
 use crate::{Busy, MACROBLOCK};
 use rayon::prelude::*;
@@ -46,7 +47,7 @@ impl Group {
         openness: [0.0; LANES],
     };
 
-    /// e² of each record at `site`:
+    /// e² of each record at a pixel:
     ///
     /// ```text
     /// e² = (|d|² + k² (d · n̄)²) / R² + (1 − n · nᵢ) / c + (o − oᵢ)² / t²
@@ -54,8 +55,8 @@ impl Group {
     ///   o  openness                                                                   t  OPENNESS_TOLERANCE
     /// ```
     #[inline(always)]
-    fn error2(&self, site: &Site) -> [f32; LANES] {
-        let (p, n) = (site.position.to_array(), site.normal.to_array());
+    fn error2(&self, shown: &Shown) -> [f32; LANES] {
+        let (p, n) = (shown.position().to_array(), shown.normal().to_array());
         let mut error2 = [0.0; LANES];
         for (k, error2) in error2.iter_mut().enumerate() {
             let (mut d2, mut along, mut cosine) = (0.0, 0.0, 0.0);
@@ -65,8 +66,8 @@ impl Group {
                 along += d * (n[axis] + self.normal[axis][k]);
                 cosine += n[axis] * self.normal[axis][k];
             }
-            let other = if self.carrier[k] == site.carrier { 0.0 } else { 2.0 };
-            let opener = (site.openness - self.openness[k]) * (1.0 / OPENNESS_TOLERANCE);
+            let other = if self.carrier[k] == shown.carrier { 0.0 } else { 2.0 };
+            let opener = (shown.openness - self.openness[k]) * (1.0 / OPENNESS_TOLERANCE);
             *error2 = (d2 + ACROSS * ACROSS / 4.0 * along * along) * self.inverse_radius2[k]
                 + (1.0 - cosine) * (1.0 / NORMAL_TOLERANCE)
                 + opener * opener
@@ -87,7 +88,7 @@ pub(super) fn weight(error2: f32) -> f32 {
 pub(super) fn weight_between(from: &Site, radius: f32, to: &Site) -> f32 {
     let mut group = Group::NOWHERE;
     group.set(0, from, radius);
-    weight(group.error2(to)[0])
+    weight(group.error2(&to.into())[0])
 }
 
 impl Group {
@@ -110,17 +111,17 @@ impl Group {
 }
 
 impl Tile {
-    /// Puts the candidates whose weight at `site` is above zero into `weights`, in their order.
+    /// Puts the candidates whose weight at a pixel is above zero into `weights`, in their order.
     #[inline]
-    pub fn weights(&self, lanes: Choice, site: &Site, weights: &mut Vec<(usize, f32)>) {
+    pub fn weights(&self, lanes: Choice, shown: &Shown, weights: &mut Vec<(usize, f32)>) {
         weights.clear();
-        lanes.run(Weigh { groups: &self.groups, site, weights });
+        lanes.run(Weigh { groups: &self.groups, shown, weights });
     }
 
-    /// Whether the weights at `site` sum to at least `enough`.
+    /// Whether the weights at a pixel sum to at least `enough`.
     #[inline]
-    pub fn is_covered(&self, lanes: Choice, site: &Site, enough: f32) -> bool {
-        lanes.run(SumUpTo { groups: &self.groups, site, enough })
+    pub fn is_covered(&self, lanes: Choice, shown: &Shown, enough: f32) -> bool {
+        lanes.run(SumUpTo { groups: &self.groups, shown, enough })
     }
 
     fn add(&mut self, place: usize, site: &Site, radius: f32) {
@@ -143,11 +144,11 @@ impl Tile {
         kept < before
     }
 
-    /// Which candidates have a weight above zero at any of `sites`.
-    fn candidates_in_use(&self, lanes: Choice, sites: &[Site]) -> Vec<u32> {
+    /// Which candidates have a weight above zero at any of these pixels.
+    fn candidates_in_use(&self, lanes: Choice, shown: &[Shown]) -> Vec<u32> {
         let mut used = Vec::new();
         for (group, candidates) in self.groups.iter().zip(self.candidates.chunks(LANES)) {
-            let bits = lanes.run(InUse { group, sites, all: (1 << candidates.len()) - 1 });
+            let bits = lanes.run(InUse { group, shown, all: (1 << candidates.len()) - 1 });
             let candidates = candidates.iter().enumerate().filter(|(lane, _)| bits >> lane & 1 == 1);
             used.extend(candidates.map(|(_, &candidate)| candidate));
         }
@@ -166,7 +167,7 @@ impl Tile {
 /// See [`Tile::weights`].
 struct Weigh<'a> {
     groups: &'a [Group],
-    site: &'a Site,
+    shown: &'a Shown,
     weights: &'a mut Vec<(usize, f32)>,
 }
 
@@ -176,7 +177,7 @@ impl Kernel for Weigh<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         for (g, group) in self.groups.iter().enumerate() {
-            let error2 = group.error2(self.site);
+            let error2 = group.error2(self.shown);
             let mut bits = below_one(&error2);
             while bits != 0 {
                 let lane = bits.trailing_zeros() as usize % LANES;
@@ -190,7 +191,7 @@ impl Kernel for Weigh<'_> {
 /// See [`Tile::is_covered`].
 struct SumUpTo<'a> {
     groups: &'a [Group],
-    site: &'a Site,
+    shown: &'a Shown,
     enough: f32,
 }
 
@@ -201,7 +202,7 @@ impl Kernel for SumUpTo<'_> {
     fn run<L: Lanes>(self, _: L) -> bool {
         let mut sum = 0.0;
         for group in self.groups {
-            let error2 = group.error2(self.site);
+            let error2 = group.error2(self.shown);
             if below_one(&error2) != 0 {
                 for e in error2 {
                     sum += weight(e);
@@ -218,7 +219,7 @@ impl Kernel for SumUpTo<'_> {
 /// See [`Tile::candidates_in_use`]; bits of those of a group, of which `all` are records.
 struct InUse<'a> {
     group: &'a Group,
-    sites: &'a [Site],
+    shown: &'a [Shown],
     all: u32,
 }
 
@@ -228,8 +229,8 @@ impl Kernel for InUse<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) -> u32 {
         let mut used = 0;
-        for site in self.sites {
-            used |= below_one(&self.group.error2(site));
+        for shown in self.shown {
+            used |= below_one(&self.group.error2(shown));
             if used & self.all == self.all {
                 break;
             }
@@ -259,21 +260,14 @@ pub(super) struct Tiles {
 impl Tiles {
     /// Tiles without records.
     pub fn new(picture: &Picture, busy: &Busy) -> Self {
-        let (width, height) = picture.size();
-        let count = width.div_ceil(MACROBLOCK) * height.div_ceil(MACROBLOCK);
         let empty = |tile| {
-            let (columns, rows) = picture.tile_area(tile);
             let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-            for y in rows {
-                for x in columns.clone() {
-                    if let Some(site) = picture.site(x, y) {
-                        (low, high) = (low.min(site.position), high.max(site.position));
-                    }
-                }
+            for position in picture.shown(tile).iter().filter(|shown| shown.is_something()).map(Shown::position) {
+                (low, high) = (low.min(position), high.max(position));
             }
             Tile { low, high, ..Tile::default() }
         };
-        let all = (0..count).into_par_iter().map(|tile| busy.measure(|| empty(tile))).collect();
+        let all = (0..picture.tiles()).into_par_iter().map(|tile| busy.measure(|| empty(tile))).collect();
         Self { all, lanes: Choice::best(), listed: Vec::new() }
     }
 
@@ -339,7 +333,7 @@ impl Tiles {
         let is_late = |&candidate: &u32| candidate as usize >= place;
         let in_tile = |index: usize| {
             let mut used = if self.all[index].candidates.last().is_some_and(is_late) {
-                self.all[index].candidates_in_use(self.lanes, &self.sites(picture, index))
+                self.all[index].candidates_in_use(self.lanes, picture.shown(index))
             } else {
                 Vec::new()
             };
@@ -354,16 +348,9 @@ impl Tiles {
         self.list(picture, records, used, busy);
     }
 
-    /// What is seen in a tile.
-    fn sites(&self, picture: &Picture, tile: usize) -> Vec<Site> {
-        let (columns, rows) = picture.tile_area(tile);
-        let places = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
-        places.filter_map(|(x, y)| picture.site(x, y)).collect()
-    }
-
     /// Those of the listed records, ascending, that any pixel takes light from.
     pub fn in_use(&self, picture: &Picture, busy: &Busy) -> Vec<usize> {
-        let in_tile = |index: usize| self.all[index].candidates_in_use(self.lanes, &self.sites(picture, index));
+        let in_tile = |index: usize| self.all[index].candidates_in_use(self.lanes, picture.shown(index));
         let used: Vec<Vec<u32>> =
             (0..self.all.len()).into_par_iter().map(|index| busy.measure(|| in_tile(index))).collect();
         self.records(used.concat())

@@ -1,0 +1,132 @@
+//! The picture that is lit, and what of each pixel says which records serve it.
+
+use super::openness::{self, Openness};
+use super::record::Site;
+use crate::gbuffer::{GBuffer, NOTHING, PixelSurface};
+use crate::{Busy, MACROBLOCK};
+use glam::Vec3A;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// The picture that is lit.
+pub(super) struct Picture<'a> {
+    pub seen: &'a GBuffer,
+    moving: &'a [bool],
+    openness: &'a Openness,
+    /// Of each macroblock in raster order, the pixels in raster order: a whole frame's sites are looked through several times,
+    /// and the G-buffer holds three times as much of each.
+    shown: Vec<Shown>,
+}
+
+/// What a pixel shows.
+#[derive(Clone, Copy)]
+pub(super) struct Shown {
+    position: [f32; 3],
+    pub openness: f32,
+    normal: [f32; 3],
+    pub carrier: u32,
+}
+
+impl Shown {
+    /// Nothing that reflects: no record is near it.
+    const NOTHING: Self = Self { position: [f32::NAN; 3], openness: 0.0, normal: [0.0; 3], carrier: NOTHING };
+
+    pub fn is_something(&self) -> bool {
+        !self.position[0].is_nan()
+    }
+
+    pub fn position(&self) -> Vec3A {
+        self.position.into()
+    }
+
+    pub fn normal(&self) -> Vec3A {
+        self.normal.into()
+    }
+}
+
+impl From<&Site> for Shown {
+    fn from(site: &Site) -> Self {
+        let Site { position, normal, carrier, openness, .. } = *site;
+        Self { position: position.into(), normal: normal.into(), carrier, openness }
+    }
+}
+
+impl<'a> Picture<'a> {
+    pub fn new(seen: &'a GBuffer, moving: &'a [bool], openness: &'a Openness, busy: &Busy) -> Self {
+        let mut picture = Self { seen, moving, openness, shown: Vec::new() };
+        let mut shown = vec![Shown::NOTHING; picture.tiles() * MACROBLOCK * MACROBLOCK];
+        shown.par_chunks_mut(MACROBLOCK * MACROBLOCK).enumerate().for_each(|(tile, shown)| {
+            busy.measure(|| {
+                for (shown, (x, y)) in shown.iter_mut().zip(picture.pixels(tile)) {
+                    *shown = picture.site(x, y).as_ref().map_or(Shown::NOTHING, Shown::from);
+                }
+            });
+        });
+        picture.shown = shown;
+        picture
+    }
+
+    pub fn size(&self) -> (usize, usize) {
+        (self.seen.pixels.width(), self.seen.pixels.height())
+    }
+
+    /// How many macroblocks it has.
+    pub fn tiles(&self) -> usize {
+        let (width, height) = self.size();
+        width.div_ceil(MACROBLOCK) * height.div_ceil(MACROBLOCK)
+    }
+
+    /// Columns and rows of macroblock `tile`, in raster order of macroblocks.
+    pub fn tile_area(&self, tile: usize) -> (Range<usize>, Range<usize>) {
+        let (width, height) = self.size();
+        let across = width.div_ceil(MACROBLOCK);
+        let (left, top) = (tile % across * MACROBLOCK, tile / across * MACROBLOCK);
+        (left..width.min(left + MACROBLOCK), top..height.min(top + MACROBLOCK))
+    }
+
+    /// The pixels of a macroblock, in raster order.
+    pub fn pixels(&self, tile: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let (columns, rows) = self.tile_area(tile);
+        rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
+    }
+
+    /// What they show.
+    pub fn shown(&self, tile: usize) -> &[Shown] {
+        let (columns, rows) = self.tile_area(tile);
+        &self.shown[tile * MACROBLOCK * MACROBLOCK..][..columns.len() * rows.len()]
+    }
+
+    /// Whether the pixel that a place falls on shows the same surface, no farther than `apart` from it \[m\]; outside of the
+    /// picture nobody knows better.
+    pub fn shows(&self, site: &Site, apart: f32) -> bool {
+        let Some((x, y)) = self.pixel_of(site) else { return true };
+        self.site(x, y)
+            .is_some_and(|shown| shown.carrier == site.carrier && shown.position.distance(site.position) < apart)
+    }
+
+    /// The pixel that a place falls on, if the picture has it.
+    pub fn pixel_of(&self, site: &Site) -> Option<(usize, usize)> {
+        let (place, _) = self.seen.view.project(site.position)?;
+        let (width, height) = self.size();
+        let inside = place.x >= 0.0 && place.y >= 0.0 && place.x < width as f32 && place.y < height as f32;
+        inside.then_some((place.x as usize, place.y as usize))
+    }
+
+    /// Where light is wanted at a pixel, if anything there reflects.
+    pub fn site(&self, x: usize, y: usize) -> Option<Site> {
+        bare_site(self.seen, self.moving, x, y).map(|site| Site { openness: self.openness.get(x, y), ..site })
+    }
+}
+
+/// As [`Picture::site`], open whatever is around.
+pub(super) fn bare_site(seen: &GBuffer, moving: &[bool], x: usize, y: usize) -> Option<Site> {
+    let pixel: PixelSurface = seen.pixels.get(x, y);
+    (pixel.instance != NOTHING && pixel.albedo != [0.0; 3]).then(|| Site {
+        position: pixel.position.into(),
+        normal: pixel.shading_normal.into(),
+        geometric_normal: pixel.geometric_normal.into(),
+        carrier: if moving[pixel.instance as usize] { pixel.instance } else { NOTHING },
+        openness: openness::OPEN,
+        key: (y as u64) << 32 | x as u64,
+    })
+}
