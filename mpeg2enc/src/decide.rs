@@ -10,8 +10,8 @@ use crate::{
     kernel,
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
     motion::{HalfSample, Range},
-    predict::{References, Samples, block_squared_error, predict_mode, squared_error},
-    quant::{Block, Kind, Quantiser, Quantisers, Rounding},
+    predict::{References, Samples, predict_mode, squared_errors},
+    quant::{Block, Kind, Quantisers, Rounding},
 };
 
 /// Price of a bit in squared errors: 0.23 times quantiser_scale², here with twice [`dct::COEFFICIENT_BITS`] fractional
@@ -73,7 +73,11 @@ pub(crate) struct Workspace {
 impl Workspace {
     pub fn new() -> Self {
         Self {
-            predictions: Predictions { samples: [[[0; 64]; 6]; PREDICTIONS], order: Vec::with_capacity(PREDICTIONS) },
+            predictions: Predictions {
+                samples: [[[0; 64]; 6]; PREDICTIONS],
+                errors: [[0; 6]; PREDICTIONS],
+                order: Vec::with_capacity(PREDICTIONS),
+            },
             best: Box::new(Trial::new()),
             other: Box::new(Trial::new()),
             uncoded: Trial::new().macroblock,
@@ -123,6 +127,8 @@ const PREDICTIONS: usize = 8;
 /// Predictions to choose from.
 struct Predictions {
     samples: [Samples; PREDICTIONS],
+    /// Squared errors of their blocks.
+    errors: [[u32; 6]; PREDICTIONS],
     /// Mode, squared error and place in `samples`, the best first.
     order: Vec<(Mode, u32, usize)>,
 }
@@ -134,7 +140,8 @@ impl Predictions {
         }
         let index = self.order.len();
         predict_mode(&decision.references, decision.column, decision.row, mode, &mut self.samples[index]);
-        let error = squared_error(decision.source, &self.samples[index]);
+        self.errors[index] = squared_errors(decision.source, &self.samples[index]);
+        let error = self.errors[index].iter().sum();
         let place = self.order.partition_point(|entry| entry.1 <= error);
         self.order.insert(place, (mode, error, index));
     }
@@ -151,7 +158,7 @@ impl Decision<'_> {
             work.predictions.consider(self, mode);
             // What quantises to nothing and takes no bits cannot be beaten by much.
             if let Some(&(_, _, index)) = work.predictions.order.first()
-                && self.leaves_nothing(quantiser, &work.predictions.samples[index])
+                && work.predictions.errors[index].iter().all(|&error| quantiser.leaves_nothing(error))
             {
                 return self.finish_uncoded(mode, index, work);
             }
@@ -203,7 +210,7 @@ impl Decision<'_> {
             if least.is_some_and(|least| u64::from(error) * 10 > u64::from(least) * WORTH_A_TRIAL_TENTHS) {
                 break;
             }
-            self.try_coded(mode, &work.predictions.samples[index], &mut work.other);
+            self.try_coded(mode, &work.predictions, index, &mut work.other);
             if work.keep_cheaper() {
                 chosen = index;
             }
@@ -226,7 +233,7 @@ impl Decision<'_> {
             && work.best.macroblock.mode != Mode::Intra
         {
             let bits_price = work.best.cost - work.best.macroblock.error();
-            let error = in_coefficients(squared_error(self.source, &work.reconstruction));
+            let error = in_coefficients(squared_errors(self.source, &work.reconstruction).iter().sum());
             if cost <= error + bits_price {
                 self.finish_uncoded(mode, index, work);
             }
@@ -244,13 +251,9 @@ impl Decision<'_> {
         })
     }
 
-    fn leaves_nothing(&self, quantiser: &Quantiser, predicted: &Samples) -> bool {
-        self.source.iter().zip(predicted).all(|(a, b)| quantiser.leaves_nothing(block_squared_error(a, b)))
-    }
-
     /// Squared error if each block were its mean: what intra coding starts from.
     fn activity(&self) -> u32 {
-        self.source.iter().map(kernel::deviation).sum()
+        kernel::deviation(self.source)
     }
 
     fn rounding(&self) -> Rounding {
@@ -262,12 +265,12 @@ impl Decision<'_> {
         trial.cost = trial.macroblock.error() + self.lambda * bits as i64;
     }
 
-    /// The prediction and what the quantiser leaves of the difference.
-    fn try_coded(&self, mode: Mode, predicted: &Samples, trial: &mut Trial) {
+    /// Prediction number `index` and what the quantiser leaves of the difference.
+    fn try_coded(&self, mode: Mode, predictions: &Predictions, index: usize, trial: &mut Trial) {
         let quantiser = self.quantisers.of(self.quantiser);
         (trial.macroblock.mode, trial.macroblock.quantiser) = (mode, self.quantiser);
-        for (i, (source, predicted)) in self.source.iter().zip(predicted).enumerate() {
-            let error = block_squared_error(source, predicted);
+        for (i, (source, predicted)) in self.source.iter().zip(&predictions.samples[index]).enumerate() {
+            let error = predictions.errors[index][i];
             let energy = in_coefficients(error);
             trial.energies[i] = energy;
             trial.is_transformed[i] = !quantiser.leaves_nothing(error);

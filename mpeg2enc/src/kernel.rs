@@ -1,12 +1,17 @@
 //! The innermost loops.
 //!
-//! Those over bytes are made of [`lanes`]. The others are compiled twice, for any processor and for those with AVX2: the
-//! source of both is the same plain loop over fixed sizes, so both give the same bits; the compiler makes vector
-//! instructions of it where it may. A test runs every one both ways.
+//! All are compiled twice, for any processor and for those with AVX2. Those over bytes are made of [`lanes`], the others
+//! are plain loops over fixed sizes, of which the compiler makes vector instructions where it may: the source of both is the
+//! same, and so are the bits. Only transformed differences are made of other lanes ([`wide`]) where there is AVX2.
+//! Tests run every one both ways.
 
 mod lanes;
+mod predicted;
+#[cfg(target_arch = "x86_64")]
+mod wide;
 
-use lanes::{Bytes, Words};
+use lanes::{Bytes, Differences, Words};
+use predicted::for_predicted;
 
 /// Can AVX2 be used? The answer is kept by the standard library: this is one load.
 #[inline(always)]
@@ -54,79 +59,44 @@ pub(crate) struct Place<'a> {
 /// Samples of a square block, sixteen at a time: N is 8 or 16, and each group is one row of 16 or two of 8.
 #[inline(always)]
 fn group<const N: usize>(samples: &[[u8; N]; N], i: usize) -> Bytes {
-    let eight = |y: usize, x: usize| -> [u8; 8] { samples[y][x..x + 8].try_into().expect("8 samples") };
-    if N == 16 { Bytes::new(eight(i, 0), eight(i, 8)) } else { Bytes::new(eight(2 * i, 0), eight(2 * i + 1, 0)) }
+    Bytes::load(&samples.as_flattened().as_chunks().0[i])
 }
 
-/// Gives `each` the predicted samples of N rows of N (7.6.4), in groups as [`group`] makes them.
-#[inline(always)]
-fn for_predicted<const N: usize>(place: Place, each: impl FnMut(usize, Bytes)) {
-    match place.half {
-        (false, false) => for_predicted_at::<N, false, false>(place, each),
-        (true, false) => for_predicted_at::<N, true, false>(place, each),
-        (false, true) => for_predicted_at::<N, false, true>(place, each),
-        (true, true) => for_predicted_at::<N, true, true>(place, each),
+vectorised! {
+    /// N rows of N predicted samples (7.6.4); N is 8 or 16.
+    fn predict, predict_plain<const N: usize>(place: Place, out: &mut [[u8; N]; N]) {
+        let (out, _) = out.as_flattened_mut().as_chunks_mut::<8>();
+        for_predicted::<N>(place, |i, bytes| [out[2 * i], out[2 * i + 1]] = bytes.halves());
     }
 }
 
-/// For half positions to the right (`H`) and below (`V`).
-#[inline(always)]
-fn for_predicted_at<const N: usize, const H: bool, const V: bool>(place: Place, mut each: impl FnMut(usize, Bytes)) {
-    let stride = place.stride;
-    // The last sample that is looked at: the compiler knows from here on that no other lies beyond.
-    let samples = &place.samples[..(N - 1 + usize::from(V)) * stride + N + usize::from(H)];
-    let eight = |first: usize| -> [u8; 8] { samples[first..first + 8].try_into().expect("8 samples") };
-    let sixteen = |first: usize| Bytes::new(eight(first), eight(first + if N == 16 { 8 } else { stride }));
-    for i in 0..N * N / 16 {
-        let first = i * stride * 16 / N;
-        let here = sixteen(first);
-        each(
-            i,
-            match (H, V) {
-                (false, false) => here,
-                (true, false) => here.mean(sixteen(first + 1)),
-                (false, true) => here.mean(sixteen(first + stride)),
-                (true, true) => {
-                    let below = first + stride;
-                    Bytes::mean_of_four([here, sixteen(first + 1), sixteen(below), sixteen(below + 1)])
-                }
-            },
-        );
+vectorised! {
+    /// The four luma blocks of a predicted macroblock (7.6.4), upper before lower.
+    fn predict_blocks, predict_blocks_plain(place: Place, out: &mut [[u8; 64]; 4]) {
+        for_predicted::<16>(place, |y, bytes| {
+            for (x, eight) in bytes.halves().into_iter().enumerate() {
+                out[2 * (y / 8) + x][8 * (y % 8)..][..8].copy_from_slice(&eight);
+            }
+        });
     }
-}
-
-/// N rows of N predicted samples (7.6.4); N is 8 or 16.
-#[inline]
-pub(crate) fn predict<const N: usize>(place: Place, out: &mut [[u8; N]; N]) {
-    let (out, _) = out.as_flattened_mut().as_chunks_mut::<8>();
-    for_predicted::<N>(place, |i, bytes| [out[2 * i], out[2 * i + 1]] = bytes.halves());
-}
-
-/// The four luma blocks of a predicted macroblock (7.6.4), upper before lower.
-#[inline]
-pub(crate) fn predict_blocks(place: Place, out: &mut [[u8; 64]; 4]) {
-    for_predicted::<16>(place, |y, bytes| {
-        for (x, eight) in bytes.halves().into_iter().enumerate() {
-            out[2 * (y / 8) + x][8 * (y % 8)..][..8].copy_from_slice(&eight);
-        }
-    });
 }
 
 /// The mean of two predictions, rounded up (7.6.7.1); a multiple of 16 samples.
 #[inline]
 pub(crate) fn mean(a: &[u8], b: &[u8], out: &mut [u8]) {
-    let ((a, _), (b, _), (out, _)) = (a.as_chunks::<8>(), b.as_chunks::<8>(), out.as_chunks_mut::<8>());
-    for ((a, b), out) in a.chunks_exact(2).zip(b.chunks_exact(2)).zip(out.chunks_exact_mut(2)) {
-        out.copy_from_slice(&Bytes::new(a[0], a[1]).mean(Bytes::new(b[0], b[1])).halves());
+    let ((a, _), (b, _), (out, _)) = (a.as_chunks(), b.as_chunks(), out.as_chunks_mut::<16>());
+    for ((a, b), out) in a.iter().zip(b).zip(out) {
+        out.as_chunks_mut::<8>().0.copy_from_slice(&Bytes::load(a).mean(Bytes::load(b)).halves());
     }
 }
 
-/// Sum of absolute differences between N×N samples and their prediction; N is 8 or 16.
-#[inline]
-pub(crate) fn absolute_difference<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
-    let mut sums = Words::splat(0);
-    for_predicted::<N>(place, |i, bytes| sums = sums.plus(bytes.difference(group(source, i))));
-    sums.dot(Words::splat(1)) as u32
+vectorised! {
+    /// Sum of absolute differences between N×N samples and their prediction; N is 8 or 16.
+    fn absolute_difference, absolute_difference_plain<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+        let mut sums = Words::splat(0);
+        for_predicted::<N>(place, |i, bytes| sums = sums.plus(bytes.difference(group(source, i))));
+        sums.dot(Words::splat(1)) as u32
+    }
 }
 
 /// Sum of absolute transformed differences of N×N samples to their prediction; N is 8 or 16.
@@ -135,7 +105,40 @@ pub(crate) fn absolute_difference<const N: usize>(source: &[[u8; N]; N], place: 
 /// one coefficient of a flat difference d then counts 8·d, about as 64 plain differences spread over many
 /// coefficients do.
 #[inline]
+#[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
 pub(crate) fn transformed_difference<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        fn avx2<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+            if N == 8 {
+                return transformed_difference_plain(source, place);
+            }
+            // SAFETY: so has the processor.
+            transformed_difference_wide(source, place, unsafe { wide::Words::zero() })
+        }
+        if has_avx2() {
+            // SAFETY: the processor has AVX2.
+            return unsafe { avx2(source, place) };
+        }
+    }
+    transformed_difference_plain(source, place)
+}
+
+/// [`transformed_difference`] of two blocks at a time, for N of 16.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn transformed_difference_wide<const N: usize>(source: &[[u8; N]; N], place: Place, zero: wide::Words) -> u32 {
+    let mut rows = [zero; 16];
+    for_predicted::<N>(place, |i, bytes| rows[i] = zero.of(group(source, i), bytes));
+    let (upper, lower) = rows.split_at(8);
+    hadamard_sum::<wide::Words>(upper.try_into().expect("8 rows"))
+        + hadamard_sum::<wide::Words>(lower.try_into().expect("8 rows"))
+}
+
+/// [`transformed_difference`] for any processor, one block at a time.
+#[inline(always)]
+fn transformed_difference_plain<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
     let mut rows = [[Words::splat(0); 8]; 4];
     for_predicted::<N>(place, |i, bytes| {
         let [low, high] = group(source, i).minus(bytes);
@@ -148,53 +151,65 @@ pub(crate) fn transformed_difference<const N: usize>(source: &[[u8; N]; N], plac
     rows[..N * N / 64].iter().map(|&block| hadamard_sum(block)).sum()
 }
 
-/// An eighth of the sum of magnitudes of transformed differences.
+/// An eighth of the sum of magnitudes of transformed differences, each block's rounded.
 #[inline(always)]
-fn hadamard_sum(mut block: [Words; 8]) -> u32 {
-    butterflies::<4>(&mut block);
-    butterflies::<2>(&mut block);
-    butterflies::<1>(&mut block);
-    let mut columns = Words::transposed(block);
-    butterflies::<4>(&mut columns);
-    butterflies::<2>(&mut columns);
+fn hadamard_sum<W: Differences>(mut rows: [W; 8]) -> u32 {
+    butterflies::<W, 4>(&mut rows);
+    butterflies::<W, 2>(&mut rows);
+    butterflies::<W, 1>(&mut rows);
+    let mut columns = W::transposed(rows);
+    butterflies::<W, 4>(&mut columns);
+    butterflies::<W, 2>(&mut columns);
     // The last step is |x + y| + |x − y| = 2·max(|x|, |y|), which four times is more than 16 bits hold.
     let [a, b, c, d, e, f, g, h] = columns;
-    let upper = a.abs().max(b.abs()).plus(c.abs().max(d.abs()));
-    let lower = e.abs().max(f.abs()).plus(g.abs().max(h.abs()));
-    let sum = upper.dot(Words::splat(1)) + lower.dot(Words::splat(1));
-    (2 * sum as u32 + 4) >> 3
+    let upper = a.abs().max(b.abs()).plus(c.abs().max(d.abs())).sums();
+    let lower = e.abs().max(f.abs()).plus(g.abs().max(h.abs())).sums();
+    let eighth = |block: usize| (2 * (upper[block] + lower[block]) as u32 + 4) >> 3;
+    eighth(0) + eighth(1)
 }
 
 /// Sums and differences of rows that lie this far apart: a third of an eight-point Hadamard transform.
 #[inline(always)]
-fn butterflies<const DISTANCE: usize>(rows: &mut [Words; 8]) {
+fn butterflies<W: Differences, const DISTANCE: usize>(rows: &mut [W; 8]) {
     for k in 0..4 {
         let i = k / DISTANCE * 2 * DISTANCE + k % DISTANCE;
         (rows[i], rows[i + DISTANCE]) = (rows[i].plus(rows[i + DISTANCE]), rows[i].minus(rows[i + DISTANCE]));
     }
 }
 
+#[inline(always)]
+fn squared_difference(a: &[u8; 64], b: &[u8; 64]) -> u32 {
+    let mut sum = 0;
+    for k in 0..64 {
+        let difference = i32::from(a[k]) - i32::from(b[k]);
+        sum += (difference * difference) as u32;
+    }
+    sum
+}
+
 vectorised! {
-    /// Sum of squared differences.
-    fn squared_difference, squared_difference_plain(a: &[u8; 64], b: &[u8; 64]) -> u32 {
-        let mut sum = 0;
-        for k in 0..64 {
-            let difference = i32::from(a[k]) - i32::from(b[k]);
-            sum += (difference * difference) as u32;
+    /// Sums of squared differences, block by block.
+    fn squared_differences, squared_differences_plain(a: &[[u8; 64]; 6], b: &[[u8; 64]; 6]) -> [u32; 6] {
+        let mut sums = [0; 6];
+        for block in 0..6 {
+            sums[block] = squared_difference(&a[block], &b[block]);
         }
-        sum
+        sums
     }
 }
 
 vectorised! {
-    /// Sum of squared differences to the mean.
-    fn deviation, deviation_plain(samples: &[u8; 64]) -> u32 {
-        let mut sum = 0;
-        for &sample in samples {
-            sum += u32::from(sample);
+    /// Sum of squared differences of blocks to their means.
+    fn deviation, deviation_plain(blocks: &[[u8; 64]; 6]) -> u32 {
+        let mut deviation = 0;
+        for samples in blocks {
+            let mut sum = 0;
+            for &sample in samples {
+                sum += u32::from(sample);
+            }
+            deviation += squared_difference(samples, &[((sum + 32) / 64) as u8; 64]);
         }
-        let mean = ((sum + 32) / 64) as u8;
-        squared_difference_plain(samples, &[mean; 64])
+        deviation
     }
 }
 
@@ -274,6 +289,7 @@ mod tests {
                 let corners = (0..N / 8).flat_map(|y| (0..N / 8).map(move |x| (8 * x, 8 * y)));
                 let sum: u32 = corners.map(|(x, y)| transformed(&eight(&source, x, y), &eight(&truth, x, y))).sum();
                 assert_eq!(transformed_difference(&source, place), sum);
+                assert_eq!(transformed_difference_plain(&source, place), sum);
             }
         }
     }
@@ -291,8 +307,9 @@ mod tests {
         let mut state = 1;
         for _ in 0..200 {
             let (a, b): ([u8; 64], [u8; 64]) = (std::array::from_fn(|_| random(&mut state)), [random(&mut state); 64]);
-            assert_eq!(squared_difference(&a, &b), squared_difference_plain(&a, &b));
-            assert_eq!(deviation(&a), deviation_plain(&a));
+            let (six, others) = ([a; 6], [b, a, b, a, b, b]);
+            assert_eq!(squared_differences(&six, &others), squared_differences_plain(&six, &others));
+            assert_eq!(deviation(&six), deviation_plain(&six));
             let values = std::array::from_fn(|i| i32::from(a[i]) * 128 - 16384);
             let reciprocals = std::array::from_fn(|i| u32::from(a[i]) * 513);
             let (mut x, mut y) = ([0; 64], [0; 64]);

@@ -201,7 +201,8 @@ impl Lookahead {
         let frame = self.get(index);
         let reference = self.get(away(index, delta));
         // Farther frames are reached by way of nearer ones.
-        let wide = delta.abs() == 1 && self.is_known(index, delta).is_none();
+        let turned_round = delta == 1 && self.is_known(index + 1, -1).is_some();
+        let wide = delta.abs() == 1 && self.is_known(index, delta).is_none() && !turned_round;
         let (columns, quick) = (self.columns(), self.quick);
         let rows = candidates.len() / columns;
         let matches: Arc<[Match]> = (0..rows)

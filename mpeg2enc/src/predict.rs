@@ -72,14 +72,9 @@ pub(crate) fn place_of(plane: &Plane<u8>, x2: i32, y2: i32) -> Place<'_> {
     Place { samples: &plane.samples()[first..], stride: plane.width(), half: (x2 & 1 == 1, y2 & 1 == 1) }
 }
 
-/// Sum of squared differences of all samples.
-pub(crate) fn squared_error(a: &Samples, b: &Samples) -> u32 {
-    a.iter().zip(b).map(|(a, b)| block_squared_error(a, b)).sum()
-}
-
-/// Sum of squared differences of one block.
-pub(crate) fn block_squared_error(a: &[u8; 64], b: &[u8; 64]) -> u32 {
-    kernel::squared_difference(a, b)
+/// Sums of squared differences of each block.
+pub(crate) fn squared_errors(a: &Samples, b: &Samples) -> [u32; 6] {
+    kernel::squared_differences(a, b)
 }
 
 #[cfg(test)]

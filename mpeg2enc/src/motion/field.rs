@@ -177,21 +177,25 @@ pub(crate) struct Spread {
 vectorised! {
     /// The spread of 16 rows of 16 vectors, which begin `stride` apart.
     fn spread, spread_plain(motion_px: &[[f32; 2]], stride: usize) -> Spread {
-        let (mut sum, mut least, mut most, mut farthest) = ([0; 8], [i32::MAX; 8], [i32::MIN; 8], [0; 8]);
+        // A row is 32 components: the compiler makes vectors of loops over so many, and of none over nested shorter ones.
+        let (mut sum, mut least, mut most, mut farthest) = ([0; 32], [i32::MAX; 32], [i32::MIN; 32], [0; 32]);
         for y in 0..16 {
-            for four in motion_px[y * stride..][..16].as_flattened().as_chunks::<8>().0 {
-                for k in 0..8 {
-                    let part = in_64ths(four[k]);
-                    sum[k] = i32::wrapping_add(sum[k], part);
-                    least[k] = least[k].min(part);
-                    most[k] = most[k].max(part);
-                    // Magnitudes and their bits are in the same order, infinity and NaN last.
-                    farthest[k] = i32::max(farthest[k], four[k].abs().to_bits() as i32);
-                }
+            let row: &[f32; 32] = motion_px[y * stride..][..16].as_flattened().try_into().expect("16 vectors");
+            for k in 0..32 {
+                let part = in_64ths(row[k]);
+                sum[k] = i32::wrapping_add(sum[k], part);
+                least[k] = least[k].min(part);
+                most[k] = most[k].max(part);
+                // Magnitudes and their bits are in the same order, infinity and NaN last.
+                farthest[k] = i32::max(farthest[k], row[k].abs().to_bits() as i32);
             }
         }
-        let fold = |values: [i32; 8], f: fn(i32, i32) -> i32| {
-            [0, 1].map(|i| f(f(values[i], values[i + 2]), f(values[i + 4], values[i + 6])))
+        let fold = |values: [i32; 32], f: fn(i32, i32) -> i32| {
+            let mut folded = [values[0], values[1]];
+            for k in 2..32 {
+                folded[k & 1] = f(folded[k & 1], values[k]);
+            }
+            folded
         };
         Spread {
             sum: fold(sum, i32::wrapping_add),

@@ -1,0 +1,81 @@
+//! Rows of differences of two blocks beside each other, by instructions of AVX2.
+#![allow(unsafe_code, reason = "vector instructions may only run where the processor has them")]
+
+use super::lanes::{Bytes, Differences};
+use std::arch::x86_64::*;
+
+/// All instructions of this module go through here.
+macro_rules! avx2 {
+    ($($body:tt)*) => {
+        // SAFETY: a value of `Words` exists only where the processor has AVX2, and no instruction here touches memory.
+        unsafe { $($body)* }
+    };
+}
+
+/// Sixteen numbers of 16 bits, with sign: eight of each block.
+#[derive(Clone, Copy)]
+pub(super) struct Words(__m256i);
+
+impl Words {
+    /// All zero.
+    ///
+    /// # Safety
+    /// The processor has AVX2.
+    #[inline(always)]
+    pub unsafe fn zero() -> Self {
+        avx2! { Self(_mm256_setzero_si256()) }
+    }
+
+    /// `self` when sixteen samples and what is taken from them are put in.
+    #[inline(always)]
+    pub fn of(self, samples: Bytes, minus: Bytes) -> Self {
+        avx2! { Self(_mm256_sub_epi16(_mm256_cvtepu8_epi16(samples.0), _mm256_cvtepu8_epi16(minus.0))) }
+    }
+}
+
+impl Differences for Words {
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        avx2! { Self(_mm256_add_epi16(self.0, other.0)) }
+    }
+
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        avx2! { Self(_mm256_sub_epi16(self.0, other.0)) }
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        avx2! { Self(_mm256_abs_epi16(self.0)) }
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        avx2! { Self(_mm256_max_epi16(self.0, other.0)) }
+    }
+
+    #[inline(always)]
+    fn sums(self) -> [i32; 2] {
+        avx2! {
+            let pairs = _mm256_madd_epi16(self.0, _mm256_set1_epi16(1));
+            let two = _mm256_add_epi32(pairs, _mm256_unpackhi_epi64(pairs, pairs));
+            let one = _mm256_add_epi32(two, _mm256_shuffle_epi32::<1>(two));
+            [_mm256_extract_epi32::<0>(one), _mm256_extract_epi32::<4>(one)]
+        }
+    }
+
+    #[inline(always)]
+    fn transposed(mut rows: [Self; 8]) -> [Self; 8] {
+        // As in `lanes`: both halves of the lanes are woven together alike.
+        for _ in 0..3 {
+            let before = rows;
+            for i in 0..4 {
+                avx2! {
+                    rows[2 * i] = Self(_mm256_unpacklo_epi16(before[i].0, before[i + 4].0));
+                    rows[2 * i + 1] = Self(_mm256_unpackhi_epi16(before[i].0, before[i + 4].0));
+                }
+            }
+        }
+        rows
+    }
+}
