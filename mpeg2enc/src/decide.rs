@@ -10,7 +10,7 @@ use crate::{
     kernel,
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
     motion::{HalfSample, Range},
-    predict::{References, Samples, predict_mode, squared_errors},
+    predict::{References, Samples, mean, predict, squared_errors},
     quant::{Block, Kind, Quantisers, Rounding},
 };
 
@@ -139,11 +139,35 @@ impl Predictions {
             return;
         }
         let index = self.order.len();
-        predict_mode(&decision.references, decision.column, decision.row, mode, &mut self.samples[index]);
+        self.predict(decision, mode, index);
         self.errors[index] = squared_errors(decision.source, &self.samples[index]);
         let error = self.errors[index].iter().sum();
         let place = self.order.partition_point(|entry| entry.1 <= error);
         self.order.insert(place, (mode, error, index));
+    }
+
+    /// Puts the prediction of a mode that is not intra in place `index`, behind those that were made (7.6.7).
+    fn predict(&mut self, decision: &Decision, mode: Mode, index: usize) {
+        let (made, new) = self.samples.split_at_mut(index);
+        match mode {
+            Mode::Intra => unreachable!("an intra macroblock is not predicted"),
+            Mode::Forward(vector) => decision.predict(0, vector, &mut new[0]),
+            Mode::Backward(vector) => decision.predict(1, vector, &mut new[0]),
+            Mode::Both(forward, backward) => {
+                let mut both = [[[0; 64]; 6]; 2];
+                let modes = [Mode::Forward(forward), Mode::Backward(backward)];
+                let [forward, backward] = std::array::from_fn(|s| {
+                    // Most often it was looked at alone.
+                    let place = self.order.iter().find(|entry| entry.0 == modes[s]).map(|entry| entry.2);
+                    if place.is_none() {
+                        decision.predict(s, [forward, backward][s], &mut both[s]);
+                    }
+                    place
+                });
+                let side = |s: usize, place: Option<usize>| place.map_or(&both[s], |place| &made[place]);
+                mean(side(0, forward), side(1, backward), &mut new[0]);
+            }
+        }
     }
 }
 
@@ -238,6 +262,10 @@ impl Decision<'_> {
                 self.finish_uncoded(mode, index, work);
             }
         }
+    }
+
+    fn predict(&self, s: usize, vector: HalfSample, out: &mut Samples) {
+        predict(self.references[s].expect("a mode has its reference picture"), self.column, self.row, vector, out);
     }
 
     fn is_allowed(&self, mode: Mode) -> bool {

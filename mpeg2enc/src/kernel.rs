@@ -91,6 +91,16 @@ pub(crate) fn mean(a: &[u8], b: &[u8], out: &mut [u8]) {
 }
 
 vectorised! {
+    /// The means of 2×2 samples of two rows, rounded.
+    fn means_of_four, means_of_four_plain(upper: &[u8], lower: &[u8], out: &mut [u8]) {
+        let (upper, lower) = (upper.as_chunks::<2>().0, lower.as_chunks::<2>().0);
+        for ((upper, lower), out) in upper.iter().zip(lower).zip(out) {
+            *out = ((u16::from(upper[0]) + u16::from(upper[1]) + u16::from(lower[0]) + u16::from(lower[1]) + 2) >> 2) as u8;
+        }
+    }
+}
+
+vectorised! {
     /// Sum of absolute differences between N×N samples and their prediction; N is 8 or 16.
     fn absolute_difference, absolute_difference_plain<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
         let mut sums = Words::splat(0);

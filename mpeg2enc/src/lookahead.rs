@@ -418,15 +418,10 @@ fn intra_costs(half: &Plane<u8>, quick: bool) -> Arc<[u32]> {
 
 /// Means of 2×2 samples.
 fn halved(plane: &Plane<u8>) -> Plane<u8> {
-    let mut data = Vec::with_capacity(plane.width() / 2 * (plane.height() / 2));
-    for y in 0..plane.height() / 2 {
-        let (upper, lower) = (plane.row(2 * y), plane.row(2 * y + 1));
-        data.extend(
-            upper
-                .chunks_exact(2)
-                .zip(lower.chunks_exact(2))
-                .map(|(a, b)| ((u16::from(a[0]) + u16::from(a[1]) + u16::from(b[0]) + u16::from(b[1]) + 2) >> 2) as u8),
-        );
+    let (width, height) = (plane.width() / 2, plane.height() / 2);
+    let mut half = Plane::filled(width, height, 0);
+    for (y, row) in half.samples_mut().chunks_exact_mut(width).enumerate() {
+        kernel::means_of_four(plane.row(2 * y), plane.row(2 * y + 1), row);
     }
-    Plane::from_vec(plane.width() / 2, plane.height() / 2, data)
+    half
 }

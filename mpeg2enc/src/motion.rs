@@ -226,9 +226,11 @@ impl<'a, const N: usize> Search<'a, N> {
     /// Tries a vector, brought into range; true if it is the best so far.
     pub fn try_vector(&mut self, vector: HalfSample) -> bool {
         let vector = self.range.clamp(vector);
-        if vector == self.best && self.best_cost != u32::MAX {
-            return false;
-        }
+        (vector != self.best || self.best_cost == u32::MAX) && self.try_allowed(vector)
+    }
+
+    /// Tries a vector within range; true if it is the best so far.
+    fn try_allowed(&mut self, vector: HalfSample) -> bool {
         let bits = component_bits(vector.x - self.predicted.x) + component_bits(vector.y - self.predicted.y);
         let price = (self.price * bits) >> 4;
         if price >= self.best_cost {
@@ -256,7 +258,7 @@ impl<'a, const N: usize> Search<'a, N> {
             for (x, y) in DIAMOND {
                 let next = center.offset(x, y);
                 if self.range.contains(next) {
-                    self.try_vector(next);
+                    self.try_allowed(next);
                 }
             }
             if self.best == center {
@@ -291,7 +293,7 @@ impl<'a, const N: usize> Search<'a, N> {
                 let (row, bit) = (((next.y - start.y) & 31) as usize, 1 << ((next.x - start.x) & 31));
                 if tried[row] & bit == 0 && self.range.contains(next) {
                     tried[row] |= bit;
-                    self.try_vector(next);
+                    self.try_allowed(next);
                 }
             }
             if self.best == center {

@@ -3,7 +3,6 @@
 use crate::{
     Frame,
     kernel::{self, Place},
-    macroblock::Mode,
     motion::HalfSample,
 };
 use plane::Plane;
@@ -12,6 +11,7 @@ use plane::Plane;
 pub(crate) type Samples = [[u8; 64]; 6];
 
 /// Place of a block of a macroblock: which plane, and its upper left sample there.
+#[cfg(test)]
 fn place(frame: &Frame, block: usize, column: usize, row: usize) -> (&Plane<u8>, usize, usize) {
     match block {
         0..4 => (&frame.luma, 16 * column + 8 * (block & 1), 16 * row + 8 * (block >> 1)),
@@ -22,31 +22,17 @@ fn place(frame: &Frame, block: usize, column: usize, row: usize) -> (&Plane<u8>,
 
 /// The samples of macroblock `(column, row)` of a frame in whole macroblocks.
 pub(crate) fn samples(frame: &Frame, column: usize, row: usize) -> Samples {
-    std::array::from_fn(|block| {
-        let (plane, x, y) = place(frame, block, column, row);
-        plane.block(x / 8, y / 8)
-    })
+    let mut out = [[0; 64]; 6];
+    predict(frame, column, row, HalfSample::ZERO, &mut out);
+    out
 }
 
 /// The reference pictures: before and after the picture in display order.
 pub(crate) type References<'a> = [Option<&'a Frame>; 2];
 
-/// The prediction of macroblock `(column, row)` in a mode that is not intra (7.6.7).
-pub(crate) fn predict_mode(references: &References, column: usize, row: usize, mode: Mode, out: &mut Samples) {
-    let from = |s: usize, vector, out: &mut Samples| {
-        predict(references[s].expect("a mode has its reference picture"), column, row, vector, out);
-    };
-    match mode {
-        Mode::Intra => unreachable!("an intra macroblock is not predicted"),
-        Mode::Forward(vector) => from(0, vector, out),
-        Mode::Backward(vector) => from(1, vector, out),
-        Mode::Both(forward, backward) => {
-            let mut both = [[[0; 64]; 6]; 2];
-            from(0, forward, &mut both[0]);
-            from(1, backward, &mut both[1]);
-            kernel::mean(both[0].as_flattened(), both[1].as_flattened(), out.as_flattened_mut()); // 7.6.7.1
-        }
-    }
+/// The mean of two predictions, rounded up (7.6.7.1).
+pub(crate) fn mean(a: &Samples, b: &Samples, out: &mut Samples) {
+    kernel::mean(a.as_flattened(), b.as_flattened(), out.as_flattened_mut());
 }
 
 /// The prediction of macroblock `(column, row)` from `reference` with `vector`.
