@@ -11,7 +11,7 @@ use crate::{
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
     motion::{HalfSample, Range},
     predict::{References, Samples, mean, predict, squared_errors},
-    quant::{Block, Kind, Quantisers, Rounding},
+    quant::{Block, Kind, Quantiser, Quantisers, Rounding},
 };
 
 /// Price of a bit in squared errors: 0.23 times quantiser_scale², here with twice [`dct::COEFFICIENT_BITS`] fractional
@@ -32,6 +32,9 @@ pub(crate) struct Tools {
     pub trials: usize,
     /// Other quantisers than the one asked for, where they cost less.
     pub quantiser_choice: bool,
+    /// A predicted block is not transformed if its squared error is less than so many quarters of quantiser_scale²: the few
+    /// levels that it would have are worth less than their bits.
+    pub worth_a_transform_quarters: i64,
 }
 
 /// A way to code a macroblock.
@@ -41,7 +44,7 @@ struct Trial {
     /// Coefficients of the blocks, for a second look, and what they leave if all become zero.
     coefficients: [[i32; 64]; 6],
     energies: [i64; 6],
-    /// Blocks that are certain to become zero were not transformed.
+    /// Blocks that are all but certain to become zero were not transformed.
     is_transformed: [bool; 6],
 }
 
@@ -182,7 +185,9 @@ impl Decision<'_> {
             work.predictions.consider(self, mode);
             // What quantises to nothing and takes no bits cannot be beaten by much.
             if let Some(&(_, _, index)) = work.predictions.order.first()
-                && work.predictions.errors[index].iter().all(|&error| quantiser.leaves_nothing(error))
+                && work.predictions.errors[index]
+                    .iter()
+                    .all(|&error| quantiser.leaves_nothing(error, Quantiser::CERTAIN))
             {
                 return self.finish_uncoded(mode, index, work);
             }
@@ -301,7 +306,7 @@ impl Decision<'_> {
             let error = predictions.errors[index][i];
             let energy = in_coefficients(error);
             trial.energies[i] = energy;
-            trial.is_transformed[i] = !quantiser.leaves_nothing(error);
+            trial.is_transformed[i] = !quantiser.leaves_nothing(error, self.tools.worth_a_transform_quarters);
             trial.macroblock.blocks[i] = if trial.is_transformed[i] {
                 trial.coefficients[i] = dct::forward_difference(source, predicted);
                 quantiser.quantise(&trial.coefficients[i], energy, Kind::Inter, self.rounding())

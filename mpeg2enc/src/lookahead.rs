@@ -369,7 +369,9 @@ fn best_match(
         }
     }
     if !quick {
-        search.refine();
+        if !candidates.one_motion {
+            search.refine();
+        }
         search.transform_differences();
     }
     Match { vector: search.best, cost: search.best_error }

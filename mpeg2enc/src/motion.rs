@@ -92,6 +92,8 @@ pub(crate) struct Estimate<'a> {
     pub transformed: bool,
 }
 
+/// A step of half a sample in each of four directions.
+const CROSS: [(i32, i32); 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
 /// A step of half a sample in each of eight directions.
 const NEIGHBOURS: [(i32, i32); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 /// Steps of the search by whole samples.
@@ -161,7 +163,9 @@ impl Estimate<'_> {
                     search.try_vector(vector);
                 }
             }
-            search.descend();
+            if !known || search.best != surface {
+                search.descend();
+            }
         }
         if search.best_error > poor && !known {
             let found = self.coarse.as_ref().map(|coarse| coarse.search(column, row));
@@ -170,10 +174,11 @@ impl Estimate<'_> {
             }
         }
         if self.transformed {
+            // Even around what is given: a field need not be right.
             search.transform_differences();
             search.settle();
         } else {
-            search.refine();
+            search.follow(CROSS, if known { 1 } else { 2 });
         }
         search.best
     }

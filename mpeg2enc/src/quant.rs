@@ -217,13 +217,16 @@ impl Quantiser {
         block
     }
 
-    /// Is a non-intra block of this squared error certain to quantise to zeros?
+    /// Is the squared error of a non-intra block less than so many quarters of quantiser_scale²?
     ///
-    /// No coefficient is larger than the root of the sum, and those below quantiser_scale become zero;
-    /// the quarter covers rounding.
-    pub fn leaves_nothing(&self, squared_error: u32) -> bool {
-        4 * i64::from(squared_error) < 3 * i64::from(self.scale).pow(2)
+    /// No coefficient is larger than the root of the sum, and those below quantiser_scale become zero: with
+    /// [`CERTAIN`](Self::CERTAIN) quarters, of which the missing one covers rounding, no level is left.
+    pub fn leaves_nothing(&self, squared_error: u32, quarters: i64) -> bool {
+        4 * i64::from(squared_error) < quarters * i64::from(self.scale).pow(2)
     }
+
+    /// See [`leaves_nothing`](Self::leaves_nothing).
+    pub const CERTAIN: i64 = 3;
 
     /// Coefficients in raster order as the decoder gets them (7.4): arithmetic, saturation, mismatch control.
     pub fn dequantise(&self, block: &Block, kind: Kind) -> [i32; 64] {
