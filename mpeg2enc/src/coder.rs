@@ -65,8 +65,8 @@ pub(crate) struct Job<'a> {
 /// A packet without sequence and group headers, and what the next picture needs.
 pub(crate) struct Coded {
     pub packet: Packet,
-    /// In whole macroblocks.
-    pub reconstruction: Frame,
+    /// In whole macroblocks; of a B picture, from which nothing is predicted, there is none.
+    pub reference: Option<Frame>,
     /// Forward and backward.
     pub vectors: [Vec<HalfSample>; 2],
     /// Bytes of the picture header and its extension, after which user data may follow.
@@ -159,8 +159,12 @@ impl Coder {
         let header_bytes = data.len();
         data.extend(coded.slices);
         let (width, height) = (self.config.width, self.config.height);
-        let reconstruction = coded.reconstruction.resized(width, height);
         let (columns, rows) = (job.source.width() / 16, job.source.height() / 16);
+        let psnr_y = psnr_within(&job.source.luma, &coded.reconstruction.luma, (width, height));
+        let (reconstruction, reference) = match job.picture_type {
+            PictureType::B => (coded.reconstruction.into_size(width, height), None),
+            _ => (coded.reconstruction.resized(width, height), Some(coded.reconstruction)),
+        };
         let packet = Packet {
             bits: 8 * data.len() as u64,
             data,
@@ -168,11 +172,11 @@ impl Coder {
             picture_type: job.picture_type,
             quantiser_scale: job.quantiser_scale,
             quantiser_scales: Plane::from_vec(columns, rows, coded.quantiser_scales),
-            psnr_y: psnr_within(&job.source.luma, &coded.reconstruction.luma, (width, height)),
+            psnr_y,
             reconstruction,
             statistics: coded.statistics,
         };
-        Coded { packet, reconstruction: coded.reconstruction, vectors, header_bytes }
+        Coded { packet, reference, vectors, header_bytes }
     }
 
     /// Sequence and group headers, which stand in front of an I picture; `number` is the first picture of the group to

@@ -81,7 +81,7 @@ impl Encoder {
         }
         let [vectors, _] = coded.vectors;
         self.vectors = vectors;
-        self.reference = Some(coded.reconstruction);
+        self.reference = coded.reference;
         self.count += 1;
         packet
     }

@@ -53,6 +53,11 @@ impl Frame {
         Ok(())
     }
 
+    /// The frame itself if it has this size, or a copy of another.
+    pub(crate) fn into_size(self, width: usize, height: usize) -> Self {
+        if (self.width(), self.height()) == (width, height) { self } else { self.resized(width, height) }
+    }
+
     /// A copy of another size: the last row and column repeat, or are cut off.
     pub(crate) fn resized(&self, width: usize, height: usize) -> Self {
         let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));

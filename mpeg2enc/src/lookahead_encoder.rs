@@ -103,7 +103,7 @@ impl LookaheadEncoder {
         let coded = self.code_within_rate(span.anchor, picture_type, &factors, headers, &upcoming, complete);
         packets.push(coded.packet);
         self.anchors.swap(0, 1);
-        self.anchors[1] = Some(Anchor { index: span.anchor, reconstruction: coded.reconstruction });
+        self.anchors[1] = coded.reference.map(|reconstruction| Anchor { index: span.anchor, reconstruction });
         let b_factors = vec![16 * B_SCALE_SIXTEENTHS; count];
         for (i, index) in (span.anchor - span.b_pictures..span.anchor).enumerate() {
             let upcoming = upcoming.get(i + 1..).unwrap_or_default();

@@ -119,15 +119,19 @@ impl Picture<'_> {
         put_slice_header(&mut writer, row, self.height, slice.quantiser);
         let mut state = SliceState::new(&slice);
         let mut work = Workspace::new();
+        let mut quantiser = (scales_x16[0], slice.quantiser);
         for (column, &scale_x16) in scales_x16.iter().enumerate() {
             let source = samples(self.source, column, row);
             let vectors = self.vectors.map(|vectors| vectors.get(row * columns + column).copied().unwrap_or_default());
+            if scale_x16 != quantiser.0 {
+                quantiser = (scale_x16, nearest_code(parameters.q_scale_type, scale_x16));
+            }
             let decision = Decision {
                 slice: &slice,
                 state: &state,
                 quantisers: self.quantisers,
                 tools: self.tools,
-                quantiser: nearest_code(parameters.q_scale_type, scale_x16),
+                quantiser: quantiser.1,
                 lambda: lambda(scale_x16),
                 references: self.references,
                 column,
