@@ -1,4 +1,4 @@
-//! Encodes a YUV4MPEG2 file (4:2:0, 8 bits) to an MPEG-2 elementary stream:
+//! Encodes a YUV4MPEG2 file (4:2:0, 8 bits) to MPEG-2, as elementary, program or transport stream:
 //!
 //! ```text
 //! ffmpeg -f lavfi -i testsrc2=size=512x512:rate=25:duration=2 -pix_fmt yuv420p clip.y4m
@@ -8,7 +8,9 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Parser, ValueEnum};
-use mpeg2enc::{CoefficientTable, Config, Effort, Frame, FrameRate, KnownMotion, MotionField, Packet, Rate};
+use mpeg2enc::{
+    CoefficientTable, Config, Container, Effort, Frame, FrameRate, KnownMotion, MotionField, Multiplexer, Packet, Rate,
+};
 use plane::Plane;
 use std::{
     fs::File,
@@ -16,12 +18,12 @@ use std::{
     path::PathBuf,
 };
 
-/// Encodes a YUV4MPEG2 file to an MPEG-2 elementary stream
+/// Encodes a YUV4MPEG2 file to MPEG-2
 #[derive(Parser)]
 struct Arguments {
     /// YUV4MPEG2, 4:2:0, 8 bits
     input: PathBuf,
-    /// The stream to be written (.m2v)
+    /// The stream to be written: .m2v (elementary), .mpg (program) or .ts (transport)
     #[arg(short, long)]
     output: PathBuf,
     /// quantiser_scale: 1 to 8, even values to 62, 64, multiples of 8 to 112
@@ -121,39 +123,41 @@ fn encode(arguments: &Arguments) -> Result<()> {
             EffortName::Balanced => Effort::Balanced,
             EffortName::Best => Effort::Best,
         });
+    let container = Container::of(&arguments.output)
+        .with_context(|| format!("{}: name the output .m2v, .mpg or .ts", arguments.output.display()))?;
     let file =
         File::create(&arguments.output).with_context(|| format!("{} cannot be written", arguments.output.display()))?;
-    let mut output = Sink { file: BufWriter::new(file), verbose: arguments.verbose, bits: 0, count: 0, error: 0.0 };
+    let multiplexer = Multiplexer::new(container, &config);
+    let mut output =
+        Sink { file: BufWriter::new(file), multiplexer, verbose: arguments.verbose, totals: Totals::default() };
     let (mut frame, mut fields) = (Frame::black(width, height), [None, None]);
-    if arguments.zero_delay {
+    let Totals { bits, count, error } = if arguments.zero_delay {
         let mut encoder = config.encoder()?;
         while read_frame(&mut input, &mut frame)? {
             read_motion(&mut motion, &mut fields, (width, height))?;
-            output.take(&encoder.push(&frame, fields[0].as_ref()))?;
+            output.take(encoder.push(&frame, fields[0].as_ref()))?;
         }
-        output.file.write_all(&encoder.finish())?;
+        output.finish(&encoder.finish())?
     } else {
         let mut encoder = config.lookahead_encoder()?;
         while read_frame(&mut input, &mut frame)? {
             read_motion(&mut motion, &mut fields, (width, height))?;
             let known = KnownMotion { to_previous: fields[0].as_ref(), to_next: fields[1].as_ref() };
             for packet in encoder.push(&frame, known) {
-                output.take(&packet)?;
+                output.take(packet)?;
             }
         }
         let (packets, end) = encoder.finish();
-        for packet in &packets {
+        for packet in packets {
             output.take(packet)?;
         }
-        output.file.write_all(&end)?;
-    }
-    output.file.flush()?;
-    let count = output.count.max(1) as f64;
+        output.finish(&end)?
+    };
+    let frames = count.max(1) as f64;
     println!(
-        "{} frames, {:.1} kbit/s, {:.3} dB (PSNR of luma, all frames together)",
-        output.count,
-        output.bits as f64 / count * fps / 1000.0,
-        10.0 * (255.0f64.powi(2) * count / output.error).log10()
+        "{count} frames, {:.1} kbit/s, {:.3} dB (PSNR of luma, all frames together)",
+        bits as f64 / frames * fps / 1000.0,
+        10.0 * (255.0f64.powi(2) * frames / error).log10()
     );
     Ok(())
 }
@@ -170,7 +174,14 @@ fn rate(arguments: &Arguments) -> Rate {
 /// Where packets go, and what is told of them.
 struct Sink {
     file: BufWriter<File>,
+    multiplexer: Multiplexer,
     verbose: bool,
+    totals: Totals,
+}
+
+#[derive(Default)]
+struct Totals {
+    /// Of the elementary stream.
     bits: u64,
     count: u64,
     /// Sum of the mean squared errors of luma.
@@ -178,11 +189,10 @@ struct Sink {
 }
 
 impl Sink {
-    fn take(&mut self, packet: &Packet) -> Result<()> {
-        self.file.write_all(&packet.data)?;
-        self.bits += packet.bits;
-        self.count += 1;
-        self.error += 255.0f64.powi(2) / 10.0f64.powf(packet.psnr_y / 10.0);
+    fn take(&mut self, packet: Packet) -> Result<()> {
+        self.totals.bits += packet.bits;
+        self.totals.count += 1;
+        self.totals.error += 255.0f64.powi(2) / 10.0f64.powf(packet.psnr_y / 10.0);
         if self.verbose {
             let scales = packet.quantiser_scales.samples();
             let mean = scales.iter().map(|&scale| f64::from(scale)).sum::<f64>() / scales.len() as f64;
@@ -200,7 +210,14 @@ impl Sink {
                 s.coefficient_bits
             );
         }
+        self.file.write_all(&self.multiplexer.push(packet))?;
         Ok(())
+    }
+
+    fn finish(mut self, sequence_end: &[u8]) -> Result<Totals> {
+        self.file.write_all(&self.multiplexer.finish(sequence_end))?;
+        self.file.flush()?;
+        Ok(self.totals)
     }
 }
 

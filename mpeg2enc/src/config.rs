@@ -387,6 +387,19 @@ impl Config {
             .unwrap_or(Level::High)
     }
 
+    /// bit_rate in units of 400 bits a second, and vbv_buffer_size in units of 16 384 bits, as the stream states them: the
+    /// bounds of the level where there are no others.
+    pub(crate) fn stated_rate(&self) -> (u32, u32) {
+        self.rate.stated().unwrap_or_else(|| {
+            let limits = self.level().limits();
+            // Beyond the highest level the bounds grow with the sample rate.
+            let rate = (self.width * self.height) as f64 * self.frame_rate.fps() / limits.luma_samples_per_second;
+            let growth = rate.ceil().max(1.0) as u64;
+            let bit_rate = (limits.bits_per_second * growth / 400).min((1 << 30) - 1);
+            (bit_rate as u32, (limits.vbv_buffer_size * growth).min((1 << 18) - 1) as u32)
+        })
+    }
+
     /// Checks everything and starts an encoder without delay: I and P pictures, one quantiser for all macroblocks.
     pub fn encoder(self) -> Result<Encoder, ConfigError> {
         if self.b_pictures > 0 || self.rate != Rate::ConstantQuantiser {

@@ -63,12 +63,7 @@ pub(crate) fn macroblock_counts(width: usize, height: usize) -> (usize, usize) {
 pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     let (horizontal_size, vertical_size) = (coded_size(config.width), coded_size(config.height));
     let limits = config.level().limits();
-    // Beyond the highest level the bounds grow with the sample rate.
-    let rate = (config.width * config.height) as f64 * config.frame_rate.fps() / limits.luma_samples_per_second;
-    let growth = rate.ceil().max(1.0) as u64;
-    let bit_rate = (limits.bits_per_second * growth / 400).min((1 << 30) - 1) as u32;
-    let vbv_buffer_size = (limits.vbv_buffer_size * growth).min((1 << 18) - 1) as u32;
-    let (bit_rate, vbv_buffer_size) = config.rate.stated().unwrap_or((bit_rate, vbv_buffer_size));
+    let (bit_rate, vbv_buffer_size) = config.stated_rate();
 
     writer.start_code(SEQUENCE_HEADER_CODE);
     writer.put(horizontal_size & 0xfff, 12); // horizontal_size_value

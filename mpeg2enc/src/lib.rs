@@ -46,6 +46,8 @@ mod lookahead_encoder; // and with
 
 mod lookahead; // what waiting frames tell: types of pictures, quantisers
 
+mod container; // streams with times
+
 mod coder; // one picture
 mod rate; // its quantiser, when bits are bounded
 mod vbv; // the buffer of a decoder
@@ -71,6 +73,7 @@ mod bits;
 pub use crate::{
     coder::Packet,
     config::{Config, ConfigError, FrameRate, QuantiserScaleCode, quantiser_scale_code},
+    container::{Container, Multiplexer},
     effort::Effort,
     encoder::Encoder,
     frame::{Frame, psnr},

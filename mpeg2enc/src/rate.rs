@@ -46,6 +46,14 @@ impl Rate {
     }
 }
 
+/// Bits in a buffer of `size` bits when the first picture is taken out.
+pub(crate) fn starting_fullness(rate: Rate, size: i64) -> i64 {
+    match rate {
+        Rate::Constant { .. } => size * LEVEL_SIXTEENTHS / 16,
+        _ => size,
+    }
+}
+
 /// A picture that will be coded, in the order of coding.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Upcoming {
@@ -86,7 +94,7 @@ impl RateControl {
         let (bit_rate, buffer_size) = config.rate.stated()?;
         let (bit_rate, size) = (400 * i64::from(bit_rate), 16_384 * i64::from(buffer_size));
         let pauses = matches!(config.rate, Rate::Capped { .. });
-        let start = if pauses { size } else { size * LEVEL_SIXTEENTHS / 16 };
+        let start = starting_fullness(config.rate, size);
         Some(Self {
             buffer: Buffer::new(bit_rate, size, config.frame_rate.fraction(), start, pauses),
             rate: config.rate,

@@ -1,0 +1,87 @@
+//! Packets of an elementary stream (PES), which carry its times (2.4.3.6, 2.4.3.7).
+
+use super::CLOCK;
+use crate::bits::{BitSink, BitWriter};
+
+/// stream_id of video stream number 0 (Table 2-18).
+pub(super) const VIDEO_STREAM: u8 = 0xe0;
+/// The clock of time stamps runs at 90 kHz.
+const STAMP: u64 = CLOCK / 90_000;
+
+/// When a picture is decoded and shown, in units of 1/27 000 000 s.
+#[derive(Clone, Copy)]
+pub(super) struct Times {
+    pub decoding: u64,
+    pub presentation: u64,
+}
+
+/// What the header of a PES packet says.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Header {
+    /// Times of the picture that begins with the packet.
+    pub times: Option<Times>,
+    /// Size of the decoder's buffer in KiB: the first packet of a program stream has it.
+    pub buffer_kib: Option<u64>,
+}
+
+impl Header {
+    /// PES_packet() up to its data; a length of `None` is not said, which only transport streams may.
+    pub fn bytes(self, data: Option<usize>) -> Vec<u8> {
+        let mut fields = BitWriter::default();
+        let flags = self.put_fields(&mut fields);
+        let fields = fields.into_bytes();
+        let length = data.map_or(0, |data| 3 + fields.len() + data);
+        let mut writer = BitWriter::default();
+        writer.start_code(VIDEO_STREAM); // packet_start_code_prefix, stream_id
+        writer.put(length as u32, 16); // PES_packet_length
+        writer.put(0b10, 2);
+        writer.put(0, 2); // PES_scrambling_control
+        writer.put(0, 1); // PES_priority
+        writer.put(self.times.is_some().into(), 1); // data_alignment_indicator: a picture, or headers, begin
+        writer.put(0, 2); // copyright, original_or_copy
+        writer.put(flags, 2); // PTS_DTS_flags
+        writer.put(0, 5); // ESCR, ES_rate, DSM_trick_mode, additional_copy_info, PES_CRC
+        writer.put(self.buffer_kib.is_some().into(), 1); // PES_extension_flag
+        writer.put(fields.len() as u32, 8); // PES_header_data_length
+        let mut bytes = writer.into_bytes();
+        bytes.extend(fields);
+        bytes
+    }
+
+    /// Writes the fields that the flags promise; gives PTS_DTS_flags.
+    fn put_fields(self, writer: &mut BitWriter) -> u32 {
+        let mut flags = 0;
+        if let Some(Times { decoding, presentation }) = self.times {
+            let (decoding, presentation) = (decoding / STAMP, presentation / STAMP);
+            flags = if decoding == presentation { 0b10 } else { 0b11 };
+            put_stamp(writer, flags, presentation); // PTS
+            if decoding != presentation {
+                put_stamp(writer, 0b01, decoding); // DTS
+            }
+        }
+        if let Some(kib) = self.buffer_kib {
+            writer.put(0b0001, 4); // of five fields only P-STD_buffer
+            writer.put(0b1110, 4); // reserved, PES_extension_flag_2
+            writer.put(0b01, 2);
+            writer.put(1, 1); // P-STD_buffer_scale: KiB
+            writer.put(kib as u32, 13); // P-STD_buffer_size
+        }
+        flags
+    }
+}
+
+/// A time stamp of 33 bits in three parts, behind four bits that say which it is.
+fn put_stamp(writer: &mut BitWriter, kind: u32, stamp: u64) {
+    writer.put(kind, 4);
+    put_parts(writer, stamp);
+}
+
+/// 33 bits, a marker bit after the first 3 and after each 15.
+pub(super) fn put_parts(writer: &mut BitWriter, stamp: u64) {
+    writer.put((stamp >> 30) as u32 & 0x7, 3);
+    writer.put(1, 1); // marker_bit
+    writer.put((stamp >> 15) as u32 & 0x7fff, 15);
+    writer.put(1, 1); // marker_bit
+    writer.put(stamp as u32 & 0x7fff, 15);
+    writer.put(1, 1); // marker_bit
+}

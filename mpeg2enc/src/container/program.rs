@@ -1,0 +1,105 @@
+//! Program streams: packs of one PES packet each (2.5.3).
+
+use super::{
+    CLOCK, Picture,
+    pes::{Header, VIDEO_STREAM, put_parts},
+    schedule::Schedule,
+};
+use crate::bits::{BitSink, BitWriter};
+
+/// MPEG_program_end_code (2.5.3.1).
+pub(super) const END: [u8; 4] = [0, 0, 1, 0xb9];
+/// Bytes of a pack: a sector of a disc, as is usual.
+const PACK: usize = 2048;
+const PACK_HEADER: usize = 14;
+/// The most bytes of headers in a pack: pack_header(), system_header(), PES header with both times and the buffer.
+const HEADERS: usize = PACK_HEADER + 15 + 9 + 10 + 3;
+/// The fewest: those of packs in the middle of a picture.
+const HEADERS_LEAST: usize = PACK_HEADER + 9;
+
+pub(super) struct Writer {
+    schedule: Schedule,
+    /// program_mux_rate, in units of 50 bytes a second (2.5.3.4).
+    mux_rate: u64,
+    buffer_kib: u64,
+    /// When the last pack has passed.
+    passed: u64,
+    is_first: bool,
+}
+
+impl Writer {
+    pub fn new(schedule: Schedule, fps: f64) -> Self {
+        // Full packs have the fewest headers; each picture may leave one that is not full, with the most.
+        let full = (schedule.bytes_per_second as usize * PACK).div_ceil(PACK - HEADERS_LEAST);
+        let mux_rate = (full + fps.ceil() as usize * HEADERS).div_ceil(50).min((1 << 22) - 1) as u64;
+        // Room for a pack more: within one, bytes come faster than the schedule knows.
+        let buffer_kib = (schedule.buffer + PACK as u64).div_ceil(1024).min((1 << 13) - 1);
+        Self { schedule, mux_rate, buffer_kib, passed: 0, is_first: true }
+    }
+
+    /// The packs of one picture.
+    pub fn put(&mut self, picture: &Picture) -> Vec<u8> {
+        self.schedule.begin(picture.times.decoding);
+        let mut out = Vec::with_capacity(picture.data.len() * PACK / (PACK - HEADERS) + PACK);
+        let mut rest = &picture.data[..];
+        let mut times = Some(picture.times);
+        while !rest.is_empty() {
+            let begins = times.is_some();
+            let header = Header { times: times.take(), buffer_kib: self.is_first.then_some(self.buffer_kib) };
+            // Whoever begins to listen at an I picture learns what there is.
+            let system_header = if begins && picture.is_entry { self.system_header() } else { Vec::new() };
+            let room = PACK - PACK_HEADER - system_header.len() - header.bytes(Some(0)).len();
+            let (data, later) = rest.split_at(room.min(rest.len()));
+            // The next pack cannot come before this one has passed.
+            let arrival = self.schedule.arrive(data.len() as u64).max(self.passed);
+            let start = out.len();
+            out.extend(self.pack_header(arrival));
+            out.extend(system_header);
+            out.extend(header.bytes(Some(data.len())));
+            out.extend(data);
+            self.passed = arrival + ((out.len() - start) as u64 * CLOCK).div_ceil(50 * self.mux_rate);
+            (rest, self.is_first) = (later, false);
+        }
+        out
+    }
+
+    /// pack_header() (2.5.3.3); `arrival` is when it comes in: system_clock_reference counts up to its last byte but the
+    /// ten that follow it.
+    fn pack_header(&self, arrival: u64) -> Vec<u8> {
+        let mut writer = BitWriter::default();
+        writer.start_code(0xba); // pack_start_code
+        writer.put(0b01, 2);
+        put_parts(&mut writer, arrival / 300); // system_clock_reference_base
+        writer.put((arrival % 300) as u32, 9); // system_clock_reference_extension
+        writer.put(1, 1); // marker_bit
+        writer.put(self.mux_rate as u32, 22); // program_mux_rate
+        writer.put(0b11, 2); // marker_bit, marker_bit
+        writer.put(0b1_1111, 5); // reserved
+        writer.put(0, 3); // pack_stuffing_length
+        writer.into_bytes()
+    }
+
+    /// system_header() (2.5.3.5).
+    fn system_header(&self) -> Vec<u8> {
+        let mut writer = BitWriter::default();
+        writer.start_code(0xbb); // system_header_start_code
+        writer.put(9, 16); // header_length
+        writer.put(1, 1); // marker_bit
+        writer.put(self.mux_rate as u32, 22); // rate_bound
+        writer.put(1, 1); // marker_bit
+        writer.put(0, 6); // audio_bound
+        writer.put(0, 1); // fixed_flag: the rate varies
+        writer.put(0, 1); // CSPS_flag
+        writer.put(0, 1); // system_audio_lock_flag
+        writer.put(1, 1); // system_video_lock_flag: pictures come at a rate of the same clock
+        writer.put(1, 1); // marker_bit
+        writer.put(1, 5); // video_bound
+        writer.put(0, 1); // packet_rate_restriction_flag
+        writer.put(0x7f, 7); // reserved
+        writer.put(VIDEO_STREAM.into(), 8); // stream_id
+        writer.put(0b11, 2);
+        writer.put(1, 1); // P-STD_buffer_bound_scale: KiB
+        writer.put(self.buffer_kib as u32, 13); // P-STD_buffer_size_bound
+        writer.into_bytes()
+    }
+}

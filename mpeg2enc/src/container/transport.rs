@@ -1,0 +1,200 @@
+//! Transport streams: packets of 188 bytes with one program of one video (2.4.3, 2.4.4).
+
+use super::{CLOCK, Picture, pes::Header, schedule::Schedule};
+use crate::bits::{BitSink, BitWriter};
+
+const PACKET: usize = 188;
+const SYNC_BYTE: u32 = 0x47;
+/// Packet identifiers: those below 0x10 are taken (Table 2-3).
+const PAT_PID: u32 = 0;
+const PMT_PID: u32 = 0x1000;
+const VIDEO_PID: u32 = 0x100;
+const PROGRAM: u32 = 1;
+/// stream_type of video of ISO/IEC 13818-2 (Table 2-29).
+const STREAM_TYPE_MPEG2: u32 = 0x02;
+/// The longest time between two clock references is 0.1 s (2.7.2); the tables come as often, so that a receiver finds its
+/// way soon.
+const CLOCK_INTERVAL: u64 = CLOCK / 30;
+const TABLE_INTERVAL: u64 = CLOCK / 10;
+
+pub(super) struct Writer {
+    schedule: Schedule,
+    /// continuity_counter of PAT, PMT and video.
+    counters: [u32; 3],
+    /// When the tables and a clock reference were sent last.
+    tables_sent: Option<u64>,
+    clock_sent: Option<u64>,
+}
+
+/// What stands in front of the payload of a packet (2.4.3.4).
+#[derive(Clone, Copy, Default)]
+struct Adaptation {
+    /// Can a decoder begin here?
+    random_access: bool,
+    /// program_clock_reference, in units of 1/27 000 000 s.
+    clock: Option<u64>,
+}
+
+impl Writer {
+    pub fn new(schedule: Schedule) -> Self {
+        Self { schedule, counters: [0; 3], tables_sent: None, clock_sent: None }
+    }
+
+    /// The packets of one picture.
+    pub fn put(&mut self, picture: &Picture) -> Vec<u8> {
+        self.schedule.begin(picture.times.decoding);
+        let mut data = Header { times: Some(picture.times), buffer_kib: None }.bytes(None);
+        let header = data.len();
+        data.extend(&picture.data);
+        let mut out = Vec::with_capacity(data.len() * PACKET / (PACKET - 12) + 4 * PACKET);
+        let mut rest = &data[..];
+        let mut begins = true;
+        while !rest.is_empty() {
+            let arrival = self.schedule.wait(rest.len().min(PACKET - 4) as u64);
+            let is_due = |sent: Option<u64>, interval| sent.is_none_or(|sent| arrival >= sent + interval);
+            if begins && (picture.is_entry || is_due(self.tables_sent, TABLE_INTERVAL)) {
+                self.put_tables(&mut out);
+                self.tables_sent = Some(arrival);
+            }
+            let clock = (begins || is_due(self.clock_sent, CLOCK_INTERVAL)).then_some(arrival);
+            self.clock_sent = clock.or(self.clock_sent);
+            let adaptation = Adaptation { random_access: begins && picture.is_entry, clock };
+            let taken = put_packet(&mut out, VIDEO_PID, begins, &mut self.counters[2], adaptation, rest);
+            // Only the elementary stream goes through the buffer.
+            self.schedule.take(taken.saturating_sub(if begins { header } else { 0 }) as u64);
+            (rest, begins) = (&rest[taken..], false);
+        }
+        out
+    }
+
+    /// program_association_section() and TS_program_map_section() (2.4.4.3, 2.4.4.8).
+    fn put_tables(&mut self, out: &mut Vec<u8>) {
+        let mut association = BitWriter::default();
+        association.put(PROGRAM, 16); // program_number
+        association.put(0b111, 3); // reserved
+        association.put(PMT_PID, 13); // program_map_PID
+        put_section(out, PAT_PID, &mut self.counters[0], 0x00, &association.into_bytes());
+
+        let mut map = BitWriter::default();
+        map.put(0b111, 3); // reserved
+        map.put(VIDEO_PID, 13); // PCR_PID
+        map.put(0b1111, 4); // reserved
+        map.put(0, 12); // program_info_length
+        map.put(STREAM_TYPE_MPEG2, 8); // stream_type
+        map.put(0b111, 3); // reserved
+        map.put(VIDEO_PID, 13); // elementary_PID
+        map.put(0b1111, 4); // reserved
+        map.put(0, 12); // ES_info_length
+        put_section(out, PMT_PID, &mut self.counters[1], 0x02, &map.into_bytes());
+    }
+}
+
+/// A section in a packet of its own. The number behind its length is that of the stream, or of the program: both are 1.
+fn put_section(out: &mut Vec<u8>, pid: u32, counter: &mut u32, table_id: u32, body: &[u8]) {
+    let mut writer = BitWriter::default();
+    writer.put(table_id, 8);
+    writer.put(0b10_11, 4); // section_syntax_indicator, '0', reserved
+    writer.put(body.len() as u32 + 9, 12); // section_length
+    writer.put(PROGRAM, 16); // transport_stream_id, program_number
+    writer.put(0b11, 2); // reserved
+    writer.put(0, 5); // version_number
+    writer.put(1, 1); // current_next_indicator
+    writer.put(0, 16); // section_number, last_section_number
+    let mut section = writer.into_bytes();
+    section.extend(body);
+    let check = crc_32(&section).to_be_bytes();
+    let mut payload = vec![0]; // pointer_field: the section begins at once
+    payload.extend(section);
+    payload.extend(check);
+    payload.resize(PACKET - 4, 0xff); // stuffing behind the section (2.4.4)
+    put_packet(out, pid, true, counter, Adaptation::default(), &payload);
+}
+
+/// transport_packet() (2.4.3.2): as much of `payload` as there is room for. Gives how much that was.
+fn put_packet(
+    out: &mut Vec<u8>,
+    pid: u32,
+    begins: bool,
+    counter: &mut u32,
+    adaptation: Adaptation,
+    payload: &[u8],
+) -> usize {
+    let needed = match adaptation {
+        Adaptation { clock: Some(_), .. } => 8,
+        Adaptation { random_access: true, .. } => 2,
+        _ => 0,
+    };
+    let taken = payload.len().min(PACKET - 4 - needed);
+    let field = PACKET - 4 - taken;
+    let mut writer = BitWriter::default();
+    writer.put(SYNC_BYTE, 8);
+    writer.put(0, 1); // transport_error_indicator
+    writer.put(begins.into(), 1); // payload_unit_start_indicator
+    writer.put(0, 1); // transport_priority
+    writer.put(pid, 13); // PID
+    writer.put(0, 2); // transport_scrambling_control
+    writer.put(if field > 0 { 0b11 } else { 0b01 }, 2); // adaptation_field_control
+    writer.put(*counter, 4); // continuity_counter
+    *counter = (*counter + 1) % 16;
+    if field > 0 {
+        writer.put(field as u32 - 1, 8); // adaptation_field_length
+    }
+    if field > 1 {
+        writer.put(0, 1); // discontinuity_indicator
+        writer.put(adaptation.random_access.into(), 1); // random_access_indicator
+        writer.put(0, 1); // elementary_stream_priority_indicator
+        writer.put(adaptation.clock.is_some().into(), 1); // PCR_flag
+        writer.put(0, 4); // OPCR, splicing_point, transport_private_data, adaptation_field_extension
+    }
+    if let Some(clock) = adaptation.clock {
+        let base = clock / 300;
+        writer.put((base >> 1) as u32, 32); // program_clock_reference_base, 33 bits
+        writer.put(base as u32 & 1, 1);
+        writer.put(0b11_1111, 6); // reserved
+        writer.put((clock % 300) as u32, 9); // program_clock_reference_extension
+    }
+    let start = out.len();
+    out.extend(writer.into_bytes());
+    out.resize(start + PACKET - taken, 0xff); // stuffing_byte
+    out.extend(&payload[..taken]);
+    taken
+}
+
+/// CRC_32 (Annex A): x³² + x²⁶ + x²³ + x²² + x¹⁶ + x¹² + x¹¹ + x¹⁰ + x⁸ + x⁷ + x⁵ + x⁴ + x² + x + 1, the highest bit first.
+fn crc_32(bytes: &[u8]) -> u32 {
+    const POLYNOMIAL: u32 = 0x04c1_1db7;
+    bytes.iter().fold(u32::MAX, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte) << 24, |crc, _| crc << 1 ^ if crc >> 31 == 1 { POLYNOMIAL } else { 0 })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_check_of_a_checked_section_is_zero() {
+        // The check value of CRC-32/MPEG-2 in the catalogue of parametrised CRC algorithms.
+        assert_eq!(crc_32(b"123456789"), 0x0376_e6e7);
+    }
+
+    #[test]
+    fn packets_are_188_bytes_whatever_is_left_for_them() {
+        for length in [1, 2, 3, 170, 175, 176, 177, 181, 182, 183, 184, 185, 400] {
+            for adaptation in [
+                Adaptation::default(),
+                Adaptation { random_access: true, clock: None },
+                Adaptation { random_access: true, clock: Some(123_456_789) },
+            ] {
+                let (mut out, mut counter) = (Vec::new(), 15);
+                let payload: Vec<u8> = (0..length).map(|i| i as u8).collect();
+                let taken = put_packet(&mut out, VIDEO_PID, true, &mut counter, adaptation, &payload);
+                assert_eq!((out.len(), counter), (PACKET, 0));
+                assert_eq!(out[PACKET - taken..], payload[..taken]);
+                assert!(taken == length || taken >= PACKET - 12);
+                let field = if out[3] >> 4 & 0b10 != 0 { 1 + usize::from(out[4]) } else { 0 };
+                assert_eq!(4 + field + taken, PACKET);
+            }
+        }
+    }
+}
