@@ -10,6 +10,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::{Parser, ValueEnum};
 use mpeg2enc::{
     CoefficientTable, Config, Container, Effort, Frame, FrameRate, KnownMotion, MotionField, Multiplexer, Packet, Rate,
+    Standard,
 };
 use plane::Plane;
 use std::{
@@ -74,6 +75,9 @@ struct Arguments {
     /// Motion to the frame after, in the same form
     #[arg(long)]
     motion_next: Option<PathBuf>,
+    /// MPEG-1 instead of MPEG-2
+    #[arg(long)]
+    mpeg1: bool,
     /// Threads to encode with
     #[arg(short, long, default_value_t = 1)]
     threads: usize,
@@ -109,6 +113,7 @@ fn encode(arguments: &Arguments) -> Result<()> {
     let mut motion = [reader(&arguments.motion)?, reader(&arguments.motion_next)?];
     let config = Config::new(width, height, FrameRate::from_fps(fps)?)
         .with_quantiser_scale(arguments.qscale)
+        .with_standard(if arguments.mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
         .with_gop(arguments.gop)
         .with_b_pictures(if arguments.zero_delay { 0 } else { arguments.bframes })
         .with_closed_gop(arguments.closed)

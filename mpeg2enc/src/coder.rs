@@ -1,7 +1,7 @@
 //! One picture: vectors, slices, headers. What zero-delay and lookahead coding have in common.
 
 use crate::{
-    Config, Frame, PictureStatistics, PictureType,
+    CoefficientTable, Config, Frame, PictureStatistics, PictureType, Standard,
     bits::BitWriter,
     config::quantiser_scale_code,
     decide::Tools,
@@ -110,7 +110,8 @@ impl Coder {
     /// Codes one picture on the current `rayon` pool.
     pub fn code(&self, job: &Job) -> Coded {
         let limits = self.config.level().limits();
-        let f_code_max = [limits.f_code_horizontal, limits.f_code_vertical];
+        let standard = self.config.standard;
+        let f_code_max = [limits.f_code_horizontal, limits.f_code_vertical].map(|max| max.min(standard.f_code_max()));
         let effort = self.config.effort;
         let find = |direction: &Option<Direction>| {
             direction.as_ref().map_or(Vec::new(), |direction| {
@@ -128,7 +129,13 @@ impl Coder {
             })
         };
         let vectors = [find(&job.directions[0]), find(&job.directions[1])];
-        let reach = |vectors: &[HalfSample]| [f_code(vectors.iter().map(|v| v.x)), f_code(vectors.iter().map(|v| v.y))];
+        let reach = |vectors: &[HalfSample]| {
+            let [x, y] = [f_code(vectors.iter().map(|v| v.x)), f_code(vectors.iter().map(|v| v.y))];
+            match standard {
+                Standard::Mpeg1 => [x.max(y); 2], // one for both
+                Standard::Mpeg2 => [x, y],
+            }
+        };
         let references: References =
             [&job.directions[0], &job.directions[1]].map(|direction| direction.as_ref().map(|d| d.reference));
         let header = PictureHeader {
@@ -207,11 +214,13 @@ pub(crate) fn sequence_end() -> Vec<u8> {
 
 fn parameters(config: &Config, varies: bool) -> QuantiserParameters {
     let code = quantiser_scale_code(config.quantiser_scale).expect("checked when it was set");
+    let is_mpeg2 = config.standard == Standard::Mpeg2;
     QuantiserParameters {
-        q_scale_type: varies || code.q_scale_type,
+        standard: config.standard,
+        q_scale_type: is_mpeg2 && (varies || code.q_scale_type),
         intra_dc_precision: config.intra_dc_precision,
         alternate_scan: config.alternate_scan,
-        intra_table: config.intra_table,
+        intra_table: if is_mpeg2 { config.intra_table } else { CoefficientTable::Zero },
         intra_matrix: config.intra_matrix,
         non_intra_matrix: config.non_intra_matrix,
     }

@@ -1,7 +1,7 @@
 //! What to encode: plain values, checked once.
 
 use crate::{
-    CoefficientTable, Effort, Encoder, Frame, Level, LookaheadEncoder, MotionField, Rate,
+    CoefficientTable, Effort, Encoder, Frame, Level, LookaheadEncoder, MotionField, Rate, Standard,
     quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
 };
 
@@ -87,6 +87,14 @@ pub enum ConfigError {
     IntraDcPrecision {
         /// The precision asked for.
         bits: u32,
+    },
+    /// MPEG-1 does not have what was asked for.
+    #[error("MPEG-1 does not have {what}: {remedy}")]
+    NotInMpeg1 {
+        /// What it does not have.
+        what: &'static str,
+        /// What to do instead.
+        remedy: &'static str,
     },
     /// The level that was asked for is too low.
     #[error(
@@ -227,6 +235,7 @@ pub struct Config {
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) frame_rate: FrameRate,
+    pub(crate) standard: Standard,
     pub(crate) gop: u32,
     pub(crate) quantiser_scale: u32,
     pub(crate) intra_dc_precision: u32,
@@ -258,6 +267,7 @@ impl Config {
             width,
             height,
             frame_rate,
+            standard: Standard::default(),
             gop: 15,
             quantiser_scale: 8,
             intra_dc_precision: 8,
@@ -273,6 +283,11 @@ impl Config {
             non_intra_matrix: DEFAULT_NON_INTRA_MATRIX,
             rate: Rate::default(),
         }
+    }
+
+    /// The standard that the stream follows: MPEG-2 unless another is asked for.
+    pub fn with_standard(self, standard: Standard) -> Self {
+        Self { standard, ..self }
     }
 
     /// Distance between I pictures, 1 to 132.
@@ -425,6 +440,7 @@ impl Config {
             return Err(ConfigError::GroupOfPictures { pictures: self.gop });
         }
         quantiser_scale_code(self.quantiser_scale)?;
+        self.standard.check(self)?;
         if !(8..=10).contains(&self.intra_dc_precision) {
             return Err(ConfigError::IntraDcPrecision { bits: self.intra_dc_precision });
         }

@@ -127,7 +127,7 @@ impl Multiplexer {
         let wrapper = match container {
             Container::Elementary => Wrapper::Elementary,
             Container::Program => Wrapper::Program(program::Writer::new(schedule, config.frame_rate.fps())),
-            Container::Transport => Wrapper::Transport(transport::Writer::new(schedule)),
+            Container::Transport => Wrapper::Transport(transport::Writer::new(schedule, config.standard)),
         };
         Self { wrapper, clock, waiting: None }
     }

@@ -33,6 +33,8 @@ impl Encoder {
     /// Uses another quantiser from the next picture on.
     pub fn set_quantiser_scale(&mut self, quantiser_scale: u32) -> Result<(), ConfigError> {
         quantiser_scale_code(quantiser_scale)?;
+        let config = self.config();
+        config.standard.check(&config.clone().with_quantiser_scale(quantiser_scale))?;
         self.coder.set_quantiser_scale(quantiser_scale);
         Ok(())
     }

@@ -1,8 +1,8 @@
 //! Headers of sequence, group and picture (6.2.2, 6.2.3).
 
 use crate::{
+    Config, Rate, Standard,
     bits::{BitSink, BitWriter},
-    config::Config,
     quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX, QuantiserParameters},
     scan::ZIGZAG,
 };
@@ -20,6 +20,8 @@ const PICTURE_CODING_EXTENSION_ID: u32 = 8;
 
 /// vbv_delay of a stream of variable bit rate (6.3.9).
 pub(crate) const VBV_DELAY_VARIABLE: u32 = 0xffff;
+/// bit_rate of an MPEG-1 stream of variable bit rate (11172-2, 2.4.3.2).
+const BIT_RATE_VARIABLE: u32 = 0x3_ffff;
 /// f_code where no vector is used (6.3.10).
 const F_CODE_UNUSED: u32 = 15;
 
@@ -59,12 +61,18 @@ pub(crate) fn macroblock_counts(width: usize, height: usize) -> (usize, usize) {
     (coded_size(width).div_ceil(16) as usize, coded_size(height).div_ceil(16) as usize)
 }
 
-/// sequence_header(), sequence_extension(), sequence_display_extension() (6.2.2.1, 6.2.2.3, 6.2.2.4).
+/// sequence_header(), sequence_extension(), sequence_display_extension() (6.2.2.1, 6.2.2.3, 6.2.2.4); in MPEG-1 the first
+/// of them (11172-2, 2.4.2.3).
 pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     let (horizontal_size, vertical_size) = (coded_size(config.width), coded_size(config.height));
     let limits = config.level().limits();
     let (bit_rate, vbv_buffer_size) = config.stated_rate();
 
+    let (bit_rate, vbv_buffer_size) = match (config.standard, config.rate) {
+        (Standard::Mpeg2, _) => (bit_rate, vbv_buffer_size),
+        (Standard::Mpeg1, Rate::Constant { .. }) => (bit_rate, vbv_buffer_size.min(0x3ff)),
+        (Standard::Mpeg1, _) => (BIT_RATE_VARIABLE, vbv_buffer_size.min(0x3ff)),
+    };
     writer.start_code(SEQUENCE_HEADER_CODE);
     writer.put(horizontal_size & 0xfff, 12); // horizontal_size_value
     writer.put(vertical_size & 0xfff, 12); // vertical_size_value
@@ -85,6 +93,9 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
         }
     }
 
+    if config.standard == Standard::Mpeg1 {
+        return;
+    }
     writer.start_code(EXTENSION_START_CODE);
     writer.put(SEQUENCE_EXTENSION_ID, 4); // extension_start_code_identifier
     writer.put(0b0100 << 4 | limits.level_indication, 8); // profile_and_level_indication: Main Profile
@@ -128,21 +139,27 @@ pub(crate) fn put_group_header(writer: &mut BitWriter, config: &Config, number: 
     writer.put(0, 1); // broken_link
 }
 
-/// picture_header() and picture_coding_extension() (6.2.3, 6.2.3.1).
+/// picture_header() and picture_coding_extension() (6.2.3, 6.2.3.1); in MPEG-1 the first of them (11172-2, 2.4.2.5).
 pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader) {
     writer.start_code(PICTURE_START_CODE);
     writer.put(picture.temporal_reference, 10); // temporal_reference
     writer.put(picture.picture_type as u32, 3); // picture_coding_type
     writer.put(picture.vbv_delay, 16); // vbv_delay
+    let is_mpeg1 = picture.quantisers.standard == Standard::Mpeg1;
+    // f_code of the extension is used where there is one.
+    let f_code = |s: usize| if is_mpeg1 { picture.f_code[s][0] } else { 7 };
     if picture.picture_type != PictureType::I {
         writer.put(0, 1); // full_pel_forward_vector
-        writer.put(7, 3); // forward_f_code: f_code of the extension is used
+        writer.put(f_code(0), 3); // forward_f_code
     }
     if picture.picture_type == PictureType::B {
         writer.put(0, 1); // full_pel_backward_vector
-        writer.put(7, 3); // backward_f_code: f_code of the extension is used
+        writer.put(f_code(1), 3); // backward_f_code
     }
     writer.put(0, 1); // extra_bit_picture
+    if is_mpeg1 {
+        return;
+    }
 
     writer.start_code(EXTENSION_START_CODE);
     writer.put(PICTURE_CODING_EXTENSION_ID, 4); // extension_start_code_identifier

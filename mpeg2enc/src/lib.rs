@@ -1,7 +1,7 @@
 //! An MPEG-2 video encoder that takes the motion it is given.
 //!
-//! It writes ISO/IEC 13818-2:2000 Main Profile: progressive 4:2:0 pictures of 8 bits, I, P and B, at a constant
-//! quantiser or within a bit rate.
+//! It writes ISO/IEC 13818-2:2000 Main Profile, or ISO/IEC 11172-2:1993 ([`Standard`]): progressive 4:2:0 pictures of 8 bits,
+//! I, P and B, at a constant quantiser or within a bit rate. A [`Multiplexer`] wraps them into program and transport streams.
 //! Make an [`Encoder`] by a [`Config`], give it each [`Frame`], and where pixels were before if that is known
 //! ([`MotionField`]); each frame gives a [`Packet`], whose reconstruction is what a decoder will show.
 //! A [`LookaheadEncoder`] waits for later frames first: it has B pictures, quality that follows what later pictures
@@ -38,6 +38,8 @@ mod kernel; // innermost loops, twice: plain and with vector instructions
 mod config; // what to encode
 mod effort; // how hard to try
 mod frame; // pictures
+
+mod standard; // MPEG-1 or MPEG-2
 
 mod level; // limits of Main Profile
 
@@ -85,6 +87,7 @@ pub use crate::{
     picture::PictureStatistics,
     quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
     rate::Rate,
+    standard::Standard,
     vlc::CoefficientTable,
 };
 

@@ -5,7 +5,7 @@ use crate::{
     header::PictureType,
     motion::HalfSample,
     quant::Block,
-    vlc::{self, CoefficientTable},
+    vlc::{self, Codes},
 };
 
 /// How a macroblock is predicted.
@@ -74,8 +74,8 @@ pub(crate) struct SliceParameters {
     pub f_code: [[u32; 2]; 2],
     /// Value of the DC predictors after a reset (7.2.1).
     pub dc_reset: i32,
-    /// Table of the coefficients of intra blocks.
-    pub intra_table: CoefficientTable,
+    /// Codes of the coefficients of intra blocks, and of others.
+    pub codes: [Codes; 2],
     /// quantiser_scale_code of the slice header.
     pub quantiser: u8,
     /// Column of the last macroblock of the slice, which may not be skipped.
@@ -163,7 +163,7 @@ impl SliceState {
             let before = sink.bits();
             for (i, block) in macroblock.blocks.iter().enumerate() {
                 let prediction = &mut self.dc_prediction[i.saturating_sub(3)];
-                vlc::put_intra_block(sink, slice.intra_table, block, *prediction, i < 4);
+                vlc::put_intra_block(sink, slice.codes[0], block, *prediction, i < 4);
                 *prediction = block.levels[0].into();
             }
             bits.coefficients = sink.bits() - before;
@@ -179,7 +179,7 @@ impl SliceState {
             if pattern != 0 {
                 sink.put_code(vlc::CODED_BLOCK_PATTERN[pattern]); // coded_block_pattern()
                 for block in macroblock.blocks.iter().filter(|block| block.is_coded()) {
-                    vlc::put_inter_block(sink, block);
+                    vlc::put_inter_block(sink, slice.codes[1], block);
                 }
             }
             bits.coefficients = sink.bits() - before;

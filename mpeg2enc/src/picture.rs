@@ -9,7 +9,7 @@ use crate::{
     macroblock::{Mode, SliceParameters, SliceState},
     motion::HalfSample,
     predict::{References, samples},
-    quant::Quantisers,
+    quant::{Kind, Quantisers},
 };
 use rayon::prelude::*;
 
@@ -109,7 +109,7 @@ impl Picture<'_> {
             picture_type: self.header.picture_type,
             f_code: self.header.f_code,
             dc_reset: parameters.dc_reset(),
-            intra_table: parameters.intra_table,
+            codes: [Kind::Intra, Kind::Inter].map(|kind| parameters.codes(kind)),
             quantiser: nearest_code(parameters.q_scale_type, scales_x16[0]),
             last_column: columns - 1,
         };

@@ -1,11 +1,12 @@
 //! Quantisation, and the inverse that every decoder shares (7.4).
 
 use crate::{
+    Standard,
     config::{QuantiserScaleCode, quantiser_scale_of},
     dct, kernel,
     scan::{ALTERNATE, ZIGZAG},
     trellis,
-    vlc::{CoefficientTable, block_bits},
+    vlc::{Codes, CoefficientTable, block_bits},
 };
 
 /// Default weighting matrix for intra blocks in raster order (6.3.11).
@@ -23,9 +24,6 @@ pub const DEFAULT_INTRA_MATRIX: [u8; 64] = [
 
 /// Default weighting matrix for non-intra blocks (6.3.11).
 pub const DEFAULT_NON_INTRA_MATRIX: [u8; 64] = [16; 64];
-
-/// Largest level that a coefficient may have (7.2.2.3): 12 bits, and −2048 is forbidden.
-const LEVEL_MAX: i32 = 2047;
 
 /// Quantised levels of one block.
 #[derive(Clone, Copy)]
@@ -69,6 +67,7 @@ pub(crate) enum Kind {
 /// What the quantisers of a picture have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct QuantiserParameters {
+    pub standard: Standard,
     pub q_scale_type: bool,
     /// In bits, 8 to 10.
     pub intra_dc_precision: u32,
@@ -81,6 +80,12 @@ pub(crate) struct QuantiserParameters {
 }
 
 impl QuantiserParameters {
+    /// The codes of the coefficients of a block.
+    pub fn codes(&self, kind: Kind) -> Codes {
+        let table = if kind == Kind::Intra { self.intra_table } else { CoefficientTable::Zero };
+        Codes { table, standard: self.standard }
+    }
+
     /// What a DC prediction is at the start of a slice (7.2.1): half of the range.
     pub fn dc_reset(&self) -> i32 {
         1 << (self.intra_dc_precision - 1)
@@ -114,7 +119,9 @@ pub(crate) struct Quantiser {
     scan: &'static [usize; 64],
     /// Place in transmission order of every raster position.
     places: [u8; 64],
-    intra_table: CoefficientTable,
+    standard: Standard,
+    /// Of intra and of other blocks.
+    codes: [Codes; 2],
     intra: Weights,
     inter: Weights,
 }
@@ -163,7 +170,8 @@ impl Quantiser {
             intra_dc_mult: 1 << (11 - parameters.intra_dc_precision),
             intra_dc_max: (1 << parameters.intra_dc_precision) - 1,
             scan,
-            intra_table: parameters.intra_table,
+            standard: parameters.standard,
+            codes: [parameters.codes(Kind::Intra), parameters.codes(Kind::Inter)],
             intra: Weights::new(scale, &parameters.intra_matrix, scan),
             inter: Weights::new(scale, &parameters.non_intra_matrix, scan),
         }
@@ -172,12 +180,13 @@ impl Quantiser {
     /// Levels of coefficients as [`dct::forward`] gives them, which leave `energy` if all become zero: the sum of their
     /// squares, without that of the DC of an intra block.
     pub fn quantise(&self, coefficients: &[i32; 64], energy: i64, kind: Kind, rounding: Rounding) -> Block {
-        let (weights, table, zero_256ths) = match (kind, rounding) {
-            (Kind::Intra, Rounding::Trellis { .. }) => (&self.intra, self.intra_table, 128),
+        let [intra_codes, inter_codes] = self.codes;
+        let (weights, codes, zero_256ths) = match (kind, rounding) {
+            (Kind::Intra, Rounding::Trellis { .. }) => (&self.intra, intra_codes, 128),
             // 3/8: what ffmpeg and others add, near the middle of the mass of a Laplacian interval.
-            (Kind::Intra, Rounding::DeadZone) => (&self.intra, self.intra_table, 96),
+            (Kind::Intra, Rounding::DeadZone) => (&self.intra, intra_codes, 96),
             // (2·QF+1)·quantiser_scale/2 lies in the middle of its interval already: no rounding, zero is twice as wide.
-            (Kind::Inter, _) => (&self.inter, CoefficientTable::Zero, 0),
+            (Kind::Inter, _) => (&self.inter, inter_codes, 0),
         };
         let mut levels = [0; 64];
         let zero = (zero_256ths << weights.shift) >> 8;
@@ -187,7 +196,7 @@ impl Quantiser {
             found &= !1;
         }
         let mut block = Block { error: energy, ..Block::EMPTY };
-        let restore = |place: usize, level: i32| inverse_quantise(level, kind, weights.scaled[place]);
+        let restore = |place: usize, level: i32| self.inverse_quantise(level, kind, weights.scaled[place]);
         let mut save = |place: usize, level: i32| {
             let coefficient = coefficients[self.scan[place]];
             let before = i64::from(coefficient.abs());
@@ -196,14 +205,14 @@ impl Quantiser {
             block.levels[place] = if coefficient < 0 { -level as i16 } else { level as i16 };
             block.places |= 1 << place;
         };
-        let nearest = |place: usize| (levels[self.scan[place]] as i32).min(LEVEL_MAX);
+        let nearest = |place: usize| (levels[self.scan[place]] as i32).min(self.standard.level_max());
         match rounding {
             _ if found == 0 => {}
             Rounding::DeadZone => places(found).for_each(|place| save(place, nearest(place))),
             Rounding::Trellis { lambda } => {
                 let magnitude = |place: usize| coefficients[self.scan[place]].abs();
                 let nonzero = places(found).map(|place| (place, magnitude(place), nearest(place)));
-                trellis::choose(nonzero, kind, table, lambda, restore, save);
+                trellis::choose(nonzero, kind, codes, lambda, restore, save);
             }
         }
         if kind == Kind::Intra {
@@ -213,7 +222,7 @@ impl Quantiser {
             block.levels[0] = level as i16;
             block.places |= 1;
         }
-        block.bits = block_bits(table, &block, kind == Kind::Intra);
+        block.bits = block_bits(codes, &block, kind == Kind::Intra);
         block
     }
 
@@ -237,17 +246,25 @@ impl Quantiser {
             let level = i32::from(block.levels[i]);
             let value = match (kind, i) {
                 (Kind::Intra, 0) => self.intra_dc_mult * level, // 7.4.1
-                _ => inverse_quantise(level, kind, weights.scaled[i]),
+                _ => self.inverse_quantise(level, kind, weights.scaled[i]),
             };
             let value = value.clamp(-2048, 2047); // 7.4.3
             sum += value;
             out[self.scan[i]] = value;
         }
         // 7.4.4: an even sum changes the last bit of F[7][7].
-        if sum & 1 == 0 {
+        if self.standard == Standard::Mpeg2 && sum & 1 == 0 {
             out[63] += if out[63] & 1 == 0 { 1 } else { -1 };
         }
         out
+    }
+
+    /// Inverse quantisation of one coefficient, all but the intra DC: in MPEG-1 an even one is made odd, toward zero (11172-2,
+    /// 2.4.4.1 and 2.4.4.2).
+    #[inline]
+    fn inverse_quantise(&self, level: i32, kind: Kind, scaled_weight: i32) -> i32 {
+        let value = inverse_quantise(level, kind, scaled_weight);
+        if self.standard == Standard::Mpeg1 && value & 1 == 0 { value - value.signum() } else { value }
     }
 }
 
@@ -269,7 +286,12 @@ mod tests {
     use super::*;
 
     fn quantiser(scale: u32) -> Quantiser {
+        quantiser_of(Standard::Mpeg2, scale)
+    }
+
+    fn quantiser_of(standard: Standard, scale: u32) -> Quantiser {
         let parameters = QuantiserParameters {
+            standard,
             q_scale_type: true,
             intra_dc_precision: 8,
             alternate_scan: false,
@@ -298,6 +320,26 @@ mod tests {
             for kind in [Kind::Intra, Kind::Inter] {
                 let block = quantise(&quantiser, &coefficients, kind, trellis(8));
                 assert_eq!(quantiser.dequantise(&block, kind).iter().sum::<i32>() & 1, 1);
+            }
+        }
+    }
+
+    #[test]
+    fn mpeg_1_makes_each_coefficient_odd_toward_zero() {
+        for scale in [2, 10, 62] {
+            let (ours, mpeg2) = (quantiser_of(Standard::Mpeg1, scale), quantiser(scale));
+            for seed in 0..100i32 {
+                let coefficients = std::array::from_fn(|i| (seed * 7919 + i as i32 * 104_729) % 9000 - 4500);
+                for kind in [Kind::Intra, Kind::Inter] {
+                    let block = quantise(&ours, &coefficients, kind, trellis(scale));
+                    assert!(block.levels.iter().skip(1).all(|level| level.unsigned_abs() <= 255));
+                    let (odd, before) = (ours.dequantise(&block, kind), mpeg2.dequantise(&block, kind));
+                    // The last one is what mismatch control changes.
+                    for i in usize::from(kind == Kind::Intra)..63 {
+                        assert!(odd[i] == 0 || odd[i] & 1 == 1 || odd[i].abs() >= 2047, "{}", odd[i]);
+                        assert_eq!(odd[i], before[i] - if before[i] & 1 == 0 { before[i].signum() } else { 0 });
+                    }
+                }
             }
         }
     }
@@ -346,11 +388,11 @@ mod tests {
                     match kind {
                         Kind::Intra => {
                             let dc = i32::from(block.levels[0]);
-                            crate::vlc::put_intra_block(&mut counter, CoefficientTable::Zero, &block, dc, true);
+                            crate::vlc::put_intra_block(&mut counter, quantiser.codes[0], &block, dc, true);
                             assert_eq!(crate::bits::BitSink::bits(&counter), u64::from(block.bits) + 3);
                         }
                         Kind::Inter if block.is_coded() => {
-                            crate::vlc::put_inter_block(&mut counter, &block);
+                            crate::vlc::put_inter_block(&mut counter, quantiser.codes[1], &block);
                             assert_eq!(crate::bits::BitSink::bits(&counter), u64::from(block.bits));
                         }
                         Kind::Inter => assert_eq!(block.bits, 0),

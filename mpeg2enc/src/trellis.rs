@@ -7,7 +7,7 @@
 use crate::{
     dct::COEFFICIENT_BITS,
     quant::Kind,
-    vlc::{CoefficientTable, coefficient_bits, end_of_block_bits, first_coefficient_bits},
+    vlc::{Codes, coefficient_bits, end_of_block_bits, first_coefficient_bits},
 };
 
 /// A path that ends with a non-zero level, or before the first coefficient.
@@ -25,19 +25,19 @@ struct Node {
 /// Gives `keep` the places and levels of a block that stay, the last first.
 ///
 /// `nonzero` are places in transmission order, magnitudes of coefficients with [`COEFFICIENT_BITS`] fractional bits and
-/// their nearest levels, where these are not zero; `restore` is the inverse quantisation of a level at a place, `table`
+/// their nearest levels, where these are not zero; `restore` is the inverse quantisation of a level at a place, `codes`
 /// and `lambda` say what bits cost. The DC coefficient of an intra block takes no part.
 pub(crate) fn choose(
     nonzero: impl Iterator<Item = (usize, i32, i32)>,
     kind: Kind,
-    table: CoefficientTable,
+    codes: Codes,
     lambda: i64,
     restore: impl Fn(usize, i32) -> i32,
     mut keep: impl FnMut(usize, i32),
 ) {
     let start = if kind == Kind::Intra { 1 } else { 0 };
     // An empty inter block needs no End of block; an intra block has one in any case.
-    let end_bits = if kind == Kind::Intra { 0 } else { i64::from(end_of_block_bits(table)) };
+    let end_bits = if kind == Kind::Intra { 0 } else { i64::from(end_of_block_bits(codes)) };
     let mut best_end = (0, 0);
     let mut nodes = [Node { cost: 0, level: 0, next: start, from: 0 }; 65];
     let mut alive = [0u8; 65];
@@ -52,9 +52,9 @@ pub(crate) fn choose(
                 let node = &nodes[usize::from(from)];
                 let run = i - usize::from(node.next);
                 let bits = if kind == Kind::Inter && from == 0 {
-                    first_coefficient_bits(run, candidate as u32)
+                    first_coefficient_bits(codes, run, candidate as u32)
                 } else {
-                    coefficient_bits(table, run, candidate as u32)
+                    coefficient_bits(codes, run, candidate as u32)
                 };
                 let cost = node.cost + saved + lambda * i64::from(bits);
                 if cost < best.cost {
@@ -84,8 +84,9 @@ pub(crate) fn choose(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{CoefficientTable, Standard};
 
-    const TABLE: CoefficientTable = CoefficientTable::Zero;
+    const CODES: Codes = Codes { table: CoefficientTable::Zero, standard: Standard::Mpeg2 };
 
     /// The levels that are chosen from those of an inter block.
     fn chosen(
@@ -96,7 +97,7 @@ mod tests {
     ) -> [i32; 64] {
         let nonzero = (0..64).map(|i| (i, magnitudes[i], levels[i])).filter(|entry| entry.2 != 0);
         let mut out = [0; 64];
-        choose(nonzero, Kind::Inter, TABLE, lambda, restore, |place, level| out[place] = level);
+        choose(nonzero, Kind::Inter, CODES, lambda, restore, |place, level| out[place] = level);
         out
     }
 
@@ -134,9 +135,9 @@ mod tests {
                     } else {
                         let level = levels[i] as u32;
                         let bits = if first {
-                            first_coefficient_bits(run, level)
+                            first_coefficient_bits(CODES, run, level)
                         } else {
-                            coefficient_bits(TABLE, run, level)
+                            coefficient_bits(CODES, run, level)
                         };
                         cost += lambda * i64::from(bits);
                         (run, first, any) = (0, false, true);

@@ -3,6 +3,7 @@
 mod tables;
 
 use crate::{
+    Standard,
     bits::{BitSink, Vlc},
     quant::{Block, places},
 };
@@ -24,8 +25,25 @@ pub enum CoefficientTable {
     One = 1,
 }
 
-/// Bits of an escape-coded coefficient: the code, run of 6 and level of 12 bits.
-const ESCAPE_BITS: u32 = ESCAPE.length + 18;
+/// Which codes the coefficients of a block have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Codes {
+    pub table: CoefficientTable,
+    /// How the level is written where the table has no code.
+    pub standard: Standard,
+}
+
+/// Bits of an escape-coded coefficient: the code, a run of 6 bits and the level, of 12 (7.2.2.3), or of 8 or 16 bits (11172-2,
+/// Annex B).
+const fn escape_bits(standard: Standard, level: u32) -> u32 {
+    ESCAPE.length
+        + 6
+        + match standard {
+            Standard::Mpeg2 => 12,
+            Standard::Mpeg1 if level < 128 => 8,
+            Standard::Mpeg1 => 16,
+        }
+}
 
 /// macroblock_escape as often as needed, then macroblock_address_increment (6.2.5, 6.3.17).
 pub(crate) fn put_macroblock_address_increment(sink: &mut impl BitSink, mut increment: usize) {
@@ -82,9 +100,13 @@ fn coefficient_code(table: CoefficientTable, run: usize, level: u32) -> Vlc {
     }
 }
 
-/// Bits by table, run and level, the sign included.
-static COEFFICIENT_BITS: [[[u8; LEVELS]; 64]; 2] = {
-    let mut bits = [[[ESCAPE_BITS as u8; LEVELS]; 64]; 2];
+/// Bits by standard, table, run and level, the sign included.
+static COEFFICIENT_BITS: [[[[u8; LEVELS]; 64]; 2]; 2] =
+    [all_coefficient_bits(Standard::Mpeg1), all_coefficient_bits(Standard::Mpeg2)];
+
+const fn all_coefficient_bits(standard: Standard) -> [[[u8; LEVELS]; 64]; 2] {
+    const { assert!(LEVELS < 128, "escapes have one length here") };
+    let mut bits = [[[escape_bits(standard, 1) as u8; LEVELS]; 64]; 2];
     let mut table = 0;
     while table < 2 {
         let mut run = 0;
@@ -101,51 +123,51 @@ static COEFFICIENT_BITS: [[[u8; LEVELS]; 64]; 2] = {
         table += 1;
     }
     bits
-};
+}
 
 /// Bits of a coefficient that is not the first one of a non-intra block.
 #[inline]
-pub(crate) fn coefficient_bits(table: CoefficientTable, run: usize, level: u32) -> u32 {
+pub(crate) fn coefficient_bits(codes: Codes, run: usize, level: u32) -> u32 {
     if (level as usize) < LEVELS {
-        COEFFICIENT_BITS[table as usize][run % 64][level as usize].into()
+        COEFFICIENT_BITS[codes.standard as usize][codes.table as usize][run % 64][level as usize].into()
     } else {
-        ESCAPE_BITS
+        escape_bits(codes.standard, level)
     }
 }
 
-/// Bits of the first coefficient of a non-intra block, which Table B.14 codes.
+/// Bits of the first coefficient of a non-intra block.
 #[inline]
-pub(crate) fn first_coefficient_bits(run: usize, level: u32) -> u32 {
-    if run == 0 && level == 1 {
-        FIRST_COEFFICIENT_ONE.length + 1
-    } else {
-        coefficient_bits(CoefficientTable::Zero, run, level)
-    }
+pub(crate) fn first_coefficient_bits(codes: Codes, run: usize, level: u32) -> u32 {
+    if run == 0 && level == 1 { FIRST_COEFFICIENT_ONE.length + 1 } else { coefficient_bits(codes, run, level) }
 }
 
 /// Bits of End of block.
 #[inline]
-pub(crate) fn end_of_block_bits(table: CoefficientTable) -> u32 {
-    END_OF_BLOCK[table as usize].length
+pub(crate) fn end_of_block_bits(codes: Codes) -> u32 {
+    END_OF_BLOCK[codes.table as usize].length
 }
 
 /// One run and level (7.2.2.1), by escape where the table has no code (7.2.2.3).
 #[inline]
-fn put_coefficient(sink: &mut impl BitSink, table: CoefficientTable, run: usize, level: i16) {
-    let code = coefficient_code(table, run, level.unsigned_abs().into());
+fn put_coefficient(sink: &mut impl BitSink, codes: Codes, run: usize, level: i16) {
+    let code = coefficient_code(codes.table, run, level.unsigned_abs().into());
     if code.length > 0 {
-        sink.put_code(code.signed(level < 0));
-    } else {
-        sink.put_code(ESCAPE);
-        sink.put(run as u32, 6);
-        sink.put(level as u32 & 0xfff, 12);
+        return sink.put_code(code.signed(level < 0));
+    }
+    sink.put_code(ESCAPE);
+    sink.put(run as u32, 6);
+    let low_byte = u32::from(level as u8);
+    match codes.standard {
+        Standard::Mpeg2 => sink.put(level as u32 & 0xfff, 12),
+        Standard::Mpeg1 if level.unsigned_abs() < 128 => sink.put(low_byte, 8),
+        Standard::Mpeg1 => sink.put(if level < 0 { 0x8000 } else { 0 } | low_byte, 16),
     }
 }
 
 /// An intra block: the DC differential to `dc_prediction`, coefficients, End of block (6.2.6).
 pub(crate) fn put_intra_block(
     sink: &mut impl BitSink,
-    table: CoefficientTable,
+    codes: Codes,
     block: &Block,
     dc_prediction: i32,
     luminance: bool,
@@ -154,12 +176,12 @@ pub(crate) fn put_intra_block(
     if sink.only_counts() {
         sink.count(block.bits);
     } else {
-        put_coefficients(sink, table, block, 1);
+        put_coefficients(sink, codes, block, 1);
     }
 }
 
 /// A coded non-intra block (6.2.6).
-pub(crate) fn put_inter_block(sink: &mut impl BitSink, block: &Block) {
+pub(crate) fn put_inter_block(sink: &mut impl BitSink, codes: Codes, block: &Block) {
     debug_assert!(block.is_coded(), "a coded block has a coefficient");
     if sink.only_counts() {
         return sink.count(block.bits);
@@ -167,49 +189,76 @@ pub(crate) fn put_inter_block(sink: &mut impl BitSink, block: &Block) {
     let first = block.levels[0];
     if first.unsigned_abs() == 1 {
         sink.put_code(FIRST_COEFFICIENT_ONE.signed(first < 0));
-        put_coefficients(sink, CoefficientTable::Zero, block, 1);
+        put_coefficients(sink, codes, block, 1);
     } else {
-        put_coefficients(sink, CoefficientTable::Zero, block, 0);
+        put_coefficients(sink, codes, block, 0);
     }
 }
 
-fn put_coefficients(sink: &mut impl BitSink, table: CoefficientTable, block: &Block, start: usize) {
+fn put_coefficients(sink: &mut impl BitSink, codes: Codes, block: &Block, start: usize) {
     let mut next = start;
     for place in places(block.places >> start << start) {
-        put_coefficient(sink, table, place - next, block.levels[place]);
+        put_coefficient(sink, codes, place - next, block.levels[place]);
         next = place + 1;
     }
-    sink.put_code(END_OF_BLOCK[table as usize]);
+    sink.put_code(END_OF_BLOCK[codes.table as usize]);
 }
 
 /// Bits of the coefficients of a block with its End of block, the intra DC left out.
-pub(crate) fn block_bits(table: CoefficientTable, block: &Block, intra: bool) -> u32 {
+pub(crate) fn block_bits(codes: Codes, block: &Block, intra: bool) -> u32 {
     let start = usize::from(intra);
     let (mut bits, mut next) = (0, start);
     for place in places(block.places >> start << start) {
         let (run, level) = (place - next, u32::from(block.levels[place].unsigned_abs()));
         let first = !intra && next == 0;
-        bits += if first { first_coefficient_bits(run, level) } else { coefficient_bits(table, run, level) };
+        bits += if first { first_coefficient_bits(codes, run, level) } else { coefficient_bits(codes, run, level) };
         next = place + 1;
     }
-    if block.is_coded() || intra { bits + end_of_block_bits(table) } else { 0 }
+    if block.is_coded() || intra { bits + end_of_block_bits(codes) } else { 0 }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bits::BitCounter;
+    use crate::bits::{BitCounter, BitWriter};
 
     #[test]
     fn bit_counts_agree_with_the_writer() {
         for table in [CoefficientTable::Zero, CoefficientTable::One] {
-            for run in 0..63 {
-                for level in 1..=2047i16 {
-                    let mut counter = BitCounter::default();
-                    put_coefficient(&mut counter, table, run, -level);
-                    assert_eq!(counter.0 as u32, coefficient_bits(table, run, level as u32));
+            for standard in [Standard::Mpeg1, Standard::Mpeg2] {
+                let codes = Codes { table, standard };
+                for run in 0..63 {
+                    for level in 1..=standard.level_max() as i16 {
+                        let mut counter = BitCounter::default();
+                        put_coefficient(&mut counter, codes, run, -level);
+                        assert_eq!(counter.0 as u32, coefficient_bits(codes, run, level as u32));
+                    }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn escapes_of_mpeg_1_are_the_printed_ones() {
+        // ISO/IEC 11172-2, Annex B: level and digits behind an escape and a run.
+        for (level, digits) in [
+            (-255, "1000 0000 0000 0001"),
+            (-128, "1000 0000 1000 0000"),
+            (-127, "1000 0001"),
+            (-100, "1001 1100"),
+            (100, "0110 0100"),
+            (127, "0111 1111"),
+            (128, "0000 0000 1000 0000"),
+            (255, "0000 0000 1111 1111"),
+        ] {
+            let mut writer = BitWriter::default();
+            put_coefficient(&mut writer, Codes { table: CoefficientTable::Zero, standard: Standard::Mpeg1 }, 20, level);
+            let printed = tables::vlc(digits);
+            let mut expected = BitWriter::default();
+            expected.put_code(ESCAPE);
+            expected.put(20, 6);
+            expected.put_code(printed);
+            assert_eq!(writer.into_bytes(), expected.into_bytes(), "{level}");
         }
     }
 

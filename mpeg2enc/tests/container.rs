@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Packet, PictureType, Rate};
+use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Packet, PictureType, Rate, Standard};
 use std::process::{Command, Stdio};
 
 /// The packets of an encoder in the order of coding, and its sequence_end_code.
@@ -45,6 +45,7 @@ fn configurations() -> Vec<(Config, &'static str)> {
         (config(23.976).with_b_pictures(2).with_quantiser_scale(2), "with B pictures"),
         (config(59.94).with_b_pictures(2).with_rate(constant), "at a constant rate"),
         (config(30.0).with_b_pictures(1).with_rate(capped).with_quantiser_scale(4), "below a rate"),
+        (config(30.0).with_b_pictures(2).with_standard(Standard::Mpeg1), "of MPEG-1"),
     ]
 }
 

@@ -1,7 +1,10 @@
 //! Transport streams: packets of 188 bytes with one program of one video (2.4.3, 2.4.4).
 
 use super::{CLOCK, Picture, pes::Header, schedule::Schedule};
-use crate::bits::{BitSink, BitWriter};
+use crate::{
+    Standard,
+    bits::{BitSink, BitWriter},
+};
 
 const PACKET: usize = 188;
 const SYNC_BYTE: u32 = 0x47;
@@ -10,8 +13,6 @@ const PAT_PID: u32 = 0;
 const PMT_PID: u32 = 0x1000;
 const VIDEO_PID: u32 = 0x100;
 const PROGRAM: u32 = 1;
-/// stream_type of video of ISO/IEC 13818-2 (Table 2-29).
-const STREAM_TYPE_MPEG2: u32 = 0x02;
 /// The longest time between two clock references is 0.1 s (2.7.2); the tables come as often, so that a receiver finds its
 /// way soon.
 const CLOCK_INTERVAL: u64 = CLOCK / 30;
@@ -19,6 +20,7 @@ const TABLE_INTERVAL: u64 = CLOCK / 10;
 
 pub(super) struct Writer {
     schedule: Schedule,
+    standard: Standard,
     /// continuity_counter of PAT, PMT and video.
     counters: [u32; 3],
     /// When the tables and a clock reference were sent last.
@@ -36,8 +38,8 @@ struct Adaptation {
 }
 
 impl Writer {
-    pub fn new(schedule: Schedule) -> Self {
-        Self { schedule, counters: [0; 3], tables_sent: None, clock_sent: None }
+    pub fn new(schedule: Schedule, standard: Standard) -> Self {
+        Self { schedule, standard, counters: [0; 3], tables_sent: None, clock_sent: None }
     }
 
     /// The packets of one picture.
@@ -80,7 +82,11 @@ impl Writer {
         map.put(VIDEO_PID, 13); // PCR_PID
         map.put(0b1111, 4); // reserved
         map.put(0, 12); // program_info_length
-        map.put(STREAM_TYPE_MPEG2, 8); // stream_type
+        let stream_type = match self.standard {
+            Standard::Mpeg1 => 0x01, // Table 2-29
+            Standard::Mpeg2 => 0x02,
+        };
+        map.put(stream_type, 8); // stream_type
         map.put(0b111, 3); // reserved
         map.put(VIDEO_PID, 13); // elementary_PID
         map.put(0b1111, 4); // reserved

@@ -1,7 +1,7 @@
 //! Moving pictures made by formula, and the two decoders that judge a stream.
 #![allow(dead_code, reason = "each test program uses a part")]
 
-use mpeg2enc::{Config, Frame, FrameRate, MotionField, Packet, psnr};
+use mpeg2enc::{Config, Frame, FrameRate, KnownMotion, MotionField, Packet, psnr};
 use plane::Plane;
 use std::{
     io::Write,
@@ -93,6 +93,46 @@ pub fn encode(config: Config, frames: impl Iterator<Item = Frame>) -> (Vec<u8>, 
     let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
     stream.extend(encoder.finish());
     (stream, packets)
+}
+
+/// Encodes frames, each with the motion to the frame before it if there is one; packets come back in display order.
+pub fn encode_ahead(
+    config: Config,
+    frames: impl Iterator<Item = Frame>,
+    motion: Option<&MotionField>,
+) -> (Vec<u8>, Vec<Packet>) {
+    let mut encoder = config.lookahead_encoder().expect("a valid configuration");
+    let known = KnownMotion { to_previous: motion, to_next: None };
+    let mut packets: Vec<Packet> = frames.flat_map(|frame| encoder.push(&frame, known)).collect();
+    let (rest, end) = encoder.finish();
+    packets.extend(rest);
+    let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
+    stream.extend(end);
+    packets.sort_by_key(|packet| packet.display_index);
+    (stream, packets)
+}
+
+pub fn largest_difference(a: &Frame, b: &Frame) -> u8 {
+    let of = |a: &Plane<u8>, b: &Plane<u8>| {
+        a.samples().iter().zip(b.samples()).map(|(&a, &b)| a.abs_diff(b)).max().expect("a plane has samples")
+    };
+    of(&a.luma, &b.luma).max(of(&a.cb, &b.cb)).max(of(&a.cr, &b.cr))
+}
+
+/// Both decoders show the reconstruction, to within 2 at every sample.
+pub fn check(stream: &[u8], packets: &[Packet], what: &str) {
+    let (width, height) = (packets[0].reconstruction.width(), packets[0].reconstruction.height());
+    let decoders = [
+        ("ffmpeg", decode_ffmpeg(stream, width, height, "faani")),
+        ("mpeg2dec", decode_mpeg2dec(stream, width, height)),
+    ];
+    for (decoder, frames) in decoders {
+        assert_eq!(frames.len(), packets.len(), "{decoder} shows every picture of {what}");
+        for (i, (frame, packet)) in frames.iter().zip(packets).enumerate() {
+            let difference = largest_difference(frame, &packet.reconstruction);
+            assert!(difference <= 2, "{decoder}, picture {i} ({:?}) of {what}: {difference}", packet.picture_type);
+        }
+    }
 }
 
 pub fn config(width: usize, height: usize) -> Config {
