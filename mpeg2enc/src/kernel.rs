@@ -100,13 +100,51 @@ vectorised! {
     }
 }
 
-vectorised! {
-    /// Sum of absolute differences between N×N samples and their prediction; N is 8 or 16.
-    fn absolute_difference, absolute_difference_plain<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
-        let mut sums = Words::splat(0);
-        for_predicted::<N>(place, |i, bytes| sums = sums.plus(bytes.difference(group(source, i))));
-        sums.dot(Words::splat(1)) as u32
+/// Sum of absolute differences between N×N samples and their prediction; N is 8 or 16.
+#[inline]
+#[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
+pub(crate) fn absolute_difference<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        fn avx2<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+            // A macroblock goes two rows at a time.
+            match source.as_flattened().as_chunks().0.try_into() {
+                // SAFETY: the processor has AVX2.
+                Ok(pairs) if N == 16 => unsafe { absolute_difference_wide(pairs, place, wide::Words::zero()) },
+                _ => absolute_difference_plain(source, place),
+            }
+        }
+        if has_avx2() {
+            // SAFETY: the processor has AVX2.
+            return unsafe { avx2(source, place) };
+        }
     }
+    absolute_difference_plain(source, place)
+}
+
+/// [`absolute_difference`] of pairs of rows of a macroblock.
+///
+/// # Safety
+/// The processor has AVX2.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+#[allow(unsafe_code, reason = "for processors with AVX2")]
+unsafe fn absolute_difference_wide(pairs: &[[u8; 32]; 8], place: Place, zero: wide::Words) -> u32 {
+    let mut sums = zero;
+    let add = |i: usize, rows: wide::Rows| sums = sums.plus(rows.difference(wide::Rows::of(&pairs[i], zero)));
+    // SAFETY: the caller's.
+    unsafe { predicted::for_predicted_groups::<16, _>(place, add) };
+    let [upper, lower] = sums.sums();
+    (upper + lower) as u32
+}
+
+/// [`absolute_difference`] for any processor.
+#[inline(always)]
+fn absolute_difference_plain<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+    let mut sums = Words::splat(0);
+    for_predicted::<N>(place, |i, bytes| sums = sums.plus(bytes.difference(group(source, i))));
+    sums.dot(Words::splat(1)) as u32
 }
 
 /// Sum of absolute transformed differences of N×N samples to their prediction; N is 8 or 16.
@@ -293,6 +331,7 @@ mod tests {
                 let pairs = source.as_flattened().iter().zip(truth.as_flattened());
                 let absolute: u32 = pairs.map(|(&a, &b)| u32::from(a.abs_diff(b))).sum();
                 assert_eq!(absolute_difference(&source, place), absolute);
+                assert_eq!(absolute_difference_plain(&source, place), absolute);
                 let eight = |of: &[[u8; N]; N], left: usize, top: usize| -> [[u8; 8]; 8] {
                     std::array::from_fn(|y| std::array::from_fn(|x| of[top + y][left + x]))
                 };

@@ -5,40 +5,89 @@
 
 use super::{Place, lanes::Bytes};
 
-/// Gives `each` the predicted samples of N rows of N (7.6.4), sixteen at a time: N is 8 or 16, and each group is one row of
-/// 16 or two of 8.
+/// Samples that go through the instructions together: a row of a block, or several.
+pub(super) trait Group: Copy {
+    /// How many.
+    const SAMPLES: usize;
+
+    /// Rows of N samples that begin `stride` apart, as many as make a group.
+    ///
+    /// # Safety
+    /// They are there, and the processor has the instructions for them.
+    unsafe fn load<const N: usize>(first: *const u8, stride: usize) -> Self;
+
+    /// (a + b + 1) / 2 of every pair.
+    fn mean(self, other: Self) -> Self;
+
+    /// (a + b + c + d + 2) / 4.
+    fn mean_of_four(groups: [Self; 4]) -> Self;
+}
+
+impl Group for Bytes {
+    const SAMPLES: usize = 16;
+
+    #[inline(always)]
+    unsafe fn load<const N: usize>(first: *const u8, stride: usize) -> Self {
+        // SAFETY: the caller's.
+        unsafe {
+            if N == 16 { Self::load(&*first.cast()) } else { Self::new(*first.cast(), *first.add(stride).cast()) }
+        }
+    }
+
+    #[inline(always)]
+    fn mean(self, other: Self) -> Self {
+        self.mean(other)
+    }
+
+    #[inline(always)]
+    fn mean_of_four(groups: [Self; 4]) -> Self {
+        Self::mean_of_four(groups)
+    }
+}
+
+/// Gives `each` the predicted samples of N rows of N (7.6.4), in groups from the upper left on; N is 8 or 16.
 #[inline(always)]
 pub(super) fn for_predicted<const N: usize>(place: Place, each: impl FnMut(usize, Bytes)) {
-    match place.half {
-        (false, false) => for_predicted_at::<N, false, false>(place, each),
-        (true, false) => for_predicted_at::<N, true, false>(place, each),
-        (false, true) => for_predicted_at::<N, false, true>(place, each),
-        (true, true) => for_predicted_at::<N, true, true>(place, each),
+    // SAFETY: every processor has what `Bytes` needs.
+    unsafe { for_predicted_groups::<N, Bytes>(place, each) }
+}
+
+/// The same in groups of any kind.
+///
+/// # Safety
+/// The processor has the instructions for them.
+#[inline(always)]
+pub(super) unsafe fn for_predicted_groups<const N: usize, G: Group>(place: Place, each: impl FnMut(usize, G)) {
+    // SAFETY: the caller's.
+    unsafe {
+        match place.half {
+            (false, false) => for_predicted_at::<N, false, false, G>(place, each),
+            (true, false) => for_predicted_at::<N, true, false, G>(place, each),
+            (false, true) => for_predicted_at::<N, false, true, G>(place, each),
+            (true, true) => for_predicted_at::<N, true, true, G>(place, each),
+        }
     }
 }
 
 /// For half positions to the right (`H`) and below (`V`).
 #[inline(always)]
-fn for_predicted_at<const N: usize, const H: bool, const V: bool>(place: Place, mut each: impl FnMut(usize, Bytes)) {
-    assert!(N == 8 || N == 16);
+unsafe fn for_predicted_at<const N: usize, const H: bool, const V: bool, G: Group>(
+    place: Place,
+    mut each: impl FnMut(usize, G),
+) {
+    const { assert!(N == 8 || N == 16) };
     let stride = place.stride;
     // N rows, or one more, of which the last needs no more than N samples, or one more.
     let samples = &place.samples[..(N - 1 + usize::from(V)) * stride + N + usize::from(H)];
-    // Sixteen samples of a row, or eight of each of two: `row` + 16/N is at most N, or one more, and `x` 0, or 1.
+    // The last row of a group is the last of all at most, or one more, and `x` is 0, or 1.
     let group = |row: usize, x: usize| {
         let first = row * stride + x;
-        debug_assert!(first + (16 / N - 1) * stride + N <= samples.len());
-        // SAFETY: the last of these samples is the last of `samples` at most.
-        unsafe {
-            if N == 16 {
-                Bytes::load(&*samples.as_ptr().add(first).cast())
-            } else {
-                Bytes::new(*samples.as_ptr().add(first).cast(), *samples.as_ptr().add(first + stride).cast())
-            }
-        }
+        debug_assert!(first + (G::SAMPLES / N - 1) * stride + N <= samples.len());
+        // SAFETY: the last of these samples is the last of `samples` at most; the rest is the caller's.
+        unsafe { G::load::<N>(samples.as_ptr().add(first), stride) }
     };
-    for i in 0..N * N / 16 {
-        let row = i * 16 / N;
+    for i in 0..N * N / G::SAMPLES {
+        let row = i * G::SAMPLES / N;
         let here = group(row, 0);
         each(
             i,
@@ -46,7 +95,7 @@ fn for_predicted_at<const N: usize, const H: bool, const V: bool>(place: Place, 
                 (false, false) => here,
                 (true, false) => here.mean(group(row, 1)),
                 (false, true) => here.mean(group(row + 1, 0)),
-                (true, true) => Bytes::mean_of_four([here, group(row, 1), group(row + 1, 0), group(row + 1, 1)]),
+                (true, true) => G::mean_of_four([here, group(row, 1), group(row + 1, 0), group(row + 1, 1)]),
             },
         );
     }

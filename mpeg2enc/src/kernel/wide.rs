@@ -1,13 +1,17 @@
-//! Rows of differences of two blocks beside each other, by instructions of AVX2.
+//! Two rows of samples, and rows of differences of two blocks beside each other, by instructions of AVX2.
 #![allow(unsafe_code, reason = "vector instructions may only run where the processor has them")]
 
-use super::lanes::{Bytes, Differences};
+use super::{
+    lanes::{Bytes, Differences},
+    predicted::Group,
+};
 use std::arch::x86_64::*;
 
 /// All instructions of this module go through here.
 macro_rules! avx2 {
     ($($body:tt)*) => {
-        // SAFETY: a value of `Words` exists only where the processor has AVX2, and no instruction here touches memory.
+        // SAFETY: a value of `Words` or `Rows` exists only where the processor has AVX2, and no instruction here touches
+        // memory but what it is given.
         unsafe { $($body)* }
     };
 }
@@ -30,6 +34,50 @@ impl Words {
     #[inline(always)]
     pub fn of(self, samples: Bytes, minus: Bytes) -> Self {
         avx2! { Self(_mm256_sub_epi16(_mm256_cvtepu8_epi16(samples.0), _mm256_cvtepu8_epi16(minus.0))) }
+    }
+}
+
+/// Two rows of sixteen samples.
+#[derive(Clone, Copy)]
+pub(super) struct Rows(__m256i);
+
+impl Rows {
+    #[inline(always)]
+    pub fn of(samples: &[u8; 32], _zero: Words) -> Self {
+        avx2! { Self(_mm256_loadu_si256(samples.as_ptr().cast())) }
+    }
+
+    /// Sums of absolute differences, spread over the lanes somehow: eight of them together do not overflow.
+    #[inline(always)]
+    pub fn difference(self, other: Self) -> Words {
+        avx2! { Words(_mm256_sad_epu8(self.0, other.0)) }
+    }
+}
+
+impl Group for Rows {
+    const SAMPLES: usize = 32;
+
+    #[inline(always)]
+    unsafe fn load<const N: usize>(first: *const u8, stride: usize) -> Self {
+        const { assert!(N == 16) };
+        // SAFETY: the caller's.
+        unsafe { Self(_mm256_loadu2_m128i(first.add(stride).cast(), first.cast())) }
+    }
+
+    #[inline(always)]
+    fn mean(self, other: Self) -> Self {
+        avx2! { Self(_mm256_avg_epu8(self.0, other.0)) }
+    }
+
+    #[inline(always)]
+    fn mean_of_four([a, b, c, d]: [Self; 4]) -> Self {
+        // As in `lanes`.
+        let (upper, lower) = (a.mean(b), c.mean(d));
+        avx2! {
+            let rounded = _mm256_or_si256(_mm256_xor_si256(a.0, b.0), _mm256_xor_si256(c.0, d.0));
+            let both = _mm256_and_si256(rounded, _mm256_xor_si256(upper.0, lower.0));
+            Self(_mm256_sub_epi8(upper.mean(lower).0, _mm256_and_si256(both, _mm256_set1_epi8(1))))
+        }
     }
 }
 
