@@ -292,9 +292,11 @@ struct Disc {
 }
 
 impl Disc {
+    /// On the surface itself: what touches a lamp may be nearer to it than its points are, and yet is before them.
     fn of_sample(sample: &AreaSample) -> Self {
         let softening = AREA_SOFTENING * sample.area / PI;
-        Self { position: sample.position.to_array(), normal: sample.normal.to_array(), softening }
+        let position = sample.position - sample.normal * sample.offset;
+        Self { position: position.to_array(), normal: sample.normal.to_array(), softening }
     }
 
     fn of_anchor(anchor: &Anchor, softening: f32) -> Self {
@@ -344,11 +346,12 @@ fn corners(polygon: &Polygon, sample: &AreaSample) -> impl Iterator<Item = AreaS
     let Polygon { corners, normal, .. } = *polygon;
     let middle = corners.iter().sum::<Vec3A>() / corners.len() as f32;
     // As far off the surface as the others.
-    let offset = normal * normal.dot(sample.position - middle).abs().min(1e-3 * (corners[0] - middle).length());
+    let offset = sample.offset.min(1e-3 * (corners[0] - middle).length());
     // A triangle's last corner stands twice.
     let count = if corners[2] == corners[3] { 3 } else { 4 };
     corners.into_iter().take(count).map(move |corner| AreaSample {
-        position: corner.lerp(middle, INWARD) + offset,
+        position: corner.lerp(middle, INWARD) + normal * offset,
+        offset,
         normal,
         intensity: Vec3::ZERO,
         area: sample.area,

@@ -42,6 +42,8 @@ struct Patch {
 pub struct AreaSample {
     /// A little off the surface, metres.
     pub position: Vec3A,
+    /// How far off it is \[m\].
+    pub offset: f32,
     /// Unit normal of the glowing side.
     pub normal: Vec3A,
     /// Intensity along the normal \[W·sr⁻¹\]: radiance times the share of the area.
@@ -332,7 +334,7 @@ impl AreaLight {
             self.emission
         };
         let offset = position.abs().max_element().max((b - a).length()) * 1e-5;
-        AreaSample { position: position + normal * offset, normal, intensity: emission * share, area: share }
+        AreaSample { position: position + normal * offset, offset, normal, intensity: emission * share, area: share }
     }
 
     /// The pieces that glow, as shapes.

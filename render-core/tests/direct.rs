@@ -139,3 +139,32 @@ fn penumbras_agree_with_a_thousand_points() {
     assert!((sum / count).abs() < 0.002 * mean);
     assert!(worst < 0.1 * mean, "{worst} at the worst, of {mean} on the average");
 }
+
+/// A wall that a panel juts out from, right below the panel: that fills the upper half of what the wall sees, E = π L / 2,
+/// however near below.
+#[test]
+fn what_touches_a_lamp_is_lit_by_it() {
+    let mut scene = Scene::default();
+    add(
+        &mut scene,
+        rest(Vec3::ZERO),
+        quad(vec3(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0),
+        material(Vec3::ONE, Vec3::ZERO),
+    );
+    let panel = quad(vec3(-0.3, 0.5, 0.0), Vec3::X * 0.6, Vec3::Z * 0.4);
+    add(&mut scene, rest(Vec3::ZERO), panel, material(Vec3::ZERO, vec3(5.0, 4.0, 3.0)));
+    let lit = light(&scene);
+    for below in [1e-6, 2e-6, 4e-6, 8e-6, 1e-5, 1e-4] {
+        let receivers: Vec<Receiver> = (0..64)
+            .map(|k| Receiver {
+                position: Vec3A::new(0.2 * hash_unit(2, k, 0) - 0.1, 0.5 - below, 2e-5),
+                normal: Vec3A::Z,
+                geometric_normal: Vec3A::Z,
+            })
+            .collect();
+        for light in lit.direct.irradiance_tile(&lit.accelerator, &receivers, &Cell::new(0)) {
+            let expected = vec3(5.0, 4.0, 3.0) * std::f32::consts::PI / 2.0;
+            assert!(light.abs_diff_eq(expected, 2e-3 * expected.x), "{below} m below: {light} in place of {expected}");
+        }
+    }
+}
