@@ -1,10 +1,13 @@
 //! The first surface that each pixel sees, and where that same point was a frame ago.
 
+mod outline;
+
 use crate::Busy;
 use crate::accel::{Accelerator, Hit, PACKET};
 use crate::scene::{DeformedMesh, View};
 use crate::surface::Surfaces;
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
+use outline::front_beside;
 use plane::Plane;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -172,17 +175,27 @@ fn see_together(
         }
     }
     for i in 0..count {
-        set(pixels[i], see(hits[i], origins[i], directions[i], surfaces, view));
+        set(pixels[i], see(hits[i], (origins[i], directions[i]), accelerator, surfaces, view));
     }
 }
 
-fn see(hit: Option<Hit>, origin: Vec3A, direction: Vec3A, surfaces: &Surfaces, view: &View) -> PixelSurface {
+fn see(
+    hit: Option<Hit>,
+    (origin, direction): (Vec3A, Vec3A),
+    accelerator: &Accelerator,
+    surfaces: &Surfaces,
+    view: &View,
+) -> PixelSurface {
     let Some(hit) = hit else {
         let sky = surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
     };
     let depth = view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);
-    let surface = surfaces.at(&hit, direction, view.pixel_width(depth));
+    let width = view.pixel_width(depth);
+    let surface = surfaces.at(&hit, direction, width);
+    let ray = (origin, direction);
+    let beside = if surface.front { None } else { front_beside(accelerator, surfaces, (&hit, &surface), ray, width) };
+    let (hit, surface) = beside.unwrap_or((hit, surface));
     PixelSurface {
         position: surface.position.into(),
         geometric_normal: surface.geometric_normal.into(),
