@@ -34,6 +34,9 @@ const OTHER_SCALE: f32 = 1.25;
 
 /// What is open all around.
 pub(super) const OPEN: f32 = 1.0;
+/// What glows outshines what it reflects, and may be lit by what is a hair's breadth from it: it shares no records with what
+/// does not glow.
+const GLOWING: f32 = 2.0;
 
 /// How far from a pixel's place, along its surface and off it, what was felt in an earlier picture holds \[pixels\]. Openness
 /// changes over [`SCALE`] of them.
@@ -87,9 +90,10 @@ impl Openness {
     ) -> Self {
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
         let openness = |x: usize, y: usize| {
-            // What glows outshines what it reflects.
-            let site = site(x, y).filter(|_| seen.pixels.get(x, y).emission == [0.0; 3]);
-            let Some(site) = site else { return Felt::default() };
+            let Some(site) = site(x, y) else { return Felt::default() };
+            if seen.pixels.get(x, y).emission != [0.0; 3] {
+                return Felt { openness: GLOWING, ..Felt::default() };
+            }
             let scale = || scale(&site, seen);
             if !is_below_something(seen, x, y, scale) {
                 return Felt::default();
@@ -123,7 +127,7 @@ impl Openness {
         inside.then(|| self.pixels.get(place.x as usize, place.y as usize))
     }
 
-    /// At a pixel, 0…1.
+    /// At a pixel, 0…1; [`GLOWING`] on what glows.
     pub fn get(&self, x: usize, y: usize) -> f32 {
         self.pixels.get(x, y).openness
     }
@@ -138,7 +142,7 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
     busy: &Busy,
 ) {
     let renew = |record: &mut Record<R>| {
-        if record.site.openness == OPEN {
+        if record.site.openness >= OPEN {
             return;
         }
         let scale = scale(&record.site, seen);

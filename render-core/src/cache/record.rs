@@ -13,7 +13,7 @@ pub struct Site {
     pub geometric_normal: Vec3A,
     /// The instance, if it is one that moves; else [`NOTHING`](crate::NOTHING).
     pub carrier: u32,
-    /// How open it is around: from 0 in a crack to 1 ([`Illumination::openness`]).
+    /// How open it is around: from 0 in a crack to 1 ([`Illumination::openness`]). More than 1 on what glows.
     pub openness: f32,
     /// For random numbers: it stays with a record for life.
     pub key: u64,
