@@ -10,6 +10,18 @@ const SIDE: usize = 64;
 /// The light of the tests hangs this high above the floor \[m\].
 const HEIGHT: f32 = 1.0;
 
+/// Grey light that a record takes to be the same all around, with everything `distance` away.
+fn even(irradiance: f32, distance: f32) -> Estimate {
+    Estimate {
+        irradiance: Vec3::splat(irradiance),
+        by_normal: Mat3A::ZERO,
+        by_position: Mat3A::ZERO,
+        harmonic_mean: distance,
+        nearest: distance,
+        tolerance: 0.02,
+    }
+}
+
 /// The floor y = 0 from straight above, 2 m across; `split` turns all beyond x = 0 into another surface.
 fn floor(split: impl Fn(&mut PixelSurface)) -> GBuffer {
     let above = Affine3A::from_rotation_translation(
@@ -171,15 +183,7 @@ fn other_surfaces_have_records_of_their_own() {
             type Scratch = ();
             fn compute(&self, site: &Site, (): &mut ()) -> (Estimate, ()) {
                 let other = site.position.y > 0.1 || site.normal.y < 0.0 || site.carrier == 1;
-                let estimate = Estimate {
-                    irradiance: Vec3::splat(if other { 100.0 } else { 1.0 }),
-                    by_normal: Mat3A::ZERO,
-                    by_position: Mat3A::ZERO,
-                    harmonic_mean: 1.0,
-                    nearest: 1.0,
-                    tolerance: 0.02,
-                };
-                (estimate, ())
+                (even(if other { 100.0 } else { 1.0 }, 1.0), ())
             }
             fn relight(&self, _: &Site, (): &mut (), _: Known) -> Option<Estimate> {
                 None
@@ -214,15 +218,7 @@ impl Illumination for Groove {
     type Scratch = ();
 
     fn compute(&self, site: &Site, (): &mut ()) -> (Estimate, ()) {
-        let estimate = Estimate {
-            irradiance: Vec3::splat(if site.position.y < 0.0 { Self::LIGHT } else { 1.0 }),
-            by_normal: Mat3A::ZERO,
-            by_position: Mat3A::ZERO,
-            harmonic_mean: 1.0,
-            nearest: 1.0,
-            tolerance: 0.02,
-        };
-        (estimate, ())
+        (even(if site.position.y < 0.0 { Self::LIGHT } else { 1.0 }, 1.0), ())
     }
 
     fn relight(&self, _: &Site, (): &mut (), _: Known) -> Option<Estimate> {
@@ -401,15 +397,7 @@ impl<F: Fn(f32) -> f32 + Sync> Illumination for Unforeseen<F> {
     type Scratch = ();
 
     fn compute(&self, site: &Site, (): &mut ()) -> (Estimate, ()) {
-        let estimate = Estimate {
-            irradiance: Vec3::splat((self.light)(site.position.x)),
-            by_normal: Mat3A::ZERO,
-            by_position: Mat3A::ZERO,
-            harmonic_mean: 0.8,
-            nearest: 0.8,
-            tolerance: 0.02,
-        };
-        (estimate, ())
+        (even((self.light)(site.position.x), 0.8), ())
     }
 
     fn relight(&self, _: &Site, (): &mut (), _: Known) -> Option<Estimate> {
