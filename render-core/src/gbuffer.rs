@@ -7,7 +7,7 @@ use crate::accel::{Accelerator, Hit, PACKET};
 use crate::scene::{DeformedMesh, View};
 use crate::surface::Surfaces;
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
-use outline::front_beside;
+pub(crate) use outline::front_beside;
 use plane::Plane;
 use rayon::prelude::*;
 use std::sync::Arc;

@@ -15,6 +15,7 @@ pub use film::{Estimate, PathOptions, PixelSampling};
 use crate::accel::Accelerator;
 use crate::bsdf::Bsdf;
 use crate::emitter::Emitters;
+use crate::gbuffer::front_beside;
 use crate::sampling::{frame, hash, owen_sobol_point};
 use crate::scene::View;
 use crate::surface::{Surface, Surfaces};
@@ -129,6 +130,10 @@ impl<'a> PathTracer<'a> {
             let width =
                 if drawn.is_some() || sharp { 0.0 } else { self.footprint(view, origin + direction * hit.distance) };
             let surface = self.surfaces.at(&hit, direction, width);
+            // A pixel's centre may lie on an outline, where it shows what other pictures of the scene show.
+            let beside = (drawn.is_none() && !sharp && !surface.front)
+                .then(|| front_beside(self.accelerator, self.surfaces, (&hit, &surface), (origin, direction), width));
+            let (hit, surface) = beside.flatten().unwrap_or((hit, surface));
             match drawn {
                 None => radiance += throughput * surface.emission,
                 Some(pdf) if surface.emission != Vec3::ZERO => {
