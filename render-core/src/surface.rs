@@ -69,6 +69,11 @@ impl<'a> Surfaces<'a> {
         Interaction::new(self, hit, direction, width)
     }
 
+    /// Whether a ray in the unit `direction` met the side of `hit` that the file calls the front.
+    pub fn is_front(&self, hit: &Hit, direction: Vec3A) -> bool {
+        self.meet(hit, direction, 0.0).front
+    }
+
     fn mesh(&self, instance: usize) -> &'a Mesh {
         &self.scene.meshes[self.scene.instances[instance].mesh]
     }

@@ -75,8 +75,8 @@ impl<'s, 'a> Preparation<'s, 'a> {
         let carried = if plan.moving_anchors == State::Off { 0 } else { settings.moving_vpls };
         let fixed = if plan.photons == State::Off { 0 } else { settings.vpls };
         let geometry = Geometry::new(scene);
-        let (surfaces, accelerator) = (Surfaces::new(scene, &rest), geometry.place(&rest));
-        let anchors = Anchors::spread_exposed(scene, &surfaces, &accelerator, &units, fixed, carried);
+        let surfaces = Surfaces::new(scene, &rest);
+        let anchors = Anchors::spread_exposed(scene, &surfaces, &geometry, &units, fixed, carried);
         let count = if plan.photons == State::Off { 0 } else { settings.photons };
         let mut photons = Photons::new(count, settings.seed);
         if let Some(bounces) = settings.bounces {

@@ -96,6 +96,15 @@ impl Geometry {
         Self { parts, cut_outs, scale }
     }
 
+    /// Places what stands still, and nothing else.
+    pub(crate) fn place_still(&self) -> Accelerator {
+        let still = self.parts.iter().filter_map(|part| match part {
+            Part::Fixed(group) => Some(Placed { bounds: group.bounds, to_local: None, group: group.clone() }),
+            Part::Carried { .. } | Part::Deforming { .. } => None,
+        });
+        Accelerator::new(still.collect(), self.scale)
+    }
+
     /// Places the trees as `pose` says, builds those of what bends, and the top level over all.
     pub fn place(&self, pose: &Pose) -> Accelerator {
         let scaling = Affine3A::from_scale(Vec3::splat(self.scale));

@@ -5,7 +5,7 @@
 
 use super::{Anchor, Anchors, Surfels};
 use crate::Units;
-use crate::accel::Accelerator;
+use crate::accel::{Accelerator, Geometry};
 use crate::sampling::{cosine_hemisphere, hash_unit, sobol_point};
 use crate::scene::Scene;
 use crate::surface::Surfaces;
@@ -59,15 +59,16 @@ impl Outlook {
 
 impl Anchors {
     /// As [`Anchors::spread`], over the exposed parts of what stands still: as many of the `fixed` anchors as can be, each
-    /// standing for the same share of them.
+    /// standing for the same share of them. Things that move cover nothing: where one stands now, light will fall later.
     pub fn spread_exposed(
         scene: &Scene,
         surfaces: &Surfaces,
-        accelerator: &Accelerator,
+        geometry: &Geometry,
         units: &Units,
         fixed: usize,
         carried: usize,
     ) -> Self {
+        let accelerator = &geometry.place_still();
         let spread = |fixed| {
             let mut anchors = Self::without_surfels(scene, surfaces, units, fixed, carried);
             let eye = Eye::of(&anchors, surfaces, accelerator, NEAR);

@@ -1,15 +1,16 @@
 //! Cuts behind the irradiance cache: how a record is computed, and lit again from the clusters it remembers.
 
+mod around;
+
 use super::cuts::LightTransport;
 use crate::message::FrameFigures;
-use glam::{Affine3A, BVec3A, Mat3A, Vec3, Vec3A};
+use around::{Around, Place, places, standing, swept};
+use glam::{Mat3A, Vec3, Vec3A};
 use lighttree::{Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
 use plane::Plane;
 use render_core::cache::{CachedLight, Estimate, Illumination, IrradianceCache, Known, News, Site, footprint};
-use render_core::scene::{DeformedMesh, Scene};
-use render_core::{Anchor, Busy, GBuffer, NOTHING, PACKET, PixelSurface, Receiver, Surroundings, luminance};
+use render_core::{Anchor, Busy, GBuffer, Hit, NOTHING, PACKET, PixelSurface, Receiver, Surroundings, luminance};
 use std::f32::consts::PI;
-use std::sync::Arc;
 
 /// A record answers for many pixels and its error is seen as a stain: its threshold is this share of theirs.
 const FINENESS: f32 = 0.5;
@@ -37,17 +38,6 @@ pub(super) struct Cache {
     places: Vec<Option<Place>>,
 }
 
-/// Where an instance that moves is, and in what shape.
-#[derive(Clone, PartialEq)]
-struct Place {
-    world: Affine3A,
-    /// The box around it in its own space.
-    low: Vec3A,
-    high: Vec3A,
-    /// Its vertices, where these are bent.
-    shape: Option<Arc<DeformedMesh>>,
-}
-
 /// What a record is made of.
 pub(super) struct Recipe {
     clusters: Box<[Cluster]>,
@@ -63,13 +53,6 @@ pub(super) struct Recipe {
     threshold: f32,
 }
 
-/// The box around an instance that moves.
-struct Around {
-    instance: u32,
-    low: Vec3A,
-    high: Vec3A,
-}
-
 impl Cache {
     /// Indirectly reflected radiance of every pixel; adds the work to `busy`.
     pub fn light(&mut self, transport: &LightTransport, busy: &Busy, figures: &mut FrameFigures) -> Plane<Vec3> {
@@ -80,7 +63,8 @@ impl Cache {
         let places = places(scene, &moving, seen, &self.places);
         let lights = prepared.tree.lights().iter().map(|light| light.intensity);
         let news = News { light: lights.clone().ne(self.intensities.iter().copied()), things: self.places != places };
-        let illumination = Cuts { transport, swept: swept(&self.places, &places), standing: standing(&places) };
+        let illumination =
+            Cuts { transport, swept: swept(&self.places, &places), standing: standing(&places), moving: &moving };
         let lit = self.records.light(seen, &moving, news, &illumination, busy);
         self.intensities = lights.collect();
         self.places = places;
@@ -92,7 +76,7 @@ impl Cache {
     /// The same for another picture of the frame that [`Cache::light`] was last asked for.
     pub fn light_more(&mut self, transport: &LightTransport, busy: &Busy, figures: &mut FrameFigures) -> Plane<Vec3> {
         let moving = transport.prepared.surfaces.scene().moving_instances();
-        let illumination = Cuts { transport, swept: Vec::new(), standing: standing(&self.places) };
+        let illumination = Cuts { transport, swept: Vec::new(), standing: standing(&self.places), moving: &moving };
         let lit = self.records.light_more(transport.seen, &moving, &illumination, busy);
         figures.cache_records = figures.cache_records.max(lit.in_use as u64);
         figures.cache_new += lit.computed as u64;
@@ -119,6 +103,8 @@ struct Cuts<'a> {
     swept: Vec<Around>,
     /// Around all that ever moves, where it is.
     standing: Vec<Around>,
+    /// By instance, whether it ever moves.
+    moving: &'a [bool],
 }
 
 impl Illumination for Cuts<'_> {
@@ -207,7 +193,14 @@ impl Illumination for Cuts<'_> {
     }
 
     fn openness(&self, site: &Site, scale: f32) -> f32 {
-        self.transport.openness(&self.receiver(site), scale)
+        // What has moved over a record has taken it in: near its walls it would seem as open within as it is outside.
+        let encloses = |hit: &Hit, direction| {
+            let may_have_moved_over = site.carrier != NOTHING || self.moving[hit.instance as usize];
+            may_have_moved_over
+                && hit.instance != site.carrier
+                && !self.transport.prepared.surfaces.is_front(hit, direction)
+        };
+        self.transport.openness(&self.receiver(site), scale, encloses)
     }
 
     fn is_undisturbed(&self, site: &Site, scale: f32) -> bool {
@@ -355,60 +348,5 @@ fn outer(a: Vec3, b: Vec3) -> Mat3A {
     Mat3A::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// Where the instances that move are in the picture `seen`; what keeps its shape keeps its box from `before`.
-fn places(scene: &Scene, moving: &[bool], seen: &GBuffer, before: &[Option<Place>]) -> Vec<Option<Place>> {
-    let around = |positions: &[Vec3]| {
-        let empty = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-        positions.iter().fold(empty, |(low, high), &p| (low.min(p.into()), high.max(p.into())))
-    };
-    let place = |(index, &moves): (usize, &bool)| {
-        let shape = seen.deformed.get(index).cloned().flatten();
-        let known = before.get(index).and_then(Option::as_ref).map(|place| (place.low, place.high));
-        let (low, high) = match (&shape, known) {
-            (Some(shape), _) => around(&shape.positions),
-            (None, Some(known)) => known,
-            (None, None) => around(&scene.meshes[scene.instances[index].mesh].positions),
-        };
-        moves.then_some(Place { world: seen.world[index], low, high, shape })
-    };
-    moving.iter().enumerate().map(place).collect()
-}
-
-/// Around what is elsewhere, or otherwise, than before: at both places.
-fn swept(before: &[Option<Place>], now: &[Option<Place>]) -> Vec<Around> {
-    let both = (0..)
-        .zip(before.iter().zip(now))
-        .filter_map(|(index, (then, now))| Some((index, [then.as_ref()?, now.as_ref()?])));
-    both.filter(|(_, [then, now])| then != now).map(|(index, places)| Around::all(index, places)).collect()
-}
-
-/// Around all that moves, where it is now.
-fn standing(now: &[Option<Place>]) -> Vec<Around> {
-    (0..).zip(now).filter_map(|(index, place)| Some(Around::all(index, [place.as_ref()?]))).collect()
-}
-
-impl Around {
-    /// The box in the world around an instance at all of these places.
-    fn all<const N: usize>(instance: u32, places: [&Place; N]) -> Self {
-        let points = places.into_iter().flat_map(|Place { world, low, high, .. }| {
-            let select = |i: u32| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), *low, *high);
-            (0..8).map(move |i| world.transform_point3a(select(i)))
-        });
-        let empty = Self { instance, low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
-        points.fold(empty, |Self { low, high, .. }, p| Self { instance, low: low.min(p), high: high.max(p) })
-    }
-
-    /// Squared distance from a point to the box.
-    fn distance2(&self, point: Vec3A) -> f32 {
-        (self.low - point).max(point - self.high).max(Vec3A::ZERO).length_squared()
-    }
-
-    /// Whether the segment between two points touches the box (slabs).
-    fn is_crossed(&self, from: Vec3A, to: Vec3A) -> bool {
-        let way = to - from;
-        let (a, b) = ((self.low - from) / way, (self.high - from) / way);
-        // A segment in the plane of a face is 0/0 and may count either way: what stands there is no thicker than that plane.
-        let (enter, leave) = (a.min(b), a.max(b));
-        enter.max_element().max(0.0) <= leave.min_element().min(1.0)
-    }
-}
+#[cfg(test)]
+mod tests;

@@ -8,7 +8,7 @@ use lighttree::{Light, Stop};
 use perceptual::ThresholdMap;
 use plane::Plane;
 use render_core::sampling::{concentric_disc, frame, sobol_point};
-use render_core::{Accelerator, Directions, GBuffer, PACKET, PixelSurface, Receiver, Surroundings, luminance};
+use render_core::{Accelerator, Directions, GBuffer, Hit, PACKET, PixelSurface, Receiver, Surroundings, luminance};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Rays of a look around. With as many, films of `cornell` and `nave` at 256×256 came no less near to paths when anchors were
@@ -82,8 +82,9 @@ impl<'a> LightTransport<'a> {
         gather.look_around(accelerator, surfaces, receiver, &self.directions, key)
     }
 
-    /// Mean of d / (d + `scale`) for the distances d of what is around; the same directions about the same normal.
-    pub fn openness(&self, receiver: &Receiver, scale: f32) -> f32 {
+    /// Mean of d / (d + `scale`) for the distances d of what is around, 0 for what `encloses` the receiver; the same directions
+    /// about the same normal.
+    pub fn openness(&self, receiver: &Receiver, scale: f32, encloses: impl Fn(&Hit, Vec3A) -> bool) -> f32 {
         let normal = Vec3::from(receiver.normal);
         let (x, y) = frame(normal);
         let (mut sum, mut count) = (0.0, 0);
@@ -91,7 +92,11 @@ impl<'a> LightTransport<'a> {
             let direction = Vec3A::from(x * local.x + y * local.y + normal * local.z);
             if direction.dot(receiver.geometric_normal) > 0.0 {
                 let met = self.prepared.accelerator.closest(receiver.position, direction);
-                sum += met.map_or(1.0, |hit| hit.distance / (hit.distance + scale));
+                sum += match met {
+                    None => 1.0,
+                    Some(hit) if encloses(&hit, direction) => 0.0,
+                    Some(hit) => hit.distance / (hit.distance + scale),
+                };
                 count += 1;
             }
         }

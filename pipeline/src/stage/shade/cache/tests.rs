@@ -1,0 +1,77 @@
+use super::*;
+use crate::plan::Plan;
+use crate::settings::{Settings, Size, Wishes};
+use crate::stage::prepare;
+use crate::stage::shade::cuts::Figures;
+use glam::{Quat, vec3};
+use perceptual::ThresholdMap;
+use render_core::scene::{
+    Camera, Channel, Instance, Interpolation, Material, Mesh, Node, Projection, Scene, Track, Transform,
+};
+
+/// Parallelograms that face a × b.
+fn add(scene: &mut Scene, node: usize, faces: &[[Vec3; 3]]) {
+    let mut mesh = Mesh { material: scene.materials.len(), ..Mesh::default() };
+    for &[corner, a, b] in faces {
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend([corner, corner + a, corner + a + b, corner + b]);
+        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+    }
+    scene.instances.push(Instance { node, mesh: scene.meshes.len() });
+    scene.meshes.push(mesh);
+    // Exporters leave bodies double-sided: a back is one all the same.
+    scene.materials.push(Material { double_sided: true, ..Material::default() });
+}
+
+/// A floor, and a block of two metres that moves over it from x = 10 to x = 0, where it arrives after a second.
+fn floor_with_a_block() -> Scene {
+    let mut scene = Scene::default();
+    let still = Transform { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
+    let eye = Transform { translation: vec3(0.0, 3.0, 8.0), ..still };
+    for rest in [still, Transform { translation: Vec3::X * 10.0, ..still }, eye] {
+        scene.nodes.push(Node { name: String::new(), parent: None, rest });
+    }
+    let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
+    add(&mut scene, 0, &[[vec3(-20.0, 0.0, -20.0), z * 20.0, x * 20.0]]);
+    let (near, far) = (vec3(-1.0, 0.0, -1.0), vec3(1.0, 2.0, 1.0));
+    add(&mut scene, 1, &[[near, y, x], [near, x, z], [near, z, y], [far, -x, -y], [far, -z, -x], [far, -y, -z]]);
+    scene.channels.push(Channel {
+        node: 1,
+        times: vec![0.0, 1.0],
+        track: Track::Translation(vec![Vec3::X * 10.0, Vec3::ZERO]),
+        interpolation: Interpolation::Linear,
+    });
+    scene.cameras.push(Camera { name: String::new(), node: 2, projection: Projection::Perspective { yfov: 0.8 } });
+    scene
+}
+
+/// Next to its walls a block is as wide within as the world is without, but light gets to one side alone: a record that it has
+/// moved over is to serve no pixel beside it.
+#[test]
+fn what_something_has_moved_over_is_closed_in() {
+    let scene = floor_with_a_block();
+    let size = Some(Size { width: 16, height: 16 });
+    let wishes = Wishes { size, vpls: Some(100), photons: Some(1000), frames: Some(26), ..Wishes::default() };
+    let settings = Settings::new("stage.glb".into(), &scene, wishes).unwrap();
+    let plan = Plan::new(&scene, &settings);
+    let moving = scene.moving_instances();
+    let openness = |frame, x: f32| {
+        let prepared = prepare::single(&scene, &settings, &plan, frame);
+        let direct = Plane::filled(16, 16, Vec3::ZERO);
+        let (map, figures) = (ThresholdMap::relative(16, 16), Figures::default());
+        let transport = LightTransport::new(&settings, &prepared, &map, (&prepared.seen, &direct), true, &figures);
+        let cuts = Cuts { transport: &transport, swept: Vec::new(), standing: Vec::new(), moving: &moving };
+        let site = Site {
+            position: Vec3A::X * x,
+            normal: Vec3A::Y,
+            geometric_normal: Vec3A::Y,
+            carrier: NOTHING,
+            openness: 1.0,
+            key: 1,
+        };
+        cuts.openness(&site, 0.2)
+    };
+    assert_eq!(openness(0, 0.98), 1.0, "the block is far away");
+    assert_eq!(openness(25, 0.98), 0.0, "within it");
+    assert!((0.4..0.8).contains(&openness(25, 1.02)), "beside it: {}", openness(25, 1.02));
+}
