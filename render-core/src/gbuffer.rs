@@ -1,15 +1,16 @@
 //! The first surface that each pixel sees, and where that same point was a frame ago.
 
 mod outline;
+mod shown;
 
 use crate::Busy;
 use crate::accel::{Accelerator, Hit, PACKET};
 use crate::scene::{DeformedMesh, View};
 use crate::surface::Surfaces;
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
-pub(crate) use outline::front_beside;
 use plane::Plane;
 use rayon::prelude::*;
+pub(crate) use shown::shown;
 use std::sync::Arc;
 
 /// Side of the tiles that rays are shot in: an MPEG-2 macroblock.
@@ -186,16 +187,12 @@ fn see(
     surfaces: &Surfaces,
     view: &View,
 ) -> PixelSurface {
-    let Some(hit) = hit else {
+    let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);
+    let width = |hit: &Hit| view.pixel_width(depth(hit));
+    let Some((hit, surface)) = hit.and_then(|hit| shown(accelerator, surfaces, hit, (origin, direction), width)) else {
         let sky = surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
     };
-    let depth = view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);
-    let width = view.pixel_width(depth);
-    let surface = surfaces.at(&hit, direction, width);
-    let ray = (origin, direction);
-    let beside = if surface.front { None } else { front_beside(accelerator, surfaces, (&hit, &surface), ray, width) };
-    let (hit, surface) = beside.unwrap_or((hit, surface));
     PixelSurface {
         position: surface.position.into(),
         geometric_normal: surface.geometric_normal.into(),
@@ -204,7 +201,7 @@ fn see(
         specular: surface.specular.into(),
         roughness: surface.roughness,
         emission: surface.emission.into(),
-        depth,
+        depth: depth(&hit),
         instance: hit.instance,
         triangle: hit.triangle,
     }

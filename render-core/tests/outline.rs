@@ -1,11 +1,13 @@
-//! Bodies seen exactly along their edges, where the near side and the far one are equally far away.
+//! Fronts and backs: which is shown, and bodies seen exactly along their edges, where both are equally far away.
 
 mod common;
 
-use common::{add, material, rest};
+use common::{add, material, quad, rest};
 use glam::{Quat, Vec2, Vec3, Vec3A, vec3};
-use render_core::scene::{Mesh, Projection, Scene, View};
-use render_core::{Busy, GBuffer, Geometry, NOTHING, Surfaces};
+use render_core::scene::{Material, Mesh, Projection, Scene, View};
+use render_core::{
+    Busy, Emitters, GBuffer, Geometry, NOTHING, PathOptions, PathTracer, PixelSampling, Surfaces, Units,
+};
 use std::f32::consts::TAU;
 
 const SIZE: usize = 64;
@@ -47,7 +49,9 @@ fn no_pixel_sees_the_far_side_of_a_closed_body() {
         let mut scene = Scene::default();
         let mut place = rest(axis);
         place.rotation = turn;
-        add(&mut scene, place, column(), material(Vec3::ONE, Vec3::ZERO));
+        // Backs of single-sided surfaces are not shown at all.
+        let double_sided = Material { double_sided: true, ..material(Vec3::ONE, Vec3::ZERO) };
+        add(&mut scene, place, column(), double_sided);
         let pose = scene.pose(0.0);
         let (surfaces, accelerator) = (Surfaces::new(&scene, &pose), Geometry::new(&scene).place(&pose));
         let picture = GBuffer::trace(&accelerator, &surfaces, &view, (SIZE, SIZE), &Busy::default());
@@ -58,4 +62,40 @@ fn no_pixel_sees_the_far_side_of_a_closed_body() {
         }
     }
     assert!(seen > 20_000, "only {seen} pixels saw a column");
+}
+
+/// Three sheets behind each other, the first two seen from behind: single-sided ones show what is behind them, in films and in
+/// the path tracer's pictures; a double-sided one shows itself.
+#[test]
+fn the_back_of_a_single_sided_surface_is_not_shown() {
+    let view = View::new(glam::Affine3A::IDENTITY, Projection::Perspective { yfov: 1.2 }, SIZE, SIZE);
+    for (middle_double_sided, expected) in [(false, 2), (true, 1)] {
+        let mut scene = Scene::default();
+        for (k, towards) in [false, false, true].into_iter().enumerate() {
+            let corner = vec3(-40.0, -40.0, -4.0 - k as f32);
+            let sheet = if towards { [Vec3::X, Vec3::Y] } else { [Vec3::Y, Vec3::X] }.map(|side| 80.0 * side);
+            // An unlit glow of its own for each.
+            let glow = Vec3::splat(k as f32 + 1.0);
+            let double_sided = k == 1 && middle_double_sided;
+            let sheet_material = Material { double_sided, ..material(Vec3::ZERO, glow) };
+            add(&mut scene, rest(Vec3::ZERO), quad(corner, sheet[0], sheet[1]), sheet_material);
+        }
+        let pose = scene.pose(0.0);
+        let (surfaces, accelerator) = (Surfaces::new(&scene, &pose), Geometry::new(&scene).place(&pose));
+        let picture = GBuffer::trace(&accelerator, &surfaces, &view, (SIZE, SIZE), &Busy::default());
+        let depth = 4.0 + expected as f32;
+        for pixel in picture.pixels.samples() {
+            assert_eq!(pixel.instance, expected);
+            assert!((pixel.depth / depth - 1.0).abs() < 1e-4, "{} instead of {depth}", pixel.depth);
+        }
+        let units = Units::of(&scene);
+        let emitters = Emitters::new(&surfaces, &pose, &units);
+        let tracer = PathTracer::new(&accelerator, &surfaces, &emitters, &units);
+        for pixel in [PixelSampling::Centre, PixelSampling::Area] {
+            let options = PathOptions { samples: 4, max_bounces: Some(0), pixel, ..PathOptions::default() };
+            let traced = tracer.render(&view, (8, 8), &options, |_, _| ());
+            let glow = if expected == 1 { 2.0 } else { 3.0 };
+            assert!(traced.mean.samples().iter().all(|&rgb| rgb == [glow; 3]), "{:?}", traced.mean.get(0, 0));
+        }
+    }
 }

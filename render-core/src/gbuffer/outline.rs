@@ -13,7 +13,7 @@ const INWARD: f32 = 0.1;
 
 /// The front that a ray should have met in place of `hit`, which is the back of `met`; `None` where that is no outline.
 /// `width` is that of a pixel there, metres.
-pub(crate) fn front_beside(
+pub(super) fn front_beside(
     accelerator: &Accelerator,
     surfaces: &Surfaces,
     (hit, met): (&Hit, &Surface),

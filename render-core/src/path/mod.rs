@@ -5,17 +5,17 @@
 //! the same light, they are weighted by the power heuristic \[Veach97, 9.2.4\]. Russian roulette ends paths without bias.
 //!
 //! What is seen is what the rest of the program shows: the sun's disc and punctual lights are never seen themselves, an unlit
-//! surface shines for the camera alone, and the back of a single-sided surface is shown to the camera lit, but absorbs light.
+//! surface shines for the camera alone, and the back of a single-sided surface is not shown, but absorbs light.
 
 mod film;
 mod lights;
 
 pub use film::{Estimate, PathOptions, PixelSampling};
 
-use crate::accel::Accelerator;
+use crate::accel::{Accelerator, Hit};
 use crate::bsdf::Bsdf;
 use crate::emitter::Emitters;
-use crate::gbuffer::front_beside;
+use crate::gbuffer::shown;
 use crate::sampling::{frame, hash, owen_sobol_point};
 use crate::scene::View;
 use crate::surface::{Surface, Surfaces};
@@ -120,20 +120,23 @@ impl<'a> PathTracer<'a> {
         // Density of the direction from the surface before; none at the camera, where light has no other way to be found.
         let mut drawn: Option<f32> = None;
         for bounce in 0.. {
-            let Some(hit) = self.accelerator.closest(origin, direction) else {
+            let hit = self.accelerator.closest(origin, direction);
+            let met = match drawn {
+                // Sharp textures, but outlines no wider than a pixel's centre sees them.
+                None => hit.and_then(|hit| {
+                    let width = |hit: &Hit| self.footprint(view, origin + direction * hit.distance);
+                    let (hit, surface) = shown(self.accelerator, self.surfaces, hit, (origin, direction), width)?;
+                    Some((hit, if sharp { self.surfaces.at(&hit, direction, 0.0) } else { surface }))
+                }),
+                Some(_) => hit.map(|hit| (hit, self.surfaces.at(&hit, direction, 0.0))),
+            };
+            let Some((hit, surface)) = met else {
                 if let Some(sky) = &self.surfaces.scene().sky {
                     let weight = drawn.map_or(1.0, |pdf| power_heuristic(pdf, sky.pdf(direction.into())));
                     radiance += throughput * sky.radiance(direction.into()) * weight;
                 }
                 break;
             };
-            let width =
-                if drawn.is_some() || sharp { 0.0 } else { self.footprint(view, origin + direction * hit.distance) };
-            let surface = self.surfaces.at(&hit, direction, width);
-            // A pixel's centre may lie on an outline, where it shows what other pictures of the scene show.
-            let beside = (drawn.is_none() && !sharp && !surface.front)
-                .then(|| front_beside(self.accelerator, self.surfaces, (&hit, &surface), (origin, direction), width));
-            let (hit, surface) = beside.flatten().unwrap_or((hit, surface));
             match drawn {
                 None => radiance += throughput * surface.emission,
                 Some(pdf) if surface.emission != Vec3::ZERO => {
