@@ -105,7 +105,7 @@ impl Default for Scratch {
 }
 
 impl Scratch {
-    /// Cuts of this many clusters at most (at least one).
+    /// Cuts of this many clusters at most (at least one); takes memory for as many.
     pub fn with_max_size(max_size: u32) -> Self {
         Self {
             max_size: max_size.max(1),

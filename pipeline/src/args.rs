@@ -3,7 +3,7 @@
 use clap::{Args, Parser, Subcommand};
 use pipeline::Wishes;
 use pipeline::reference::Method;
-use pipeline::settings::{Aov, Lighting, Size, Switch, Thresholds};
+use pipeline::settings::{Aov, Lighting, Size, Stopping, Switch, Thresholds};
 use std::path::PathBuf;
 
 /// Renders an animated glTF scene with global illumination into an MPEG-2 video.
@@ -146,6 +146,9 @@ pub struct Job {
     /// Multiplier on what masking allows beyond 2 %: smaller is finer, 1 is the paper's [default: 0.25]
     #[arg(long, value_name = "K")]
     pub kappa: Option<f32>,
+    /// When a cut ends [default: bound]
+    #[arg(long, value_enum, value_name = "WHEN")]
+    pub stopping: Option<Stopping>,
     /// Samples of visibility and direct light to the pixel: 1 is fast, 4 smooths edges [default: 1]
     #[arg(long, value_name = "N")]
     pub samples: Option<u32>,
@@ -190,6 +193,7 @@ impl Job {
             gop,
             thresholds,
             kappa,
+            stopping,
             samples,
             bounces,
             lighting,
@@ -209,6 +213,7 @@ impl Job {
             gop,
             thresholds,
             kappa,
+            stopping,
             samples,
             bounces,
             lighting,

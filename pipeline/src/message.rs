@@ -43,6 +43,10 @@ pub struct FrameFigures {
     pub cache_new: u64,
     /// Mean of threshold by luminance over the pixels that see a surface.
     pub threshold_mean_relative: f64,
+    /// Of the pixels that were checked, 95 in a hundred are wrong by at most so many thresholds; none if none was.
+    pub audit_error_p95: Option<f64>,
+    /// Multiplier on the thresholds that cuts ended at, on average over these pixels.
+    pub kappa: Option<f64>,
     /// Pixels whose radiance was not finite; shown black.
     pub non_finite: usize,
 }
@@ -117,6 +121,8 @@ pub struct LuminanceThresholds {
     pub of: u32,
     /// \[W·m⁻²·sr⁻¹\] of luminance.
     pub delta: Plane<f32>,
+    /// Luminance of the frame itself \[W·m⁻²·sr⁻¹\].
+    pub luminance: Plane<f32>,
 }
 
 /// Seconds that masking frame `of` took, for the report: it ends after the frame has left the encoder's queue.

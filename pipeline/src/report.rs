@@ -100,9 +100,9 @@ pub struct FrameReport {
     pub tree_swaps_share: f64,
     /// Threshold by luminance.
     pub threshold_mean_relative: f64,
-    /// Multiplier on what masking allows.
-    pub kappa: f32,
-    /// 95th percentile of true error by threshold; null, since no pixel is audited.
+    /// Multiplier on what masking allows; with calibrated stopping, on the thresholds themselves.
+    pub kappa: Option<f64>,
+    /// 95th percentile of true error by threshold; null where no pixel is audited.
     pub audit_error_p95: Option<f64>,
     /// Pixels whose radiance was not finite; shown black.
     pub non_finite_pixels: usize,
@@ -179,8 +179,8 @@ impl FrameReport {
             cache_new: figures.cache_new,
             tree_swaps_share: figures.tree_swaps_share,
             threshold_mean_relative: figures.threshold_mean_relative,
-            kappa: 1.0,
-            audit_error_p95: None,
+            kappa: figures.kappa,
+            audit_error_p95: figures.audit_error_p95,
             non_finite_pixels: figures.non_finite,
         }
     }

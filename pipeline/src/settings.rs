@@ -91,6 +91,16 @@ impl Serialize for Thresholds {
     }
 }
 
+/// When the cut of a pixel ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Stopping {
+    /// When no cluster's error bound exceeds the threshold, as in the paper.
+    Bound,
+    /// When measured errors say that 95 % of the pixels are within it.
+    Calibrated,
+}
+
 /// Width and height of the picture in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Size {
@@ -135,6 +145,8 @@ pub struct Settings {
     pub thresholds: Thresholds,
     /// Multiplier on what masking allows; 1 is the paper's.
     pub kappa: f32,
+    /// When cuts end.
+    pub stopping: Stopping,
     /// Samples of visibility and direct light to the pixel.
     pub samples: u32,
     /// Reflections of light on its way, at most; no limit when not stated.
@@ -188,6 +200,8 @@ pub struct Wishes {
     pub thresholds: Option<Thresholds>,
     /// Default: 0.25.
     pub kappa: Option<f32>,
+    /// Default: bound.
+    pub stopping: Option<Stopping>,
     /// Default: 1.
     pub samples: Option<u32>,
     /// Default: no limit.
@@ -291,6 +305,7 @@ impl Settings {
             gop: wishes.gop.unwrap_or(15),
             thresholds: wishes.thresholds.unwrap_or(Thresholds::Perceptual),
             kappa,
+            stopping: wishes.stopping.unwrap_or(Stopping::Bound),
             samples,
             bounces: wishes.bounces,
             lighting: wishes.lighting.unwrap_or(Lighting::Lightcuts),

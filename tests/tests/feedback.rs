@@ -83,7 +83,13 @@ fn cuts_with(delta: f32) -> [f64; 2] {
         // Frame 1 has all it needs but the thresholds.
         let early = shaded.recv_timeout(Duration::from_millis(300));
         assert!(early.is_err(), "frame 1 does not wait for the thresholds of frame 0");
-        thresholds.send(LuminanceThresholds { of: 0, delta: Plane::filled(SIDE, SIDE, delta) }).unwrap();
+        thresholds
+            .send(LuminanceThresholds {
+                of: 0,
+                delta: Plane::filled(SIDE, SIDE, delta),
+                luminance: Plane::filled(SIDE, SIDE, 1.0),
+            })
+            .unwrap();
         let second = shaded.recv_timeout(LONG).unwrap();
         assert_eq!(second.frame, 1);
         cuts[1] = second.figures.cut_size_mean;
@@ -106,7 +112,13 @@ fn a_frame_waits_for_the_thresholds_of_the_one_before_and_keeps_to_them() {
 fn thresholds_of_another_frame_are_refused() {
     let result = with_shading(|shaded, thresholds| {
         shaded.recv_timeout(LONG).unwrap();
-        thresholds.send(LuminanceThresholds { of: 1, delta: Plane::filled(SIDE, SIDE, 1.0) }).unwrap();
+        thresholds
+            .send(LuminanceThresholds {
+                of: 1,
+                delta: Plane::filled(SIDE, SIDE, 1.0),
+                luminance: Plane::filled(SIDE, SIDE, 1.0),
+            })
+            .unwrap();
         assert!(shaded.recv_timeout(LONG).is_err(), "no frame is lit by thresholds out of step");
     });
     let message = result.expect_err("the stage stops").downcast::<String>().expect("a message");

@@ -30,7 +30,8 @@ pub fn run(
         figures.encode = busy.seconds();
         output.write(&packet.data)?;
         let mut line = report(frame, &packet, figures);
-        line.kappa = settings.kappa;
+        // Where cuts end by what errors turned out to be, that is the multiplier that tells.
+        line.kappa = line.kappa.or(Some(settings.kappa.into()));
         done(line);
     }
     output.write(&encoder.finish())

@@ -35,7 +35,7 @@ pub fn run(
         });
         let seconds = busy.seconds();
         let _ = times.send(MaskingTime { of: message.frame, seconds });
-        let _ = thresholds.send(LuminanceThresholds { of: message.frame, delta });
+        let _ = thresholds.send(LuminanceThresholds { of: message.frame, delta, luminance: message.luminance });
     }
     Ok(())
 }

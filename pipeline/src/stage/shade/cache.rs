@@ -2,13 +2,15 @@
 
 mod around;
 
+use super::calibrate::LARGEST_CALIBRATED_CUT;
 use super::cuts::LightTransport;
-use crate::message::FrameFigures;
+use crate::message::{FrameFigures, Prepared};
 use around::{Around, Place, places, standing, swept};
 use glam::{Mat3A, Vec3, Vec3A};
 use lighttree::{Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
 use plane::Plane;
 use render_core::cache::{CachedLight, Estimate, Illumination, IrradianceCache, Known, News, Site, footprint};
+use render_core::sampling::hash;
 use render_core::{Anchor, Busy, GBuffer, Hit, NOTHING, PACKET, PixelSurface, Receiver, Surroundings, luminance};
 use std::f32::consts::PI;
 
@@ -25,6 +27,8 @@ const TIGHTER: f32 = 0.5;
 /// what has come up over the horizon then would give 1 % of an even light.
 const MOST_MOVED: f32 = 0.1;
 const LEAST_TURNED_COSINE: f32 = 0.99;
+/// One record in so many is checked where cuts end by what errors turn out to be; a check takes some times as long as a record.
+const AUDITED: u64 = 32;
 /// Points across a record's footprint where thresholds are looked up.
 const FOOTPRINT_POINTS: i32 = 5;
 
@@ -109,9 +113,10 @@ struct Cuts<'a> {
 
 impl Illumination for Cuts<'_> {
     type Recipe = Recipe;
-    type Scratch = Scratch;
+    /// For cuts, and for those of audits.
+    type Scratch = (Scratch, Option<Scratch>);
 
-    fn compute(&self, site: &Site, scratch: &mut Scratch) -> (Estimate, Recipe) {
+    fn compute(&self, site: &Site, (scratch, finer): &mut Self::Scratch) -> (Estimate, Recipe) {
         let Self { transport, .. } = self;
         let receiver = self.receiver(site);
         let surroundings = transport.look_around(&receiver, site.key);
@@ -125,9 +130,10 @@ impl Illumination for Cuts<'_> {
         // Where estimates do not steer the cut, its rays wait until all are known.
         let later = matches!(stop, Stop::Absolute(_));
         let (mut clusters, mut visible) = (Vec::new(), Vec::new());
+        let class = self.class_of(site);
         let cut = transport.prepared.tree.lightcut_with(
             &white,
-            stop,
+            transport.calibrated(stop, class),
             |lamp, _| later || transport.visible(&receiver, lamp),
             scratch,
             |cluster, unit| {
@@ -155,6 +161,11 @@ impl Illumination for Cuts<'_> {
             for (clusters, visible) in recipe.packets() {
                 *visible = self.seen_lights(&receiver, clusters, *visible);
             }
+        }
+        if self.is_audited(site) {
+            let finer = finer.get_or_insert_with(|| Scratch::with_max_size(LARGEST_CALIBRATED_CUT));
+            let visible = |lamp: &Light, _| transport.visible(&receiver, lamp);
+            transport.audit(class, stop, self.cut_irradiance(&receiver, &recipe), &white, visible, finer);
         }
         (self.estimate(&receiver, &recipe), recipe)
     }
@@ -286,6 +297,34 @@ impl Cuts<'_> {
         }
         let tolerance = recipe.threshold / FINENESS;
         Estimate { irradiance, by_normal, by_position, harmonic_mean, nearest, tolerance }
+    }
+
+    /// The part of [`Cuts::estimate`] that comes by the cut alone.
+    fn cut_irradiance(&self, receiver: &Receiver, recipe: &Recipe) -> Vec3 {
+        let tree = &self.transport.prepared.tree;
+        let (position, normal) = (receiver.position.into(), receiver.normal.into());
+        let of = |cluster: Cluster| {
+            let light = &tree.lights()[cluster.light as usize];
+            tree.cluster_intensity(cluster) * irradiance_term(position, normal, light, tree.softening2()).value
+        };
+        recipe.seen_clusters().map(of).sum()
+    }
+
+    /// Whether the cut of a new record is made again to see how wrong it is: in a frame, for one in [`AUDITED`].
+    fn is_audited(&self, site: &Site) -> bool {
+        let Prepared { frame, .. } = self.transport.prepared;
+        self.transport.allowance.calibration.is_some() && hash(site.key, u64::from(*frame), 0).is_multiple_of(AUDITED)
+    }
+
+    /// [`LightTransport::class_at`] the pixel that shows a site; the first class out of sight.
+    fn class_of(&self, site: &Site) -> usize {
+        let seen = self.transport.seen;
+        let Some((place, _)) = seen.view.project(site.position) else { return 0 };
+        let inside = place.x >= 0.0
+            && place.y >= 0.0
+            && place.x < seen.pixels.width() as f32
+            && place.y < seen.pixels.height() as f32;
+        if inside { self.transport.class_at(place.x as usize, place.y as usize) } else { 0 }
     }
 
     /// When the cut of a record ends: at the Gaussian average of the thresholds over its footprint \[Herzog08, 4.3\], made

@@ -1,10 +1,11 @@
 //! What a cut needs to know of a frame: who sees whom, and when to stop.
 
 use super::WITHOUT_THRESHOLD;
+use super::calibrate::{self, Audits, Calibration};
 use crate::message::{FrameFigures, Prepared};
 use crate::settings::{Lighting, Settings, Thresholds};
 use glam::{Vec3, Vec3A};
-use lighttree::{Light, Stop};
+use lighttree::{Light, Scratch, Stop};
 use perceptual::ThresholdMap;
 use plane::Plane;
 use render_core::sampling::{concentric_disc, frame, sobol_point};
@@ -21,11 +22,20 @@ const LOOKS_OF_ALL_LIGHTS: usize = 256;
 /// one in a hundred more; in a simulation, 32 leave 3 % less than 16.
 const FEELERS: usize = 16;
 
+/// What the pixels of a frame may be wrong by.
+pub(super) struct Allowance {
+    pub map: ThresholdMap,
+    /// Luminance that the pixels had in the frame before, where they were seen there.
+    pub before: Option<ThresholdMap>,
+    /// What errors turned out to be by now, if cuts are to end by that.
+    pub calibration: Option<Calibration>,
+}
+
 /// A frame whose indirect light is asked for, from many threads at once.
 pub(super) struct LightTransport<'a> {
     pub settings: &'a Settings,
     pub prepared: &'a Prepared<'a>,
-    pub map: &'a ThresholdMap,
+    pub allowance: &'a Allowance,
     /// What is lit.
     pub seen: &'a GBuffer,
     /// Radiance known before any cut.
@@ -42,7 +52,7 @@ impl<'a> LightTransport<'a> {
     pub fn new(
         settings: &'a Settings,
         prepared: &'a Prepared,
-        map: &'a ThresholdMap,
+        allowance: &'a Allowance,
         (seen, direct): (&'a GBuffer, &'a Plane<Vec3>),
         compensates: bool,
         figures: &'a Figures,
@@ -53,7 +63,7 @@ impl<'a> LightTransport<'a> {
             let p = concentric_disc(sobol_point(i as u64));
             p.extend((1.0 - p.length_squared()).max(0.0).sqrt())
         });
-        Self { settings, prepared, map, seen, direct, compensates, figures, directions, feelers }
+        Self { settings, prepared, allowance, seen, direct, compensates, figures, directions, feelers }
     }
 
     /// Whether light from `lamp` arrives at `receiver`.
@@ -105,7 +115,7 @@ impl<'a> LightTransport<'a> {
 
     /// The absolute threshold of a pixel, if it has one \[W·m⁻²·sr⁻¹\].
     pub fn threshold(&self, x: usize, y: usize) -> Option<f32> {
-        (self.settings.thresholds == Thresholds::Perceptual).then(|| self.map.get(x, y)).flatten()
+        (self.settings.thresholds == Thresholds::Perceptual).then(|| self.allowance.map.get(x, y)).flatten()
     }
 
     /// Share of its luminance that a pixel without absolute threshold may be wrong by.
@@ -116,13 +126,63 @@ impl<'a> LightTransport<'a> {
         }
     }
 
-    /// When the cut of a pixel ends.
+    /// What clusters of a pixel's cut may be wrong by if errors did not add up.
     pub fn stop_at_pixel(&self, x: usize, y: usize) -> Stop {
         let relative = || Stop::Relative {
             fraction: self.relative_threshold(),
             known_luminance: luminance(self.direct.get(x, y)),
         };
         self.threshold(x, y).map_or_else(relative, Stop::Absolute)
+    }
+
+    /// Where pixels with the threshold of this one belong in what is known of errors.
+    pub fn class_at(&self, x: usize, y: usize) -> usize {
+        let before = self.allowance.before.as_ref().and_then(|before| before.get(x, y));
+        match (self.threshold(x, y), before) {
+            (Some(threshold), Some(luminance)) => calibrate::class(threshold, luminance),
+            (Some(_), None) => 0,
+            (None, _) => calibrate::class(self.relative_threshold(), 1.0),
+        }
+    }
+
+    /// When a cut of this class is let end, that was to be no more wrong than `stop` says.
+    pub fn calibrated(&self, stop: Stop, class: usize) -> Stop {
+        let Some(calibration) = &self.allowance.calibration else { return stop };
+        let kappa = calibration.kappa(class);
+        match stop {
+            Stop::Absolute(threshold) => Stop::Absolute(kappa * threshold),
+            Stop::Relative { fraction, known_luminance } => {
+                Stop::Relative { fraction: kappa * fraction, known_luminance }
+            }
+        }
+    }
+
+    /// Whether the cut of a pixel is made again to see how wrong it is.
+    pub fn is_audited(&self, x: usize, y: usize) -> bool {
+        let width = self.seen.pixels.width();
+        self.allowance.calibration.is_some() && calibrate::is_audited((x, y), width, self.prepared.frame)
+    }
+
+    /// Notes how wrong a cut of this class is that found `radiance` for `receiver` where `stop` was what it may be wrong by.
+    /// `scratch` allows cuts of [`calibrate::LARGEST_CALIBRATED_CUT`]: one that ends for its size alone would pass for the truth.
+    pub fn audit<M: lighttree::Receiver>(
+        &self,
+        class: usize,
+        stop: Stop,
+        radiance: Vec3,
+        receiver: &M,
+        visible: impl FnMut(&Light, usize) -> bool,
+        scratch: &mut Scratch,
+    ) {
+        let found = luminance(radiance);
+        let threshold = match stop {
+            Stop::Absolute(threshold) => threshold,
+            Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + found),
+        };
+        let fine = Stop::Absolute(calibrate::fine(threshold));
+        let cut = self.prepared.tree.lightcut(receiver, fine, visible, scratch);
+        self.figures.count_rays(cut.shadow_rays);
+        self.figures.audits.note(class, (found - luminance(cut.radiance)).abs() / threshold);
     }
 }
 
@@ -156,6 +216,7 @@ pub(super) struct Figures {
     sizes: AtomicU64,
     largest: AtomicU32,
     rays: AtomicU64,
+    pub audits: Audits,
     /// Largest cut of each pixel, if anybody wants to know.
     by_pixel: Vec<AtomicU32>,
 }

@@ -2,6 +2,7 @@
 //! The one place where rays and light tree meet.
 
 mod cache;
+mod calibrate;
 mod cuts;
 mod direct;
 mod gloss;
@@ -11,10 +12,11 @@ mod pixels;
 
 use crate::message::{LuminanceThresholds, Prepared, Shaded};
 use crate::plan::{Plan, State};
-use crate::settings::{Aov, Settings};
+use crate::settings::{Aov, Settings, Stopping};
 use cache::Cache;
+use calibrate::Calibration;
 use crossbeam_channel::{Receiver, Sender};
-use cuts::{Figures, LightTransport};
+use cuts::{Allowance, Figures, LightTransport};
 use glam::Vec3;
 use lighttree::LightTree;
 use perceptual::ThresholdMap;
@@ -38,16 +40,21 @@ pub fn run(
     let mut cache = (plan.cache == State::On).then(Cache::default);
     // Where nothing moves, the light of one frame is that of the next.
     let mut still = None;
+    let mut calibration = (settings.stopping == Stopping::Calibrated).then(Calibration::default);
     for prepared in frames {
-        let map = match (plan.masking, &prepared.correspondence) {
+        let (map, before) = match (plan.masking, &prepared.correspondence) {
             (State::On, Some(correspondence)) => {
-                let Ok(LuminanceThresholds { of, delta }) = thresholds.recv() else { return };
+                let Ok(LuminanceThresholds { of, delta, luminance }) = thresholds.recv() else { return };
                 assert_eq!(of + 1, prepared.frame, "thresholds out of step");
-                perceptual::carry(&delta, &correspondence.matches)
+                let carried = |plane| perceptual::carry(plane, &correspondence.matches);
+                (carried(&delta), calibration.as_ref().map(|_| carried(&luminance)))
             }
-            _ => ThresholdMap::relative(settings.size.width, settings.size.height),
+            _ => (ThresholdMap::relative(settings.size.width, settings.size.height), None),
         };
-        if out.send(shade(settings, plan, prepared, &map, cache.as_mut(), &mut still)).is_err() {
+        let mut allowance = Allowance { map, before, calibration: calibration.take() };
+        let shaded = shade(settings, plan, prepared, &mut allowance, cache.as_mut(), &mut still);
+        calibration = allowance.calibration;
+        if out.send(shaded).is_err() {
             return;
         }
     }
@@ -57,7 +64,7 @@ fn shade(
     settings: &Settings,
     plan: &Plan,
     mut prepared: Prepared,
-    map: &ThresholdMap,
+    allowance: &mut Allowance,
     mut cache: Option<&mut Cache>,
     still: &mut Option<Still>,
 ) -> Shaded {
@@ -88,7 +95,7 @@ fn shade(
                 direct.samples_mut().iter_mut().zip(reflected.samples()).for_each(|(sum, &coat)| *sum += coat);
             }
             let compensates = plan.compensation == State::On;
-            let transport = LightTransport::new(settings, &prepared, map, (seen, &direct), compensates, &counts);
+            let transport = LightTransport::new(settings, &prepared, allowance, (seen, &direct), compensates, &counts);
             let indirect = match (plan.indirect, cache.as_deref_mut()) {
                 (State::Off, _) => Plane::filled(size.0, size.1, Vec3::ZERO),
                 (_, Some(cache)) if samples.is_empty() => cache.light(&transport, &indirect_busy, &mut figures),
@@ -101,13 +108,16 @@ fn shade(
     });
     let samples = &lit.samples;
     let Sample { direct, indirect } = &samples[0];
-    let transport = LightTransport::new(settings, &prepared, map, (&prepared.seen, direct), false, &counts);
+    let transport = LightTransport::new(settings, &prepared, allowance, (&prepared.seen, direct), false, &counts);
     figures.threshold_mean_relative = transport.mean_relative_threshold(&sum(direct, indirect));
     figures.cache_records = lit.cache_records;
     figures.visibility += visibility.seconds();
     figures.direct = direct_busy.seconds();
     figures.indirect = indirect_busy.seconds();
     counts.put_into(&mut figures);
+    if let Some(calibration) = &mut allowance.calibration {
+        calibration.learn(&counts.audits, &mut figures);
+    }
     let picture = |of: &dyn Fn(&Sample) -> Plane<[f32; 3]>| {
         let planes: Vec<Plane<[f32; 3]>> = samples.iter().map(of).collect();
         reconstruct(&planes, &places)
@@ -118,7 +128,7 @@ fn shade(
         .flat_map(|&aov| match aov {
             Aov::Direct => layers::colors("direct", &picture(&|sample| sample.direct.map(|rgb| rgb.to_array()))),
             Aov::Indirect => layers::colors("indirect", &picture(&|sample| sample.indirect.map(|rgb| rgb.to_array()))),
-            _ => layers::of(aov, &prepared, map, &counts, cache.as_deref()),
+            _ => layers::of(aov, &prepared, &allowance.map, &counts, cache.as_deref()),
         })
         .collect();
     let radiance = picture(&|sample| sum(&sample.direct, &sample.indirect));

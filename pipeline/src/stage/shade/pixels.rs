@@ -1,5 +1,6 @@
 //! Indirect light without a cache: each pixel asks for itself.
 
+use super::calibrate::LARGEST_CALIBRATED_CUT;
 use super::cuts::{LightTransport, receiver};
 use super::macroblock::{by_macroblock, places};
 use crate::settings::Lighting;
@@ -13,7 +14,12 @@ use std::f32::consts::PI;
 /// Indirectly reflected radiance of every pixel; adds the work to `busy`.
 pub(super) fn light(transport: &LightTransport, busy: &Busy) -> Plane<Vec3> {
     let pixels = &transport.seen.pixels;
-    by_macroblock((pixels.width(), pixels.height()), busy, Scratch::default, |scratch, columns, rows| {
+    // What is promised may need more clusters than the paper allows.
+    let scratch = || match transport.allowance.calibration {
+        Some(_) => Scratch::with_max_size(LARGEST_CALIBRATED_CUT),
+        None => Scratch::default(),
+    };
+    by_macroblock((pixels.width(), pixels.height()), busy, scratch, |scratch, columns, rows| {
         places(columns, rows).map(|(x, y)| pixel(transport, x, y, scratch)).collect()
     })
 }
@@ -30,7 +36,11 @@ fn pixel(transport: &LightTransport, x: usize, y: usize, scratch: &mut Scratch) 
     let light = match transport.settings.lighting {
         Lighting::Lightcuts => {
             let visible = |lamp: &lighttree::Light, _| transport.visible(&receiver, lamp);
-            let cut = tree.lightcut(&lambert, transport.stop_at_pixel(x, y), visible, scratch);
+            let (stop, class) = (transport.stop_at_pixel(x, y), transport.class_at(x, y));
+            let cut = tree.lightcut(&lambert, transport.calibrated(stop, class), visible, scratch);
+            if transport.is_audited(x, y) {
+                transport.audit(class, stop, cut.radiance, &lambert, visible, scratch);
+            }
             transport.figures.count(cut.size, cut.shadow_rays);
             transport.figures.note(y * transport.seen.pixels.width() + x, cut.size);
             cut.radiance

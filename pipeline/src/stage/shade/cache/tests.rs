@@ -2,7 +2,7 @@ use super::*;
 use crate::plan::Plan;
 use crate::settings::{Settings, Size, Wishes};
 use crate::stage::prepare;
-use crate::stage::shade::cuts::Figures;
+use crate::stage::shade::cuts::{Allowance, Figures};
 use glam::{Quat, vec3};
 use perceptual::ThresholdMap;
 use render_core::scene::{
@@ -58,8 +58,10 @@ fn what_something_has_moved_over_is_closed_in() {
     let openness = |frame, x: f32| {
         let prepared = prepare::single(&scene, &settings, &plan, frame);
         let direct = Plane::filled(16, 16, Vec3::ZERO);
-        let (map, figures) = (ThresholdMap::relative(16, 16), Figures::default());
-        let transport = LightTransport::new(&settings, &prepared, &map, (&prepared.seen, &direct), true, &figures);
+        let allowance = Allowance { map: ThresholdMap::relative(16, 16), before: None, calibration: None };
+        let figures = Figures::default();
+        let transport =
+            LightTransport::new(&settings, &prepared, &allowance, (&prepared.seen, &direct), true, &figures);
         let cuts = Cuts { transport: &transport, swept: Vec::new(), standing: Vec::new(), moving: &moving };
         let site = Site {
             position: Vec3A::X * x,

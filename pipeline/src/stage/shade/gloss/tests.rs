@@ -4,6 +4,7 @@ use super::*;
 use crate::plan::{Plan, State};
 use crate::settings::{Settings, Size, Wishes};
 use crate::stage::prepare;
+use crate::stage::shade::cuts::Allowance;
 use glam::Quat;
 use render_core::Environment;
 use render_core::sampling::{concentric_disc, sobol_point};
@@ -228,7 +229,8 @@ fn matte_scenes_stay_as_they_are_to_the_last_bit() {
         plan.gloss = gloss;
         let prepared = prepare::single(&stage.0, &settings, &plan, 0);
         let map = perceptual::ThresholdMap::relative(SIDE, SIDE);
-        super::super::shade(&settings, &plan, prepared, &map, None, &mut None).radiance
+        let mut allowance = Allowance { map, before: None, calibration: None };
+        super::super::shade(&settings, &plan, prepared, &mut allowance, None, &mut None).radiance
     };
     let (without, with) = (lit(State::Off), lit(State::On));
     assert!(without.samples().iter().all(|rgb| rgb[0] > 0.0));

@@ -1,0 +1,254 @@
+//! Calibrated stopping: how far cuts may be let go, by the errors that they turn out to have.
+//!
+//! The bound of a cut holds for each of its clusters. What a pixel is wrong by is their sum, in which errors cancel where
+//! clusters are few and add up where they are many; the bound alone does not tell. So some pixels are *audited*: cut
+//! again, much finer, and
+//!
+//! ```text
+//! a cut ends where no cluster's bound exceeds κ ΔY
+//! r = |L − L_fine| / ΔY            of an audited pixel
+//! κ ← κ · (AIM / q)^DAMPING        q  that r which 95 % of the audits stay below; within a step and within bounds
+//! ```
+//!
+//! κ is one for each octave of ΔY / Y: from 2 % to more than half of the luminance, cuts go from hundreds of clusters to a
+//! dozen, and their errors with them.
+//!
+//! Audits are counted in buckets, integers whose sum does not depend on the order: any number of threads learns the same.
+
+use crate::message::FrameFigures;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Octaves of ΔY / Y that are told apart; the first is about 2 %.
+const CLASSES: usize = 6;
+const FIRST: f32 = 0.02;
+/// κ that a film begins with: cuts of `cornell` at 2 % leave one pixel in twenty outside of its threshold at 0.4.
+const START: f32 = 0.4;
+const LEAST: f32 = 1.0 / 16.0;
+const MOST: f32 = 16.0;
+/// Share of the audits whose error is to stay within the threshold, and how near to it: a quantile of a few dozen numbers
+/// is uncertain by about so much.
+const QUANTILE: f64 = 0.95;
+const AIM: f32 = 0.9;
+/// Below 1 a quantile that is wrong by chance is not followed all the way; a flash moves κ by no more than a step a frame.
+const DAMPING: f32 = 0.7;
+const LARGEST_STEP: f32 = 1.6;
+/// Audits that a step is taken on.
+const ENOUGH: u32 = 48;
+/// Thresholds of an audit, of the pixel's own. Its cut is then wrong by less than the tenth that can be told.
+const FINE: f32 = 0.1;
+
+/// Clusters. `atrium` at 2 % takes 800 on average to keep 95 % of the pixels within; the paper's most is 1000.
+pub(super) const LARGEST_CALIBRATED_CUT: u32 = 8000;
+
+/// r by eighths of an octave, from 2⁻⁸ to 2⁸ and what is beyond.
+const BUCKETS: usize = 128;
+const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
+
+/// κ of every class, learned from frame to frame.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Calibration {
+    kappas: [f32; CLASSES],
+    /// Audits since the last step.
+    pending: [Counts; CLASSES],
+}
+
+/// How many audits found an error of about each size.
+#[derive(Clone, Debug, PartialEq)]
+struct Counts([u32; BUCKETS]);
+
+/// What the audits of a frame find, from many threads at once.
+pub(super) struct Audits([[AtomicU32; BUCKETS]; CLASSES]);
+
+impl Default for Calibration {
+    fn default() -> Self {
+        Self { kappas: [START; CLASSES], pending: std::array::from_fn(|_| Counts([0; BUCKETS])) }
+    }
+}
+
+impl Default for Audits {
+    fn default() -> Self {
+        Self(std::array::from_fn(|_| std::array::from_fn(|_| AtomicU32::new(0))))
+    }
+}
+
+/// The class of a threshold by the luminance that it is a threshold for.
+pub(super) fn class(threshold: f32, luminance: f32) -> usize {
+    // NaN and what is dark beyond measure count as the first.
+    let octaves = (threshold / luminance / FIRST).log2() + 0.5;
+    if octaves.is_finite() { (octaves.max(0.0) as usize).min(CLASSES - 1) } else { 0 }
+}
+
+/// Whether a pixel is audited in a frame: one of each macroblock's, in 256 frames each of them.
+pub(super) fn is_audited((x, y): (usize, usize), width: usize, frame: u32) -> bool {
+    let block = (y / 16) * width.div_ceil(16) + x / 16;
+    // Odd multipliers run through all 256 places.
+    (y % 16 * 16 + x % 16) == (frame as usize * 151 + block * 89) % 256
+}
+
+/// The threshold that an audit is cut with in place of `threshold`.
+pub(super) fn fine(threshold: f32) -> f32 {
+    FINE * threshold
+}
+
+impl Audits {
+    /// An error of so many thresholds was found.
+    pub fn note(&self, class: usize, ratio: f32) {
+        self.0[class][bucket(ratio)].fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn counts(&self) -> [Counts; CLASSES] {
+        self.0.each_ref().map(|class| Counts(class.each_ref().map(|count| count.load(Ordering::Relaxed))))
+    }
+}
+
+impl Calibration {
+    /// κ for the thresholds of a class.
+    pub fn kappa(&self, class: usize) -> f32 {
+        self.kappas[class]
+    }
+
+    /// Takes in the audits of a frame, and tells the report of them.
+    pub fn learn(&mut self, audits: &Audits, figures: &mut FrameFigures) {
+        let counts = audits.counts();
+        let mut all = Counts([0; BUCKETS]);
+        let mut kappas = 0.0;
+        for ((found, kappa), pending) in counts.iter().zip(&mut self.kappas).zip(&mut self.pending) {
+            all.add(found);
+            kappas += f64::from(*kappa) * f64::from(found.total());
+            pending.add(found);
+            if pending.total() >= ENOUGH {
+                let step = (AIM / pending.quantile()).powf(DAMPING).clamp(1.0 / LARGEST_STEP, LARGEST_STEP);
+                *kappa = (*kappa * step).clamp(LEAST, MOST);
+                *pending = Counts([0; BUCKETS]);
+            }
+        }
+        if all.total() > 0 {
+            figures.audit_error_p95 = Some(all.quantile().into());
+            figures.kappa = Some(kappas / f64::from(all.total()));
+        }
+    }
+}
+
+impl Counts {
+    fn add(&mut self, other: &Self) {
+        self.0.iter_mut().zip(other.0).for_each(|(sum, count)| *sum += count);
+    }
+
+    fn total(&self) -> u32 {
+        self.0.iter().sum()
+    }
+
+    /// What [`QUANTILE`] of them stay below: the upper end of its bucket.
+    fn quantile(&self) -> f32 {
+        let wanted = (f64::from(self.total()) * QUANTILE).ceil() as u32;
+        let mut sum = 0;
+        let last = self.0.iter().position(|&count| {
+            sum += count;
+            sum >= wanted
+        });
+        upper_end(last.unwrap_or(BUCKETS - 1))
+    }
+}
+
+fn bucket(ratio: f32) -> usize {
+    // NaN, 0/0, is no error; infinity is the largest.
+    if ratio.is_nan() {
+        return 0;
+    }
+    let place = BUCKETS_TO_AN_OCTAVE * ratio.log2() + BUCKETS as f32 / 2.0;
+    (place.max(0.0) as usize).min(BUCKETS - 1)
+}
+
+fn upper_end(bucket: usize) -> f32 {
+    ((bucket as f32 + 1.0 - BUCKETS as f32 / 2.0) / BUCKETS_TO_AN_OCTAVE).exp2()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One frame in which `error(k, κ)` is what audit `k` of `count` finds at class 2.
+    fn frame(calibration: &mut Calibration, count: u32, error: impl Fn(u32, f32) -> f32) -> FrameFigures {
+        let (audits, mut figures) = (Audits::default(), FrameFigures::default());
+        (0..count).for_each(|k| audits.note(2, error(k, calibration.kappa(2))));
+        calibration.learn(&audits, &mut figures);
+        figures
+    }
+
+    /// Errors that are even between 0 and `scale` times κ: the quantile is 0.95 of that, and κ is known beforehand.
+    fn even(scale: f32) -> impl Fn(u32, f32) -> f32 {
+        move |k, kappa| (k as f32 + 0.5) / 200.0 * scale * kappa
+    }
+
+    #[test]
+    fn the_quantile_comes_to_lie_at_the_threshold() {
+        for scale in [0.2, 1.0, 5.0] {
+            let mut calibration = Calibration::default();
+            for _ in 0..40 {
+                frame(&mut calibration, 200, even(scale));
+            }
+            let expected = AIM / (0.95 * scale);
+            let ratio = calibration.kappa(2) / expected;
+            assert!((0.9..1.1).contains(&ratio), "scale {scale}: {ratio}");
+            assert_eq!(calibration.kappa(1), START, "other classes have learned nothing");
+        }
+    }
+
+    /// A light that is switched every frame, a flash of 10⁶, then the light as it was.
+    #[test]
+    fn the_loop_stays_in_its_bounds_and_returns() {
+        let mut calibration = Calibration::default();
+        for _ in 0..40 {
+            frame(&mut calibration, 200, even(1.0));
+        }
+        let settled = calibration.kappa(2);
+        let (mut least, mut most) = (f32::MAX, 0.0f32);
+        for n in 0..100 {
+            frame(&mut calibration, 200, even(if n % 2 == 0 { 0.5 } else { 2.0 }));
+            if n > 20 {
+                least = least.min(calibration.kappa(2));
+                most = most.max(calibration.kappa(2));
+            }
+        }
+        assert!(most / least <= LARGEST_STEP * 1.01, "no more than a step: {least}…{most}");
+        frame(&mut calibration, 200, even(1e6));
+        frame(&mut calibration, 200, |_, _| f32::INFINITY);
+        frame(&mut calibration, 200, |_, _| f32::NAN);
+        assert!((LEAST..=MOST).contains(&calibration.kappa(2)));
+        let back = (1..=10).find(|_| {
+            frame(&mut calibration, 200, even(1.0));
+            (0.8..1.25).contains(&(calibration.kappa(2) / settled))
+        });
+        assert!(back.is_some(), "κ {} was {settled} before", calibration.kappa(2));
+        for _ in 0..1000 {
+            frame(&mut calibration, 200, |_, _| 0.0);
+        }
+        assert_eq!(calibration.kappa(2), MOST);
+        for _ in 0..1000 {
+            frame(&mut calibration, 200, |_, _| 1e30);
+        }
+        assert_eq!(calibration.kappa(2), LEAST);
+    }
+
+    #[test]
+    fn every_pixel_has_its_turn() {
+        let mut asked = vec![0; 32 * 32];
+        for n in 0..256 {
+            for (i, asked) in asked.iter_mut().enumerate() {
+                *asked += u32::from(is_audited((i % 32, i / 32), 32, n));
+            }
+        }
+        assert!(asked.iter().all(|&times| times == 1));
+    }
+
+    #[test]
+    fn classes_are_octaves() {
+        assert_eq!(class(0.02, 1.0), 0);
+        assert_eq!(class(0.04, 1.0), 1);
+        assert_eq!(class(1.6, 10.0), 3);
+        assert_eq!(class(7.0, 1.0), CLASSES - 1);
+        for (threshold, luminance) in [(0.0, 1.0), (1.0, 0.0), (0.0, 0.0), (f32::NAN, 1.0), (1e-30, 1e30)] {
+            assert_eq!(class(threshold, luminance), 0);
+        }
+    }
+}
