@@ -66,6 +66,7 @@ impl Container {
 /// assert_eq!(file[..4], [0, 0, 1, 0xba]); // pack_start_code
 /// # Ok::<(), mpeg2enc::ConfigError>(())
 /// ```
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Multiplexer {
     wrapper: Wrapper,
     clock: Clock,
@@ -73,6 +74,7 @@ pub struct Multiplexer {
     waiting: Option<Picture>,
 }
 
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum Wrapper {
     Elementary,
     Program(program::Writer),
@@ -80,6 +82,7 @@ enum Wrapper {
 }
 
 /// A picture's part of the elementary stream.
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Picture {
     data: Vec<u8>,
     times: Times,
@@ -88,6 +91,7 @@ struct Picture {
 }
 
 /// When pictures are decoded and shown.
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Clock {
     /// Numerator and denominator of the frame rate.
     frame_rate: (u64, u64),

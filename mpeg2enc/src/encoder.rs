@@ -12,6 +12,13 @@ use plane::Plane;
 /// Encodes pictures one by one, each as soon as it comes in; made by [`Config::encoder`].
 pub struct Encoder {
     coder: Coder,
+    state: EncoderState,
+}
+
+/// What an [`Encoder`] carries from one picture to the next: with it, another one of the same settings goes on.
+#[derive(Clone, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct EncoderState {
     /// Pictures coded so far.
     count: u64,
     /// Reconstruction of the last picture, in whole macroblocks.
@@ -22,12 +29,23 @@ pub struct Encoder {
 
 impl Encoder {
     pub(crate) fn new(config: Config) -> Self {
-        Self { coder: Coder::new(config, false), count: 0, reference: None, vectors: Vec::new() }
+        Self { coder: Coder::new(config, false), state: EncoderState::default() }
     }
 
     /// The settings it was made with.
     pub fn config(&self) -> &Config {
         &self.coder.config
+    }
+
+    /// All that the next packets depend on, besides settings and frames.
+    pub fn state(&self) -> &EncoderState {
+        &self.state
+    }
+
+    /// Goes on where an encoder of the same settings was; the state of one with other settings gives a damaged stream or a
+    /// panic.
+    pub fn restore(&mut self, state: EncoderState) {
+        self.state = state;
     }
 
     /// Uses another quantiser from the next picture on.
@@ -51,8 +69,8 @@ impl Encoder {
         config.check_input(frame, motion);
         let (columns, rows) = macroblock_counts(config.width, config.height);
         let source = frame.resized(16 * columns, 16 * rows);
-        let place_in_group = self.count % u64::from(config.gop);
-        let reference = self.reference.take().filter(|_| place_in_group != 0);
+        let place_in_group = self.state.count % u64::from(config.gop);
+        let reference = self.state.reference.take().filter(|_| place_in_group != 0);
         let candidates = match motion.filter(|_| reference.is_some()) {
             Some(field) => field.all_candidates(columns, rows),
             None => Vec::new(),
@@ -64,12 +82,12 @@ impl Encoder {
         let forward = reference.as_ref().map(|reference| Direction {
             reference,
             candidates: &candidates,
-            before: &self.vectors,
+            before: &self.state.vectors,
             coarse: quarters.as_ref().map(|[source, reference]| CoarseSearch { source, reference }),
         });
         let coded = self.coder.code(&Job {
             picture_type: if forward.is_some() { PictureType::P } else { PictureType::I },
-            display_index: self.count,
+            display_index: self.state.count,
             temporal_reference: place_in_group as u32,
             vbv_delay: VBV_DELAY_VARIABLE,
             source: &source,
@@ -79,12 +97,12 @@ impl Encoder {
         });
         let mut packet = coded.packet;
         if packet.picture_type == PictureType::I {
-            packet.prepend(self.coder.group_headers(self.count, true));
+            packet.prepend(self.coder.group_headers(self.state.count, true));
         }
         let [vectors, _] = coded.vectors;
-        self.vectors = vectors;
-        self.reference = coded.reference;
-        self.count += 1;
+        self.state.vectors = vectors;
+        self.state.reference = coded.reference;
+        self.state.count += 1;
         packet
     }
 

@@ -8,6 +8,7 @@ use plane::Plane;
 /// Chroma has half of the luma samples in each direction, rounded up, and lies midway between two luma rows
 /// on even columns, as 6.1.1.8 draws it for progressive pictures.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Frame {
     /// Luma, Y′.
     pub luma: Plane<u8>,

@@ -30,11 +30,14 @@ pub struct KnownMotion<'a> {
 }
 
 /// A frame that waits.
+#[derive(Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Waiting {
     /// The frame in whole macroblocks.
     pub source: Frame,
     /// Luma at half and at a quarter of the width and height; the latter is seldom looked at.
     half: Plane<u8>,
+    #[cfg_attr(feature = "serde", serde(skip))]
     quarter: OnceLock<Plane<u8>>,
     /// Candidates of every macroblock that were given: to the frame before and to the frame after.
     known: [Option<Vec<Candidates>>; 2],
@@ -54,6 +57,7 @@ impl Waiting {
 
 /// The best vector found for a block, and the difference that it leaves.
 #[derive(Clone, Copy)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Match {
     /// In half samples of the half-size picture.
     pub vector: HalfSample,
@@ -63,6 +67,7 @@ pub(crate) struct Match {
 
 /// The best of three predictions of a B picture.
 #[derive(Clone, Copy)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct TwoSided {
     pub cost: u32,
     /// How much of it is forward and backward, in halves.
@@ -79,6 +84,8 @@ const POOR_MATCH: u32 = 6;
 const REACH: [u32; 2] = [9, 8];
 
 /// Frames in display order, from the last coded reference frame on.
+#[derive(Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Lookahead {
     frames: VecDeque<Waiting>,
     /// Display index of the first of them.

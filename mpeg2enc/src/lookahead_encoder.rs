@@ -16,6 +16,14 @@ use crate::{
 /// shown after it. [`Packet::display_index`] says which frame a packet is.
 pub struct LookaheadEncoder {
     coder: Coder,
+    state: LookaheadState,
+}
+
+/// What a [`LookaheadEncoder`] carries from one picture to the next, frames that wait included: with it, another one of the
+/// same settings goes on.
+#[derive(Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct LookaheadState {
     lookahead: Lookahead,
     rate: Option<RateControl>,
     /// The last two I or P pictures.
@@ -27,6 +35,8 @@ pub struct LookaheadEncoder {
 }
 
 /// A coded I or P picture.
+#[derive(Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Anchor {
     index: usize,
     reconstruction: Frame,
@@ -35,19 +45,30 @@ struct Anchor {
 impl LookaheadEncoder {
     pub(crate) fn new(config: Config) -> Self {
         let (columns, rows) = macroblock_counts(config.width, config.height);
-        Self {
+        let state = LookaheadState {
             rate: RateControl::new(&config, columns * rows),
             lookahead: Lookahead::new(config.effort == Effort::Fast),
-            coder: Coder::new(config, true),
             anchors: [None, None],
             last_intra: 0,
             group_start: 0,
-        }
+        };
+        Self { coder: Coder::new(config, true), state }
     }
 
     /// The settings it was made with.
     pub fn config(&self) -> &Config {
         &self.coder.config
+    }
+
+    /// All that the next packets depend on, besides settings and frames to come.
+    pub fn state(&self) -> &LookaheadState {
+        &self.state
+    }
+
+    /// Goes on where an encoder of the same settings was; the state of one with other settings gives a damaged stream or a
+    /// panic.
+    pub fn restore(&mut self, state: LookaheadState) {
+        self.state = state;
     }
 
     /// Takes the next frame, and gives the packets that can be coded now: none at first, later some.
@@ -61,7 +82,7 @@ impl LookaheadEncoder {
         config.check_input(frame, motion.to_previous);
         config.check_input(frame, motion.to_next);
         let (columns, rows) = macroblock_counts(config.width, config.height);
-        self.lookahead.push(frame.resized(16 * columns, 16 * rows), motion);
+        self.state.lookahead.push(frame.resized(16 * columns, 16 * rows), motion);
         self.code(self.coder.config.lookahead())
     }
 
@@ -74,36 +95,36 @@ impl LookaheadEncoder {
     fn code(&mut self, keep: usize) -> Vec<Packet> {
         let mut packets = Vec::new();
         loop {
-            let last = self.anchors[1].as_ref().map(|anchor| anchor.index);
+            let last = self.state.anchors[1].as_ref().map(|anchor| anchor.index);
             let next = last.map_or(0, |last| last + 1);
-            if self.lookahead.end() <= next + keep {
+            if self.state.lookahead.end() <= next + keep {
                 return packets;
             }
-            let spans = self.lookahead.plan(&self.coder.config, last.map(|last| (last, self.last_intra)));
+            let spans = self.state.lookahead.plan(&self.coder.config, last.map(|last| (last, self.state.last_intra)));
             self.code_span(&spans, keep == 0, &mut packets);
-            self.lookahead.drop_before(spans[0].anchor);
+            self.state.lookahead.drop_before(spans[0].anchor);
         }
     }
 
     /// Codes the first of `spans`: its anchor, then its B pictures. `complete` if no frame comes after them all.
     fn code_span(&mut self, spans: &[Span], complete: bool, packets: &mut Vec<Packet>) {
         let span = spans[0];
-        let last = self.anchors[1].as_ref().map(|anchor| anchor.index);
-        let count = self.lookahead.get(span.anchor).intra_costs.len();
+        let last = self.state.anchors[1].as_ref().map(|anchor| anchor.index);
+        let count = self.state.lookahead.get(span.anchor).intra_costs.len();
         let factors =
-            if self.coder.config.uses_tree() { self.lookahead.factors(last, spans) } else { vec![256; count] };
-        let upcoming = if self.rate.is_some() { self.lookahead.upcoming(last, spans) } else { Vec::new() };
+            if self.coder.config.uses_tree() { self.state.lookahead.factors(last, spans) } else { vec![256; count] };
+        let upcoming = if self.state.rate.is_some() { self.state.lookahead.upcoming(last, spans) } else { Vec::new() };
         let mut headers = Vec::new();
         if span.is_intra {
-            self.last_intra = span.anchor;
-            self.group_start = span.anchor - span.b_pictures;
-            headers = self.coder.group_headers(self.group_start as u64, span.b_pictures == 0);
+            self.state.last_intra = span.anchor;
+            self.state.group_start = span.anchor - span.b_pictures;
+            headers = self.coder.group_headers(self.state.group_start as u64, span.b_pictures == 0);
         }
         let picture_type = if span.is_intra { PictureType::I } else { PictureType::P };
         let coded = self.code_within_rate(span.anchor, picture_type, &factors, headers, &upcoming, complete);
         packets.push(coded.packet);
-        self.anchors.swap(0, 1);
-        self.anchors[1] = coded.reference.map(|reconstruction| Anchor { index: span.anchor, reconstruction });
+        self.state.anchors.swap(0, 1);
+        self.state.anchors[1] = coded.reference.map(|reconstruction| Anchor { index: span.anchor, reconstruction });
         let b_factors = vec![16 * B_SCALE_SIXTEENTHS; count];
         for (i, index) in (span.anchor - span.b_pictures..span.anchor).enumerate() {
             let upcoming = upcoming.get(i + 1..).unwrap_or_default();
@@ -122,7 +143,7 @@ impl LookaheadEncoder {
         upcoming: &[Upcoming],
         complete: bool,
     ) -> Coded {
-        let Some(mut rate) = self.rate.take() else {
+        let Some(mut rate) = self.state.rate.take() else {
             let base_x16 = 16 * self.coder.config.quantiser_scale;
             let mut coded = self.code_picture(index, picture_type, base_x16, factors, VBV_DELAY_VARIABLE);
             coded.packet.prepend(headers);
@@ -157,7 +178,7 @@ impl LookaheadEncoder {
         coded.fill_to(rate.buffer.least() - header_bits);
         coded.packet.prepend(headers);
         rate.buffer.take(coded.packet.bits as i64);
-        self.rate = Some(rate);
+        self.state.rate = Some(rate);
         coded
     }
 
@@ -173,20 +194,20 @@ impl LookaheadEncoder {
         // Forward from the newest anchor in a P picture, from the one before in a B picture.
         let references = match picture_type {
             PictureType::I => [None, None],
-            PictureType::P => [self.anchors[1].as_ref(), None],
-            PictureType::B => [self.anchors[0].as_ref(), self.anchors[1].as_ref()],
+            PictureType::P => [self.state.anchors[1].as_ref(), None],
+            PictureType::B => [self.state.anchors[0].as_ref(), self.state.anchors[1].as_ref()],
         };
         let mut candidates: [Vec<Candidates>; 2] = [Vec::new(), Vec::new()];
         for (s, reference) in references.iter().enumerate() {
             if let Some(reference) = reference {
-                candidates[s] = self.lookahead.for_coding(index, reference.index as isize - index as isize);
+                candidates[s] = self.state.lookahead.for_coding(index, reference.index as isize - index as isize);
             }
         }
-        let source = &self.lookahead.get(index).source;
+        let source = &self.state.lookahead.get(index).source;
         self.coder.code(&Job {
             picture_type,
             display_index: index as u64,
-            temporal_reference: (index - self.group_start) as u32,
+            temporal_reference: (index - self.state.group_start) as u32,
             vbv_delay,
             source,
             directions: std::array::from_fn(|s| {

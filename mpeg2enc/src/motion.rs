@@ -19,6 +19,7 @@ use rayon::prelude::*;
 
 /// A vector in half luma samples, as coded (7.6.3): from a macroblock to its place in the reference picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct HalfSample {
     pub x: i32,
     pub y: i32,

@@ -14,6 +14,7 @@ use crate::{Config, PictureType, vbv::Buffer};
 
 /// How quantisers are chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Rate {
     /// By quantiser_scale alone; no bound on bits.
     #[default]
@@ -78,6 +79,8 @@ const LEVEL_SIXTEENTHS: i64 = 11;
 const RESERVE_SIXTEENTHS: i64 = 1;
 
 /// Chooses quantisers, and keeps the buffer.
+#[derive(Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct RateControl {
     pub buffer: Buffer,
     rate: Rate,

@@ -5,6 +5,7 @@
 /// A frame period holds a whole number of bits only by chance, so all is counted in bits times the numerator of the
 /// frame rate: no fraction is ever dropped.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Buffer {
     /// Bits a second, as the sequence header says.
     pub bit_rate: i64,

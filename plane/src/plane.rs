@@ -4,10 +4,32 @@
 ///
 /// Invariant: `data.len() == width * height`; there is no hidden padding.
 #[derive(Clone, Debug, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts<T>"))]
 pub struct Plane<T> {
     data: Vec<T>,
     width: usize,
     height: usize,
+}
+
+/// What a plane is read from.
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+struct Parts<T> {
+    data: Vec<T>,
+    width: usize,
+    height: usize,
+}
+
+#[cfg(feature = "serde")]
+impl<T> TryFrom<Parts<T>> for Plane<T> {
+    type Error = String;
+
+    fn try_from(Parts { data, width, height }: Parts<T>) -> Result<Self, String> {
+        match width.checked_mul(height) {
+            Some(count) if count == data.len() => Ok(Self { data, width, height }),
+            _ => Err(format!("{} samples are no plane of {width}x{height}", data.len())),
+        }
+    }
 }
 
 impl<T: Copy> Plane<T> {

@@ -10,6 +10,7 @@ const STAMP: u64 = CLOCK / 90_000;
 
 /// When a picture is decoded and shown, in units of 1/27 000 000 s.
 #[derive(Clone, Copy)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Times {
     pub decoding: u64,
     pub presentation: u64,

@@ -18,6 +18,7 @@ const PROGRAM: u32 = 1;
 const CLOCK_INTERVAL: u64 = CLOCK / 30;
 const TABLE_INTERVAL: u64 = CLOCK / 10;
 
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Writer {
     schedule: Schedule,
     standard: Standard,

@@ -17,12 +17,14 @@ use rayon::prelude::*;
 /// assert_eq!(field.motion_px().width(), 64);
 /// ```
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MotionField {
     motion_px: Plane<[f32; 2]>,
 }
 
 /// Vectors to be tried for one macroblock.
 #[derive(Clone, Copy)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Candidates {
     vectors: [HalfSample; CANDIDATES],
     count: usize,
