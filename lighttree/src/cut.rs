@@ -66,7 +66,7 @@ pub struct Cut {
 }
 
 /// A cluster of a cut. It outlives the cut: positions in a tree never change, intensities come with each update.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Cluster {
     pub(crate) node: u32,
     /// Index of the light that stood for the cluster.

@@ -3,7 +3,7 @@
 use clap::{Args, Parser, Subcommand};
 use pipeline::Wishes;
 use pipeline::reference::Method;
-use pipeline::settings::{Aov, Lighting, Size, Stopping, Switch, Thresholds};
+use pipeline::settings::{Aov, BitRate, CheckpointEvery, Effort, Lighting, Size, Stopping, Switch, Thresholds};
 use std::path::PathBuf;
 
 /// Renders an animated glTF scene with global illumination into an MPEG-2 video.
@@ -17,6 +17,7 @@ use std::path::PathBuf;
     after_help = "Examples:
   render2mpeg render scenes/cornell/cornell.glb
   render2mpeg render scene.glb -o film.m2v --size 1280x720 --frames 50 --qscale 16
+  render2mpeg render scene.glb -o film.ts --bitrate 2M --cbr --bframes 2
   render2mpeg render scene.glb --thresholds fixed:0.02      the original Lightcuts, for comparison
   render2mpeg plan scene.glb
   render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr
@@ -36,7 +37,8 @@ pub enum Command {
         /// What and how.
         #[command(flatten)]
         job: Job,
-        /// The video: .m2v, an MPEG-2 elementary stream [default: the scene's name, in this folder]
+        /// The video: .m2v (elementary stream), .mpg (program stream) or .ts (transport stream) [default: the scene's name
+        /// with .m2v, in this folder]
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
         /// Where the JSON report goes [default: beside the video, .report.json]
@@ -51,6 +53,12 @@ pub enum Command {
         /// Also write the frames before compression, as YUV4MPEG2
         #[arg(long, value_name = "FILE")]
         y4m: Option<PathBuf>,
+        /// Go on where a killed run of the same film was, to the same bits; begin at the beginning if there was none
+        #[arg(long)]
+        resume: bool,
+        /// Seconds between checkpoints, beside the video in .checkpoint, for --resume: 0 is each frame, off is none [default: 60]
+        #[arg(long, value_name = "SECONDS")]
+        checkpoint: Option<CheckpointEvery>,
         /// Threads [default: one per processor]; the result is the same for any number
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
         threads: Option<u16>,
@@ -140,6 +148,21 @@ pub struct Job {
     /// Pictures from one I picture to the next, at most 132 [default: 15]
     #[arg(long, value_name = "N")]
     pub gop: Option<u32>,
+    /// At most this many bits a second, such as 1500k or 2M: coarser than --qscale where that is too much [default: no bound]
+    #[arg(long, value_name = "R")]
+    pub bitrate: Option<BitRate>,
+    /// Just as many bits a second as --bitrate says, all the time
+    #[arg(long)]
+    pub cbr: bool,
+    /// The most B pictures in a row, 0 to 7: fewer bits, coded when later frames are there [default: 0]
+    #[arg(long, value_name = "M")]
+    pub bframes: Option<u32>,
+    /// How much the encoder tries for few bits [default: balanced]
+    #[arg(long, value_enum)]
+    pub effort: Option<Effort>,
+    /// Write MPEG-1, for players that know nothing else
+    #[arg(long)]
+    pub mpeg1: bool,
     /// The error a pixel may have: "perceptual", or "fixed:SHARE" of its luminance [default: perceptual]
     #[arg(long, value_name = "KIND")]
     pub thresholds: Option<Thresholds>,
@@ -191,6 +214,11 @@ impl Job {
             size,
             qscale,
             gop,
+            bitrate,
+            cbr,
+            bframes,
+            effort,
+            mpeg1,
             thresholds,
             kappa,
             stopping,
@@ -211,6 +239,11 @@ impl Job {
             size,
             qscale,
             gop,
+            bitrate,
+            cbr,
+            bframes,
+            effort,
+            mpeg1,
             thresholds,
             kappa,
             stopping,

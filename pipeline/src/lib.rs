@@ -2,6 +2,7 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+pub mod checkpoint;
 pub mod compare;
 pub mod message;
 pub mod output;
@@ -10,10 +11,11 @@ pub mod reference;
 pub mod report;
 pub mod settings;
 pub mod stage;
+pub mod video;
 
 mod run;
 
 pub use plan::Plan;
 pub use report::Report;
-pub use run::render;
+pub use run::{render, render_from};
 pub use settings::{Settings, Wishes};

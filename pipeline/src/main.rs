@@ -6,18 +6,23 @@ mod progress;
 use anyhow::{Context, Result};
 use args::{Arguments, Command};
 use clap::Parser;
+use pipeline::checkpoint::Checkpoints;
 use pipeline::compare::compare_files;
 use pipeline::output::Output;
 use pipeline::reference::{self, Method};
+use pipeline::settings::CheckpointEvery;
 use pipeline::{Plan, Settings};
 use render_core::{PathOptions, PixelSampling, scene};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 /// As shells report a command that was interrupted: 128 + SIGINT.
 const INTERRUPTED: u8 = 130;
+/// Of a film killed after hours, a minute is to be made again.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 fn main() -> ExitCode {
     match run(Arguments::parse().command) {
@@ -35,16 +40,16 @@ fn run(command: Command) -> Result<ExitCode> {
             let (path, wishes) = job.wishes();
             let scene = scene::load(&path)?;
             let settings = Settings::new(path, &scene, wishes)?;
-            settings.encoder_config()?.encoder()?;
+            settings.encoder_config()?;
             print!("{}", Plan::new(&scene, &settings).table());
             scene.warnings.iter().for_each(|warning| println!("note: {warning}"));
             Ok(ExitCode::SUCCESS)
         }
-        Command::Render { job, output, report, exr, aov, y4m, threads, quiet } => {
+        Command::Render { job, output, report, exr, aov, y4m, resume, checkpoint, threads, quiet } => {
             use_threads(threads)?;
             let (path, mut wishes) = job.wishes();
             (wishes.output, wishes.exr, wishes.aov, wishes.y4m) = (output, exr, aov, y4m);
-            render(path, wishes, report, quiet)
+            render(path, wishes, report, (resume, checkpoint), quiet)
         }
         Command::Reference {
             scene: path,
@@ -105,19 +110,32 @@ fn use_threads(threads: Option<u16>) -> Result<()> {
     Ok(())
 }
 
-fn render(path: PathBuf, wishes: pipeline::Wishes, report: Option<PathBuf>, quiet: bool) -> Result<ExitCode> {
+fn render(
+    path: PathBuf,
+    wishes: pipeline::Wishes,
+    report: Option<PathBuf>,
+    (resume, checkpoint): (bool, Option<CheckpointEvery>),
+    quiet: bool,
+) -> Result<ExitCode> {
     let scene = scene::load(&path)?;
     let settings = Settings::new(path, &scene, wishes)?;
     // All that can be wrong with the settings or the places of the files is said before the first ray.
-    settings.encoder_config()?.encoder()?;
+    settings.encoder_config()?;
     if let Some(folder) = &settings.exr {
         std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     }
     let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
-    let output = Output::create(&settings.output)?;
-    drop(Output::create(&report_path)?);
-    settings.y4m.as_deref().map(Output::create).transpose()?;
     let plan = Plan::new(&scene, &settings);
+    let every = checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration);
+    let checkpoints = match resume {
+        true => Checkpoints::resume(&settings, &plan, every)?,
+        false => Checkpoints::new(&settings, &plan, every)?,
+    };
+    let output = checkpoints.output(&settings)?;
+    drop(Output::create(&report_path)?);
+    if checkpoints.first_frame() == 0 {
+        settings.y4m.as_deref().map(Output::create).transpose()?;
+    }
 
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
@@ -129,11 +147,15 @@ fn render(path: PathBuf, wishes: pipeline::Wishes, report: Option<PathBuf>, quie
     })
     .context("Ctrl-C cannot be watched for")?;
 
-    let progress = progress::Progress::new(&settings, &scene, quiet);
-    let result = pipeline::render(&scene, &settings, &plan, output, &stop, |frame| progress.frame(frame));
+    let progress = progress::Progress::new(&settings, &scene, checkpoints.first_frame(), quiet);
+    let result =
+        pipeline::render_from(&checkpoints, &scene, &settings, &plan, output, &stop, |frame| progress.frame(frame));
     progress.clear();
     let report = result?;
     report.write(&report_path)?;
+    if !report.summary.interrupted {
+        checkpoints.remove();
+    }
     if !quiet {
         progress::summary(&report, &settings.output, &report_path);
     }

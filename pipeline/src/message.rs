@@ -7,7 +7,7 @@ use render_core::{Accelerator, Correspondence, DirectLights, GBuffer, Gather, Su
 use std::sync::Arc;
 
 /// CPU seconds of the stages and counts of one frame; each stage fills in its part.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct FrameFigures {
     /// Placing of objects and the ray tree \[s\].
     pub update: f64,
@@ -55,6 +55,8 @@ pub struct FrameFigures {
 pub struct Prepared<'s> {
     /// Which one.
     pub frame: u32,
+    /// Whether each stage leaves what it carries on, once it is done with this frame, for a checkpoint.
+    pub checkpoint: bool,
     /// The scene in this frame's pose.
     pub surfaces: Surfaces<'s>,
     /// The scene, ready for shadow rays.
@@ -69,6 +71,8 @@ pub struct Prepared<'s> {
     pub seen: Arc<GBuffer>,
     /// Where that was in the frame before; none for the first.
     pub correspondence: Option<Arc<Correspondence>>,
+    /// Where what the frame before sees is in this one, if the encoder wants to know.
+    pub forward: Option<Arc<Correspondence>>,
     /// Rays start this far off their surface, metres.
     pub epsilon: f32,
     /// So far.
@@ -79,12 +83,16 @@ pub struct Prepared<'s> {
 pub struct Shaded {
     /// Which one.
     pub frame: u32,
+    /// As in [`Prepared`].
+    pub checkpoint: bool,
     /// Linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Plane<[f32; 3]>,
     /// Further channels for the frame's OpenEXR file: names and samples.
     pub layers: Vec<(String, Vec<f32>)>,
     /// As in [`Prepared`].
     pub correspondence: Option<Arc<Correspondence>>,
+    /// As in [`Prepared`].
+    pub forward: Option<Arc<Correspondence>>,
     /// So far.
     pub figures: FrameFigures,
 }
@@ -93,10 +101,14 @@ pub struct Shaded {
 pub struct Displayed {
     /// Which one.
     pub frame: u32,
+    /// As in [`Prepared`].
+    pub checkpoint: bool,
     /// Y′C_BC_R.
     pub picture: Arc<YCbCr>,
     /// As in [`Prepared`].
     pub correspondence: Option<Arc<Correspondence>>,
+    /// As in [`Prepared`].
+    pub forward: Option<Arc<Correspondence>>,
     /// So far.
     pub figures: FrameFigures,
 }
@@ -105,6 +117,8 @@ pub struct Displayed {
 pub struct ToMask {
     /// Which one.
     pub frame: u32,
+    /// As in [`Prepared`].
+    pub checkpoint: bool,
     /// Its luma.
     pub picture: Arc<YCbCr>,
     /// Its luminance before tone mapping.
@@ -126,6 +140,7 @@ pub struct LuminanceThresholds {
 }
 
 /// Seconds that masking frame `of` took, for the report: it ends after the frame has left the encoder's queue.
+#[derive(Clone, Copy, Debug, serde::Serialize, serde::Deserialize)]
 pub struct MaskingTime {
     /// Which frame.
     pub of: u32,

@@ -1,8 +1,8 @@
 //! Files that are either whole or not there.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// A file that is written under `NAME.part` and gets its name when it is finished.
@@ -13,6 +13,8 @@ pub struct Output {
     path: PathBuf,
     part: Option<PathBuf>,
     file: File,
+    /// Bytes written so far.
+    length: u64,
 }
 
 impl Output {
@@ -22,11 +24,7 @@ impl Output {
     /// The folder does not exist or may not be written to.
     pub fn create(path: &Path) -> Result<Self> {
         let direct = fs::metadata(path).is_ok_and(|metadata| !metadata.is_file());
-        let part = (!direct).then(|| {
-            let mut name = path.file_name().unwrap_or_default().to_owned();
-            name.push(".part");
-            path.with_file_name(name)
-        });
+        let part = (!direct).then(|| part_of(path));
         let target = part.as_deref().unwrap_or(path);
         let file = File::options()
             .write(true)
@@ -34,7 +32,49 @@ impl Output {
             .truncate(!direct)
             .open(target)
             .with_context(|| format!("{} cannot be written; choose another place with -o", path.display()))?;
-        Ok(Self { path: path.to_owned(), part, file })
+        Ok(Self { path: path.to_owned(), part, file, length: 0 })
+    }
+
+    /// Opens what an earlier process has left of the file, and goes on behind its first `length` bytes.
+    ///
+    /// # Errors
+    /// There is not as much of it, or it may not be written to.
+    pub fn resume(path: &Path, length: u64) -> Result<Self> {
+        let context = || format!("{} cannot be continued", path.display());
+        let part = part_of(path);
+        let has_enough = |path: &Path| fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() >= length);
+        if !has_enough(&part) {
+            // Finished in order, as after Ctrl-C, it has its name already.
+            if !has_enough(path) {
+                bail!("{} is shorter than when it was left: start anew, without --resume", part.display());
+            }
+            fs::copy(path, &part).with_context(context)?;
+        }
+        let mut file = File::options().write(true).open(&part).with_context(context)?;
+        file.set_len(length).with_context(context)?;
+        file.seek(SeekFrom::End(0)).with_context(context)?;
+        Ok(Self { path: path.to_owned(), part: Some(part), file, length })
+    }
+
+    /// Bytes written so far.
+    pub fn len(&self) -> u64 {
+        self.length
+    }
+
+    /// Whether nothing was written yet.
+    pub fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+
+    /// Returns when all that was written is on the disk.
+    ///
+    /// # Errors
+    /// The disk is full or gone.
+    pub fn sync(&self) -> Result<()> {
+        match self.part {
+            Some(_) => self.file.sync_data().with_context(|| format!("{} cannot be written", self.path.display())),
+            None => Ok(()),
+        }
     }
 
     /// Appends `bytes`.
@@ -42,6 +82,7 @@ impl Output {
     /// # Errors
     /// The disk is full or gone.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.length += bytes.len() as u64;
         self.file.write_all(bytes).with_context(|| format!("{} cannot be written further", self.path.display()))
     }
 
@@ -60,6 +101,13 @@ impl Output {
         self.part = None;
         Ok(())
     }
+}
+
+/// `film.m2v` → `film.m2v.part`.
+fn part_of(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".part");
+    path.with_file_name(name)
 }
 
 impl Drop for Output {
@@ -88,6 +136,24 @@ mod tests {
         output.finish().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"abc");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_was_left_is_continued_where_it_was_known() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.m2v");
+        fs::write(folder.path().join("a.m2v.part"), b"abcdef").unwrap();
+        let mut output = Output::resume(&path, 4).unwrap();
+        output.write(b"xy").unwrap();
+        assert_eq!(output.len(), 6);
+        output.finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"abcdxy");
+        // Now it has its name, and its first bytes can be continued all the same.
+        let mut output = Output::resume(&path, 1).unwrap();
+        output.write(b"z").unwrap();
+        output.finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"az");
+        assert!(Output::resume(&path, 3).err().unwrap().to_string().contains("start anew"));
     }
 
     #[test]

@@ -13,7 +13,7 @@ pub struct Progress {
 
 impl Progress {
     /// Says what is about to happen, and starts the line.
-    pub fn new(settings: &Settings, scene: &Scene, quiet: bool) -> Self {
+    pub fn new(settings: &Settings, scene: &Scene, first_frame: u32, quiet: bool) -> Self {
         if quiet {
             return Self { bar: ProgressBar::hidden() };
         }
@@ -31,6 +31,11 @@ impl Progress {
         let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {per_sec}  {eta} left  {msg}")
             .expect("the template is correct");
         let bar = ProgressBar::new(settings.frames.into()).with_style(style);
+        if first_frame > 0 {
+            eprintln!("goes on with frame {first_frame}");
+            bar.set_position(first_frame.into());
+            bar.reset_eta();
+        }
         bar.tick();
         Self { bar }
     }

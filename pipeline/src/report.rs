@@ -5,7 +5,7 @@ use crate::plan::Step;
 use crate::settings::Settings;
 use anyhow::{Context, Result};
 use render_core::scene::Scene;
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 
 /// The whole report.
@@ -45,7 +45,7 @@ pub struct SceneReport {
 }
 
 /// CPU seconds of the stages of a frame, summed over threads: waiting, and other programs, do not count.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seconds {
     /// Placing of objects and the ray tree.
     pub update: f64,
@@ -69,13 +69,17 @@ pub struct Seconds {
     pub total: f64,
 }
 
+/// A name of a picture type. Named here, or serde would believe that it lends from what it reads.
+type PictureTypeName = &'static str;
+
 /// One frame.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FrameReport {
     /// From 0, in display order.
     pub index: u32,
-    /// "I" or "P".
-    pub picture_type: &'static str,
+    /// "I", "P" or "B".
+    #[serde(deserialize_with = "picture_type")]
+    pub picture_type: PictureTypeName,
     /// Of the coded picture, headers included.
     pub bits: u64,
     /// quantiser_scale.
@@ -273,6 +277,12 @@ impl Report {
         output.write(text.as_bytes())?;
         output.finish()
     }
+}
+
+fn picture_type<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static str, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    let known = ["I", "P", "B"].into_iter().find(|known| *known == name);
+    known.ok_or_else(|| serde::de::Error::custom("a picture that is neither I nor P nor B"))
 }
 
 /// CPU time of the whole process.

@@ -1,5 +1,6 @@
 //! The stages as threads, joined by bounded channels; the first failure ends all.
 
+use crate::checkpoint::Checkpoints;
 use crate::message::MaskingTime;
 use crate::output::Output;
 use crate::plan::Plan;
@@ -24,9 +25,25 @@ pub fn render(
     scene: &Scene,
     settings: &Settings,
     plan: &Plan,
+    output: Output,
+    stop: &AtomicBool,
+    progress: impl FnMut(&FrameReport) + Send,
+) -> Result<Report> {
+    render_from(&Checkpoints::off(), scene, settings, plan, output, stop, progress)
+}
+
+/// The same with checkpoints, and from where they say; `output` is that of [`Checkpoints::output`].
+///
+/// # Errors
+/// As those of [`render`], or a checkpoint cannot be read or written.
+pub fn render_from(
+    checkpoints: &Checkpoints,
+    scene: &Scene,
+    settings: &Settings,
+    plan: &Plan,
     mut output: Output,
     stop: &AtomicBool,
-    mut progress: impl FnMut(&FrameReport) + Send,
+    progress: impl FnMut(&FrameReport) + Send,
 ) -> Result<Report> {
     let begin = Instant::now();
     let mut reports: Vec<FrameReport> = Vec::new();
@@ -39,34 +56,42 @@ pub fn render(
     // The way back. It holds one map: shading frame n takes that of n−1 before it makes anything new.
     let (thresholds_out, thresholds_in) = bounded(1);
     let (times_out, times_in) = unbounded::<MaskingTime>();
+    // Masking wants the quantisers that pictures really have, which an encoder that looks ahead tells as frames come in.
+    let (quantisers_out, quantisers_in) = unbounded::<f32>();
+    let constant = (!settings.looks_ahead()).then_some(settings.qscale as f32);
     std::thread::scope(|scope| {
         let output = &mut output;
         let reports = &mut reports;
+        // Each thread owns its ends of the channels, so that they close when it ends.
         let stages: [(&str, ScopedJoinHandle<Result<()>>); 5] = [
             (
                 "encode",
                 scope.spawn(move || {
-                    encode::run(settings, &encode_in, output, |frame| {
-                        progress(&frame);
-                        reports.push(frame);
-                    })
+                    let quantisers_out = constant.is_none().then_some(quantisers_out);
+                    let quantisers = quantisers_out.as_ref();
+                    encode::run(settings, checkpoints, &encode_in, quantisers, output, reports, progress)
                 }),
             ),
-            ("display", scope.spawn(move || display::run(settings, plan, &shaded_in, &encode_out, &mask_out))),
-            ("mask", scope.spawn(move || mask::run(settings, &mask_in, &thresholds_out, &times_out))),
+            (
+                "display",
+                scope.spawn(move || display::run(settings, plan, checkpoints, &shaded_in, &encode_out, &mask_out)),
+            ),
+            (
+                "mask",
+                scope.spawn(move || {
+                    let quantisers = std::iter::from_fn(|| constant.or_else(|| quantisers_in.recv().ok()));
+                    mask::run_from(checkpoints, settings, quantisers, &mask_in, &thresholds_out, &times_out)
+                }),
+            ),
             (
                 "shade",
                 scope.spawn(move || {
-                    shade::run(settings, plan, &prepared_in, &thresholds_in, &shaded_out);
-                    Ok(())
+                    shade::run_from(checkpoints, settings, plan, &prepared_in, &thresholds_in, &shaded_out)
                 }),
             ),
             (
                 "prepare",
-                scope.spawn(move || {
-                    prepare::run(scene, settings, plan, stop, &prepared_out);
-                    Ok(())
-                }),
+                scope.spawn(move || prepare::run_from(checkpoints, scene, settings, plan, stop, &prepared_out)),
             ),
         ];
         // A stage that fails drops its ends, and the others follow: all are joined before any is reported.
@@ -75,6 +100,8 @@ pub fn render(
         });
         results.into_iter().collect::<Result<Vec<()>>>()
     })?;
+    // An encoder that looks ahead codes in another order.
+    reports.sort_by_key(|frame| frame.index);
     for MaskingTime { of, seconds } in times_in {
         reports[of as usize].add_masking(seconds);
     }

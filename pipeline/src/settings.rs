@@ -1,11 +1,13 @@
 //! What is meant: every choice of a run, checked and with its default filled in.
 
 use anyhow::{Context, Result, bail};
+use mpeg2enc::{Container, Rate, Standard};
 use perceptual::ToneMap;
 use render_core::scene::Scene;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::time::Duration;
 
 /// How indirect light is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
@@ -15,6 +17,39 @@ pub enum Lighting {
     Lightcuts,
     /// Every light at every pixel: slow, the reference that cuts are measured against.
     AllLights,
+}
+
+/// How often what a killed run needs to go on is written, as typed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CheckpointEvery {
+    /// Seconds; 0 for each frame.
+    Seconds(f64),
+    /// Never.
+    Off,
+}
+
+impl CheckpointEvery {
+    /// As a duration; none for never.
+    pub fn duration(self) -> Option<Duration> {
+        match self {
+            Self::Seconds(seconds) => Some(Duration::from_secs_f64(seconds)),
+            Self::Off => None,
+        }
+    }
+}
+
+impl FromStr for CheckpointEvery {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "off" {
+            return Ok(Self::Off);
+        }
+        let seconds = text.parse::<f64>().ok().filter(|seconds| (0.0..=1e6).contains(seconds));
+        seconds.map(Self::Seconds).ok_or_else(|| {
+            format!("\"{text}\" is neither \"off\" nor a number of seconds such as 60; 0 is after each frame")
+        })
+    }
 }
 
 /// On or off, as typed.
@@ -124,6 +159,43 @@ impl FromStr for Size {
     }
 }
 
+/// Bits a second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct BitRate(pub u32);
+
+/// A smaller rate is a slip: even MPEG-1's smallest pictures need more.
+const LEAST_BIT_RATE: f64 = 10_000.0;
+
+impl FromStr for BitRate {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (number, unit) = match text.as_bytes().last() {
+            Some(b'k' | b'K') => (&text[..text.len() - 1], 1e3),
+            Some(b'm' | b'M') => (&text[..text.len() - 1], 1e6),
+            _ => (text, 1.0),
+        };
+        let rate = number.parse::<f64>().ok().map(|number| number * unit);
+        let rate = rate.filter(|rate| (LEAST_BIT_RATE..=1e9).contains(rate));
+        rate.map(|rate| Self(rate.round() as u32))
+            .ok_or_else(|| format!("\"{text}\" is not a bit rate such as 1500k or 2M, from 10k to 1000M bits a second"))
+    }
+}
+
+/// How much the encoder tries for few bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Effort {
+    /// Least time; with a bit rate, no frame waits for later ones.
+    Fast,
+    /// Few bits.
+    #[default]
+    Balanced,
+    /// Fewest bits.
+    Best,
+}
+
 /// Every choice of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Settings {
@@ -141,6 +213,16 @@ pub struct Settings {
     pub qscale: u32,
     /// Pictures from one I picture to the next.
     pub gop: u32,
+    /// The most bits a second, or with `cbr` just as many; no bound when not stated.
+    pub bitrate: Option<BitRate>,
+    /// Whether the bit rate is constant.
+    pub cbr: bool,
+    /// The most B pictures in a row.
+    pub bframes: u32,
+    /// How much the encoder tries.
+    pub effort: Effort,
+    /// Whether the video is MPEG-1.
+    pub mpeg1: bool,
     /// Where thresholds come from.
     pub thresholds: Thresholds,
     /// Multiplier on what masking allows; 1 is the paper's.
@@ -196,6 +278,16 @@ pub struct Wishes {
     pub qscale: Option<u32>,
     /// Default: 15.
     pub gop: Option<u32>,
+    /// Default: no bound.
+    pub bitrate: Option<BitRate>,
+    /// Default: the rate is a bound.
+    pub cbr: bool,
+    /// Default: 0.
+    pub bframes: Option<u32>,
+    /// Default: balanced.
+    pub effort: Option<Effort>,
+    /// Default: MPEG-2.
+    pub mpeg1: bool,
     /// Default: perceptual.
     pub thresholds: Option<Thresholds>,
     /// Default: 0.25.
@@ -252,9 +344,11 @@ impl Settings {
             Some(output) => output,
             None => PathBuf::from(path.file_stem().context("the scene's path has no file name")?).with_extension("m2v"),
         };
-        let extension = output.extension().and_then(|extension| extension.to_str());
-        if let Some(other @ ("mpg" | "ts" | "mp4" | "mkv" | "avi" | "mov")) = extension {
-            bail!("{}: .{other} files are not written; name the output .m2v", output.display());
+        if Container::of(&output).is_none() {
+            bail!("{}: such files are not written; name the output .m2v, .mpg or .ts", output.display());
+        }
+        if wishes.cbr && wishes.bitrate.is_none() {
+            bail!("--cbr needs --bitrate, which says how many bits a second there are to be");
         }
         let video = scene.settings.video;
         let fps = wishes.fps.or(video.fps).unwrap_or(25.0);
@@ -303,6 +397,11 @@ impl Settings {
             size: wishes.size.unwrap_or(Size { width: 512, height: 512 }),
             qscale: wishes.qscale.unwrap_or(8),
             gop: wishes.gop.unwrap_or(15),
+            bitrate: wishes.bitrate,
+            cbr: wishes.cbr,
+            bframes: wishes.bframes.unwrap_or(0),
+            effort: wishes.effort.unwrap_or_default(),
+            mpeg1: wishes.mpeg1,
             thresholds: wishes.thresholds.unwrap_or(Thresholds::Perceptual),
             kappa,
             stopping: wishes.stopping.unwrap_or(Stopping::Bound),
@@ -330,24 +429,64 @@ impl Settings {
         (f64::from(n) / self.fps) as f32
     }
 
+    /// What the video is wrapped into.
+    pub fn container(&self) -> Container {
+        Container::of(&self.output).unwrap_or_default()
+    }
+
+    /// Whether pictures may wait for later ones before they are coded: the frame that thresholds are derived from is then
+    /// not coded yet.
+    pub fn looks_ahead(&self) -> bool {
+        self.bitrate.is_some() || self.bframes > 0
+    }
+
     /// The encoder that these settings ask for.
     ///
     /// # Errors
     /// A size, rate, quantiser or group of pictures that the standard does not have; the message names what it has.
     pub fn encoder_config(&self) -> Result<mpeg2enc::Config> {
-        let rate = mpeg2enc::FrameRate::from_fps(self.fps)?;
-        Ok(mpeg2enc::Config::new(self.size.width, self.size.height, rate)
+        let frame_rate = mpeg2enc::FrameRate::from_fps(self.fps)?;
+        let rate = match self.bitrate {
+            None => Rate::ConstantQuantiser,
+            Some(BitRate(bits_per_second)) => {
+                let buffer_bits = (bits_per_second / 2).clamp(SMALLEST_BUFFER, LARGEST_BUFFER);
+                match self.cbr {
+                    true => Rate::Constant { bits_per_second, buffer_bits },
+                    false => Rate::Capped { bits_per_second, buffer_bits },
+                }
+            }
+        };
+        let config = mpeg2enc::Config::new(self.size.width, self.size.height, frame_rate)
+            .with_standard(if self.mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
             .with_gop(self.gop)
-            .with_quantiser_scale(self.qscale))
+            .with_quantiser_scale(self.qscale)
+            .with_b_pictures(self.bframes)
+            .with_rate(rate)
+            .with_effort(match self.effort {
+                Effort::Fast => mpeg2enc::Effort::Fast,
+                Effort::Balanced => mpeg2enc::Effort::Balanced,
+                Effort::Best => mpeg2enc::Effort::Best,
+            });
+        // Both check everything; what they would make is not needed here.
+        if self.looks_ahead() {
+            config.clone().lookahead_encoder()?;
+        } else {
+            config.clone().encoder()?;
+        }
+        Ok(config)
     }
 }
+
+/// A decoder buffers half a second, within what High Level allows.
+const SMALLEST_BUFFER: u32 = 16_384;
+const LARGEST_BUFFER: u32 = 9_781_248;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn sizes_and_thresholds_are_read_or_explained() {
+    fn sizes_rates_and_thresholds_are_read_or_explained() {
         assert_eq!("640x360".parse(), Ok(Size { width: 640, height: 360 }));
         for bad in ["0x0", "512", "x", "99999x1", "-1x5"] {
             assert!(bad.parse::<Size>().unwrap_err().contains("512x512"), "{bad}");
@@ -356,6 +495,12 @@ mod tests {
         assert_eq!("perceptual".parse(), Ok(Thresholds::Perceptual));
         for bad in ["fixed", "fixed:-1", "fixed:nan", "watson"] {
             assert!(bad.parse::<Thresholds>().unwrap_err().contains("fixed:0.02"), "{bad}");
+        }
+        for (text, rate) in [("1500k", 1_500_000), ("2M", 2_000_000), ("0.5m", 500_000), ("64000", 64_000)] {
+            assert_eq!(text.parse(), Ok(BitRate(rate)), "{text}");
+        }
+        for bad in ["", "k", "2000", "-2M", "2G", "nank", "2000M", "\u{b5}"] {
+            assert!(bad.parse::<BitRate>().unwrap_err().contains("1500k"), "{bad}");
         }
     }
 }

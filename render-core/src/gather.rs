@@ -57,7 +57,7 @@ pub struct Gather {
 pub struct Directions(Vec<Vec3A>);
 
 /// What a look around found.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Surroundings {
     /// Harmonic mean distance of what the rays met \[m\]; infinite where they met nothing.
     pub harmonic_mean: f32,
@@ -69,7 +69,7 @@ pub struct Surroundings {
 }
 
 /// A piece of surface nearby whose light was taken.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Source {
     /// Place in [`Gather::radiance`].
     surfel: u32,

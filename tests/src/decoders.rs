@@ -15,7 +15,12 @@ fn run(decoder: &str, arguments: &[&str]) -> Output {
 /// Decodes with ffmpeg; any warning is a failure.
 pub fn decode_ffmpeg(video: &Path, (width, height): (usize, usize)) -> Vec<Frame> {
     let video = video.to_str().expect("a path in UTF-8");
-    let strict = ["-nostdin", "-v", "warning", "-xerror", "-f", "mpegvideo", "-i", video];
+    let format = match video.rsplit('.').next() {
+        Some("mpg") => "mpeg",
+        Some("ts") => "mpegts",
+        _ => "mpegvideo",
+    };
+    let strict = ["-nostdin", "-v", "warning", "-xerror", "-f", format, "-i", video];
     let raw = ["-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", "yuv420p", "-"];
     let output = run("ffmpeg", &[&strict[..], &raw].concat());
     let messages = String::from_utf8_lossy(&output.stderr);

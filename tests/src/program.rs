@@ -62,9 +62,11 @@ impl Rendered {
     }
 }
 
-/// Renders `scene` into `folder/NAME.m2v`, with `extra` arguments split at spaces. It must succeed without a word.
+/// Renders `scene` into `folder/NAME.m2v`, or into `folder/NAME` if that has an ending, with `extra` arguments split at
+/// spaces. It must succeed without a word.
 pub fn render(folder: &Path, name: &str, scene: &Path, extra: &str) -> Rendered {
-    let (video, report) = (format!("{name}.m2v"), format!("{name}.report.json"));
+    let (stem, ending) = name.split_once('.').unwrap_or((name, "m2v"));
+    let (video, report) = (format!("{stem}.{ending}"), format!("{stem}.report.json"));
     let scene = scene.to_str().expect("a path in UTF-8");
     let mut arguments = vec!["render", scene, "--output", &video, "--quiet"];
     arguments.extend(extra.split_whitespace());

@@ -66,6 +66,9 @@ fn settings() {
         ("--fps", "nan", &["fps"]),
         ("--gop", "0", &["0", "132"]),
         ("--gop", "133", &["133", "132"]),
+        ("--bitrate", "2", &["1500k"]),
+        ("--bitrate", "900M", &["900000000", "High"]),
+        ("--bframes", "8", &["8", "0 to 7"]),
         ("--frames", "0", &["--frames 0"]),
         ("--frames", "-1", &["-1"]),
         ("--vpls", "0", &["--vpls 0"]),
@@ -76,7 +79,9 @@ fn settings() {
         fails_cleanly(folder.path(), &["plan", "room.glb", option, value], words);
     }
     fails_cleanly(folder.path(), &["render", "room.glb", "--threads", "0"], &["0"]);
-    fails_cleanly(folder.path(), &["render", "room.glb", "--output", "film.mp4"], &["film.mp4", ".m2v"]);
+    fails_cleanly(folder.path(), &["render", "room.glb", "--output", "film.mp4"], &["film.mp4", ".m2v", ".mpg", ".ts"]);
+    fails_cleanly(folder.path(), &["render", "room.glb", "--cbr"], &["--bitrate"]);
+    fails_cleanly(folder.path(), &["render", "room.glb", "--mpeg1", "--qscale", "7"], &["MPEG-1", "even"]);
 }
 
 #[test]

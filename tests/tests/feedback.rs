@@ -142,7 +142,14 @@ fn masking_stamps_each_map_with_its_frame() {
             let radiance = Plane::from_fn(SIDE, SIDE, |x, y| [level * (1.0 + 0.5 * ((x / 5 + y / 3) % 2) as f32); 3]);
             let luminance = luminance_plane(&radiance);
             let picture = Arc::new(YCbCr::from_radiance(&radiance, &tone_map));
-            let message = ToMask { frame, picture, luminance: luminance.clone(), tone_map, correspondence: None };
+            let message = ToMask {
+                frame,
+                checkpoint: false,
+                picture,
+                luminance: luminance.clone(),
+                tone_map,
+                correspondence: None,
+            };
             to_mask.send(message).unwrap();
             if frame == 2 {
                 break;

@@ -1,5 +1,6 @@
 //! Radiance into what a display shows: tone curve and Y′C_BC_R. Here light changes its unit to code values.
 
+use crate::checkpoint::{Checkpoints, Part};
 use crate::message::{Displayed, Shaded, ToMask};
 use crate::output::Output;
 use crate::plan::{Plan, State};
@@ -21,17 +22,23 @@ const MIDDLE_GREY: f64 = 0.18;
 pub fn run(
     settings: &Settings,
     plan: &Plan,
+    checkpoints: &Checkpoints,
     frames: &Receiver<Shaded>,
     to_encode: &Sender<Displayed>,
     to_mask: &Sender<ToMask>,
 ) -> Result<()> {
     let mut tone_map = settings.tone_map;
     let pool = super::pool_of_one()?;
-    let mut uncompressed = match &settings.y4m {
-        Some(path) => Some(Y4m::create(path, settings)?),
-        None => None,
+    let known: Option<(f32, Option<u64>)> = checkpoints.part(Part::Display)?;
+    if let Some((exposure, _)) = known {
+        tone_map = tone_map.with_exposure(exposure);
+    }
+    let mut uncompressed = match (&settings.y4m, known) {
+        (Some(path), Some((_, Some(length)))) => Some(Y4m(Output::resume(path, length)?)),
+        (Some(path), _) => Some(Y4m::create(path, settings)?),
+        (None, _) => None,
     };
-    for Shaded { frame, radiance, layers, correspondence, mut figures } in frames {
+    for Shaded { frame, checkpoint, radiance, layers, correspondence, forward, mut figures } in frames {
         let busy = Busy::default();
         let (luminance, picture) = pool.install(|| {
             busy.measure(|| {
@@ -55,14 +62,19 @@ pub fn run(
         if let Some(file) = &mut uncompressed {
             file.write(&picture)?;
         }
+        if checkpoint {
+            uncompressed.as_ref().map_or(Ok(()), |file| file.0.sync())?;
+            let length = uncompressed.as_ref().map(|file| file.0.len());
+            checkpoints.leave(frame, Part::Display, &(tone_map.exposure, length))?;
+        }
         if plan.masking == State::On {
-            let message =
-                ToMask { frame, picture: picture.clone(), luminance, tone_map, correspondence: correspondence.clone() };
+            let (picture, correspondence) = (picture.clone(), correspondence.clone());
+            let message = ToMask { frame, checkpoint, picture, luminance, tone_map, correspondence };
             if to_mask.send(message).is_err() {
                 return Ok(());
             }
         }
-        if to_encode.send(Displayed { frame, picture, correspondence, figures }).is_err() {
+        if to_encode.send(Displayed { frame, checkpoint, picture, correspondence, forward, figures }).is_err() {
             return Ok(());
         }
     }

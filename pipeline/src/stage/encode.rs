@@ -1,48 +1,140 @@
 //! Pictures into the stream, with the renderer's motion; and a line for the report from each.
 
+use crate::checkpoint::{Checkpoints, Part};
 use crate::message::{Displayed, FrameFigures};
 use crate::output::Output;
 use crate::report::FrameReport;
 use crate::settings::Settings;
+use crate::video::{Coded, Video};
 use anyhow::Result;
-use crossbeam_channel::Receiver;
+use crossbeam_channel::{Receiver, Sender};
 use mpeg2enc::{Frame, MotionField, PictureType};
-use render_core::Busy;
+use render_core::{Busy, Correspondence};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
-/// Encodes frame after frame into `output`, and calls `done` with the report of each.
+/// Encodes frame after frame into `output`; adds the report of each to `reports`, in the order of coding, and shows it to
+/// `progress`.
+///
+/// Where frames wait for later ones, the quantiser_scale known when each came in is sent to `quantisers`.
 ///
 /// # Errors
-/// The output cannot be written, or the settings fit no encoder.
+/// The output or a checkpoint cannot be written, or the settings fit no encoder.
 pub fn run(
     settings: &Settings,
+    checkpoints: &Checkpoints,
     frames: &Receiver<Displayed>,
+    quantisers: Option<&Sender<f32>>,
     output: &mut Output,
-    mut done: impl FnMut(FrameReport),
+    reports: &mut Vec<FrameReport>,
+    mut progress: impl FnMut(&FrameReport),
 ) -> Result<()> {
     let pool = super::pool_of_one()?;
-    let mut encoder = settings.encoder_config()?.encoder()?;
-    for Displayed { frame, picture, correspondence, mut figures } in frames {
-        let busy = Busy::default();
-        let known = correspondence.as_ref().filter(|_| settings.motion);
-        let motion = known.map(|correspondence| MotionField::new(correspondence.motion.clone()));
-        let coded = Frame::new(picture.y.clone(), picture.cb.clone(), picture.cr.clone())?;
-        let packet = pool.install(|| busy.measure(|| encoder.push(&coded, motion.as_ref())));
-        figures.encode = busy.seconds();
-        output.write(&packet.data)?;
-        let mut line = report(frame, &packet, figures);
-        // Where cuts end by what errors turned out to be, that is the multiplier that tells.
-        line.kappa = line.kappa.or(Some(settings.kappa.into()));
-        done(line);
+    let mut stage = Stage { settings, video: Video::new(settings)?, queue: Queue::default() };
+    if let Some((video, queue, known)) = checkpoints.part::<(Vec<u8>, _, _)>(Part::Encode)? {
+        stage.video.restore(&video)?;
+        (stage.queue, *reports) = (queue, known);
     }
-    output.write(&encoder.finish())
+    for displayed in frames {
+        let (frame, checkpoint) = (displayed.frame, displayed.checkpoint);
+        let (bytes, lines) = pool.install(|| stage.take(displayed))?;
+        if let Some(quantisers) = quantisers {
+            // Without thresholds nobody asks.
+            let _ = quantisers.send(stage.video.quantiser_scale());
+        }
+        output.write(&bytes)?;
+        lines.iter().for_each(&mut progress);
+        reports.extend(lines);
+        if checkpoint {
+            output.sync()?;
+            checkpoints.leave(frame, Part::Film, &output.len())?;
+            checkpoints.leave(frame, Part::Encode, &(stage.video.state(), &stage.queue, &*reports))?;
+        }
+    }
+    let (bytes, lines) = pool.install(|| stage.finish())?;
+    output.write(&bytes)?;
+    lines.iter().for_each(&mut progress);
+    reports.extend(lines);
+    Ok(())
 }
 
-fn report(index: u32, packet: &mpeg2enc::Packet, figures: FrameFigures) -> FrameReport {
-    let picture_type = match packet.picture_type {
-        PictureType::I => "I",
-        PictureType::P => "P",
-        PictureType::B => "B",
-    };
-    let psnr_y = packet.psnr_y.is_finite().then_some(packet.psnr_y);
-    FrameReport::new(index, picture_type, packet.bits, packet.quantiser_scale, psnr_y, figures)
+struct Stage<'a> {
+    settings: &'a Settings,
+    video: Video,
+    queue: Queue,
+}
+
+/// What is not coded yet.
+#[derive(Default, Serialize, Deserialize)]
+struct Queue {
+    /// Of the frames that the encoder has.
+    figures: BTreeMap<u32, FrameFigures>,
+    /// A frame whose motion into the next one is still to come.
+    last: Option<Waiting>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Waiting {
+    index: u32,
+    frame: Frame,
+    to_previous: Option<MotionField>,
+    figures: FrameFigures,
+}
+
+impl Stage<'_> {
+    fn take(&mut self, displayed: Displayed) -> Result<(Vec<u8>, Vec<FrameReport>)> {
+        let Displayed { frame: index, picture, correspondence, forward, figures, .. } = displayed;
+        let field = |known: &Correspondence| MotionField::new(known.motion.clone());
+        let to_previous = correspondence.as_deref().filter(|_| self.settings.motion).map(field);
+        let frame = Frame::new(picture.y.clone(), picture.cb.clone(), picture.cr.clone())?;
+        let taken = Waiting { index, frame, to_previous, figures };
+        if self.settings.bframes == 0 {
+            return Ok(self.push(taken, None));
+        }
+        let to_next = forward.as_deref().map(field);
+        let before = self.queue.last.replace(taken);
+        Ok(before.map_or_else(Default::default, |before| self.push(before, to_next)))
+    }
+
+    fn push(&mut self, waiting: Waiting, to_next: Option<MotionField>) -> (Vec<u8>, Vec<FrameReport>) {
+        let Waiting { index, frame, to_previous, figures } = waiting;
+        let busy = Busy::default();
+        let coded = busy.measure(|| self.video.push(&frame, to_previous.as_ref(), to_next.as_ref()));
+        self.queue.figures.insert(index, FrameFigures { encode: busy.seconds(), ..figures });
+        told(self.settings, &mut self.queue, coded)
+    }
+
+    fn finish(mut self) -> Result<(Vec<u8>, Vec<FrameReport>)> {
+        let last = self.queue.last.take();
+        let (mut bytes, mut lines) = last.map_or_else(Default::default, |last| self.push(last, None));
+        let Self { settings, video, mut queue } = self;
+        let busy = Busy::default();
+        let coded = busy.measure(|| video.finish());
+        if let Some(mut last) = queue.figures.last_entry() {
+            last.get_mut().encode += busy.seconds();
+        }
+        let (more, told) = told(settings, &mut queue, coded);
+        bytes.extend(more);
+        lines.extend(told);
+        Ok((bytes, lines))
+    }
+}
+
+/// The bytes, and a line for each picture, which takes its figures from those that wait.
+fn told(settings: &Settings, queue: &mut Queue, coded: Coded) -> (Vec<u8>, Vec<FrameReport>) {
+    let lines = coded.pictures.into_iter().map(|picture| {
+        let picture_type = match picture.picture_type {
+            PictureType::I => "I",
+            PictureType::P => "P",
+            PictureType::B => "B",
+        };
+        let psnr_y = picture.psnr_y.is_finite().then_some(picture.psnr_y);
+        let figures = queue.figures.remove(&picture.index).unwrap_or_default();
+        let (bits, scale) = (picture.bits, picture.quantiser_scale);
+        let mut line = FrameReport::new(picture.index, picture_type, bits, scale, psnr_y, figures);
+        // Where cuts end by what errors turned out to be, that is the multiplier that tells.
+        line.kappa = line.kappa.or(Some(settings.kappa.into()));
+        line
+    });
+    (coded.bytes, lines.collect())
 }

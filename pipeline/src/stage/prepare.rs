@@ -1,8 +1,10 @@
 //! Everything about a frame that needs no thresholds: objects, photons, light tree, primary rays, motion.
 
+use crate::checkpoint::{Checkpoints, Part};
 use crate::message::{FrameFigures, Prepared};
 use crate::plan::{Plan, State};
 use crate::settings::{Settings, Size};
+use anyhow::Result;
 use crossbeam_channel::Sender;
 use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
@@ -28,12 +30,43 @@ const SMALL_EXTENT: f32 = 0.1;
 
 /// Makes frames 0, 1, 2 … and sends them on; stops early when `stop` is set.
 pub fn run<'s>(scene: &'s Scene, settings: &Settings, plan: &Plan, stop: &AtomicBool, out: &Sender<Prepared<'s>>) {
+    run_from(&Checkpoints::off(), scene, settings, plan, stop, out).expect("nothing is read or written");
+}
+
+/// The same from where `checkpoints` say; the last frame that is done comes once more, to begin with.
+///
+/// # Errors
+/// The checkpoint does not hold what it should, or the next cannot be written.
+pub fn run_from<'s>(
+    checkpoints: &Checkpoints,
+    scene: &'s Scene,
+    settings: &Settings,
+    plan: &Plan,
+    stop: &AtomicBool,
+    out: &Sender<Prepared<'s>>,
+) -> Result<()> {
     let mut preparation = Preparation::new(scene, settings, plan);
-    for n in 0..settings.frames {
-        if stop.load(Ordering::Relaxed) || out.send(preparation.frame(n)).is_err() {
+    let first = checkpoints.first_frame();
+    if let Some(bytes) = checkpoints.part::<Vec<u8>>(Part::Prepare)? {
+        preparation.tree = Some(Arc::new(LightTree::from_bytes(&bytes)?));
+        if out.send(preparation.frame(first - 1)).is_err() {
+            return Ok(());
+        }
+    }
+    for n in first..settings.frames {
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
+        let mut prepared = preparation.frame(n);
+        prepared.checkpoint = checkpoints.is_due();
+        if prepared.checkpoint {
+            checkpoints.leave(n, Part::Prepare, &prepared.tree.to_bytes())?;
+        }
+        if out.send(prepared).is_err() {
             break;
         }
     }
+    Ok(())
 }
 
 /// Makes frame `n` alone, as if it were the first.
@@ -50,6 +83,8 @@ struct Preparation<'s, 'a> {
     units: Units,
     anchors: Anchors,
     photons: Photons,
+    /// The tree that a checkpoint brought, in place of the first one.
+    tree: Option<Arc<LightTree>>,
     kept: Option<Kept>,
 }
 
@@ -87,7 +122,7 @@ impl<'s, 'a> Preparation<'s, 'a> {
             let times = (0..settings.frames).map(|n| settings.time(n));
             photons = photons.keeping(Swept::of(scene, &units, times));
         }
-        Self { scene, settings, plan, geometry, units, anchors, photons, kept: None }
+        Self { scene, settings, plan, geometry, units, anchors, photons, tree: None, kept: None }
     }
 
     fn frame(&mut self, n: u32) -> Prepared<'s> {
@@ -114,11 +149,16 @@ impl<'s, 'a> Preparation<'s, 'a> {
         };
         let correspondence =
             self.kept.as_ref().map(|before| Arc::new(Correspondence::between(&seen, &before.seen, &busy)));
+        // B pictures are predicted from both sides.
+        let wants_forward = self.settings.motion && self.settings.bframes > 0;
+        let before = self.kept.as_ref().filter(|_| wants_forward);
+        let forward = before.map(|before| Arc::new(Correspondence::between(&before.seen, &seen, &busy)));
         figures.visibility = busy.seconds();
 
         let kept = Kept { accelerator, direct, tree, gather, seen };
         let prepared = Prepared {
             frame: n,
+            checkpoint: false,
             surfaces,
             accelerator: kept.accelerator.clone(),
             direct: kept.direct.clone(),
@@ -126,6 +166,7 @@ impl<'s, 'a> Preparation<'s, 'a> {
             gather: kept.gather.clone(),
             seen: kept.seen.clone(),
             correspondence,
+            forward,
             epsilon: self.units.epsilon,
             figures,
         };
@@ -155,11 +196,11 @@ impl<'s, 'a> Preparation<'s, 'a> {
         let busy = Busy::default();
         let sampled = self.sampled_areas(&emitters, surfaces);
         let mut intensities: Vec<Vec3> = energies.fixed.iter().map(|&flux| flux / std::f32::consts::PI).collect();
-        let tree = match &self.kept {
-            Some(kept) => {
+        let tree = match self.kept.as_ref().map(|kept| &kept.tree).or(self.tree.as_ref()) {
+            Some(before) => {
                 // Behind the anchors stand the lights that keep their energy: surfaces and sky.
-                intensities.extend(kept.tree.lights()[self.anchors.fixed.len()..].iter().map(|light| light.intensity));
-                let mut tree = kept.tree.clone();
+                intensities.extend(before.lights()[self.anchors.fixed.len()..].iter().map(|light| light.intensity));
+                let mut tree = before.clone();
                 // The same energies again are no news.
                 if tree.lights().iter().map(|light| light.intensity).ne(intensities.iter().copied()) {
                     let update = busy.measure(|| Arc::make_mut(&mut tree).update_drawn(&intensities));

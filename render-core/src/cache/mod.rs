@@ -52,6 +52,9 @@ const TURN: u32 = 32;
 const CHUNK: usize = 16;
 
 /// Records of light on surfaces, kept from frame to frame. `R` is what an [`Illumination`] keeps with each.
+///
+/// Written and read back by serde, it goes on as if nothing had been in between.
+#[derive(serde::Serialize, serde::Deserialize)]
 pub struct IrradianceCache<R> {
     records: Vec<Record<R>>,
     frame: u32,

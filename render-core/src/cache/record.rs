@@ -3,7 +3,7 @@
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
 /// A place on a surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Site {
     /// On the surface, world space \[m\].
     pub position: Vec3A,
@@ -30,7 +30,7 @@ impl Site {
 }
 
 /// The light at a site.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Estimate {
     /// \[W·m⁻²\], linear RGB.
     pub irradiance: Vec3,
@@ -82,6 +82,7 @@ pub enum Known {
 }
 
 /// A site with its light.
+#[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct Record<R> {
     pub site: Site,
     pub estimate: Estimate,

@@ -43,6 +43,7 @@ pub(super) struct Cache {
 }
 
 /// What a record is made of.
+#[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct Recipe {
     clusters: Box<[Cluster]>,
     /// Which of the clusters are seen: a bit for each, a word for each [`PACKET`] of them.
@@ -85,6 +86,18 @@ impl Cache {
         figures.cache_records = figures.cache_records.max(lit.in_use as u64);
         figures.cache_new += lit.computed as u64;
         reflected(transport.seen, &lit)
+    }
+
+    /// What cannot be made again from the frame that it was last asked for.
+    pub fn carried(&self) -> &IrradianceCache<Recipe> {
+        &self.records
+    }
+
+    /// The cache behind frame `done`, from what it carried there.
+    pub fn resumed(records: IrradianceCache<Recipe>, done: &Prepared) -> Self {
+        let scene = done.surfaces.scene();
+        let intensities = done.tree.lights().iter().map(|light| light.intensity).collect();
+        Self { records, intensities, places: places(scene, &scene.moving_instances(), &done.seen, &[]) }
     }
 
     /// Where the records in use are, and of how many clusters.

@@ -45,7 +45,7 @@ const BUCKETS: usize = 128;
 const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 
 /// κ of every class, learned from frame to frame.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Calibration {
     kappas: [f32; CLASSES],
     /// Audits since the last step.
@@ -53,8 +53,23 @@ pub(super) struct Calibration {
 }
 
 /// How many audits found an error of about each size.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(into = "Vec<u32>", try_from = "Vec<u32>")]
 struct Counts([u32; BUCKETS]);
+
+impl From<Counts> for Vec<u32> {
+    fn from(counts: Counts) -> Self {
+        counts.0.to_vec()
+    }
+}
+
+impl TryFrom<Vec<u32>> for Counts {
+    type Error = String;
+
+    fn try_from(counts: Vec<u32>) -> Result<Self, String> {
+        counts.try_into().map(Self).map_err(|counts: Vec<u32>| format!("{} buckets", counts.len()))
+    }
+}
 
 /// What the audits of a frame find, from many threads at once.
 pub(super) struct Audits([[AtomicU32; BUCKETS]; CLASSES]);

@@ -9,10 +9,13 @@ mod gloss;
 mod layers;
 mod macroblock;
 mod pixels;
+mod resume;
 
+use crate::checkpoint::Checkpoints;
 use crate::message::{LuminanceThresholds, Prepared, Shaded};
 use crate::plan::{Plan, State};
 use crate::settings::{Aov, Settings, Stopping};
+use anyhow::Result;
 use cache::Cache;
 use calibrate::Calibration;
 use crossbeam_channel::{Receiver, Sender};
@@ -37,27 +40,52 @@ pub fn run(
     thresholds: &Receiver<LuminanceThresholds>,
     out: &Sender<Shaded>,
 ) {
+    run_from(&Checkpoints::off(), settings, plan, frames, thresholds, out).expect("nothing is read or written");
+}
+
+/// The same from where `checkpoints` say: a film that is continued begins with a frame that is done, and what it left is taken
+/// up.
+///
+/// # Errors
+/// The checkpoint does not hold what it should, or the next cannot be written.
+pub fn run_from(
+    checkpoints: &Checkpoints,
+    settings: &Settings,
+    plan: &Plan,
+    frames: &Receiver<Prepared>,
+    thresholds: &Receiver<LuminanceThresholds>,
+    out: &Sender<Shaded>,
+) -> Result<()> {
     let mut cache = (plan.cache == State::On).then(Cache::default);
     // Where nothing moves, the light of one frame is that of the next.
     let mut still = None;
     let mut calibration = (settings.stopping == Stopping::Calibrated).then(Calibration::default);
     for prepared in frames {
+        if prepared.frame < checkpoints.first_frame() {
+            (cache, still, calibration) = resume::take_up(checkpoints, &prepared)?;
+            continue;
+        }
         let (map, before) = match (plan.masking, &prepared.correspondence) {
             (State::On, Some(correspondence)) => {
-                let Ok(LuminanceThresholds { of, delta, luminance }) = thresholds.recv() else { return };
+                let Ok(LuminanceThresholds { of, delta, luminance }) = thresholds.recv() else { return Ok(()) };
                 assert_eq!(of + 1, prepared.frame, "thresholds out of step");
                 let carried = |plane| perceptual::carry(plane, &correspondence.matches);
                 (carried(&delta), calibration.as_ref().map(|_| carried(&luminance)))
             }
             _ => (ThresholdMap::relative(settings.size.width, settings.size.height), None),
         };
+        let (frame, checkpoint) = (prepared.frame, prepared.checkpoint);
         let mut allowance = Allowance { map, before, calibration: calibration.take() };
         let shaded = shade(settings, plan, prepared, &mut allowance, cache.as_mut(), &mut still);
         calibration = allowance.calibration;
+        if checkpoint {
+            resume::leave(checkpoints, frame, cache.as_ref(), still.as_ref(), calibration.as_ref())?;
+        }
         if out.send(shaded).is_err() {
-            return;
+            break;
         }
     }
+    Ok(())
 }
 
 fn shade(
@@ -133,10 +161,12 @@ fn shade(
         .collect();
     let radiance = picture(&|sample| sum(&sample.direct, &sample.indirect));
     *still = may_stay.then_some(lit);
-    Shaded { frame: prepared.frame, radiance, layers, correspondence: prepared.correspondence, figures }
+    let Prepared { frame, checkpoint, correspondence, forward, .. } = prepared;
+    Shaded { frame, checkpoint, radiance, layers, correspondence, forward, figures }
 }
 
 /// The light that the pixels of a picture receive through one place of each.
+#[derive(serde::Serialize, serde::Deserialize)]
 struct Sample {
     /// Emitted, and reflected straight from its source.
     direct: Plane<Vec3>,
