@@ -19,6 +19,7 @@ use std::path::PathBuf;
   render2mpeg render scene.glb -o film.m2v --size 1280x720 --frames 50 --qscale 16
   render2mpeg render scene.glb -o film.ts --bitrate 2M --cbr --bframes 2
   render2mpeg render scene.glb --thresholds fixed:0.02      the original Lightcuts, for comparison
+  render2mpeg render --config job.toml --qscale 4
   render2mpeg plan scene.glb
   render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr
   render2mpeg compare frame_00010.exr truth.exr"
@@ -33,6 +34,7 @@ pub struct Arguments {
 #[derive(Subcommand)]
 pub enum Command {
     /// Render a scene into a video.
+    #[command(args_override_self = true)]
     Render {
         /// What and how.
         #[command(flatten)]
@@ -62,6 +64,18 @@ pub enum Command {
         /// Threads [default: one per processor]; the result is the same for any number
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
         threads: Option<u16>,
+        /// Write when each stage worked on which frame, for chrome://tracing or Perfetto
+        #[arg(long, value_name = "FILE.json")]
+        trace: Option<PathBuf>,
+        /// Print the file for --config that makes the same film, every default filled in; render nothing
+        #[arg(long)]
+        print_config: bool,
+        /// One line of JSON on standard output for the begin, each frame and the end, for other programs
+        #[arg(long)]
+        json_progress: bool,
+        /// Say what happens, line by line: once for frames and checkpoints, twice for every stage
+        #[arg(short, long, action = clap::ArgAction::Count, conflicts_with = "quiet")]
+        verbose: u8,
         /// No progress, no summary: only errors are shown
         #[arg(short, long)]
         quiet: bool,
@@ -121,10 +135,21 @@ pub enum Command {
         json: bool,
     },
     /// Show what a scene needs, what is left out, and why; render nothing.
+    #[command(args_override_self = true)]
     Plan {
         /// What and how.
         #[command(flatten)]
         job: Job,
+    },
+    /// Print what makes a shell complete this program's options.
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page of the program, or of one of its commands, as roff for man.
+    Man {
+        /// Such as render
+        command: Option<String>,
     },
 }
 
@@ -132,7 +157,11 @@ pub enum Command {
 #[derive(Args)]
 pub struct Job {
     /// A glTF 2.0 scene, .glb or .gltf; a TOML file of the same name beside it says what glTF cannot
-    pub scene: PathBuf,
+    #[arg(required_unless_present = "config")]
+    pub scene: Option<PathBuf>,
+    /// Take options from a TOML file, by their names here: qscale = 8, cache = "off"; what is typed overrides them
+    #[arg(long, value_name = "FILE.toml")]
+    pub config: Option<PathBuf>,
     /// Pictures to make [default: as the scene's TOML file says, else as long as its animation, else 100]
     #[arg(long, value_name = "N")]
     pub frames: Option<u32>,
@@ -207,8 +236,10 @@ pub struct Job {
 impl Job {
     /// The scene's path, and what was asked for.
     pub fn wishes(self) -> (PathBuf, Wishes) {
+        let scene = crate::config_file::scene_of(&self);
         let Job {
-            scene,
+            scene: _,
+            config: _,
             frames,
             fps,
             size,

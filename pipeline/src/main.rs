@@ -1,11 +1,13 @@
 //! `render2mpeg`: arguments, settings, run, report. The one place that prints errors and sets the exit code.
 
 mod args;
+mod config_file;
 mod progress;
+mod trace;
 
 use anyhow::{Context, Result};
 use args::{Arguments, Command};
-use clap::Parser;
+use clap::CommandFactory;
 use pipeline::checkpoint::Checkpoints;
 use pipeline::compare::compare_files;
 use pipeline::output::Output;
@@ -25,7 +27,8 @@ const INTERRUPTED: u8 = 130;
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 fn main() -> ExitCode {
-    match run(Arguments::parse().command) {
+    let arguments = config_file::parse(std::env::args_os().collect());
+    match arguments.and_then(|arguments| run(arguments.command)) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("render2mpeg: {error:#}");
@@ -45,11 +48,27 @@ fn run(command: Command) -> Result<ExitCode> {
             scene.warnings.iter().for_each(|warning| println!("note: {warning}"));
             Ok(ExitCode::SUCCESS)
         }
-        Command::Render { job, output, report, exr, aov, y4m, resume, checkpoint, threads, quiet } => {
+        Command::Render {
+            job,
+            output,
+            report,
+            exr,
+            aov,
+            y4m,
+            resume,
+            checkpoint,
+            threads,
+            trace,
+            print_config,
+            json_progress,
+            verbose,
+            quiet,
+        } => {
             use_threads(threads)?;
             let (path, mut wishes) = job.wishes();
             (wishes.output, wishes.exr, wishes.aov, wishes.y4m) = (output, exr, aov, y4m);
-            render(path, wishes, report, (resume, checkpoint), quiet)
+            let show = Show { quiet, verbose, json_progress, print_config };
+            render(path, wishes, Files { report, trace }, Persistence { resume, checkpoint }, threads, show)
         }
         Command::Reference {
             scene: path,
@@ -90,6 +109,16 @@ fn run(command: Command) -> Result<ExitCode> {
             picture.write(&output)?;
             Ok(ExitCode::SUCCESS)
         }
+        Command::Completions { shell } => {
+            let mut text = Vec::new();
+            clap_complete::generate(shell, &mut Arguments::command(), "render2mpeg", &mut text);
+            print_whole(&text);
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Man { command } => {
+            print_whole(&man(command.as_deref())?);
+            Ok(ExitCode::SUCCESS)
+        }
         Command::Compare { picture, reference, json } => {
             let comparison = compare_files(&picture, &reference)?;
             if json {
@@ -110,21 +139,52 @@ fn use_threads(threads: Option<u16>) -> Result<()> {
     Ok(())
 }
 
+/// What a run leaves besides the film.
+struct Files {
+    report: Option<PathBuf>,
+    trace: Option<PathBuf>,
+}
+
+/// How a run survives.
+struct Persistence {
+    resume: bool,
+    checkpoint: Option<CheckpointEvery>,
+}
+
+/// What of a run is shown.
+struct Show {
+    quiet: bool,
+    verbose: u8,
+    json_progress: bool,
+    print_config: bool,
+}
+
 fn render(
     path: PathBuf,
     wishes: pipeline::Wishes,
-    report: Option<PathBuf>,
-    (resume, checkpoint): (bool, Option<CheckpointEvery>),
-    quiet: bool,
+    Files { report, trace }: Files,
+    Persistence { resume, checkpoint }: Persistence,
+    threads: Option<u16>,
+    Show { quiet, verbose, json_progress, print_config }: Show,
 ) -> Result<ExitCode> {
     let scene = scene::load(&path)?;
     let settings = Settings::new(path, &scene, wishes)?;
     // All that can be wrong with the settings or the places of the files is said before the first ray.
     settings.encoder_config()?;
+    let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
+    if print_config {
+        let more = [
+            ("report", Some(report_path.display().to_string())),
+            ("checkpoint", checkpoint.map(|every| every.to_string())),
+            ("trace", trace.map(|path| path.display().to_string())),
+            ("threads", threads.map(|threads| threads.to_string())),
+        ];
+        print!("{}", config_file::text(&settings, &more));
+        return Ok(ExitCode::SUCCESS);
+    }
     if let Some(folder) = &settings.exr {
         std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     }
-    let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
     let plan = Plan::new(&scene, &settings);
     let every = checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration);
     let checkpoints = match resume {
@@ -133,9 +193,12 @@ fn render(
     };
     let output = checkpoints.output(&settings)?;
     drop(Output::create(&report_path)?);
+    trace.as_deref().map(Output::create).transpose()?;
     if checkpoints.first_frame() == 0 {
         settings.y4m.as_deref().map(Output::create).transpose()?;
     }
+    let tracing = trace.map(|path| (path, trace::Trace::new()));
+    log_to(verbose, tracing.as_ref().map(|(_, trace)| trace.clone()));
 
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
@@ -147,19 +210,71 @@ fn render(
     })
     .context("Ctrl-C cannot be watched for")?;
 
-    let progress = progress::Progress::new(&settings, &scene, checkpoints.first_frame(), quiet);
-    let result =
-        pipeline::render_from(&checkpoints, &scene, &settings, &plan, output, &stop, |frame| progress.frame(frame));
+    let first = checkpoints.first_frame();
+    let progress = progress::Progress::new(&settings, &scene, first, quiet || verbose > 0);
+    let lines = progress::JsonLines::new(json_progress);
+    lines.begin(&settings, first);
+    let result = pipeline::render_from(&checkpoints, &scene, &settings, &plan, output, &stop, |frame| {
+        progress.frame(frame);
+        lines.frame(frame);
+    });
     progress.clear();
     let report = result?;
     report.write(&report_path)?;
+    if let Some((path, trace)) = &tracing {
+        trace.write(path)?;
+    }
     if !report.summary.interrupted {
         checkpoints.remove();
     }
+    lines.end(&report);
     if !quiet {
         progress::summary(&report, &settings.output, &report_path);
+        if let Some((path, trace)) = &tracing {
+            let (wall, sum) = trace.overlap();
+            eprintln!("trace:  {}: {wall:.2} s by the clock for {sum:.2} s of stages", path.display());
+        }
     }
     Ok(if report.summary.interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+/// Sends what the stages tell to standard error and into the trace. Without either, telling costs next to nothing.
+fn log_to(verbose: u8, trace: Option<trace::Trace>) {
+    use std::io::IsTerminal;
+    use tracing_subscriber::filter::LevelFilter;
+    use tracing_subscriber::fmt::format::FmtSpan;
+    use tracing_subscriber::prelude::*;
+    let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let lines = (verbose > 0).then(|| {
+        let level = if verbose > 1 { LevelFilter::DEBUG } else { LevelFilter::INFO };
+        let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(color).with_target(false);
+        lines.with_span_events(if verbose > 1 { FmtSpan::CLOSE } else { FmtSpan::NONE }).with_filter(level)
+    });
+    if lines.is_some() || trace.is_some() {
+        tracing_subscriber::registry().with(lines).with(trace.with_filter(LevelFilter::DEBUG)).init();
+    }
+}
+
+/// Prints a text that was made whole: a reader that closes its end early is no failure.
+fn print_whole(text: &[u8]) {
+    use std::io::Write;
+    let _ = std::io::stdout().write_all(text);
+}
+
+fn man(command: Option<&str>) -> Result<Vec<u8>> {
+    let mut program = Arguments::command();
+    program.build();
+    let page = match command {
+        None => program,
+        Some(name) => {
+            let found = program.get_subcommands().find(|one| one.get_name() == name).cloned();
+            let found = found.with_context(|| format!("there is no command {name}: see render2mpeg --help"))?;
+            found
+        }
+    };
+    let mut text = Vec::new();
+    clap_mangen::Man::new(page).render(&mut text)?;
+    Ok(text)
 }
 
 /// `film.m2v` → `film.report.json`; a device has no neighbours, so its report goes to this folder.

@@ -4,6 +4,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use pipeline::Settings;
 use pipeline::report::{FrameReport, Report};
 use render_core::scene::Scene;
+use serde_json::{Value, json};
+use std::io::Write;
 use std::path::Path;
 
 /// A line that shows how far the run is; nothing when standard error is not a terminal.
@@ -51,6 +53,40 @@ impl Progress {
     /// Takes the line away.
     pub fn clear(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// Lines of JSON on standard output, one for each thing that happens; for programs that wait for this one.
+pub struct JsonLines {
+    wanted: bool,
+}
+
+impl JsonLines {
+    /// Nothing is printed unless `wanted`.
+    pub fn new(wanted: bool) -> Self {
+        Self { wanted }
+    }
+
+    /// What is about to happen; `first` is the first frame that is still to be made.
+    pub fn begin(&self, settings: &Settings, first: u32) {
+        self.print(|| json!({ "event": "begin", "frames": settings.frames, "first_frame": first }));
+    }
+
+    /// A frame is in the stream, with all that the report says of it up to here.
+    pub fn frame(&self, frame: &FrameReport) {
+        self.print(|| json!({ "event": "frame", "frame": frame }));
+    }
+
+    /// All is done.
+    pub fn end(&self, report: &Report) {
+        self.print(|| json!({ "event": "end", "summary": report.summary }));
+    }
+
+    fn print(&self, line: impl FnOnce() -> Value) {
+        if self.wanted {
+            // Nobody listens any more: the film is made all the same.
+            let _ = writeln!(std::io::stdout(), "{}", line());
+        }
     }
 }
 

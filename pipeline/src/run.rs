@@ -7,11 +7,10 @@ use crate::plan::Plan;
 use crate::report::{FrameReport, Report};
 use crate::settings::Settings;
 use crate::stage::{display, encode, mask, prepare, shade};
-use anyhow::{Result, anyhow};
+use anyhow::{Context, Result, anyhow};
 use crossbeam_channel::{bounded, unbounded};
 use render_core::scene::Scene;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::ScopedJoinHandle;
 use std::time::Instant;
 
 /// Renders `scene` into `output` and reports what it took.
@@ -63,10 +62,10 @@ pub fn render_from(
         let output = &mut output;
         let reports = &mut reports;
         // Each thread owns its ends of the channels, so that they close when it ends.
-        let stages: [(&str, ScopedJoinHandle<Result<()>>); 5] = [
+        let stages: [(&str, Box<dyn FnOnce() -> Result<()> + Send + '_>); 5] = [
             (
                 "encode",
-                scope.spawn(move || {
+                Box::new(move || {
                     let quantisers_out = constant.is_none().then_some(quantisers_out);
                     let quantisers = quantisers_out.as_ref();
                     encode::run(settings, checkpoints, &encode_in, quantisers, output, reports, progress)
@@ -74,29 +73,30 @@ pub fn render_from(
             ),
             (
                 "display",
-                scope.spawn(move || display::run(settings, plan, checkpoints, &shaded_in, &encode_out, &mask_out)),
+                Box::new(move || display::run(settings, plan, checkpoints, &shaded_in, &encode_out, &mask_out)),
             ),
             (
                 "mask",
-                scope.spawn(move || {
+                Box::new(move || {
                     let quantisers = std::iter::from_fn(|| constant.or_else(|| quantisers_in.recv().ok()));
                     mask::run_from(checkpoints, settings, quantisers, &mask_in, &thresholds_out, &times_out)
                 }),
             ),
             (
                 "shade",
-                scope.spawn(move || {
+                Box::new(move || {
                     shade::run_from(checkpoints, settings, plan, &prepared_in, &thresholds_in, &shaded_out)
                 }),
             ),
-            (
-                "prepare",
-                scope.spawn(move || prepare::run_from(checkpoints, scene, settings, plan, stop, &prepared_out)),
-            ),
+            ("prepare", Box::new(move || prepare::run_from(checkpoints, scene, settings, plan, stop, &prepared_out))),
         ];
         // A stage that fails drops its ends, and the others follow: all are joined before any is reported.
-        let results = stages.map(|(name, stage)| {
-            stage.join().unwrap_or_else(|_| Err(anyhow!("the {name} stage failed: a fault of this program")))
+        let started = stages.map(|(name, stage)| {
+            let thread = std::thread::Builder::new().name(name.into()).spawn_scoped(scope, stage);
+            (name, thread.context("a thread cannot be started"))
+        });
+        let results = started.map(|(name, thread)| {
+            thread?.join().unwrap_or_else(|_| Err(anyhow!("the {name} stage failed: a fault of this program")))
         });
         results.into_iter().collect::<Result<Vec<()>>>()
     })?;

@@ -38,6 +38,15 @@ impl CheckpointEvery {
     }
 }
 
+impl std::fmt::Display for CheckpointEvery {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Seconds(seconds) => write!(f, "{seconds}"),
+            Self::Off => write!(f, "off"),
+        }
+    }
+}
+
 impl FromStr for CheckpointEvery {
     type Err = String;
 

@@ -159,7 +159,9 @@ impl Checkpoints {
         let Some(parts) = whole.then(|| state.waiting.remove(&frame)).flatten() else { return Ok(()) };
         // Written under the lock: a later checkpoint never comes before an earlier one.
         let stored = Stored { job: place.job.clone(), frame, parts: parts.map(Option::unwrap_or_default).to_vec() };
-        stored.write(&place.path)
+        stored.write(&place.path)?;
+        tracing::info!("checkpoint after frame {frame}");
+        Ok(())
     }
 
     /// The film is whole: there is nothing to be continued any more.

@@ -39,6 +39,7 @@ pub fn run(
         (None, _) => None,
     };
     for Shaded { frame, checkpoint, radiance, layers, correspondence, forward, mut figures } in frames {
+        let span = tracing::debug_span!("display", frame).entered();
         let busy = Busy::default();
         let (luminance, picture) = pool.install(|| {
             busy.measure(|| {
@@ -67,6 +68,7 @@ pub fn run(
             let length = uncompressed.as_ref().map(|file| file.0.len());
             checkpoints.leave(frame, Part::Display, &(tone_map.exposure, length))?;
         }
+        drop(span);
         if plan.masking == State::On {
             let (picture, correspondence) = (picture.clone(), correspondence.clone());
             let message = ToMask { frame, checkpoint, picture, luminance, tone_map, correspondence };

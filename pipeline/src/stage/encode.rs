@@ -37,12 +37,14 @@ pub fn run(
     }
     for displayed in frames {
         let (frame, checkpoint) = (displayed.frame, displayed.checkpoint);
+        let _span = tracing::debug_span!("encode", frame).entered();
         let (bytes, lines) = pool.install(|| stage.take(displayed))?;
         if let Some(quantisers) = quantisers {
             // Without thresholds nobody asks.
             let _ = quantisers.send(stage.video.quantiser_scale());
         }
         output.write(&bytes)?;
+        lines.iter().for_each(tell);
         lines.iter().for_each(&mut progress);
         reports.extend(lines);
         if checkpoint {
@@ -53,9 +55,16 @@ pub fn run(
     }
     let (bytes, lines) = pool.install(|| stage.finish())?;
     output.write(&bytes)?;
+    lines.iter().for_each(tell);
     lines.iter().for_each(&mut progress);
     reports.extend(lines);
     Ok(())
+}
+
+fn tell(line: &FrameReport) {
+    let FrameReport { index, picture_type, bits, psnr_y, .. } = line;
+    let psnr_y = psnr_y.unwrap_or(f64::INFINITY);
+    tracing::info!("frame {index}: {picture_type}, {bits} bits, {psnr_y:.2} dB");
 }
 
 struct Stage<'a> {

@@ -52,6 +52,7 @@ pub fn run_from(
     for message in frames {
         // None: the encoder has failed, and will say so.
         let Some(quantiser_scale) = quantisers.next() else { return Ok(()) };
+        let span = tracing::debug_span!("mask", frame = message.frame).entered();
         let busy = Busy::default();
         let feedback = feedback.get_or_insert_with(|| {
             let mut feedback =
@@ -72,6 +73,7 @@ pub fn run_from(
             checkpoints.leave(message.frame, Part::Mask, &(&delta, &message.luminance, &spent))?;
         }
         let _ = times.send(time);
+        drop(span);
         let _ = thresholds.send(LuminanceThresholds { of: message.frame, delta, luminance: message.luminance });
     }
     Ok(())

@@ -126,6 +126,7 @@ impl<'s, 'a> Preparation<'s, 'a> {
     }
 
     fn frame(&mut self, n: u32) -> Prepared<'s> {
+        let _span = tracing::debug_span!("prepare", frame = n).entered();
         let mut figures = FrameFigures::default();
         let busy = Busy::default();
         let pose = self.scene.pose(self.settings.time(n));
@@ -136,8 +137,12 @@ impl<'s, 'a> Preparation<'s, 'a> {
         };
         figures.update = busy.seconds();
 
+        let lights = tracing::debug_span!("lights", frame = n).entered();
         let Lights { tree, direct, gather } = self.lights(n, &pose, &surfaces, &accelerator, &mut figures);
 
+        drop(lights);
+
+        let _rays = tracing::debug_span!("primary rays and motion", frame = n).entered();
         let busy = Busy::default();
         let Size { width, height } = self.settings.size;
         let seen = match &self.kept {

@@ -67,6 +67,7 @@ pub fn run_from(
         }
         let (map, before) = match (plan.masking, &prepared.correspondence) {
             (State::On, Some(correspondence)) => {
+                let _span = tracing::debug_span!("wait for thresholds", frame = prepared.frame).entered();
                 let Ok(LuminanceThresholds { of, delta, luminance }) = thresholds.recv() else { return Ok(()) };
                 assert_eq!(of + 1, prepared.frame, "thresholds out of step");
                 let carried = |plane| perceptual::carry(plane, &correspondence.matches);
@@ -75,12 +76,14 @@ pub fn run_from(
             _ => (ThresholdMap::relative(settings.size.width, settings.size.height), None),
         };
         let (frame, checkpoint) = (prepared.frame, prepared.checkpoint);
+        let span = tracing::debug_span!("shade", frame).entered();
         let mut allowance = Allowance { map, before, calibration: calibration.take() };
         let shaded = shade(settings, plan, prepared, &mut allowance, cache.as_mut(), &mut still);
         calibration = allowance.calibration;
         if checkpoint {
             resume::leave(checkpoints, frame, cache.as_ref(), still.as_ref(), calibration.as_ref())?;
         }
+        drop(span);
         if out.send(shaded).is_err() {
             break;
         }

@@ -1,0 +1,212 @@
+//! `--config job.toml`: options from a file, by the names they have on the command line, which overrides them.
+
+use crate::args::{Arguments, Job};
+use anyhow::{Context, Result, anyhow, bail};
+use clap::{ArgAction, ArgMatches, Command, CommandFactory, FromArgMatches};
+use pipeline::Settings;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// Options that say what the program does now, and not how a film is to be: no file has them.
+const NOT_IN_FILES: [&str; 7] = ["config", "print-config", "resume", "help", "verbose", "quiet", "json-progress"];
+
+/// What was typed, and below it what the file says that `--config` names. Wrong arguments end the program with a hint.
+///
+/// # Errors
+/// The file cannot be read, or has an option that does not exist or has no such value.
+pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
+    let command = Arguments::command();
+    let matches = command.clone().get_matches_from(&typed);
+    let with_file = match matches.subcommand() {
+        Some((name, options)) => match file_named_by(options) {
+            Some(path) => Some(with_file(&command, name, options, &path, &typed)?),
+            None => None,
+        },
+        None => None,
+    };
+    let matches = with_file.map_or(matches, |words| command.get_matches_from(words));
+    Ok(Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()))
+}
+
+fn file_named_by(options: &ArgMatches) -> Option<PathBuf> {
+    options.try_get_one::<PathBuf>("config").ok().flatten().cloned()
+}
+
+/// The command line with the words of the file in front of those that were typed: the later ones hold.
+fn with_file(
+    command: &Command,
+    name: &str,
+    options: &ArgMatches,
+    path: &Path,
+    typed: &[OsString],
+) -> Result<Vec<OsString>> {
+    let place = path.display();
+    let text = std::fs::read_to_string(path).with_context(|| format!("{place} cannot be read"))?;
+    let table: Table = text.parse().map_err(|error: toml::de::Error| {
+        let line = error.span().map_or(1, |span| text[..span.start].lines().count().max(1));
+        anyhow!("{place}: line {line}: {}", error.message())
+    })?;
+    let has_scene = options.contains_id("scene");
+    let named = |name: &str| command.get_subcommands().find(|one| one.get_name() == name).expect("a known command");
+    let (own, all) = (named(name), named("render"));
+    let mut words: Vec<String> = Vec::new();
+    let mut scene = None;
+    for (key, value) in &table {
+        if key == "scene" {
+            let path = value.as_str().with_context(|| format!("{place}: scene = {value}: a path is wanted"))?;
+            scene = Some(path.to_owned());
+            continue;
+        }
+        if option(all, key).is_none() && option(own, key).is_none() {
+            bail!("{place}: there is no option {key}; the nearest is {}", nearest(key, all));
+        }
+        if let Some(option) = option(own, key) {
+            words.extend(word(option, key, value).with_context(|| format!("{place}: {key} = {value}"))?);
+        }
+    }
+    if !has_scene && scene.is_none() {
+        bail!("{place}: names no scene; add scene = \"FILE.glb\", or name one on the command line");
+    }
+    // By themselves first, so that what is wrong is said of the file.
+    let head = [typed[0].clone(), name.into()];
+    let alone = words.iter().cloned().chain(scene.clone().or_else(|| Some("scene".into())));
+    if let Err(error) = command.clone().try_get_matches_from(head.iter().cloned().chain(alone.map(OsString::from))) {
+        let text = error.to_string();
+        let first = text.lines().next().unwrap_or_default();
+        bail!("{place}: {}", first.strip_prefix("error: ").unwrap_or(first));
+    }
+    words.extend(scene.filter(|_| !has_scene));
+    let rest = typed.iter().skip(2).cloned();
+    Ok(head.into_iter().chain(words.into_iter().map(OsString::from)).chain(rest).collect())
+}
+
+/// The option of this name that files may have.
+fn option<'a>(command: &'a Command, key: &str) -> Option<&'a clap::Arg> {
+    command.get_arguments().find(|option| option.get_long() == Some(key) && !NOT_IN_FILES.contains(&key))
+}
+
+/// As it would be typed; nothing for a switch that is off.
+fn word(option: &clap::Arg, key: &str, value: &Value) -> Result<Option<String>> {
+    let is_flag = matches!(option.get_action(), ArgAction::SetTrue);
+    let plain = |value: &Value| match value {
+        Value::String(text) => Ok(text.clone()),
+        Value::Integer(_) | Value::Float(_) => Ok(value.to_string()),
+        Value::Boolean(on) => Ok(if *on { "on" } else { "off" }.into()),
+        _ => bail!("a text, a number, true or false is wanted"),
+    };
+    match (value, is_flag) {
+        (Value::Boolean(on), true) => Ok(on.then(|| format!("--{key}"))),
+        (_, true) => bail!("true or false is wanted"),
+        (Value::Array(list), false) => {
+            let list: Vec<String> = list.iter().map(plain).collect::<Result<_>>()?;
+            Ok((!list.is_empty()).then(|| format!("--{key}={}", list.join(","))))
+        }
+        (_, false) => Ok(Some(format!("--{key}={}", plain(value)?))),
+    }
+}
+
+/// The option whose name takes the fewest changes.
+fn nearest(key: &str, command: &Command) -> String {
+    let names = command.get_arguments().filter_map(|option| option.get_long());
+    let known = names.filter(|name| !NOT_IN_FILES.contains(name)).chain(["scene"]);
+    known.min_by_key(|name| distance(key, name)).unwrap_or_default().to_owned()
+}
+
+/// Letters to be added, taken away or changed (Levenshtein).
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, letter) in a.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, other) in b.iter().enumerate() {
+            let changed = diagonal + usize::from(letter != *other);
+            let fewest = changed.min(row[j] + 1).min(row[j + 1] + 1);
+            diagonal = std::mem::replace(&mut row[j + 1], fewest);
+        }
+    }
+    row[b.len()]
+}
+
+/// The file that would make the same film, every option named.
+pub fn text(settings: &Settings, more: &[(&str, Option<String>)]) -> String {
+    let Settings { size, thresholds, lighting, effort, .. } = settings;
+    // As typed: the names that serde gives are those of the command line.
+    let name = |value: serde_json::Result<serde_json::Value>| {
+        value.ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+    };
+    let path = |path: &Path| Value::String(path.display().to_string());
+    let switch = |on: bool| Value::String(if on { "on" } else { "off" }.into());
+    let mut lines: Vec<(&str, Value)> = vec![
+        ("scene", path(&settings.scene)),
+        ("output", path(&settings.output)),
+        ("frames", Value::Integer(settings.frames.into())),
+        ("fps", Value::Float(settings.fps)),
+        ("size", format!("{}x{}", size.width, size.height).into()),
+        ("qscale", Value::Integer(settings.qscale.into())),
+        ("gop", Value::Integer(settings.gop.into())),
+        ("cbr", Value::Boolean(settings.cbr)),
+        ("bframes", Value::Integer(settings.bframes.into())),
+        ("effort", name(serde_json::to_value(effort)).into()),
+        ("mpeg1", Value::Boolean(settings.mpeg1)),
+        ("thresholds", name(serde_json::to_value(thresholds)).into()),
+        // Through its shortest text: as f64 an f32 has digits that nobody typed.
+        ("kappa", Value::Float(settings.kappa.to_string().parse().unwrap_or_default())),
+        ("stopping", name(serde_json::to_value(settings.stopping)).into()),
+        ("samples", Value::Integer(settings.samples.into())),
+        ("lighting", name(serde_json::to_value(lighting)).into()),
+        ("cache", switch(settings.cache)),
+        ("compensation", switch(settings.compensation)),
+        ("vpls", Value::Integer(settings.vpls as i64)),
+        ("photons", Value::Integer(settings.photons as i64)),
+        ("seed", Value::Integer(settings.seed as i64)),
+        ("run-everything", Value::Boolean(!settings.leave_out)),
+        ("no-motion", Value::Boolean(!settings.motion)),
+    ];
+    let aov: Vec<Value> = settings.aov.iter().map(|aov| name(serde_json::to_value(aov)).into()).collect();
+    lines.extend(settings.bitrate.map(|rate| ("bitrate", Value::Integer(rate.0.into()))));
+    lines.extend(settings.bounces.map(|bounces| ("bounces", Value::Integer(bounces.into()))));
+    lines.extend(settings.exr.as_deref().map(|folder| ("exr", path(folder))));
+    lines.extend((!aov.is_empty()).then_some(("aov", Value::Array(aov))));
+    lines.extend(settings.y4m.as_deref().map(|file| ("y4m", path(file))));
+    let more = more.iter().filter_map(|(key, value)| Some((*key, Value::String(value.clone()?))));
+    lines.into_iter().chain(more).map(|(key, value)| format!("{key} = {value}\n")).collect()
+}
+
+/// The scene of a job, which [`parse`] has made sure of.
+pub fn scene_of(job: &Job) -> PathBuf {
+    job.scene.clone().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_as_far_apart_as_they_look() {
+        for (a, b, expected) in
+            [("qscale", "qscale", 0), ("qscal", "qscale", 1), ("kitten", "sitting", 3), ("", "ab", 2)]
+        {
+            assert_eq!(distance(a, b), expected, "{a} {b}");
+        }
+        let command = Arguments::command();
+        let render = command.get_subcommands().find(|one| one.get_name() == "render").unwrap();
+        assert_eq!(nearest("q_scale", render), "qscale");
+        assert_eq!(nearest("frame", render), "frames");
+        assert_eq!(nearest("bit-rate", render), "bitrate");
+    }
+
+    #[test]
+    fn values_become_what_is_typed() {
+        let command = Arguments::command();
+        let render = command.get_subcommands().find(|one| one.get_name() == "render").unwrap();
+        let typed = |key: &str, value: Value| word(option(render, key).unwrap(), key, &value);
+        assert_eq!(typed("qscale", Value::Integer(4)).unwrap().unwrap(), "--qscale=4");
+        assert_eq!(typed("cache", Value::Boolean(false)).unwrap().unwrap(), "--cache=off");
+        assert_eq!(typed("cbr", Value::Boolean(true)).unwrap().unwrap(), "--cbr");
+        assert_eq!(typed("cbr", Value::Boolean(false)).unwrap(), None);
+        assert_eq!(typed("aov", vec!["albedo", "depth"].into()).unwrap().unwrap(), "--aov=albedo,depth");
+        assert!(typed("cbr", Value::Integer(1)).is_err() && typed("size", Value::Table(Table::new())).is_err());
+        assert!(option(render, "config").is_none() && option(render, "resume").is_none());
+    }
+}

@@ -1,0 +1,163 @@
+//! Options from a file, and what the program says of itself and of its work.
+
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use tests::{Finished, Moving, assert_fails, checkered_room, render2mpeg, sorted_names};
+
+fn folder_with_room() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    checkered_room(Moving::Camera).write(&folder.path().join("room.glb"));
+    folder
+}
+
+const JOB: &str = r#"
+scene = "room.glb"
+output = "film.m2v"
+size = "48x32"
+frames = 4
+vpls = 60
+photons = 3000
+qscale = 10
+cache = false
+bitrate = "1M"
+run-everything = true
+exr = "frames"
+aov = ["depth", "albedo"]
+"#;
+
+/// Runs in `folder`, which must go well.
+fn run(folder: &Path, arguments: &[&str]) -> Finished {
+    let finished = render2mpeg(folder, arguments);
+    assert_eq!(finished.code, Some(0), "{arguments:?}: {}", finished.stderr);
+    finished
+}
+
+fn report(folder: &Path, name: &str) -> Value {
+    serde_json::from_slice(&fs::read(folder.join(name)).unwrap()).unwrap()
+}
+
+#[test]
+fn a_file_has_every_option_and_the_command_line_overrides_it() {
+    let folder = folder_with_room();
+    let folder = folder.path();
+    fs::write(folder.join("job.toml"), JOB).unwrap();
+    run(folder, &["render", "--config", "job.toml", "--quiet", "--qscale", "12", "--frames", "3"]);
+    let settings = &report(folder, "film.report.json")["settings"];
+    assert_eq!((&settings["qscale"], &settings["frames"]), (&12.into(), &3.into()), "typed");
+    assert_eq!((&settings["size"]["width"], &settings["cache"]), (&48.into(), &false.into()), "of the file");
+    assert_eq!((&settings["bitrate"], &settings["leave_out"]), (&1_000_000.into(), &false.into()));
+    assert_eq!(settings["aov"], serde_json::json!(["depth", "albedo"]));
+    assert_eq!(sorted_names(&folder.join("frames")).len(), 3);
+    // `plan` takes what concerns it.
+    assert!(run(folder, &["plan", "--config", "job.toml"]).stdout.contains("every photon is traced for every frame"));
+
+    // What is printed makes the same film again, and is the same when printed again.
+    let words = ["render", "--config", "job.toml", "--kappa", "0.3", "--print-config"];
+    let printed = run(folder, &words).stdout;
+    assert!(printed.contains("qscale = 10\n") && printed.contains("kappa = 0.3\n"), "{printed}");
+    fs::write(folder.join("printed.toml"), &printed).unwrap();
+    assert_eq!(run(folder, &["render", "--config", "printed.toml", "--print-config"]).stdout, printed);
+    // Every option that a file may have is there, or has no default to be named.
+    let help = run(folder, &["render", "--help"]).stdout;
+    let options = help.split_whitespace().filter_map(|word| word.strip_prefix("--"));
+    for option in
+        options.filter(|option| option.chars().all(|c| c.is_ascii_lowercase() || c == '-') && !option.is_empty())
+    {
+        let without = ["config", "print-config", "resume", "help", "verbose", "quiet", "json-progress"];
+        let undefined = ["bounces", "checkpoint", "trace", "threads", "y4m", "html"];
+        let named = printed.lines().any(|line| line.starts_with(&format!("{option} = ")));
+        assert!(named || without.contains(&option) || undefined.contains(&option), "{option} is not printed");
+    }
+}
+
+#[test]
+fn a_wrong_file_is_explained() {
+    let folder = folder_with_room();
+    for (text, words) in [
+        ("qscal = 8", &["job.toml", "qscal", "qscale"][..]),
+        ("qscale = 8\n\n  x = [", &["job.toml", "line 3"]),
+        ("size = \"big\"", &["job.toml", "big", "512x512"]),
+        ("size = [1, 2]", &["job.toml", "1,2"]),
+        ("cbr = 1", &["job.toml", "cbr", "true or false"]),
+        ("config = \"other.toml\"", &["job.toml", "config"]),
+        ("[video]\nframes = 3", &["job.toml", "video"]),
+        ("scene = 3", &["job.toml", "scene"]),
+    ] {
+        fs::write(folder.path().join("job.toml"), text).unwrap();
+        assert_fails(folder.path(), &["render", "room.glb", "--config", "job.toml"], words);
+    }
+    fs::write(folder.path().join("job.toml"), "qscale = 8").unwrap();
+    assert_fails(folder.path(), &["render", "--config", "job.toml"], &["job.toml", "scene ="]);
+    assert_fails(folder.path(), &["render", "--config", "no.toml"], &["no.toml"]);
+    assert_fails(folder.path(), &["render"], &["SCENE"]);
+}
+
+#[test]
+fn shells_and_manuals_know_the_options() {
+    let folder = tempfile::tempdir().unwrap();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let text = run(folder.path(), &["completions", shell]).stdout;
+        assert!(text.contains("render2mpeg") && text.contains("print-config"), "{shell}");
+    }
+    let page = run(folder.path(), &["man", "render"]).stdout;
+    assert!(page.contains(".TH render2mpeg-render") && page.contains("qscale"), "{page}");
+    assert!(run(folder.path(), &["man"]).stdout.contains(".TH render2mpeg "));
+    assert_fails(folder.path(), &["man", "paint"], &["paint", "--help"]);
+}
+
+const SMALL: [&str; 12] =
+    ["render", "room.glb", "-o", "film.m2v", "--size", "48x32", "--frames", "4", "--vpls", "60", "--photons", "3000"];
+
+#[test]
+fn other_programs_can_follow_and_so_can_people() {
+    let folder = folder_with_room();
+    let finished = run(folder.path(), &[&SMALL[..], &["--json-progress", "--quiet"]].concat());
+    assert_eq!(finished.stderr, "");
+    let lines: Vec<Value> = finished.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let events: Vec<&str> = lines.iter().map(|line| line["event"].as_str().unwrap()).collect();
+    assert_eq!(events, ["begin", "frame", "frame", "frame", "frame", "end"]);
+    let report = report(folder.path(), "film.report.json");
+    for (line, frame) in lines[1..5].iter().zip(report["frames"].as_array().unwrap()) {
+        assert_eq!((&line["frame"]["index"], &line["frame"]["bits"]), (&frame["index"], &frame["bits"]));
+    }
+    assert_eq!(lines[5]["summary"]["bits_total"], report["summary"]["bits_total"]);
+
+    let told = run(folder.path(), &[&SMALL[..], &["-v", "--checkpoint", "0"]].concat()).stderr;
+    assert!(told.contains("frame 3: P, ") && told.contains("checkpoint after frame 3"), "{told}");
+    assert!(!told.contains('\x1b') && !told.contains("shade"), "{told}");
+    let told = run(folder.path(), &[&SMALL[..], &["-vv"]].concat()).stderr;
+    assert!(told.contains("shade"), "{told}");
+    assert_fails(folder.path(), &[&SMALL[..], &["-v", "--quiet"]].concat(), &["--quiet"]);
+}
+
+#[test]
+fn the_trace_shows_every_stage_of_every_frame() {
+    let folder = folder_with_room();
+    run(folder.path(), &[&SMALL[..], &["--trace", "trace.json", "--quiet"]].concat());
+    let trace = report(folder.path(), "trace.json");
+    let events = trace["traceEvents"].as_array().unwrap();
+    let bar = |stage: &str, frame: u64| {
+        let found: Vec<&Value> =
+            events.iter().filter(|bar| bar["name"] == stage && bar["args"]["frame"] == frame).collect();
+        assert_eq!(found.len(), 1, "{stage} of frame {frame}");
+        let begin = found[0]["ts"].as_f64().unwrap();
+        (begin, begin + found[0]["dur"].as_f64().unwrap(), found[0]["tid"].as_u64().unwrap())
+    };
+    let mut sum = 0.0;
+    for frame in 0..4 {
+        let stages = ["prepare", "shade", "display", "mask"].map(|stage| bar(stage, frame));
+        // A frame passes them one after the other, each on a thread of its own.
+        assert!(stages.windows(2).all(|two| two[0].1 <= two[1].0 && two[0].2 != two[1].2), "{stages:?}");
+        let encode = bar("encode", frame);
+        assert!(stages[2].1 <= encode.0);
+        sum += stages.iter().chain([&encode]).map(|(begin, end, _)| end - begin).sum::<f64>();
+        if frame > 0 {
+            // The feedback: light waits for the thresholds of the frame before.
+            assert!(bar("mask", frame - 1).0 <= stages[1].0);
+        }
+    }
+    assert!((trace["otherData"]["stage_seconds"].as_f64().unwrap() - sum / 1e6).abs() < 1e-3);
+    let names: Vec<&str> = events.iter().filter_map(|event| event["args"]["name"].as_str()).collect();
+    assert!(["prepare", "shade", "display", "encode", "mask"].iter().all(|stage| names.contains(stage)), "{names:?}");
+}
