@@ -4,7 +4,9 @@
 
 pub mod checkpoint;
 pub mod compare;
+pub mod couple;
 pub mod message;
+pub mod observe;
 pub mod output;
 pub mod plan;
 pub mod reference;

@@ -10,8 +10,10 @@ use args::{Arguments, Command};
 use clap::CommandFactory;
 use pipeline::checkpoint::Checkpoints;
 use pipeline::compare::compare_files;
+use pipeline::observe::OnFrame;
 use pipeline::output::Output;
 use pipeline::reference::{self, Method};
+use pipeline::report::FrameReport;
 use pipeline::settings::CheckpointEvery;
 use pipeline::{Plan, Settings};
 use render_core::{PathOptions, PixelSampling, scene};
@@ -214,10 +216,11 @@ fn render(
     let progress = progress::Progress::new(&settings, &scene, first, quiet || verbose > 0);
     let lines = progress::JsonLines::new(json_progress);
     lines.begin(&settings, first);
-    let result = pipeline::render_from(&checkpoints, &scene, &settings, &plan, output, &stop, |frame| {
+    let observer = OnFrame::new(|frame: &FrameReport| {
         progress.frame(frame);
         lines.frame(frame);
     });
+    let result = pipeline::render_from(&checkpoints, &scene, &settings, &plan, output, &stop, &observer);
     progress.clear();
     let report = result?;
     report.write(&report_path)?;

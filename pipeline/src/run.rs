@@ -2,6 +2,7 @@
 
 use crate::checkpoint::Checkpoints;
 use crate::message::MaskingTime;
+use crate::observe::{Observer, OnFrame};
 use crate::output::Output;
 use crate::plan::Plan;
 use crate::report::{FrameReport, Report};
@@ -28,10 +29,11 @@ pub fn render(
     stop: &AtomicBool,
     progress: impl FnMut(&FrameReport) + Send,
 ) -> Result<Report> {
-    render_from(&Checkpoints::off(), scene, settings, plan, output, stop, progress)
+    render_from(&Checkpoints::off(), scene, settings, plan, output, stop, &OnFrame::new(progress))
 }
 
-/// The same with checkpoints, and from where they say; `output` is that of [`Checkpoints::output`].
+/// The same with checkpoints, and from where they say; `output` is that of [`Checkpoints::output`], and `observer` sees what
+/// the stages make.
 ///
 /// # Errors
 /// As those of [`render`], or a checkpoint cannot be read or written.
@@ -42,7 +44,7 @@ pub fn render_from(
     plan: &Plan,
     mut output: Output,
     stop: &AtomicBool,
-    progress: impl FnMut(&FrameReport) + Send,
+    observer: &dyn Observer,
 ) -> Result<Report> {
     let begin = Instant::now();
     let mut reports: Vec<FrameReport> = Vec::new();
@@ -68,18 +70,20 @@ pub fn render_from(
                 Box::new(move || {
                     let quantisers_out = constant.is_none().then_some(quantisers_out);
                     let quantisers = quantisers_out.as_ref();
-                    encode::run(settings, checkpoints, &encode_in, quantisers, output, reports, progress)
+                    encode::run(settings, checkpoints, &encode_in, quantisers, output, reports, observer)
                 }),
             ),
             (
                 "display",
-                Box::new(move || display::run(settings, plan, checkpoints, &shaded_in, &encode_out, &mask_out)),
+                Box::new(move || {
+                    display::run(settings, plan, checkpoints, observer, &shaded_in, &encode_out, &mask_out)
+                }),
             ),
             (
                 "mask",
                 Box::new(move || {
                     let quantisers = std::iter::from_fn(|| constant.or_else(|| quantisers_in.recv().ok()));
-                    mask::run_from(checkpoints, settings, quantisers, &mask_in, &thresholds_out, &times_out)
+                    mask::run_from(checkpoints, observer, settings, quantisers, &mask_in, &thresholds_out, &times_out)
                 }),
             ),
             (

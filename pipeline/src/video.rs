@@ -3,7 +3,9 @@
 use crate::checkpoint::{decode, encode};
 use crate::settings::Settings;
 use anyhow::{Result, bail};
-use mpeg2enc::{Encoder, Frame, KnownMotion, LookaheadEncoder, MotionField, Multiplexer, Packet, PictureType};
+use mpeg2enc::{
+    Container, Encoder, Frame, KnownMotion, LookaheadEncoder, MotionField, Multiplexer, Packet, PictureType,
+};
 
 /// Frames in, bytes of the file out.
 pub struct Video {
@@ -56,6 +58,17 @@ impl Video {
             false => Coder::Immediate(Box::new(config.encoder()?)),
         };
         Ok(Self { coder, multiplexer, quantiser_scale: settings.qscale as f32 })
+    }
+
+    /// At a constant quantiser, each picture as it comes: for encoders that have nothing to do with a scene.
+    ///
+    /// # Errors
+    /// What the standard does not have.
+    pub fn immediate(config: mpeg2enc::Config, container: Container, quantiser_scale: u32) -> Result<Self> {
+        let config = config.with_quantiser_scale(quantiser_scale);
+        let multiplexer = Multiplexer::new(container, &config);
+        let coder = Coder::Immediate(Box::new(config.encoder()?));
+        Ok(Self { coder, multiplexer, quantiser_scale: quantiser_scale as f32 })
     }
 
     /// Takes the next frame. `previous` says where its pixels were in the frame before, `next` where they will be in the

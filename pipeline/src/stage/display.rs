@@ -2,6 +2,7 @@
 
 use crate::checkpoint::{Checkpoints, Part};
 use crate::message::{Displayed, Shaded, ToMask};
+use crate::observe::Observer;
 use crate::output::Output;
 use crate::plan::{Plan, State};
 use crate::settings::Settings;
@@ -23,6 +24,7 @@ pub fn run(
     settings: &Settings,
     plan: &Plan,
     checkpoints: &Checkpoints,
+    observer: &dyn Observer,
     frames: &Receiver<Shaded>,
     to_encode: &Sender<Displayed>,
     to_mask: &Sender<ToMask>,
@@ -50,6 +52,7 @@ pub fn run(
                 (luminance, Arc::new(YCbCr::from_radiance(&radiance, &tone_map)))
             })
         });
+        observer.picture(frame, &picture);
         figures.non_finite = picture.non_finite;
         figures.tone_map = busy.seconds();
         if let Some(folder) = &settings.exr {

@@ -2,6 +2,7 @@
 
 use crate::checkpoint::{Checkpoints, Part};
 use crate::message::{Displayed, FrameFigures};
+use crate::observe::Observer;
 use crate::output::Output;
 use crate::report::FrameReport;
 use crate::settings::Settings;
@@ -14,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Encodes frame after frame into `output`; adds the report of each to `reports`, in the order of coding, and shows it to
-/// `progress`.
+/// `observer`.
 ///
 /// Where frames wait for later ones, the quantiser_scale known when each came in is sent to `quantisers`.
 ///
@@ -27,7 +28,7 @@ pub fn run(
     quantisers: Option<&Sender<f32>>,
     output: &mut Output,
     reports: &mut Vec<FrameReport>,
-    mut progress: impl FnMut(&FrameReport),
+    observer: &dyn Observer,
 ) -> Result<()> {
     let pool = super::pool_of_one()?;
     let mut stage = Stage { settings, video: Video::new(settings)?, queue: Queue::default() };
@@ -45,7 +46,8 @@ pub fn run(
         }
         output.write(&bytes)?;
         lines.iter().for_each(tell);
-        lines.iter().for_each(&mut progress);
+        observer.bytes(&bytes);
+        lines.iter().for_each(|line| observer.frame(line));
         reports.extend(lines);
         if checkpoint {
             output.sync()?;
@@ -56,7 +58,8 @@ pub fn run(
     let (bytes, lines) = pool.install(|| stage.finish())?;
     output.write(&bytes)?;
     lines.iter().for_each(tell);
-    lines.iter().for_each(&mut progress);
+    observer.bytes(&bytes);
+    lines.iter().for_each(|line| observer.frame(line));
     reports.extend(lines);
     Ok(())
 }

@@ -2,6 +2,7 @@
 
 use crate::checkpoint::{Checkpoints, Part};
 use crate::message::{LuminanceThresholds, MaskingTime, ToMask};
+use crate::observe::Observer;
 use crate::settings::Settings;
 use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
@@ -22,7 +23,7 @@ pub fn run(
     times: &Sender<MaskingTime>,
 ) -> Result<()> {
     let quantisers = std::iter::repeat(settings.qscale as f32);
-    run_from(&Checkpoints::off(), settings, quantisers, frames, thresholds, times)
+    run_from(&Checkpoints::off(), &(), settings, quantisers, frames, thresholds, times)
 }
 
 /// The same from where `checkpoints` say. `quantisers` gives the quantiser_scale of each frame in turn, or what is known of it
@@ -32,6 +33,7 @@ pub fn run(
 /// As those of [`run`], or a checkpoint cannot be read or written.
 pub fn run_from(
     checkpoints: &Checkpoints,
+    observer: &dyn Observer,
     settings: &Settings,
     mut quantisers: impl Iterator<Item = f32>,
     frames: &Receiver<ToMask>,
@@ -66,6 +68,7 @@ pub fn run_from(
                 feedback.observe(&message.picture.luma, &message.luminance, quantiser_scale, matches).clone()
             })
         });
+        observer.thresholds(message.frame, &delta);
         let seconds = busy.seconds();
         let time = MaskingTime { of: message.frame, seconds };
         spent.push(time);

@@ -1,0 +1,139 @@
+//! A renderer of one's own in the loop: it knows nothing of scenes, lights or cuts, yet gives the encoder exact motion and
+//! works only as hard as the decoded picture asks for.
+//!
+//! ```text
+//! cargo run --release -p pipeline --example own_renderer -- orbit.m2v
+//! ```
+//! A disc of fine rings moves over a gradient. Each pixel is the mean of samples, and takes them until its standard error is
+//! below its threshold: the same rule that stops a lightcut.
+
+use anyhow::{Context, Result};
+use mpeg2enc::{Config, Container, FrameRate};
+use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ThresholdMap, ToneMap};
+use pipeline::couple::{Event, Prepare, Shade, couple};
+use pipeline::output::Output;
+use pipeline::video::Video;
+use plane::Plane;
+use render_core::{Correspondence, NO_MATCH};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+const SIZE: (usize, usize) = (192, 128);
+const FRAMES: u32 = 50;
+const RADIUS: f32 = 40.0;
+
+/// Where the disc is in a frame \[pixels\].
+fn centre(frame: u32) -> [f32; 2] {
+    let angle = frame as f32 * 0.12;
+    [96.0 + 40.0 * angle.cos(), 64.0 + 20.0 * angle.sin()]
+}
+
+fn is_on_disc([x, y]: [f32; 2], [cx, cy]: [f32; 2]) -> bool {
+    (x - cx).hypot(y - cy) < RADIUS
+}
+
+/// Radiance at a place of the picture.
+fn radiance([x, y]: [f32; 2], [cx, cy]: [f32; 2]) -> f32 {
+    let r = (x - cx).hypot(y - cy);
+    if r < RADIUS { 0.4 + 0.35 * (0.02 * r * r).sin() } else { 0.05 + 0.3 * x / SIZE.0 as f32 }
+}
+
+/// Knows where everything is, and where it was.
+struct Motion;
+
+impl Prepare for Motion {
+    type Frame = u32;
+
+    fn prepare(&mut self, frame: u32) -> Option<(u32, Option<Arc<Correspondence>>)> {
+        if frame == FRAMES {
+            return None;
+        }
+        let (width, height) = SIZE;
+        let known = (frame > 0).then(|| {
+            let (now, then) = (centre(frame), centre(frame - 1));
+            // Where the pixel's point was in the frame before, if it could be seen there.
+            let before = |x: usize, y: usize| {
+                let here = [x as f32 + 0.5, y as f32 + 0.5];
+                let on_disc = is_on_disc(here, now);
+                let was = if on_disc { [here[0] + then[0] - now[0], here[1] + then[1] - now[1]] } else { here };
+                let inside = was[0] >= 0.0 && was[1] >= 0.0 && was[0] < width as f32 && was[1] < height as f32;
+                (inside && on_disc == is_on_disc(was, then)).then_some((here, was))
+            };
+            let vector = |(here, was): ([f32; 2], [f32; 2])| [was[0] - here[0], was[1] - here[1]];
+            Arc::new(Correspondence {
+                motion: Plane::from_fn(width, height, |x, y| before(x, y).map_or([f32::NAN; 2], vector)),
+                matches: Plane::from_fn(width, height, |x, y| {
+                    before(x, y).map_or(NO_MATCH, |(_, was)| was[1] as u32 * width as u32 + was[0] as u32)
+                }),
+            })
+        });
+        Some((frame, known))
+    }
+}
+
+/// Samples until the thresholds are met.
+#[derive(Clone, Default)]
+struct Samples(Arc<AtomicU64>);
+
+impl Shade<u32> for Samples {
+    fn shade(&mut self, frame: u32, thresholds: &ThresholdMap) -> Plane<[f32; 3]> {
+        let mut taken = 0;
+        let picture = Plane::from_fn(SIZE.0, SIZE.1, |x, y| {
+            let (mut sum, mut squares, mut count) = (0.0f32, 0.0f32, 0.0f32);
+            loop {
+                // A Halton point of bases 2 and 3: the same for every pixel and frame.
+                let place = [x as f32 + radical_inverse(2, count as u32), y as f32 + radical_inverse(3, count as u32)];
+                let value = radiance(place, centre(frame));
+                (sum, squares, count) = (sum + value, squares + value * value, count + 1.0);
+                let mean = sum / count;
+                let error = ((squares / count - mean * mean).max(0.0) / count).sqrt();
+                let allowed = thresholds.get(x, y).unwrap_or(0.02 * mean);
+                if count >= 4.0 && error <= allowed || count >= 256.0 {
+                    taken += count as u64;
+                    break [mean; 3];
+                }
+            }
+        });
+        self.0.fetch_add(taken, Ordering::Relaxed);
+        picture
+    }
+}
+
+fn radical_inverse(base: u32, mut index: u32) -> f32 {
+    let (mut value, mut digit) = (0.0, 1.0 / base as f32);
+    while index > 0 {
+        value += digit * (index % base) as f32;
+        (index, digit) = (index / base, digit / base as f32);
+    }
+    value
+}
+
+fn main() -> Result<()> {
+    let path = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "own_renderer.m2v".into()));
+    let container = Container::of(&path).context("name the output .m2v, .mpg or .ts")?;
+    for quantiser_scale in [2, 16] {
+        let config = Config::new(SIZE.0, SIZE.1, FrameRate::FPS_25);
+        let video = Video::immediate(config, container, quantiser_scale)?;
+        let tone_map = ToneMap::default();
+        let masking = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT);
+        let samples = Samples::default();
+        let mut output = Output::create(&path)?;
+        let mut widest = 0.0f32;
+        couple(Motion, samples.clone(), masking, video, SIZE, tone_map, |event| {
+            match event {
+                Event::Bytes(bytes) => output.write(&bytes)?,
+                Event::Thresholds { delta, .. } => widest = delta.samples().iter().copied().fold(widest, f32::max),
+                Event::Picture { .. } => {}
+            }
+            Ok(())
+        })?;
+        let per_pixel = samples.0.load(Ordering::Relaxed) as f64 / (SIZE.0 * SIZE.1) as f64 / f64::from(FRAMES);
+        println!(
+            "quantiser_scale {quantiser_scale}: {per_pixel:.2} samples a pixel, {} bytes, thresholds up to {widest:.3}",
+            output.len()
+        );
+        output.finish()?;
+    }
+    Ok(())
+}
