@@ -94,6 +94,8 @@ struct Kept {
     tree: Arc<LightTree>,
     gather: Arc<Gather>,
     seen: Arc<GBuffer>,
+    /// Where nothing moves in the picture, what is true of one frame is true of the next.
+    of_itself: Option<Arc<Correspondence>>,
 }
 
 /// The lights of a frame.
@@ -152,15 +154,19 @@ impl<'s, 'a> Preparation<'s, 'a> {
                 Arc::new(GBuffer::trace(&accelerator, &surfaces, &view, (width, height), &busy))
             }
         };
-        let correspondence =
-            self.kept.as_ref().map(|before| Arc::new(Correspondence::between(&seen, &before.seen, &busy)));
+        let correspondence = self.kept.as_ref().map(|before| match &before.of_itself {
+            Some(known) if Arc::ptr_eq(&before.seen, &seen) => known.clone(),
+            _ => Arc::new(Correspondence::between(&seen, &before.seen, &busy)),
+        });
+        let is_still = self.kept.as_ref().is_some_and(|before| Arc::ptr_eq(&before.seen, &seen));
+        let of_itself = correspondence.clone().filter(|_| is_still);
         // B pictures are predicted from both sides.
         let wants_forward = self.settings.motion && self.settings.bframes > 0;
         let before = self.kept.as_ref().filter(|_| wants_forward);
         let forward = before.map(|before| Arc::new(Correspondence::between(&before.seen, &seen, &busy)));
         figures.visibility = busy.seconds();
 
-        let kept = Kept { accelerator, direct, tree, gather, seen };
+        let kept = Kept { accelerator, direct, tree, gather, seen, of_itself };
         let prepared = Prepared {
             frame: n,
             checkpoint: false,
