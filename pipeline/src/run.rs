@@ -14,6 +14,9 @@ use render_core::scene::Scene;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+/// What the thread of a stage does.
+type Stage<'a> = Box<dyn FnOnce() -> Result<()> + Send + 'a>;
+
 /// Renders `scene` into `output` and reports what it took.
 ///
 /// `progress` is called with each finished frame. When `stop` becomes true, no further frame is begun, and the stream ends
@@ -64,7 +67,7 @@ pub fn render_from(
         let output = &mut output;
         let reports = &mut reports;
         // Each thread owns its ends of the channels, so that they close when it ends.
-        let stages: [(&str, Box<dyn FnOnce() -> Result<()> + Send + '_>); 5] = [
+        let stages: [(&str, Stage<'_>); 5] = [
             (
                 "encode",
                 Box::new(move || {
