@@ -271,8 +271,7 @@ fn man(command: Option<&str>) -> Result<Vec<u8>> {
         None => program,
         Some(name) => {
             let found = program.get_subcommands().find(|one| one.get_name() == name).cloned();
-            let found = found.with_context(|| format!("there is no command {name}: see render2mpeg --help"))?;
-            found
+            found.with_context(|| format!("there is no command {name}: see render2mpeg --help"))?
         }
     };
     let mut text = Vec::new();
