@@ -107,10 +107,8 @@ fn encode(arguments: &Arguments) -> Result<()> {
     let mut input = BufReader::with_capacity(BUFFER, open(&arguments.input)?);
     let (width, height, fps) = parse_header(&read_line(&mut input)?)
         .with_context(|| format!("{} cannot be encoded", arguments.input.display()))?;
-    let reader = |path: &Option<PathBuf>| {
-        path.as_ref().map(|path| open(path).map(|file| BufReader::with_capacity(BUFFER, file))).transpose()
-    };
-    let mut motion = [reader(&arguments.motion)?, reader(&arguments.motion_next)?];
+    let mut motion =
+        [arguments.motion.as_ref().map(open).transpose()?, arguments.motion_next.as_ref().map(open).transpose()?];
     let config = Config::new(width, height, FrameRate::from_fps(fps)?)
         .with_quantiser_scale(arguments.qscale)
         .with_standard(if arguments.mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
@@ -240,23 +238,21 @@ fn read_frame(input: &mut impl BufRead, frame: &mut Frame) -> Result<bool> {
 /// The fields of the next frame, in the memory of the last ones. The first frame of a file has none before it, which its
 /// zeros do not harm.
 fn read_motion(
-    files: &mut [Option<BufReader<File>>; 2],
+    files: &mut [Option<File>; 2],
     fields: &mut [Option<MotionField>; 2],
     (width, height): (usize, usize),
 ) -> Result<()> {
-    let mut bytes = [0; 4096];
     for (file, field) in files.iter_mut().zip(fields) {
         if let Some(file) = file {
-            let last = field.take().map(MotionField::into_motion_px);
-            let mut motion_px = last.unwrap_or_else(|| Plane::filled(width, height, [0.0; 2]));
-            for vectors in motion_px.samples_mut().chunks_mut(bytes.len() / 4) {
-                let bytes = &mut bytes[..4 * vectors.len()];
-                file.read_exact(bytes).context("a motion file has fewer frames than the clip")?;
-                for (component, bytes) in vectors.as_flattened_mut().iter_mut().zip(bytes.as_chunks().0) {
-                    *component = f32::from(i16::from_le_bytes(*bytes)) / 64.0;
-                }
+            let last = field.take().and_then(MotionField::into_64ths);
+            let mut motion = last.unwrap_or_else(|| Plane::filled(width, height, [0; 2]));
+            let components = motion.samples_mut().as_flattened_mut();
+            file.read_exact(bytemuck::cast_slice_mut(components))
+                .context("a motion file has fewer frames than the clip")?;
+            if cfg!(target_endian = "big") {
+                components.iter_mut().for_each(|component| *component = i16::from_le(*component));
             }
-            *field = Some(MotionField::new(motion_px));
+            *field = Some(MotionField::from_64ths(motion));
         }
     }
     Ok(())

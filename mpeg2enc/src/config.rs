@@ -383,7 +383,7 @@ impl Config {
         let size = (self.width, self.height);
         assert_eq!((frame.width(), frame.height()), size, "a frame of another size than the encoder's");
         frame.check().unwrap_or_else(|error| panic!("{error}"));
-        if let Some(motion) = motion.map(MotionField::motion_px) {
+        if let Some(motion) = motion {
             assert_eq!((motion.width(), motion.height()), size, "a motion field of another size than the encoder's");
         }
     }

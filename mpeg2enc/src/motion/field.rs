@@ -6,20 +6,27 @@ use rayon::prelude::*;
 
 /// Where each pixel's surface was in the picture before.
 ///
-/// A sample is `motion_px`: the position in the previous picture minus the position in this one, in pixels,
-/// x to the right and y down. It is NaN where the surface could not be seen then.
+/// A sample is the position in the previous picture minus the position in this one, x to the right and y down.
 ///
 /// ```
 /// use mpeg2enc::MotionField;
 /// use plane::Plane;
 /// // The camera pans by 1.5 pixels to the right: all was farther right before.
 /// let field = MotionField::new(Plane::filled(64, 48, [1.5, 0.0]));
-/// assert_eq!(field.motion_px().width(), 64);
+/// let same = MotionField::from_64ths(Plane::filled(64, 48, [96, 0]));
+/// assert_eq!((field.width(), field.height()), (same.width(), same.height()));
 /// ```
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MotionField {
-    motion_px: Plane<[f32; 2]>,
+    vectors: Vectors,
+}
+
+/// One vector per luma sample.
+#[derive(Clone, Debug)]
+enum Vectors {
+    Pixels(Plane<[f32; 2]>),
+    Parts(Plane<[i16; 2]>),
 }
 
 /// Vectors to be tried for one macroblock.
@@ -61,19 +68,40 @@ const DISTINCT: usize = 24;
 const FARTHEST_PX: f32 = 16384.0;
 
 impl MotionField {
-    /// Takes one vector per luma sample of the frame.
+    /// Takes one vector per luma sample of the frame, in pixels: NaN where the surface could not be seen in the picture
+    /// before.
     pub fn new(motion_px: Plane<[f32; 2]>) -> Self {
-        Self { motion_px }
+        Self { vectors: Vectors::Pixels(motion_px) }
     }
 
-    /// The vectors, in pixels.
-    pub fn motion_px(&self) -> &Plane<[f32; 2]> {
-        &self.motion_px
+    /// The same in 64ths of a pixel, which takes half of the memory and less time: a component of `i16::MIN` where the
+    /// surface could not be seen.
+    pub fn from_64ths(motion: Plane<[i16; 2]>) -> Self {
+        Self { vectors: Vectors::Parts(motion) }
     }
 
-    /// Gives the vectors back, so that the next field can take their memory.
-    pub fn into_motion_px(self) -> Plane<[f32; 2]> {
-        self.motion_px
+    /// Vectors in a row.
+    pub fn width(&self) -> usize {
+        match &self.vectors {
+            Vectors::Pixels(plane) => plane.width(),
+            Vectors::Parts(plane) => plane.width(),
+        }
+    }
+
+    /// Rows of vectors.
+    pub fn height(&self) -> usize {
+        match &self.vectors {
+            Vectors::Pixels(plane) => plane.height(),
+            Vectors::Parts(plane) => plane.height(),
+        }
+    }
+
+    /// Gives back what [`from_64ths`](Self::from_64ths) took, so that the next field can have its memory.
+    pub fn into_64ths(self) -> Option<Plane<[i16; 2]>> {
+        match self.vectors {
+            Vectors::Pixels(_) => None,
+            Vectors::Parts(plane) => Some(plane),
+        }
     }
 
     /// Those of all macroblocks, in raster order.
@@ -83,69 +111,97 @@ impl MotionField {
 
     /// The mean and the most frequent vectors of macroblock `(column, row)`.
     fn candidates(&self, column: usize, row: usize) -> Candidates {
-        let (left, top) = (16 * column, 16 * row);
-        let (width, height) = (self.motion_px.width(), self.motion_px.height());
-        if left + 16 <= width && top + 16 <= height {
-            let spread = spread(&self.motion_px.samples()[top * width + left..], width);
-            let mean = mean_of(spread.sum, 256);
-            let near = |half: [i32; 2]| (half[0] - mean.x).abs() <= 1 && (half[1] - mean.y).abs() <= 1;
-            // The most frequent ones are looked at as neighbours of the mean then.
-            if spread.all_known && near(spread.least.map(half_of)) && near(spread.most.map(half_of)) {
-                let mut out = Candidates { one_motion: true, ..Candidates::NONE };
-                out.add(mean);
-                return out;
-            }
+        match &self.vectors {
+            Vectors::Pixels(plane) => candidates(plane, spread, column, row),
+            Vectors::Parts(plane) => candidates(plane, spread_of_parts, column, row),
         }
-        self.several(left, top)
-    }
-
-    /// The mean and the most frequent vectors of a macroblock that is not of one motion.
-    fn several(&self, left: usize, top: usize) -> Candidates {
-        let (right, bottom) = ((left + 16).min(self.motion_px.width()), (top + 16).min(self.motion_px.height()));
-        let mut counts = [(HalfSample::ZERO, 0u32); DISTINCT];
-        let (mut distinct, mut latest) = (0, 0);
-        let (mut sum, mut known, mut unknown) = ([0; 2], 0, 0);
-        // A macroblock may lie wholly in the padding.
-        for y in top..bottom.max(top) {
-            for &motion in &self.motion_px.row(y)[left.min(right)..right] {
-                if !is_known(motion) {
-                    unknown += 1;
-                    continue;
-                }
-                known += 1;
-                let parts = motion.map(in_64ths);
-                sum = [sum[0] + parts[0], sum[1] + parts[1]];
-                let vector = HalfSample { x: half_of(parts[0]), y: half_of(parts[1]) };
-                if counts[latest].0 != vector || distinct == 0 {
-                    latest = counts[..distinct].iter().position(|entry| entry.0 == vector).unwrap_or(distinct);
-                    if latest == DISTINCT {
-                        latest = 0;
-                        continue;
-                    }
-                    distinct = distinct.max(latest + 1);
-                    counts[latest].0 = vector;
-                }
-                counts[latest].1 += 1;
-            }
-        }
-        let counts = &mut counts[..distinct];
-        counts.sort_unstable_by_key(|&(vector, count)| (std::cmp::Reverse(count), vector));
-        let mut out = Candidates { is_uncovered: unknown > 0, ..Candidates::NONE };
-        if known > 0 {
-            let mean = mean_of(sum, known);
-            out.add(mean);
-            out.one_motion =
-                unknown == 0 && counts.iter().all(|(v, _)| (v.x - mean.x).abs() <= 1 && (v.y - mean.y).abs() <= 1);
-        }
-        for &(vector, _) in counts.iter().take(FREQUENT) {
-            out.add(vector);
-        }
-        out
     }
 }
 
-fn is_known(motion: [f32; 2]) -> bool {
-    motion.iter().all(|component| component.abs() < FARTHEST_PX) // false for NaN
+/// A vector as it was given.
+trait Given: Copy {
+    /// In 64ths of a pixel; nothing if it is not known.
+    fn parts(self) -> Option<[i32; 2]>;
+}
+
+impl Given for [f32; 2] {
+    fn parts(self) -> Option<[i32; 2]> {
+        let is_known = self.iter().all(|component| component.abs() < FARTHEST_PX); // false for NaN
+        is_known.then(|| self.map(in_64ths))
+    }
+}
+
+impl Given for [i16; 2] {
+    fn parts(self) -> Option<[i32; 2]> {
+        let is_known = !self.contains(&i16::MIN);
+        is_known.then(|| self.map(i32::from))
+    }
+}
+
+/// The mean and the most frequent vectors of macroblock `(column, row)`.
+fn candidates<V: Given>(
+    vectors: &Plane<V>,
+    spread: impl Fn(&[V], usize) -> Spread,
+    column: usize,
+    row: usize,
+) -> Candidates {
+    let (left, top) = (16 * column, 16 * row);
+    let (width, height) = (vectors.width(), vectors.height());
+    if left + 16 <= width && top + 16 <= height {
+        let spread = spread(&vectors.samples()[top * width + left..], width);
+        let mean = mean_of(spread.sum, 256);
+        let near = |half: [i32; 2]| (half[0] - mean.x).abs() <= 1 && (half[1] - mean.y).abs() <= 1;
+        // The most frequent ones are looked at as neighbours of the mean then.
+        if spread.all_known && near(spread.least.map(half_of)) && near(spread.most.map(half_of)) {
+            let mut out = Candidates { one_motion: true, ..Candidates::NONE };
+            out.add(mean);
+            return out;
+        }
+    }
+    several(vectors, left, top)
+}
+
+/// The mean and the most frequent vectors of a macroblock that is not of one motion.
+fn several<V: Given>(vectors: &Plane<V>, left: usize, top: usize) -> Candidates {
+    let (right, bottom) = ((left + 16).min(vectors.width()), (top + 16).min(vectors.height()));
+    let mut counts = [(HalfSample::ZERO, 0u32); DISTINCT];
+    let (mut distinct, mut latest) = (0, 0);
+    let (mut sum, mut known, mut unknown) = ([0; 2], 0, 0);
+    // A macroblock may lie wholly in the padding.
+    for y in top..bottom.max(top) {
+        for vector in &vectors.row(y)[left.min(right)..right] {
+            let Some(parts) = vector.parts() else {
+                unknown += 1;
+                continue;
+            };
+            known += 1;
+            sum = [sum[0] + parts[0], sum[1] + parts[1]];
+            let vector = HalfSample { x: half_of(parts[0]), y: half_of(parts[1]) };
+            if counts[latest].0 != vector || distinct == 0 {
+                latest = counts[..distinct].iter().position(|entry| entry.0 == vector).unwrap_or(distinct);
+                if latest == DISTINCT {
+                    latest = 0;
+                    continue;
+                }
+                distinct = distinct.max(latest + 1);
+                counts[latest].0 = vector;
+            }
+            counts[latest].1 += 1;
+        }
+    }
+    let counts = &mut counts[..distinct];
+    counts.sort_unstable_by_key(|&(vector, count)| (std::cmp::Reverse(count), vector));
+    let mut out = Candidates { is_uncovered: unknown > 0, ..Candidates::NONE };
+    if known > 0 {
+        let mean = mean_of(sum, known);
+        out.add(mean);
+        out.one_motion =
+            unknown == 0 && counts.iter().all(|(v, _)| (v.x - mean.x).abs() <= 1 && (v.y - mean.y).abs() <= 1);
+    }
+    for &(vector, _) in counts.iter().take(FREQUENT) {
+        out.add(vector);
+    }
+    out
 }
 
 /// A component in 64ths of a pixel: the sum with 3·2²² has no bits left for a fraction.
@@ -192,13 +248,6 @@ vectorised! {
                 farthest[k] = i32::max(farthest[k], row[k].abs().to_bits() as i32);
             }
         }
-        let fold = |values: [i32; 32], f: fn(i32, i32) -> i32| {
-            let mut folded = [values[0], values[1]];
-            for k in 2..32 {
-                folded[k & 1] = f(folded[k & 1], values[k]);
-            }
-            folded
-        };
         Spread {
             sum: fold(sum, i32::wrapping_add),
             least: fold(least, i32::min),
@@ -206,6 +255,38 @@ vectorised! {
             all_known: farthest.iter().all(|&bits| bits < FARTHEST_PX.to_bits() as i32),
         }
     }
+}
+
+vectorised! {
+    /// The spread of 16 rows of 16 vectors in 64ths, which begin `stride` apart.
+    fn spread_of_parts, spread_of_parts_plain(motion: &[[i16; 2]], stride: usize) -> Spread {
+        let (mut sum, mut least, mut most) = ([0; 32], [i16::MAX; 32], [i16::MIN; 32]);
+        for y in 0..16 {
+            let row: &[i16; 32] = motion[y * stride..][..16].as_flattened().try_into().expect("16 vectors");
+            for k in 0..32 {
+                sum[k] += i32::from(row[k]);
+                least[k] = least[k].min(row[k]);
+                most[k] = most[k].max(row[k]);
+            }
+        }
+        let least = fold(least, i16::min);
+        Spread {
+            sum: fold(sum, i32::wrapping_add),
+            least: least.map(i32::from),
+            most: fold(most, i16::max).map(i32::from),
+            all_known: !least.contains(&i16::MIN),
+        }
+    }
+}
+
+/// What becomes of the horizontal and of the vertical components of sixteen vectors.
+#[inline(always)]
+fn fold<T: Copy>(values: [T; 32], f: fn(T, T) -> T) -> [T; 2] {
+    let mut folded = [values[0], values[1]];
+    for k in 2..32 {
+        folded[k & 1] = f(folded[k & 1], values[k]);
+    }
+    folded
 }
 
 #[cfg(test)]
@@ -232,14 +313,22 @@ mod tests {
     #[test]
     fn one_motion_is_recognised() {
         for (slope, one_motion) in [(0.02, true), (0.05, true), (0.2, false), (-0.2, false), (f32::NAN, false)] {
-            let field = MotionField::new(Plane::from_fn(16, 16, |x, _| [2.0 + slope * x as f32, -0.75]));
-            let (quick, thorough) = (field.candidates(0, 0), field.several(0, 0));
+            let plane = Plane::from_fn(16, 16, |x, _| [2.0 + slope * x as f32, -0.75]);
+            let field = MotionField::new(plane.clone());
+            let (quick, thorough) = (field.candidates(0, 0), several(&plane, 0, 0));
             assert_eq!(quick.one_motion, one_motion, "{slope}");
             assert_eq!(thorough.one_motion, one_motion, "{slope}");
             assert_eq!(quick.vectors().first(), thorough.vectors().first(), "the mean");
-            let samples = field.motion_px().samples();
-            let (a, b) = (spread(samples, 16), spread_plain(samples, 16));
+            let (a, b) = (spread(plane.samples(), 16), spread_plain(plane.samples(), 16));
             assert!(a == b || !a.all_known && !b.all_known, "{a:?} {b:?}");
+            // The same in 64ths.
+            let parts = plane.map(|v| if v[0].is_nan() { [i16::MIN, 0] } else { v.map(|c| in_64ths(c) as i16) });
+            let (c, d) = (spread_of_parts(parts.samples(), 16), spread_of_parts_plain(parts.samples(), 16));
+            assert_eq!(c, d);
+            assert!(a == c || !a.all_known && !c.all_known, "{a:?} {c:?}");
+            let field = MotionField::from_64ths(parts);
+            assert_eq!(field.candidates(0, 0).vectors(), quick.vectors());
+            assert_eq!(field.candidates(0, 0).one_motion, quick.one_motion);
         }
     }
 }
