@@ -232,6 +232,7 @@ fn tools(effort: Effort, varies: bool) -> Tools {
     let (quick, thorough) = (40, 10);
     match effort {
         Effort::Fast => Tools {
+            quick: true,
             trellis: false,
             predicts_more: false,
             trials: 1,
@@ -239,6 +240,7 @@ fn tools(effort: Effort, varies: bool) -> Tools {
             worth_a_transform_quarters: quick,
         },
         Effort::Balanced => Tools {
+            quick: false,
             trellis: true,
             predicts_more: true,
             trials: 2,
@@ -246,6 +248,7 @@ fn tools(effort: Effort, varies: bool) -> Tools {
             worth_a_transform_quarters: thorough,
         },
         Effort::Best => Tools {
+            quick: false,
             trellis: true,
             predicts_more: true,
             trials: 6,

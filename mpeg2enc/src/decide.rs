@@ -4,6 +4,8 @@
 //! J = D + λ·R      D squared error of all samples      R bits as they will be written      λ price of a bit
 //! ```
 
+mod quick;
+
 use crate::{
     dct,
     header::PictureType,
@@ -24,6 +26,8 @@ const WORTH_A_TRIAL_TENTHS: u64 = 14;
 /// What is tried for a macroblock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Tools {
+    /// Nothing is tried but what the vectors give: see [`quick`].
+    pub quick: bool,
     /// Levels by shortest path instead of rounding.
     pub trellis: bool,
     /// Are other vectors than those found looked at: zero, and those that take no bits?
@@ -175,8 +179,15 @@ impl Predictions {
 }
 
 impl Decision<'_> {
-    /// The cheapest way, with `vectors` found forward and backward; it and what the decoder shows stay in `work`.
-    pub fn decide(&self, [forward, backward]: [HalfSample; 2], work: &mut Workspace) {
+    /// A cheap way, with vectors found forward and backward; it and what the decoder shows stay in `work`.
+    pub fn decide(&self, vectors: [HalfSample; 2], work: &mut Workspace) {
+        if !self.tools.quick || !self.decide_quickly(vectors, work) {
+            self.decide_by_trials(vectors, work);
+        }
+    }
+
+    /// The cheapest of what is tried.
+    fn decide_by_trials(&self, [forward, backward]: [HalfSample; 2], work: &mut Workspace) {
         work.predictions.order.clear();
         work.best.cost = i64::MAX;
         let quantiser = self.quantisers.of(self.quantiser);
@@ -368,7 +379,9 @@ impl Decision<'_> {
 
     /// Nothing but the prediction, number `index` of those considered.
     fn finish_uncoded(&self, mode: Mode, index: usize, work: &mut Workspace) {
-        work.best.macroblock = Macroblock { mode, quantiser: self.quantiser, blocks: [Block::EMPTY; 6] };
+        let macroblock = &mut work.best.macroblock;
+        (macroblock.mode, macroblock.quantiser) = (mode, self.quantiser);
+        macroblock.blocks.iter_mut().for_each(Block::clear);
         work.reconstruction = work.predictions.samples[index];
     }
 

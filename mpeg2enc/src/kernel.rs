@@ -251,33 +251,39 @@ vectorised! {
     fn deviation, deviation_plain(blocks: &[[u8; 64]; 6]) -> u32 {
         let mut deviation = 0;
         for samples in blocks {
-            let mut sum = 0;
+            let (mut sum, mut squares) = (0, 0);
             for &sample in samples {
                 sum += u32::from(sample);
+                squares += (i32::from(sample) * i32::from(sample)) as u32;
             }
-            deviation += squared_difference(samples, &[((sum + 32) / 64) as u8; 64]);
+            let mean = (sum + 32) / 64;
+            // Σ(x − m)² = Σx² − 2m·Σx + 64m².
+            deviation += squares + 64 * mean * mean - 2 * mean * sum;
         }
         deviation
     }
 }
 
-vectorised! {
-    /// `(|value|·reciprocal + zero) >> shift` of every value, and a bit for each that is not zero.
-    fn divide, divide_plain(
-        values: &[i32; 64], reciprocals: &[u32; 64], zero: u32, shift: u32, out: &mut [u32; 64]
-    ) -> u64 {
-        let mut nonzero = 0;
-        for y in 0..8 {
-            let mut row = 0;
-            for x in 0..8 {
-                let i = 8 * y + x;
-                out[i] = (values[i].unsigned_abs() * reciprocals[i] + zero) >> shift;
-                row |= u32::from(out[i] != 0) << x;
-            }
-            nonzero |= u64::from(row) << (8 * y);
-        }
-        nonzero
+/// `(|value|·reciprocal + zero) >> shift` of every value, and a bit for each that is not zero.
+#[inline]
+#[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
+pub(crate) fn divide(values: &[i32; 64], reciprocals: &[u32; 64], zero: u32, shift: u32, out: &mut [u32; 64]) -> u64 {
+    #[cfg(target_arch = "x86_64")]
+    if has_avx2() {
+        // SAFETY: the processor has AVX2.
+        return unsafe { wide::divide(values, reciprocals, zero, shift, out) };
     }
+    divide_plain(values, reciprocals, zero, shift, out)
+}
+
+/// [`divide`] for any processor.
+fn divide_plain(values: &[i32; 64], reciprocals: &[u32; 64], zero: u32, shift: u32, out: &mut [u32; 64]) -> u64 {
+    let mut nonzero = 0;
+    for i in 0..64 {
+        out[i] = (values[i].unsigned_abs() * reciprocals[i] + zero) >> shift;
+        nonzero |= u64::from(out[i] != 0) << i;
+    }
+    nonzero
 }
 
 #[cfg(test)]

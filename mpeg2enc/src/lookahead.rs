@@ -5,6 +5,7 @@
 //! Types of pictures ([`plan`]) and quantisers ([`tree`]) are chosen from that, and vectors begin with what was found.
 
 pub(crate) mod plan;
+mod scene;
 pub(crate) mod tree;
 
 use crate::{
@@ -35,14 +36,18 @@ pub struct KnownMotion<'a> {
 pub(crate) struct Waiting {
     /// The frame in whole macroblocks.
     pub source: Frame,
-    /// Luma at half and at a quarter of the width and height; the latter is seldom looked at.
-    half: Plane<u8>,
+    /// Luma at half and at a quarter of the width and height, when they are looked at.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    half: OnceLock<Plane<u8>>,
     #[cfg_attr(feature = "serde", serde(skip))]
     quarter: OnceLock<Plane<u8>>,
     /// Candidates of every macroblock that were given: to the frame before and to the frame after.
     known: [Option<Vec<Candidates>>; 2],
     /// What every macroblock costs without a prediction.
-    pub intra_costs: Arc<[u32]>,
+    #[cfg_attr(feature = "serde", serde(skip))]
+    intra_costs: OnceLock<Arc<[u32]>>,
+    /// Does a new scene begin here?
+    is_scene_cut: Option<bool>,
     /// Of every macroblock, by distance of the reference frame.
     matches: BTreeMap<isize, Arc<[Match]>>,
     /// Of every macroblock as part of a B picture, by the distances of both reference frames.
@@ -50,6 +55,10 @@ pub(crate) struct Waiting {
 }
 
 impl Waiting {
+    fn half(&self) -> &Plane<u8> {
+        self.half.get_or_init(|| halved(&self.source.luma))
+    }
+
     fn quarter(&self) -> &Plane<u8> {
         self.quarter.get_or_init(|| quarter(&self.source.luma))
     }
@@ -111,14 +120,14 @@ impl Lookahead {
 
     /// Takes the next frame, in whole macroblocks.
     pub fn push(&mut self, source: Frame, motion: KnownMotion) {
-        let half = halved(&source.luma);
         let (columns, rows) = (source.width() / 16, source.height() / 16);
         let known =
             [motion.to_previous, motion.to_next].map(|field| field.map(|field| field.all_candidates(columns, rows)));
         self.frames.push_back(Waiting {
+            half: OnceLock::new(),
             quarter: OnceLock::new(),
-            intra_costs: intra_costs(&half, self.quick),
-            half,
+            intra_costs: OnceLock::new(),
+            is_scene_cut: None,
             source,
             known,
             matches: BTreeMap::new(),
@@ -135,7 +144,18 @@ impl Lookahead {
     }
 
     fn columns(&self) -> usize {
-        self.frames[0].half.width() / BLOCK
+        self.frames[0].source.width() / 16
+    }
+
+    /// Macroblocks of a frame.
+    pub fn macroblocks(&self) -> usize {
+        self.columns() * self.frames[0].source.height() / 16
+    }
+
+    /// What every macroblock of a frame costs without a prediction.
+    pub fn intra_costs(&self, index: usize) -> &Arc<[u32]> {
+        let frame = self.get(index);
+        frame.intra_costs.get_or_init(|| intra_costs(frame.half(), self.quick))
     }
 
     /// Is the motion of this frame towards its neighbour given?
@@ -150,7 +170,7 @@ impl Lookahead {
         let near = match self.is_known(index, step) {
             Some(known) => known.clone(),
             None if step > 0 => self.reversed(neighbour),
-            None => vec![Candidates::NONE; self.get(index).intra_costs.len()],
+            None => vec![Candidates::NONE; self.macroblocks()],
         };
         if delta == step {
             return near;
@@ -245,13 +265,13 @@ impl Lookahead {
         }
         let (forward, backward) = (self.matches(index, back), self.matches(index, ahead));
         let frame = self.get(index);
-        let references = [back, ahead].map(|delta| &self.get(away(index, delta)).half);
+        let references = [back, ahead].map(|delta| self.get(away(index, delta)).half());
         let columns = self.columns();
         let found: Arc<[TwoSided]> = (0..forward.len())
             .into_par_iter()
             .map(|i| {
                 let (f, b) = (forward[i], backward[i]);
-                let both = mean_cost(&frame.half, references, (i % columns, i / columns), [f.vector, b.vector]);
+                let both = mean_cost(frame.half(), references, (i % columns, i / columns), [f.vector, b.vector]);
                 let best = both.min(f.cost).min(b.cost);
                 let shares = if best == both {
                     [1, 1]
@@ -355,9 +375,9 @@ fn best_match(
     wide: bool,
     quick: bool,
 ) -> Match {
-    let range = Range::of_block(&reference.half, BLOCK, column, row, REACH);
+    let range = Range::of_block(reference.half(), BLOCK, column, row, REACH);
     let mut search =
-        Search::<BLOCK>::new(&frame.half, &reference.half, (column, row), range, left, SEARCH_QUANTISER_SCALE);
+        Search::<BLOCK>::new(frame.half(), reference.half(), (column, row), range, left, SEARCH_QUANTISER_SCALE);
     search.try_vector(HalfSample::ZERO);
     for vector in candidates.vectors() {
         search.try_vector(HalfSample { x: (vector.x + 1) >> 1, y: (vector.y + 1) >> 1 });

@@ -110,7 +110,7 @@ impl LookaheadEncoder {
     fn code_span(&mut self, spans: &[Span], complete: bool, packets: &mut Vec<Packet>) {
         let span = spans[0];
         let last = self.state.anchors[1].as_ref().map(|anchor| anchor.index);
-        let count = self.state.lookahead.get(span.anchor).intra_costs.len();
+        let count = self.state.lookahead.macroblocks();
         let factors =
             if self.coder.config.uses_tree() { self.state.lookahead.factors(last, spans) } else { vec![256; count] };
         let upcoming = if self.state.rate.is_some() { self.state.lookahead.upcoming(last, spans) } else { Vec::new() };

@@ -144,13 +144,21 @@ impl Estimate<'_> {
         if search.best_error == 0 {
             return HalfSample::ZERO;
         }
-        search.try_vector(left);
+        let poor = 256 * POOR_MATCH + 256 * POOR_MATCH_EIGHTHS * self.quantiser_scale / 8;
         let index = row * (self.source.width() / 16) + column;
         let candidates = self.candidates.get(index).unwrap_or(&Candidates::NONE);
+        if !self.transformed && candidates.one_motion {
+            for &vector in candidates.vectors() {
+                search.try_vector(vector);
+            }
+            if search.best_error <= poor {
+                return search.best;
+            }
+        }
+        search.try_vector(left);
         for &vector in candidates.vectors() {
             search.try_vector(vector);
         }
-        let poor = 256 * POOR_MATCH + 256 * POOR_MATCH_EIGHTHS * self.quantiser_scale / 8;
         // Where every pixel moved alike nothing foretells better than they do. Highlights and shadows move otherwise than
         // their surface: what matches poorly is still looked for near by.
         let known = candidates.one_motion;

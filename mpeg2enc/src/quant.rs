@@ -41,6 +41,11 @@ pub(crate) struct Block {
 impl Block {
     pub const EMPTY: Self = Self { levels: [0; 64], places: 0, bits: 0, error: 0 };
 
+    /// Leaves nothing to write; levels at other than the first place are not looked at then.
+    pub fn clear(&mut self) {
+        (self.levels[0], self.places, self.bits, self.error) = (0, 0, 0, 0);
+    }
+
     /// Is there anything to write? Always, in an intra block.
     pub fn is_coded(&self) -> bool {
         self.places != 0
@@ -191,28 +196,37 @@ impl Quantiser {
         let mut levels = [0; 64];
         let zero = (zero_256ths << weights.shift) >> 8;
         let nonzero = kernel::divide(coefficients, &weights.reciprocal, zero, weights.shift, &mut levels);
-        let mut found = places(nonzero).fold(0u64, |found, raster| found | 1 << self.places[raster]);
-        if kind == Kind::Intra {
-            found &= !1;
-        }
+        // The DC of an intra block is not among them.
+        let nonzero = if kind == Kind::Intra { nonzero & !1 } else { nonzero };
         let mut block = Block { error: energy, ..Block::EMPTY };
         let restore = |place: usize, level: i32| self.inverse_quantise(level, kind, weights.scaled[place]);
-        let mut save = |place: usize, level: i32| {
-            let coefficient = coefficients[self.scan[place]];
+        let level_max = self.standard.level_max();
+        let mut save = |place: usize, raster: usize, level: i32| {
+            let coefficient = coefficients[raster];
             let before = i64::from(coefficient.abs());
             let after = before - (i64::from(restore(place, level)) << dct::COEFFICIENT_BITS);
             block.error += after * after - before * before;
             block.levels[place] = if coefficient < 0 { -level as i16 } else { level as i16 };
             block.places |= 1 << place;
         };
-        let nearest = |place: usize| (levels[self.scan[place]] as i32).min(self.standard.level_max());
         match rounding {
-            _ if found == 0 => {}
-            Rounding::DeadZone => places(found).for_each(|place| save(place, nearest(place))),
+            _ if nonzero == 0 => {}
+            Rounding::DeadZone => {
+                for raster in places(nonzero) {
+                    save(self.places[raster].into(), raster, (levels[raster] as i32).min(level_max));
+                }
+            }
             Rounding::Trellis { lambda } => {
-                let magnitude = |place: usize| coefficients[self.scan[place]].abs();
-                let nonzero = places(found).map(|place| (place, magnitude(place), nearest(place)));
-                trellis::choose(nonzero, kind, codes, lambda, restore, save);
+                let mut found = 0u64;
+                for raster in places(nonzero) {
+                    found |= 1 << self.places[raster];
+                }
+                let candidates = places(found).map(|place| {
+                    let raster = self.scan[place];
+                    (place, coefficients[raster].abs(), (levels[raster] as i32).min(level_max))
+                });
+                let save = |place: usize, level: i32| save(place, self.scan[place], level);
+                trellis::choose(candidates, kind, codes, lambda, restore, save);
             }
         }
         if kind == Kind::Intra {

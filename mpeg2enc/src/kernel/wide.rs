@@ -127,3 +127,33 @@ impl Differences for Words {
         rows
     }
 }
+
+/// [`divide`](super::divide) of eight values at a time.
+///
+/// # Safety
+/// The processor has AVX2.
+#[target_feature(enable = "avx2")]
+pub(super) unsafe fn divide(
+    values: &[i32; 64],
+    reciprocals: &[u32; 64],
+    zero: u32,
+    shift: u32,
+    out: &mut [u32; 64],
+) -> u64 {
+    let (zero, shift, mut nonzero) = (_mm256_set1_epi32(zero as i32), _mm_cvtsi32_si128(shift as i32), 0);
+    let (values, _) = values.as_chunks::<8>();
+    let (reciprocals, _) = reciprocals.as_chunks::<8>();
+    let (out, _) = out.as_chunks_mut::<8>();
+    for (i, ((values, reciprocals), out)) in values.iter().zip(reciprocals).zip(out).enumerate() {
+        // SAFETY: each of the three is eight numbers of 32 bits.
+        unsafe {
+            let magnitudes = _mm256_abs_epi32(_mm256_loadu_si256(values.as_ptr().cast()));
+            let products = _mm256_mullo_epi32(magnitudes, _mm256_loadu_si256(reciprocals.as_ptr().cast()));
+            let levels = _mm256_srl_epi32(_mm256_add_epi32(products, zero), shift);
+            _mm256_storeu_si256(out.as_mut_ptr().cast(), levels);
+            let empty = _mm256_cmpeq_epi32(levels, _mm256_setzero_si256());
+            nonzero |= u64::from(!_mm256_movemask_ps(_mm256_castsi256_ps(empty)) as u8) << (8 * i);
+        }
+    }
+    nonzero
+}

@@ -16,8 +16,6 @@ pub(crate) struct Span {
 /// Differences of B pictures count this many sixteenths of others: nothing is predicted from them, and they are coded
 /// coarser. Ours, tuned on the clips of README.md.
 const B_WEIGHT_SIXTEENTHS: u64 = 13;
-/// A frame of which the frame before predicts less than a quarter is a new scene.
-const SCENE_CUT_QUARTERS: u64 = 3;
 
 impl Lookahead {
     /// The spans of all frames after the last anchor (display index, and that of the last I picture).
@@ -79,14 +77,6 @@ impl Lookahead {
         places
     }
 
-    fn is_scene_cut(&mut self, index: usize) -> bool {
-        let matches = self.matches(index, -1);
-        let intra = &self.get(index).intra_costs;
-        let total: u64 = intra.iter().map(|&cost| u64::from(cost)).sum();
-        let predicted: u64 = matches.iter().zip(intra.iter()).map(|(m, &cost)| u64::from(m.cost.min(cost))).sum();
-        predicted * 4 > total * SCENE_CUT_QUARTERS && total > 0
-    }
-
     /// What the pictures of `spans` cost by themselves, in the order of coding.
     pub fn upcoming(&mut self, last_anchor: Option<usize>, spans: &[Span]) -> Vec<Upcoming> {
         let mut out = Vec::new();
@@ -105,7 +95,7 @@ impl Lookahead {
     }
 
     fn anchor_cost(&mut self, from: Option<usize>, span: &Span) -> u64 {
-        let intra = self.get(span.anchor).intra_costs.clone();
+        let intra = self.intra_costs(span.anchor).clone();
         match from.filter(|_| !span.is_intra) {
             None => intra.iter().map(|&cost| u64::from(cost)).sum(),
             Some(from) => {
@@ -117,7 +107,7 @@ impl Lookahead {
 
     fn b_cost(&mut self, from: usize, index: usize, anchor: usize) -> u64 {
         let found = self.two_sided(index, distance(index, from), distance(index, anchor));
-        let intra = &self.get(index).intra_costs;
+        let intra = self.intra_costs(index);
         found.iter().zip(intra.iter()).map(|(t, &intra)| u64::from(t.cost.min(intra))).sum()
     }
 

@@ -27,7 +27,7 @@ const FLOOR: u64 = 16;
 impl Lookahead {
     /// Factors of quantiser_scale in 256ths for every macroblock of the first anchor of `spans`.
     pub fn factors(&mut self, last_anchor: Option<usize>, spans: &[Span]) -> Vec<u32> {
-        let count = self.get(spans[0].anchor).intra_costs.len();
+        let count = self.macroblocks();
         let columns = self.columns();
         let mut inherited: BTreeMap<usize, Vec<u64>> = BTreeMap::new();
         let distance = |a: usize, b: usize| b as isize - a as isize;
@@ -39,7 +39,7 @@ impl Lookahead {
                 let (back, ahead) = (distance(index, from), distance(index, span.anchor));
                 let found = self.two_sided(index, back, ahead);
                 let vectors = [self.matches(index, back), self.matches(index, ahead)];
-                let intra = self.get(index).intra_costs.clone();
+                let intra = self.intra_costs(index).clone();
                 for block in 0..count {
                     let (cost, intra) = (u64::from(found[block].cost) + FLOOR, u64::from(intra[block]) + FLOOR);
                     let passed = intra.saturating_sub(cost);
@@ -54,7 +54,7 @@ impl Lookahead {
                 continue;
             }
             let matches = self.matches(span.anchor, distance(span.anchor, from));
-            let intra = self.get(span.anchor).intra_costs.clone();
+            let intra = self.intra_costs(span.anchor).clone();
             let own = inherited.remove(&span.anchor).unwrap_or_else(|| vec![0; count]);
             let amounts = inherited.entry(from).or_insert_with(|| vec![0; count]);
             for block in 0..count {
@@ -65,7 +65,7 @@ impl Lookahead {
         }
         let anchor = spans[0].anchor;
         let own = inherited.remove(&anchor).unwrap_or_else(|| vec![0; count]);
-        let intra = &self.get(anchor).intra_costs;
+        let intra = self.intra_costs(anchor);
         own.iter().zip(intra.iter()).map(|(&own, &intra)| factor(own, u64::from(intra) + FLOOR)).collect()
     }
 }

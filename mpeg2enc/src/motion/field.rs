@@ -281,12 +281,14 @@ vectorised! {
 
 /// What becomes of the horizontal and of the vertical components of sixteen vectors.
 #[inline(always)]
-fn fold<T: Copy>(values: [T; 32], f: fn(T, T) -> T) -> [T; 2] {
-    let mut folded = [values[0], values[1]];
-    for k in 2..32 {
-        folded[k & 1] = f(folded[k & 1], values[k]);
+fn fold<T: Copy>(mut values: [T; 32], f: fn(T, T) -> T) -> [T; 2] {
+    // By halves, which vector instructions can do.
+    for half in [16, 8, 4, 2] {
+        for k in 0..half {
+            values[k] = f(values[k], values[k + half]);
+        }
     }
-    folded
+    [values[0], values[1]]
 }
 
 #[cfg(test)]

@@ -1,0 +1,63 @@
+//! What a macroblock becomes where all is to be quick: the prediction that differs least, and of its blocks what is worth its
+//! bits, each by itself.
+//!
+//! Nothing is coded twice to compare. What is predicted poorly goes the long way, since it may have to be intra.
+
+use super::{Decision, Workspace, in_coefficients};
+use crate::{dct, header::PictureType, macroblock::Mode, motion::HalfSample, quant::Kind};
+
+/// Bits that an intra macroblock takes, or nearly so, on the clips of README.md: what differs less than these are worth is not
+/// intra.
+const INTRA_BITS: i64 = 150;
+
+impl Decision<'_> {
+    /// False if it takes a closer look to decide.
+    pub(super) fn decide_quickly(&self, [forward, backward]: [HalfSample; 2], work: &mut Workspace) -> bool {
+        work.predictions.order.clear();
+        let quantiser = self.quantisers.of(self.quantiser);
+        match self.slice.picture_type {
+            PictureType::I => return false,
+            PictureType::P => work.predictions.consider(self, Mode::Forward(forward)),
+            PictureType::B => {
+                if let Some(mode) = self.state.skipped_mode(self.slice, self.column) {
+                    work.predictions.consider(self, mode);
+                    if let Some(&(_, _, index)) = work.predictions.order.first()
+                        && work.predictions.errors[index]
+                            .iter()
+                            .all(|&error| quantiser.leaves_nothing(error, self.tools.worth_a_transform_quarters))
+                    {
+                        self.finish_uncoded(mode, index, work);
+                        return true;
+                    }
+                }
+                work.predictions.consider(self, Mode::Forward(forward));
+                work.predictions.consider(self, Mode::Backward(backward));
+                work.predictions.consider(self, Mode::Both(forward, backward));
+            }
+        }
+        let Some(&(mode, error, index)) = work.predictions.order.first() else { return false };
+        if in_coefficients(error) > INTRA_BITS * self.lambda && u64::from(error) * 2 > u64::from(self.activity()) {
+            return false;
+        }
+        let macroblock = &mut work.best.macroblock;
+        (macroblock.mode, macroblock.quantiser) = (mode, self.quantiser);
+        for (i, block) in macroblock.blocks.iter_mut().enumerate() {
+            let (source, predicted) = (&self.source[i], &work.predictions.samples[index][i]);
+            let error = work.predictions.errors[index][i];
+            if !quantiser.leaves_nothing(error, self.tools.worth_a_transform_quarters) {
+                let coefficients = dct::forward_difference(source, predicted);
+                let energy = in_coefficients(error);
+                let coded = quantiser.quantise(&coefficients, energy, Kind::Inter, self.rounding());
+                if coded.is_coded() && coded.error + self.lambda * i64::from(coded.bits) < energy {
+                    *block = coded;
+                    let restored = quantiser.dequantise(block, Kind::Inter);
+                    dct::inverse_onto(&restored, predicted, &mut work.reconstruction[i]);
+                    continue;
+                }
+            }
+            block.clear();
+            work.reconstruction[i] = *predicted;
+        }
+        true
+    }
+}

@@ -1,0 +1,55 @@
+//! Where a new scene begins.
+
+use super::{Lookahead, away};
+use crate::{kernel, motion::Range, predict::place_of};
+
+/// A frame of which the frame before predicts less than a quarter is a new scene.
+const SCENE_CUT_QUARTERS: u64 = 3;
+/// One macroblock of so many is looked at where the motion is given and all is to be quick. Without a factor in common with
+/// widths in macroblocks such as 32 and 45 they lie in diagonals.
+const SAMPLED: usize = 7;
+
+impl Lookahead {
+    /// Does the frame before predict so little of this one that it begins a new scene?
+    pub fn is_scene_cut(&mut self, index: usize) -> bool {
+        if let Some(known) = self.get(index).is_scene_cut {
+            return known;
+        }
+        let (predicted, total) =
+            if self.quick { self.sampled_costs(index) } else { None }.unwrap_or_else(|| self.all_costs(index));
+        let is_scene_cut = predicted * 4 > total * SCENE_CUT_QUARTERS && total > 0;
+        self.frames[index - self.first].is_scene_cut = Some(is_scene_cut);
+        is_scene_cut
+    }
+
+    /// What all macroblocks cost, predicted or not, and what they cost without a prediction.
+    fn all_costs(&mut self, index: usize) -> (u64, u64) {
+        let matches = self.matches(index, -1);
+        let intra = self.intra_costs(index);
+        let total = intra.iter().map(|&cost| u64::from(cost)).sum();
+        (matches.iter().zip(intra.iter()).map(|(m, &cost)| u64::from(m.cost.min(cost))).sum(), total)
+    }
+
+    /// The same of a few, by the first vectors that are given; `None` if none are.
+    fn sampled_costs(&self, index: usize) -> Option<(u64, u64)> {
+        let known = self.is_known(index, -1)?;
+        let (source, reference) = (&self.get(index).source.luma, &self.get(away(index, -1)).source.luma);
+        let columns = self.columns();
+        let (mut predicted, mut total) = (0, 0);
+        for i in (0..known.len()).step_by(SAMPLED) {
+            let (column, row) = (i % columns, i / columns);
+            let block: [[u8; 16]; 16] = std::array::from_fn(|y| {
+                source.row(16 * row + y)[16 * column..][..16].try_into().expect("a macroblock lies inside")
+            });
+            let range = Range::new(reference, column, row, super::REACH);
+            let vector = range.clamp(known[i].vectors().first().copied().unwrap_or_default());
+            let place = place_of(reference, 32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
+            let sum: u32 = block.as_flattened().iter().map(|&sample| u32::from(sample)).sum();
+            let mean = ((sum + 128) / 256) as u8;
+            let intra: u32 = block.as_flattened().iter().map(|&sample| u32::from(sample.abs_diff(mean))).sum();
+            predicted += u64::from(kernel::absolute_difference(&block, place).min(intra));
+            total += u64::from(intra);
+        }
+        Some((predicted, total))
+    }
+}
