@@ -225,14 +225,16 @@ fn butterflies<W: Differences, const DISTANCE: usize>(rows: &mut [W; 8]) {
     }
 }
 
-#[inline(always)]
-fn squared_difference(a: &[u8; 64], b: &[u8; 64]) -> u32 {
-    let mut sum = 0;
-    for k in 0..64 {
-        let difference = i32::from(a[k]) - i32::from(b[k]);
-        sum += (difference * difference) as u32;
+vectorised! {
+    /// Sum of squared differences of a block.
+    fn squared_difference, squared_difference_plain(a: &[u8; 64], b: &[u8; 64]) -> u32 {
+        let mut sum = 0;
+        for k in 0..64 {
+            let difference = i32::from(a[k]) - i32::from(b[k]);
+            sum += (difference * difference) as u32;
+        }
+        sum
     }
-    sum
 }
 
 vectorised! {
@@ -240,7 +242,7 @@ vectorised! {
     fn squared_differences, squared_differences_plain(a: &[[u8; 64]; 6], b: &[[u8; 64]; 6]) -> [u32; 6] {
         let mut sums = [0; 6];
         for block in 0..6 {
-            sums[block] = squared_difference(&a[block], &b[block]);
+            sums[block] = squared_difference_plain(&a[block], &b[block]);
         }
         sums
     }

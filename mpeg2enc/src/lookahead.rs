@@ -9,7 +9,7 @@ mod scene;
 pub(crate) mod tree;
 
 use crate::{
-    Frame, MotionField,
+    Effort, Frame, MotionField,
     kernel::{self, Place},
     motion::{Candidates, CoarseSearch, HalfSample, Range, Search, quarter},
     predict::place_of,
@@ -70,7 +70,7 @@ impl Waiting {
 pub(crate) struct Match {
     /// In half samples of the half-size picture.
     pub vector: HalfSample,
-    /// Sum of absolute differences, transformed unless all is to be quick.
+    /// Sum of absolute differences, transformed or plain.
     pub cost: u32,
 }
 
@@ -99,14 +99,15 @@ pub(crate) struct Lookahead {
     frames: VecDeque<Waiting>,
     /// Display index of the first of them.
     first: usize,
-    /// Are plain differences good enough?
+    /// Is only what tells new scenes and begins vectors to be found?
     quick: bool,
+    /// Do transformed differences count, which are nearer to bits, or plain ones?
+    transformed: bool,
 }
 
 impl Lookahead {
-    /// With `quick`, only what tells new scenes and begins vectors is found, by plain differences.
-    pub fn new(quick: bool) -> Self {
-        Self { frames: VecDeque::new(), first: 0, quick }
+    pub fn new(effort: Effort) -> Self {
+        Self { frames: VecDeque::new(), first: 0, quick: effort == Effort::Fast, transformed: effort == Effort::Best }
     }
 
     /// One more than the display index of the last frame.
@@ -155,7 +156,7 @@ impl Lookahead {
     /// What every macroblock of a frame costs without a prediction.
     pub fn intra_costs(&self, index: usize) -> &Arc<[u32]> {
         let frame = self.get(index);
-        frame.intra_costs.get_or_init(|| intra_costs(frame.half(), self.quick))
+        frame.intra_costs.get_or_init(|| intra_costs(frame.half(), self.transformed))
     }
 
     /// Is the motion of this frame towards its neighbour given?
@@ -230,7 +231,7 @@ impl Lookahead {
         // Farther frames are reached by way of nearer ones.
         let turned_round = delta == 1 && self.is_known(index + 1, -1).is_some();
         let wide = delta.abs() == 1 && self.is_known(index, delta).is_none() && !turned_round;
-        let (columns, quick) = (self.columns(), self.quick);
+        let (columns, transformed) = (self.columns(), self.transformed);
         let rows = candidates.len() / columns;
         let matches: Arc<[Match]> = (0..rows)
             .into_par_iter()
@@ -247,7 +248,7 @@ impl Lookahead {
                         &candidates[i],
                         before.map(|b| b[i].vector),
                         wide,
-                        quick,
+                        transformed,
                     );
                     left = found.vector;
                     found
@@ -271,7 +272,13 @@ impl Lookahead {
             .into_par_iter()
             .map(|i| {
                 let (f, b) = (forward[i], backward[i]);
-                let both = mean_cost(frame.half(), references, (i % columns, i / columns), [f.vector, b.vector]);
+                let both = mean_cost(
+                    frame.half(),
+                    references,
+                    (i % columns, i / columns),
+                    [f.vector, b.vector],
+                    self.transformed,
+                );
                 let best = both.min(f.cost).min(b.cost);
                 let shares = if best == both {
                     [1, 1]
@@ -373,7 +380,7 @@ fn best_match(
     candidates: &Candidates,
     before: Option<HalfSample>,
     wide: bool,
-    quick: bool,
+    transformed: bool,
 ) -> Match {
     let range = Range::of_block(reference.half(), BLOCK, column, row, REACH);
     let mut search =
@@ -395,7 +402,7 @@ fn best_match(
             }
         }
     }
-    if !quick {
+    if transformed {
         if !candidates.one_motion {
             search.refine();
         }
@@ -404,12 +411,13 @@ fn best_match(
     Match { vector: search.best, cost: search.best_error }
 }
 
-/// Sum of absolute transformed differences to the mean of two predictions.
+/// Sum of absolute differences to the mean of two predictions, transformed or plain.
 fn mean_cost(
     source: &Plane<u8>,
     references: [&Plane<u8>; 2],
     (column, row): (usize, usize),
     vectors: [HalfSample; 2],
+    transformed: bool,
 ) -> u32 {
     let mut predicted = [[[0u8; BLOCK]; BLOCK]; 2];
     for s in 0..2 {
@@ -418,8 +426,12 @@ fn mean_cost(
     }
     let mut mean = [[0; BLOCK]; BLOCK];
     kernel::mean(predicted[0].as_flattened(), predicted[1].as_flattened(), mean.as_flattened_mut());
-    let block = source.block(column, row);
-    kernel::transformed_difference::<BLOCK>(block.as_chunks().0.try_into().expect("8 rows"), whole(&mean))
+    difference(source.block(column, row).as_chunks().0.try_into().expect("8 rows"), whole(&mean), transformed)
+}
+
+/// Sum of absolute differences, transformed or plain.
+fn difference(source: &[[u8; BLOCK]; BLOCK], place: Place, transformed: bool) -> u32 {
+    if transformed { kernel::transformed_difference(source, place) } else { kernel::absolute_difference(source, place) }
 }
 
 /// A prediction that was made already.
@@ -428,7 +440,7 @@ fn whole(block: &[[u8; BLOCK]; BLOCK]) -> Place<'_> {
 }
 
 /// Sums of absolute differences of every block to its mean, transformed or plain.
-fn intra_costs(half: &Plane<u8>, quick: bool) -> Arc<[u32]> {
+fn intra_costs(half: &Plane<u8>, transformed: bool) -> Arc<[u32]> {
     let (columns, rows) = (half.width() / BLOCK, half.height() / BLOCK);
     (0..columns * rows)
         .map(|i| {
@@ -436,11 +448,7 @@ fn intra_costs(half: &Plane<u8>, quick: bool) -> Arc<[u32]> {
             let sum: u32 = block.iter().map(|&sample| u32::from(sample)).sum();
             let mean = [[((sum + 32) / 64) as u8; BLOCK]; BLOCK];
             let source = block.as_chunks().0.try_into().expect("8 rows");
-            if quick {
-                kernel::absolute_difference::<BLOCK>(source, whole(&mean))
-            } else {
-                kernel::transformed_difference::<BLOCK>(source, whole(&mean))
-            }
+            difference(source, whole(&mean), transformed)
         })
         .collect()
 }

@@ -3,7 +3,6 @@
 use crate::{
     Config, Frame, KnownMotion, PictureType, Rate,
     coder::{Coded, Coder, Direction, Job, Packet, sequence_end},
-    effort::Effort,
     header::{VBV_DELAY_VARIABLE, macroblock_counts},
     lookahead::{Lookahead, plan::Span},
     motion::Candidates,
@@ -47,7 +46,7 @@ impl LookaheadEncoder {
         let (columns, rows) = macroblock_counts(config.width, config.height);
         let state = LookaheadState {
             rate: RateControl::new(&config, columns * rows),
-            lookahead: Lookahead::new(config.effort == Effort::Fast),
+            lookahead: Lookahead::new(config.effort),
             anchors: [None, None],
             last_intra: 0,
             group_start: 0,

@@ -10,7 +10,7 @@ pub(crate) use {
 };
 
 use crate::{
-    Frame,
+    Effort, Frame,
     kernel::{self, Place},
     predict::place_of,
 };
@@ -89,8 +89,8 @@ pub(crate) struct Estimate<'a> {
     pub coarse: Option<CoarseSearch<'a>>,
     pub quantiser_scale: u32,
     pub f_code_max: [u32; 2],
-    /// Are half-sample positions compared by transformed differences, or by plain ones?
-    pub transformed: bool,
+    /// Best effort compares half-sample positions by transformed differences; fast effort takes what is given.
+    pub effort: Effort,
 }
 
 /// A step of half a sample in each of four directions.
@@ -147,7 +147,7 @@ impl Estimate<'_> {
         let poor = 256 * POOR_MATCH + 256 * POOR_MATCH_EIGHTHS * self.quantiser_scale / 8;
         let index = row * (self.source.width() / 16) + column;
         let candidates = self.candidates.get(index).unwrap_or(&Candidates::NONE);
-        if !self.transformed && candidates.one_motion {
+        if self.effort == Effort::Fast && candidates.one_motion {
             for &vector in candidates.vectors() {
                 search.try_vector(vector);
             }
@@ -182,7 +182,7 @@ impl Estimate<'_> {
                 search.descend();
             }
         }
-        if self.transformed {
+        if self.effort == Effort::Best {
             // Even around what is given: a field need not be right.
             search.transform_differences();
             search.settle();
@@ -384,7 +384,9 @@ mod tests {
             let (reference, source) = (moved(0.0, 0.0), moved(x, y));
             let field = MotionField::new(Plane::filled(128, 96, [x as f32, y as f32]));
             let quarters = [&source, &reference].map(|frame| quarter(&frame.luma));
-            for (field, transformed) in [(None, false), (Some(&field), false), (None, true), (Some(&field), true)] {
+            for (field, effort) in
+                [(None, Effort::Fast), (Some(&field), Effort::Fast), (None, Effort::Best), (Some(&field), Effort::Best)]
+            {
                 let estimate = Estimate {
                     source: &source,
                     reference: &reference,
@@ -393,7 +395,7 @@ mod tests {
                     coarse: Some(CoarseSearch { source: &quarters[0], reference: &quarters[1] }),
                     quantiser_scale: 4,
                     f_code_max: [7, 4],
-                    transformed,
+                    effort,
                 };
                 let vectors = estimate.vectors();
                 let truth = HalfSample { x: (2.0 * x) as i32, y: (2.0 * y) as i32 };

@@ -4,11 +4,24 @@
 //! Nothing is coded twice to compare. What is predicted poorly goes the long way, since it may have to be intra.
 
 use super::{Decision, Workspace, in_coefficients};
-use crate::{dct, header::PictureType, macroblock::Mode, motion::HalfSample, quant::Kind};
+use crate::{
+    dct,
+    header::PictureType,
+    kernel,
+    macroblock::Mode,
+    motion::HalfSample,
+    quant::{Block, Kind},
+};
 
 /// Bits that an intra macroblock takes, or nearly so, on the clips of README.md: what differs less than these are worth is not
 /// intra.
 const INTRA_BITS: i64 = 150;
+
+/// Bits of a macroblock that has a vector and nothing else.
+const VECTOR_BITS: i64 = 8;
+
+/// The last quantiser_scale at which rounding to whole samples counts.
+const FINE: i32 = 6;
 
 impl Decision<'_> {
     /// False if it takes a closer look to decide.
@@ -49,14 +62,32 @@ impl Decision<'_> {
                 let energy = in_coefficients(error);
                 let coded = quantiser.quantise(&coefficients, energy, Kind::Inter, self.rounding());
                 if coded.is_coded() && coded.error + self.lambda * i64::from(coded.bits) < energy {
-                    *block = coded;
-                    let restored = quantiser.dequantise(block, Kind::Inter);
+                    let restored = quantiser.dequantise(&coded, Kind::Inter);
                     dct::inverse_onto(&restored, predicted, &mut work.reconstruction[i]);
-                    continue;
+                    // Where steps are fine, what is left after rounding is not what coefficients foretell.
+                    let left = || kernel::squared_difference(source, &work.reconstruction[i]);
+                    if quantiser.scale > FINE || in_coefficients(left()) + self.lambda * i64::from(coded.bits) < energy
+                    {
+                        *block = coded;
+                        continue;
+                    }
                 }
             }
             block.clear();
             work.reconstruction[i] = *predicted;
+        }
+        if !work.best.macroblock.blocks.iter().any(Block::is_coded)
+            && let Some(skipped) = self.state.skipped_mode(self.slice, self.column)
+            && skipped != mode
+        {
+            // What takes no bits at all may do as well.
+            work.predictions.consider(self, skipped);
+            let entry = work.predictions.order.iter().find(|entry| entry.0 == skipped);
+            if let Some(&(_, skipped_error, index)) = entry
+                && in_coefficients(skipped_error) <= in_coefficients(error) + VECTOR_BITS * self.lambda
+            {
+                self.finish_uncoded(skipped, index, work);
+            }
         }
         true
     }
