@@ -57,6 +57,9 @@ struct Arguments {
     /// One quantiser for all macroblocks of I and P pictures
     #[arg(long)]
     uniform: bool,
+    /// Finer quantisers where the picture is smooth, coarser ones where it is busy
+    #[arg(long, conflicts_with = "uniform")]
+    adaptive: bool,
     /// No reordering and no waiting: I and P pictures only
     #[arg(long)]
     zero_delay: bool,
@@ -66,7 +69,7 @@ struct Arguments {
     /// Table B.14 for intra blocks instead of Table B.15
     #[arg(long)]
     no_intra_vlc: bool,
-    /// Bits of the intra DC coefficient, 8 to 10
+    /// Bits of the intra DC coefficient, 8 to 11
     #[arg(long, default_value_t = 8)]
     dc: u32,
     /// Motion to the frame before: i16 pairs, little endian, in 64ths of a pixel, frame after frame
@@ -117,6 +120,7 @@ fn encode(arguments: &Arguments) -> Result<()> {
         .with_closed_gop(arguments.closed)
         .with_scene_cuts(!arguments.no_scene_cuts)
         .with_uniform_quantiser(arguments.uniform)
+        .with_adaptive_quantisation(arguments.adaptive)
         .with_alternate_scan(arguments.alternate_scan)
         .with_intra_table(if arguments.no_intra_vlc { CoefficientTable::Zero } else { CoefficientTable::One })
         .with_intra_dc_precision(arguments.dc)

@@ -1,8 +1,9 @@
 //! Headers of sequence, group and picture (6.2.2, 6.2.3).
 
 use crate::{
-    Config, Rate, Standard,
+    Config, Level, Rate, Standard,
     bits::{BitSink, BitWriter},
+    level::Limits,
     quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX, QuantiserParameters},
     scan::ZIGZAG,
 };
@@ -98,7 +99,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     }
     writer.start_code(EXTENSION_START_CODE);
     writer.put(SEQUENCE_EXTENSION_ID, 4); // extension_start_code_identifier
-    writer.put(0b0100 << 4 | limits.level_indication, 8); // profile_and_level_indication: Main Profile
+    writer.put(profile_and_level(config.intra_dc_precision, limits), 8);
     writer.put(1, 1); // progressive_sequence
     writer.put(1, 2); // chroma_format: 4:2:0
     writer.put(horizontal_size >> 12, 2); // horizontal_size_extension
@@ -208,4 +209,11 @@ pub(crate) fn put_slice_header(writer: &mut BitWriter, row: usize, height: usize
 /// sequence_end_code (6.2.2).
 pub(crate) fn put_sequence_end(writer: &mut BitWriter) {
     writer.start_code(SEQUENCE_END_CODE);
+}
+/// profile_and_level_indication (clause 8): Main Profile, or High Profile for an intra DC of 11 bits, which has no Low Level.
+fn profile_and_level(intra_dc_precision: u32, limits: &Limits) -> u32 {
+    match intra_dc_precision {
+        11 => 0b0001 << 4 | limits.level_indication.min(Level::Main.limits().level_indication),
+        _ => 0b0100 << 4 | limits.level_indication,
+    }
 }

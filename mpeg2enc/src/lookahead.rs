@@ -7,6 +7,7 @@
 pub(crate) mod plan;
 mod scene;
 pub(crate) mod tree;
+pub(crate) mod weights;
 
 use crate::{
     Effort, Frame, MotionField,
@@ -48,6 +49,8 @@ pub(crate) struct Waiting {
     intra_costs: OnceLock<Arc<[u32]>>,
     /// Does a new scene begin here?
     is_scene_cut: Option<bool>,
+    /// Factors of quantiser_scale in 256ths, where macroblocks do not count alike.
+    pub weights: Option<Vec<u32>>,
     /// Of every macroblock, by distance of the reference frame.
     matches: BTreeMap<isize, Arc<[Match]>>,
     /// Of every macroblock as part of a B picture, by the distances of both reference frames.
@@ -119,8 +122,8 @@ impl Lookahead {
         &self.frames[index - self.first]
     }
 
-    /// Takes the next frame, in whole macroblocks.
-    pub fn push(&mut self, source: Frame, motion: KnownMotion) {
+    /// Takes the next frame, in whole macroblocks, and factors of quantiser_scale for them.
+    pub fn push(&mut self, source: Frame, motion: KnownMotion, weights: Option<Vec<u32>>) {
         let (columns, rows) = (source.width() / 16, source.height() / 16);
         let known =
             [motion.to_previous, motion.to_next].map(|field| field.map(|field| field.all_candidates(columns, rows)));
@@ -129,6 +132,7 @@ impl Lookahead {
             quarter: OnceLock::new(),
             intra_costs: OnceLock::new(),
             is_scene_cut: None,
+            weights,
             source,
             known,
             matches: BTreeMap::new(),

@@ -4,10 +4,11 @@ use crate::{
     Config, Frame, KnownMotion, PictureType, Rate,
     coder::{Coded, Coder, Direction, Job, Packet, sequence_end},
     header::{VBV_DELAY_VARIABLE, macroblock_counts},
-    lookahead::{Lookahead, plan::Span},
+    lookahead::{Lookahead, plan::Span, weights},
     motion::Candidates,
     rate::{RateControl, Upcoming},
 };
+use plane::Plane;
 
 /// Encodes pictures that may wait for later ones; made by [`Config::lookahead_encoder`].
 ///
@@ -77,11 +78,31 @@ impl LookaheadEncoder {
     /// # Panics
     /// If frame or motion fields have another size than the [`Config`].
     pub fn push(&mut self, frame: &Frame, motion: KnownMotion) -> Vec<Packet> {
+        self.push_frame(frame, motion, None)
+    }
+
+    /// The same with a factor of quantiser_scale for every macroblock: below 1 where errors show, above 1 where they do not.
+    /// They take the place of those of [`Config::with_adaptive_quantisation`].
+    ///
+    /// # Panics
+    /// If frame or motion fields have another size than the [`Config`], or `weights` is not a sample for each 16×16 samples of
+    /// luma, what is begun counted as whole.
+    pub fn push_weighted(&mut self, frame: &Frame, motion: KnownMotion, weights: &Plane<f32>) -> Vec<Packet> {
+        let counts = macroblock_counts(self.config().width, self.config().height);
+        assert_eq!((weights.width(), weights.height()), counts, "weights that are not one for each macroblock");
+        self.push_frame(frame, motion, Some(weights::given(weights)))
+    }
+
+    fn push_frame(&mut self, frame: &Frame, motion: KnownMotion, weights: Option<Vec<u32>>) -> Vec<Packet> {
         let config = &self.coder.config;
         config.check_input(frame, motion.to_previous);
         config.check_input(frame, motion.to_next);
         let (columns, rows) = macroblock_counts(config.width, config.height);
-        self.state.lookahead.push(frame.resized(16 * columns, 16 * rows), motion);
+        let source = frame.resized(16 * columns, 16 * rows);
+        let weights = weights
+            .or_else(|| config.adaptive_quantisation.then(|| weights::by_activity(&source.luma)))
+            .filter(|_| config.varies());
+        self.state.lookahead.push(source, motion, weights);
         self.code(self.coder.config.lookahead())
     }
 
@@ -189,7 +210,11 @@ impl LookaheadEncoder {
         factors: &[u32],
         vbv_delay: u32,
     ) -> Coded {
-        let scales_x16: Vec<u32> = factors.iter().map(|factor| (base_x16 * factor / 256).clamp(16, 112 * 16)).collect();
+        let scale_x16 = |(i, factor): (usize, &u32)| {
+            let weight = self.state.lookahead.get(index).weights.as_ref().map_or(256, |weights| weights[i]);
+            (base_x16 * factor / 256 * weight / 256).clamp(16, 112 * 16)
+        };
+        let scales_x16: Vec<u32> = factors.iter().enumerate().map(scale_x16).collect();
         // Forward from the newest anchor in a P picture, from the one before in a B picture.
         let references = match picture_type {
             PictureType::I => [None, None],

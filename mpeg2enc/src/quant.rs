@@ -74,7 +74,7 @@ pub(crate) enum Kind {
 pub(crate) struct QuantiserParameters {
     pub standard: Standard,
     pub q_scale_type: bool,
-    /// In bits, 8 to 10.
+    /// In bits, 8 to 11.
     pub intra_dc_precision: u32,
     pub alternate_scan: bool,
     /// Table of the coefficients of intra blocks: intra_vlc_format.

@@ -78,7 +78,7 @@ fn noise_needs_escape_codes_and_survives() {
 
 #[test]
 fn finer_intra_dc_is_understood() {
-    for bits in [9, 10] {
+    for bits in [9, 10, 11] {
         let settings = config(80, 48).with_intra_dc_precision(bits).with_quantiser_scale(20).with_gop(5);
         let (stream, packets) = encode(settings, (0..12).map(|time| moving(80, 48, time)));
         check_decoders(&stream, &packets, AGREEMENT_DB);

@@ -4,6 +4,7 @@ mod common;
 
 use common::*;
 use mpeg2enc::{CoefficientTable, Config, Effort, FrameRate, KnownMotion, Packet, PictureType, Rate};
+use plane::Plane;
 
 /// A small generator: each call gives a number below `below`.
 struct Random(u64);
@@ -46,9 +47,10 @@ fn random_streams_are_understood() {
             .with_closed_gop(random.below(2) == 0)
             .with_scene_cuts(random.below(2) == 0)
             .with_uniform_quantiser(random.below(3) == 0)
+            .with_adaptive_quantisation(random.below(3) == 0)
             .with_alternate_scan(random.below(3) == 0)
             .with_intra_table(random.choose(&[CoefficientTable::Zero, CoefficientTable::One]))
-            .with_intra_dc_precision(random.choose(&[8, 9, 10]))
+            .with_intra_dc_precision(random.choose(&[8, 9, 10, 11]))
             .with_rate(random.choose(&rates));
         if random.below(4) == 0 {
             config = config.with_matrices(matrix, matrix.map(|weight| weight + 5));
@@ -238,4 +240,25 @@ fn a_rate_that_no_level_allows_is_an_error() {
     assert!(message.contains("lookahead_encoder"), "{message}");
     let message = config(176, 144).with_b_pictures(8).lookahead_encoder().err().expect("an error").to_string();
     assert!(message.contains("0 to 7"), "{message}");
+}
+
+#[test]
+fn weights_move_quantisers_and_bits() {
+    let (width, height) = (96, 64);
+    // Finer on the left, coarser on the right.
+    let weights = Plane::from_fn(6, 4, |x, _| if x < 3 { 0.5 } else { 2.0 });
+    let mut encoder = config(width, height).with_quantiser_scale(16).lookahead_encoder().unwrap();
+    let mut packets = Vec::new();
+    for time in 0..6 {
+        packets.extend(encoder.push_weighted(&moving(width, height, time), KnownMotion::default(), &weights));
+    }
+    let (rest, end) = encoder.finish();
+    packets.extend(rest);
+    for packet in packets.iter().filter(|packet| packet.picture_type == PictureType::I) {
+        let scales = &packet.quantiser_scales;
+        assert!((0..4).all(|y| (0..3).all(|x| 2 * scales.get(x, y) < scales.get(x + 3, y))), "{scales:?}");
+    }
+    let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
+    stream.extend(end);
+    check(&stream, &packets, "weights");
 }
