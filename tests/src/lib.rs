@@ -13,4 +13,4 @@ pub use glb::{Glb, Moving, Quad, checkered_room};
 pub use program::{
     Finished, Rendered, assert_fails, cornell, program, render, render2mpeg, shared_scenes, sorted_names,
 };
-pub use replay::{encode, load, motion_fields};
+pub use replay::{encode, load, motion, motion_fields};

@@ -2,6 +2,7 @@
 
 use mpeg2enc::{Frame, MotionField, Packet};
 use pipeline::{Plan, Settings, Wishes, stage};
+use plane::Plane;
 use render_core::scene::{self, Scene};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -15,6 +16,11 @@ pub fn load(path: &Path, wishes: Wishes) -> (Scene, Settings) {
 
 /// What the renderer knows of each frame's motion; nothing for the first.
 pub fn motion_fields(scene: &Scene, settings: &Settings) -> Vec<Option<MotionField>> {
+    motion(scene, settings).into_iter().map(|motion_px| motion_px.map(MotionField::new)).collect()
+}
+
+/// The same as planes: where each pixel was in the frame before minus where it is, in pixels; NaN where it was not seen.
+pub fn motion(scene: &Scene, settings: &Settings) -> Vec<Option<Plane<[f32; 2]>>> {
     let plan = Plan::new(scene, settings);
     let (out, frames) = crossbeam_channel::bounded(1);
     std::thread::scope(|scope| {
@@ -23,7 +29,7 @@ pub fn motion_fields(scene: &Scene, settings: &Settings) -> Vec<Option<MotionFie
             let out = out;
             stage::prepare::run(scene, settings, &plan, &AtomicBool::new(false), &out);
         });
-        frames.iter().map(|frame| frame.correspondence.map(|known| MotionField::new(known.motion.clone()))).collect()
+        frames.iter().map(|frame| frame.correspondence.map(|known| known.motion.clone())).collect()
     })
 }
 

@@ -1,0 +1,64 @@
+//! Renders clips of the shipped scenes, with their exact motion beside them, for `tests/compare_encoders.py`:
+//!
+//! ```sh
+//! cargo run --release -p tests --example clips -- out/clips
+//! cargo run --release -p tests --example clips -- out/clips 512x512 60
+//! ```
+//!
+//! The arguments are a folder, a size (352x288 if not given) and a number of frames (30). NAME.y4m is what the encoder gets,
+//! NAME.mvp the motion to the frame before: pairs of i16, little endian, in 64ths of a pixel, −32768 where the surface could not be
+//! seen; zeros for the first frame.
+
+use pipeline::settings::Size;
+use pipeline::{Plan, Wishes, output::Output};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+const SCENES: [&str; 3] = ["cornell", "conference", "atrium"];
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let Some(folder) = arguments.first().map(PathBuf::from) else {
+        eprintln!("usage: clips FOLDER [WxH [FRAMES]]");
+        std::process::exit(2);
+    };
+    let size = arguments.get(1).map_or("352x288", |size| size).parse().expect("a size such as 352x288");
+    let frames = arguments.get(2).map_or(30, |frames| frames.parse().expect("a number of frames"));
+    std::fs::create_dir_all(&folder).expect("the folder can be made");
+    for scene in SCENES {
+        write_clip(scene, &folder.join(scene), size, frames);
+    }
+}
+
+fn write_clip(name: &str, base: &Path, size: Size, frames: u32) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../scenes/{name}/{name}.glb"));
+    let wishes = Wishes {
+        output: Some(base.with_extension("m2v")),
+        y4m: Some(base.with_extension("y4m")),
+        size: Some(size),
+        frames: Some(frames),
+        qscale: Some(2),
+        ..Wishes::default()
+    };
+    let (scene, settings) = tests::load(&path, wishes);
+    let plan = Plan::new(&scene, &settings);
+    let output = Output::create(&settings.output).expect("the folder can be written to");
+    let tell = |frame: &pipeline::report::FrameReport| eprint!("\r{name}: frame {}   ", frame.index);
+    pipeline::render(&scene, &settings, &plan, output, &AtomicBool::new(false), tell).expect("the run succeeds");
+    let mut bytes = Vec::new();
+    for motion in tests::motion(&scene, &settings) {
+        let Some(motion_px) = motion else {
+            bytes.resize(bytes.len() + 4 * size.width * size.height, 0);
+            continue;
+        };
+        for &vector in motion_px.samples() {
+            let is_known = vector.iter().all(|component| component.abs() < 500.0); // false for NaN
+            let parts = vector.map(|component| if is_known { (64.0 * component).round() as i16 } else { i16::MIN });
+            bytes.extend(parts.iter().flat_map(|part| part.to_le_bytes()));
+        }
+    }
+    let mut file = std::fs::File::create(base.with_extension("mvp")).expect("the folder can be written to");
+    file.write_all(&bytes).expect("the motion can be written");
+    eprintln!();
+}
