@@ -284,6 +284,15 @@ mod tests {
                     }
                 }
                 let overall = |values: &[f64; 64]| values.iter().sum::<f64>() / 64.0;
+                println!(
+                    "{}..{}: peak {peak}, mean square {:.5} (worst place {:.5}), mean {:.6} (worst place {:.6})",
+                    -low * sign,
+                    high * sign,
+                    overall(&square),
+                    square.iter().fold(0.0f64, |a, &b| a.max(b)),
+                    overall(&mean),
+                    mean.iter().fold(0.0f64, |a, &b| a.max(b.abs()))
+                );
                 assert!(peak <= 1.0, "peak error {peak}");
                 assert!(square.iter().all(|&e| e <= 0.06) && overall(&square) <= 0.02, "mean square errors {square:?}");
                 assert!(

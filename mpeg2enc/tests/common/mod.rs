@@ -119,16 +119,41 @@ pub fn largest_difference(a: &Frame, b: &Frame) -> u8 {
     of(&a.luma, &b.luma).max(of(&a.cb, &b.cb)).max(of(&a.cr, &b.cr))
 }
 
+/// How far decoders were from reconstructions.
+#[derive(Debug, Default)]
+pub struct Distance {
+    pub largest: u8,
+    pub squares: u64,
+    pub samples: u64,
+}
+
+impl Distance {
+    fn add(&mut self, a: &Frame, b: &Frame) {
+        self.largest = self.largest.max(largest_difference(a, b));
+        for (a, b) in [(&a.luma, &b.luma), (&a.cb, &b.cb), (&a.cr, &b.cr)] {
+            let square = |(&a, &b): (&u8, &u8)| u64::from(a.abs_diff(b)).pow(2);
+            self.squares += a.samples().iter().zip(b.samples()).map(square).sum::<u64>();
+            self.samples += a.samples().len() as u64;
+        }
+    }
+}
+
 /// Both decoders show the reconstruction, to within 2 at every sample.
 pub fn check(stream: &[u8], packets: &[Packet], what: &str) {
+    measure_distances(stream, packets, what, &mut Default::default());
+}
+
+/// The same, and adds up how far ffmpeg and mpeg2dec are away.
+pub fn measure_distances(stream: &[u8], packets: &[Packet], what: &str, distances: &mut [Distance; 2]) {
     let (width, height) = (packets[0].reconstruction.width(), packets[0].reconstruction.height());
     let decoders = [
         ("ffmpeg", decode_ffmpeg(stream, width, height, "faani")),
         ("mpeg2dec", decode_mpeg2dec(stream, width, height)),
     ];
-    for (decoder, frames) in decoders {
+    for ((decoder, frames), sum) in decoders.into_iter().zip(distances) {
         assert_eq!(frames.len(), packets.len(), "{decoder} shows every picture of {what}");
         for (i, (frame, packet)) in frames.iter().zip(packets).enumerate() {
+            sum.add(frame, &packet.reconstruction);
             let difference = largest_difference(frame, &packet.reconstruction);
             assert!(difference <= 2, "{decoder}, picture {i} ({:?}) of {what}: {difference}", packet.picture_type);
         }
