@@ -3,11 +3,11 @@
 /// How much computation a picture is worth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Effort {
-    /// One trial for a macroblock, levels by rounding.
+    /// Motion as it is given, the prediction that differs least, levels by rounding.
     Fast,
-    /// Vectors by transformed differences, two trials for a macroblock, levels by shortest path.
+    /// Vectors around what is given, types of pictures by content, macroblock-tree, levels by shortest path.
     #[default]
     Balanced,
-    /// Every prediction is coded for comparison, and where quantisers may vary the cheapest is kept.
+    /// Vectors by transformed differences, every prediction coded for comparison, and where quantisers may vary the cheapest one.
     Best,
 }
