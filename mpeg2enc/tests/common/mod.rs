@@ -237,6 +237,8 @@ pub fn decode_ffmpeg(stream: &[u8], width: usize, height: usize, idct: &str) -> 
     let (body, end) = stream.split_at(stream.len() - 4);
     assert_eq!(end, [0, 0, 1, 0xb7], "a stream ends with sequence_end_code");
     let common = ["-nostdin", "-v", "warning", "-xerror", "-threads", "1", "-idct", idct, "-f", "mpegvideo"];
+    // Enough for a few pictures of noise: with less ffmpeg says that it cannot estimate their rate.
+    let common = [&common[..], &["-probesize", "100M"]].concat();
     let decode = |stream: &[u8], flags: &[&str], output: &[&str]| {
         let file = StreamFile::new(stream);
         let input = ["-i", file.path(), "-fps_mode", "passthrough"];
