@@ -24,6 +24,7 @@ pub struct MotionField {
 
 /// One vector per luma sample.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum Vectors {
     Pixels(Plane<[f32; 2]>),
     Parts(Plane<[i16; 2]>),
