@@ -1,5 +1,7 @@
 //! What was typed.
 
+use crate::command::compare::Compare;
+use crate::command::sweep::Sweep;
 use clap::{Args, Parser, Subcommand};
 use pipeline::Wishes;
 use pipeline::reference::Method;
@@ -22,7 +24,9 @@ use std::path::PathBuf;
   render2mpeg render --config job.toml --qscale 4
   render2mpeg plan scene.glb
   render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr
-  render2mpeg compare frame_00010.exr truth.exr"
+  render2mpeg compare frame_00010.exr truth.exr
+  render2mpeg compare film.m2v film.y4m --heatmap where.png
+  render2mpeg sweep scene.glb --qscale 2,16,48              error against run time, as a page"
 )]
 pub struct Arguments {
     /// What to do.
@@ -46,6 +50,9 @@ pub enum Command {
         /// Where the JSON report goes [default: beside the video, .report.json]
         #[arg(long, value_name = "FILE")]
         report: Option<PathBuf>,
+        /// Also write a page with plots of every frame's time, bits, PSNR and cut size
+        #[arg(long, value_name = "FILE.html")]
+        html: Option<PathBuf>,
         /// Also write every frame as linear OpenEXR into this folder
         #[arg(long, value_name = "DIR")]
         exr: Option<PathBuf>,
@@ -124,16 +131,10 @@ pub enum Command {
         #[arg(short, long)]
         quiet: bool,
     },
-    /// Say how far an OpenEXR picture is from another.
-    Compare {
-        /// The picture to be judged
-        picture: PathBuf,
-        /// The reference; if it tells its variance, its noise is taken off
-        reference: PathBuf,
-        /// As JSON
-        #[arg(long)]
-        json: bool,
-    },
+    /// Say how far pictures, sequences or videos are from a reference.
+    Compare(Compare),
+    /// Compare methods: error against run time, before and after decoding, with tables, plots and a page that shows it all.
+    Sweep(Sweep),
     /// Show what a scene needs, what is left out, and why; render nothing.
     #[command(args_override_self = true)]
     Plan {

@@ -5,14 +5,18 @@
 pub mod checkpoint;
 pub mod compare;
 pub mod couple;
+pub mod false_color;
 pub mod message;
 pub mod observe;
 pub mod output;
+pub mod page;
 pub mod plan;
+pub mod png_file;
 pub mod reference;
 pub mod report;
 pub mod settings;
 pub mod stage;
+pub mod sweep;
 pub mod video;
 
 mod run;

@@ -1,6 +1,7 @@
 //! `render2mpeg`: arguments, settings, run, report. The one place that prints errors and sets the exit code.
 
 mod args;
+mod command;
 mod config_file;
 mod progress;
 mod trace;
@@ -9,7 +10,6 @@ use anyhow::{Context, Result};
 use args::{Arguments, Command};
 use clap::CommandFactory;
 use pipeline::checkpoint::Checkpoints;
-use pipeline::compare::compare_files;
 use pipeline::observe::OnFrame;
 use pipeline::output::Output;
 use pipeline::reference::{self, Method};
@@ -54,6 +54,7 @@ fn run(command: Command) -> Result<ExitCode> {
             job,
             output,
             report,
+            html,
             exr,
             aov,
             y4m,
@@ -70,7 +71,7 @@ fn run(command: Command) -> Result<ExitCode> {
             let (path, mut wishes) = job.wishes();
             (wishes.output, wishes.exr, wishes.aov, wishes.y4m) = (output, exr, aov, y4m);
             let show = Show { quiet, verbose, json_progress, print_config };
-            render(path, wishes, Files { report, trace }, Persistence { resume, checkpoint }, threads, show)
+            render(path, wishes, Files { report, html, trace }, Persistence { resume, checkpoint }, threads, show)
         }
         Command::Reference {
             scene: path,
@@ -121,15 +122,18 @@ fn run(command: Command) -> Result<ExitCode> {
             print_whole(&man(command.as_deref())?);
             Ok(ExitCode::SUCCESS)
         }
-        Command::Compare { picture, reference, json } => {
-            let comparison = compare_files(&picture, &reference)?;
-            if json {
-                println!("{}", serde_json::to_string_pretty(&comparison)?);
-            } else {
-                println!("{comparison}");
+        Command::Sweep(arguments) => {
+            use_threads(arguments.threads)?;
+            let stop = stop_on_interrupt()?;
+            match command::sweep::run(arguments, &stop) {
+                Err(error) if stop.load(Ordering::Relaxed) => {
+                    eprintln!("render2mpeg: {error:#}");
+                    Ok(ExitCode::from(INTERRUPTED))
+                }
+                result => result,
             }
-            Ok(ExitCode::SUCCESS)
         }
+        Command::Compare(arguments) => command::compare::run(&arguments),
     }
 }
 
@@ -144,6 +148,8 @@ fn use_threads(threads: Option<u16>) -> Result<()> {
 /// What a run leaves besides the film.
 struct Files {
     report: Option<PathBuf>,
+    /// A page of it.
+    html: Option<PathBuf>,
     trace: Option<PathBuf>,
 }
 
@@ -161,10 +167,24 @@ struct Show {
     print_config: bool,
 }
 
+/// A flag that Ctrl-C sets.
+fn stop_on_interrupt() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = stop.clone();
+    ctrlc::set_handler(move || {
+        // The second time, the user means it.
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(INTERRUPTED.into());
+        }
+    })
+    .context("Ctrl-C cannot be watched for")?;
+    Ok(stop)
+}
+
 fn render(
     path: PathBuf,
     wishes: pipeline::Wishes,
-    Files { report, trace }: Files,
+    Files { report, html, trace }: Files,
     Persistence { resume, checkpoint }: Persistence,
     threads: Option<u16>,
     Show { quiet, verbose, json_progress, print_config }: Show,
@@ -177,6 +197,7 @@ fn render(
     if print_config {
         let more = [
             ("report", Some(report_path.display().to_string())),
+            ("html", html.map(|path| path.display().to_string())),
             ("checkpoint", checkpoint.map(|every| every.to_string())),
             ("trace", trace.map(|path| path.display().to_string())),
             ("threads", threads.map(|threads| threads.to_string())),
@@ -195,6 +216,7 @@ fn render(
     };
     let output = checkpoints.output(&settings)?;
     drop(Output::create(&report_path)?);
+    html.as_deref().map(Output::create).transpose()?;
     trace.as_deref().map(Output::create).transpose()?;
     if checkpoints.first_frame() == 0 {
         settings.y4m.as_deref().map(Output::create).transpose()?;
@@ -202,16 +224,7 @@ fn render(
     let tracing = trace.map(|path| (path, trace::Trace::new()));
     log_to(verbose, tracing.as_ref().map(|(_, trace)| trace.clone()));
 
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    ctrlc::set_handler(move || {
-        // The second time, the user means it.
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(INTERRUPTED.into());
-        }
-    })
-    .context("Ctrl-C cannot be watched for")?;
-
+    let stop = stop_on_interrupt()?;
     let first = checkpoints.first_frame();
     let progress = progress::Progress::new(&settings, &scene, first, quiet || verbose > 0);
     let lines = progress::JsonLines::new(json_progress);
@@ -224,6 +237,11 @@ fn render(
     progress.clear();
     let report = result?;
     report.write(&report_path)?;
+    if let Some(path) = &html {
+        let mut output = Output::create(path)?;
+        output.write(pipeline::page::run_page(&report)?.as_bytes())?;
+        output.finish()?;
+    }
     if let Some((path, trace)) = &tracing {
         trace.write(path)?;
     }

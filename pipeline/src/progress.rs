@@ -99,6 +99,15 @@ pub fn of_work(quiet: bool) -> ProgressBar {
     ProgressBar::new(0).with_style(style)
 }
 
+/// A line for work of many parts, which says what is going on.
+pub fn of_long_work(quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  about {eta} left  {msg}");
+    ProgressBar::new(0).with_style(style.expect("the template is correct"))
+}
+
 /// The figures that matter most, and where everything is.
 pub fn summary(report: &Report, video: &Path, report_path: &Path) {
     let s = &report.summary;

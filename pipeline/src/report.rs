@@ -202,11 +202,13 @@ impl Seconds {
         [s.update, s.photons, s.tree, s.visibility, s.direct, s.indirect, s.tone_map, s.encode, s.thresholds]
     }
 
-    fn sum(&self) -> f64 {
+    /// Of all parts.
+    pub(crate) fn sum(&self) -> f64 {
         self.parts().iter().sum()
     }
 
-    fn mean<'a>(all: impl Iterator<Item = &'a Seconds> + Clone) -> Seconds {
+    /// Of each part.
+    pub(crate) fn mean<'a>(all: impl Iterator<Item = &'a Seconds> + Clone) -> Seconds {
         let count = all.clone().count().max(1) as f64;
         let mut sums = [0.0; 9];
         for seconds in all {
@@ -245,7 +247,7 @@ impl Report {
             threshold_mean_relative: (0.0 + steered.iter().sum::<f64>()) / steered.len().max(1) as f64,
             tree_swaps_share: mean(&|frame| frame.tree_swaps_share),
             wall_seconds,
-            cpu_seconds: cpu_seconds(),
+            cpu_seconds: process_cpu_seconds(),
             peak_memory_bytes: peak_memory_bytes(),
         };
         Self {
@@ -285,15 +287,15 @@ fn picture_type<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static s
     known.ok_or_else(|| serde::de::Error::custom("a picture that is neither I nor P nor B"))
 }
 
-/// CPU time of the whole process.
+/// CPU time of the whole process \[s\]; nothing where the system does not tell.
 #[cfg(unix)]
-fn cpu_seconds() -> Option<f64> {
+pub(crate) fn process_cpu_seconds() -> Option<f64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
 }
 
 #[cfg(not(unix))]
-fn cpu_seconds() -> Option<f64> {
+pub(crate) fn process_cpu_seconds() -> Option<f64> {
     None
 }
 

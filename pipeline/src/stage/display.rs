@@ -90,7 +90,7 @@ pub fn run(
 }
 
 /// Brings the geometric mean of the lit pixels' luminance to middle grey.
-fn exposure_for(luminance: &Plane<f32>) -> f32 {
+pub(crate) fn exposure_for(luminance: &Plane<f32>) -> f32 {
     let logs: Vec<f64> = luminance.samples().iter().filter(|&&y| y > 0.0).map(|&y| f64::from(y).ln()).collect();
     if logs.is_empty() {
         return 1.0;

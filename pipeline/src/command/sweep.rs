@@ -1,0 +1,100 @@
+//! `render2mpeg sweep`.
+
+use crate::progress;
+use anyhow::{Context, Result};
+use clap::Args;
+use pipeline::Wishes;
+use pipeline::settings::Size;
+use pipeline::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method};
+use render_core::scene;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
+
+/// What is compared, and where the findings go.
+#[derive(Args)]
+pub struct Sweep {
+    /// A glTF 2.0 scene, .glb or .gltf
+    scene: PathBuf,
+    /// The folder for sweep.html, sweep.json, sweep.csv, plots and maps [default: the scene's name and "-sweep"]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+    /// Quantisers: a list of MPEG-2's quantiser_scale, 1 (best) to 112 (smallest) [default: 2,8,16,32,48]
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    qscale: Vec<u32>,
+    /// Methods: a list of lightcuts, paper, perceptual, calibrated, each also with -cache, and paths-4, -16, -64 [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "LIST", value_parser = Method::named)]
+    methods: Vec<&'static Method>,
+    /// Pictures; the first, for which no thresholds are known, does not count [default: 6]
+    #[arg(long, value_name = "N")]
+    frames: Option<u32>,
+    /// Of the picture, in pixels [default: 160x160]
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+    /// Pictures a second [default: as the TOML file says, else 25]
+    #[arg(long)]
+    fps: Option<f64>,
+    /// Multiplier on what masking allows, of the methods "perceptual" [default: as for films]
+    #[arg(long, value_name = "K")]
+    kappa: Option<f32>,
+    /// Anchor lights that carry the indirect light [default: as for films]
+    #[arg(long, value_name = "N")]
+    vpls: Option<usize>,
+    /// Photons a frame [default: 150 for each anchor light]
+    #[arg(long, value_name = "N")]
+    photons: Option<u64>,
+    /// Seed of photons and light tree [default: 1]
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// Threads [default: one per processor]; the pictures are the same for any number
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// No progress, no summary: only errors are shown
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Sweeps and writes.
+pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
+    let Sweep { scene: path, output, qscale, methods, frames, size, fps, kappa, vpls, photons, seed, quiet, .. } =
+        arguments;
+    let scene = scene::load(&path)?;
+    let folder = match output {
+        Some(folder) => folder,
+        None => {
+            let stem = path.file_stem().context("the scene's path has no file name")?;
+            PathBuf::from(format!("{}-sweep", stem.to_string_lossy()))
+        }
+    };
+    std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
+    // A folder that cannot be written to is told of before the work, not after it.
+    drop(pipeline::output::Output::create(&folder.join("sweep.json"))?);
+    let sweep = pipeline::sweep::Sweep {
+        common: Wishes {
+            frames: Some(frames.unwrap_or(DEFAULT_FRAMES)),
+            size: Some(size.unwrap_or(DEFAULT_SIZE)),
+            fps,
+            kappa,
+            vpls,
+            photons,
+            seed,
+            ..Wishes::default()
+        },
+        qscales: if qscale.is_empty() { DEFAULT_QSCALES.to_vec() } else { qscale },
+        methods: if methods.is_empty() { METHODS.iter().collect() } else { methods },
+    };
+    let line = progress::of_long_work(quiet);
+    let result = sweep.run(&path, &scene, &folder, stop, |progress| {
+        line.set_length(progress.all);
+        line.set_position(progress.done);
+        line.set_message(progress.doing.clone());
+    });
+    line.finish_and_clear();
+    let swept = result?;
+    swept.write(&folder)?;
+    if !quiet {
+        println!("{}", swept.outcome.table());
+        println!("page: {} (after {:.0} s)", folder.join("sweep.html").display(), swept.outcome.wall_seconds);
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,38 @@
+//! Where pictures differ.
+
+use super::picture::View;
+use crate::false_color::{false_color, log_share};
+use plane::Plane;
+
+/// Differences of luma, in code values of 219, that take the darkest and the brightest colour: from what rounding hides to
+/// what nobody misses.
+pub const RANGE: (f32, f32) = (0.25, 64.0);
+
+/// Sum of the luma differences of many pictures.
+#[derive(Clone, Debug, Default)]
+pub struct HeatMap {
+    sum: Plane<f32>,
+    count: u32,
+}
+
+impl HeatMap {
+    /// Adds |a − b|.
+    ///
+    /// # Panics
+    /// If the sizes differ, or are not those of the pictures before.
+    pub fn add(&mut self, a: &View, b: &View) {
+        if self.count == 0 {
+            self.sum = Plane::filled(a.fine_luma.width(), a.fine_luma.height(), 0.0);
+        }
+        assert_eq!(self.sum.samples().len(), a.fine_luma.samples().len(), "pictures of one size");
+        let differences = a.fine_luma.samples().iter().zip(b.fine_luma.samples()).map(|(a, b)| (a - b).abs());
+        self.sum.samples_mut().iter_mut().zip(differences).for_each(|(sum, difference)| *sum += difference);
+        self.count += 1;
+    }
+
+    /// The mean difference as false colours, by ratio over [`RANGE`].
+    pub fn picture(&self) -> Plane<[u8; 3]> {
+        let count = self.count.max(1) as f32;
+        self.sum.map(|sum| false_color(log_share(sum / count, RANGE.0, RANGE.1)))
+    }
+}

@@ -1,0 +1,163 @@
+//! Pictures from files: one, a folder of them, or a video.
+
+use super::picture::Picture;
+use crate::png_file;
+use anyhow::{Context, Result, bail};
+use mpeg2enc::Frame;
+use plane::Plane;
+use render_core::image_file;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+/// What ffmpeg is asked to read.
+const VIDEO_ENDINGS: [&str; 10] = ["m2v", "m1v", "mpg", "mpeg", "ts", "m2ts", "mp4", "mkv", "avi", "mov"];
+
+/// The pictures of a file or folder, one after the other.
+pub struct Pictures {
+    /// Where they come from.
+    pub path: PathBuf,
+    source: Source,
+}
+
+enum Source {
+    Files(std::vec::IntoIter<PathBuf>),
+    Y4m(Box<y4m::Decoder<Box<dyn Read>>>),
+    /// What ffmpeg sends; it is waited for at the end.
+    Ffmpeg(Box<y4m::Decoder<Box<dyn Read>>>, Child),
+}
+
+impl Pictures {
+    /// Opens an OpenEXR or PNG picture, a folder of either, or a video.
+    ///
+    /// # Errors
+    /// Nothing is there, or nothing that can be read; the message says what could.
+    pub fn open(path: &Path) -> Result<Self> {
+        let metadata = std::fs::metadata(path).with_context(|| format!("{} cannot be read", path.display()))?;
+        let source = if metadata.is_dir() {
+            Source::Files(pictures_in(path)?.into_iter())
+        } else {
+            match ending(path).as_str() {
+                "exr" | "png" => Source::Files(vec![path.to_owned()].into_iter()),
+                "y4m" => {
+                    let file = File::open(path).with_context(|| format!("{} cannot be read", path.display()))?;
+                    Source::Y4m(Box::new(y4m_decoder(path, Box::new(BufReader::new(file)))?))
+                }
+                video if VIDEO_ENDINGS.contains(&video) => ffmpeg(path)?,
+                _ => bail!(
+                    "{}: what can be compared are pictures (.exr, .png), folders of them, and videos (.y4m, .m2v, .mpg, .ts)",
+                    path.display()
+                ),
+            }
+        };
+        Ok(Self { path: path.to_owned(), source })
+    }
+}
+
+impl Iterator for Pictures {
+    type Item = Result<Picture>;
+
+    /// The next picture, or why it cannot be read; the message names its file.
+    fn next(&mut self) -> Option<Self::Item> {
+        match &mut self.source {
+            Source::Files(paths) => paths.next().map(|path| read_picture(&path)),
+            Source::Y4m(decoder) => next_frame(&self.path, decoder).transpose(),
+            Source::Ffmpeg(decoder, child) => match next_frame(&self.path, decoder).transpose() {
+                None => match child.wait() {
+                    Ok(status) if status.success() => None,
+                    _ => Some(Err(anyhow::anyhow!("{}: ffmpeg could not decode it to the end", self.path.display()))),
+                },
+                picture => picture,
+            },
+        }
+    }
+}
+
+impl Drop for Pictures {
+    fn drop(&mut self) {
+        if let Source::Ffmpeg(_, child) = &mut self.source {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+fn ending(path: &Path) -> String {
+    path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
+/// The pictures in a folder, by name.
+fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let context = || format!("{} cannot be read", folder.display());
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).with_context(context)? {
+        let path = entry.with_context(context)?.path();
+        if matches!(ending(&path).as_str(), "exr" | "png") {
+            paths.push(path);
+        }
+    }
+    if paths.is_empty() {
+        bail!("{}: there are no .exr or .png files in this folder", folder.display());
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+fn read_picture(path: &Path) -> Result<Picture> {
+    if ending(path) == "png" {
+        return Ok(Picture::Display(png_file::read(path)?));
+    }
+    let layers = image_file::read_layers(path).map_err(anyhow::Error::msg)?;
+    let radiance = layers.colors("").with_context(|| format!("{}: it has no channels R, G and B", path.display()))?;
+    Ok(Picture::Linear { radiance, variance: layers.colors("variance.") })
+}
+
+fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn Read>>> {
+    let decoder = y4m::Decoder::new(input)
+        .map_err(|error| anyhow::anyhow!("{} is not a YUV4MPEG2 video: {error}", path.display()))?;
+    use y4m::Colorspace::{C420, C420jpeg, C420mpeg2, C420paldv};
+    if !matches!(decoder.get_colorspace(), C420 | C420jpeg | C420mpeg2 | C420paldv) {
+        bail!("{}: only 8-bit 4:2:0 videos are compared; ffmpeg -pix_fmt yuv420p makes one", path.display());
+    }
+    Ok(decoder)
+}
+
+fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>) -> Result<Option<Picture>> {
+    let (width, height) = (decoder.get_width(), decoder.get_height());
+    let frame = match decoder.read_frame() {
+        Ok(frame) => frame,
+        Err(y4m::Error::EOF) => return Ok(None),
+        Err(error) => bail!("{}: the video breaks off: {error}", path.display()),
+    };
+    let plane = |samples: &[u8], width, height| Plane::from_vec(width, height, samples.to_vec());
+    let chroma = |samples| plane(samples, width.div_ceil(2), height.div_ceil(2));
+    let (cb, cr) = (chroma(frame.get_u_plane()), chroma(frame.get_v_plane()));
+    Ok(Some(Picture::Video(Frame::new(plane(frame.get_y_plane(), width, height), cb, cr)?)))
+}
+
+/// Lets ffmpeg decode; what it has to say goes to standard error.
+fn ffmpeg(path: &Path) -> Result<Source> {
+    let mut child = Command::new("ffmpeg")
+        .args(["-nostdin", "-v", "error", "-i"])
+        .arg(path)
+        .args(["-fps_mode", "passthrough", "-f", "yuv4mpegpipe", "-pix_fmt", "yuv420p", "-"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .spawn()
+        .map_err(|error| {
+            anyhow::anyhow!(
+                "{}: ffmpeg decodes it, and cannot be started ({error}); install ffmpeg, or compare .y4m videos",
+                path.display()
+            )
+        })?;
+    let output = child.stdout.take().expect("it was asked for");
+    let decoder = y4m_decoder(path, Box::new(BufReader::new(output)));
+    match decoder {
+        Ok(decoder) => Ok(Source::Ffmpeg(Box::new(decoder), child)),
+        Err(_) => {
+            let _ = child.wait();
+            bail!("{}: ffmpeg finds no video in it", path.display())
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! Columns that are made of parts.
+
+use super::PALETTE;
+use super::axis::Axis;
+use super::line_plot::{AREA, SIZE, frame, legend};
+use super::svg::Svg;
+
+/// Columns side by side.
+#[derive(Clone, Debug)]
+pub struct StackedBars {
+    /// Above it.
+    pub title: String,
+    /// Name below.
+    pub x_label: String,
+    /// Name and unit at the left.
+    pub y_label: String,
+    /// Parts from below: names and places in [`PALETTE`].
+    pub parts: Vec<(String, usize)>,
+    /// Under each column; some are left out where there is no room.
+    pub names: Vec<String>,
+    /// A value for each part, for each column.
+    pub columns: Vec<Vec<f64>>,
+}
+
+impl StackedBars {
+    /// Draws it.
+    pub fn draw(&self) -> Svg {
+        let mut svg = Svg::new(SIZE.0, SIZE.1, &self.title);
+        let (left, right, top) = AREA;
+        let named = if self.parts.len() > 1 { self.parts.len().div_ceil(3) } else { 0 };
+        let bottom = SIZE.1 - 48.0 - 19.0 * named as f64;
+        let heights = self.columns.iter().map(|column| column.iter().sum::<f64>());
+        let y = Axis::holding(heights.chain([0.0]), false, (bottom, top));
+        frame(&mut svg, (&self.title, &self.x_label, &self.y_label), (None, &y), bottom);
+        let width = (right - left) / self.columns.len().max(1) as f64;
+        let gap = if width > 8.0 { 0.16 * width } else { 0.0 };
+        let every = (self.columns.len() as f64 * 34.0 / (right - left)).ceil().max(1.0) as usize;
+        for (i, column) in self.columns.iter().enumerate() {
+            let x = left + width * i as f64;
+            let mut below = 0.0;
+            for (&value, (name, color)) in column.iter().zip(&self.parts) {
+                let (Some(low), Some(high)) = (y.place(below), y.place(below + value)) else { continue };
+                below += value;
+                if low - high > 0.02 {
+                    let about = format!("{} {}: {name} {value:.3}", self.x_label, self.names[i]);
+                    svg.bar((x + 0.5 * gap, high), (width - gap, low - high), PALETTE[color % PALETTE.len()], &about);
+                }
+            }
+            if i % every == 0 {
+                svg.text((x + 0.5 * width, bottom + 18.0), "soft", "middle", 13.0, &self.names[i]);
+            }
+        }
+        if self.parts.len() > 1 {
+            let entries: Vec<(&str, usize, bool)> =
+                self.parts.iter().map(|(name, color)| (name.as_str(), *color, false)).collect();
+            legend(&mut svg, &entries, bottom + 56.0);
+        }
+        svg
+    }
+}

@@ -1,0 +1,25 @@
+//! Templates into pages.
+
+use anyhow::{Context, Result};
+use base64::Engine;
+use minijinja::{Environment, Value, context};
+
+/// Bytes as an address that holds them.
+pub fn data_uri(mime: &str, bytes: &[u8]) -> String {
+    format!("data:{mime};base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes))
+}
+
+/// The page of `template` with `values`, which are escaped unless the template calls them safe.
+///
+/// # Errors
+/// A fault of our own.
+pub fn render_template(template: &str, values: Value) -> Result<String> {
+    let mut environment = Environment::new();
+    // The ending .html turns on escaping.
+    environment.add_template("base.html", include_str!("templates/base.html"))?;
+    environment.add_template("sweep.html", include_str!("templates/sweep.html"))?;
+    environment.add_template("run.html", include_str!("templates/run.html"))?;
+    let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
+    let template = environment.get_template(template)?;
+    template.render(context! { program, ..values }).context("the page cannot be made")
+}

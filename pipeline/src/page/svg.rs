@@ -1,0 +1,110 @@
+//! The few shapes that plots are made of.
+
+use std::fmt::Write;
+
+/// A drawing of fixed size that scales with the page.
+#[derive(Clone, Debug)]
+pub struct Svg {
+    width: f64,
+    height: f64,
+    title: String,
+    body: String,
+}
+
+/// What classes look like in files; a page has its own rules for them.
+const FILE_STYLE: &str = ".ink{fill:#1d2129}.soft{fill:#5a6270}.grid{stroke:#d9dde3}.axis{stroke:#7c8592}";
+
+/// Text as XML holds it.
+pub(super) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+impl Svg {
+    /// Nothing drawn yet. `title` is what a screen reader says.
+    pub(super) fn new(width: f64, height: f64, title: &str) -> Self {
+        Self { width, height, title: title.into(), body: String::new() }
+    }
+
+    fn draw(&mut self, arguments: std::fmt::Arguments<'_>) {
+        self.body.write_fmt(arguments).expect("writing into memory cannot fail");
+        self.body.push('\n');
+    }
+
+    /// A straight line of a class that says its colour.
+    pub(super) fn rule(&mut self, (x1, y1): (f64, f64), (x2, y2): (f64, f64), class: &str) {
+        self.draw(format_args!(
+            r#"<line class="{class}" x1="{x1:.1}" y1="{y1:.1}" x2="{x2:.1}" y2="{y2:.1}" stroke-width="1"/>"#
+        ));
+    }
+
+    /// A line through points.
+    pub(super) fn polyline(&mut self, points: &[(f64, f64)], color: &str, dashed: bool) {
+        let list: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+        let dash = if dashed { r#" stroke-dasharray="5 4""# } else { "" };
+        let list = list.join(" ");
+        self.draw(format_args!(
+            r#"<polyline points="{list}" fill="none" stroke="{color}" stroke-width="2" stroke-linejoin="round"{dash}/>"#
+        ));
+    }
+
+    /// A point, filled or hollow; `about` shows when it is pointed at.
+    pub(super) fn point(&mut self, (x, y): (f64, f64), color: &str, filled: bool, about: &str) {
+        let fill = if filled { color } else { "none" };
+        let about = escaped(about);
+        self.draw(format_args!(
+            r#"<circle cx="{x:.1}" cy="{y:.1}" r="3.6" fill="{fill}" stroke="{color}" stroke-width="1.8"><title>{about}</title></circle>"#
+        ));
+    }
+
+    /// A cross where a point does not count; `about` shows when it is pointed at.
+    pub(super) fn cross(&mut self, (x, y): (f64, f64), color: &str, about: &str) {
+        let (about, r) = (escaped(about), 4.2);
+        let (left, right, top, bottom) = (x - r, x + r, y - r, y + r);
+        self.draw(format_args!(
+            r#"<path d="M{left:.1} {top:.1}L{right:.1} {bottom:.1}M{left:.1} {bottom:.1}L{right:.1} {top:.1}" fill="none" stroke="{color}" stroke-width="2"><title>{about}</title></path>"#
+        ));
+    }
+
+    /// A filled rectangle; `about` shows when it is pointed at.
+    pub(super) fn bar(&mut self, (x, y): (f64, f64), (width, height): (f64, f64), color: &str, about: &str) {
+        let about = escaped(about);
+        self.draw(format_args!(
+            r#"<rect x="{x:.2}" y="{y:.2}" width="{width:.2}" height="{height:.2}" fill="{color}"><title>{about}</title></rect>"#
+        ));
+    }
+
+    /// Text of a class; `anchor` is start, middle or end.
+    pub(super) fn text(&mut self, (x, y): (f64, f64), class: &str, anchor: &str, size: f64, text: &str) {
+        let text = escaped(text);
+        self.draw(format_args!(
+            r#"<text class="{class}" x="{x:.1}" y="{y:.1}" font-size="{size}" text-anchor="{anchor}">{text}</text>"#
+        ));
+    }
+
+    /// Text that runs upward.
+    pub(super) fn text_upward(&mut self, (x, y): (f64, f64), class: &str, size: f64, text: &str) {
+        let text = escaped(text);
+        self.draw(format_args!(
+            r#"<text class="{class}" transform="translate({x:.1} {y:.1}) rotate(-90)" font-size="{size}" text-anchor="middle">{text}</text>"#
+        ));
+    }
+
+    /// As part of a page.
+    pub fn inline(&self) -> String {
+        let Self { width, height, title, body } = self;
+        let title = escaped(title);
+        format!(r#"<svg class="plot" viewBox="0 0 {width} {height}" role="img" aria-label="{title}">{body}</svg>"#)
+    }
+
+    /// As a file, on white.
+    pub fn file(&self) -> String {
+        let Self { width, height, title, body } = self;
+        let title = escaped(title);
+        format!(
+            r##"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="DejaVu Sans, Verdana, sans-serif">
+<title>{title}</title><style>{FILE_STYLE}</style><rect width="{width}" height="{height}" fill="#ffffff"/>
+{body}</svg>
+"##
+        )
+    }
+}

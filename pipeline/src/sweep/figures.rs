@@ -1,0 +1,221 @@
+//! What a sweep finds out: one [`Run`] for each method and quantiser.
+
+use super::coded::{Coded, DecoderCheck};
+use super::film::Film;
+use super::histogram::ErrorHistogram;
+use super::method::Method;
+use crate::compare::{Comparison, Picture, measure};
+use crate::report::{FrameReport, Seconds};
+use crate::settings::Settings;
+use plane::Plane;
+use serde::Serialize;
+
+/// Decoded PSNR that may be lost, and share by which bits may differ, at *equal decoded quality*.
+const EQUAL_PSNR: f64 = 0.1;
+/// See [`EQUAL_PSNR`].
+const EQUAL_BITS: f64 = 0.01;
+
+/// A sweep's figures; means leave out frame 0, for which no thresholds are known.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// Version of the layout.
+    pub schema: u32,
+    /// Version of the program.
+    pub program: String,
+    /// The reference's settings; all others differ by what their method says.
+    pub settings: Settings,
+    /// Points of light in the tree.
+    pub lights: u32,
+    /// CPU seconds a frame of the references: every light at every pixel.
+    pub references: Vec<ReferenceCost>,
+    /// One for each quantiser and method, methods together.
+    pub runs: Vec<Run>,
+    /// What another decoder shows; null where there is none.
+    pub decoder_check: Option<DecoderCheck>,
+    /// By the clock, everything \[s\].
+    pub wall_seconds: f64,
+}
+
+/// What a reference took.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReferenceCost {
+    /// Whether light from close by is compensated.
+    pub compensation: bool,
+    /// Of the stages, a frame.
+    pub seconds: Seconds,
+}
+
+/// A method at a quantiser.
+#[derive(Clone, Debug, Serialize)]
+pub struct Run {
+    /// Name of the method.
+    pub method: &'static str,
+    /// As in plots.
+    pub label: String,
+    /// quantiser_scale.
+    pub qscale: u32,
+    /// Whether indirect light was cached.
+    pub cache: bool,
+    /// Whether it is a film by lightcuts and not by paths.
+    pub lightcuts: bool,
+    /// Multiplier on what masking allows, where it steers.
+    pub kappa: Option<f32>,
+    /// CPU seconds of the stages, a frame; of paths, all in `direct`.
+    pub seconds: Seconds,
+    /// Threshold by luminance.
+    pub threshold_mean_relative: f64,
+    /// Share of the light tree's nodes whose children changed places.
+    pub tree_swaps_share: f64,
+    /// Clusters in a cut, over the cuts that were made.
+    pub cut_size_mean: f64,
+    /// Of direct light and cuts, a frame.
+    pub shadow_rays: f64,
+    /// A frame.
+    pub bits: f64,
+    /// Rendered frames against the reference, before compression.
+    pub rendered: Comparison,
+    /// Decoded frames against the reference before compression.
+    pub decoded: Comparison,
+    /// True error by threshold, of all pixels of these frames.
+    pub error_by_threshold: Option<ErrorHistogram>,
+    /// Beside its baseline; none where that was not run.
+    pub against_baseline: Option<AgainstBaseline>,
+}
+
+/// A run beside the run with fixed thresholds of 2 % at the same quantiser.
+#[derive(Clone, Debug, Serialize)]
+pub struct AgainstBaseline {
+    /// Decoded PSNR more than the baseline's \[dB\].
+    pub psnr_difference: f64,
+    /// Bits by the baseline's.
+    pub bits_ratio: f64,
+    /// Whether decoded PSNR is no more than 0.1 dB apart, and bits are within ±1 %.
+    pub equal_quality: bool,
+    /// The baseline's CPU seconds in indirect light by this run's.
+    pub speedup_indirect: f64,
+    /// The same of whole frames.
+    pub speedup_total: f64,
+    /// The baseline's mean cut by this run's.
+    pub cut_size_ratio: f64,
+    /// The baseline's shadow rays by this run's, those of direct light included.
+    pub shadow_rays_ratio: f64,
+}
+
+/// Pictures of a run's last frame.
+pub struct Pictures {
+    /// Name of the method.
+    pub method: &'static str,
+    /// quantiser_scale.
+    pub qscale: u32,
+    /// Decoded.
+    pub decoded: Plane<[u8; 3]>,
+    /// Threshold by luminance, and cut size.
+    pub maps: Option<Maps>,
+    /// All decoded frames at the middle quantiser; elsewhere the last.
+    pub film: Vec<Plane<[u8; 3]>>,
+}
+
+/// What steered the last frame of a film.
+pub struct Maps {
+    /// Threshold by luminance.
+    pub relative_threshold: Plane<f32>,
+    /// Clusters of each pixel's cut; with a cache, at the pixels of records, 0 elsewhere.
+    pub cut_size: Plane<f32>,
+    /// |luma − the reference's| before compression, in code values.
+    pub error: Plane<f32>,
+}
+
+/// Mean of a figure over the frames that had thresholds: all but the first, unless there is no other.
+pub fn mean_of(frames: &[FrameReport], figure: impl Fn(&FrameReport) -> f64) -> f64 {
+    let frames = steered(frames);
+    frames.iter().map(figure).sum::<f64>() / frames.len().max(1) as f64
+}
+
+/// All but the first, unless there is no other.
+pub fn steered<T>(frames: &[T]) -> &[T] {
+    if frames.len() > 1 { &frames[1..] } else { frames }
+}
+
+/// Mean CPU seconds of the stages.
+pub fn mean_seconds(frames: &[FrameReport]) -> Seconds {
+    Seconds::mean(steered(frames).iter().map(|frame| &frame.seconds))
+}
+
+impl Run {
+    /// Measures `film` and what the encoder made of it against `reference`.
+    pub fn new(method: &Method, qscale: u32, film: &Film, coded: &Coded, reference: &Film) -> Self {
+        let mut seconds = mean_seconds(&film.reports);
+        let coding = steered(&coded.frames);
+        seconds.encode = coding.iter().map(|frame| frame.seconds).sum::<f64>() / coding.len().max(1) as f64;
+        seconds.total = seconds.sum();
+        let exposure = film.settings.tone_map.exposure;
+        let linear = |radiance: &Plane<[f32; 3]>| Picture::Linear { radiance: radiance.clone(), variance: None };
+        let mut comparisons = Vec::new();
+        let pairs = steered(&film.frames).iter().zip(steered(&reference.frames)).zip(coding);
+        for ((frame, truth), coded) in pairs {
+            // Light as light, and pictures as the encoder got them: the exposure has no say in what is taken from here.
+            let mut rendered =
+                measure(&linear(&frame.radiance).view(exposure), &linear(&truth.radiance).view(exposure));
+            rendered.psnr_y =
+                Some(perceptual::psnr(&frame.picture.luma, &truth.picture.luma)).filter(|p| p.is_finite());
+            rendered.ssim = perceptual::ssim(&frame.picture.luma, &truth.picture.luma);
+            let video = |frame: &mpeg2enc::Frame| Picture::Video(frame.clone()).view(1.0);
+            comparisons.push((rendered, measure(&video(&coded.decoded), &video(&truth.picture))));
+        }
+        let (rendered, decoded): (Vec<Comparison>, Vec<Comparison>) = comparisons.into_iter().unzip();
+        let lightcuts = film.stream.is_some();
+        let steered_by_masking = film.settings.thresholds == crate::settings::Thresholds::Perceptual && lightcuts;
+        Self {
+            method: method.name,
+            label: label(method, &film.settings),
+            qscale,
+            cache: method.cache,
+            lightcuts,
+            kappa: steered_by_masking.then_some(film.settings.kappa),
+            seconds,
+            threshold_mean_relative: mean_of(&film.reports, |frame| frame.threshold_mean_relative),
+            tree_swaps_share: mean_of(&film.reports, |frame| frame.tree_swaps_share),
+            cut_size_mean: mean_of(&film.reports, |frame| frame.cut_size_mean),
+            shadow_rays: mean_of(&film.reports, |frame| frame.shadow_rays as f64),
+            bits: coding.iter().map(|frame| frame.bits as f64).sum::<f64>() / coding.len().max(1) as f64,
+            rendered: Comparison::mean(&rendered),
+            decoded: Comparison::mean(&decoded),
+            error_by_threshold: lightcuts.then(|| ErrorHistogram::of(film, reference)),
+            against_baseline: None,
+        }
+    }
+
+    fn beside(&self, baseline: &Self) -> AgainstBaseline {
+        let ratio = |of: f64, by: f64| if by > 0.0 { of / by } else { 1.0 };
+        let psnr = |run: &Self| run.decoded.psnr_y.unwrap_or(f64::INFINITY);
+        let psnr_difference = if psnr(self) == psnr(baseline) { 0.0 } else { psnr(self) - psnr(baseline) };
+        let bits_ratio = ratio(self.bits, baseline.bits);
+        AgainstBaseline {
+            psnr_difference,
+            bits_ratio,
+            equal_quality: psnr_difference.abs() <= EQUAL_PSNR && (bits_ratio - 1.0).abs() <= EQUAL_BITS,
+            speedup_indirect: ratio(baseline.seconds.indirect, self.seconds.indirect),
+            speedup_total: ratio(baseline.seconds.total, self.seconds.total),
+            cut_size_ratio: ratio(baseline.cut_size_mean, self.cut_size_mean),
+            shadow_rays_ratio: ratio(baseline.shadow_rays, self.shadow_rays),
+        }
+    }
+}
+
+/// Sets each run of a method beside its baseline's at the same quantiser.
+pub fn set_beside_baselines(runs: &mut [Run]) {
+    let found: Vec<Option<AgainstBaseline>> = runs
+        .iter()
+        .map(|run| {
+            let baseline = Method::named(run.method).ok()?.baseline()?;
+            let same = |other: &&Run| other.method == baseline.name && other.qscale == run.qscale;
+            runs.iter().find(same).map(|baseline| run.beside(baseline))
+        })
+        .collect();
+    runs.iter_mut().zip(found).for_each(|(run, found)| run.against_baseline = found);
+}
+
+/// The method's label with the multiplier in force.
+pub fn label(method: &Method, settings: &Settings) -> String {
+    method.label.replace("{κ}", &format!("{}", settings.kappa))
+}

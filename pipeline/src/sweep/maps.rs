@@ -1,0 +1,57 @@
+//! What steered a frame, as pictures: thresholds, cut sizes, errors (figures 4 and 8 of \[Herzog08\]).
+
+use super::figures::Maps;
+use crate::compare::HEAT_MAP_RANGE;
+use crate::false_color::{false_color, log_share};
+use plane::Plane;
+
+/// A kind of map: its name, and the numbers at the dark and at the bright end; between them it goes by ratio.
+pub struct Scale {
+    /// In files and on the page.
+    pub name: &'static str,
+    /// What it shows.
+    pub about: &'static str,
+    /// Dark and bright end.
+    pub range: (f32, f32),
+    /// The same as they are written beside the colours.
+    pub ends: (&'static str, &'static str),
+}
+
+/// Thresholds by luminance: from 1 % to all of it.
+pub const THRESHOLD: Scale =
+    Scale { name: "threshold", about: "threshold by luminance", range: (0.01, 1.0), ends: ("1 %", "100 %") };
+/// Cut sizes, up to the largest that a cut may have.
+pub const CUT_SIZE: Scale =
+    Scale { name: "cuts", about: "clusters of the cut", range: (1.0, 1000.0), ends: ("1", "1000") };
+/// Error before compression.
+pub const ERROR: Scale = Scale {
+    name: "error",
+    about: "error before compression, code values of luma",
+    range: HEAT_MAP_RANGE,
+    ends: ("¼", "64"),
+};
+
+impl Scale {
+    /// `plane` in false colours.
+    pub fn picture(&self, plane: &Plane<f32>) -> Plane<[u8; 3]> {
+        plane.map(|value| false_color(log_share(value, self.range.0, self.range.1)))
+    }
+}
+
+/// The three maps as pictures, with their scales.
+pub fn pictures(maps: &Maps) -> [(Scale, Plane<[u8; 3]>); 3] {
+    let pair = |scale: Scale, plane: &Plane<f32>| {
+        let picture = scale.picture(plane);
+        (scale, picture)
+    };
+    [pair(THRESHOLD, &maps.relative_threshold), pair(CUT_SIZE, &maps.cut_size), pair(ERROR, &maps.error)]
+}
+
+/// The colours from dark to bright, as CSS.
+pub fn gradient() -> String {
+    let stops = (0..=10).map(|i| {
+        let [r, g, b] = false_color(i as f32 / 10.0);
+        format!("rgb({r},{g},{b})")
+    });
+    format!("linear-gradient(to right, {})", stops.collect::<Vec<String>>().join(", "))
+}

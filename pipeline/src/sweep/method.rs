@@ -1,0 +1,133 @@
+//! The ways of rendering that a sweep compares.
+
+use crate::Wishes;
+use crate::settings::{Lighting, Stopping, Switch, Thresholds};
+
+/// How a method makes its frames.
+#[derive(Clone, Copy, Debug)]
+pub enum Way {
+    /// As films are rendered, with these differences from the defaults.
+    Film(fn(&mut Wishes)),
+    /// By so many paths for each pixel.
+    Paths(u32),
+}
+
+/// A row of the table below.
+#[derive(Clone, Copy, Debug)]
+pub struct Method {
+    /// As typed and as in files.
+    pub name: &'static str,
+    /// As in plots; `{κ}` stands for the multiplier in force.
+    pub label: &'static str,
+    /// How frames are made.
+    pub way: Way,
+    /// Whether indirect light is cached and interpolated.
+    pub cache: bool,
+    /// Whether the quantiser changes how frames are rendered.
+    pub steered: bool,
+    /// Which of the plots' colours is its own; a method with and without cache has the same.
+    pub color: usize,
+}
+
+/// Every method, in the order of plots and tables. Another one is another row.
+///
+/// Without the cache every pixel has its own cut, and nothing else is done for it: no compensation, as in \[Herzog08\].
+pub const METHODS: &[Method] = &[
+    film("lightcuts", "2 %", false, false, 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
+    film("paper", "κ = 1", false, true, 3, |w| w.kappa = Some(1.0)),
+    film("perceptual", "κ = {κ}", false, true, 0, |_| ()),
+    film("calibrated", "calibrated", false, true, 4, |w| w.stopping = Some(Stopping::Calibrated)),
+    film("lightcuts-cache", "2 %, cache", true, false, 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
+    film("paper-cache", "κ = 1, cache", true, true, 3, |w| w.kappa = Some(1.0)),
+    film("perceptual-cache", "κ = {κ}, cache", true, true, 0, |_| ()),
+    film("calibrated-cache", "calibrated, cache", true, true, 4, |w| w.stopping = Some(Stopping::Calibrated)),
+    paths("paths-4", "4 paths", 4),
+    paths("paths-16", "16 paths", 16),
+    paths("paths-64", "64 paths", 64),
+];
+
+const fn film(
+    name: &'static str,
+    label: &'static str,
+    cache: bool,
+    steered: bool,
+    color: usize,
+    change: fn(&mut Wishes),
+) -> Method {
+    Method { name, label, way: Way::Film(change), cache, steered, color }
+}
+
+const fn paths(name: &'static str, label: &'static str, spp: u32) -> Method {
+    Method { name, label, way: Way::Paths(spp), cache: true, steered: false, color: 1 }
+}
+
+impl Method {
+    /// The method called `name`.
+    ///
+    /// # Errors
+    /// There is none; the message names all.
+    pub fn named(name: &str) -> Result<&'static Method, String> {
+        METHODS.iter().find(|method| method.name == name).ok_or_else(|| {
+            let names: Vec<&str> = METHODS.iter().map(|method| method.name).collect();
+            format!("\"{name}\" is not a method; there are {}", names.join(", "))
+        })
+    }
+
+    /// What it is measured against for speed: fixed thresholds of 2 %, cached or not as it is; none for paths, which are
+    /// not lightcuts.
+    pub fn baseline(&self) -> Option<&'static Method> {
+        let name = if self.cache { "lightcuts-cache" } else { "lightcuts" };
+        match self.way {
+            Way::Film(_) => METHODS.iter().find(|method| method.name == name),
+            Way::Paths(_) => None,
+        }
+    }
+
+    /// Whether light from close by is compensated: it is with the cache and by paths, which lose none.
+    pub fn compensates(&self) -> bool {
+        self.cache
+    }
+
+    /// What is wished for, given what all methods have in common.
+    pub fn wishes(&self, common: &Wishes) -> Wishes {
+        let switch = |on| Some(if on { Switch::On } else { Switch::Off });
+        let mut wishes =
+            Wishes { cache: switch(self.cache), compensation: switch(self.compensates()), ..common.clone() };
+        if let Way::Film(change) = self.way {
+            change(&mut wishes);
+        }
+        wishes
+    }
+
+    /// About how long a frame takes, in units of one by the cache; measured on `cornell` at 160×160. For progress only.
+    pub fn weight(&self) -> u64 {
+        match self.way {
+            Way::Film(_) if self.cache => 1,
+            Way::Film(_) => 2,
+            Way::Paths(spp) => u64::from(spp / 5).max(1),
+        }
+    }
+}
+
+/// The reference's [`Method::weight`].
+pub const REFERENCE_WEIGHT: u64 = 20;
+
+/// What is wished for the reference: every light, with compensation or without.
+pub fn reference_wishes(common: &Wishes, compensates: bool) -> Wishes {
+    let compensation = Some(if compensates { Switch::On } else { Switch::Off });
+    Wishes { lighting: Some(Lighting::AllLights), cache: Some(Switch::Off), compensation, ..common.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_found_or_told() {
+        for method in METHODS {
+            assert_eq!(Method::named(method.name).unwrap().label, method.label);
+            assert!(method.baseline().is_none_or(|base| base.cache == method.cache && !base.steered));
+        }
+        assert!(Method::named("photons").unwrap_err().contains("perceptual-cache"));
+    }
+}

@@ -1,0 +1,206 @@
+//! A sweep's figures as plots.
+
+use super::figures::{Outcome, Run};
+use super::method::Method;
+use crate::page::{LinePlot, Series, StackedBars, Svg};
+
+/// A plot, the name of its files, and what it shows in words.
+pub struct Plot {
+    /// Of the files.
+    pub name: String,
+    /// The drawing.
+    pub svg: Svg,
+    /// Below it.
+    pub caption: String,
+}
+
+/// Everything that is drawn of `outcome`, the most telling first.
+pub fn plots(outcome: &Outcome) -> Vec<Plot> {
+    let plot = |name: &str, drawn: LinePlot, caption: &str| Plot {
+        name: name.into(),
+        svg: drawn.draw(),
+        caption: caption.into(),
+    };
+    let all = |_: &Run| true;
+    let steered = |run: &Run| run.kappa.is_some();
+    let seconds = |run: &Run| run.seconds.total;
+    let psnr = |run: &Run| run.decoded.psnr_y.unwrap_or(f64::NAN);
+    let qscale = |run: &Run| f64::from(run.qscale);
+    let rendered = |run: &Run| run.rendered.relative_mse;
+    let speedup = |run: &Run| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.speedup_indirect);
+    let lost = |run: &Run| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.psnr_difference);
+    let bits = |run: &Run| 100.0 * (run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.bits_ratio) - 1.0);
+    let unequal = |run: &Run| run.against_baseline.as_ref().is_some_and(|beside| !beside.equal_quality);
+    let never = |_: &Run| false;
+    let axes = |title: &str, x: (&str, bool), y: (&str, bool), series, level| LinePlot {
+        title: title.into(),
+        x_label: x.0.into(),
+        y_label: y.0.into(),
+        x_log: x.1,
+        y_log: y.1,
+        series,
+        level,
+    };
+    let time = ("CPU s a frame", true);
+    let mut plots = vec![
+        plot(
+            "decoded_psnr",
+            axes(
+                "After decoding: quality against time",
+                time,
+                ("PSNR of luma, dB", false),
+                lines(outcome, all, seconds, psnr, never),
+                None,
+            ),
+            "Decoded pictures against the uncompressed reference. Along a line the quantiser rises from top to bottom. Solid: irradiance cache; dashed: a cut for every pixel.",
+        ),
+        plot(
+            "rendered_error",
+            axes(
+                "Before compression: error against time",
+                time,
+                ("relative MSE", true),
+                lines(outcome, all, seconds, rendered, never),
+                None,
+            ),
+            "Linear light against the reference. What the renderer saves here, the codec hides above.",
+        ),
+        plot(
+            "speedup",
+            axes(
+                "Speed-up of indirect light against 2 %",
+                ("quantiser_scale", true),
+                ("times as fast", false),
+                lines(outcome, steered, qscale, speedup, unequal),
+                Some((1.0, "2 %".into())),
+            ),
+            "Crosses: decoded quality is not equal (within 0.1 dB and 1 % of bits), so that the speed-up does not count.",
+        ),
+        plot(
+            "decoded_difference",
+            axes(
+                "What 2 % would have given: decoded PSNR",
+                ("quantiser_scale", true),
+                ("dB more than with 2 %", false),
+                lines(outcome, steered, qscale, lost, unequal),
+                Some((0.0, "2 %".into())),
+            ),
+            "Equal quality is from −0.1 to 0.1 dB, if bits are equal, too. Crosses: it is not.",
+        ),
+        plot(
+            "bits_difference",
+            axes(
+                "What 2 % would have given: bits",
+                ("quantiser_scale", true),
+                ("% more than with 2 %", false),
+                lines(outcome, steered, qscale, bits, unequal),
+                Some((0.0, "2 %".into())),
+            ),
+            "Coarser light is grainier, and grain takes bits. Equal is from −1 to 1 %, if PSNR is equal, too.",
+        ),
+        plot(
+            "cut_size",
+            axes(
+                "Size of cuts",
+                ("quantiser_scale", true),
+                ("clusters, mean", true),
+                lines(outcome, |run| run.lightcuts, qscale, |run| run.cut_size_mean, never),
+                None,
+            ),
+            "Over the cuts that were made. With the cache these are few, and at the places where light changes most.",
+        ),
+        plot(
+            "rmse",
+            axes(
+                "Errors before compression and after decoding",
+                ("quantiser_scale", true),
+                ("RMSE of luma, code values", true),
+                rmse_lines(outcome),
+                None,
+            ),
+            "Against the uncompressed reference, of 255 code values; as figure 6a of the paper.",
+        ),
+    ];
+    plots.extend(histograms(outcome));
+    plots
+}
+
+/// A line for each method, through its quantisers.
+fn lines(
+    outcome: &Outcome,
+    wanted: impl Fn(&Run) -> bool,
+    x: impl Fn(&Run) -> f64,
+    y: impl Fn(&Run) -> f64,
+    crossed: impl Fn(&Run) -> bool,
+) -> Vec<Series> {
+    let runs: Vec<&Run> = outcome.runs.iter().filter(|run| wanted(run)).collect();
+    runs.chunk_by(|a, b| a.method == b.method)
+        .map(|runs| Series {
+            name: runs[0].label.clone(),
+            color: color_of(runs[0]),
+            dashed: !runs[0].cache,
+            points_shown: true,
+            points: runs.iter().map(|run| (x(run), y(run))).collect(),
+            crossed: runs.iter().map(|run| crossed(run)).collect(),
+        })
+        .collect()
+}
+
+fn color_of(run: &Run) -> usize {
+    Method::named(run.method).map_or(0, |method| method.color)
+}
+
+fn rmse_lines(outcome: &Outcome) -> Vec<Series> {
+    // A cut for every pixel, as in the paper; without such methods, the others.
+    let cached = !outcome.runs.iter().any(|run| run.lightcuts && !run.cache);
+    let wanted = move |run: &Run| run.lightcuts && run.cache == cached;
+    let rmse = |psnr: Option<f64>| psnr.map_or(0.0, |psnr| 255.0 * 10f64.powf(-psnr / 20.0));
+    let qscale = |run: &Run| f64::from(run.qscale);
+    let mut series = lines(outcome, wanted, qscale, |run| rmse(run.rendered.psnr_y), |_| false);
+    series
+        .iter_mut()
+        .for_each(|line| (line.name, line.dashed) = (format!("{}, rendered", first_word(&line.name)), true));
+    let mut decoded = lines(outcome, wanted, qscale, |run| rmse(run.decoded.psnr_y), |_| false);
+    decoded
+        .iter_mut()
+        .for_each(|line| (line.name, line.dashed) = (format!("{}, decoded", first_word(&line.name)), false));
+    series.extend(decoded);
+    series
+}
+
+fn first_word(label: &str) -> &str {
+    label.split(',').next().unwrap_or(label)
+}
+
+/// Error by threshold of the steered methods at the middle quantiser.
+fn histograms(outcome: &Outcome) -> Vec<Plot> {
+    let mut qscales: Vec<u32> = outcome.runs.iter().map(|run| run.qscale).collect();
+    qscales.sort_unstable();
+    qscales.dedup();
+    let middle = qscales.get(qscales.len() / 2).copied();
+    let runs = outcome.runs.iter().filter(|run| run.kappa.is_some() && Some(run.qscale) == middle);
+    runs.filter_map(|run| {
+        let histogram = run.error_by_threshold.as_ref()?;
+        let starts = (0..histogram.shares.len()).map(|i| histogram.bin * i as f64);
+        let columns = starts.clone().zip(&histogram.shares).map(|(start, &share)| {
+            if start < 1.0 - 1e-9 { vec![100.0 * share, 0.0] } else { vec![0.0, 100.0 * share] }
+        });
+        let bars = StackedBars {
+            title: format!("{} at {}: true error by threshold", run.label, run.qscale),
+            x_label: "|error| / threshold, of pixels".into(),
+            y_label: "% of pixels".into(),
+            parts: vec![("within".into(), 2), ("beyond".into(), 3)],
+            names: starts.map(|start| format!("{start:.2}")).collect(),
+            columns: columns.collect(),
+        };
+        let caption = format!(
+            "{:.1} % of pixels keep their threshold; half are below {:.2} of it, 95 in a hundred below {:.2}; {:.1} % lie beyond the right end. As figure 7 of the paper.",
+            100.0 * histogram.within,
+            histogram.median,
+            histogram.p95,
+            100.0 * histogram.above
+        );
+        Some(Plot { name: format!("histogram_{}_{}", run.method, run.qscale), svg: bars.draw(), caption })
+    })
+    .collect()
+}

@@ -1,0 +1,189 @@
+//! The paper's table 1 for a scene, and what the figures say in words.
+
+use super::figures::{AgainstBaseline, Outcome, Run};
+use std::fmt::Write;
+
+/// Headings of [`cells`].
+pub const HEADINGS: [&str; 15] = [
+    "qscale",
+    "method",
+    "threshold",
+    "swaps",
+    "cut size",
+    "T light",
+    "T eye",
+    "T direct",
+    "T LC",
+    "T mask",
+    "T code",
+    "T frame",
+    "decoded PSNR",
+    "bits",
+    "speed-up",
+];
+
+/// A row as table 1 of \[Herzog08\] has it: T light is photons and tree, T eye primary rays and motion, T LC indirect light;
+/// CPU seconds a frame. Beyond the paper's: masking, encoding, quality after decoding.
+pub fn cells(run: &Run, lights: u32) -> [String; 15] {
+    let s = &run.seconds;
+    let beside = run.against_baseline.as_ref();
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let time = |seconds: f64| format!("{seconds:.3}");
+    let of_cuts = |text: String| if run.lightcuts { text } else { "–".into() };
+    let psnr = run.decoded.psnr_y.map_or("equal".into(), |psnr| format!("{psnr:.2} dB"));
+    let difference =
+        beside.filter(|_| run.kappa.is_some()).map_or(String::new(), |b| format!(" ({:+.2})", b.psnr_difference));
+    let ratio = beside
+        .filter(|_| run.kappa.is_some())
+        .map_or(String::new(), |b| format!(" ({:+.1} %)", 100.0 * (b.bits_ratio - 1.0)));
+    [
+        run.qscale.to_string(),
+        run.label.clone(),
+        of_cuts(percent(run.threshold_mean_relative)),
+        of_cuts(percent(run.tree_swaps_share)),
+        of_cuts(percent(run.cut_size_mean / f64::from(lights.max(1)))),
+        of_cuts(time(s.photons + s.tree + s.update)),
+        of_cuts(time(s.visibility)),
+        of_cuts(time(s.direct)),
+        of_cuts(time(s.indirect)),
+        time(s.thresholds),
+        time(s.encode + s.tone_map),
+        time(s.total),
+        format!("{psnr}{difference}"),
+        format!("{:.1} kbit{ratio}", run.bits / 1000.0),
+        speedup(run),
+    ]
+}
+
+/// Speed-up of indirect light, only where quality is equal.
+fn speedup(run: &Run) -> String {
+    match &run.against_baseline {
+        None => "–".into(),
+        Some(_) if run.kappa.is_none() => "×1.0".into(),
+        Some(beside) if beside.equal_quality => format!("×{:.2}", beside.speedup_indirect),
+        Some(_) => "not equal".into(),
+    }
+}
+
+impl Outcome {
+    /// The table as text for a terminal.
+    pub fn table(&self) -> String {
+        let rows: Vec<[String; 15]> = self.rows().map(|run| cells(run, self.lights)).collect();
+        let width = |column: usize| {
+            let cells = rows.iter().map(|row| row[column].chars().count());
+            cells.chain([HEADINGS[column].chars().count()]).max().unwrap_or(0)
+        };
+        let widths: Vec<usize> = (0..HEADINGS.len()).map(width).collect();
+        let mut text = String::new();
+        let headings = HEADINGS.map(str::to_owned);
+        for row in std::iter::once(&headings).chain(&rows) {
+            let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}"));
+            let _ = writeln!(text, "{}", cells.collect::<Vec<String>>().join("  "));
+        }
+        for Finding { label, text: words } in self.findings() {
+            let _ = writeln!(text, "\n{label}: {words}");
+        }
+        text
+    }
+
+    /// Runs in the order of the table: by cache, quantiser, method.
+    pub fn rows(&self) -> impl Iterator<Item = &Run> {
+        let mut runs: Vec<&Run> = self.runs.iter().collect();
+        runs.sort_by_key(|run| (!run.lightcuts, run.cache, run.qscale));
+        runs.into_iter()
+    }
+
+    /// How far the time for equal work differs between runs: of photons, tree and primary rays, which all films do alike; half
+    /// of the largest less the smallest, by the mean.
+    pub fn timing_spread(&self) -> f64 {
+        let films = self.runs.iter().filter(|run| run.lightcuts).map(|run| &run.seconds);
+        let same: Vec<f64> = films.map(|s| s.update + s.photons + s.tree + s.visibility).collect();
+        let mean = same.iter().sum::<f64>() / same.len().max(1) as f64;
+        let most = same.iter().copied().fold(0.0, f64::max);
+        let least = same.iter().copied().fold(f64::INFINITY, f64::min);
+        if mean > 0.0 { 0.5 * (most - least) / mean } else { 0.0 }
+    }
+
+    /// What the figures say of each steered method: where coupling pays, and where it does not.
+    pub fn findings(&self) -> Vec<Finding> {
+        let steered: Vec<&Run> = self.runs.iter().filter(|run| run.kappa.is_some()).collect();
+        let notable = NOTABLE.max(1.0 + self.timing_spread());
+        steered.chunk_by(|a, b| a.method == b.method).map(|runs| finding(runs, notable)).collect()
+    }
+}
+
+/// What a sweep says of a method.
+pub struct Finding {
+    /// Of the method.
+    pub label: String,
+    /// A few sentences.
+    pub text: String,
+}
+
+/// From which ratio on time is saved, if it does not swing by more: less is what two measurements of the same differ by.
+const NOTABLE: f64 = 1.05;
+
+fn finding(runs: &[&Run], notable: f64) -> Finding {
+    let beside: Vec<(u32, &AgainstBaseline)> =
+        runs.iter().filter_map(|run| Some((run.qscale, run.against_baseline.as_ref()?))).collect();
+    let (equal, other): (Vec<_>, Vec<_>) = beside.iter().copied().partition(|(_, b)| b.equal_quality);
+    let (pays, not): (Vec<_>, Vec<_>) = equal.into_iter().partition(|(_, b)| b.speedup_indirect >= notable);
+    let mut sentences = Vec::new();
+    if !pays.is_empty() {
+        let speed = range(&pays, |b| b.speedup_indirect);
+        let cuts = range(&pays, |b| b.cut_size_ratio);
+        let rays = range(&pays, |b| b.shadow_rays_ratio);
+        let whole = range(&pays, |b| b.speedup_total);
+        sentences.push(format!(
+            "at quantiser {} indirect light is {speed} times as fast as with 2 %, at equal decoded quality; the whole frame, {whole} times. Cuts are {cuts} times smaller, shadow rays, direct light's included, {rays} times fewer: these do not depend on what else the machine does.",
+            list(&pays)
+        ));
+        if pays.iter().any(|(_, b)| b.speedup_indirect > MORE_THAN_CUTS * b.cut_size_ratio) {
+            sentences.push(
+                "Time that falls more than cuts do is not saved by masking alone: a cut with an absolute threshold needs no queue."
+                    .into(),
+            );
+        }
+    }
+    if !not.is_empty() {
+        let speed = range(&not, |b| b.speedup_indirect);
+        sentences.push(format!(
+            "At {} coupling does not pay: quality is equal, but no time is saved that could be told from chance ({speed} times as fast).",
+            list(&not)
+        ));
+    }
+    if !other.is_empty() {
+        let psnr = farthest(&other, |b| b.psnr_difference);
+        let bits = farthest(&other, |b| 100.0 * (b.bits_ratio - 1.0));
+        sentences.push(format!(
+            "At {} decoded quality is not equal to that of 2 % ({psnr:+.2} dB and {bits:+.1} % of bits at most), so that no speed-up is claimed.",
+            list(&other)
+        ));
+    }
+    if beside.is_empty() {
+        sentences.push("nothing to compare with was run.".into());
+    }
+    let label = runs.first().map_or(String::new(), |run| run.label.clone());
+    Finding { label, text: sentences.join(" ") }
+}
+
+/// How much more than cuts time must fall for the rest to be worth a word.
+const MORE_THAN_CUTS: f64 = 1.3;
+
+fn list(runs: &[(u32, &AgainstBaseline)]) -> String {
+    runs.iter().map(|(qscale, _)| qscale.to_string()).collect::<Vec<String>>().join(", ")
+}
+
+/// Least to most, or one number where they are the same to two decimals.
+fn range(runs: &[(u32, &AgainstBaseline)], figure: impl Fn(&AgainstBaseline) -> f64) -> String {
+    let figures = || runs.iter().map(|(_, beside)| figure(beside));
+    let least = format!("{:.2}", figures().fold(f64::INFINITY, f64::min));
+    let most = format!("{:.2}", figures().fold(0.0, f64::max));
+    if least == most { most } else { format!("{least} to {most}") }
+}
+
+/// The figure farthest from 0.
+fn farthest(runs: &[(u32, &AgainstBaseline)], figure: impl Fn(&AgainstBaseline) -> f64) -> f64 {
+    let larger = |a: f64, b: f64| if b.abs() > a.abs() { b } else { a };
+    runs.iter().map(|(_, beside)| figure(beside)).fold(0.0, larger)
+}

@@ -1,0 +1,151 @@
+//! `render2mpeg sweep` and `render --html`: figures beside those of the single commands, pages in a real browser.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tests::{Moving, assert_fails, checkered_room, render, render2mpeg};
+
+/// A room that keeps its exposure, so that every film of it can be laid beside every other.
+fn folder_with_room() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("room.glb"), checkered_room(Moving::Camera).to_bytes()).unwrap();
+    std::fs::write(folder.path().join("room.toml"), "[tone_mapping]\nexposure = 0.5\n").unwrap();
+    folder
+}
+
+const COMMON: &str = "--size 64x64 --frames 3 --vpls 60 --photons 3000";
+
+#[test]
+fn a_sweep_says_what_single_commands_say() {
+    let folder = folder_with_room();
+    let arguments = format!(
+        "sweep room.glb -o swept --qscale 4,32 --methods perceptual,perceptual-cache,paths-4 --threads 2 --quiet {COMMON}"
+    );
+    let finished = render2mpeg(folder.path(), &arguments.split_whitespace().collect::<Vec<&str>>());
+    assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""));
+    let json = std::fs::read(folder.path().join("swept/sweep.json")).unwrap();
+    let swept: Value = serde_json::from_slice(&json).unwrap();
+    let runs = swept["runs"].as_array().unwrap();
+    // Both baselines came along: five methods at two quantisers.
+    assert_eq!(runs.len(), 10);
+    let run = |method: &str, qscale: u64| {
+        runs.iter().find(|run| run["method"] == method && run["qscale"] == qscale).expect("it was asked for")
+    };
+    let number = |value: &Value| value.as_f64().expect("a number");
+
+    // One run, by `render` and `compare` and ffmpeg's decoder.
+    let room = folder.path().join("room.glb");
+    let film = render(folder.path(), "film", &room, &format!("{COMMON} --qscale 32"));
+    render(folder.path(), "truth", &room, &format!("{COMMON} --lighting all-lights --cache off --y4m truth.y4m"));
+    let compared = render2mpeg(folder.path(), &["compare", "film.m2v", "truth.y4m", "--json"]);
+    let compared: Value = serde_json::from_str(&compared.stdout).unwrap();
+    let later = |figures: &[f64]| figures[1..].iter().sum::<f64>() / 2.0;
+    let steered = run("perceptual-cache", 32);
+    assert_eq!(number(&steered["bits"]), later(&film.figures(&["bits"])));
+    let frames = compared["frames"].as_array().unwrap();
+    let psnr: Vec<f64> = frames.iter().map(|frame| number(&frame["psnr_y"])).collect();
+    assert!((number(&steered["decoded"]["psnr_y"]) - later(&psnr)).abs() < 0.05, "{steered} {psnr:?}");
+    assert_eq!(number(&steered["cut_size_mean"]), later(&film.figures(&["cut_size_mean"])));
+    assert!(number(&swept["decoder_check"]["equal_share"]) > 0.98, "{}", swept["decoder_check"]);
+
+    // Equal quality is what it says it is, and finer quantisers leave less error.
+    for run in runs.iter().filter(|run| !run["against_baseline"].is_null()) {
+        let beside = &run["against_baseline"];
+        let near =
+            number(&beside["psnr_difference"]).abs() <= 0.1 && (number(&beside["bits_ratio"]) - 1.0).abs() <= 0.01;
+        assert_eq!(beside["equal_quality"], near, "{beside}");
+    }
+    for method in ["lightcuts", "perceptual", "paths-4"] {
+        let psnr = |qscale| number(&run(method, qscale)["decoded"]["psnr_y"]);
+        assert!(psnr(4) > psnr(32), "{method}");
+    }
+    assert!(number(&run("perceptual", 32)["shadow_rays"]) < number(&run("lightcuts", 32)["shadow_rays"]));
+    let histogram = &run("lightcuts", 4)["error_by_threshold"];
+    assert!(number(&histogram["within"]) > 0.9, "cuts of 2 % are mostly within 2 %: {histogram}");
+
+    let csv = std::fs::read_to_string(folder.path().join("swept/sweep.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 11);
+    for name in ["plots/decoded_psnr.svg", "maps/threshold_perceptual_32.png"] {
+        assert!(folder.path().join("swept").join(name).is_file(), "{name}");
+    }
+    let plot = pipeline::png_file::read(&folder.path().join("swept/plots/decoded_psnr.png")).unwrap();
+    let dark = plot.samples().iter().filter(|pixel| pixel.iter().all(|&c| c < 100)).count();
+    assert!(dark > 1000, "a plot without text: {dark} dark pixels");
+
+    // Seven plots, and histograms of the two steered methods.
+    look_at(&folder.path().join("swept/sweep.html"), 9);
+}
+
+#[test]
+fn a_run_has_a_page() {
+    let folder = folder_with_room();
+    render(folder.path(), "film", &folder.path().join("room.glb"), &format!("{COMMON} --html film.html"));
+    look_at(&folder.path().join("film.html"), 6);
+}
+
+#[test]
+fn what_cannot_be_swept_is_said() {
+    let folder = folder_with_room();
+    for (arguments, words) in [
+        ("sweep room.glb --methods perceptual,photons", &["photons", "perceptual-cache"][..]),
+        ("sweep room.glb --qscale 8,33", &["33", "32"]),
+        ("sweep gone.glb", &["gone.glb"]),
+        ("sweep room.glb -o room.glb/deeper", &["room.glb/deeper"]),
+        ("render room.glb --html nowhere/film.html", &["nowhere/film.html"]),
+    ] {
+        assert_fails(folder.path(), &arguments.split_whitespace().collect::<Vec<&str>>(), words);
+    }
+}
+
+/// Opens a page in Chromium, at two widths: it shows so many plots, its scripts run to the end, the console stays silent,
+/// and nothing is wider than the window.
+fn look_at(page: &Path, plots: usize) {
+    let html = std::fs::read_to_string(page).unwrap();
+    assert!(!html.contains("http://") && !html.contains("https://"), "a page asks for nothing from elsewhere");
+    let Some(browser) = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| starts(name)) else {
+        println!("no Chromium: {} was not looked at", page.display());
+        return;
+    };
+    let measured = page.with_extension("measured.html");
+    let script = "<script>addEventListener('load', () => { const root = document.documentElement; \
+        root.dataset.overflow = root.scrollWidth - root.clientWidth; \
+        root.dataset.broken = [...document.images].filter(image => !image.naturalWidth).length; });</script></body>";
+    std::fs::write(&measured, html.replace("</body>", script)).unwrap();
+    let profile = tempfile::tempdir().unwrap();
+    // Windows of the browser are at least 500 pixels wide.
+    for width in [1280, 500] {
+        let output = Command::new(browser)
+            .args([
+                "--headless",
+                "--no-sandbox",
+                "--disable-gpu",
+                "--enable-logging=stderr",
+                "--virtual-time-budget=3000",
+            ])
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            .arg(format!("--window-size={width},1200"))
+            .arg("--dump-dom")
+            .arg(url(&measured))
+            .output()
+            .expect("the browser starts");
+        let (dom, log) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        let said: Vec<&str> = log.lines().filter(|line| line.contains("CONSOLE")).collect();
+        assert!(said.is_empty(), "{said:?}");
+        assert!(
+            dom.contains("data-overflow=\"0\"") && dom.contains("data-broken=\"0\""),
+            "at {width}: {}",
+            &dom[..200]
+        );
+        assert_eq!(dom.matches("<svg class=\"plot\"").count(), plots);
+        assert_eq!(html.contains("<script>"), dom.contains("data-ready=\"yes\""), "its script came to the end");
+    }
+}
+
+fn starts(program: &str) -> bool {
+    Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
+}
+
+fn url(path: &Path) -> String {
+    let path: PathBuf = path.canonicalize().unwrap();
+    format!("file://{}", path.display())
+}
