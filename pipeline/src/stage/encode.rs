@@ -44,11 +44,7 @@ pub fn run(
             // Without thresholds nobody asks.
             let _ = quantisers.send(stage.video.quantiser_scale());
         }
-        output.write(&bytes)?;
-        lines.iter().for_each(tell);
-        observer.bytes(&bytes);
-        lines.iter().for_each(|line| observer.frame(line));
-        reports.extend(lines);
+        hand_out(output, observer, reports, &bytes, lines)?;
         if checkpoint {
             output.sync()?;
             checkpoints.leave(frame, Part::Film, &output.len())?;
@@ -56,18 +52,27 @@ pub fn run(
         }
     }
     let (bytes, lines) = pool.install(|| stage.finish())?;
-    output.write(&bytes)?;
-    lines.iter().for_each(tell);
-    observer.bytes(&bytes);
-    lines.iter().for_each(|line| observer.frame(line));
-    reports.extend(lines);
-    Ok(())
+    hand_out(output, observer, reports, &bytes, lines)
 }
 
-fn tell(line: &FrameReport) {
-    let FrameReport { index, picture_type, bits, psnr_y, .. } = line;
-    let psnr_y = psnr_y.unwrap_or(f64::INFINITY);
-    tracing::info!("frame {index}: {picture_type}, {bits} bits, {psnr_y:.2} dB");
+/// Bytes and lines go where they are wanted.
+fn hand_out(
+    output: &mut Output,
+    observer: &dyn Observer,
+    reports: &mut Vec<FrameReport>,
+    bytes: &[u8],
+    lines: Vec<FrameReport>,
+) -> Result<()> {
+    output.write(bytes)?;
+    observer.bytes(bytes);
+    for line in lines {
+        let FrameReport { index, picture_type, bits, psnr_y, .. } = &line;
+        let psnr_y = psnr_y.unwrap_or(f64::INFINITY);
+        tracing::info!("frame {index}: {picture_type}, {bits} bits, {psnr_y:.2} dB");
+        observer.frame(&line);
+        reports.push(line);
+    }
+    Ok(())
 }
 
 struct Stage<'a> {

@@ -14,7 +14,8 @@ const MOST_BACKS: usize = 256;
 const BEHIND: f32 = 1e-5;
 
 /// What the ray from `origin` in the unit `direction` shows whose first hit is `hit`: the first front, or back of what is
-/// double-sided. `width` is that of a pixel at a hit, metres.
+/// double-sided. `width` is that of a pixel at a hit, metres; 0 for sharp
+/// textures, and outlines as rays meet them.
 pub(crate) fn shown(
     accelerator: &Accelerator,
     surfaces: &Surfaces,

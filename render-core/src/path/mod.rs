@@ -122,11 +122,10 @@ impl<'a> PathTracer<'a> {
         for bounce in 0.. {
             let hit = self.accelerator.closest(origin, direction);
             let met = match drawn {
-                // Sharp textures, but outlines no wider than a pixel's centre sees them.
                 None => hit.and_then(|hit| {
-                    let width = |hit: &Hit| self.footprint(view, origin + direction * hit.distance);
-                    let (hit, surface) = shown(self.accelerator, self.surfaces, hit, (origin, direction), width)?;
-                    Some((hit, if sharp { self.surfaces.at(&hit, direction, 0.0) } else { surface }))
+                    let footprint = |hit: &Hit| self.footprint(view, origin + direction * hit.distance);
+                    let width = |hit: &Hit| if sharp { 0.0 } else { footprint(hit) };
+                    shown(self.accelerator, self.surfaces, hit, (origin, direction), width)
                 }),
                 Some(_) => hit.map(|hit| (hit, self.surfaces.at(&hit, direction, 0.0))),
             };
