@@ -246,7 +246,7 @@ fn render(
         trace.write(path)?;
     }
     if !report.summary.interrupted {
-        checkpoints.remove();
+        checkpoints.remove(&settings);
     }
     lines.end(&report);
     if !quiet {

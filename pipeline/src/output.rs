@@ -104,7 +104,7 @@ impl Output {
 }
 
 /// `film.m2v` → `film.m2v.part`.
-fn part_of(path: &Path) -> PathBuf {
+pub(crate) fn part_of(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     path.with_file_name(name)

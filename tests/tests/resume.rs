@@ -123,7 +123,8 @@ fn only_the_same_film_is_continued() {
     fs::write(folder.join("film.m2v.part"), b"").unwrap();
     fails(&[], &["film.m2v.part", "shorter"]);
 
-    // Begun anew, the old checkpoint is gone; and where there is none, --resume begins at the beginning.
+    // Begun anew, the old checkpoint is gone, and so is one that was being written; and where there is none, --resume begins at the beginning.
+    fs::write(folder.join("film.m2v.checkpoint.part"), &bytes[..bytes.len() / 2]).unwrap();
     let film = render(folder, "film", &folder.join("room.glb"), "--size 48x48 --vpls 60 --photons 1000 --frames 3");
     assert_eq!(sorted_names(folder), ["film.m2v", "film.report.json", "room.glb"]);
     let again = ["render", "room.glb", "-o", "film.m2v", "--size", "48x48", "--vpls", "60", "--photons", "1000"];

@@ -10,7 +10,7 @@
 
 mod file;
 
-use crate::output::Output;
+use crate::output::{Output, part_of};
 use crate::plan::{Plan, State};
 use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
@@ -80,9 +80,7 @@ impl Checkpoints {
     /// An old checkpoint cannot be taken away, or the scene cannot be read.
     pub fn new(settings: &Settings, plan: &Plan, every: Option<Duration>) -> Result<Self> {
         let path = path_for(&settings.output);
-        if path.exists() {
-            std::fs::remove_file(&path).with_context(|| format!("{} cannot be removed", path.display()))?;
-        }
+        take_away(&path)?;
         // A device cannot be cut to a length later.
         let is_file = std::fs::metadata(&settings.output).map_or(true, |metadata| metadata.is_file());
         let place = every.filter(|_| is_file).map(|every| Place::new(path, settings, plan, every)).transpose()?;
@@ -165,10 +163,8 @@ impl Checkpoints {
     }
 
     /// The film is whole: there is nothing to be continued any more.
-    pub fn remove(self) {
-        if let Some(Place { path, .. }) = self.place {
-            let _ = std::fs::remove_file(path);
-        }
+    pub fn remove(self, settings: &Settings) {
+        let _ = take_away(&path_for(&settings.output));
     }
 }
 
@@ -184,6 +180,19 @@ impl Place {
         // A stage that panicked has left nothing half-done here.
         self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
+}
+
+/// Removes a checkpoint, and one that a killed run had begun to write.
+fn take_away(path: &Path) -> Result<()> {
+    for path in [path, &part_of(path)] {
+        match std::fs::remove_file(path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(error).with_context(|| format!("{} cannot be removed", path.display()));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 /// `film.m2v` → `film.m2v.checkpoint`.
