@@ -1,0 +1,280 @@
+//! The loop over frames as a dynamical system: equation (5) against its closed form under every kind of change, and the
+//! closed loop with a renderer that takes what it is allowed to.
+//!
+//! ```text
+//! (5)  T(n) = (1 − w) e(n) + w T(n−1)        e(n) given: T(n) − e* = wⁿ (T(0) − e*) where e(n) = e* stays
+//! ```
+//! `docs/stiff-and-extreme.md` has the analysis that these tests hold the code to.
+
+use perceptual::{Feedback, MaskingModel, NO_MATCH, ToneMap, WHITE_LUMA, still_matches, tolerable_error};
+use plane::Plane;
+
+/// A single block, in a single thread: ten thousand frames take no time.
+const SIDE: usize = 8;
+const LONG: usize = 10_000;
+const WEIGHTS: [f32; 6] = [0.0, 0.25, 0.5, 0.75, 0.9, 0.99];
+/// A place inside of the picture; all others do alike.
+const PLACE: (usize, usize) = (5, 6);
+
+struct Frame {
+    luma: Plane<f32>,
+    luminance: Plane<f32>,
+}
+
+fn frame_of(luminance: impl Fn(usize, usize) -> f32) -> Frame {
+    let luminance = Plane::from_fn(SIDE, SIDE, luminance);
+    let tone_map = ToneMap::default();
+    Frame { luma: luminance.map(|y| WHITE_LUMA * tone_map.encode(y)), luminance }
+}
+
+/// Luminance of a picture with detail, lit so brightly.
+fn detail(x: usize, y: usize) -> f32 {
+    0.2 + 0.1 * ((x * 7 + y * 3) % 5) as f32
+}
+
+fn lit(brightness: f32) -> Frame {
+    frame_of(|x, y| brightness * detail(x, y))
+}
+
+fn feedback(weight: f32) -> Feedback {
+    Feedback::new(MaskingModel::default(), ToneMap::default(), weight)
+}
+
+/// Runs in one thread of its own.
+fn alone<T: Send>(run: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(run)
+}
+
+/// e of a frame, which knows no past.
+fn e_of(frame: &Frame, quantiser_scale: f32) -> Plane<f32> {
+    tolerable_error(&frame.luma, &frame.luminance, quantiser_scale, &ToneMap::default(), &MaskingModel::default())
+}
+
+fn at(plane: &Plane<f32>) -> f64 {
+    f64::from(plane.get(PLACE.0, PLACE.1))
+}
+
+/// What rounding may leave: each frame rounds three times, and w carries it on.
+fn rounding(weight: f32) -> f64 {
+    3.0 * f64::from(f32::EPSILON) / (1.0 - f64::from(weight))
+}
+
+/// T under a sequence of (frame, quantiser_scale), one value for each.
+fn response(weight: f32, start: f32, inputs: impl Iterator<Item = (usize, f32)> + Send, frames: &[Frame]) -> Vec<f64> {
+    alone(move || {
+        let (mut feedback, still) = (feedback(weight), still_matches(SIDE, SIDE));
+        feedback.restore(Plane::filled(SIDE, SIDE, start));
+        let next = |(which, scale): (usize, f32)| {
+            at(feedback.observe(&frames[which].luma, &frames[which].luminance, scale, Some(&still)))
+        };
+        inputs.map(next).collect()
+    })
+}
+
+/// A step: the distance from the new steady state falls by w a frame, and is below 1 % when it should be.
+#[test]
+fn a_step_decays_by_the_weight() {
+    let frames = [lit(0.5)];
+    let e = at(&e_of(&frames[0], 8.0));
+    for weight in WEIGHTS {
+        for start in [e as f32 * 100.0, e as f32 / 100.0] {
+            let found = response(weight, start, std::iter::repeat_n((0, 8.0), 2000), &frames);
+            let (w, distance) = (f64::from(weight), f64::from(start) - e);
+            for (n, found) in (1..).zip(&found) {
+                let exact = e + distance * w.powi(n);
+                assert!(
+                    (found - exact).abs() <= rounding(weight) * exact.max(e),
+                    "w = {w}, frame {n}: {found} {exact}"
+                );
+            }
+            let settled = found.iter().position(|t| (t / e - 1.0).abs() < 0.01).unwrap() + 1;
+            let foretold = if w == 0.0 { 1 } else { ((0.01 * e / distance.abs()).ln() / w.ln()).ceil() as usize };
+            assert!(settled.abs_diff(foretold) <= 1, "w = {w}: {settled} frames, {foretold} foretold");
+        }
+    }
+}
+
+/// Static for ten thousand frames: no drift, and no two frames differ once rounding has come to rest.
+#[test]
+fn nothing_drifts_in_ten_thousand_frames() {
+    let frames = [lit(0.5)];
+    let e = at(&e_of(&frames[0], 8.0));
+    for weight in WEIGHTS {
+        let found = response(weight, 50.0 * e as f32, std::iter::repeat_n((0, 8.0), LONG), &frames);
+        assert!((found[LONG - 1] / e - 1.0).abs() <= rounding(weight), "w = {weight}: {} for {e}", found[LONG - 1]);
+        assert!(found[LONG / 2..].iter().all(|t| *t == found[LONG - 1]), "w = {weight}: a cycle of roundings");
+    }
+}
+
+#[test]
+fn an_impulse_is_forgotten() {
+    let frames = [lit(0.5), lit(50.0)];
+    let [e, flash] = [0, 1].map(|k| at(&e_of(&frames[k], 8.0)));
+    for weight in WEIGHTS {
+        let w = f64::from(weight);
+        let inputs = (0..LONG).map(|n| (usize::from(n == 10), 8.0));
+        let found = response(weight, e as f32, inputs, &frames);
+        for (n, found) in found.iter().enumerate().skip(10) {
+            let exact = e + (1.0 - w) * (flash - e) * w.powi(n as i32 - 10);
+            assert!((found - exact).abs() <= rounding(weight) * flash, "w = {w}, frame {n}: {found} {exact}");
+        }
+    }
+}
+
+/// Two values in turn, each held for some frames: T swings between limits that a geometric series gives, and no farther.
+fn check_square_wave(frames: &[Frame], inputs: [(usize, f32); 2], e: [f64; 2], held: usize) {
+    for weight in WEIGHTS {
+        let w = f64::from(weight);
+        let found = response(weight, e[0] as f32, (0..LONG).map(|n| inputs[n / held % 2]), frames);
+        let tail = &found[LONG - 4 * held..];
+        let swing =
+            tail.iter().fold(0.0f64, |most, t| most.max(*t)) - tail.iter().fold(f64::MAX, |least, t| least.min(*t));
+        // Across a half period the distance shrinks by w^held; at its ends the two distances are mirror images.
+        let decay = w.powi(held as i32);
+        let exact = (1.0 - decay) / (1.0 + decay) * (e[1] - e[0]).abs();
+        let tolerance = 4.0 * rounding(weight) * e[0].max(e[1]);
+        assert!((swing - exact).abs() <= tolerance, "w = {w}, {held} frames each: {swing}, {exact} by the series");
+        let (low, high) = (e[0].min(e[1]), e[0].max(e[1]));
+        assert!(found.iter().all(|t| (low - tolerance..=high + tolerance).contains(t)), "w = {w}: beyond both states");
+    }
+}
+
+#[test]
+fn a_square_wave_swings_as_its_series_says() {
+    let frames = [lit(0.5), lit(3.0)];
+    let e = [0, 1].map(|k| at(&e_of(&frames[k], 8.0)));
+    for held in [1, 2, 7, 50] {
+        check_square_wave(&frames, [(0, 8.0), (1, 8.0)], e, held);
+    }
+}
+
+/// The coarsest quantiser and the finest in turn, every frame.
+#[test]
+fn jumping_quantisers_swing_as_their_series_says() {
+    let frames = [lit(0.5)];
+    let e = [1.0, 112.0].map(|scale| at(&e_of(&frames[0], scale)));
+    assert!(e[1] > 5.0 * e[0], "{e:?}: the two tell");
+    check_square_wave(&frames, [(0, 1.0), (0, 112.0)], e, 1);
+}
+
+/// Noise in the light, even and without memory: its variance comes down to (1 − w) / (1 + w) of what it was.
+#[test]
+fn noise_is_smoothed_as_a_filter_of_one_pole_does() {
+    // Brightnesses that are drawn from; what counts is the variance of e over them.
+    let frames: Vec<Frame> = (0..64).map(|k| lit(0.5 + k as f32 / 64.0)).collect();
+    let e: Vec<f64> = frames.iter().map(|frame| at(&e_of(frame, 8.0))).collect();
+    let variance = |list: &[f64]| {
+        let mean = list.iter().sum::<f64>() / list.len() as f64;
+        list.iter().map(|t| (t - mean).powi(2)).sum::<f64>() / list.len() as f64
+    };
+    let mut state = 0x2545_f491_4f6c_dd1du64;
+    let drawn: Vec<(usize, f32)> = (0..3 * LONG)
+        .map(|_| {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            ((state >> 40) as usize % 64, 8.0)
+        })
+        .collect();
+    for weight in [0.0, 0.25, 0.5, 0.75, 0.9] {
+        let w = f64::from(weight);
+        let found = response(weight, e[32] as f32, drawn.iter().copied(), &frames);
+        let ratio = variance(&found[LONG..]) / variance(&e);
+        let exact = (1.0 - w) / (1.0 + w);
+        // 20 000 numbers, of which (1 − w) / (1 + w) are independent: a variance of them is certain to √(2/n).
+        let deviation = (2.0 / (2.0 * LONG as f64 * exact)).sqrt();
+        assert!((ratio / exact - 1.0).abs() < 4.0 * deviation, "w = {w}: {ratio}, {exact} by theory");
+    }
+}
+
+/// Another scene in every frame: no threshold knows of the one before.
+#[test]
+fn cuts_in_every_frame_leave_no_memory() {
+    let frames = [lit(0.5), lit(3.0), lit(1e-6), lit(1e6)];
+    let e: Vec<Plane<f32>> = frames.iter().map(|frame| e_of(frame, 8.0)).collect();
+    let nothing = Plane::filled(SIDE, SIDE, NO_MATCH);
+    alone(|| {
+        for weight in WEIGHTS {
+            let mut feedback = feedback(weight);
+            for n in 0..LONG {
+                let (frame, e) = (&frames[n * 7 % 4], &e[n * 7 % 4]);
+                let matches = (n % 2 == 0).then_some(&nothing);
+                assert!(feedback.observe(&frame.luma, &frame.luminance, 8.0, matches) == e, "w = {weight}, frame {n}");
+            }
+        }
+    });
+}
+
+/// How a renderer uses up what it is allowed to be wrong by.
+#[derive(Clone, Copy, Debug)]
+enum Renderer {
+    /// Off by all of its threshold, the other way in each frame: the worst that can happen.
+    Flickers,
+    /// Off by all of its threshold, by each pixel's own sign in each frame.
+    Noise,
+    /// The nearest of values that lie two thresholds apart, as a cut does that knows only so many: the same threshold gives
+    /// the same picture.
+    Coarse,
+}
+
+fn rendered(kind: Renderer, truth: f32, threshold: f32, pixel: usize, n: usize) -> f32 {
+    let off = match kind {
+        Renderer::Flickers => threshold * (1.0 - 2.0 * (n % 2) as f32),
+        Renderer::Noise => {
+            let mixed = ((pixel * 0x9e37 + n * 0x85eb) as u32).wrapping_mul(0x2c1b_3c6d);
+            threshold * ((mixed >> 8) as f32 / (1 << 23) as f32 - 1.0)
+        }
+        Renderer::Coarse => 2.0 * threshold * (truth / (2.0 * threshold)).round() - truth,
+    };
+    (truth + off).max(0.0)
+}
+
+/// The loop closed, for so many frames from one threshold everywhere: lowest, mean and highest of the last thousand.
+fn band(kind: Renderer, (weight, kappa, scale): (f32, f32, f32), start: f32, frames: usize) -> [f64; 3] {
+    let still = still_matches(SIDE, SIDE);
+    let mut feedback = feedback(weight).with_kappa(kappa);
+    feedback.restore(Plane::filled(SIDE, SIDE, start));
+    let (mut low, mut sum, mut high) = (f64::MAX, 0.0, 0.0f64);
+    for n in 0..frames {
+        let thresholds = feedback.thresholds_for_next(&still);
+        let frame = frame_of(|x, y| {
+            let truth = detail(x, y);
+            rendered(kind, truth, thresholds.resolve(x, y, truth), y * SIDE + x, n)
+        });
+        let after = feedback.observe(&frame.luma, &frame.luminance, scale, Some(&still)).samples();
+        if n + 1000 >= frames {
+            low = after.iter().fold(low, |low, t| low.min(f64::from(*t)));
+            high = after.iter().fold(high, |high, t| high.max(f64::from(*t)));
+            sum += after.iter().map(|t| f64::from(*t)).sum::<f64>() / after.len() as f64;
+        }
+    }
+    [low, sum / 1000.0, high]
+}
+
+/// Thresholds → picture → thresholds, thousands of times. What there is no closed form for is bounded: T is a mean of values
+/// of e, and e is bounded whatever the picture shows. With the weight that is used, thresholds that begin at 10⁻⁴ and at 10⁴
+/// come to the same band. Without any past the loop is chaotic, and with nearly all of it a thousand frames are few: there the
+/// two means are of the same size, and no more is promised.
+#[test]
+fn the_closed_loop_stays_in_a_band_wherever_it_starts() {
+    let largest = f64::from(ToneMap::default().saturation());
+    for kind in [Renderer::Flickers, Renderer::Noise, Renderer::Coarse] {
+        for settings in [(0.0, 1.0, 48.0), (0.5, 1.0, 8.0), (0.5, 0.25, 48.0), (0.5, 1.0, 112.0), (0.99, 1.0, 48.0)] {
+            let weight = settings.0;
+            let frames = if weight > 0.9 { 5000 } else { 2000 };
+            let bands = alone(|| [1e-4, 1e4].map(|start| band(kind, settings, start, frames)));
+            let truth = frame_of(detail);
+            let e = e_of(&truth, settings.2);
+            let open = e.samples().iter().zip(truth.luminance.samples());
+            let open = open.map(|(e, y)| f64::from((settings.1 * e).max(0.02 * y))).sum::<f64>() / (SIDE * SIDE) as f64;
+            println!("{kind:?}, (w, κ, quantiser) = {settings:?}: open {open:.4}, closed {bands:.4?}");
+            // Nothing a picture shows lets e exceed the luminance that saturates, but for what is brighter still.
+            for [low, mean, high] in bands {
+                assert!(low > 0.0 && high <= largest && low <= mean && mean <= high, "{kind:?}: {bands:?}");
+            }
+            let ratio = bands[0][1] / bands[1][1];
+            let allowed = if weight == 0.5 { 0.02 } else { 0.25 };
+            assert!((ratio - 1.0).abs() < allowed, "{kind:?}, {settings:?}: where it starts decides: {bands:?}");
+        }
+    }
+}
