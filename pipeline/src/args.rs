@@ -1,11 +1,15 @@
 //! What was typed.
 
+#[cfg(feature = "compare")]
 use crate::command::compare::Compare;
+#[cfg(feature = "exr")]
+use crate::command::reference::Reference;
+use crate::command::render::Render;
+#[cfg(feature = "sweep")]
 use crate::command::sweep::Sweep;
 use clap::{Args, Parser, Subcommand};
 use pipeline::Wishes;
-use pipeline::reference::Method;
-use pipeline::settings::{Aov, BitRate, CheckpointEvery, Effort, Lighting, Size, Stopping, Switch, Thresholds};
+use pipeline::settings::{BitRate, Effort, Lighting, Size, Stopping, Switch, Thresholds};
 use std::path::PathBuf;
 
 /// Renders an animated glTF scene with global illumination into an MPEG-2 video.
@@ -39,115 +43,31 @@ pub struct Arguments {
 pub enum Command {
     /// Render a scene into a video.
     #[command(args_override_self = true)]
-    Render {
-        /// What and how.
-        #[command(flatten)]
-        job: Job,
-        /// The video: .m2v (elementary stream), .mpg (program stream) or .ts (transport stream) [default: the scene's name
-        /// with .m2v, in this folder]
-        #[arg(short, long, value_name = "FILE")]
-        output: Option<PathBuf>,
-        /// Where the JSON report goes [default: beside the video, .report.json]
-        #[arg(long, value_name = "FILE")]
-        report: Option<PathBuf>,
-        /// Also write a page with plots of every frame's time, bits, PSNR and cut size
-        #[arg(long, value_name = "FILE.html")]
-        html: Option<PathBuf>,
-        /// Also write every frame as linear OpenEXR into this folder
-        #[arg(long, value_name = "DIR")]
-        exr: Option<PathBuf>,
-        /// What else goes into these files, as named layers: a list such as albedo,normal,depth
-        #[arg(long, value_enum, value_delimiter = ',', value_name = "LIST")]
-        aov: Vec<Aov>,
-        /// Also write the frames before compression, as YUV4MPEG2
-        #[arg(long, value_name = "FILE")]
-        y4m: Option<PathBuf>,
-        /// Go on where a killed run of the same film was, to the same bits; begin at the beginning if there was none
-        #[arg(long)]
-        resume: bool,
-        /// Seconds between checkpoints, beside the video in .checkpoint, for --resume: 0 is each frame, off is none [default: 60]
-        #[arg(long, value_name = "SECONDS")]
-        checkpoint: Option<CheckpointEvery>,
-        /// Threads [default: one per processor]; the result is the same for any number
-        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-        threads: Option<u16>,
-        /// Write when each stage worked on which frame, for chrome://tracing or Perfetto
-        #[arg(long, value_name = "FILE.json")]
-        trace: Option<PathBuf>,
-        /// Print the file for --config that makes the same film, every default filled in; render nothing
-        #[arg(long)]
-        print_config: bool,
-        /// One line of JSON on standard output for the begin, each frame and the end, for other programs
-        #[arg(long)]
-        json_progress: bool,
-        /// Say what happens, line by line: once for frames and checkpoints, twice for every stage
-        #[arg(short, long, action = clap::ArgAction::Count, conflicts_with = "quiet")]
-        verbose: u8,
-        /// No progress, no summary: only errors are shown
-        #[arg(short, long)]
-        quiet: bool,
-    },
+    Render(Box<Render>),
     /// Render one frame as exactly as wanted into a linear OpenEXR picture, with the noise that is left in it.
-    Reference {
-        /// A glTF 2.0 scene, .glb or .gltf
-        scene: PathBuf,
-        /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means
-        #[arg(short, long, value_name = "FILE")]
-        output: PathBuf,
-        /// Which frame, counted from 0
-        #[arg(long, value_name = "K", default_value_t = 0)]
-        frame: u32,
-        /// How light is computed
-        #[arg(long, value_enum, default_value = "path")]
-        method: Method,
-        /// Paths for each pixel
-        #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
-        spp: u32,
-        /// Most reflections of a path: 0 shows what glows, 1 direct light [default: all]
-        #[arg(long, value_name = "N")]
-        bounces: Option<u32>,
-        /// Start all paths at the centres of the pixels, as films are rendered, and not all over them
-        #[arg(long)]
-        centre: bool,
-        /// Of the picture, in pixels [default: 512x512]
-        #[arg(long, value_name = "WxH")]
-        size: Option<Size>,
-        /// Seed of paths and photons [default: 1]
-        #[arg(long, value_name = "S")]
-        seed: Option<u64>,
-        /// Anchor lights, for all lights [default: as for films]
-        #[arg(long, value_name = "N")]
-        vpls: Option<usize>,
-        /// Photons, for all lights [default: 150 for each anchor light]
-        #[arg(long, value_name = "N")]
-        photons: Option<u64>,
-        /// Pictures a second, which say when the frame is [default: as the TOML file says, else 25]
-        #[arg(long)]
-        fps: Option<f64>,
-        /// Threads [default: one per processor]; the result is the same for any number
-        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-        threads: Option<u16>,
-        /// No progress: only errors are shown
-        #[arg(short, long)]
-        quiet: bool,
-    },
+    #[cfg(feature = "exr")]
+    Reference(Reference),
     /// Say how far pictures, sequences or videos are from a reference.
+    #[cfg(feature = "compare")]
     Compare(Compare),
     /// Compare methods: error against run time, before and after decoding, with tables, plots and a page that shows it all.
+    #[cfg(feature = "sweep")]
     Sweep(Sweep),
     /// Show what a scene needs, what is left out, and why; render nothing.
     #[command(args_override_self = true)]
     Plan {
         /// What and how.
         #[command(flatten)]
-        job: Job,
+        job: Box<Job>,
     },
     /// Print what makes a shell complete this program's options.
+    #[cfg(feature = "shell")]
     Completions {
         /// Which shell
         shell: clap_complete::Shell,
     },
     /// Print the manual page of the program, or of one of its commands, as roff for man.
+    #[cfg(feature = "shell")]
     Man {
         /// Such as render
         command: Option<String>,

@@ -16,7 +16,10 @@ const NOT_IN_FILES: [&str; 7] = ["config", "print-config", "resume", "help", "ve
 /// # Errors
 /// The file cannot be read, or has an option that does not exist or has no such value.
 pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
-    let command = Arguments::command();
+    if let Some(command) = typed.get(1).and_then(|word| word.to_str()) {
+        crate::parts::need_for(command)?;
+    }
+    let command = Arguments::command().long_version(crate::parts::version());
     let matches = command.clone().get_matches_from(&typed);
     let with_file = match matches.subcommand() {
         Some((name, options)) => match file_named_by(options) {

@@ -91,6 +91,7 @@ impl JsonLines {
 }
 
 /// A line for work of a length that is told later.
+#[cfg(feature = "exr")]
 pub fn of_work(quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
@@ -100,6 +101,7 @@ pub fn of_work(quiet: bool) -> ProgressBar {
 }
 
 /// A line for work of many parts, which says what is going on.
+#[cfg(feature = "sweep")]
 pub fn of_long_work(quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();

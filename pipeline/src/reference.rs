@@ -6,8 +6,7 @@ use crate::stage::{prepare, shade};
 use anyhow::{Context, Result};
 use plane::Plane;
 use render_core::scene::Scene;
-use render_core::{Emitters, Geometry, PathOptions, PathTracer, Surfaces, Units, image_file};
-use std::path::Path;
+use render_core::{Emitters, Geometry, PathOptions, PathTracer, Surfaces, Units};
 
 /// How a reference is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -68,12 +67,13 @@ pub fn by_all_lights(scene: &Scene, settings: &Settings, frame: u32) -> Result<R
     Ok(Reference { radiance: shaded.radiance, variance: None })
 }
 
+#[cfg(feature = "exr")]
 impl Reference {
     /// Writes OpenEXR: channels R, G, B and, where there is noise, variance.R, variance.G, variance.B.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &std::path::Path) -> Result<()> {
         let layers = [("", Some(&self.radiance)), ("variance.", self.variance.as_ref())];
         let channels = layers.into_iter().flat_map(|(prefix, plane)| plane.map(|plane| (prefix, plane))).flat_map(
             |(prefix, plane)| {
@@ -83,6 +83,6 @@ impl Reference {
             },
         );
         let (width, height) = (self.radiance.width(), self.radiance.height());
-        image_file::write_layers(path, width, height, channels.collect()).map_err(anyhow::Error::msg)
+        render_core::image_file::write_layers(path, width, height, channels.collect()).map_err(anyhow::Error::msg)
     }
 }

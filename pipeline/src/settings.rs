@@ -380,6 +380,9 @@ impl Settings {
         if wishes.bounces == Some(0) {
             bail!("--bounces 0: light that is never reflected shows nothing but lamps; 1 is direct light alone");
         }
+        if wishes.exr.is_some() && !cfg!(feature = "exr") {
+            bail!("--exr: this build writes no OpenEXR; build it with the feature exr");
+        }
         if !wishes.aov.is_empty() && wishes.exr.is_none() {
             bail!("--aov needs --exr DIR, the folder for the files that it adds to");
         }

@@ -1,4 +1,11 @@
 //! What subcommands do, where that is more than a call of the library.
 
+#[cfg(feature = "compare")]
 pub mod compare;
+#[cfg(feature = "exr")]
+pub mod reference;
+pub mod render;
+#[cfg(feature = "shell")]
+pub mod shell;
+#[cfg(feature = "sweep")]
 pub mod sweep;

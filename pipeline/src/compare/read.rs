@@ -5,7 +5,6 @@ use crate::png_file;
 use anyhow::{Context, Result, bail};
 use mpeg2enc::Frame;
 use plane::Plane;
-use render_core::image_file;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -108,9 +107,19 @@ fn read_picture(path: &Path) -> Result<Picture> {
     if ending(path) == "png" {
         return Ok(Picture::Display(png_file::read(path)?));
     }
-    let layers = image_file::read_layers(path).map_err(anyhow::Error::msg)?;
+    linear_picture(path)
+}
+
+#[cfg(feature = "exr")]
+fn linear_picture(path: &Path) -> Result<Picture> {
+    let layers = render_core::image_file::read_layers(path).map_err(anyhow::Error::msg)?;
     let radiance = layers.colors("").with_context(|| format!("{}: it has no channels R, G and B", path.display()))?;
     Ok(Picture::Linear { radiance, variance: layers.colors("variance.") })
+}
+
+#[cfg(not(feature = "exr"))]
+fn linear_picture(path: &Path) -> Result<Picture> {
+    bail!("{}: this build reads no OpenEXR; build it with the feature exr", path.display())
 }
 
 fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn Read>>> {

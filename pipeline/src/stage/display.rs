@@ -11,7 +11,11 @@ use crossbeam_channel::{Receiver, Sender};
 use perceptual::{YCbCr, luminance_plane};
 use plane::Plane;
 use render_core::Busy;
+use std::path::Path;
 use std::sync::Arc;
+
+/// Names of channels, and their samples in raster order.
+type Layers = Vec<(String, Vec<f32>)>;
 
 /// Luminance that the middle of a picture is brought to when nobody said how bright it should be: photography's grey card.
 const MIDDLE_GREY: f64 = 0.18;
@@ -56,12 +60,7 @@ pub fn run(
         figures.non_finite = picture.non_finite;
         figures.tone_map = busy.seconds();
         if let Some(folder) = &settings.exr {
-            let path = folder.join(format!("frame_{frame:05}.exr"));
-            let channel = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
-            let colors = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (name.to_owned(), channel(c)));
-            let channels = colors.chain(layers).collect();
-            render_core::image_file::write_layers(&path, radiance.width(), radiance.height(), channels)
-                .map_err(anyhow::Error::msg)?;
+            write_linear(&folder.join(format!("frame_{frame:05}.exr")), &radiance, layers)?;
         }
         if let Some(file) = &mut uncompressed {
             file.write(&picture)?;
@@ -89,6 +88,22 @@ pub fn run(
     Ok(())
 }
 
+/// A frame as linear light, with further layers.
+#[cfg(feature = "exr")]
+fn write_linear(path: &Path, radiance: &Plane<[f32; 3]>, layers: Layers) -> Result<()> {
+    let channel = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
+    let colors = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (name.to_owned(), channel(c)));
+    let channels = colors.chain(layers).collect();
+    let written = render_core::image_file::write_layers(path, radiance.width(), radiance.height(), channels);
+    written.map_err(anyhow::Error::msg)
+}
+
+/// Settings ask for none of these.
+#[cfg(not(feature = "exr"))]
+fn write_linear(path: &Path, _: &Plane<[f32; 3]>, _: Layers) -> Result<()> {
+    anyhow::bail!("{}: this build writes no OpenEXR; build it with the feature exr", path.display())
+}
+
 /// Brings the geometric mean of the lit pixels' luminance to middle grey.
 pub(crate) fn exposure_for(luminance: &Plane<f32>) -> f32 {
     let logs: Vec<f64> = luminance.samples().iter().filter(|&&y| y > 0.0).map(|&y| f64::from(y).ln()).collect();
@@ -103,7 +118,7 @@ pub(crate) fn exposure_for(luminance: &Plane<f32>) -> f32 {
 struct Y4m(Output);
 
 impl Y4m {
-    fn create(path: &std::path::Path, settings: &Settings) -> Result<Self> {
+    fn create(path: &Path, settings: &Settings) -> Result<Self> {
         let mut output = Output::create(path)?;
         let (numerator, denominator) = mpeg2enc::FrameRate::from_fps(settings.fps)?.fraction();
         let (width, height) = (settings.size.width, settings.size.height);

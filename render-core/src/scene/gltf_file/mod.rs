@@ -6,6 +6,7 @@
 mod accessor;
 mod animations;
 mod document;
+mod image_decoder;
 mod materials;
 mod meshes;
 mod nodes;

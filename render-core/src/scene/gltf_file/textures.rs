@@ -1,14 +1,10 @@
-//! Images that visible surfaces use, decoded within limits.
+//! Images that visible surfaces use.
 
 use super::accessor::Buffers;
-use super::document::one_line;
+use super::image_decoder::decode;
 use super::{LoadError, Loader};
 use crate::scene::{Encoding, Scene, Texture, Wrap};
 use std::collections::HashMap;
-
-/// Largest side of a texture, and the most memory that decoding one may take.
-const TEXTURE_SIDE: u32 = 16384;
-const TEXTURE_BYTES: u64 = 1 << 30;
 
 impl Loader<'_> {
     /// Decodes the images that a material of a shown mesh uses, and renumbers the slots to match. An image that is both
@@ -57,23 +53,10 @@ impl Loader<'_> {
             },
             gltf::image::Source::Uri { uri, .. } => self.resource(&what, uri)?,
         };
-        let mut reader = image::ImageReader::new(std::io::Cursor::new(bytes))
-            .with_guessed_format()
-            .or_else(|error| self.bad(format!("{what}: {error}")))?;
-        let mut limits = image::Limits::default();
-        limits.max_image_width = Some(TEXTURE_SIDE);
-        limits.max_image_height = Some(TEXTURE_SIDE);
-        limits.max_alloc = Some(TEXTURE_BYTES);
-        reader.limits(limits);
-        let pixels = reader
-            .decode()
-            .or_else(|error| self.bad(format!("{what}: {}; PNG and JPEG are read", one_line(&error.to_string()))))?
-            .into_rgba8();
-        let (width, height) = (pixels.width() as usize, pixels.height() as usize);
+        let (width, height, texels) = decode(bytes).or_else(|why| self.bad(format!("{what}: {why}")))?;
         if width == 0 || height == 0 {
             return self.bad(format!("{what} is empty"));
         }
-        let texels = pixels.pixels().map(|pixel| pixel.0).collect();
         Ok(Texture::with_encoding(width, height, texels, wrap(texture), encoding))
     }
 }

@@ -1,5 +1,6 @@
-//! Linear pictures in OpenEXR files.
+//! OpenEXR: linear pictures of any channels.
 
+use super::MOST_PIXELS;
 use exr::prelude::{
     AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage,
     read_first_flat_layer_from_file, read_first_rgba_layer_from_file,
@@ -7,9 +8,6 @@ use exr::prelude::{
 use glam::Vec3;
 use plane::Plane;
 use std::path::Path;
-
-/// Most pixels that [`read_exr`] accepts: a header may claim anything, and memory is taken for what it claims.
-const MOST_PIXELS: usize = 1 << 27;
 
 /// Writes linear Rec.709 RGB radiance, as [`write_layers`] does.
 ///
@@ -124,31 +122,6 @@ pub fn read_exr(path: &Path) -> Result<Plane<Vec3>, String> {
     Ok(image.layer_data.channel_data.pixels)
 }
 
-/// Reads a picture of radiances, Radiance `.hdr` or OpenEXR by the file's ending.
-///
-/// # Errors
-/// Another ending, or what [`read_exr`] says.
-pub fn read_radiance(path: &Path) -> Result<Plane<Vec3>, String> {
-    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let named = |error: String| format!("{}: {error}", path.display());
-    match ending.as_str() {
-        "exr" => read_exr(path),
-        "hdr" => {
-            let file = std::fs::File::open(path).map_err(|error| named(error.to_string()))?;
-            let decoder = image::codecs::hdr::HdrDecoder::new(std::io::BufReader::new(file))
-                .map_err(|error| named(error.to_string()))?;
-            let (width, height) = (decoder.metadata().width as usize, decoder.metadata().height as usize);
-            if width.saturating_mul(height) > MOST_PIXELS {
-                return Err(named(format!("{width}x{height} pixels are more than this program takes")));
-            }
-            let picture = image::DynamicImage::from_decoder(decoder).map_err(|error| named(error.to_string()))?;
-            let texels = picture.into_rgb32f().pixels().map(|pixel| Vec3::from(pixel.0)).collect();
-            Ok(Plane::from_vec(width, height, texels))
-        }
-        _ => Err(named("radiances are read from .hdr and .exr files".into())),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -180,24 +153,5 @@ mod tests {
         assert_eq!(layers.colors("variance.").unwrap().get(0, 0), [50.0, 40.0, 30.0]);
         assert_eq!(layers.colors("albedo."), None);
         assert_eq!(read_exr(&path).unwrap().get(2, 1), Vec3::new(25.0, 15.0, 5.0));
-    }
-
-    #[test]
-    fn radiance_pictures_are_read_by_their_ending() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = |name: &str| folder.path().join(name);
-        let pixels: Vec<image::Rgb<f32>> = (0..6).map(|i| image::Rgb([i as f32, 0.5, 200.0 * i as f32])).collect();
-        let file = std::fs::File::create(path("a.hdr")).unwrap();
-        image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, 3, 2).unwrap();
-        let read = read_radiance(&path("a.hdr")).unwrap();
-        // One exponent for all three: a step is 1/128 of the largest or less.
-        assert!((read.get(2, 1) - Vec3::new(5.0, 0.5, 1000.0)).abs().max_element() < 8.0 && read.width() == 3);
-        assert!((read.get(2, 1).z / 1000.0 - 1.0).abs() < 0.01 && read.get(0, 0) == Vec3::new(0.0, 0.5, 0.0));
-        write_exr(&path("b.exr"), &read).unwrap();
-        assert_eq!(read_radiance(&path("b.exr")).unwrap(), read);
-        std::fs::write(path("c.hdr"), b"#?RADIANCE").unwrap();
-        for name in ["c.hdr", "d.hdr", "e.png"] {
-            assert!(read_radiance(&path(name)).unwrap_err().contains(name));
-        }
     }
 }

@@ -1,0 +1,99 @@
+//! `render2mpeg reference`.
+
+use crate::progress;
+use anyhow::Result;
+use clap::Args;
+use pipeline::output::Output;
+use pipeline::reference::{self, Method};
+use pipeline::settings::Size;
+use pipeline::{Settings, Wishes};
+use render_core::{PathOptions, PixelSampling, scene};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Which frame, and how exactly.
+#[derive(Args)]
+pub struct Reference {
+    /// A glTF 2.0 scene, .glb or .gltf
+    scene: PathBuf,
+    /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Which frame, counted from 0
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    frame: u32,
+    /// How light is computed
+    #[arg(long, value_enum, default_value = "path")]
+    method: Method,
+    /// Paths for each pixel
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    spp: u32,
+    /// Most reflections of a path: 0 shows what glows, 1 direct light [default: all]
+    #[arg(long, value_name = "N")]
+    bounces: Option<u32>,
+    /// Start all paths at the centres of the pixels, as films are rendered, and not all over them
+    #[arg(long)]
+    centre: bool,
+    /// Of the picture, in pixels [default: 512x512]
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+    /// Seed of paths and photons [default: 1]
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// Anchor lights, for all lights [default: as for films]
+    #[arg(long, value_name = "N")]
+    vpls: Option<usize>,
+    /// Photons, for all lights [default: 150 for each anchor light]
+    #[arg(long, value_name = "N")]
+    photons: Option<u64>,
+    /// Pictures a second, which say when the frame is [default: as the TOML file says, else 25]
+    #[arg(long)]
+    fps: Option<f64>,
+    /// Threads [default: one per processor]; the result is the same for any number
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// No progress: only errors are shown
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Renders and writes.
+pub fn run(arguments: Reference) -> Result<ExitCode> {
+    let Reference {
+        scene: path,
+        output,
+        frame,
+        method,
+        spp,
+        bounces,
+        centre,
+        size,
+        seed,
+        vpls,
+        photons,
+        fps,
+        quiet,
+        ..
+    } = arguments;
+    let scene = scene::load(&path)?;
+    let wishes = Wishes { size, seed, bounces, vpls, photons, fps, ..Default::default() };
+    let settings = Settings::new(path, &scene, wishes)?;
+    // An output that cannot be written is told of before the work, not after it.
+    drop(Output::create(&output)?);
+    let picture = match method {
+        Method::AllLights => reference::by_all_lights(&scene, &settings, frame)?,
+        Method::Path => {
+            let pixel = if centre { PixelSampling::Centre } else { PixelSampling::Area };
+            let options = PathOptions { samples: spp, seed: settings.seed, max_bounces: bounces, pixel };
+            let bar = progress::of_work(quiet);
+            let picture = reference::by_paths(&scene, &settings, frame, &options, |done, all| {
+                bar.set_length(all as u64);
+                bar.set_position(done as u64);
+            });
+            bar.finish_and_clear();
+            picture
+        }
+    };
+    picture.write(&output)?;
+    Ok(ExitCode::SUCCESS)
+}

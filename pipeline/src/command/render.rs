@@ -1,0 +1,151 @@
+//! `render2mpeg render`.
+
+use crate::args::Job;
+use crate::log::Log;
+use crate::{INTERRUPTED, config_file, parts, progress, stop_on_interrupt};
+use anyhow::{Context, Result};
+use clap::Args;
+use pipeline::checkpoint::Checkpoints;
+use pipeline::observe::OnFrame;
+use pipeline::output::Output;
+use pipeline::report::FrameReport;
+use pipeline::settings::{Aov, CheckpointEvery};
+use pipeline::{Plan, Settings};
+use render_core::scene;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// What to render, how, and where it goes.
+#[derive(Args)]
+pub struct Render {
+    /// What and how.
+    #[command(flatten)]
+    job: Job,
+    /// The video: .m2v (elementary stream), .mpg (program stream) or .ts (transport stream) [default: the scene's name
+    /// with .m2v, in this folder]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Where the JSON report goes [default: beside the video, .report.json]
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Also write a page with plots of every frame's time, bits, PSNR and cut size
+    #[arg(long, value_name = "FILE.html", hide = !cfg!(feature = "html"))]
+    html: Option<PathBuf>,
+    /// Also write every frame as linear OpenEXR into this folder
+    #[arg(long, value_name = "DIR", hide = !cfg!(feature = "exr"))]
+    exr: Option<PathBuf>,
+    /// What else goes into these files, as named layers: a list such as albedo,normal,depth
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "LIST", hide = !cfg!(feature = "exr"))]
+    aov: Vec<Aov>,
+    /// Also write the frames before compression, as YUV4MPEG2
+    #[arg(long, value_name = "FILE")]
+    y4m: Option<PathBuf>,
+    /// Go on where a killed run of the same film was, to the same bits; begin at the beginning if there was none
+    #[arg(long)]
+    resume: bool,
+    /// Seconds between checkpoints, beside the video in .checkpoint, for --resume: 0 is each frame, off is none [default: 60]
+    #[arg(long, value_name = "SECONDS")]
+    checkpoint: Option<CheckpointEvery>,
+    /// Threads [default: one per processor]; the result is the same for any number
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Write when each stage worked on which frame, for chrome://tracing or Perfetto
+    #[arg(long, value_name = "FILE.json", hide = !cfg!(feature = "trace"))]
+    trace: Option<PathBuf>,
+    /// Print the file for --config that makes the same film, every default filled in; render nothing
+    #[arg(long)]
+    print_config: bool,
+    /// One line of JSON on standard output for the begin, each frame and the end, for other programs
+    #[arg(long)]
+    json_progress: bool,
+    /// Say what happens, line by line: once for frames and checkpoints, twice for every stage
+    #[arg(short, long, action = clap::ArgAction::Count, conflicts_with = "quiet", hide = !cfg!(feature = "trace"))]
+    verbose: u8,
+    /// No progress, no summary: only errors are shown
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Of a film killed after hours, a minute is to be made again.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
+
+/// Renders and reports.
+pub fn run(arguments: Render) -> Result<ExitCode> {
+    let Render { job, output, report, html, exr, aov, y4m, resume, checkpoint, threads, trace, .. } = arguments;
+    let Render { print_config, json_progress, verbose, quiet, .. } = arguments;
+    parts::need("html", html.is_some())?;
+    parts::need("exr", exr.is_some() || !aov.is_empty())?;
+    parts::need("trace", trace.is_some() || verbose > 0)?;
+    let (path, mut wishes) = job.wishes();
+    (wishes.output, wishes.exr, wishes.aov, wishes.y4m) = (output, exr, aov, y4m);
+    let scene = scene::load(&path)?;
+    let settings = Settings::new(path, &scene, wishes)?;
+    // All that can be wrong with the settings or the places of the files is said before the first ray.
+    settings.encoder_config()?;
+    let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
+    if print_config {
+        let more = [
+            ("report", Some(report_path.display().to_string())),
+            ("html", html.map(|path| path.display().to_string())),
+            ("checkpoint", checkpoint.map(|every| every.to_string())),
+            ("trace", trace.map(|path| path.display().to_string())),
+            ("threads", threads.map(|threads| threads.to_string())),
+        ];
+        print!("{}", config_file::text(&settings, &more));
+        return Ok(ExitCode::SUCCESS);
+    }
+    if let Some(folder) = &settings.exr {
+        std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
+    }
+    let plan = Plan::new(&scene, &settings);
+    let every = checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration);
+    let checkpoints = match resume {
+        true => Checkpoints::resume(&settings, &plan, every)?,
+        false => Checkpoints::new(&settings, &plan, every)?,
+    };
+    let output = checkpoints.output(&settings)?;
+    drop(Output::create(&report_path)?);
+    html.as_deref().map(Output::create).transpose()?;
+    trace.as_deref().map(Output::create).transpose()?;
+    if checkpoints.first_frame() == 0 {
+        settings.y4m.as_deref().map(Output::create).transpose()?;
+    }
+    let log = Log::start(verbose, trace);
+
+    let stop = stop_on_interrupt()?;
+    let first = checkpoints.first_frame();
+    let progress = progress::Progress::new(&settings, &scene, first, quiet || verbose > 0);
+    let lines = progress::JsonLines::new(json_progress);
+    lines.begin(&settings, first);
+    let observer = OnFrame::new(|frame: &FrameReport| {
+        progress.frame(frame);
+        lines.frame(frame);
+    });
+    let result = pipeline::render_from(&checkpoints, &scene, &settings, &plan, output, &stop, &observer);
+    progress.clear();
+    let report = result?;
+    report.write(&report_path)?;
+    #[cfg(feature = "html")]
+    if let Some(path) = &html {
+        let mut output = Output::create(path)?;
+        output.write(pipeline::page::run_page(&report)?.as_bytes())?;
+        output.finish()?;
+    }
+    let traced = log.finish()?;
+    if !report.summary.interrupted {
+        checkpoints.remove(&settings);
+    }
+    lines.end(&report);
+    if !quiet {
+        progress::summary(&report, &settings.output, &report_path);
+        traced.into_iter().for_each(|line| eprintln!("trace:  {line}"));
+    }
+    Ok(if report.summary.interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+/// `film.m2v` → `film.report.json`; a device has no neighbours, so its report goes to this folder.
+fn report_beside(output: &Path) -> PathBuf {
+    let device = std::fs::metadata(output).is_ok_and(|metadata| !metadata.is_file());
+    if device { PathBuf::from("render2mpeg.report.json") } else { output.with_extension("report.json") }
+}

@@ -1,0 +1,44 @@
+//! `render2mpeg completions` and `render2mpeg man`: what shells and manuals know of the options.
+
+use crate::args::Arguments;
+use anyhow::{Context, Result};
+use clap::CommandFactory;
+use std::process::ExitCode;
+
+/// Prints what makes `shell` complete the options.
+pub fn completions(shell: clap_complete::Shell) -> Result<ExitCode> {
+    let mut text = Vec::new();
+    clap_complete::generate(shell, &mut Arguments::command(), "render2mpeg", &mut text);
+    print_whole(&text);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the manual page of the program or of one of its commands.
+///
+/// # Errors
+/// There is no such command.
+pub fn man(command: Option<&str>) -> Result<ExitCode> {
+    print_whole(&page(command)?);
+    Ok(ExitCode::SUCCESS)
+}
+
+fn page(command: Option<&str>) -> Result<Vec<u8>> {
+    let mut program = Arguments::command();
+    program.build();
+    let page = match command {
+        None => program,
+        Some(name) => {
+            let found = program.get_subcommands().find(|one| one.get_name() == name).cloned();
+            found.with_context(|| format!("there is no command {name}: see render2mpeg --help"))?
+        }
+    };
+    let mut text = Vec::new();
+    clap_mangen::Man::new(page).render(&mut text)?;
+    Ok(text)
+}
+
+/// Prints a text that was made whole: a reader that closes its end early is no failure.
+fn print_whole(text: &[u8]) {
+    use std::io::Write;
+    let _ = std::io::stdout().write_all(text);
+}

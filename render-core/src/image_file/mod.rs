@@ -1,0 +1,79 @@
+//! Linear pictures in files.
+
+#[cfg(feature = "exr")]
+mod open_exr;
+
+#[cfg(feature = "exr")]
+pub use open_exr::{Layers, read_exr, read_layers, write_exr, write_layers};
+
+use glam::Vec3;
+use plane::Plane;
+use std::path::Path;
+
+/// Most pixels that a file may have: a header may claim anything, and memory is taken for what it claims.
+#[cfg(any(feature = "exr", feature = "textures"))]
+const MOST_PIXELS: usize = 1 << 27;
+
+/// Reads a picture of radiances, Radiance `.hdr` or OpenEXR by the file's ending.
+///
+/// # Errors
+/// Another ending, one that this build leaves out, or what is wrong with the file; the message names the path.
+pub fn read_radiance(path: &Path) -> Result<Plane<Vec3>, String> {
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let named = |error: String| format!("{}: {error}", path.display());
+    let needed = match ending.as_str() {
+        "exr" if !cfg!(feature = "exr") => Some("exr"),
+        "hdr" if !cfg!(feature = "textures") => Some("textures"),
+        _ => None,
+    };
+    if let Some(feature) = needed {
+        return Err(named(format!("this build reads no .{ending}; build it with the feature {feature}")));
+    }
+    match ending.as_str() {
+        #[cfg(feature = "exr")]
+        "exr" => read_exr(path),
+        #[cfg(feature = "textures")]
+        "hdr" => read_hdr(path),
+        _ => Err(named("radiances are read from .hdr and .exr files".into())),
+    }
+}
+
+/// Reads a Radiance file.
+#[cfg(feature = "textures")]
+fn read_hdr(path: &Path) -> Result<Plane<Vec3>, String> {
+    let named = |error: String| format!("{}: {error}", path.display());
+    let file = std::fs::File::open(path).map_err(|error| named(error.to_string()))?;
+    let decoder =
+        image::codecs::hdr::HdrDecoder::new(std::io::BufReader::new(file)).map_err(|error| named(error.to_string()))?;
+    let (width, height) = (decoder.metadata().width as usize, decoder.metadata().height as usize);
+    if width.saturating_mul(height) > MOST_PIXELS {
+        return Err(named(format!("{width}x{height} pixels are more than this program takes")));
+    }
+    let picture = image::DynamicImage::from_decoder(decoder).map_err(|error| named(error.to_string()))?;
+    let texels = picture.into_rgb32f().pixels().map(|pixel| Vec3::from(pixel.0)).collect();
+    Ok(Plane::from_vec(width, height, texels))
+}
+
+#[cfg(all(test, feature = "exr", feature = "textures"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn radiance_pictures_are_read_by_their_ending() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let pixels: Vec<image::Rgb<f32>> = (0..6).map(|i| image::Rgb([i as f32, 0.5, 200.0 * i as f32])).collect();
+        let file = std::fs::File::create(path("a.hdr")).unwrap();
+        image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, 3, 2).unwrap();
+        let read = read_radiance(&path("a.hdr")).unwrap();
+        // One exponent for all three: a step is 1/128 of the largest or less.
+        assert!((read.get(2, 1) - Vec3::new(5.0, 0.5, 1000.0)).abs().max_element() < 8.0 && read.width() == 3);
+        assert!((read.get(2, 1).z / 1000.0 - 1.0).abs() < 0.01 && read.get(0, 0) == Vec3::new(0.0, 0.5, 0.0));
+        write_exr(&path("b.exr"), &read).unwrap();
+        assert_eq!(read_radiance(&path("b.exr")).unwrap(), read);
+        std::fs::write(path("c.hdr"), b"#?RADIANCE").unwrap();
+        for name in ["c.hdr", "d.hdr", "e.png"] {
+            assert!(read_radiance(&path(name)).unwrap_err().contains(name));
+        }
+    }
+}
