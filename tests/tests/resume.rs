@@ -1,7 +1,10 @@
 //! A film that was killed is continued to the same bits.
 #![cfg(unix)]
 
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -81,6 +84,73 @@ fn killed_at_any_moment_it_goes_on_to_the_same_bits() {
     }
     println!("killed {killed} times");
     assert!(killed >= 20, "most runs ended before they were killed: {killed}");
+}
+
+#[test]
+fn ended_by_ctrl_c_it_goes_on_behind_its_last_frame() {
+    // Checkpoints of a minute: the one that counts is made at the end.
+    let kinds = [
+        (Moving::Box, "film.m2v", "--frames 60 --y4m film.y4m"),
+        (Moving::Camera, "film.ts", "--frames 60 --cbr --bitrate 100k --bframes 2 --stopping calibrated"),
+        (Moving::Nothing, "film.mpg", "--frames 200 --thresholds fixed:0.02"),
+    ];
+    let mut ended = 0;
+    for (kind, (moving, film, more)) in (0..).zip(kinds) {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        checkered_room(moving).write(&folder.join("room.glb"));
+        let words = format!("render room.glb -o {film} --size 48x48 --vpls 60 --photons 1000 --json-progress {more}");
+        let words: Vec<&str> = words.split_whitespace().collect();
+        let whole = render2mpeg(folder, &words);
+        assert_eq!(whole.code, Some(0), "{}", whole.stderr);
+        let read = |name: &str| fs::read(folder.join(name)).unwrap_or_default();
+        let truth = (read(film), read("film.y4m"), sorted_names(folder));
+        let resumed = [&words[..], &["--resume"]].concat();
+        for index in 0..2 {
+            fs::remove_file(folder.join(film)).unwrap();
+            // After so many frames of its own, the run is asked to end; once from the beginning, once where it goes on.
+            let after = [1 + (20.0 * chance(3 * kind + index)) as usize, 5];
+            let first = end_after(folder, &words, after[0]);
+            let second = first.and_then(|_| end_after(folder, &resumed, after[1]));
+            assert!(second.is_none_or(|second| Some(second) > first), "{first:?} {second:?}");
+            ended += u32::from(first.is_some()) + u32::from(second.is_some());
+            let last = render2mpeg(folder, &resumed);
+            assert_eq!(last.code, Some(0), "{}", last.stderr);
+            let begin: Value = serde_json::from_str(last.stdout.lines().next().unwrap()).unwrap();
+            if let Some(done) = second.or(first) {
+                assert_eq!(begin["first_frame"], done, "{more}: not a frame is made again");
+            }
+            assert!(
+                read(film) == truth.0 && read("film.y4m") == truth.1,
+                "{more}, ended after {after:?}: another film"
+            );
+            assert_eq!(sorted_names(folder), truth.2, "nothing else stays");
+        }
+    }
+    println!("ended {ended} times");
+    assert!(ended >= 6, "most runs came to their end first: {ended}");
+}
+
+/// Runs, and sends an interrupt when `after` frames were told of; how many frames the film has then, or none if it was whole
+/// before.
+fn end_after(folder: &Path, arguments: &[&str], after: usize) -> Option<u64> {
+    let mut child = Command::new(program())
+        .args(arguments)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("render2mpeg starts");
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+    lines.by_ref().filter(|line| line.contains("\"event\":\"frame\"")).take(after).for_each(drop);
+    // Until it is waited for, a process can be sent signals even when it has ended.
+    kill_process(Pid::from_raw(child.id() as i32).unwrap(), Signal::INT).unwrap();
+    let last = lines.last();
+    let code = child.wait().unwrap().code();
+    assert!(matches!(code, Some(0 | 130)), "{arguments:?}: {code:?}");
+    let end: Value = serde_json::from_str(&last?).unwrap();
+    (code == Some(130)).then(|| end["summary"]["frames"].as_u64().expect("frames are counted"))
 }
 
 #[test]

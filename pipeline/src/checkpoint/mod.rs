@@ -5,6 +5,8 @@
 //! it leaves its [`Part`] here; when the last part is there, the file is written, whole or not at all. Stages do not wait for
 //! each other: every part is of the same frame, though not of the same time.
 //!
+//! A run that is ended early (Ctrl-C) leaves the same behind its last frame, when the stages come to their ends.
+//!
 //! What follows from scene and settings is not written but made again: the ray tree, photons, direct lights and the picture of
 //! the last frame, for which that one frame is prepared once more.
 
@@ -64,6 +66,8 @@ struct Place {
 struct Progress {
     /// When a frame was last marked.
     last: Instant,
+    /// The last frame of a run that ends before its film does.
+    ends_behind: Option<u32>,
     waiting: BTreeMap<u32, Parts>,
 }
 
@@ -143,6 +147,24 @@ impl Checkpoints {
         due
     }
 
+    /// Says that the run ends early, and `frame` is the last one; told before the first stage hands over nothing more.
+    pub fn end_behind(&self, frame: u32) {
+        if let Some(place) = &self.place {
+            place.lock().ends_behind = Some(frame);
+        }
+    }
+
+    /// Whether a stage that has come to its end, with `frame` as its last, is to leave what it carries: the run was ended
+    /// early, and can go on from here.
+    pub fn ends_behind(&self, frame: u32) -> bool {
+        self.place.as_ref().is_some_and(|place| place.lock().ends_behind == Some(frame))
+    }
+
+    /// Whether any are written.
+    pub fn are_on(&self) -> bool {
+        self.place.is_some()
+    }
+
     /// Leaves what a stage carries on behind `frame`, and writes the checkpoint if this was the last part of it.
     ///
     /// # Errors
@@ -171,7 +193,7 @@ impl Checkpoints {
 impl Place {
     fn new(path: PathBuf, settings: &Settings, plan: &Plan, every: Duration) -> Result<Self> {
         let masking = plan.masking == State::On;
-        let state = Progress { last: Instant::now(), waiting: BTreeMap::new() };
+        let state = Progress { last: Instant::now(), ends_behind: None, waiting: BTreeMap::new() };
         let job = file::Job::new(settings)?;
         Ok(Self { path, every, wanted: [true, true, true, masking, true, true], job, state: Mutex::new(state) })
     }

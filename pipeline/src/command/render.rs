@@ -41,7 +41,7 @@ pub struct Render {
     /// Also write the frames before compression, as YUV4MPEG2
     #[arg(long, value_name = "FILE")]
     y4m: Option<PathBuf>,
-    /// Go on where a killed run of the same film was, to the same bits; begin at the beginning if there was none
+    /// Go on where a killed or interrupted run of the same film was, to the same bits; begin at the beginning if there was none
     #[arg(long)]
     resume: bool,
     /// Seconds between checkpoints, beside the video in .checkpoint, for --resume: 0 is each frame, off is none [default: 60]
@@ -139,6 +139,9 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     lines.end(&report);
     if !quiet {
         progress::summary(&report, &settings.output, &report_path);
+        if report.summary.interrupted && every.is_some() {
+            eprintln!("ended early: the same command with --resume goes on behind the last frame");
+        }
         traced.into_iter().for_each(|line| eprintln!("trace:  {line}"));
     }
     Ok(if report.summary.interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })

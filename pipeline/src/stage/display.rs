@@ -8,7 +8,7 @@ use crate::plan::{Plan, State};
 use crate::settings::Settings;
 use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
-use perceptual::{YCbCr, luminance_plane};
+use perceptual::{ToneMap, YCbCr, luminance_plane};
 use plane::Plane;
 use render_core::Busy;
 use std::path::Path;
@@ -44,6 +44,7 @@ pub fn run(
         (Some(path), _) => Some(Y4m::create(path, settings)?),
         (None, _) => None,
     };
+    let mut last = None;
     for Shaded { frame, checkpoint, radiance, layers, correspondence, forward, mut figures } in frames {
         let span = tracing::debug_span!("display", frame).entered();
         let busy = Busy::default();
@@ -66,10 +67,9 @@ pub fn run(
             file.write(&picture)?;
         }
         if checkpoint {
-            uncompressed.as_ref().map_or(Ok(()), |file| file.0.sync())?;
-            let length = uncompressed.as_ref().map(|file| file.0.len());
-            checkpoints.leave(frame, Part::Display, &(tone_map.exposure, length))?;
+            leave(checkpoints, frame, &tone_map, uncompressed.as_ref())?;
         }
+        last = Some(frame);
         drop(span);
         if plan.masking == State::On {
             let (picture, correspondence) = (picture.clone(), correspondence.clone());
@@ -82,10 +82,19 @@ pub fn run(
             return Ok(());
         }
     }
+    if let Some(frame) = last.filter(|&frame| checkpoints.ends_behind(frame)) {
+        leave(checkpoints, frame, &tone_map, uncompressed.as_ref())?;
+    }
     if let Some(file) = uncompressed {
         file.finish()?;
     }
     Ok(())
+}
+
+/// What is carried behind `frame`: the exposure, and how much of the uncompressed film there is.
+fn leave(checkpoints: &Checkpoints, frame: u32, tone_map: &ToneMap, uncompressed: Option<&Y4m>) -> Result<()> {
+    uncompressed.map_or(Ok(()), |file| file.0.sync())?;
+    checkpoints.leave(frame, Part::Display, &(tone_map.exposure, uncompressed.map(|file| file.0.len())))
 }
 
 /// A frame as linear light, with further layers.

@@ -36,6 +36,7 @@ pub fn run(
         stage.video.restore(&video)?;
         (stage.queue, *reports) = (queue, known);
     }
+    let mut last = None;
     for displayed in frames {
         let (frame, checkpoint) = (displayed.frame, displayed.checkpoint);
         let _span = tracing::debug_span!("encode", frame).entered();
@@ -46,10 +47,13 @@ pub fn run(
         }
         hand_out(output, observer, reports, &bytes, lines)?;
         if checkpoint {
-            output.sync()?;
-            checkpoints.leave(frame, Part::Film, &output.len())?;
-            checkpoints.leave(frame, Part::Encode, &(stage.video.state(), &stage.queue, &*reports))?;
+            stage.leave(checkpoints, frame, output, reports)?;
         }
+        last = Some(frame);
+    }
+    if let Some(frame) = last.filter(|&frame| checkpoints.ends_behind(frame)) {
+        // Before the end of the stream, which a film that goes on does not have here.
+        stage.leave(checkpoints, frame, output, reports)?;
     }
     let (bytes, lines) = pool.install(|| stage.finish())?;
     hand_out(output, observer, reports, &bytes, lines)
@@ -99,6 +103,13 @@ struct Waiting {
 }
 
 impl Stage<'_> {
+    /// What is carried behind `frame`, and how much of the film there is.
+    fn leave(&self, checkpoints: &Checkpoints, frame: u32, output: &Output, reports: &[FrameReport]) -> Result<()> {
+        output.sync()?;
+        checkpoints.leave(frame, Part::Film, &output.len())?;
+        checkpoints.leave(frame, Part::Encode, &(self.video.state(), &self.queue, reports))
+    }
+
     fn take(&mut self, displayed: Displayed) -> Result<(Vec<u8>, Vec<FrameReport>)> {
         let Displayed { frame: index, picture, correspondence, forward, figures, .. } = displayed;
         let field = |known: &Correspondence| MotionField::new(known.motion.clone());

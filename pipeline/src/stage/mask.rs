@@ -51,6 +51,8 @@ pub fn run_from(
     for &time in &spent {
         let _ = times.send(time);
     }
+    // The last thresholds, for a run that ends early: what was sent is not seen again.
+    let mut last: Option<(u32, Plane<f32>, Plane<f32>)> = None;
     for message in frames {
         // None: the encoder has failed, and will say so.
         let Some(quantiser_scale) = quantisers.next() else { return Ok(()) };
@@ -75,9 +77,15 @@ pub fn run_from(
         if message.checkpoint {
             checkpoints.leave(message.frame, Part::Mask, &(&delta, &message.luminance, &spent))?;
         }
+        if checkpoints.are_on() {
+            last = Some((message.frame, delta.clone(), message.luminance.clone()));
+        }
         let _ = times.send(time);
         drop(span);
         let _ = thresholds.send(LuminanceThresholds { of: message.frame, delta, luminance: message.luminance });
     }
-    Ok(())
+    match last.filter(|(frame, ..)| checkpoints.ends_behind(*frame)) {
+        Some((frame, delta, luminance)) => checkpoints.leave(frame, Part::Mask, &(delta, luminance, spent)),
+        None => Ok(()),
+    }
 }

@@ -55,6 +55,10 @@ pub fn run_from<'s>(
     }
     for n in first..settings.frames {
         if stop.load(Ordering::Relaxed) {
+            if let Some(kept) = preparation.kept.as_ref().filter(|_| n > first) {
+                checkpoints.end_behind(n - 1);
+                checkpoints.leave(n - 1, Part::Prepare, &kept.tree.to_bytes())?;
+            }
             break;
         }
         let mut prepared = preparation.frame(n);

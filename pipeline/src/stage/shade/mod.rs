@@ -60,6 +60,7 @@ pub fn run_from(
     // Where nothing moves, the light of one frame is that of the next.
     let mut still = None;
     let mut calibration = (settings.stopping == Stopping::Calibrated).then(Calibration::default);
+    let mut last = None;
     for prepared in frames {
         if prepared.frame < checkpoints.first_frame() {
             (cache, still, calibration) = resume::take_up(checkpoints, &prepared)?;
@@ -84,11 +85,15 @@ pub fn run_from(
             resume::leave(checkpoints, frame, cache.as_ref(), still.as_ref(), calibration.as_ref())?;
         }
         drop(span);
+        last = Some(frame);
         if out.send(shaded).is_err() {
             break;
         }
     }
-    Ok(())
+    match last.filter(|&frame| checkpoints.ends_behind(frame)) {
+        Some(frame) => resume::leave(checkpoints, frame, cache.as_ref(), still.as_ref(), calibration.as_ref()),
+        None => Ok(()),
+    }
 }
 
 fn shade(
