@@ -7,13 +7,15 @@ use crate::{
     decide::Tools,
     effort::Effort,
     frame::psnr_within,
-    header::{self, PictureHeader},
+    header::{self, PictureHeader, macroblock_counts},
     motion::{Candidates, CoarseSearch, Estimate, HalfSample, f_code},
     picture::{CodedPicture, Picture},
+    pool::Pool,
     predict::References,
     quant::{QuantiserParameters, Quantisers},
 };
 use plane::Plane;
+use std::sync::Arc;
 
 /// One coded picture.
 #[derive(Clone, Debug)]
@@ -31,7 +33,7 @@ pub struct Packet {
     /// Bits of `data`.
     pub bits: u64,
     /// What a decoder shows, to within the differences of inverse transforms that the standard allows.
-    pub reconstruction: Frame,
+    pub reconstruction: Arc<Frame>,
     /// PSNR of luma against the frame that came in, dB; infinite if nothing was lost.
     pub psnr_y: f64,
     /// What the bits were spent on.
@@ -66,7 +68,7 @@ pub(crate) struct Job<'a> {
 pub(crate) struct Coded {
     pub packet: Packet,
     /// In whole macroblocks; of a B picture, from which nothing is predicted, there is none.
-    pub reference: Option<Frame>,
+    pub reference: Option<Arc<Frame>>,
     /// Forward and backward.
     pub vectors: [Vec<HalfSample>; 2],
     /// Bytes of the picture header and its extension, after which user data may follow.
@@ -89,13 +91,14 @@ impl Coded {
 pub(crate) struct Coder {
     pub config: Config,
     quantisers: Quantisers,
+    pool: Pool,
 }
 
 impl Coder {
     /// `varies` says that macroblocks will have quantisers of their own: the table with finer steps is used then.
     pub fn new(config: Config, varies: bool) -> Self {
         let quantisers = Quantisers::new(parameters(&config, varies));
-        Self { config, quantisers }
+        Self { config, quantisers, pool: Pool::default() }
     }
 
     /// Uses another quantiser_scale for whole pictures; it was checked.
@@ -107,8 +110,14 @@ impl Coder {
         }
     }
 
+    /// A copy of a frame in whole macroblocks.
+    pub fn whole(&mut self, frame: &Frame) -> Arc<Frame> {
+        let (columns, rows) = macroblock_counts(self.config.width, self.config.height);
+        self.pool.filled(16 * columns, 16 * rows, |whole| frame.copy_to(whole)).0
+    }
+
     /// Codes one picture on the current `rayon` pool.
-    pub fn code(&self, job: &Job) -> Coded {
+    pub fn code(&mut self, job: &Job) -> Coded {
         let limits = self.config.level().limits();
         let standard = self.config.standard;
         let f_code_max = [limits.f_code_horizontal, limits.f_code_vertical].map(|max| max.min(standard.f_code_max()));
@@ -145,7 +154,7 @@ impl Coder {
             f_code: [reach(&vectors[0]), reach(&vectors[1])],
             quantisers: self.quantisers.parameters,
         };
-        let coded = Picture {
+        let picture = Picture {
             header,
             source: job.source,
             references,
@@ -154,12 +163,20 @@ impl Coder {
             scales_x16: job.scales_x16,
             tools: tools(effort, self.config.varies()),
             height: self.config.height,
-        }
-        .code();
-        self.pack(job, &header, coded, vectors)
+        };
+        let (width, height) = (job.source.width(), job.source.height());
+        let (reconstruction, coded) = self.pool.filled(width, height, |out| picture.code(out));
+        self.pack(job, &header, reconstruction, coded, vectors)
     }
 
-    fn pack(&self, job: &Job, header: &PictureHeader, coded: CodedPicture, vectors: [Vec<HalfSample>; 2]) -> Coded {
+    fn pack(
+        &mut self,
+        job: &Job,
+        header: &PictureHeader,
+        whole: Arc<Frame>,
+        coded: CodedPicture,
+        vectors: [Vec<HalfSample>; 2],
+    ) -> Coded {
         let mut writer = BitWriter::default();
         header::put_picture_header(&mut writer, header);
         let mut data = writer.into_bytes();
@@ -167,11 +184,13 @@ impl Coder {
         data.extend(coded.slices);
         let (width, height) = (self.config.width, self.config.height);
         let (columns, rows) = (job.source.width() / 16, job.source.height() / 16);
-        let psnr_y = psnr_within(&job.source.luma, &coded.reconstruction.luma, (width, height));
-        let (reconstruction, reference) = match job.picture_type {
-            PictureType::B => (coded.reconstruction.into_size(width, height), None),
-            _ => (coded.reconstruction.resized(width, height), Some(coded.reconstruction)),
+        let psnr_y = psnr_within(&job.source.luma, &whole.luma, (width, height));
+        let reconstruction = if (whole.width(), whole.height()) == (width, height) {
+            whole.clone()
+        } else {
+            self.pool.filled(width, height, |shown| whole.copy_to(shown)).0
         };
+        let reference = (job.picture_type != PictureType::B).then_some(whole);
         let packet = Packet {
             bits: 8 * data.len() as u64,
             data,
@@ -228,15 +247,16 @@ fn parameters(config: &Config, varies: bool) -> QuantiserParameters {
 
 fn tools(effort: Effort, varies: bool) -> Tools {
     // Where it shall be quick, a fixed bound does what the trellis does elsewhere. Tuned on the clips of README.md: without B
-    // pictures 80 quarters take 3 % more bits than 40, and a sixth less time; 120 take 6 % more. With the trellis, 20 cost 0.1 %,
+    // pictures 80 quarters take 2 % more bits than 60, and 40 take 2 % less; each step is 3 to 5 % of the time. With the trellis, 20 cost 0.1 %,
     // and nothing where decisions are quick.
-    let (quick, thorough) = (80, 10);
+    let (quick, thorough) = (60, 10);
     match effort {
         Effort::Fast => Tools {
             quick: true,
             trellis: false,
             predicts_more: false,
             trials: 1,
+            intra_halves: 2,
             quantiser_choice: false,
             worth_a_transform_quarters: quick,
         },
@@ -245,6 +265,7 @@ fn tools(effort: Effort, varies: bool) -> Tools {
             trellis: true,
             predicts_more: true,
             trials: 2,
+            intra_halves: 1,
             quantiser_choice: false,
             worth_a_transform_quarters: 20,
         },
@@ -253,6 +274,7 @@ fn tools(effort: Effort, varies: bool) -> Tools {
             trellis: true,
             predicts_more: true,
             trials: 6,
+            intra_halves: 1,
             quantiser_choice: varies,
             worth_a_transform_quarters: thorough,
         },

@@ -4,6 +4,7 @@
 //! J = D + λ·R      D squared error of all samples      R bits as they will be written      λ price of a bit
 //! ```
 
+pub(crate) mod in_place;
 mod quick;
 
 use crate::{
@@ -34,11 +35,26 @@ pub(crate) struct Tools {
     pub predicts_more: bool,
     /// Predictions that are coded for comparison.
     pub trials: usize,
+    /// What is predicted may still become intra where its squared error is more than so many halves of what the means of its
+    /// blocks leave.
+    pub intra_halves: u32,
     /// Other quantisers than the one asked for, where they cost less.
     pub quantiser_choice: bool,
     /// A predicted block is not transformed if its squared error is less than so many quarters of quantiser_scale²: the few
     /// levels that it would have are worth less than their bits.
     pub worth_a_transform_quarters: i64,
+}
+
+impl Tools {
+    /// Does a prediction of this squared error go on to be compared with intra coding, which starts from `activity`?
+    fn may_be_intra(self, error: u32, activity: u32) -> bool {
+        2 * u64::from(error) > u64::from(activity) * u64::from(self.intra_halves)
+    }
+
+    /// How levels are found where a bit has this price.
+    fn rounding(self, lambda: i64) -> Rounding {
+        if self.trellis { Rounding::Trellis { lambda } } else { Rounding::DeadZone }
+    }
 }
 
 /// A way to code a macroblock.
@@ -95,6 +111,11 @@ impl Workspace {
     /// The macroblock as it will be written.
     pub fn macroblock(&self) -> &Macroblock {
         &self.best.macroblock
+    }
+
+    /// The same, to be decided elsewhere.
+    pub fn macroblock_mut(&mut self) -> &mut Macroblock {
+        &mut self.best.macroblock
     }
 
     /// The trial is the best so far if it is cheaper.
@@ -255,7 +276,7 @@ impl Decision<'_> {
                 chosen = index;
             }
         }
-        if least.is_none_or(|least| u64::from(least) * 2 > u64::from(self.activity())) {
+        if least.is_none_or(|least| self.tools.may_be_intra(least, self.activity())) {
             self.try_intra(&mut work.other);
             work.keep_cheaper();
         }
@@ -301,7 +322,7 @@ impl Decision<'_> {
     }
 
     fn rounding(&self) -> Rounding {
-        if self.tools.trellis { Rounding::Trellis { lambda: self.lambda } } else { Rounding::DeadZone }
+        self.tools.rounding(self.lambda)
     }
 
     fn price(&self, trial: &mut Trial) {
@@ -318,12 +339,14 @@ impl Decision<'_> {
             let energy = in_coefficients(error);
             trial.energies[i] = energy;
             trial.is_transformed[i] = !quantiser.leaves_nothing(error, self.tools.worth_a_transform_quarters);
-            trial.macroblock.blocks[i] = if trial.is_transformed[i] {
+            let block = &mut trial.macroblock.blocks[i];
+            if trial.is_transformed[i] {
                 trial.coefficients[i] = dct::forward_difference(source, predicted);
-                quantiser.quantise(&trial.coefficients[i], energy, Kind::Inter, self.rounding())
+                quantiser.quantise(&trial.coefficients[i], energy, Kind::Inter, self.rounding(), block);
             } else {
-                Block { error: energy, ..Block::EMPTY }
-            };
+                block.clear();
+                block.error = energy;
+            }
         }
         self.price(trial);
     }
@@ -336,8 +359,8 @@ impl Decision<'_> {
             trial.coefficients[i] = dct::forward_difference(source, &[0; 64]);
             // The samples' would not do: the square of the DC is so much larger that its rounding alone is an error.
             trial.energies[i] = trial.coefficients[i][1..].iter().map(|&c| c * c).sum::<i32>().into();
-            let block = quantiser.quantise(&trial.coefficients[i], trial.energies[i], Kind::Intra, self.rounding());
-            trial.macroblock.blocks[i] = block;
+            let block = &mut trial.macroblock.blocks[i];
+            quantiser.quantise(&trial.coefficients[i], trial.energies[i], Kind::Intra, self.rounding(), block);
         }
         self.price(trial);
     }
@@ -353,11 +376,13 @@ impl Decision<'_> {
             let trial = &mut *work.other;
             (trial.macroblock.mode, trial.macroblock.quantiser) = (mode, code);
             for i in 0..6 {
-                trial.macroblock.blocks[i] = if is_transformed[i] {
-                    quantiser.quantise(&coefficients[i], energies[i], kind, self.rounding())
+                let block = &mut trial.macroblock.blocks[i];
+                if is_transformed[i] {
+                    quantiser.quantise(&coefficients[i], energies[i], kind, self.rounding(), block);
                 } else {
-                    Block { error: energies[i], ..Block::EMPTY }
-                };
+                    block.clear();
+                    block.error = energies[i];
+                }
             }
             self.price(trial);
             work.keep_cheaper()

@@ -8,6 +8,7 @@ use crate::{
     motion::{CoarseSearch, HalfSample, quarter},
 };
 use plane::Plane;
+use std::sync::Arc;
 
 /// Encodes pictures one by one, each as soon as it comes in; made by [`Config::encoder`].
 pub struct Encoder {
@@ -22,7 +23,7 @@ pub struct EncoderState {
     /// Pictures coded so far.
     count: u64,
     /// Reconstruction of the last picture, in whole macroblocks.
-    reference: Option<Frame>,
+    reference: Option<Arc<Frame>>,
     /// Vectors of the last picture, or empty.
     vectors: Vec<HalfSample>,
 }
@@ -68,8 +69,9 @@ impl Encoder {
         let config = &self.coder.config;
         config.check_input(frame, motion);
         let (columns, rows) = macroblock_counts(config.width, config.height);
-        let source = frame.resized(16 * columns, 16 * rows);
         let place_in_group = self.state.count % u64::from(config.gop);
+        let quantiser_scale = config.quantiser_scale;
+        let source = self.coder.whole(frame);
         let reference = self.state.reference.take().filter(|_| place_in_group != 0);
         let candidates = match motion.filter(|_| reference.is_some()) {
             Some(field) => field.all_candidates(columns, rows),
@@ -92,8 +94,8 @@ impl Encoder {
             vbv_delay: VBV_DELAY_VARIABLE,
             source: &source,
             directions: [forward, None],
-            quantiser_scale: config.quantiser_scale,
-            scales_x16: &vec![16 * config.quantiser_scale; columns * rows],
+            quantiser_scale,
+            scales_x16: &vec![16 * quantiser_scale; columns * rows],
         });
         let mut packet = coded.packet;
         if packet.picture_type == PictureType::I {

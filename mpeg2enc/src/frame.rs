@@ -54,34 +54,24 @@ impl Frame {
         Ok(())
     }
 
-    /// The frame itself if it has this size, or a copy of another.
-    pub(crate) fn into_size(self, width: usize, height: usize) -> Self {
-        if (self.width(), self.height()) == (width, height) { self } else { self.resized(width, height) }
-    }
-
-    /// A copy of another size: the last row and column repeat, or are cut off.
-    pub(crate) fn resized(&self, width: usize, height: usize) -> Self {
-        let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
-        Self {
-            luma: resized(&self.luma, width, height),
-            cb: resized(&self.cb, chroma_width, chroma_height),
-            cr: resized(&self.cr, chroma_width, chroma_height),
-        }
+    /// Copies the frame to one of another size: the last row and column repeat, or are cut off.
+    pub(crate) fn copy_to(&self, out: &mut Self) {
+        copy_plane(&self.luma, &mut out.luma);
+        copy_plane(&self.cb, &mut out.cb);
+        copy_plane(&self.cr, &mut out.cr);
     }
 }
 
-fn resized(plane: &Plane<u8>, width: usize, height: usize) -> Plane<u8> {
-    if (plane.width(), plane.height()) == (width, height) {
-        return plane.clone();
+fn copy_plane(plane: &Plane<u8>, out: &mut Plane<u8>) {
+    if (plane.width(), plane.height()) == (out.width(), out.height()) {
+        return out.samples_mut().copy_from_slice(plane.samples());
     }
-    let kept = width.min(plane.width());
-    let mut data = Vec::with_capacity(width * height);
-    for y in 0..height {
-        let row = plane.row(y.min(plane.height() - 1));
-        data.extend_from_slice(&row[..kept]);
-        data.resize((y + 1) * width, row[kept - 1]);
+    let kept = out.width().min(plane.width());
+    for y in 0..out.height() {
+        let (row, out) = (plane.row(y.min(plane.height() - 1)), out.row_mut(y));
+        out[..kept].copy_from_slice(&row[..kept]);
+        out[kept..].fill(row[kept - 1]);
     }
-    Plane::from_vec(width, height, data)
 }
 
 /// Peak signal-to-noise ratio of two planes of one size, dB; infinite if they are equal.
@@ -127,9 +117,12 @@ mod tests {
     fn padding_repeats_the_border_and_cropping_undoes_it() {
         let luma = Plane::from_fn(5, 3, |x, y| (10 * y + x) as u8);
         let frame = Frame::new(luma, Plane::filled(3, 2, 7), Plane::filled(3, 2, 9)).unwrap();
-        let padded = frame.resized(16, 16);
+        let mut padded = Frame::black(16, 16);
+        frame.copy_to(&mut padded);
         assert_eq!((padded.luma.get(15, 0), padded.luma.get(15, 15), padded.cb.get(7, 7)), (4, 24, 7));
-        assert_eq!(padded.resized(5, 3), frame);
+        let mut cropped = Frame::black(5, 3);
+        padded.copy_to(&mut cropped);
+        assert_eq!(cropped, frame);
     }
 
     #[test]

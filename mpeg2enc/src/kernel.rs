@@ -10,8 +10,8 @@ mod predicted;
 #[cfg(target_arch = "x86_64")]
 mod wide;
 
-use lanes::{Bytes, Differences, Words};
-use predicted::for_predicted;
+use lanes::{Bytes, Differences, Sums, Words};
+use predicted::{for_both, for_both_onto, for_predicted};
 
 /// Can AVX2 be used? The answer is kept by the standard library: this is one load.
 #[inline(always)]
@@ -56,10 +56,18 @@ pub(crate) struct Place<'a> {
     pub half: (bool, bool),
 }
 
-/// Samples of a square block, sixteen at a time: N is 8 or 16, and each group is one row of 16 or two of 8.
-#[inline(always)]
-fn group<const N: usize>(samples: &[[u8; N]; N], i: usize) -> Bytes {
-    Bytes::load(&samples.as_flattened().as_chunks().0[i])
+impl<'a> Place<'a> {
+    /// Whole rows of `stride` samples.
+    #[inline(always)]
+    pub fn whole(samples: &'a [u8], stride: usize) -> Self {
+        Self { samples, stride, half: (false, false) }
+    }
+
+    /// So many rows farther down.
+    #[inline(always)]
+    fn lower(self, rows: usize) -> Self {
+        Self { samples: &self.samples[rows * self.stride..], ..self }
+    }
 }
 
 vectorised! {
@@ -78,6 +86,44 @@ vectorised! {
                 out[2 * (y / 8) + x][8 * (y % 8)..][..8].copy_from_slice(&eight);
             }
         });
+    }
+}
+
+vectorised! {
+    /// W rows of W predicted samples (7.6.4), put where `out` begins and `stride` apart, and the squared errors of their blocks
+    /// of 8×8, upper before lower, against the source at a whole position; W is 16, or 8 for a single block.
+    fn predict_onto, predict_onto_plain<const W: usize>(source: Place, reference: Place, out: &mut [u8], stride: usize) -> [u32; 4] {
+        let mut errors = [0; 4];
+        for strip in 0..W / 8 {
+            let (mut left, mut right) = (Sums::zero(), Sums::zero());
+            for_both_onto::<W, 8>(source.lower(8 * strip), reference.lower(8 * strip), &mut out[8 * strip * stride..], stride, |source, predicted| {
+                // A row of 16, or two of 8.
+                let [first, second] = source.minus(predicted).map(Words::squares);
+                left = left.plus(first);
+                if W == 16 { right = right.plus(second) } else { left = left.plus(second) }
+            });
+            (errors[2 * strip], errors[2 * strip + 1]) = (left.total(), right.total());
+        }
+        errors
+    }
+}
+
+/// A block whose rows begin `stride` apart.
+#[inline]
+pub(crate) fn gathered(samples: &[u8], stride: usize) -> [u8; 64] {
+    let (samples, mut block) = (&samples[..7 * stride + 8], [0; 64]);
+    for (y, row) in block.as_chunks_mut::<8>().0.iter_mut().enumerate() {
+        row.copy_from_slice(&samples[y * stride..][..8]);
+    }
+    block
+}
+
+/// Puts a block where `out` begins, rows `stride` apart.
+#[inline]
+pub(crate) fn scatter(block: &[u8; 64], out: &mut [u8], stride: usize) {
+    let out = &mut out[..7 * stride + 8];
+    for (y, row) in block.as_chunks::<8>().0.iter().enumerate() {
+        out[y * stride..][..8].copy_from_slice(row);
     }
 }
 
@@ -100,50 +146,49 @@ vectorised! {
     }
 }
 
-/// Sum of absolute differences between N×N samples and their prediction; N is 8 or 16.
+/// Sum of absolute differences between N×N samples, at a whole position, and their prediction; N is 8 or 16.
 #[inline]
 #[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
-pub(crate) fn absolute_difference<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+pub(crate) fn absolute_difference<const N: usize>(source: Place, reference: Place) -> u32 {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
-        fn avx2<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
-            // A macroblock goes two rows at a time.
-            match source.as_flattened().as_chunks().0.try_into() {
-                // SAFETY: the processor has AVX2.
-                Ok(pairs) if N == 16 => unsafe { absolute_difference_wide(pairs, place, wide::Words::zero()) },
-                _ => absolute_difference_plain(source, place),
+        fn avx2<const N: usize>(source: Place, reference: Place) -> u32 {
+            if N == 8 {
+                return absolute_difference_plain::<N>(source, reference);
             }
+            // SAFETY: the processor has AVX2.
+            unsafe { absolute_difference_wide(source, reference, wide::Words::zero()) }
         }
         if has_avx2() {
             // SAFETY: the processor has AVX2.
-            return unsafe { avx2(source, place) };
+            return unsafe { avx2::<N>(source, reference) };
         }
     }
-    absolute_difference_plain(source, place)
+    absolute_difference_plain::<N>(source, reference)
 }
 
-/// [`absolute_difference`] of pairs of rows of a macroblock.
+/// [`absolute_difference`] of two rows of a macroblock at a time.
 ///
 /// # Safety
 /// The processor has AVX2.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 #[allow(unsafe_code, reason = "for processors with AVX2")]
-unsafe fn absolute_difference_wide(pairs: &[[u8; 32]; 8], place: Place, zero: wide::Words) -> u32 {
+unsafe fn absolute_difference_wide(source: Place, reference: Place, zero: wide::Words) -> u32 {
     let mut sums = zero;
-    let add = |i: usize, rows: wide::Rows| sums = sums.plus(rows.difference(wide::Rows::of(&pairs[i], zero)));
+    let add = |_, source: wide::Rows, predicted: wide::Rows| sums = sums.plus(source.difference(predicted));
     // SAFETY: the caller's.
-    unsafe { predicted::for_predicted_groups::<16, _>(place, add) };
+    unsafe { predicted::for_both_groups::<16, 16, _>(source, reference, add) };
     let [upper, lower] = sums.sums();
     (upper + lower) as u32
 }
 
 /// [`absolute_difference`] for any processor.
 #[inline(always)]
-fn absolute_difference_plain<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+fn absolute_difference_plain<const N: usize>(source: Place, reference: Place) -> u32 {
     let mut sums = Words::splat(0);
-    for_predicted::<N>(place, |i, bytes| sums = sums.plus(bytes.difference(group(source, i))));
+    for_both::<N>(source, reference, |_, source, predicted| sums = sums.plus(source.difference(predicted)));
     sums.dot(Words::splat(1)) as u32
 }
 
@@ -154,31 +199,31 @@ fn absolute_difference_plain<const N: usize>(source: &[[u8; N]; N], place: Place
 /// coefficients do.
 #[inline]
 #[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
-pub(crate) fn transformed_difference<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+pub(crate) fn transformed_difference<const N: usize>(source: Place, reference: Place) -> u32 {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
-        fn avx2<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+        fn avx2<const N: usize>(source: Place, reference: Place) -> u32 {
             if N == 8 {
-                return transformed_difference_plain(source, place);
+                return transformed_difference_plain::<N>(source, reference);
             }
             // SAFETY: so has the processor.
-            transformed_difference_wide(source, place, unsafe { wide::Words::zero() })
+            transformed_difference_wide::<N>(source, reference, unsafe { wide::Words::zero() })
         }
         if has_avx2() {
             // SAFETY: the processor has AVX2.
-            return unsafe { avx2(source, place) };
+            return unsafe { avx2::<N>(source, reference) };
         }
     }
-    transformed_difference_plain(source, place)
+    transformed_difference_plain::<N>(source, reference)
 }
 
 /// [`transformed_difference`] of two blocks at a time, for N of 16.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-fn transformed_difference_wide<const N: usize>(source: &[[u8; N]; N], place: Place, zero: wide::Words) -> u32 {
+fn transformed_difference_wide<const N: usize>(source: Place, reference: Place, zero: wide::Words) -> u32 {
     let mut rows = [zero; 16];
-    for_predicted::<N>(place, |i, bytes| rows[i] = zero.of(group(source, i), bytes));
+    for_both::<N>(source, reference, |i, source, predicted| rows[i] = zero.of(source, predicted));
     let (upper, lower) = rows.split_at(8);
     hadamard_sum::<wide::Words>(upper.try_into().expect("8 rows"))
         + hadamard_sum::<wide::Words>(lower.try_into().expect("8 rows"))
@@ -186,10 +231,10 @@ fn transformed_difference_wide<const N: usize>(source: &[[u8; N]; N], place: Pla
 
 /// [`transformed_difference`] for any processor, one block at a time.
 #[inline(always)]
-fn transformed_difference_plain<const N: usize>(source: &[[u8; N]; N], place: Place) -> u32 {
+fn transformed_difference_plain<const N: usize>(source: Place, reference: Place) -> u32 {
     let mut rows = [[Words::splat(0); 8]; 4];
-    for_predicted::<N>(place, |i, bytes| {
-        let [low, high] = group(source, i).minus(bytes);
+    for_both::<N>(source, reference, |i, source, predicted| {
+        let [low, high] = source.minus(predicted);
         if N == 16 {
             (rows[i / 8 * 2][i % 8], rows[i / 8 * 2 + 1][i % 8]) = (low, high);
         } else {
@@ -338,15 +383,26 @@ mod tests {
                 assert_eq!(ours, truth);
                 let pairs = source.as_flattened().iter().zip(truth.as_flattened());
                 let absolute: u32 = pairs.map(|(&a, &b)| u32::from(a.abs_diff(b))).sum();
-                assert_eq!(absolute_difference(&source, place), absolute);
-                assert_eq!(absolute_difference_plain(&source, place), absolute);
+                let here = Place::whole(source.as_flattened(), N);
+                assert_eq!(absolute_difference::<N>(here, place), absolute);
+                assert_eq!(absolute_difference_plain::<N>(here, place), absolute);
+                let mut onto = [[0; 24]; N];
+                let errors = predict_onto::<N>(here, place, onto.as_flattened_mut(), 24);
+                assert_eq!(errors, predict_onto_plain::<N>(here, place, onto.as_flattened_mut(), 24));
+                for (block, &error) in errors.iter().enumerate().take(N * N / 64) {
+                    let square = |y: usize, x: usize| u32::from(source[y][x].abs_diff(truth[y][x])).pow(2);
+                    let (top, left) = (block / 2 * 8, block % 2 * 8);
+                    let sum = (0..64).map(|i| square(top + i / 8, left + i % 8)).sum::<u32>();
+                    assert_eq!(error, sum);
+                }
+                assert!(onto.iter().zip(&truth).all(|(onto, truth)| onto[..N] == *truth && onto[N..] == [0; 24][N..]));
                 let eight = |of: &[[u8; N]; N], left: usize, top: usize| -> [[u8; 8]; 8] {
                     std::array::from_fn(|y| std::array::from_fn(|x| of[top + y][left + x]))
                 };
                 let corners = (0..N / 8).flat_map(|y| (0..N / 8).map(move |x| (8 * x, 8 * y)));
                 let sum: u32 = corners.map(|(x, y)| transformed(&eight(&source, x, y), &eight(&truth, x, y))).sum();
-                assert_eq!(transformed_difference(&source, place), sum);
-                assert_eq!(transformed_difference_plain(&source, place), sum);
+                assert_eq!(transformed_difference::<N>(here, place), sum);
+                assert_eq!(transformed_difference_plain::<N>(here, place), sum);
             }
         }
     }
@@ -356,7 +412,8 @@ mod tests {
         follow_their_definitions::<8>();
         follow_their_definitions::<16>();
         let place = Place { samples: &[0; 64], stride: 8, half: (false, false) };
-        assert_eq!(transformed_difference(&[[255; 8]; 8], place), 255 * 8, "the largest values fit");
+        let white = Place::whole(&[255; 64], 8);
+        assert_eq!(transformed_difference::<8>(white, place), 255 * 8, "the largest values fit");
     }
 
     #[test]

@@ -38,6 +38,7 @@ mod kernel; // innermost loops, twice: plain and with vector instructions
 mod config; // what to encode
 mod effort; // how hard to try
 mod frame; // pictures
+mod pool; // and their memory
 
 mod standard; // MPEG-1 or MPEG-2
 

@@ -36,14 +36,14 @@ pub struct KnownMotion<'a> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Waiting {
     /// The frame in whole macroblocks.
-    pub source: Frame,
+    pub source: Arc<Frame>,
     /// Luma at half and at a quarter of the width and height, when they are looked at.
     #[cfg_attr(feature = "serde", serde(skip))]
     half: OnceLock<Plane<u8>>,
     #[cfg_attr(feature = "serde", serde(skip))]
     quarter: OnceLock<Plane<u8>>,
     /// Candidates of every macroblock that were given: to the frame before and to the frame after.
-    known: [Option<Vec<Candidates>>; 2],
+    known: [Option<Arc<[Candidates]>>; 2],
     /// What every macroblock costs without a prediction.
     #[cfg_attr(feature = "serde", serde(skip))]
     intra_costs: OnceLock<Arc<[u32]>>,
@@ -123,10 +123,10 @@ impl Lookahead {
     }
 
     /// Takes the next frame, in whole macroblocks, and factors of quantiser_scale for them.
-    pub fn push(&mut self, source: Frame, motion: KnownMotion, weights: Option<Vec<u32>>) {
+    pub fn push(&mut self, source: Arc<Frame>, motion: KnownMotion, weights: Option<Vec<u32>>) {
         let (columns, rows) = (source.width() / 16, source.height() / 16);
-        let known =
-            [motion.to_previous, motion.to_next].map(|field| field.map(|field| field.all_candidates(columns, rows)));
+        let known = [motion.to_previous, motion.to_next]
+            .map(|field| field.map(|field| field.all_candidates(columns, rows).into()));
         self.frames.push_back(Waiting {
             half: OnceLock::new(),
             quarter: OnceLock::new(),
@@ -164,18 +164,18 @@ impl Lookahead {
     }
 
     /// Is the motion of this frame towards its neighbour given?
-    fn is_known(&self, index: usize, delta: isize) -> Option<&Vec<Candidates>> {
+    fn is_known(&self, index: usize, delta: isize) -> Option<&Arc<[Candidates]>> {
         self.get(index).known[usize::from(delta > 0)].as_ref()
     }
 
     /// Vectors worth trying in each macroblock towards the frame `delta` away, in half samples of the picture.
-    pub fn candidates(&mut self, index: usize, delta: isize) -> Vec<Candidates> {
+    pub fn candidates(&mut self, index: usize, delta: isize) -> Arc<[Candidates]> {
         let step = delta.signum();
         let neighbour = away(index, step);
         let near = match self.is_known(index, step) {
             Some(known) => known.clone(),
             None if step > 0 => self.reversed(neighbour),
-            None => vec![Candidates::NONE; self.macroblocks()],
+            None => vec![Candidates::NONE; self.macroblocks()].into(),
         };
         if delta == step {
             return near;
@@ -199,12 +199,12 @@ impl Lookahead {
     }
 
     /// Vectors from the frame before `later` to it: its own turned round, where they end.
-    fn reversed(&mut self, later: usize) -> Vec<Candidates> {
+    fn reversed(&mut self, later: usize) -> Arc<[Candidates]> {
         let matches = self.matches(later, -1);
         let columns = self.columns();
         let rows = matches.len() / columns;
         let mut out = vec![Candidates::NONE; matches.len()];
-        let none = Vec::new();
+        let none = Arc::default();
         let known = self.is_known(later, -1).unwrap_or(&none);
         for (i, found) in matches.iter().enumerate() {
             let given = known.get(i).map_or(&[][..], |candidates| candidates.vectors());
@@ -219,7 +219,7 @@ impl Lookahead {
                 }
             }
         }
-        out
+        out.into()
     }
 
     /// The best match of every macroblock in the frame `delta` away.
@@ -299,7 +299,7 @@ impl Lookahead {
     }
 
     /// Vectors towards the frame `delta` away, as given from frame to frame and nothing else; `None` if they are not.
-    fn chained(&mut self, index: usize, delta: isize) -> Option<Vec<Candidates>> {
+    fn chained(&mut self, index: usize, delta: isize) -> Option<Arc<[Candidates]>> {
         let step = delta.signum();
         let neighbour = away(index, step);
         let near = match self.is_known(index, step) {
@@ -329,7 +329,7 @@ impl Lookahead {
     }
 
     /// What a search in the picture itself begins with, towards the frame `delta` away.
-    pub fn for_coding(&mut self, index: usize, delta: isize) -> Vec<Candidates> {
+    pub fn for_coding(&mut self, index: usize, delta: isize) -> Arc<[Candidates]> {
         if self.quick
             && let Some(chained) = self.chained(index, delta)
         {
@@ -430,17 +430,22 @@ fn mean_cost(
     }
     let mut mean = [[0; BLOCK]; BLOCK];
     kernel::mean(predicted[0].as_flattened(), predicted[1].as_flattened(), mean.as_flattened_mut());
-    difference(source.block(column, row).as_chunks().0.try_into().expect("8 rows"), whole(&mean), transformed)
+    let place = place_of(source, (2 * BLOCK * column) as i32, (2 * BLOCK * row) as i32);
+    difference(place, whole(&mean), transformed)
 }
 
 /// Sum of absolute differences, transformed or plain.
-fn difference(source: &[[u8; BLOCK]; BLOCK], place: Place, transformed: bool) -> u32 {
-    if transformed { kernel::transformed_difference(source, place) } else { kernel::absolute_difference(source, place) }
+fn difference(source: Place, reference: Place, transformed: bool) -> u32 {
+    if transformed {
+        kernel::transformed_difference::<BLOCK>(source, reference)
+    } else {
+        kernel::absolute_difference::<BLOCK>(source, reference)
+    }
 }
 
 /// A prediction that was made already.
 fn whole(block: &[[u8; BLOCK]; BLOCK]) -> Place<'_> {
-    Place { samples: block.as_flattened(), stride: BLOCK, half: (false, false) }
+    Place::whole(block.as_flattened(), BLOCK)
 }
 
 /// Sums of absolute differences of every block to its mean, transformed or plain.
@@ -451,7 +456,7 @@ fn intra_costs(half: &Plane<u8>, transformed: bool) -> Arc<[u32]> {
             let block = half.block(i % columns, i / columns);
             let sum: u32 = block.iter().map(|&sample| u32::from(sample)).sum();
             let mean = [[((sum + 32) / 64) as u8; BLOCK]; BLOCK];
-            let source = block.as_chunks().0.try_into().expect("8 rows");
+            let source = Place::whole(&block, BLOCK);
             difference(source, whole(&mean), transformed)
         })
         .collect()

@@ -9,6 +9,7 @@ use crate::{
     rate::{RateControl, Upcoming},
 };
 use plane::Plane;
+use std::sync::Arc;
 
 /// Encodes pictures that may wait for later ones; made by [`Config::lookahead_encoder`].
 ///
@@ -39,7 +40,7 @@ pub struct LookaheadState {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Anchor {
     index: usize,
-    reconstruction: Frame,
+    reconstruction: Arc<Frame>,
 }
 
 impl LookaheadEncoder {
@@ -97,8 +98,8 @@ impl LookaheadEncoder {
         let config = &self.coder.config;
         config.check_input(frame, motion.to_previous);
         config.check_input(frame, motion.to_next);
-        let (columns, rows) = macroblock_counts(config.width, config.height);
-        let source = frame.resized(16 * columns, 16 * rows);
+        let source = self.coder.whole(frame);
+        let config = &self.coder.config;
         let weights = weights
             .or_else(|| config.adaptive_quantisation.then(|| weights::by_activity(&source.luma)))
             .filter(|_| config.varies());
@@ -224,7 +225,7 @@ impl LookaheadEncoder {
             PictureType::P => [self.state.anchors[1].as_ref(), None],
             PictureType::B => [self.state.anchors[0].as_ref(), self.state.anchors[1].as_ref()],
         };
-        let mut candidates: [Vec<Candidates>; 2] = [Vec::new(), Vec::new()];
+        let mut candidates: [Arc<[Candidates]>; 2] = Default::default();
         for (s, reference) in references.iter().enumerate() {
             if let Some(reference) = reference {
                 candidates[s] = self.state.lookahead.for_coding(index, reference.index as isize - index as isize);

@@ -4,11 +4,16 @@ use crate::{
     Frame,
     bits::{BitSink, BitWriter},
     config::nearest_code,
-    decide::{Decision, Tools, Workspace, lambda},
-    header::{PictureHeader, put_slice_header},
+    decide::{
+        Decision, Tools, Workspace,
+        in_place::{InPlace, RowMut},
+        lambda,
+    },
+    header::{PictureHeader, PictureType, put_slice_header},
+    kernel,
     macroblock::{Mode, SliceParameters, SliceState},
     motion::HalfSample,
-    predict::{References, samples},
+    predict::{References, Samples, samples},
     quant::{Kind, Quantisers},
 };
 use rayon::prelude::*;
@@ -58,25 +63,15 @@ pub(crate) struct Picture<'a> {
 pub(crate) struct CodedPicture {
     /// The slices one after the other.
     pub slices: Vec<u8>,
-    /// What a decoder shows, in whole macroblocks.
-    pub reconstruction: Frame,
     /// quantiser_scale in force at every macroblock.
     pub quantiser_scales: Vec<u8>,
     pub statistics: PictureStatistics,
 }
 
-/// Rows of the three planes that belong to one row of macroblocks.
-struct RowMut<'a> {
-    luma: &'a mut [u8],
-    cb: &'a mut [u8],
-    cr: &'a mut [u8],
-}
-
 impl Picture<'_> {
-    /// picture_data() (6.2.3): all slices.
-    pub fn code(&self) -> CodedPicture {
+    /// picture_data() (6.2.3): all slices. What a decoder shows, in whole macroblocks, goes to `reconstruction`.
+    pub fn code(&self, reconstruction: &mut Frame) -> CodedPicture {
         let width = self.source.width();
-        let mut reconstruction = Frame::black(width, self.source.height());
         let rows = {
             let luma = reconstruction.luma.samples_mut().par_chunks_mut(16 * width);
             let cb = reconstruction.cb.samples_mut().par_chunks_mut(4 * width);
@@ -86,12 +81,8 @@ impl Picture<'_> {
                 .map(|(row, (luma, (cb, cr)))| self.code_slice(row, RowMut { luma, cb, cr }))
                 .collect::<Vec<_>>()
         };
-        let mut coded = CodedPicture {
-            slices: Vec::new(),
-            reconstruction,
-            quantiser_scales: Vec::new(),
-            statistics: PictureStatistics::default(),
-        };
+        let mut coded =
+            CodedPicture { slices: Vec::new(), quantiser_scales: Vec::new(), statistics: PictureStatistics::default() };
         for (bytes, quantiser_scales, statistics) in rows {
             coded.slices.extend(bytes);
             coded.quantiser_scales.extend(quantiser_scales);
@@ -101,7 +92,7 @@ impl Picture<'_> {
     }
 
     /// slice() (6.2.4) of one row of macroblocks.
-    fn code_slice(&self, row: usize, out: RowMut) -> (Vec<u8>, Vec<u8>, PictureStatistics) {
+    fn code_slice(&self, row: usize, mut out: RowMut) -> (Vec<u8>, Vec<u8>, PictureStatistics) {
         let columns = self.source.width() / 16;
         let scales_x16 = &self.scales_x16[row * columns..][..columns];
         let parameters = &self.quantisers.parameters;
@@ -121,24 +112,42 @@ impl Picture<'_> {
         let mut work = Workspace::new();
         let mut quantiser = (scales_x16[0], slice.quantiser);
         for (column, &scale_x16) in scales_x16.iter().enumerate() {
-            let source = samples(self.source, column, row);
             let vectors = self.vectors.map(|vectors| vectors.get(row * columns + column).copied().unwrap_or_default());
             if scale_x16 != quantiser.0 {
                 quantiser = (scale_x16, nearest_code(parameters.q_scale_type, scale_x16));
             }
-            let decision = Decision {
-                slice: &slice,
-                state: &state,
-                quantisers: self.quantisers,
-                tools: self.tools,
-                quantiser: quantiser.1,
-                lambda: lambda(scale_x16),
-                references: self.references,
-                column,
-                row,
-                source: &source,
-            };
-            decision.decide(vectors, &mut work);
+            let lambda = lambda(scale_x16);
+            let is_shown = self.tools.quick
+                && slice.picture_type == PictureType::P
+                && InPlace {
+                    slice: &slice,
+                    state: &state,
+                    quantiser: self.quantisers.of(quantiser.1),
+                    code: quantiser.1,
+                    tools: self.tools,
+                    lambda,
+                    source: self.source,
+                    reference: self.references[0].expect("a P picture has a reference"),
+                    column,
+                    row,
+                }
+                .decide(vectors[0], work.macroblock_mut(), &mut out);
+            if !is_shown {
+                let decision = Decision {
+                    slice: &slice,
+                    state: &state,
+                    quantisers: self.quantisers,
+                    tools: self.tools,
+                    quantiser: quantiser.1,
+                    lambda,
+                    references: self.references,
+                    column,
+                    row,
+                    source: &samples(self.source, column, row),
+                };
+                decision.decide(vectors, &mut work);
+                self.show(&work.reconstruction, column, &mut out);
+            }
             let macroblock = work.macroblock();
             let (written, bits) = state.put_macroblock(&mut writer, &slice, column, macroblock);
             quantiser_scales.push(self.quantisers.of(state.quantiser).scale as u8);
@@ -149,18 +158,21 @@ impl Picture<'_> {
             }
             statistics.motion_bits += bits.motion;
             statistics.coefficient_bits += bits.coefficients;
-            for (i, block) in work.reconstruction.iter().enumerate() {
-                let (plane, stride, first) = match i {
-                    0..4 => (&mut *out.luma, 16 * columns, 16 * column + 8 * (i & 1) + 16 * columns * 8 * (i >> 1)),
-                    4 => (&mut *out.cb, 8 * columns, 8 * column),
-                    _ => (&mut *out.cr, 8 * columns, 8 * column),
-                };
-                for (y, line) in block.chunks_exact(8).enumerate() {
-                    plane[first + y * stride..][..8].copy_from_slice(line);
-                }
-            }
         }
         debug_assert!(writer.bits() > 38, "a slice has a macroblock");
         (writer.into_bytes(), quantiser_scales, statistics)
+    }
+
+    /// Puts the blocks of a macroblock where they are shown.
+    fn show(&self, blocks: &Samples, column: usize, out: &mut RowMut) {
+        let width = self.source.width();
+        for (i, block) in blocks.iter().enumerate() {
+            let (plane, stride, first) = match i {
+                0..4 => (&mut *out.luma, width, 16 * column + 8 * (i & 1) + width * 8 * (i >> 1)),
+                4 => (&mut *out.cb, width / 2, 8 * column),
+                _ => (&mut *out.cr, width / 2, 8 * column),
+            };
+            kernel::scatter(block, &mut plane[first..], stride);
+        }
     }
 }

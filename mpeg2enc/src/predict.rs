@@ -55,7 +55,8 @@ pub(crate) fn predict(reference: &Frame, column: usize, row: usize, vector: Half
 #[inline]
 pub(crate) fn place_of(plane: &Plane<u8>, x2: i32, y2: i32) -> Place<'_> {
     let first = (y2 >> 1) as usize * plane.width() + (x2 >> 1) as usize;
-    Place { samples: &plane.samples()[first..], stride: plane.width(), half: (x2 & 1 == 1, y2 & 1 == 1) }
+    let half = (x2 & 1 == 1, y2 & 1 == 1);
+    Place { half, ..Place::whole(&plane.samples()[first..], plane.width()) }
 }
 
 /// Sums of squared differences of each block.

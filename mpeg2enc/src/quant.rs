@@ -183,8 +183,8 @@ impl Quantiser {
     }
 
     /// Levels of coefficients as [`dct::forward`] gives them, which leave `energy` if all become zero: the sum of their
-    /// squares, without that of the DC of an intra block.
-    pub fn quantise(&self, coefficients: &[i32; 64], energy: i64, kind: Kind, rounding: Rounding) -> Block {
+    /// squares, without that of the DC of an intra block. They take the place of those of `block`.
+    pub fn quantise(&self, coefficients: &[i32; 64], energy: i64, kind: Kind, rounding: Rounding, block: &mut Block) {
         let [intra_codes, inter_codes] = self.codes;
         let (weights, codes, zero_256ths) = match (kind, rounding) {
             (Kind::Intra, Rounding::Trellis { .. }) => (&self.intra, intra_codes, 128),
@@ -198,7 +198,8 @@ impl Quantiser {
         let nonzero = kernel::divide(coefficients, &weights.reciprocal, zero, weights.shift, &mut levels);
         // The DC of an intra block is not among them.
         let nonzero = if kind == Kind::Intra { nonzero & !1 } else { nonzero };
-        let mut block = Block { error: energy, ..Block::EMPTY };
+        block.clear();
+        block.error = energy;
         let restore = |place: usize, level: i32| self.inverse_quantise(level, kind, weights.scaled[place]);
         let level_max = self.standard.level_max();
         let mut save = |place: usize, raster: usize, level: i32| {
@@ -236,8 +237,7 @@ impl Quantiser {
             block.levels[0] = level as i16;
             block.places |= 1;
         }
-        block.bits = block_bits(codes, &block, kind == Kind::Intra);
-        block
+        block.bits = block_bits(codes, block, kind == Kind::Intra);
     }
 
     /// Is the squared error of a non-intra block less than so many quarters of quantiser_scale²?
@@ -319,7 +319,9 @@ mod tests {
     fn quantise(quantiser: &Quantiser, coefficients: &[i32; 64], kind: Kind, rounding: Rounding) -> Block {
         let start = usize::from(kind == Kind::Intra);
         let energy = coefficients[start..].iter().map(|&c| i64::from(c).pow(2)).sum();
-        quantiser.quantise(coefficients, energy, kind, rounding)
+        let mut block = Block::EMPTY;
+        quantiser.quantise(coefficients, energy, kind, rounding, &mut block);
+        block
     }
 
     fn trellis(scale: u32) -> Rounding {

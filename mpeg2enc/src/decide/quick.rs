@@ -1,5 +1,5 @@
-//! What a macroblock becomes where all is to be quick: the prediction that differs least, and of its blocks what is worth its
-//! bits, each by itself.
+//! What a macroblock of a B picture becomes where all is to be quick: the prediction that differs least, and of its blocks what is
+//! worth its bits, each by itself. [`in_place`](super::in_place) does so in P pictures.
 //!
 //! Nothing is coded twice to compare. What is predicted poorly goes the long way, since it may have to be intra.
 
@@ -15,14 +15,14 @@ use crate::{
 
 /// Bits that an intra macroblock takes, or nearly so, on the clips of README.md: what differs less than these are worth is not
 /// intra.
-const INTRA_BITS: i64 = 150;
+pub(super) const INTRA_BITS: i64 = 150;
 
 /// What a macroblock that has a vector and nothing else is worth in bits: less than it takes, since later pictures inherit what a
 /// skipped one lacks. With 8, plain walls take 5 % more bits.
-const VECTOR_BITS: i64 = 2;
+pub(super) const VECTOR_BITS: i64 = 2;
 
 /// The last quantiser_scale at which rounding to whole samples counts.
-const FINE: i32 = 6;
+pub(super) const FINE: i32 = 6;
 
 impl Decision<'_> {
     /// False if it takes a closer look to decide.
@@ -30,8 +30,7 @@ impl Decision<'_> {
         work.predictions.order.clear();
         let quantiser = self.quantisers.of(self.quantiser);
         match self.slice.picture_type {
-            PictureType::I => return false,
-            PictureType::P => work.predictions.consider(self, Mode::Forward(forward)),
+            PictureType::I | PictureType::P => return false,
             PictureType::B => {
                 if let Some(mode) = self.state.skipped_mode(self.slice, self.column) {
                     work.predictions.consider(self, mode);
@@ -50,7 +49,7 @@ impl Decision<'_> {
             }
         }
         let Some(&(mode, error, index)) = work.predictions.order.first() else { return false };
-        if in_coefficients(error) > INTRA_BITS * self.lambda && u64::from(error) * 2 > u64::from(self.activity()) {
+        if in_coefficients(error) > INTRA_BITS * self.lambda && self.tools.may_be_intra(error, self.activity()) {
             return false;
         }
         let macroblock = &mut work.best.macroblock;
@@ -61,15 +60,15 @@ impl Decision<'_> {
             if !quantiser.leaves_nothing(error, self.tools.worth_a_transform_quarters) {
                 let coefficients = dct::forward_difference(source, predicted);
                 let energy = in_coefficients(error);
-                let coded = quantiser.quantise(&coefficients, energy, Kind::Inter, self.rounding());
+                quantiser.quantise(&coefficients, energy, Kind::Inter, self.rounding(), block);
+                let coded = &*block;
                 if coded.is_coded() && coded.error + self.lambda * i64::from(coded.bits) < energy {
-                    let restored = quantiser.dequantise(&coded, Kind::Inter);
+                    let restored = quantiser.dequantise(coded, Kind::Inter);
                     dct::inverse_onto(&restored, predicted, &mut work.reconstruction[i]);
                     // Where steps are fine, what is left after rounding is not what coefficients foretell.
                     let left = || kernel::squared_difference(source, &work.reconstruction[i]);
                     if quantiser.scale > FINE || in_coefficients(left()) + self.lambda * i64::from(coded.bits) < energy
                     {
-                        *block = coded;
                         continue;
                     }
                 }

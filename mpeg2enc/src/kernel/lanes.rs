@@ -6,9 +6,9 @@
 //! where it is used.
 
 #[cfg(not(target_arch = "x86_64"))]
-pub(crate) use plain::{Bytes, Words};
+pub(crate) use plain::{Bytes, Sums, Words};
 #[cfg(target_arch = "x86_64")]
-pub(crate) use sse2::{Bytes, Words};
+pub(crate) use sse2::{Bytes, Sums, Words};
 
 /// Rows of differences of 16 bits: of one block of 8×8, or of two beside each other.
 pub(crate) trait Differences: Copy {
@@ -120,6 +120,43 @@ mod sse2 {
         pub fn splat(value: i16) -> Self {
             sse2! {
                 Self(_mm_set1_epi16(value))
+            }
+        }
+
+        /// Σ a², spread over the lanes somehow.
+        #[inline(always)]
+        pub fn squares(self) -> Sums {
+            sse2! {
+                Sums(_mm_madd_epi16(self.0, self.0))
+            }
+        }
+    }
+
+    /// Four sums of 32 bits.
+    #[derive(Clone, Copy)]
+    pub(crate) struct Sums(__m128i);
+
+    impl Sums {
+        #[inline(always)]
+        pub fn zero() -> Self {
+            sse2! {
+                Self(_mm_setzero_si128())
+            }
+        }
+
+        #[inline(always)]
+        pub fn plus(self, other: Self) -> Self {
+            sse2! {
+                Self(_mm_add_epi32(self.0, other.0))
+            }
+        }
+
+        /// All four together.
+        #[inline(always)]
+        pub fn total(self) -> u32 {
+            sse2! {
+                let two = _mm_add_epi32(self.0, _mm_unpackhi_epi64(self.0, self.0));
+                _mm_cvtsi128_si32(_mm_add_epi32(two, _mm_shuffle_epi32::<1>(two))) as u32
             }
         }
     }
@@ -246,6 +283,34 @@ mod plain {
         pub fn splat(value: i16) -> Self {
             Self([value; 8])
         }
+
+        /// Σ a², spread over the lanes somehow.
+        #[inline(always)]
+        pub fn squares(self) -> Sums {
+            Sums(self.dot(self) as u32)
+        }
+    }
+
+    /// Sums of 32 bits.
+    #[derive(Clone, Copy)]
+    pub(crate) struct Sums(u32);
+
+    impl Sums {
+        #[inline(always)]
+        pub fn zero() -> Self {
+            Self(0)
+        }
+
+        #[inline(always)]
+        pub fn plus(self, other: Self) -> Self {
+            Self(self.0.wrapping_add(other.0))
+        }
+
+        /// All together.
+        #[inline(always)]
+        pub fn total(self) -> u32 {
+            self.0
+        }
     }
 
     impl Differences for Words {
@@ -294,9 +359,10 @@ mod tests {
             let columns = $lanes::Words::transposed(words);
             let dots: Vec<i32> = words.iter().chain(&columns).flat_map(|w| columns.map(|c| w.dot(c))).collect();
             let sum = a.difference(b).dot($lanes::Words::splat(1));
+            let squares = $lanes::Sums::zero().plus(w0.squares()).plus(w1.squares()).total();
             let loaded = $lanes::Bytes::load($bytes[0].as_flattened().try_into().unwrap()).mean(d);
             let means = [a.mean(b), $lanes::Bytes::mean_of_four([a, b, c, d]), loaded].map($lanes::Bytes::halves);
-            (means, sum, dots)
+            (means, sum, squares, dots)
         }};
     }
 

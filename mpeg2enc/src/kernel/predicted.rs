@@ -16,6 +16,12 @@ pub(super) trait Group: Copy {
     /// They are there, and the processor has the instructions for them.
     unsafe fn load<const N: usize>(first: *const u8, stride: usize) -> Self;
 
+    /// Puts them where they would be loaded from.
+    ///
+    /// # Safety
+    /// There is room for them, and the processor has the instructions.
+    unsafe fn store<const N: usize>(self, first: *mut u8, stride: usize);
+
     /// (a + b + 1) / 2 of every pair.
     fn mean(self, other: Self) -> Self;
 
@@ -35,6 +41,16 @@ impl Group for Bytes {
     }
 
     #[inline(always)]
+    unsafe fn store<const N: usize>(self, first: *mut u8, stride: usize) {
+        let [low, high] = self.halves();
+        // SAFETY: the caller's.
+        unsafe {
+            *first.cast() = low;
+            *first.add(if N == 16 { 8 } else { stride }).cast() = high;
+        }
+    }
+
+    #[inline(always)]
     fn mean(self, other: Self) -> Self {
         self.mean(other)
     }
@@ -49,36 +65,86 @@ impl Group for Bytes {
 #[inline(always)]
 pub(super) fn for_predicted<const N: usize>(place: Place, each: impl FnMut(usize, Bytes)) {
     // SAFETY: every processor has what `Bytes` needs.
-    unsafe { for_predicted_groups::<N, Bytes>(place, each) }
+    unsafe { for_predicted_groups::<N, N, Bytes>(place, each) }
 }
 
-/// The same in groups of any kind.
+/// Gives `each` the samples of N rows of N of a source, at a whole position, and their prediction.
+#[inline(always)]
+pub(super) fn for_both<const N: usize>(source: Place, reference: Place, each: impl FnMut(usize, Bytes, Bytes)) {
+    // SAFETY: every processor has what `Bytes` needs.
+    unsafe { for_both_groups::<N, N, Bytes>(source, reference, each) }
+}
+
+/// The same of R rows, and puts the prediction where `out` begins, rows `stride` apart.
+#[inline(always)]
+pub(super) fn for_both_onto<const N: usize, const R: usize>(
+    source: Place,
+    reference: Place,
+    out: &mut [u8],
+    stride: usize,
+    mut each: impl FnMut(Bytes, Bytes),
+) {
+    let out = &mut out[..(R - 1) * stride + N];
+    let each = |i: usize, source: Bytes, predicted: Bytes| {
+        let first = i * Bytes::SAMPLES / N * stride;
+        debug_assert!(first + (Bytes::SAMPLES / N - 1) * stride + N <= out.len());
+        // SAFETY: the last sample of the last row is the last of `out`.
+        unsafe { predicted.store::<N>(out.as_mut_ptr().add(first), stride) };
+        each(source, predicted);
+    };
+    // SAFETY: every processor has what `Bytes` needs.
+    unsafe { for_both_groups::<N, R, Bytes>(source, reference, each) }
+}
+
+/// R rows of a source and their prediction in groups of any kind.
 ///
 /// # Safety
 /// The processor has the instructions for them.
 #[inline(always)]
-pub(super) unsafe fn for_predicted_groups<const N: usize, G: Group>(place: Place, each: impl FnMut(usize, G)) {
+pub(super) unsafe fn for_both_groups<const N: usize, const R: usize, G: Group>(
+    source: Place,
+    reference: Place,
+    mut each: impl FnMut(usize, G, G),
+) {
+    debug_assert!(source.half == (false, false));
+    let samples = &source.samples[..(R - 1) * source.stride + N];
+    let both = |i: usize, predicted: G| {
+        let first = i * G::SAMPLES / N * source.stride;
+        debug_assert!(first + (G::SAMPLES / N - 1) * source.stride + N <= samples.len());
+        // SAFETY: the last sample of the last row is the last of `samples`; the rest is the caller's.
+        each(i, unsafe { G::load::<N>(samples.as_ptr().add(first), source.stride) }, predicted);
+    };
+    // SAFETY: the caller's.
+    unsafe { for_predicted_groups::<N, R, G>(reference, both) }
+}
+
+/// R rows of N predicted samples in groups of any kind.
+///
+/// # Safety
+/// The processor has the instructions for them.
+#[inline(always)]
+unsafe fn for_predicted_groups<const N: usize, const R: usize, G: Group>(place: Place, each: impl FnMut(usize, G)) {
     // SAFETY: the caller's.
     unsafe {
         match place.half {
-            (false, false) => for_predicted_at::<N, false, false, G>(place, each),
-            (true, false) => for_predicted_at::<N, true, false, G>(place, each),
-            (false, true) => for_predicted_at::<N, false, true, G>(place, each),
-            (true, true) => for_predicted_at::<N, true, true, G>(place, each),
+            (false, false) => for_predicted_at::<N, R, false, false, G>(place, each),
+            (true, false) => for_predicted_at::<N, R, true, false, G>(place, each),
+            (false, true) => for_predicted_at::<N, R, false, true, G>(place, each),
+            (true, true) => for_predicted_at::<N, R, true, true, G>(place, each),
         }
     }
 }
 
 /// For half positions to the right (`H`) and below (`V`).
 #[inline(always)]
-unsafe fn for_predicted_at<const N: usize, const H: bool, const V: bool, G: Group>(
+unsafe fn for_predicted_at<const N: usize, const R: usize, const H: bool, const V: bool, G: Group>(
     place: Place,
     mut each: impl FnMut(usize, G),
 ) {
-    const { assert!(N == 8 || N == 16) };
+    const { assert!((N == 8 || N == 16) && (R * N).is_multiple_of(G::SAMPLES)) };
     let stride = place.stride;
-    // N rows, or one more, of which the last needs no more than N samples, or one more.
-    let samples = &place.samples[..(N - 1 + usize::from(V)) * stride + N + usize::from(H)];
+    // R rows, or one more, of which the last needs no more than N samples, or one more.
+    let samples = &place.samples[..(R - 1 + usize::from(V)) * stride + N + usize::from(H)];
     // The last row of a group is the last of all at most, or one more, and `x` is 0, or 1.
     let group = |row: usize, x: usize| {
         let first = row * stride + x;
@@ -86,7 +152,7 @@ unsafe fn for_predicted_at<const N: usize, const H: bool, const V: bool, G: Grou
         // SAFETY: the last of these samples is the last of `samples` at most; the rest is the caller's.
         unsafe { G::load::<N>(samples.as_ptr().add(first), stride) }
     };
-    for i in 0..N * N / G::SAMPLES {
+    for i in 0..R * N / G::SAMPLES {
         let row = i * G::SAMPLES / N;
         let here = group(row, 0);
         each(

@@ -42,11 +42,6 @@ impl Words {
 pub(super) struct Rows(__m256i);
 
 impl Rows {
-    #[inline(always)]
-    pub fn of(samples: &[u8; 32], _zero: Words) -> Self {
-        avx2! { Self(_mm256_loadu_si256(samples.as_ptr().cast())) }
-    }
-
     /// Sums of absolute differences, spread over the lanes somehow: eight of them together do not overflow.
     #[inline(always)]
     pub fn difference(self, other: Self) -> Words {
@@ -62,6 +57,13 @@ impl Group for Rows {
         const { assert!(N == 16) };
         // SAFETY: the caller's.
         unsafe { Self(_mm256_loadu2_m128i(first.add(stride).cast(), first.cast())) }
+    }
+
+    #[inline(always)]
+    unsafe fn store<const N: usize>(self, first: *mut u8, stride: usize) {
+        const { assert!(N == 16) };
+        // SAFETY: the caller's.
+        unsafe { _mm256_storeu2_m128i(first.add(stride).cast(), first.cast(), self.0) }
     }
 
     #[inline(always)]

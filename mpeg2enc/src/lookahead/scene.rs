@@ -1,7 +1,11 @@
 //! Where a new scene begins.
 
 use super::{Lookahead, away};
-use crate::{kernel, motion::Range, predict::place_of};
+use crate::{
+    kernel::{self, Place},
+    motion::Range,
+    predict::place_of,
+};
 
 /// A frame of which the frame before predicts less than a quarter is a new scene.
 const SCENE_CUT_QUARTERS: u64 = 3;
@@ -44,10 +48,11 @@ impl Lookahead {
             let range = Range::new(reference, column, row, super::REACH);
             let vector = range.clamp(known[i].vectors().first().copied().unwrap_or_default());
             let place = place_of(reference, 32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
+            let here = Place::whole(block.as_flattened(), 16);
             let sum: u32 = block.as_flattened().iter().map(|&sample| u32::from(sample)).sum();
             let mean = ((sum + 128) / 256) as u8;
             let intra: u32 = block.as_flattened().iter().map(|&sample| u32::from(sample.abs_diff(mean))).sum();
-            predicted += u64::from(kernel::absolute_difference(&block, place).min(intra));
+            predicted += u64::from(kernel::absolute_difference::<16>(here, place).min(intra));
             total += u64::from(intra);
         }
         Some((predicted, total))

@@ -27,13 +27,13 @@ impl CoarseSearch<'_> {
         let x = (4 * column as i32 - 2).clamp(0, width - window);
         let y = (4 * row as i32 - 2).clamp(0, height - window);
         let place = |x: i32, y: i32| place_of(self.reference, 2 * x, 2 * y);
-        let mut source = [[0; WINDOW]; WINDOW];
-        kernel::predict(place_of(self.source, 2 * x, 2 * y), &mut source);
+        let source = place_of(self.source, 2 * x, 2 * y);
         let mut best = (u32::MAX, HalfSample::ZERO);
         for dy in (-REACH).max(-y)..=REACH.min(height - window - y) {
             for dx in (-REACH).max(-x)..=REACH.min(width - window - x) {
                 // Shorter vectors win where the picture is flat.
-                let error = (dx.abs() + dy.abs()) as u32 + kernel::absolute_difference(&source, place(x + dx, y + dy));
+                let difference = kernel::absolute_difference::<WINDOW>(source, place(x + dx, y + dy));
+                let error = (dx.abs() + dy.abs()) as u32 + difference;
                 if error < best.0 {
                     best = (error, HalfSample { x: 8 * dx, y: 8 * dy });
                 }

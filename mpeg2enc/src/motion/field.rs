@@ -150,7 +150,7 @@ fn candidates<V: Given>(
     let (width, height) = (vectors.width(), vectors.height());
     if left + 16 <= width && top + 16 <= height {
         let spread = spread(&vectors.samples()[top * width + left..], width);
-        let mean = mean_of(spread.sum, 256);
+        let mean = mean_of(spread.sum, 16 * SAMPLED_ROWS as i32);
         let near = |half: [i32; 2]| (half[0] - mean.x).abs() <= 1 && (half[1] - mean.y).abs() <= 1;
         // The most frequent ones are looked at as neighbours of the mean then.
         if spread.all_known && near(spread.least.map(half_of)) && near(spread.most.map(half_of)) {
@@ -223,6 +223,10 @@ fn mean_of(sum: [i32; 2], count: i32) -> HalfSample {
     HalfSample { x, y }
 }
 
+/// Rows of vectors of a macroblock that are looked at to tell whether it is of one motion: all of them differ too little to pay
+/// for reading twice the memory.
+const SAMPLED_ROWS: usize = 8;
+
 /// How far the vectors of 16×16 pixels lie apart, in 64ths of a pixel.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Spread {
@@ -238,7 +242,7 @@ vectorised! {
     fn spread, spread_plain(motion_px: &[[f32; 2]], stride: usize) -> Spread {
         // A row is 32 components: the compiler makes vectors of loops over so many, and of none over nested shorter ones.
         let (mut sum, mut least, mut most, mut farthest) = ([0; 32], [i32::MAX; 32], [i32::MIN; 32], [0; 32]);
-        for y in 0..16 {
+        for y in (0..16).step_by(16 / SAMPLED_ROWS) {
             let row: &[f32; 32] = motion_px[y * stride..][..16].as_flattened().try_into().expect("16 vectors");
             for k in 0..32 {
                 let part = in_64ths(row[k]);
@@ -262,7 +266,7 @@ vectorised! {
     /// The spread of 16 rows of 16 vectors in 64ths, which begin `stride` apart.
     fn spread_of_parts, spread_of_parts_plain(motion: &[[i16; 2]], stride: usize) -> Spread {
         let (mut sum, mut least, mut most) = ([0; 32], [i16::MAX; 32], [i16::MIN; 32]);
-        for y in 0..16 {
+        for y in (0..16).step_by(16 / SAMPLED_ROWS) {
             let row: &[i16; 32] = motion[y * stride..][..16].as_flattened().try_into().expect("16 vectors");
             for k in 0..32 {
                 sum[k] += i32::from(row[k]);

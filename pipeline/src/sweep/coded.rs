@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use mpeg2enc::{Frame, MotionField};
 use render_core::Busy;
 use serde::Serialize;
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 /// A coded picture.
 pub struct CodedFrame {
@@ -41,7 +41,8 @@ pub fn encode(film: &Film, qscale: u32) -> Result<Coded> {
         let busy = Busy::default();
         let packet = pool.install(|| busy.measure(|| encoder.push(&frame.picture, motion.as_ref())));
         stream.extend_from_slice(&packet.data);
-        frames.push(CodedFrame { decoded: packet.reconstruction, bits: packet.bits, seconds: busy.seconds() });
+        let decoded = Arc::unwrap_or_clone(packet.reconstruction);
+        frames.push(CodedFrame { decoded, bits: packet.bits, seconds: busy.seconds() });
     }
     stream.extend(encoder.finish());
     if let Some(written) = film.stream.as_ref().filter(|_| film.settings.qscale == qscale)

@@ -1,0 +1,161 @@
+//! The quick way of a P picture: a macroblock is predicted where it will be shown, and of its blocks what is worth its bits is
+//! coded, each by itself.
+//!
+//! Samples are read once, where they lie, and nothing is coded twice to compare. What is predicted poorly goes the long way,
+//! since it may have to be intra.
+
+use super::{
+    Tools, in_coefficients,
+    quick::{FINE, INTRA_BITS, VECTOR_BITS},
+};
+use crate::{
+    Frame, dct,
+    kernel::{self, Place},
+    macroblock::{Macroblock, Mode, SliceParameters, SliceState},
+    motion::{HalfSample, Range},
+    predict::place_of,
+    quant::{Block, Kind, Quantiser},
+};
+
+/// Rows of the three planes that belong to one row of macroblocks.
+pub(crate) struct RowMut<'a> {
+    pub luma: &'a mut [u8],
+    pub cb: &'a mut [u8],
+    pub cr: &'a mut [u8],
+}
+
+/// What the decision about a macroblock looks at.
+pub(crate) struct InPlace<'a> {
+    pub slice: &'a SliceParameters,
+    pub state: &'a SliceState,
+    pub quantiser: &'a Quantiser,
+    /// quantiser_scale_code of it.
+    pub code: u8,
+    pub tools: Tools,
+    /// Price of a bit, as [`lambda`](super::lambda) gives it.
+    pub lambda: i64,
+    pub source: &'a Frame,
+    pub reference: &'a Frame,
+    pub column: usize,
+    pub row: usize,
+}
+
+impl InPlace<'_> {
+    /// Decides, and puts what a decoder shows into `out`; false if it takes a closer look, and nothing counts then.
+    pub fn decide(&self, vector: HalfSample, macroblock: &mut Macroblock, out: &mut RowMut) -> bool {
+        debug_assert!(Range::new(&self.reference.luma, self.column, self.row, self.slice.f_code[0]).contains(vector));
+        let stride = self.source.width();
+        let [place, chroma_place] = [16 * self.column, 8 * self.column];
+        let luma = self.predict_luma(vector, &mut out.luma[place..], stride);
+        let cb = self.predict_chroma(vector, 0, &mut out.cb[chroma_place..], stride / 2);
+        let cr = self.predict_chroma(vector, 1, &mut out.cr[chroma_place..], stride / 2);
+        let errors = [luma[0], luma[1], luma[2], luma[3], cb, cr];
+        let error: u32 = errors.iter().sum();
+        if in_coefficients(error) > INTRA_BITS * self.lambda && self.tools.may_be_intra(error, self.activity()) {
+            return false;
+        }
+        (macroblock.mode, macroblock.quantiser) = (Mode::Forward(vector), self.code);
+        let mut is_coded = false;
+        for (i, block) in macroblock.blocks.iter_mut().enumerate() {
+            let kept = !self.quantiser.leaves_nothing(errors[i], self.tools.worth_a_transform_quarters)
+                && self.code(i, errors[i], block, out);
+            if !kept {
+                block.clear();
+            }
+            is_coded |= kept;
+        }
+        if !is_coded && vector != HalfSample::ZERO && self.state.skipped_mode(self.slice, self.column).is_some() {
+            // What takes no bits at all may do as well.
+            let allowed = in_coefficients(error) + VECTOR_BITS * self.lambda;
+            if self.stay(allowed, out) {
+                macroblock.mode = Mode::STILL;
+            }
+        }
+        true
+    }
+
+    /// Codes what the prediction of block `i` lacks, if that is worth its bits.
+    fn code(&self, i: usize, error: u32, block: &mut Block, out: &mut RowMut) -> bool {
+        let width = self.source.width();
+        let (stride, x, y) = if i < 4 { (width, 8 * (i & 1), 8 * (i >> 1)) } else { (width / 2, 0, 0) };
+        let (source, shown) = match i {
+            0..4 => (self.luma(self.source, HalfSample::ZERO), &mut out.luma[16 * self.column..]),
+            4 => (self.chroma(self.source, 0, HalfSample::ZERO), &mut out.cb[8 * self.column..]),
+            _ => (self.chroma(self.source, 1, HalfSample::ZERO), &mut out.cr[8 * self.column..]),
+        };
+        let source = kernel::gathered(&source.samples[y * stride + x..], stride);
+        let shown = &mut shown[y * stride + x..];
+        let predicted = kernel::gathered(shown, stride);
+        let energy = in_coefficients(error);
+        let coefficients = dct::forward_difference(&source, &predicted);
+        self.quantiser.quantise(&coefficients, energy, Kind::Inter, self.tools.rounding(self.lambda), block);
+        let price = self.lambda * i64::from(block.bits);
+        if !block.is_coded() || block.error + price >= energy {
+            return false;
+        }
+        let mut restored = [0; 64];
+        dct::inverse_onto(&self.quantiser.dequantise(block, Kind::Inter), &predicted, &mut restored);
+        // Where steps are fine, what is left after rounding is not what coefficients foretell.
+        if self.quantiser.scale <= FINE
+            && in_coefficients(kernel::squared_difference(&source, &restored)) + price >= energy
+        {
+            return false;
+        }
+        kernel::scatter(&restored, shown, stride);
+        true
+    }
+
+    /// Shows the macroblock at the same place of the reference, if its squared error is no more than `allowed`.
+    fn stay(&self, allowed: i64, out: &mut RowMut) -> bool {
+        let still = HalfSample::ZERO;
+        let (mut luma, mut cb, mut cr) = ([0; 256], [0; 64], [0; 64]);
+        let mut error = self.predict_luma(still, &mut luma, 16).iter().sum::<u32>();
+        if in_coefficients(error) <= allowed {
+            error += self.predict_chroma(still, 0, &mut cb, 8) + self.predict_chroma(still, 1, &mut cr, 8);
+        }
+        let stays = in_coefficients(error) <= allowed;
+        if stays {
+            let width = self.source.width();
+            copy_rows::<16>(&luma, &mut out.luma[16 * self.column..], width);
+            copy_rows::<8>(&cb, &mut out.cb[8 * self.column..], width / 2);
+            copy_rows::<8>(&cr, &mut out.cr[8 * self.column..], width / 2);
+        }
+        stays
+    }
+
+    /// Predicts luma into `out`, rows `stride` apart, and gives the squared errors of its blocks.
+    fn predict_luma(&self, vector: HalfSample, out: &mut [u8], stride: usize) -> [u32; 4] {
+        let (source, reference) = (self.luma(self.source, HalfSample::ZERO), self.luma(self.reference, vector));
+        kernel::predict_onto::<16>(source, reference, out, stride)
+    }
+
+    /// The same of Cb (0) or Cr (1), whose vector is half of that of luma, rounded toward zero (7.6.3.7).
+    fn predict_chroma(&self, vector: HalfSample, which: usize, out: &mut [u8], stride: usize) -> u32 {
+        let vector = HalfSample { x: vector.x / 2, y: vector.y / 2 };
+        let source = self.chroma(self.source, which, HalfSample::ZERO);
+        kernel::predict_onto::<8>(source, self.chroma(self.reference, which, vector), out, stride)[0]
+    }
+
+    /// Where the macroblock begins in luma, `vector` away.
+    fn luma<'a>(&self, frame: &'a Frame, vector: HalfSample) -> Place<'a> {
+        place_of(&frame.luma, 32 * self.column as i32 + vector.x, 32 * self.row as i32 + vector.y)
+    }
+
+    /// Where it begins in Cb (0) or Cr (1).
+    fn chroma<'a>(&self, frame: &'a Frame, which: usize, vector: HalfSample) -> Place<'a> {
+        let plane = if which == 0 { &frame.cb } else { &frame.cr };
+        place_of(plane, 16 * self.column as i32 + vector.x, 16 * self.row as i32 + vector.y)
+    }
+
+    /// Squared error if each block were its mean: what intra coding starts from.
+    fn activity(&self) -> u32 {
+        kernel::deviation(&crate::predict::samples(self.source, self.column, self.row))
+    }
+}
+
+/// Puts N rows of N samples where `out` begins, `stride` apart.
+fn copy_rows<const N: usize>(samples: &[u8], out: &mut [u8], stride: usize) {
+    for (row, out) in samples.as_chunks::<N>().0.iter().zip(out.chunks_mut(stride)) {
+        out[..N].copy_from_slice(row);
+    }
+}
