@@ -6,7 +6,7 @@ mod walls;
 
 use divan::{Bencher, black_box};
 use glam::Vec3;
-use lighttree::{BuildParams, Builder, Lambert, Light, LightTree, Method, Scratch, ShadowRay, Stop};
+use lighttree::{BuildParams, Builder, Lambert, LightTree, Method, Scratch, Stop};
 use walls::{spread, walls};
 
 const SIZES: [usize; 3] = [2_000, 10_000, 100_000];
@@ -86,8 +86,7 @@ fn cut_shared(bencher: Bencher, count: usize) {
     let mut visit = || {
         let mut visited = 0;
         for bundle in &bundles {
-            let all_free = |_, _: &[Light], rays: &mut [ShadowRay]| rays.iter_mut().for_each(|ray| ray.visible = true);
-            tree.lightcuts(bundle, &[2e-4; 64], all_free, &mut scratch, &mut found);
+            tree.lightcuts(bundle, &[2e-4; 64], |_, _, asking| asking, &mut scratch, &mut found);
             visited += found.iter().map(|cut| u64::from(cut.nodes_visited)).sum::<u64>();
         }
         visited

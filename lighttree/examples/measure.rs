@@ -12,7 +12,7 @@
 mod walls;
 
 use glam::Vec3;
-use lighttree::{BuildParams, Builder, Cut, Emission, Lambert, Light, LightTree, Scratch, ShadowRay, Stop, luminance};
+use lighttree::{BuildParams, Builder, Cut, Emission, Lambert, Light, LightTree, Scratch, Stop, luminance};
 use walls::walls;
 
 /// Processor time of this thread \[s\].
@@ -105,7 +105,7 @@ fn main() {
         };
         let (cuts, time) = seconds(|| cut(&tree, &mut scratch));
         alone.add(&cuts, time);
-        let all_visible = |_, _: &[Light], rays: &mut [ShadowRay]| rays.iter_mut().for_each(|ray| ray.visible = true);
+        let all_visible = |_: &Light, _: usize, asking: u64| asking;
         let ((), time) = seconds(|| tree.lightcuts(block, thresholds, all_visible, &mut scratch, &mut shared));
         together.add(&shared, time);
         let (cuts, time) = seconds(|| cut(&trees[0], &mut scratch));

@@ -14,7 +14,7 @@
 use std::sync::atomic::AtomicBool;
 
 use glam::{Vec3, Vec3A};
-use lighttree::{Cut, Lambert, Light, Scratch, ShadowRay, Stop, luminance};
+use lighttree::{Cut, Lambert, Light, Scratch, Stop, luminance};
 use pipeline::{Plan, Wishes, stage};
 use render_core::Busy;
 
@@ -88,10 +88,9 @@ fn main() {
             .collect()
         });
         together.measure(|| {
-            let visible = |k: usize, lights: &[Light], rays: &mut [ShadowRay]| {
-                for ray in rays {
-                    ray.visible = sees(block[k].position, &lights[ray.light as usize]);
-                }
+            let visible = |light: &Light, _: usize, asking: u64| {
+                let seeing = |k: &usize| asking >> k & 1 == 1 && sees(block[*k].position, light);
+                (0..block.len()).filter(seeing).fold(0, |bits, k| bits | 1 << k)
             };
             frame.tree.lightcuts(&block, &thresholds, visible, &mut scratch, &mut shared);
         });

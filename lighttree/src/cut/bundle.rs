@@ -10,12 +10,16 @@
 //! * *dark*, if the bundle's bound is zero.
 //!
 //! The walk goes on from the undecided clusters for each [group](super::group) of receivers, before it does for each alone.
+//! Shadow rays are asked for by light: which receivers see it? Most lights are those of common clusters, that half of the
+//! receivers ask for, and rays between a light and a small place are cheap together.
+//!
 //! A few receivers do not speak for all. But refining is always right: no cluster of any cut is
 //! ever wrong by more than the threshold.
 
 use glam::{Vec3, Vec4};
 
-use super::group::{GROUP, Shares, Together};
+use super::group::{Estimated, GROUP, Shares, Together};
+use super::halves::sum_of_seen;
 use super::{Cut, Scratch, ShadowRay, Stop, padded};
 use crate::error_bound::{Cluster, error_bound, error_bound_of_bundle};
 use crate::lanes::Vector3;
@@ -23,6 +27,8 @@ use crate::light::Light;
 use crate::receiver::{Bundled, Receiver};
 use crate::tree::LightTree;
 
+/// Most receivers of a bundle.
+const MOST: usize = 64;
 /// Receivers that are asked whether a node is to be refined.
 const PROBES: usize = 4;
 
@@ -34,6 +40,60 @@ pub(super) struct Shared {
     of_group: Shares,
     /// What each receiver of a group takes of the undecided clusters.
     begun: Vec<Cut>,
+    asked: Asked,
+}
+
+/// Shadow rays of a bundle.
+#[derive(Clone, Debug, Default)]
+struct Asked {
+    /// Of one receiver after the other, what arrives by them if they are free, and where each receiver's end.
+    rays: Vec<ShadowRay>,
+    radiance: Vec<Vec4>,
+    ends: Vec<usize>,
+    /// Receivers that ask for a light, then those that see it; the lights that are asked for.
+    receivers_of: Vec<u64>,
+    lights: Vec<u32>,
+}
+
+impl Asked {
+    fn clear(&mut self, lights: usize) {
+        for light in self.lights.drain(..) {
+            self.receivers_of[light as usize] = 0;
+        }
+        if self.receivers_of.len() != lights {
+            self.receivers_of.clear();
+            self.receivers_of.resize(lights, 0);
+        }
+        self.rays.clear();
+        self.radiance.clear();
+        self.ends.clear();
+    }
+
+    /// What a receiver asks.
+    fn add(&mut self, receiver: usize, (rays, radiance): Estimated) {
+        self.rays.extend_from_slice(rays);
+        self.radiance.extend_from_slice(radiance);
+        for ray in rays {
+            let receivers = &mut self.receivers_of[ray.light as usize];
+            if *receivers == 0 {
+                self.lights.push(ray.light);
+            }
+            *receivers |= 1 << receiver;
+        }
+    }
+
+    /// Adds to the cuts what arrives.
+    fn answer(&mut self, cuts: &mut [Cut]) {
+        let mut begin = 0;
+        for (receiver, (cut, &end)) in cuts.iter_mut().zip(&self.ends).enumerate() {
+            let rays = &mut self.rays[begin..end];
+            for ray in &mut *rays {
+                ray.visible = self.receivers_of[ray.light as usize] >> receiver & 1 == 1;
+            }
+            cut.radiance += sum_of_seen(rays, &self.radiance[begin..end]).truncate();
+            begin = end;
+        }
+    }
 }
 
 impl LightTree {
@@ -41,22 +101,23 @@ impl LightTree {
     /// \[W·m⁻²·sr⁻¹\]: what [`LightTree::lightcut`] would find for each alone, with fewer nodes visited.
     /// It saves most where those that follow each other are the closest.
     ///
-    /// `visible(receiver, lights, rays)` sets [`ShadowRay::visible`] of each ray of one receiver, called once for each.
+    /// `visible(light, index, asking)` says which of the `asking` receivers, bit k for the k-th, see a light.
     /// `cuts` is cleared and gets one cut for each receiver. A cut is never coarser than one made alone and may be a
     /// little finer; [`Cut::nodes_visited`] of the first includes the walk for all.
     ///
     /// # Panics
     ///
-    /// If there is not one threshold per receiver.
+    /// If there are more than 64 receivers, or not one threshold for each.
     pub fn lightcuts<R: Bundled>(
         &self,
         receivers: &[R],
         thresholds: &[f32],
-        mut visible: impl FnMut(usize, &[Light], &mut [ShadowRay]),
+        mut visible: impl FnMut(&Light, usize, u64) -> u64,
         scratch: &mut Scratch,
         cuts: &mut Vec<Cut>,
     ) {
         assert_eq!(thresholds.len(), receivers.len(), "one threshold per receiver");
+        assert!(receivers.len() <= MOST, "{} receivers in a bundle of at most {MOST}", receivers.len());
         cuts.clear();
         if self.nodes.is_empty() || receivers.is_empty() {
             cuts.resize(receivers.len(), Cut::default());
@@ -64,7 +125,8 @@ impl LightTree {
         }
         // Taken out while walks hold the rest of the scratch.
         let mut shared = std::mem::take(&mut scratch.shared);
-        let Shared { pending, of_all, of_group, begun } = &mut shared;
+        let Shared { pending, of_all, of_group, begun, asked } = &mut shared;
+        asked.clear(self.lights.len());
         let most = scratch.max_size as usize;
         let roots = [self.roots().start as u32, self.roots().end as u32 - 1];
         let roots = &roots[..self.roots().len()];
@@ -85,15 +147,23 @@ impl LightTree {
                 self.decide(group, of_group, begun);
             }
             for (k, (receiver, &threshold)) in receivers.iter().zip(thresholds).enumerate() {
-                let visible = |lights: &[Light], rays: &mut [ShadowRay]| visible(cuts.len(), lights, rays);
+                let which = cuts.len();
                 let cut = match common.and_then(|common| {
                     let shared = begun[k].size as usize + of_all.common.len() + of_group.common.len();
                     let own = self.walk_on(receiver, threshold, (of_group, k), most.checked_sub(shared)?, scratch)?;
                     Some(Cut { size: shared as u32 + own.size, ..plus(plus(common, begun[k]), own) })
                 }) {
-                    Some(cut) => self.evaluate_shared(receiver, visible, ([of_all, of_group], k), scratch, cut),
-                    None => self.lightcut_batched(receiver, Stop::Absolute(threshold), visible, scratch),
+                    Some(cut) => {
+                        let (cut, found) = self.estimate_shared(receiver, ([of_all, of_group], k), scratch, cut);
+                        asked.add(which, found);
+                        cut
+                    }
+                    None => {
+                        let sees = |light: &Light, index: usize| visible(light, index, 1 << which) != 0;
+                        self.lightcut(receiver, Stop::Absolute(threshold), sees, scratch)
+                    }
                 };
+                asked.ends.push(asked.rays.len());
                 cuts.push(cut);
                 // Counted with the first.
                 for walk in [&mut all, &mut common].into_iter().flatten() {
@@ -101,6 +171,11 @@ impl LightTree {
                 }
             }
         }
+        for &light in &asked.lights {
+            let receivers = &mut asked.receivers_of[light as usize];
+            *receivers = visible(&self.lights[light as usize], light as usize, *receivers);
+        }
+        asked.answer(cuts);
         scratch.shared = shared;
     }
 

@@ -11,12 +11,11 @@
 
 use glam::{BVec4A, Vec4};
 
-use super::halves::{Arriving, Halves, sum_of_seen};
+use super::halves::{Arriving, Halves};
 use super::walk::Walk;
 use super::{Cut, Scratch, ShadowRay, missing, padded};
 use crate::error_bound::{Cluster, error_bound};
 use crate::lanes::{Kernel, PartOfEight, Vector3, Width};
-use crate::light::Light;
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
@@ -59,6 +58,9 @@ struct FourShared {
     /// Which of them each receiver of a group does not take, as bits.
     left_out: [u8; GROUP],
 }
+
+/// Shadow rays of a receiver, and what arrives by each if it is free.
+pub(super) type Estimated<'a> = (&'a [ShadowRay], &'a [Vec4]);
 
 impl Shares {
     pub fn clear(&mut self) {
@@ -133,29 +135,24 @@ impl LightTree {
     }
 
     /// Estimates of the shared clusters that the k-th receiver of a group takes, and of those that it selected alone.
+    /// Nothing is known of their shadows yet: the radiance of the cut is still zero.
     #[inline(always)]
-    pub(super) fn evaluate_shared<R: Receiver>(
+    pub(super) fn estimate_shared<'a, R: Receiver>(
         &self,
         receiver: &R,
-        mut visible: impl FnMut(&[Light], &mut [ShadowRay]),
         (shares, k): ([&Shares; 2], usize),
-        scratch: &mut Scratch,
+        scratch: &'a mut Scratch,
         mut cut: Cut,
-    ) -> Cut {
+    ) -> (Cut, Estimated<'a>) {
         scratch.begin_estimate();
         let (fours, softening2) = (shares.map(|shares| &shares.fours[..]), self.softening2);
         let arriving = Arriving::after(0, &mut scratch.rays, &mut scratch.radiance);
         let of_shared = Width::best().run(EstimateShared { receiver, fours, k, softening2, arriving });
         scratch.ray_count = of_shared;
         cut.nodes_visited += self.estimate_halves(receiver, scratch);
-        let Scratch { rays, ray_count, radiance, .. } = scratch;
-        let rays = &mut rays[..*ray_count];
-        if !rays.is_empty() {
-            visible(&self.lights, rays);
-        }
-        cut.radiance = sum_of_seen(rays, radiance).truncate();
-        cut.shadow_rays = rays.len() as u32;
-        cut
+        let count = scratch.ray_count;
+        cut.shadow_rays = count as u32;
+        (cut, (&scratch.rays[..count], &scratch.radiance[..count]))
     }
 }
 

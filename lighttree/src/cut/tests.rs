@@ -197,8 +197,9 @@ fn shared_cuts_keep_the_promises_of_each() {
         let sees = |receiver: usize, light: usize| testing::visible(shadows ^ receiver as u64, light);
         let mut scratch = Scratch::with_max_size(max_size);
         let mut cuts = Vec::new();
-        let visible = |receiver: usize, _: &[Light], rays: &mut [ShadowRay]| {
-            rays.iter_mut().for_each(|ray| ray.visible = sees(receiver, ray.light as usize));
+        let visible = |_: &Light, light: usize, asking: u64| {
+            let seeing = |k: &usize| asking >> k & 1 == 1 && sees(*k, light);
+            (0..receivers.len()).filter(seeing).fold(0, |bits, k| bits | 1 << k)
         };
         tree.lightcuts(&receivers, &thresholds, visible, &mut scratch, &mut cuts);
         assert_eq!(cuts.len(), receivers.len());

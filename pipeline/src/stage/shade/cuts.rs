@@ -115,14 +115,15 @@ impl<'a> LightTransport<'a> {
 
     /// The absolute threshold of a pixel, if it has one \[W·m⁻²·sr⁻¹\].
     pub fn threshold(&self, x: usize, y: usize) -> Option<f32> {
-        (self.settings.thresholds == Thresholds::Perceptual).then(|| self.allowance.map.get(x, y)).flatten()
+        let is_fixed = matches!(self.settings.thresholds, Thresholds::Fixed(_));
+        (!is_fixed).then(|| self.allowance.map.get(x, y)).flatten()
     }
 
     /// Share of its luminance that a pixel without absolute threshold may be wrong by.
     pub fn relative_threshold(&self) -> f32 {
         match self.settings.thresholds {
-            Thresholds::Perceptual => WITHOUT_THRESHOLD,
             Thresholds::Fixed(share) => share,
+            _ => WITHOUT_THRESHOLD,
         }
     }
 
@@ -195,7 +196,7 @@ pub(super) fn sees(accelerator: &Accelerator, receiver: &Receiver, lamp: &Light)
 
 /// A light below the triangle's own plane is hidden by it, whatever the smooth normal says.
 #[inline]
-fn is_above(receiver: &Receiver, lamp: Vec3A) -> bool {
+pub(super) fn is_above(receiver: &Receiver, lamp: Vec3A) -> bool {
     receiver.geometric_normal.dot(lamp - receiver.position) > 0.0
 }
 
