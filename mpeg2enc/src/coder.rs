@@ -9,10 +9,11 @@ use crate::{
     frame::psnr_within,
     header::{self, PictureHeader, macroblock_counts},
     motion::{Candidates, CoarseSearch, Estimate, HalfSample, f_code},
-    picture::{CodedPicture, Picture},
+    picture::{CodedPicture, MacroblockKind, Picture},
     pool::Pool,
     predict::References,
-    quant::{QuantiserParameters, Quantisers},
+    quant::{QuantiserParameters, Quantisers, places},
+    scan::{ALTERNATE, ZIGZAG},
 };
 use plane::Plane;
 use std::sync::Arc;
@@ -30,6 +31,11 @@ pub struct Packet {
     pub quantiser_scale: u32,
     /// quantiser_scale in force at every macroblock: all the same unless the encoder was asked to vary it.
     pub quantiser_scales: Plane<u8>,
+    /// How every macroblock was coded.
+    pub macroblock_kinds: Plane<MacroblockKind>,
+    /// Of every macroblock: places of the levels of its luma blocks in transmission order.
+    levels: Plane<[u64; 4]>,
+    alternate_scan: bool,
     /// Bits of `data`.
     pub bits: u64,
     /// What a decoder shows, to within the differences of inverse transforms that the standard allows.
@@ -191,6 +197,7 @@ impl Coder {
             self.pool.filled(width, height, |shown| whole.copy_to(shown)).0
         };
         let reference = (job.picture_type != PictureType::B).then_some(whole);
+        let (kinds, levels) = coded.macroblocks.into_iter().unzip();
         let packet = Packet {
             bits: 8 * data.len() as u64,
             data,
@@ -198,6 +205,9 @@ impl Coder {
             picture_type: job.picture_type,
             quantiser_scale: job.quantiser_scale,
             quantiser_scales: Plane::from_vec(columns, rows, coded.quantiser_scales),
+            macroblock_kinds: Plane::from_vec(columns, rows, kinds),
+            levels: Plane::from_vec(columns, rows, levels),
+            alternate_scan: header.quantisers.alternate_scan,
             psnr_y,
             reconstruction,
             statistics: coded.statistics,
@@ -216,6 +226,16 @@ impl Coder {
 }
 
 impl Packet {
+    /// Which coefficients were written of each 8×8 block of luma: bit 8·v + u of a block's number is set where the level of
+    /// the coefficient of frequency u across and v down is not zero, and for the DC of an intra block. Two blocks across and
+    /// two down for every macroblock.
+    pub fn luma_levels(&self) -> Plane<u64> {
+        let scan = if self.alternate_scan { &ALTERNATE } else { &ZIGZAG };
+        let raster = |set| places(set).fold(0, |raster, place| raster | 1 << scan[place]);
+        let (width, height) = (2 * self.levels.width(), 2 * self.levels.height());
+        Plane::from_fn(width, height, |x, y| raster(self.levels.get(x / 2, y / 2)[2 * (y % 2) + x % 2]))
+    }
+
     /// Puts headers in front.
     pub(crate) fn prepend(&mut self, mut headers: Vec<u8>) {
         headers.append(&mut self.data);

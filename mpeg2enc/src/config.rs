@@ -360,6 +360,16 @@ impl Config {
         Self { intra_matrix: intra, non_intra_matrix: non_intra, ..self }
     }
 
+    /// Weighting matrices of intra and of predicted blocks, in raster order.
+    pub fn matrices(&self) -> ([u8; 64], [u8; 64]) {
+        (self.intra_matrix, self.non_intra_matrix)
+    }
+
+    /// Bits of the DC coefficient of intra blocks; its step is 8, 4, 2, 1 for 8 to 11 (7.4.1).
+    pub fn intra_dc_precision(&self) -> u32 {
+        self.intra_dc_precision
+    }
+
     /// How quantisers are chosen; all but [`Rate::ConstantQuantiser`] need [`Config::lookahead_encoder`].
     pub fn with_rate(self, rate: Rate) -> Self {
         Self { rate, ..self }

@@ -85,7 +85,7 @@ pub use crate::{
     lookahead::KnownMotion,
     lookahead_encoder::{LookaheadEncoder, LookaheadState},
     motion::MotionField,
-    picture::PictureStatistics,
+    picture::{MacroblockKind, PictureStatistics},
     quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
     rate::Rate,
     standard::Standard,

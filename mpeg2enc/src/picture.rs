@@ -65,8 +65,24 @@ pub(crate) struct CodedPicture {
     pub slices: Vec<u8>,
     /// quantiser_scale in force at every macroblock.
     pub quantiser_scales: Vec<u8>,
+    pub macroblocks: Vec<CodedMacroblock>,
     pub statistics: PictureStatistics,
 }
+
+/// How a macroblock was coded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MacroblockKind {
+    /// By itself.
+    Intra,
+    /// Predicted from other pictures.
+    Inter,
+    /// Predicted, and not written at all.
+    #[default]
+    Skipped,
+}
+
+/// How a macroblock was coded, and the places of the levels that were written of its luma blocks, in transmission order.
+pub(crate) type CodedMacroblock = (MacroblockKind, [u64; 4]);
 
 impl Picture<'_> {
     /// picture_data() (6.2.3): all slices. What a decoder shows, in whole macroblocks, goes to `reconstruction`.
@@ -81,18 +97,23 @@ impl Picture<'_> {
                 .map(|(row, (luma, (cb, cr)))| self.code_slice(row, RowMut { luma, cb, cr }))
                 .collect::<Vec<_>>()
         };
-        let mut coded =
-            CodedPicture { slices: Vec::new(), quantiser_scales: Vec::new(), statistics: PictureStatistics::default() };
-        for (bytes, quantiser_scales, statistics) in rows {
+        let mut coded = CodedPicture {
+            slices: Vec::new(),
+            quantiser_scales: Vec::new(),
+            macroblocks: Vec::new(),
+            statistics: PictureStatistics::default(),
+        };
+        for (bytes, quantiser_scales, macroblocks, statistics) in rows {
             coded.slices.extend(bytes);
             coded.quantiser_scales.extend(quantiser_scales);
+            coded.macroblocks.extend(macroblocks);
             coded.statistics += statistics;
         }
         coded
     }
 
     /// slice() (6.2.4) of one row of macroblocks.
-    fn code_slice(&self, row: usize, mut out: RowMut) -> (Vec<u8>, Vec<u8>, PictureStatistics) {
+    fn code_slice(&self, row: usize, mut out: RowMut) -> (Vec<u8>, Vec<u8>, Vec<CodedMacroblock>, PictureStatistics) {
         let columns = self.source.width() / 16;
         let scales_x16 = &self.scales_x16[row * columns..][..columns];
         let parameters = &self.quantisers.parameters;
@@ -107,6 +128,7 @@ impl Picture<'_> {
         let mut writer = BitWriter::default();
         let mut statistics = PictureStatistics::default();
         let mut quantiser_scales = Vec::with_capacity(columns);
+        let mut macroblocks = Vec::with_capacity(columns);
         put_slice_header(&mut writer, row, self.height, slice.quantiser);
         let mut state = SliceState::new(&slice);
         let mut work = Workspace::new();
@@ -151,16 +173,18 @@ impl Picture<'_> {
             let macroblock = work.macroblock();
             let (written, bits) = state.put_macroblock(&mut writer, &slice, column, macroblock);
             quantiser_scales.push(self.quantisers.of(state.quantiser).scale as u8);
-            match macroblock.mode {
-                _ if !written => statistics.skipped += 1,
-                Mode::Intra => statistics.intra += 1,
-                _ => statistics.inter += 1,
-            }
+            let (kind, count) = match macroblock.mode {
+                _ if !written => (MacroblockKind::Skipped, &mut statistics.skipped),
+                Mode::Intra => (MacroblockKind::Intra, &mut statistics.intra),
+                _ => (MacroblockKind::Inter, &mut statistics.inter),
+            };
+            *count += 1;
+            macroblocks.push((kind, std::array::from_fn(|i| macroblock.blocks[i].places)));
             statistics.motion_bits += bits.motion;
             statistics.coefficient_bits += bits.coefficients;
         }
         debug_assert!(writer.bits() > 38, "a slice has a macroblock");
-        (writer.into_bytes(), quantiser_scales, statistics)
+        (writer.into_bytes(), quantiser_scales, macroblocks, statistics)
     }
 
     /// Puts the blocks of a macroblock where they are shown.

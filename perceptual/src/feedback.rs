@@ -1,6 +1,7 @@
 //! The loop over frames: what was seen in frame t decides how exact frame t+1 has to be.
 
-use crate::threshold_map::{LuminanceScale, ThresholdMap, blend, carry, scaled_error};
+use crate::coded::{CodedMasking, CodedPicture, NextPicture, QuantiserSteps};
+use crate::threshold_map::{LuminanceScale, ThresholdMap, TolerableError, blend, blockwise_error, carry, scaled_error};
 use crate::{MaskingModel, ToneMap};
 use plane::Plane;
 
@@ -66,10 +67,35 @@ impl Feedback {
         matches: Option<&Plane<u32>>,
     ) -> &Plane<f32> {
         let e = scaled_error(luma, luminance, quantiser_scale, self.kappa, &self.scale, &self.model);
+        self.take_in(e, matches, self.weight)
+    }
+
+    /// The same from what the encoder made of the frame, and will make of the next: κ multiplies e′ of eq. (8) in
+    /// [`coded`](crate::CodedPicture). What an intra picture may be wrong by is not blended with the past, in which pictures
+    /// were predicted and might be wrong by more.
+    ///
+    /// # Panics
+    /// If the planes differ in size.
+    pub fn observe_coded(
+        &mut self,
+        luma: &Plane<f32>,
+        luminance: &Plane<f32>,
+        steps: &QuantiserSteps,
+        (coded, next): (&CodedPicture, NextPicture),
+        matches: Option<&Plane<u32>>,
+    ) -> &Plane<f32> {
+        let tolerable = CodedMasking::new(steps.clone()).tolerable_luma(luma, coded, next);
+        let e = blockwise_error(luma, luminance, &tolerable, self.kappa, &self.scale);
+        let weight = if next == NextPicture::Intra { 0.0 } else { self.weight };
+        self.take_in(e, matches, weight)
+    }
+
+    fn take_in(&mut self, e: TolerableError, matches: Option<&Plane<u32>>, weight: f32) -> &Plane<f32> {
         self.non_finite = e.non_finite;
-        let same_size = (self.thresholds.width(), self.thresholds.height()) == (luma.width(), luma.height());
+        let size = (self.thresholds.width(), self.thresholds.height());
+        let same_size = size == (e.error.width(), e.error.height());
         self.thresholds = match matches {
-            Some(matches) if same_size => blend(&e.error, &self.thresholds, matches, self.weight),
+            Some(matches) if same_size => blend(&e.error, &self.thresholds, matches, weight),
             _ => e.error,
         };
         &self.thresholds

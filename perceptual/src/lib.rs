@@ -19,6 +19,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod coded;
 mod feedback;
 mod masking;
 mod metric;
@@ -27,6 +28,7 @@ mod threshold_map;
 mod tonemap;
 mod ycbcr;
 
+pub use crate::coded::{CodedPicture, NextPicture, QuantiserSteps};
 pub use crate::feedback::{DEFAULT_WEIGHT, Feedback};
 pub use crate::masking::{
     CONTRAST_MASKING_EXPONENT, DEFAULT_INTRA_MATRIX, LUMINANCE_MASKING_EXPONENT, MaskingModel, mean_dc,

@@ -93,8 +93,30 @@ pub(crate) fn scaled_error(
     model: &MaskingModel,
 ) -> TolerableError {
     assert_same_size(luma, luminance);
-    // Holds ŷ′ first, then e in its place.
-    let mut error = model.worst_case_luma(luma, quantiser_scale);
+    pixelwise(model.worst_case_luma(luma, quantiser_scale), luma, luminance, kappa, scale)
+}
+
+/// Eq. (4) where each 8×8 block of luma may be wrong by `tolerable` code values.
+pub(crate) fn blockwise_error(
+    luma: &Plane<f32>,
+    luminance: &Plane<f32>,
+    tolerable: &Plane<f32>,
+    kappa: f32,
+    scale: &LuminanceScale,
+) -> TolerableError {
+    assert_same_size(luma, luminance);
+    let distorted = Plane::from_fn(luma.width(), luma.height(), |x, y| luma.get(x, y) + tolerable.get(x / 8, y / 8));
+    pixelwise(distorted, luma, luminance, kappa, scale)
+}
+
+/// `error` holds ŷ′ first, then e in its place.
+fn pixelwise(
+    mut error: Plane<f32>,
+    luma: &Plane<f32>,
+    luminance: &Plane<f32>,
+    kappa: f32,
+    scale: &LuminanceScale,
+) -> TolerableError {
     let width = luma.width().max(1);
     let non_finite = error
         .samples_mut()

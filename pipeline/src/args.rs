@@ -113,10 +113,11 @@ pub struct Job {
     /// Write MPEG-1, for players that know nothing else
     #[arg(long)]
     pub mpeg1: bool,
-    /// The error a pixel may have: "perceptual", or "fixed:SHARE" of its luminance [default: perceptual]
+    /// The error a pixel may have: "perceptual", by the masking model; "codec", by what the encoder really did; "fixed:SHARE"
+    /// of its luminance, or "uniform:SHARE" of what that was one frame before [default: perceptual]
     #[arg(long, value_name = "KIND")]
     pub thresholds: Option<Thresholds>,
-    /// Multiplier on what masking allows beyond 2 %: smaller is finer, 1 is the paper's [default: 0.25]
+    /// Multiplier on what is allowed beyond 2 %: smaller is finer, 1 is the paper's [default: 0.25; 1 of "codec"]
     #[arg(long, value_name = "K")]
     pub kappa: Option<f32>,
     /// When a cut ends [default: bound]

@@ -1,5 +1,6 @@
 //! What travels between the stages, each thing stamped with its frame.
 
+use crate::video::CodingOutcome;
 use lighttree::LightTree;
 use perceptual::{ToneMap, YCbCr};
 use plane::Plane;
@@ -127,6 +128,23 @@ pub struct ToMask {
     pub tone_map: ToneMap,
     /// As in [`Prepared`].
     pub correspondence: Option<Arc<Correspondence>>,
+}
+
+/// How a picture was coded, as far as it is known when masking asks.
+pub struct Coding {
+    /// quantiser_scale, the mean over the picture.
+    pub quantiser_scale: f32,
+    /// What became of the picture, where masking goes by that.
+    pub outcome: Option<CodingOutcome>,
+    /// Whether the next picture will be coded by itself.
+    pub next_is_intra: bool,
+}
+
+impl Coding {
+    /// Nothing is known but the quantiser.
+    pub fn of_quantiser(quantiser_scale: f32) -> Self {
+        Self { quantiser_scale, outcome: None, next_is_intra: false }
+    }
 }
 
 /// ΔY of a frame, on its way back to the renderer.

@@ -168,6 +168,9 @@ impl Plan {
         let masking = match (settings.lighting, settings.thresholds) {
             (Lighting::AllLights, _) => step("masking thresholds", State::Off, "without cuts nothing stops at them"),
             (_, Thresholds::Fixed(_)) => step("masking thresholds", State::Off, "thresholds are fixed, as asked"),
+            (_, Thresholds::Codec) => {
+                step("masking thresholds", State::On, "what the encoder did steers the cuts of the next frame")
+            }
             _ => step("masking thresholds", State::On, "they steer the cuts of the next frame"),
         };
         step(

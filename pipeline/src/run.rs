@@ -1,12 +1,12 @@
 //! The stages as threads, joined by bounded channels; the first failure ends all.
 
 use crate::checkpoint::Checkpoints;
-use crate::message::MaskingTime;
+use crate::message::{Coding, MaskingTime};
 use crate::observe::{Observer, OnFrame};
 use crate::output::Output;
 use crate::plan::Plan;
 use crate::report::{FrameReport, Report};
-use crate::settings::Settings;
+use crate::settings::{Settings, Thresholds};
 use crate::stage::{display, encode, mask, prepare, shade};
 use anyhow::{Context, Result, anyhow};
 use crossbeam_channel::{bounded, unbounded};
@@ -60,9 +60,10 @@ pub fn render_from(
     // The way back. It holds one map: shading frame n takes that of n−1 before it makes anything new.
     let (thresholds_out, thresholds_in) = bounded(1);
     let (times_out, times_in) = unbounded::<MaskingTime>();
-    // Masking wants the quantisers that pictures really have, which an encoder that looks ahead tells as frames come in.
-    let (quantisers_out, quantisers_in) = unbounded::<f32>();
-    let constant = (!settings.looks_ahead()).then_some(settings.qscale as f32);
+    // Masking wants to know how pictures were really coded. A constant quantiser alone it knows beforehand, and need not wait.
+    let (codings_out, codings_in) = unbounded::<Coding>();
+    let waits = settings.looks_ahead() || settings.thresholds == Thresholds::Codec;
+    let constant = || (!waits).then(|| Coding::of_quantiser(settings.qscale as f32));
     std::thread::scope(|scope| {
         let output = &mut output;
         let reports = &mut reports;
@@ -71,9 +72,8 @@ pub fn render_from(
             (
                 "encode",
                 Box::new(move || {
-                    let quantisers_out = constant.is_none().then_some(quantisers_out);
-                    let quantisers = quantisers_out.as_ref();
-                    encode::run(settings, checkpoints, &encode_in, quantisers, output, reports, observer)
+                    let codings_out = waits.then_some(codings_out);
+                    encode::run(settings, checkpoints, &encode_in, codings_out.as_ref(), output, reports, observer)
                 }),
             ),
             (
@@ -85,8 +85,8 @@ pub fn render_from(
             (
                 "mask",
                 Box::new(move || {
-                    let quantisers = std::iter::from_fn(|| constant.or_else(|| quantisers_in.recv().ok()));
-                    mask::run_from(checkpoints, observer, settings, quantisers, &mask_in, &thresholds_out, &times_out)
+                    let codings = std::iter::from_fn(|| constant().or_else(|| codings_in.recv().ok()));
+                    mask::run_from(checkpoints, observer, settings, codings, &mask_in, &thresholds_out, &times_out)
                 }),
             ),
             (

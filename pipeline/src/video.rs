@@ -1,17 +1,20 @@
 //! The encoder of a run, with what its stream is wrapped into.
 
 use crate::checkpoint::{decode, encode};
-use crate::settings::Settings;
+use crate::settings::{Settings, Thresholds};
 use anyhow::{Result, bail};
 use mpeg2enc::{
-    Container, Encoder, Frame, KnownMotion, LookaheadEncoder, MotionField, Multiplexer, Packet, PictureType,
+    Container, Encoder, Frame, KnownMotion, LookaheadEncoder, MacroblockKind, MotionField, Multiplexer, Packet,
+    PictureType,
 };
+use plane::Plane;
 
 /// Frames in, bytes of the file out.
 pub struct Video {
     coder: Coder,
     multiplexer: Multiplexer,
     quantiser_scale: f32,
+    tells_outcome: bool,
 }
 
 enum Coder {
@@ -43,6 +46,21 @@ pub struct CodedPicture {
     pub quantiser_scale: u32,
     /// Of luma \[dB\]; infinite when nothing is lost.
     pub psnr_y: f64,
+    /// What masking asks for where it goes by what the encoder did.
+    pub outcome: Option<CodingOutcome>,
+}
+
+/// What the encoder did to a picture.
+#[derive(Clone, Debug)]
+pub struct CodingOutcome {
+    /// Luma as a decoder shows it.
+    pub decoded: Plane<u8>,
+    /// Of each 8×8 block of luma, the coefficients that were written: see [`Packet::luma_levels`].
+    pub levels: Plane<u64>,
+    /// Of each macroblock: whether it was coded by itself.
+    pub intra: Plane<bool>,
+    /// Of each macroblock: quantiser_scale.
+    pub quantiser_scales: Plane<u8>,
 }
 
 impl Video {
@@ -57,7 +75,8 @@ impl Video {
             true => Coder::Ahead(Box::new(config.lookahead_encoder()?)),
             false => Coder::Immediate(Box::new(config.encoder()?)),
         };
-        Ok(Self { coder, multiplexer, quantiser_scale: settings.qscale as f32 })
+        let tells_outcome = settings.thresholds == Thresholds::Codec;
+        Ok(Self { coder, multiplexer, quantiser_scale: settings.qscale as f32, tells_outcome })
     }
 
     /// At a constant quantiser, each picture as it comes: for encoders that have nothing to do with a scene.
@@ -68,7 +87,7 @@ impl Video {
         let config = config.with_quantiser_scale(quantiser_scale);
         let multiplexer = Multiplexer::new(container, &config);
         let coder = Coder::Immediate(Box::new(config.encoder()?));
-        Ok(Self { coder, multiplexer, quantiser_scale: quantiser_scale as f32 })
+        Ok(Self { coder, multiplexer, quantiser_scale: quantiser_scale as f32, tells_outcome: false })
     }
 
     /// Takes the next frame. `previous` says where its pixels were in the frame before, `next` where they will be in the
@@ -81,17 +100,17 @@ impl Video {
             Coder::Immediate(encoder) => vec![encoder.push(frame, previous)],
             Coder::Ahead(encoder) => encoder.push(frame, KnownMotion { to_previous: previous, to_next: next }),
         };
-        wrap(packets, &mut self.multiplexer, &mut self.quantiser_scale)
+        wrap(packets, &mut self.multiplexer, &mut self.quantiser_scale, self.tells_outcome)
     }
 
     /// Codes what waits, and ends the stream.
     pub fn finish(self) -> Coded {
-        let Self { coder, mut multiplexer, mut quantiser_scale } = self;
+        let Self { coder, mut multiplexer, mut quantiser_scale, .. } = self;
         let (packets, end) = match coder {
             Coder::Immediate(encoder) => (Vec::new(), encoder.finish()),
             Coder::Ahead(encoder) => encoder.finish(),
         };
-        let mut coded = wrap(packets, &mut multiplexer, &mut quantiser_scale);
+        let mut coded = wrap(packets, &mut multiplexer, &mut quantiser_scale, false);
         coded.bytes.extend(multiplexer.finish(&end));
         coded
     }
@@ -126,8 +145,19 @@ impl Video {
     }
 }
 
+impl CodingOutcome {
+    fn of(packet: &Packet) -> Self {
+        Self {
+            decoded: packet.reconstruction.luma.clone(),
+            levels: packet.luma_levels(),
+            intra: packet.macroblock_kinds.map(|kind| kind == MacroblockKind::Intra),
+            quantiser_scales: packet.quantiser_scales.clone(),
+        }
+    }
+}
+
 /// Puts packets into the file, and notes their quantiser.
-fn wrap(packets: Vec<Packet>, multiplexer: &mut Multiplexer, quantiser_scale: &mut f32) -> Coded {
+fn wrap(packets: Vec<Packet>, multiplexer: &mut Multiplexer, quantiser_scale: &mut f32, tells_outcome: bool) -> Coded {
     let scales = packets.iter().map(|packet| {
         let scales = packet.quantiser_scales.samples();
         scales.iter().map(|&scale| u32::from(scale)).sum::<u32>() as f32 / scales.len() as f32
@@ -141,6 +171,7 @@ fn wrap(packets: Vec<Packet>, multiplexer: &mut Multiplexer, quantiser_scale: &m
             bits: packet.bits,
             quantiser_scale: packet.quantiser_scale,
             psnr_y: packet.psnr_y,
+            outcome: tells_outcome.then(|| CodingOutcome::of(&packet)),
         });
         coded.bytes.extend(multiplexer.push(packet));
     }

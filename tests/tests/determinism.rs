@@ -4,7 +4,13 @@ use tests::{cornell, render};
 
 #[test]
 fn neither_threads_nor_chance_change_a_bit() {
-    for kind in ["", "--thresholds fixed:0.02", "--lighting all-lights", "--stopping calibrated --cache off"] {
+    for kind in [
+        "",
+        "--thresholds fixed:0.02",
+        "--lighting all-lights",
+        "--stopping calibrated --cache off",
+        "--thresholds codec",
+    ] {
         let folder = tempfile::tempdir().unwrap();
         let film = |name: &str, more: &str| {
             let arguments = format!("--size 64x64 --frames 6 --vpls 200 --photons 20000 {kind} {more}");

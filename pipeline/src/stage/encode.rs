@@ -1,12 +1,12 @@
 //! Pictures into the stream, with the renderer's motion; and a line for the report from each.
 
 use crate::checkpoint::{Checkpoints, Part};
-use crate::message::{Displayed, FrameFigures};
+use crate::message::{Coding, Displayed, FrameFigures};
 use crate::observe::Observer;
 use crate::output::Output;
 use crate::report::FrameReport;
 use crate::settings::Settings;
-use crate::video::{Coded, Video};
+use crate::video::{Coded, CodingOutcome, Video};
 use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
 use mpeg2enc::{Frame, MotionField, PictureType};
@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 /// Encodes frame after frame into `output`; adds the report of each to `reports`, in the order of coding, and shows it to
 /// `observer`.
 ///
-/// Where frames wait for later ones, the quantiser_scale known when each came in is sent to `quantisers`.
+/// What is known of the coding of each frame when it has come in is sent to `codings`, where masking asks.
 ///
 /// # Errors
 /// The output or a checkpoint cannot be written, or the settings fit no encoder.
@@ -25,7 +25,7 @@ pub fn run(
     settings: &Settings,
     checkpoints: &Checkpoints,
     frames: &Receiver<Displayed>,
-    quantisers: Option<&Sender<f32>>,
+    codings: Option<&Sender<Coding>>,
     output: &mut Output,
     reports: &mut Vec<FrameReport>,
     observer: &dyn Observer,
@@ -40,10 +40,11 @@ pub fn run(
     for displayed in frames {
         let (frame, checkpoint) = (displayed.frame, displayed.checkpoint);
         let _span = tracing::debug_span!("encode", frame).entered();
-        let (bytes, lines) = pool.install(|| stage.take(displayed))?;
-        if let Some(quantisers) = quantisers {
+        let (bytes, lines, outcome) = pool.install(|| stage.take(displayed))?;
+        if let Some(codings) = codings {
+            let next_is_intra = (frame + 1).is_multiple_of(settings.gop);
             // Without thresholds nobody asks.
-            let _ = quantisers.send(stage.video.quantiser_scale());
+            let _ = codings.send(Coding { quantiser_scale: stage.video.quantiser_scale(), outcome, next_is_intra });
         }
         hand_out(output, observer, reports, &bytes, lines)?;
         if checkpoint {
@@ -110,7 +111,7 @@ impl Stage<'_> {
         checkpoints.leave(frame, Part::Encode, &(self.video.state(), &self.queue, reports))
     }
 
-    fn take(&mut self, displayed: Displayed) -> Result<(Vec<u8>, Vec<FrameReport>)> {
+    fn take(&mut self, displayed: Displayed) -> Result<(Vec<u8>, Vec<FrameReport>, Option<CodingOutcome>)> {
         let Displayed { frame: index, picture, correspondence, forward, figures, .. } = displayed;
         let field = |known: &Correspondence| MotionField::new(known.motion.clone());
         let to_previous = correspondence.as_deref().filter(|_| self.settings.motion).map(field);
@@ -124,17 +125,23 @@ impl Stage<'_> {
         Ok(before.map_or_else(Default::default, |before| self.push(before, to_next)))
     }
 
-    fn push(&mut self, waiting: Waiting, to_next: Option<MotionField>) -> (Vec<u8>, Vec<FrameReport>) {
+    fn push(
+        &mut self,
+        waiting: Waiting,
+        to_next: Option<MotionField>,
+    ) -> (Vec<u8>, Vec<FrameReport>, Option<CodingOutcome>) {
         let Waiting { index, frame, to_previous, figures } = waiting;
         let busy = Busy::default();
-        let coded = busy.measure(|| self.video.push(&frame, to_previous.as_ref(), to_next.as_ref()));
+        let mut coded = busy.measure(|| self.video.push(&frame, to_previous.as_ref(), to_next.as_ref()));
+        let outcome = coded.pictures.last_mut().and_then(|picture| picture.outcome.take());
         self.queue.figures.insert(index, FrameFigures { encode: busy.seconds(), ..figures });
-        told(self.settings, &mut self.queue, coded)
+        let (bytes, lines) = told(self.settings, &mut self.queue, coded);
+        (bytes, lines, outcome)
     }
 
     fn finish(mut self) -> Result<(Vec<u8>, Vec<FrameReport>)> {
         let last = self.queue.last.take();
-        let (mut bytes, mut lines) = last.map_or_else(Default::default, |last| self.push(last, None));
+        let (mut bytes, mut lines, _) = last.map_or_else(Default::default, |last| self.push(last, None));
         let Self { settings, video, mut queue } = self;
         let busy = Busy::default();
         let coded = busy.measure(|| video.finish());

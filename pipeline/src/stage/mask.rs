@@ -1,12 +1,13 @@
 //! What may be wrong in the next frame without being seen: the way back from the codec to the renderer.
 
 use crate::checkpoint::{Checkpoints, Part};
-use crate::message::{LuminanceThresholds, MaskingTime, ToMask};
+use crate::message::{Coding, LuminanceThresholds, MaskingTime, ToMask};
 use crate::observe::Observer;
-use crate::settings::Settings;
+use crate::settings::{Settings, Thresholds};
+use crate::video::CodingOutcome;
 use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
-use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel};
+use perceptual::{CodedPicture, DEFAULT_WEIGHT, Feedback, MaskingModel, NextPicture, QuantiserSteps};
 use plane::Plane;
 use render_core::Busy;
 
@@ -22,12 +23,12 @@ pub fn run(
     thresholds: &Sender<LuminanceThresholds>,
     times: &Sender<MaskingTime>,
 ) -> Result<()> {
-    let quantisers = std::iter::repeat(settings.qscale as f32);
-    run_from(&Checkpoints::off(), &(), settings, quantisers, frames, thresholds, times)
+    let codings = std::iter::repeat_with(|| Coding::of_quantiser(settings.qscale as f32));
+    run_from(&Checkpoints::off(), &(), settings, codings, frames, thresholds, times)
 }
 
-/// The same from where `checkpoints` say. `quantisers` gives the quantiser_scale of each frame in turn, or what is known of it
-/// when the frame comes to the encoder.
+/// The same from where `checkpoints` say. `codings` gives how each frame in turn was coded, or what is known of it when the
+/// frame has come to the encoder.
 ///
 /// # Errors
 /// As those of [`run`], or a checkpoint cannot be read or written.
@@ -35,13 +36,14 @@ pub fn run_from(
     checkpoints: &Checkpoints,
     observer: &dyn Observer,
     settings: &Settings,
-    mut quantisers: impl Iterator<Item = f32>,
+    mut codings: impl Iterator<Item = Coding>,
     frames: &Receiver<ToMask>,
     thresholds: &Sender<LuminanceThresholds>,
     times: &Sender<MaskingTime>,
 ) -> Result<()> {
     let pool = super::pool_of_one()?;
     let mut feedback: Option<Feedback> = None;
+    let steps = quantiser_steps(settings)?;
     let known: Option<(Plane<f32>, Plane<f32>, Vec<MaskingTime>)> = checkpoints.part(Part::Mask)?;
     let (mut resumed, mut spent) = (None, Vec::new());
     if let Some((delta, luminance, times)) = known {
@@ -55,7 +57,7 @@ pub fn run_from(
     let mut last: Option<(u32, Plane<f32>, Plane<f32>)> = None;
     for message in frames {
         // None: the encoder has failed, and will say so.
-        let Some(quantiser_scale) = quantisers.next() else { return Ok(()) };
+        let Some(coding) = codings.next() else { return Ok(()) };
         let span = tracing::debug_span!("mask", frame = message.frame).entered();
         let busy = Busy::default();
         let feedback = feedback.get_or_insert_with(|| {
@@ -66,8 +68,9 @@ pub fn run_from(
         });
         let matches = message.correspondence.as_ref().map(|correspondence| &correspondence.matches);
         let delta = pool.install(|| {
-            busy.measure(|| {
-                feedback.observe(&message.picture.luma, &message.luminance, quantiser_scale, matches).clone()
+            busy.measure(|| match settings.thresholds {
+                Thresholds::Uniform(share) => message.luminance.map(|luminance| share * luminance),
+                _ => observe(feedback, &steps, &message, &coding, matches).clone(),
             })
         });
         observer.thresholds(message.frame, &delta);
@@ -88,4 +91,35 @@ pub fn run_from(
         Some((frame, delta, luminance)) => checkpoints.leave(frame, Part::Mask, &(delta, luminance, spent)),
         None => Ok(()),
     }
+}
+
+/// ΔY(t), by what the encoder did where that is known, else by what any would do with its quantiser.
+fn observe<'a>(
+    feedback: &'a mut Feedback,
+    steps: &QuantiserSteps,
+    message: &ToMask,
+    coding: &Coding,
+    matches: Option<&Plane<u32>>,
+) -> &'a Plane<f32> {
+    let (luma, luminance) = (&message.picture.luma, &message.luminance);
+    let Some(outcome) = &coding.outcome else {
+        return feedback.observe(luma, luminance, coding.quantiser_scale, matches);
+    };
+    let CodingOutcome { decoded, levels, intra, quantiser_scales } = outcome;
+    let next = if coding.next_is_intra { NextPicture::Intra } else { NextPicture::Predicted };
+    feedback.observe_coded(
+        luma,
+        luminance,
+        steps,
+        (&CodedPicture { decoded, levels, intra, quantiser_scales }, next),
+        matches,
+    )
+}
+
+/// What the encoder of a film quantises with.
+fn quantiser_steps(settings: &Settings) -> Result<QuantiserSteps> {
+    let config = settings.encoder_config()?;
+    let (intra_matrix, non_intra_matrix) = config.matrices();
+    let intra_dc_step = f32::from(8u8 >> (config.intra_dc_precision() - 8));
+    Ok(QuantiserSteps { intra_matrix, non_intra_matrix, intra_dc_step })
 }

@@ -164,7 +164,8 @@ impl Run {
         }
         let (rendered, decoded): (Vec<Comparison>, Vec<Comparison>) = comparisons.into_iter().unzip();
         let lightcuts = film.stream.is_some();
-        let steered_by_masking = film.settings.thresholds == crate::settings::Thresholds::Perceptual && lightcuts;
+        let steered_by_masking =
+            !matches!(film.settings.thresholds, crate::settings::Thresholds::Fixed(_)) && lightcuts;
         Self {
             method: method.name,
             label: label(method, &film.settings),

@@ -1,0 +1,355 @@
+//! What the codec really did to a picture, instead of what any codec might: tolerable errors from the steps, modes and
+//! losses of one encoder.
+//!
+//! An error of the renderer goes through the same quantiser as the picture does. Where a coefficient is written, its error
+//! is seen in full; where its level is zero, an error that does not lift it over the dead zone is not seen at all. And
+//! whatever is seen adds to the error that coding leaves anyway. So
+//!
+//! ```text
+//! (6)  D = d_ij² summed over the block / 64                       mean square error that coding leaves, code values²
+//! (7)  P = Σ p_ij a_ij      a_ij = 1 where a level is written, min(1, (d_ij / Z_ij)²) where none is
+//! (8)  e' = min( √(√(D D̄) / P),  Z_ij / (16 √p_ij) of all ij without level )
+//!
+//!   d_ij  DCT of source − decoded; where no level is written, the coefficient itself, or of a predicted block its residual
+//!   Z_ij  dead zone: ½ Δ_ij in intra blocks, Δ_ij in others       Δ_ij  quantiser step: w_ij · quantiser_scale / 16,
+//!   p_ij  share of the renderer's error in coefficient ij               8, 4, 2 or 1 for the DC of intra blocks
+//!   D̄     mean of D over the picture                              w_ij  matrix in force
+//! ```
+//! (7) is the share of an error that comes through; (8) lets what comes through be as large as what coding leaves, and keeps
+//! twice the standard deviation of what does not come through within the dead zone. Decoded PSNR counts all errors of the
+//! picture alike, the eye those of the block: D is taken half from the one and half from the other.
+//!
+//! The next picture may be coded in another way than this one. [`NextPicture`] says what is known: what an intra picture
+//! does to a block follows from its coefficients; what a predicted picture does after an intra one is to leave what is there.
+
+use crate::bounded;
+use crate::masking::DEFAULT_INTRA_MATRIX;
+use plane::{Plane, dct};
+use rayon::prelude::*;
+
+/// Steps that an encoder quantises with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct QuantiserSteps {
+    /// w_ij of intra blocks in raster order.
+    pub intra_matrix: [u8; 64],
+    /// w_ij of predicted blocks.
+    pub non_intra_matrix: [u8; 64],
+    /// Step of the DC of intra blocks: 8, 4, 2 or 1 for intra_dc_precision 8 to 11 (ISO/IEC 13818-2, 7.4.1).
+    pub intra_dc_step: f32,
+}
+
+impl Default for QuantiserSteps {
+    /// MPEG-2's default matrices and 8 bits for the DC.
+    fn default() -> Self {
+        Self { intra_matrix: DEFAULT_INTRA_MATRIX, non_intra_matrix: [16; 64], intra_dc_step: 8.0 }
+    }
+}
+
+/// How a picture was coded.
+#[derive(Clone, Copy, Debug)]
+pub struct CodedPicture<'a> {
+    /// Luma as a decoder shows it, 16 for black.
+    pub decoded: &'a Plane<u8>,
+    /// Of each 8×8 block: bit 8·row + column is set where a level was written, and for the DC of intra blocks.
+    pub levels: &'a Plane<u64>,
+    /// Of each macroblock: whether it was coded by itself.
+    pub intra: &'a Plane<bool>,
+    /// Of each macroblock: quantiser_scale, 1…112.
+    pub quantiser_scales: &'a Plane<u8>,
+}
+
+/// How the next picture will be coded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NextPicture {
+    /// By itself.
+    Intra,
+    /// Predicted from this one.
+    Predicted,
+}
+
+/// p_ij in raster order, sum 1: neighbours take nearly the same clusters, so that their errors are nearly the same.
+///
+/// Of lightcuts on `cornell` at quantisers 2 to 48, 65 to 67 % of the energy is in the DC, 7 to 8 % in each of the two next,
+/// 1.3 % in the next on the diagonal; on `nave`, 46 to 58 %, 4 to 9 % and 1.5 to 2 %. This has 66, 9 and 1.4 %.
+fn error_spectrum() -> [f32; 64] {
+    let along = |u: usize| 1.0 / (1.0 + 6.0 * (u * u) as f32);
+    let p: [f32; 64] = std::array::from_fn(|k| along(k / 8) * along(k % 8));
+    let sum: f32 = p.iter().sum();
+    p.map(|p| p / sum)
+}
+
+/// Eqs. (6) to (8), with what does not change between pictures.
+pub(crate) struct CodedMasking {
+    steps: QuantiserSteps,
+    p: [f32; 64],
+    /// 1 / (16 √p_ij).
+    per_dead_zone: [f32; 64],
+}
+
+/// What coding does to a block.
+struct BlockLoss {
+    /// Mean square error.
+    d2: f32,
+    /// P.
+    passes: f32,
+    /// Smallest Z_ij / (16 √p_ij) of the coefficients without level.
+    within_dead_zone: f32,
+}
+
+impl CodedMasking {
+    pub fn new(steps: QuantiserSteps) -> Self {
+        let p = error_spectrum();
+        Self { steps, p, per_dead_zone: p.map(|p| 1.0 / (16.0 * p.sqrt())) }
+    }
+
+    /// e′ of every 8×8 block: the root mean square error of luma that it may have, in code values, finite and not negative.
+    ///
+    /// `luma` in code values above black, as it went to the encoder but before rounding.
+    pub fn tolerable_luma(&self, luma: &Plane<f32>, coded: &CodedPicture, next: NextPicture) -> Plane<f32> {
+        let (columns, rows) = luma.block_counts();
+        let losses: Vec<BlockLoss> = (0..columns * rows)
+            .into_par_iter()
+            .with_min_len(64)
+            .map(|k| self.block_loss(luma, coded, next, (k % columns, k / columns)))
+            .collect();
+        // In order, so that the number of threads does not change the sum.
+        let mean = losses.iter().map(|loss| f64::from(loss.d2)).sum::<f64>() / losses.len().max(1) as f64;
+        let e = losses.iter().map(|loss| {
+            let d2 = (loss.d2 * mean as f32).sqrt();
+            bounded((d2 / loss.passes.max(f32::MIN_POSITIVE)).sqrt().min(loss.within_dead_zone), 0.0, 219.0)
+        });
+        Plane::from_vec(columns, rows, e.collect())
+    }
+
+    fn block_loss(
+        &self,
+        luma: &Plane<f32>,
+        coded: &CodedPicture,
+        next: NextPicture,
+        (column, row): (usize, usize),
+    ) -> BlockLoss {
+        let (across, down) = (coded.intra.width().max(1) - 1, coded.intra.height().max(1) - 1);
+        let (x, y) = ((column / 2).min(across), (row / 2).min(down));
+        let scale = f32::from(coded.quantiser_scales.get(x, y)) / 16.0;
+        let was_intra = coded.intra.get(x, y);
+        let source = luma.block(column, row).map(|v| if v.is_finite() { v.clamp(-16.0, 239.0) } else { 0.0 });
+        let lost = || {
+            let decoded = coded.decoded.block(column, row);
+            let difference: [f32; 64] = std::array::from_fn(|i| source[i] + 16.0 - f32::from(decoded[i]));
+            dct(&difference)
+        };
+        match next {
+            NextPicture::Intra if was_intra => {
+                self.loss(&lost(), coded.levels.get(column, row), &self.intra_steps(scale), 0.5)
+            }
+            NextPicture::Intra => {
+                let (c, steps) = (dct(&source), self.intra_steps(scale));
+                let mut levels = 1;
+                let d = std::array::from_fn(|i| {
+                    if i == 0 || c[i].abs() >= 0.5 * steps[i] {
+                        levels |= 1 << i;
+                        // Rounding to the nearest level.
+                        steps[i] / 12f32.sqrt()
+                    } else {
+                        c[i]
+                    }
+                });
+                self.loss(&d, levels, &steps, 0.5)
+            }
+            NextPicture::Predicted => {
+                let levels = if was_intra { 0 } else { coded.levels.get(column, row) };
+                let steps = self.steps.non_intra_matrix.map(|w| f32::from(w.max(1)) * scale);
+                self.loss(&lost(), levels, &steps, 1.0)
+            }
+        }
+    }
+
+    fn intra_steps(&self, scale: f32) -> [f32; 64] {
+        let mut steps = self.steps.intra_matrix.map(|w| f32::from(w.max(1)) * scale);
+        steps[0] = self.steps.intra_dc_step;
+        steps
+    }
+
+    /// Eqs. (6) and (7); `dead_zone` in steps.
+    fn loss(&self, d: &[f32; 64], levels: u64, steps: &[f32; 64], dead_zone: f32) -> BlockLoss {
+        let (mut d2, mut passes, mut within) = (0.0, 0.0, f32::INFINITY);
+        for i in 0..64 {
+            d2 += d[i] * d[i];
+            let z = dead_zone * steps[i];
+            let written = levels >> i & 1 == 1;
+            passes += self.p[i] * if written { 1.0 } else { (d[i] / z).powi(2).min(1.0) };
+            within = if written { within } else { within.min(z * self.per_dead_zone[i]) };
+        }
+        BlockLoss { d2: d2 / 64.0, passes, within_dead_zone: within }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plane::{dct_definition, idct};
+
+    /// Numbers from −½ to ½.
+    fn random(state: &mut u32) -> f32 {
+        *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (*state >> 8) as f32 / (1 << 24) as f32 - 0.5
+    }
+
+    /// A picture of blocks whose coefficients fall off as those of photographs do.
+    fn photograph(blocks: usize) -> Plane<f32> {
+        let mut state = 5;
+        let all: Vec<[f32; 64]> = (0..blocks * blocks)
+            .map(|_| {
+                let busy = 60.0 * (random(&mut state) + 0.5).powi(3);
+                let mut c: [f32; 64] = std::array::from_fn(|k| {
+                    let r = ((k / 8).pow(2) + (k % 8).pow(2)) as f32;
+                    // Three of them together: more small ones than large ones, and a few that are very large.
+                    busy * 8.0 * random(&mut state) * random(&mut state) * random(&mut state) / (1.0 + 0.2 * r)
+                });
+                c[0] = 800.0 + 600.0 * random(&mut state);
+                idct(&c)
+            })
+            .collect();
+        Plane::from_fn(8 * blocks, 8 * blocks, |x, y| all[y / 8 * blocks + x / 8][y % 8 * 8 + x % 8])
+    }
+
+    /// Each coefficient to the nearest level (intra) or towards zero (others): what (7.4) gives back, and where it is not zero.
+    fn quantised(c: f32, step: f32, dead_zone: f32, is_dc: bool) -> (f32, bool) {
+        let level = if is_dc { (c / step).round() } else { (c.abs() / step + 1.0 - dead_zone).floor() * c.signum() };
+        // Levels that were cut off towards zero stand for the middle of what they came from.
+        let middle = if dead_zone == 1.0 { 0.5 * level.signum() } else { 0.0 };
+        ((level + middle * f32::from(level != 0.0)) * step, level != 0.0 || is_dc)
+    }
+
+    /// `source` coded block by block, `predicted` from something that is off by the same `residual` everywhere.
+    fn coded(source: &Plane<f32>, base: &Plane<f32>, scale: f32, intra: bool) -> (Plane<u8>, Plane<u64>) {
+        let model = CodedMasking::new(QuantiserSteps::default());
+        let (columns, rows) = source.block_counts();
+        let steps = if intra {
+            model.intra_steps(scale / 16.0)
+        } else {
+            model.steps.non_intra_matrix.map(|w| f32::from(w) * scale / 16.0)
+        };
+        let mut levels = Plane::filled(columns, rows, 0u64);
+        let mut decoded = Plane::filled(source.width(), source.height(), 0u8);
+        for (column, row) in (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))) {
+            let (own, below) = (source.block(column, row), base.block(column, row));
+            let c = dct(&std::array::from_fn(|i| own[i] - below[i]));
+            let dead_zone = if intra { 0.5 } else { 1.0 };
+            let q: [(f32, bool); 64] = std::array::from_fn(|i| quantised(c[i], steps[i], dead_zone, intra && i == 0));
+            levels.set(column, row, (0..64).fold(0, |set, i| set | u64::from(q[i].1) << i));
+            let back = idct(&q.map(|(c, _)| c));
+            for i in 0..64 {
+                let v = (back[i] + below[i] + 16.0).round().clamp(0.0, 255.0);
+                decoded.set(8 * column + i % 8, 8 * row + i / 8, v as u8);
+            }
+        }
+        (decoded, levels)
+    }
+
+    fn mean_square(a: &Plane<f32>, b: &Plane<u8>) -> f64 {
+        let of = |(&a, &b): (&f32, &u8)| f64::from(a + 16.0 - f32::from(b)).powi(2);
+        a.samples().iter().zip(b.samples()).map(of).sum::<f64>() / a.samples().len() as f64
+    }
+
+    /// Errors with the spectrum of the model, of a share of e' in every block, go through a quantiser: the decoded picture
+    /// is worse by that share of what coding leaves, as eqs. (7) and (8) say, and not by more.
+    #[test]
+    fn what_comes_through_is_what_was_allowed() {
+        let model = CodedMasking::new(QuantiserSteps::default());
+        let source = photograph(24);
+        let p = error_spectrum();
+        let mut state = 77;
+        for (intra, quantiser_scale) in
+            [(true, 4.0), (true, 16.0), (true, 48.0), (false, 4.0), (false, 16.0), (false, 48.0)]
+        {
+            // A predicted picture: light has changed by up to a tenth, in every block by another share.
+            let changed: Vec<f32> = (0..24 * 24).map(|_| 0.95 + 0.1 * random(&mut state)).collect();
+            let before = |x: usize, y: usize| source.get(x, y) * changed[y / 8 * 24 + x / 8];
+            let base = Plane::from_fn(192, 192, |x, y| if intra { 0.0 } else { before(x, y) });
+            let (decoded, levels) = coded(&source, &base, quantiser_scale, intra);
+            let picture = CodedPicture {
+                decoded: &decoded,
+                levels: &levels,
+                intra: &Plane::filled(12, 12, intra),
+                quantiser_scales: &Plane::filled(12, 12, quantiser_scale as u8),
+            };
+            let next = if intra { NextPicture::Intra } else { NextPicture::Predicted };
+            let tolerable = model.tolerable_luma(&source, &picture, next);
+            let kappa = 0.5;
+            let mut wrong = source.clone();
+            for (column, row) in (0..24).flat_map(|row| (0..24).map(move |column| (column, row))) {
+                let sigma = kappa * tolerable.get(column, row);
+                // Evenly distributed, variance 1/12 before.
+                let e = idct(&p.map(|p| sigma * 8.0 * (12.0 * p).sqrt() * random(&mut state)));
+                for (i, e) in e.iter().enumerate() {
+                    let (x, y) = (8 * column + i % 8, 8 * row + i / 8);
+                    wrong.set(x, y, source.get(x, y) + e);
+                }
+            }
+            let (other, _) = coded(&wrong, &base, quantiser_scale, intra);
+            let (before, after) = (mean_square(&source, &decoded), mean_square(&source, &other));
+            let share = (after - before) / before / f64::from(kappa * kappa);
+            println!("intra {intra}, quantiser_scale {quantiser_scale}: κ² D allowed, {share:.2} of it came through");
+            assert!((0.05..1.25).contains(&share), "intra {intra}, quantiser_scale {quantiser_scale}: {share}");
+        }
+    }
+
+    /// Eqs. (6) to (8) by their definition.
+    #[test]
+    fn blocks_follow_the_equations() {
+        let model = CodedMasking::new(QuantiserSteps::default());
+        let source = photograph(4);
+        let (decoded, levels) = coded(&source, &Plane::filled(32, 32, 0.0), 16.0, true);
+        let picture = CodedPicture {
+            decoded: &decoded,
+            levels: &levels,
+            intra: &Plane::filled(2, 2, true),
+            quantiser_scales: &Plane::filled(2, 2, 16),
+        };
+        let tolerable = model.tolerable_luma(&source, &picture, NextPicture::Intra);
+        let d_of = |k: usize| {
+            let (s, c) = (source.block(k % 4, k / 4), decoded.block(k % 4, k / 4));
+            dct_definition(&std::array::from_fn(|i| f64::from(s[i]) + 16.0 - f64::from(c[i])))
+        };
+        let d2 = |k: usize| d_of(k).iter().map(|d| d * d).sum::<f64>() / 64.0;
+        let mean = (0..16).map(d2).sum::<f64>() / 16.0;
+        let p = error_spectrum().map(f64::from);
+        for k in 0..16 {
+            let d = d_of(k);
+            let written = |i: usize| levels.get(k % 4, k / 4) >> i & 1 == 1;
+            let z = |i: usize| f64::from(DEFAULT_INTRA_MATRIX[i]) / 2.0;
+            let passes: f64 =
+                (0..64).map(|i| p[i] * if written(i) { 1.0 } else { (d[i] / z(i)).powi(2).min(1.0) }).sum();
+            let within =
+                (0..64).filter(|&i| !written(i)).map(|i| z(i) / (16.0 * p[i].sqrt())).fold(f64::INFINITY, f64::min);
+            let expected = ((d2(k) * mean).sqrt() / passes).sqrt().min(within);
+            let got = f64::from(tolerable.get(k % 4, k / 4));
+            assert!((got / expected - 1.0).abs() < 1e-3, "block {k}: {got}, by definition {expected}");
+        }
+    }
+
+    #[test]
+    fn extremes_stay_finite() {
+        let model = CodedMasking::new(QuantiserSteps::default());
+        let mut luma = Plane::filled(20, 12, 100.0);
+        luma.set(3, 3, f32::NAN);
+        luma.set(4, 3, f32::INFINITY);
+        for (scale, levels, intra) in
+            [(1, 0, true), (112, u64::MAX, true), (1, u64::MAX, false), (112, 0, false), (0, 1, true)]
+        {
+            for decoded in [0, 116, 255] {
+                let picture = CodedPicture {
+                    decoded: &Plane::filled(20, 12, decoded),
+                    levels: &Plane::filled(4, 2, levels),
+                    intra: &Plane::filled(2, 1, intra),
+                    quantiser_scales: &Plane::filled(2, 1, scale),
+                };
+                for next in [NextPicture::Intra, NextPicture::Predicted] {
+                    let tolerable = model.tolerable_luma(&luma, &picture, next);
+                    assert!(tolerable.samples().iter().all(|e| (0.0..=219.0).contains(e)), "{scale} {levels} {next:?}");
+                }
+            }
+        }
+    }
+}

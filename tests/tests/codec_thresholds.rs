@@ -1,0 +1,102 @@
+//! Thresholds from what the encoder really did, through the whole of the program and against the encoder itself.
+
+use mpeg2enc::{Config, Frame, FrameRate, MacroblockKind};
+use perceptual::{CodedPicture, Feedback, MaskingModel, NextPicture, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
+use plane::Plane;
+use tests::{assert_fails, cornell, decode_ffmpeg, render};
+
+/// Hills with texture: some blocks are smooth, some are not.
+fn hills(time: f32) -> Plane<[f32; 3]> {
+    Plane::from_fn(128, 96, |x, y| {
+        let (x, y) = (x as f32 + 3.0 * time, y as f32);
+        let texture = 0.5 + 0.5 * (0.9 * x).sin() * (1.1 * y).sin() * (0.03 * (x + 2.0 * y)).cos().powi(2);
+        [0.05 + 0.4 * texture * (1.0 + (0.05 * x).sin() * (0.04 * y).cos()) / 2.0; 3]
+    })
+}
+
+struct Coded {
+    frame: YCbCr,
+    luminance: Plane<f32>,
+    decoded: Plane<u8>,
+    levels: Plane<u64>,
+    intra: Plane<bool>,
+    scales: Plane<u8>,
+}
+
+/// Two pictures, the first intra and the second as `gop` has it.
+fn coded(quantiser_scale: u32, gop: u32) -> Vec<Coded> {
+    let config = Config::new(128, 96, FrameRate::from_fps(25.0).unwrap());
+    let mut encoder = config.with_gop(gop).with_quantiser_scale(quantiser_scale).encoder().unwrap();
+    (0..2)
+        .map(|time| {
+            let radiance = hills(time as f32);
+            let frame = YCbCr::from_radiance(&radiance, &ToneMap::default());
+            let picture = Frame::new(frame.y.clone(), frame.cb.clone(), frame.cr.clone()).unwrap();
+            let packet = encoder.push(&picture, None);
+            Coded {
+                luminance: luminance_plane(&radiance),
+                decoded: packet.reconstruction.luma.clone(),
+                levels: packet.luma_levels(),
+                intra: packet.macroblock_kinds.map(|kind| kind == MacroblockKind::Intra),
+                scales: packet.quantiser_scales.clone(),
+                frame,
+            }
+        })
+        .collect()
+}
+
+/// Mean threshold by luminance after a picture.
+fn mean_threshold(coded: &Coded, next: NextPicture) -> f64 {
+    let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), 0.5);
+    let Coded { frame, luminance, decoded, levels, intra, scales } = coded;
+    let picture = CodedPicture { decoded, levels, intra, quantiser_scales: scales };
+    let thresholds = feedback.observe_coded(&frame.luma, luminance, &QuantiserSteps::default(), (&picture, next), None);
+    let relative = thresholds.samples().iter().zip(luminance.samples()).map(|(&t, &y)| f64::from(t / y));
+    relative.sum::<f64>() / luminance.samples().len() as f64
+}
+
+/// What an intra picture would do is foretold from a predicted one: thresholds come near those after a picture that the
+/// encoder did code by itself.
+#[test]
+fn an_intra_picture_is_foretold() {
+    for quantiser_scale in [4, 16, 48] {
+        let foretold = mean_threshold(&coded(quantiser_scale, 2)[1], NextPicture::Intra);
+        let known = mean_threshold(&coded(quantiser_scale, 1)[1], NextPicture::Intra);
+        println!("quantiser_scale {quantiser_scale}: foretold {foretold:.4}, known {known:.4}");
+        assert!((foretold / known - 1.0).abs() < 0.25, "{quantiser_scale}: {foretold}, known {known}");
+    }
+}
+
+/// Coarser quantisers allow more, of a picture that will be coded by itself and of one that will be predicted.
+#[test]
+fn coarser_quantisers_allow_more() {
+    for next in [NextPicture::Intra, NextPicture::Predicted] {
+        let means: Vec<f64> = [2, 8, 16, 32, 62].map(|scale| mean_threshold(&coded(scale, 9)[0], next)).into();
+        assert!(means.is_sorted(), "{next:?}: {means:?}");
+        assert!(means[0] < 0.022 && means[4] > 0.1, "{next:?}: from 2 % to much more: {means:?}");
+    }
+}
+
+#[test]
+fn a_film_is_rendered_by_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = "--size 96x96 --frames 8 --gop 4 --vpls 200 --photons 20000 --cache off --qscale 32";
+    let codec = render(folder.path(), "codec", &cornell(), &format!("{arguments} --thresholds codec"));
+    let uniform = render(folder.path(), "uniform", &cornell(), &format!("{arguments} --thresholds uniform:0.02"));
+    assert_eq!(decode_ffmpeg(&folder.path().join("codec.m2v"), (96, 96)).len(), 8);
+    let mean = |film: &tests::Rendered, figure: &str| film.figures(&[figure])[1..].iter().sum::<f64>() / 7.0;
+    assert!((mean(&uniform, "threshold_mean_relative") - 0.02).abs() < 0.004, "2 % of what it was a frame before");
+    assert!(mean(&codec, "threshold_mean_relative") > 0.03);
+    assert!(mean(&codec, "cut_size_mean") < 0.8 * mean(&uniform, "cut_size_mean"));
+}
+
+#[test]
+fn pictures_that_wait_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for more in [["--bframes", "2"], ["--bitrate", "1M"]] {
+        let scene = cornell();
+        let mut arguments = vec!["render", scene.to_str().unwrap(), "--thresholds", "codec"];
+        arguments.extend(more);
+        assert_fails(folder.path(), &arguments, &["--thresholds codec", "--thresholds perceptual"]);
+    }
+}
