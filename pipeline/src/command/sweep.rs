@@ -25,10 +25,10 @@ pub struct Sweep {
     /// Methods: a list of lightcuts, paper, perceptual, calibrated, each also with -cache, and paths-4, -16, -64 [default: all]
     #[arg(long, value_delimiter = ',', value_name = "LIST", value_parser = Method::named)]
     methods: Vec<&'static Method>,
-    /// Pictures; the first, for which no thresholds are known, does not count [default: 6]
+    /// Pictures; the first, for which no thresholds are known, does not count [default: 5]
     #[arg(long, value_name = "N")]
     frames: Option<u32>,
-    /// Of the picture, in pixels [default: 160x160]
+    /// Of the picture, in pixels [default: 144x144]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
     /// Pictures a second [default: as the TOML file says, else 25]

@@ -124,10 +124,10 @@ pub(crate) fn exposure_for(luminance: &Plane<f32>) -> f32 {
 }
 
 /// Uncompressed frames in a YUV4MPEG2 file, chroma sited as MPEG-2 has it.
-struct Y4m(Output);
+pub(crate) struct Y4m(Output);
 
 impl Y4m {
-    fn create(path: &Path, settings: &Settings) -> Result<Self> {
+    pub(crate) fn create(path: &Path, settings: &Settings) -> Result<Self> {
         let mut output = Output::create(path)?;
         let (numerator, denominator) = mpeg2enc::FrameRate::from_fps(settings.fps)?.fraction();
         let (width, height) = (settings.size.width, settings.size.height);
@@ -136,12 +136,12 @@ impl Y4m {
         Ok(Self(output))
     }
 
-    fn write(&mut self, picture: &YCbCr) -> Result<()> {
+    pub(crate) fn write(&mut self, picture: &YCbCr) -> Result<()> {
         let planes = [&picture.y, &picture.cb, &picture.cr].map(|plane| plane.samples());
         self.0.write(&[b"FRAME\n", planes[0], planes[1], planes[2]].concat())
     }
 
-    fn finish(self) -> Result<()> {
+    pub(crate) fn finish(self) -> Result<()> {
         self.0.finish()
     }
 }

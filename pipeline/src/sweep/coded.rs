@@ -1,12 +1,20 @@
 //! Films through the encoder.
 
-use super::film::Film;
+use super::film::{Film, FilmFrame};
 use crate::compare::{Picture, Pictures};
+use crate::output::Output;
+use crate::settings::Settings;
+use crate::stage::display::Y4m;
 use anyhow::{Context, Result, bail};
-use mpeg2enc::{Frame, MotionField};
+use mpeg2enc::{Encoder, Frame, MotionField};
+use perceptual::YCbCr;
+use plane::Plane;
 use render_core::Busy;
 use serde::Serialize;
-use std::{path::Path, sync::Arc};
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A coded picture.
 pub struct CodedFrame {
@@ -18,39 +26,125 @@ pub struct CodedFrame {
     pub seconds: f64,
 }
 
-/// A film in its stream.
-pub struct Coded {
-    /// In order.
-    pub frames: Vec<CodedFrame>,
-    /// All of it.
-    pub stream: Vec<u8>,
+/// Encodes a film as the driver does, with one quantiser.
+pub struct Coder {
+    settings: Settings,
+    encoder: Encoder,
+    pool: rayon::ThreadPool,
+    sinks: Sinks,
 }
 
-/// Encodes `film` as the driver does, with quantiser `qscale`.
-///
-/// # Errors
-/// Settings that fit no encoder; or, of a film that was rendered with this quantiser, another stream than the driver wrote.
-pub fn encode(film: &Film, qscale: u32) -> Result<Coded> {
-    let mut settings = film.settings.clone();
-    settings.qscale = qscale;
-    let mut encoder = settings.encoder_config()?.encoder()?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("a thread cannot be started")?;
-    let (mut frames, mut stream) = (Vec::new(), Vec::new());
-    for frame in &film.frames {
-        let motion = frame.motion.as_ref().filter(|_| settings.motion).map(|known| MotionField::new(known.clone()));
+/// Where bytes go.
+struct Sinks {
+    /// The stream that the driver wrote, of a film that was rendered with this quantiser.
+    written: Option<BufReader<File>>,
+    copy: Option<Copy>,
+}
+
+impl Coder {
+    /// For `film` with `qscale`.
+    ///
+    /// # Errors
+    /// Settings that fit no encoder.
+    pub fn new(film: &Film, qscale: u32) -> Result<Self> {
+        let mut settings = film.settings.clone();
+        settings.qscale = qscale;
+        let encoder = settings.encoder_config()?.encoder()?;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("a thread cannot be started")?;
+        let written = film.stream.as_ref().filter(|_| film.settings.qscale == qscale);
+        let open = |path: &PathBuf| File::open(path).with_context(|| format!("{} cannot be read", path.display()));
+        let sinks = Sinks { written: written.map(open).transpose()?.map(BufReader::new), copy: None };
+        Ok(Self { settings, encoder, pool, sinks })
+    }
+
+    /// Keeps the stream and what it decodes to below `workspace`, for [`Coder::finish`] to compare with another decoder's.
+    ///
+    /// # Errors
+    /// Files cannot be written there.
+    pub fn check_below(&mut self, workspace: &Path) -> Result<()> {
+        self.sinks.copy = Some(Copy::new(workspace, &self.settings)?);
+        Ok(())
+    }
+
+    /// The next picture.
+    ///
+    /// # Errors
+    /// Another stream than the driver wrote.
+    pub fn push(&mut self, frame: &FilmFrame) -> Result<CodedFrame> {
+        let motion = frame.motion.as_ref().filter(|_| self.settings.motion);
+        let motion = motion.map(|known| MotionField::new(known.clone()));
         let busy = Busy::default();
+        let Self { encoder, pool, .. } = self;
         let packet = pool.install(|| busy.measure(|| encoder.push(&frame.picture, motion.as_ref())));
-        stream.extend_from_slice(&packet.data);
+        self.sinks.take(&packet.data)?;
         let decoded = Arc::unwrap_or_clone(packet.reconstruction);
-        frames.push(CodedFrame { decoded, bits: packet.bits, seconds: busy.seconds() });
+        if let Some(copy) = &mut self.sinks.copy {
+            copy.decoded.write(&as_picture(&decoded))?;
+        }
+        Ok(CodedFrame { decoded, bits: packet.bits, seconds: busy.seconds() })
     }
-    stream.extend(encoder.finish());
-    if let Some(written) = film.stream.as_ref().filter(|_| film.settings.qscale == qscale)
-        && *written != stream
-    {
-        bail!("the sweep's stream is not the one that the run wrote: a fault of this program");
+
+    /// The end of the stream, and what another decoder makes of it where that was asked for and there is one.
+    ///
+    /// # Errors
+    /// Another stream than the driver wrote, or another decoder shows other pictures.
+    pub fn finish(self) -> Result<Option<DecoderCheck>> {
+        let Self { encoder, mut sinks, .. } = self;
+        sinks.take(&encoder.finish())?;
+        if sinks.written.as_mut().is_some_and(|written| written.read(&mut [0]).map_or(true, |more| more > 0)) {
+            bail!(ANOTHER_STREAM);
+        }
+        sinks.copy.map_or(Ok(None), Copy::check)
     }
-    Ok(Coded { frames, stream })
+}
+
+impl Sinks {
+    /// Bytes of the stream: they are those that the driver wrote, and go to the other decoder.
+    fn take(&mut self, bytes: &[u8]) -> Result<()> {
+        if let Some(written) = &mut self.written {
+            let mut same = vec![0; bytes.len()];
+            if written.read_exact(&mut same).is_err() || same != bytes {
+                bail!(ANOTHER_STREAM);
+            }
+        }
+        self.copy.as_mut().map_or(Ok(()), |copy| copy.stream.write(bytes))
+    }
+}
+
+const ANOTHER_STREAM: &str = "the sweep's stream is not the one that the run wrote: a fault of this program";
+
+/// A stream, and what the encoder says that it decodes to.
+struct Copy {
+    stream: Output,
+    decoded: Y4m,
+    paths: [PathBuf; 2],
+}
+
+impl Copy {
+    fn new(workspace: &Path, settings: &Settings) -> Result<Self> {
+        let paths = ["check.m2v", "check.y4m"].map(|name| workspace.join(name));
+        Ok(Self { stream: Output::create(&paths[0])?, decoded: Y4m::create(&paths[1], settings)?, paths })
+    }
+
+    /// Decodes with ffmpeg, and compares; nothing where there is no ffmpeg.
+    fn check(self) -> Result<Option<DecoderCheck>> {
+        let Self { stream, decoded, paths } = self;
+        stream.finish()?;
+        decoded.finish()?;
+        let found = match std::process::Command::new("ffmpeg").arg("-version").output() {
+            Ok(_) => check_with_ffmpeg(&paths[0], &paths[1]).map(Some),
+            Err(_) => Ok(None),
+        };
+        // They lie in a folder that goes anyway.
+        paths.iter().for_each(|path| drop(std::fs::remove_file(path)));
+        found
+    }
+}
+
+/// As files of uncompressed pictures take it.
+fn as_picture(frame: &Frame) -> YCbCr {
+    let Frame { luma, cb, cr } = frame.clone();
+    YCbCr { y: luma, cb, cr, luma: Plane::default(), non_finite: 0 }
 }
 
 /// What another decoder makes of a stream.
@@ -69,27 +163,20 @@ pub struct DecoderCheck {
 /// Largest difference from rounding that adds up over a group of pictures.
 const MOST_DIFFERENCE: u8 = 4;
 
-/// Decodes `coded` with ffmpeg, and compares with the encoder's own reconstruction; nothing where there is no ffmpeg.
-///
-/// # Errors
-/// The pictures are others.
-pub fn check_with_ffmpeg(coded: &Coded, folder: &Path) -> Result<Option<DecoderCheck>> {
-    if std::process::Command::new("ffmpeg").arg("-version").output().is_err() {
-        return Ok(None);
-    }
-    let path = folder.join("check.m2v");
-    std::fs::write(&path, &coded.stream).with_context(|| format!("{} cannot be written", path.display()))?;
-    let mut decoded = Pictures::open(&path)?;
-    let (mut largest, mut equal, mut count) = (0, 0usize, 0usize);
-    for frame in &coded.frames {
-        let Some(Picture::Video(other)) = decoded.next().transpose()? else {
+/// Lets ffmpeg decode `stream`, and compares with `decoded`, the encoder's own reconstruction.
+fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
+    let (mut others, own) = (Pictures::open(stream)?, Pictures::open(decoded)?);
+    let (mut largest, mut equal, mut count, mut frames) = (0, 0usize, 0usize, 0);
+    for own in own {
+        let (Picture::Video(own), Some(Picture::Video(other))) = (own?, others.next().transpose()?) else {
             bail!("ffmpeg finds fewer pictures than were coded")
         };
-        for (&a, &b) in frame.decoded.luma.samples().iter().zip(other.luma.samples()) {
+        for (&a, &b) in own.luma.samples().iter().zip(other.luma.samples()) {
             largest = largest.max(a.abs_diff(b));
             equal += usize::from(a == b);
             count += 1;
         }
+        frames += 1;
     }
     if largest > MOST_DIFFERENCE {
         bail!(
@@ -97,5 +184,5 @@ pub fn check_with_ffmpeg(coded: &Coded, folder: &Path) -> Result<Option<DecoderC
         );
     }
     let equal_share = equal as f64 / count.max(1) as f64;
-    Ok(Some(DecoderCheck { decoder: "ffmpeg", frames: coded.frames.len(), largest_difference: largest, equal_share }))
+    Ok(DecoderCheck { decoder: "ffmpeg", frames, largest_difference: largest, equal_share })
 }

@@ -1,10 +1,9 @@
 //! What a sweep finds out: one [`Run`] for each method and quantiser.
 
-use super::coded::{Coded, DecoderCheck};
-use super::film::Film;
+use super::coded::DecoderCheck;
 use super::histogram::ErrorHistogram;
 use super::method::Method;
-use crate::compare::{Comparison, Picture, measure};
+use crate::compare::Comparison;
 use crate::report::{FrameReport, Seconds};
 use crate::settings::Settings;
 use plane::Plane;
@@ -111,8 +110,6 @@ pub struct Pictures {
     pub decoded: Plane<[u8; 3]>,
     /// Threshold by luminance, and cut size.
     pub maps: Option<Maps>,
-    /// All decoded frames at the middle quantiser; elsewhere the last.
-    pub film: Vec<Plane<[u8; 3]>>,
 }
 
 /// What steered the last frame of a film.
@@ -142,50 +139,6 @@ pub fn mean_seconds(frames: &[FrameReport]) -> Seconds {
 }
 
 impl Run {
-    /// Measures `film` and what the encoder made of it against `reference`.
-    pub fn new(method: &Method, qscale: u32, film: &Film, coded: &Coded, reference: &Film) -> Self {
-        let mut seconds = mean_seconds(&film.reports);
-        let coding = steered(&coded.frames);
-        seconds.encode = coding.iter().map(|frame| frame.seconds).sum::<f64>() / coding.len().max(1) as f64;
-        seconds.total = seconds.sum();
-        let exposure = film.settings.tone_map.exposure;
-        let linear = |radiance: &Plane<[f32; 3]>| Picture::Linear { radiance: radiance.clone(), variance: None };
-        let mut comparisons = Vec::new();
-        let pairs = steered(&film.frames).iter().zip(steered(&reference.frames)).zip(coding);
-        for ((frame, truth), coded) in pairs {
-            // Light as light, and pictures as the encoder got them: the exposure has no say in what is taken from here.
-            let mut rendered =
-                measure(&linear(&frame.radiance).view(exposure), &linear(&truth.radiance).view(exposure));
-            rendered.psnr_y =
-                Some(perceptual::psnr(&frame.picture.luma, &truth.picture.luma)).filter(|p| p.is_finite());
-            rendered.ssim = perceptual::ssim(&frame.picture.luma, &truth.picture.luma);
-            let video = |frame: &mpeg2enc::Frame| Picture::Video(frame.clone()).view(1.0);
-            comparisons.push((rendered, measure(&video(&coded.decoded), &video(&truth.picture))));
-        }
-        let (rendered, decoded): (Vec<Comparison>, Vec<Comparison>) = comparisons.into_iter().unzip();
-        let lightcuts = film.stream.is_some();
-        let steered_by_masking =
-            !matches!(film.settings.thresholds, crate::settings::Thresholds::Fixed(_)) && lightcuts;
-        Self {
-            method: method.name,
-            label: label(method, &film.settings),
-            qscale,
-            cache: method.cache,
-            lightcuts,
-            kappa: steered_by_masking.then_some(film.settings.kappa),
-            seconds,
-            threshold_mean_relative: mean_of(&film.reports, |frame| frame.threshold_mean_relative),
-            tree_swaps_share: mean_of(&film.reports, |frame| frame.tree_swaps_share),
-            cut_size_mean: mean_of(&film.reports, |frame| frame.cut_size_mean),
-            shadow_rays: mean_of(&film.reports, |frame| frame.shadow_rays as f64),
-            bits: coding.iter().map(|frame| frame.bits as f64).sum::<f64>() / coding.len().max(1) as f64,
-            rendered: Comparison::mean(&rendered),
-            decoded: Comparison::mean(&decoded),
-            error_by_threshold: lightcuts.then(|| ErrorHistogram::of(film, reference)),
-            against_baseline: None,
-        }
-    }
-
     fn beside(&self, baseline: &Self) -> AgainstBaseline {
         let ratio = |of: f64, by: f64| if by > 0.0 { of / by } else { 1.0 };
         let psnr = |run: &Self| run.decoded.psnr_y.unwrap_or(f64::INFINITY);

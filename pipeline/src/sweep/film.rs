@@ -1,11 +1,12 @@
-//! Films in memory: rendered as always, and read back with all that is known of them.
+//! Films in files: rendered as always, and read back frame by frame with all that is known of them.
 
 use super::method::{Method, Way};
 use crate::compare::{Picture, Pictures};
 use crate::output::Output;
 use crate::plan::Plan;
-use crate::report::{FrameReport, Report, process_cpu_seconds};
+use crate::report::{FrameReport, process_cpu_seconds};
 use crate::settings::{Aov, Settings};
+use crate::stage::display::Y4m;
 use crate::{Wishes, reference};
 use anyhow::{Context, Result, bail};
 use mpeg2enc::Frame;
@@ -13,8 +14,9 @@ use perceptual::YCbCr;
 use plane::Plane;
 use render_core::scene::Scene;
 use render_core::{PathOptions, PixelSampling, image_file};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use tempfile::TempDir;
 
 /// A frame before compression.
 #[derive(Clone, Debug)]
@@ -31,16 +33,47 @@ pub struct FilmFrame {
     pub cut_sizes: Plane<f32>,
 }
 
-/// A film before compression, and what it cost.
+/// A film before compression, in files, and what it cost. The files go when it goes: a long film never lies in memory.
 pub struct Film {
     /// Every choice.
     pub settings: Settings,
-    /// In order.
-    pub frames: Vec<FilmFrame>,
     /// What the stages say; of paths, only the time in `direct`.
     pub reports: Vec<FrameReport>,
     /// The video as the run wrote it; paths write none.
-    pub stream: Option<Vec<u8>>,
+    pub stream: Option<PathBuf>,
+    folder: TempDir,
+}
+
+impl Film {
+    /// Its frames, read one by one.
+    ///
+    /// # Errors
+    /// The files are not there any more.
+    pub fn frames(&self) -> Result<impl Iterator<Item = Result<FilmFrame>>> {
+        let mut pictures = Pictures::open(&uncompressed(self.folder.path()))?;
+        Ok((0..self.settings.frames).map(move |n| {
+            let Some(Picture::Video(picture)) = pictures.next().transpose()? else {
+                bail!("{} ends early", pictures.path.display())
+            };
+            read_frame(&linear(self.folder.path(), n), n, picture)
+        }))
+    }
+}
+
+/// Where a film in `folder` has its frames as the encoder gets them.
+fn uncompressed(folder: &Path) -> PathBuf {
+    folder.join("film.y4m")
+}
+
+/// And where frame `n` as linear light, with all that is known of it.
+fn linear(folder: &Path, n: u32) -> PathBuf {
+    folder.join(format!("frame_{n:05}.exr"))
+}
+
+/// A folder for a film's files.
+fn folder_in(workspace: &Path) -> Result<TempDir> {
+    let made = tempfile::Builder::new().prefix("film-").tempdir_in(workspace);
+    made.with_context(|| format!("{} cannot be written to", workspace.display()))
 }
 
 /// Settings of a method, with the exposure of the reference: a curve of its own would be a difference of its own.
@@ -53,36 +86,32 @@ pub fn settings_for(path: &Path, scene: &Scene, wishes: Wishes, exposure: Option
     Ok(settings)
 }
 
-/// Renders in `folder`, which holds the frames for as long as they are read.
+/// Renders into files below `workspace`.
 ///
 /// # Errors
 /// What [`crate::render`] says, or that `stop` was set.
 pub fn render(
     scene: &Scene,
-    mut settings: Settings,
-    folder: &Path,
+    settings: Settings,
+    workspace: &Path,
     stop: &AtomicBool,
     mut each: impl FnMut() + Send,
 ) -> Result<Film> {
-    let (video, y4m, frames) = (folder.join("film.m2v"), folder.join("film.y4m"), folder.join("frames"));
-    std::fs::create_dir_all(&frames).with_context(|| format!("{} cannot be made", frames.display()))?;
-    settings.aov = vec![Aov::Motion, Aov::Threshold, Aov::CutSize];
-    (settings.output, settings.exr, settings.y4m) = (video.clone(), Some(frames.clone()), Some(y4m.clone()));
-    let plan = Plan::new(scene, &settings);
-    let report = crate::render(scene, &settings, &plan, Output::create(&video)?, stop, |_| each())?;
+    let folder = folder_in(workspace)?;
+    let video = folder.path().join("film.m2v");
+    let with_files = Settings {
+        output: video.clone(),
+        exr: Some(folder.path().to_owned()),
+        aov: vec![Aov::Motion, Aov::Threshold, Aov::CutSize],
+        y4m: Some(uncompressed(folder.path())),
+        ..settings.clone()
+    };
+    let plan = Plan::new(scene, &with_files);
+    let report = crate::render(scene, &with_files, &plan, Output::create(&video)?, stop, |_| each())?;
     if report.summary.interrupted || stop.load(Ordering::Relaxed) {
         bail!("interrupted; a sweep has no result before its end");
     }
-    let Report { frames: reports, .. } = report;
-    let mut pictures = Pictures::open(&y4m)?;
-    let read = (0..settings.frames).map(|n| {
-        let Some(Picture::Video(picture)) = pictures.next().transpose()? else { bail!("{} ends early", y4m.display()) };
-        read_frame(&frames.join(format!("frame_{n:05}.exr")), n, picture)
-    });
-    let frames_read = read.collect::<Result<Vec<FilmFrame>>>()?;
-    let stream = std::fs::read(&video).with_context(|| format!("{} cannot be read", video.display()))?;
-    std::fs::remove_dir_all(&frames).with_context(|| format!("{} cannot be removed", frames.display()))?;
-    Ok(Film { settings, frames: frames_read, reports, stream: Some(stream) })
+    Ok(Film { settings, reports: report.frames, stream: Some(video), folder })
 }
 
 fn read_frame(path: &Path, n: u32, picture: Frame) -> Result<FilmFrame> {
@@ -105,17 +134,20 @@ fn read_frame(path: &Path, n: u32, picture: Frame) -> Result<FilmFrame> {
 /// Renders by `spp` paths through the centre of each pixel; motion is that of `like`, a film of the same scene.
 ///
 /// # Errors
-/// `stop` was set.
+/// `stop` was set, or the disk is full.
 pub fn by_paths(
     scene: &Scene,
     settings: Settings,
     spp: u32,
     like: &Film,
+    workspace: &Path,
     stop: &AtomicBool,
     mut each: impl FnMut(),
 ) -> Result<Film> {
-    let (mut frames, mut reports) = (Vec::new(), Vec::new());
-    for (known, report) in like.frames.iter().zip(&like.reports) {
+    let folder = folder_in(workspace)?;
+    let mut pictures = Y4m::create(&uncompressed(folder.path()), &settings)?;
+    let mut reports = Vec::new();
+    for (known, report) in like.frames()?.zip(&like.reports) {
         if stop.load(Ordering::Relaxed) {
             bail!("interrupted; a sweep has no result before its end");
         }
@@ -128,15 +160,37 @@ pub fn by_paths(
         report.seconds = Default::default();
         report.seconds.direct = process_cpu_seconds().zip(before).map_or(0.0, |(after, before)| after - before);
         (report.tree_swaps_share, report.threshold_mean_relative) = (0.0, 0.0);
-        let YCbCr { y, cb, cr, .. } = YCbCr::from_radiance(&radiance, &settings.tone_map);
-        let picture = Frame::new(y, cb, cr)?;
-        let nothing = Plane::filled(radiance.width(), radiance.height(), 0.0);
-        let motion = known.motion.clone();
-        frames.push(FilmFrame { radiance, picture, motion, thresholds: nothing.clone(), cut_sizes: nothing });
+        pictures.write(&YCbCr::from_radiance(&radiance, &settings.tone_map))?;
+        write_frame(&linear(folder.path(), report.index), &radiance, known?.motion.as_ref())?;
         reports.push(report);
         each();
     }
-    Ok(Film { settings, frames, reports, stream: None })
+    pictures.finish()?;
+    Ok(Film { settings, reports, stream: None, folder })
+}
+
+/// What [`read_frame`] reads, without thresholds and cuts.
+fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, motion: Option<&Plane<[f32; 2]>>) -> Result<()> {
+    let (width, height) = (radiance.width(), radiance.height());
+    let color = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
+    let vector = |c: usize| -> Vec<f32> {
+        let known = motion.map(|plane| plane.samples().iter().map(|vector| vector[c]).collect());
+        known.unwrap_or_else(|| vec![f32::NAN; width * height])
+    };
+    let is_known = vector(0).iter().map(|x| if x.is_finite() { 1.0 } else { 0.0 }).collect();
+    let nothing = vec![0.0; width * height];
+    let channels = [
+        ("R", color(0)),
+        ("G", color(1)),
+        ("B", color(2)),
+        ("motion.X", vector(0)),
+        ("motion.Y", vector(1)),
+        ("motion.A", is_known),
+        ("threshold.Y", nothing.clone()),
+        ("cut.size", nothing),
+    ];
+    let channels = channels.map(|(name, samples)| (name.to_owned(), samples)).to_vec();
+    image_file::write_layers(path, width, height, channels).map_err(anyhow::Error::msg)
 }
 
 /// Renders by `method`; `reference` lends paths its motion.
@@ -148,12 +202,12 @@ pub fn by_method(
     scene: &Scene,
     settings: Settings,
     reference: &Film,
-    folder: &Path,
+    workspace: &Path,
     stop: &AtomicBool,
     each: impl FnMut() + Send,
 ) -> Result<Film> {
     match method.way {
-        Way::Film(_) => render(scene, settings, folder, stop, each),
-        Way::Paths(spp) => by_paths(scene, settings, spp, reference, stop, each),
+        Way::Film(_) => render(scene, settings, workspace, stop, each),
+        Way::Paths(spp) => by_paths(scene, settings, spp, reference, workspace, stop, each),
     }
 }

@@ -1,7 +1,7 @@
 //! How the errors of pixels lie beside the thresholds that they were allowed (figure 7 of \[Herzog08\]).
 
-use super::figures::steered;
-use super::film::Film;
+use super::film::{Film, FilmFrame};
+use crate::settings::Size;
 use perceptual::luminance;
 use serde::Serialize;
 
@@ -9,6 +9,8 @@ use serde::Serialize;
 const BINS: usize = 40;
 /// Ratio where the last bin ends; what lies above is counted apart.
 const HIGHEST: f64 = 2.0;
+/// Of more pixels than these, some are left out, evenly: all of a film would not fit.
+const MOST_PIXELS: usize = 1 << 21;
 /// Pixels darker than this share of the picture's mean do not count: 0/0 says nothing.
 const DARK: f64 = 1e-4;
 /// Share of its luminance that a pixel without a threshold may be wrong by \[Walter05\].
@@ -33,26 +35,51 @@ pub struct ErrorHistogram {
     pub p95: f64,
 }
 
-impl ErrorHistogram {
-    /// Over all lit pixels of the steered frames: |Y − Y of the reference| by threshold. A film of fixed thresholds has its own share.
-    pub fn of(film: &Film, reference: &Film) -> Self {
-        let fixed = match film.settings.thresholds {
+/// Gathers ratios of error to threshold, frame by frame.
+pub struct Ratios {
+    /// Each with its threshold by luminance.
+    pairs: Vec<(f64, f64)>,
+    /// Share of its luminance that a pixel without a threshold may be wrong by.
+    otherwise: f64,
+    /// One pixel in so many is taken.
+    stride: usize,
+    pixels: usize,
+}
+
+impl Ratios {
+    /// For `frames` of `film`. A film of fixed thresholds has its own share.
+    pub fn of(film: &Film, frames: usize) -> Self {
+        let otherwise = match film.settings.thresholds {
             crate::settings::Thresholds::Fixed(share) => f64::from(share),
             _ => WITHOUT_THRESHOLD,
         };
-        let mut pairs = Vec::new();
-        for (frame, truth) in steered(&film.frames).iter().zip(steered(&reference.frames)) {
-            let truth = truth.radiance.map(|rgb| f64::from(luminance(rgb)));
-            let dark = DARK * truth.samples().iter().sum::<f64>() / truth.samples().len().max(1) as f64;
-            let pixels = frame.radiance.samples().iter().zip(truth.samples()).zip(frame.thresholds.samples());
-            pairs.extend(pixels.filter(|((_, y), _)| **y > dark).map(|((&rgb, &y), &threshold)| {
-                let threshold = if threshold > 0.0 { f64::from(threshold) } else { fixed * y };
-                ((f64::from(luminance(rgb)) - y).abs() / threshold, threshold / y)
-            }));
-        }
-        Self::from_pairs(pairs)
+        let Size { width, height } = film.settings.size;
+        // Odd, so that not the same columns are taken again and again.
+        let stride = (frames * width * height / MOST_PIXELS) | 1;
+        Self { pairs: Vec::new(), otherwise, stride, pixels: 0 }
     }
 
+    /// Takes the lit pixels of a frame: |Y − Y of the reference| by threshold.
+    pub fn add(&mut self, frame: &FilmFrame, reference: &FilmFrame) {
+        let truth = reference.radiance.map(|rgb| f64::from(luminance(rgb)));
+        let dark = DARK * truth.samples().iter().sum::<f64>() / truth.samples().len().max(1) as f64;
+        let pixels = frame.radiance.samples().iter().zip(truth.samples()).zip(frame.thresholds.samples());
+        let first = self.pixels.next_multiple_of(self.stride) - self.pixels;
+        self.pixels += truth.samples().len();
+        let taken = pixels.skip(first).step_by(self.stride);
+        self.pairs.extend(taken.filter(|((_, y), _)| **y > dark).map(|((&rgb, &y), &threshold)| {
+            let threshold = if threshold > 0.0 { f64::from(threshold) } else { self.otherwise * y };
+            ((f64::from(luminance(rgb)) - y).abs() / threshold, threshold / y)
+        }));
+    }
+
+    /// What they say.
+    pub fn histogram(self) -> ErrorHistogram {
+        ErrorHistogram::from_pairs(self.pairs)
+    }
+}
+
+impl ErrorHistogram {
     /// From ratios of error to threshold, each with its threshold by luminance.
     fn from_pairs(mut pairs: Vec<(f64, f64)>) -> Self {
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));

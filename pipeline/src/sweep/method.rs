@@ -89,6 +89,11 @@ impl Method {
         }
     }
 
+    /// Whether it is rendered as films are, and not by paths.
+    pub fn is_film(&self) -> bool {
+        matches!(self.way, Way::Film(_))
+    }
+
     /// Whether light from close by is compensated: it is with the cache and by paths, which lose none.
     pub fn compensates(&self) -> bool {
         self.cache

@@ -3,12 +3,15 @@
 //!
 //! Methods are rows of [`METHODS`]; what is found about each at each quantiser is a [`Run`]. The reference of methods
 //! without cache has no compensation, as they have none: what is left between the two is the cuts' own error.
+//!
+//! Films lie in files and are read frame by frame: a sweep of a long film takes disk, not memory.
 
 mod coded;
 mod figures;
 mod film;
 mod histogram;
 mod maps;
+mod measurement;
 mod method;
 mod page;
 mod plots;
@@ -21,13 +24,13 @@ pub use histogram::ErrorHistogram;
 pub use method::{METHODS, Method, Way};
 
 use crate::Wishes;
-use crate::compare::rgb_of;
+use crate::compare::{Picture, rgb_of};
 use crate::settings::Size;
 use anyhow::{Context, Result, bail};
 use figures::mean_seconds;
 use film::{Film, settings_for};
+use measurement::{Measured, Wanted, measured};
 use method::{REFERENCE_WEIGHT, reference_wishes};
-use perceptual::luminance;
 use plane::Plane;
 use render_core::scene::Scene;
 use std::path::Path;
@@ -45,12 +48,15 @@ pub struct Sweep {
     pub methods: Vec<&'static Method>,
 }
 
-/// Frames of a sweep unless others are wished for, and size: with these, `cornell` takes about two minutes on two cores.
-pub const DEFAULT_FRAMES: u32 = 6;
+/// Frames of a sweep unless others are wished for, and size: with these, `cornell` takes some three minutes of one core.
+pub const DEFAULT_FRAMES: u32 = 5;
 /// See [`DEFAULT_FRAMES`].
-pub const DEFAULT_SIZE: Size = Size { width: 160, height: 160 };
+pub const DEFAULT_SIZE: Size = Size { width: 144, height: 144 };
 /// Quantisers unless others are wished for: from nearly lossless to blocks that everyone sees.
 pub const DEFAULT_QSCALES: [u32; 5] = [2, 8, 16, 32, 48];
+
+/// Pictures of the clip on the page, at most: it is played again and again.
+const CLIP_FRAMES: usize = 50;
 
 /// How far a sweep is.
 #[derive(Clone, Debug)]
@@ -69,6 +75,8 @@ pub struct Swept {
     pub outcome: Outcome,
     /// Pictures of each run, in the order of its runs.
     pub pictures: Vec<Pictures>,
+    /// The run that can be watched, by its place, and its first decoded pictures.
+    pub clip: Option<(usize, Vec<Plane<[u8; 3]>>)>,
     /// The last frame of the reference with compensation or, if there is none, without, before compression.
     pub truth: Plane<[u8; 3]>,
 }
@@ -105,36 +113,25 @@ impl Sweep {
             .tempdir_in(workspace)
             .with_context(|| format!("{} cannot be written to", workspace.display()))?;
         let mut work = Work::new(qscales.len() as u64, &methods, plain.frames.into(), &mut progress);
+        let common = Wishes { frames: Some(plain.frames), ..common };
+        let place = Place { path, scene, folder: folder.path(), stop };
+        let References { films, exposure } = place.references(&methods, &common, &mut work)?;
+        let of_all = films.iter().rev().flatten().next().context("there are no methods")?;
 
-        let references = Wishes { frames: Some(plain.frames), ..common.clone() };
-        let mut exposure = None;
-        let mut films: [Option<Film>; 2] = [None, None];
-        for compensates in [true, false].into_iter().filter(|&c| methods.iter().any(|m| m.compensates() == c)) {
-            let wishes = reference_wishes(&references, compensates);
-            let settings = settings_for(path, scene, wishes, exposure)?;
-            let step = work
-                .begin(format!("every light{}", if compensates { "" } else { ", uncompensated" }), REFERENCE_WEIGHT);
-            let mut film = film::render(scene, settings, folder.path(), stop, step)?;
-            if exposure.is_none() && film.settings.auto_exposure {
-                // Every other film takes the exposure that the first reference found for itself.
-                let picture =
-                    crate::compare::Picture::Linear { radiance: film.frames[0].radiance.clone(), variance: None };
-                exposure = Some(picture.exposure());
-            } else {
-                exposure = exposure.or(Some(film.settings.tone_map.exposure));
-            }
-            film.settings = settings_for(path, scene, reference_wishes(&references, compensates), exposure)?;
-            films[usize::from(compensates)] = Some(film);
-        }
-        let reference = |compensates: bool| films[usize::from(compensates)].as_ref().expect("rendered above");
-
-        let (mut runs, mut pictures, mut decoder_check) = (Vec::new(), Vec::new(), None);
-        for &method in &methods {
+        let middle = qscales[qscales.len() / 2];
+        let watched = methods
+            .iter()
+            .rposition(|method| method.is_film() && method.cache)
+            .or(methods.iter().rposition(|method| method.is_film()));
+        let (mut runs, mut pictures, mut decoder_check, mut clip) = (Vec::new(), Vec::new(), None, None);
+        for (index, &method) in methods.iter().enumerate() {
+            let truth = films[usize::from(method.compensates())].as_ref().context("no reference was rendered")?;
             let mut kept: Option<Film> = None;
-            for (index, &qscale) in qscales.iter().enumerate() {
-                let truth = reference(method.compensates());
+            for &qscale in &qscales {
                 if kept.is_none() || method.steered {
-                    let wishes = Wishes { qscale: Some(qscale), frames: Some(plain.frames), ..common.clone() };
+                    // The one before has had its time: its files go first.
+                    drop(kept.take());
+                    let wishes = Wishes { qscale: Some(qscale), ..common.clone() };
                     let settings = settings_for(path, scene, method.wishes(&wishes), exposure)?;
                     let doing = format!("{} at {qscale}", figures::label(method, &settings));
                     let step = work.begin(doing, method.weight());
@@ -143,20 +140,21 @@ impl Sweep {
                 if stop.load(Ordering::Relaxed) {
                     bail!("interrupted; a sweep has no result before its end");
                 }
-                let film = kept.as_ref().expect("rendered above");
-                let coded = coded::encode(film, qscale)?;
-                if index == qscales.len() / 2 && decoder_check.is_none() {
-                    decoder_check = coded::check_with_ffmpeg(&coded, folder.path())?;
+                let film = kept.as_ref().context("rendered above")?;
+                let is_watched = watched == Some(index) && qscale == middle;
+                let check_below = (qscale == middle && decoder_check.is_none()).then(|| folder.path());
+                let wanted = Wanted { clip: if is_watched { CLIP_FRAMES } else { 0 }, check_below };
+                let found: Measured = measured(method, qscale, film, truth, &wanted)?;
+                if is_watched {
+                    clip = Some((runs.len(), found.clip));
                 }
-                runs.push(Run::new(method, qscale, film, &coded, truth));
-                let whole = index == qscales.len() / 2;
-                pictures.push(pictures_of(method, qscale, film, &coded, truth, whole));
+                decoder_check = decoder_check.or(found.check);
+                runs.push(found.run);
+                pictures.push(found.pictures);
             }
         }
         figures::set_beside_baselines(&mut runs);
-        let [uncompensated, compensated] = &films;
-        let of_all = compensated.as_ref().or(uncompensated.as_ref()).context("there are no methods")?;
-        let truth = rgb_of(of_all.frames.last().context("there are no frames")?.picture.clone());
+        let last = of_all.frames()?.last().context("there are no frames")??;
         let cost = |film: &Film| ReferenceCost {
             compensation: film.settings.compensation,
             seconds: mean_seconds(&film.reports),
@@ -171,7 +169,7 @@ impl Sweep {
             decoder_check,
             wall_seconds: begin.elapsed().as_secs_f64(),
         };
-        Ok(Swept { outcome, pictures, truth })
+        Ok(Swept { outcome, pictures, clip, truth: rgb_of(last.picture) })
     }
 
     /// The methods in the order of the table, each once, and what they are measured against.
@@ -186,33 +184,52 @@ impl Sweep {
     }
 }
 
-/// Pictures of the last frame or, of a `whole` film, of all.
-fn pictures_of(method: &Method, qscale: u32, film: &Film, coded: &coded::Coded, truth: &Film, whole: bool) -> Pictures {
-    let first = if whole { 0 } else { coded.frames.len().saturating_sub(1) };
-    let decoded: Vec<Plane<[u8; 3]>> =
-        coded.frames[first..].iter().map(|frame| rgb_of(frame.decoded.clone())).collect();
-    let last = film.frames.last().zip(truth.frames.last()).filter(|_| film.stream.is_some());
-    let maps = last.map(|(frame, truth)| {
-        let share = match film.settings.thresholds {
-            crate::settings::Thresholds::Fixed(share) => share,
-            _ => 0.02,
-        };
-        let relative = |x, y| {
-            let (threshold, light) = (frame.thresholds.get(x, y), luminance(frame.radiance.get(x, y)));
-            if threshold > 0.0 && light > 0.0 { threshold / light } else { share }
-        };
-        let (width, height) = (frame.radiance.width(), frame.radiance.height());
-        let luma =
-            |frame: &film::FilmFrame| perceptual::YCbCr::from_radiance(&frame.radiance, &film.settings.tone_map).luma;
-        let (own, other) = (luma(frame), luma(truth));
-        Maps {
-            relative_threshold: Plane::from_fn(width, height, relative),
-            cut_size: frame.cut_sizes.clone(),
-            error: Plane::from_fn(width, height, |x, y| (own.get(x, y) - other.get(x, y)).abs()),
+/// Where a sweep works, and on what.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    path: &'a Path,
+    scene: &'a Scene,
+    folder: &'a Path,
+    stop: &'a AtomicBool,
+}
+
+/// What all methods are laid beside.
+struct References {
+    /// Every light without compensation, and with it, where a method asks for it.
+    films: [Option<Film>; 2],
+    /// That of the first: a curve of its own would be a difference of its own.
+    exposure: Option<f32>,
+}
+
+impl Place<'_> {
+    fn references(&self, methods: &[&Method], common: &Wishes, work: &mut Work<'_>) -> Result<References> {
+        let Self { path, scene, folder, stop } = *self;
+        let mut exposure = None;
+        let mut films: [Option<Film>; 2] = [None, None];
+        for compensates in [true, false].into_iter().filter(|&c| methods.iter().any(|m| m.compensates() == c)) {
+            let wishes = reference_wishes(common, compensates);
+            let settings = settings_for(path, scene, wishes, exposure)?;
+            let doing = format!("every light{}", if compensates { "" } else { ", uncompensated" });
+            let step = work.begin(doing, REFERENCE_WEIGHT);
+            let mut film = film::render(scene, settings, folder, stop, step)?;
+            if exposure.is_none() {
+                exposure = Some(exposure_of(&film)?);
+            }
+            film.settings.tone_map = film.settings.tone_map.with_exposure(exposure.unwrap_or(1.0));
+            film.settings.auto_exposure = false;
+            films[usize::from(compensates)] = Some(film);
         }
-    });
-    let last = decoded.last().cloned().unwrap_or_default();
-    Pictures { method: method.name, qscale, decoded: last, maps, film: decoded }
+        Ok(References { films, exposure })
+    }
+}
+
+/// The exposure that a film was shown with; one that nobody chose, it found for itself in its first frame.
+fn exposure_of(film: &Film) -> Result<f32> {
+    if !film.settings.auto_exposure {
+        return Ok(film.settings.tone_map.exposure);
+    }
+    let first = film.frames()?.next().context("there are no frames")??;
+    Ok(Picture::Linear { radiance: first.radiance, variance: None }.exposure())
 }
 
 /// Counts frames, weighted by about how long they take.

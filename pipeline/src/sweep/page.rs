@@ -113,11 +113,11 @@ fn middle(shown: &[(&Run, &Pictures)]) -> Option<usize> {
     shown.iter().rposition(|(run, _)| run.qscale == qscale)
 }
 
-/// The film of that method, as browsers play it.
+/// What can be watched, as browsers play it.
 fn clip(swept: &Swept) -> Option<(String, String)> {
-    let shown = shown(swept);
-    let (run, pictures) = shown[middle(&shown)?];
-    let film = png_file::animation(&pictures.film, CLIP_FPS);
+    let (place, pictures) = swept.clip.as_ref()?;
+    let run = &swept.outcome.runs[*place];
+    let film = png_file::animation(pictures, CLIP_FPS);
     Some((format!("{} at quantiser {}", run.label, run.qscale), data_uri("image/png", &film)))
 }
 

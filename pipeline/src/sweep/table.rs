@@ -1,6 +1,7 @@
 //! The paper's table 1 for a scene, and what the figures say in words.
 
 use super::figures::{AgainstBaseline, Outcome, Run};
+use serde::Serialize;
 use std::fmt::Write;
 
 /// Headings of [`cells`].
@@ -113,6 +114,7 @@ impl Outcome {
 }
 
 /// What a sweep says of a method.
+#[derive(Serialize)]
 pub struct Finding {
     /// Of the method.
     pub label: String,

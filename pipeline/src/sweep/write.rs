@@ -1,13 +1,23 @@
 //! A sweep's figures in files.
 
-use super::figures::Run;
+use super::figures::{Outcome, Run};
+use super::table::Finding;
 use super::{Swept, maps, page, plots};
 use crate::output::Output;
 use crate::page::png_of;
 use crate::png_file;
 use anyhow::{Context, Result};
 use plane::Plane;
+use serde::Serialize;
 use std::path::Path;
+
+/// `sweep.json`: the figures, and what they say in words.
+#[derive(Serialize)]
+struct Written<'a> {
+    #[serde(flatten)]
+    outcome: &'a Outcome,
+    findings: Vec<Finding>,
+}
 
 impl Swept {
     /// Writes `sweep.json` and `sweep.csv` into `folder`, each whole or not at all.
@@ -15,7 +25,8 @@ impl Swept {
     /// # Errors
     /// A file cannot be written.
     fn write_figures(&self, folder: &Path) -> Result<()> {
-        let mut json = serde_json::to_string_pretty(&self.outcome).context("the figures cannot be put into JSON")?;
+        let written = Written { outcome: &self.outcome, findings: self.outcome.findings() };
+        let mut json = serde_json::to_string_pretty(&written).context("the figures cannot be put into JSON")?;
         json.push('\n');
         write(&folder.join("sweep.json"), json.as_bytes())?;
         write(&folder.join("sweep.csv"), &csv_of(&self.outcome.runs)?)
