@@ -55,13 +55,16 @@ impl Axis {
         (first..).map(|i| i as f64 * step).take_while(|&v| v <= self.high + 1e-9 * step).collect()
     }
 
+    /// As few as tell how far it is between points: powers of ten, else halves and fifths of them, else all digits.
     fn log_ticks(&self) -> Vec<f64> {
-        let decades = (self.high / self.low).log10();
-        let multiples: &[f64] = if decades > 2.5 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+        const MULTIPLES: [&[f64]; 3] = [&[1.0], &[1.0, 2.0, 5.0], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]];
         let first = self.low.log10().floor() as i32;
         let last = self.high.log10().ceil() as i32;
-        let all = (first..=last).flat_map(|e| multiples.iter().map(move |m| m * 10f64.powi(e)));
-        all.filter(|v| (self.low..=self.high).contains(v)).collect()
+        let ticks = MULTIPLES.iter().map(|multiples| -> Vec<f64> {
+            let all = (first..=last).flat_map(|e| multiples.iter().map(move |m| m * 10f64.powi(e)));
+            all.filter(|v| (self.low..=self.high).contains(v)).collect()
+        });
+        ticks.into_iter().find(|ticks| ticks.len() >= 3).unwrap_or_else(|| self.linear_ticks())
     }
 }
 
@@ -108,6 +111,13 @@ mod tests {
         let axis = Axis::holding([2e-5, 3e-2, 0.0].into_iter(), true, (0.0, 100.0));
         let ticks: Vec<String> = axis.ticks().into_iter().map(|(_, text)| text).collect();
         assert_eq!(ticks, ["10⁻⁴", "0.001", "0.01"]);
+        let texts = |low, high| -> Vec<String> {
+            let axis = Axis::holding([low, high].into_iter(), true, (0.0, 100.0));
+            axis.ticks().into_iter().map(|(_, text)| text).collect()
+        };
+        assert_eq!(texts(2.0, 48.0), ["2", "5", "10", "20", "50"]);
+        assert_eq!(texts(0.25, 0.7), ["0.3", "0.4", "0.5", "0.6", "0.7", "0.8"]);
+        assert!(texts(0.071, 0.072).len() >= 3);
         assert_eq!((axis.place(0.0), axis.place(f64::NAN)), (None, None));
         // No values, one value: still an axis.
         for values in [vec![], vec![5.0], vec![0.0, 0.0]] {

@@ -10,8 +10,8 @@ pub(super) const SIZE: (f64, f64) = (520.0, 360.0);
 pub(super) const AREA: (f64, f64, f64) = (74.0, 508.0, 34.0);
 /// Height of a row of the legend.
 const LEGEND_ROW: f64 = 19.0;
-/// Entries of the legend in a row.
-const LEGEND_COLUMNS: usize = 3;
+/// Letters of a name that has room in the legend beside two others.
+const SHORT_NAME: usize = 17;
 
 /// One line.
 #[derive(Clone, Debug)]
@@ -53,7 +53,7 @@ impl LinePlot {
     /// Draws it.
     pub fn draw(&self) -> Svg {
         let mut svg = Svg::new(SIZE.0, SIZE.1, &self.title);
-        let rows = self.series.len().div_ceil(LEGEND_COLUMNS);
+        let rows = self.series.len().div_ceil(columns(self.series.iter().map(|series| series.name.as_str())));
         let (left, right, top) = AREA;
         let bottom = SIZE.1 - 48.0 - LEGEND_ROW * rows as f64;
         let values = || self.series.iter().flat_map(|series| &series.points);
@@ -125,12 +125,19 @@ pub(super) fn frame(
     svg.text_upward((14.0, 0.5 * (top + bottom)), "soft", 13.0, y_label);
 }
 
+/// Entries of the legend in a row.
+fn columns<'a>(names: impl Iterator<Item = &'a str>) -> usize {
+    let longest = names.map(|name| name.chars().count()).max().unwrap_or(0);
+    if longest > SHORT_NAME { 2 } else { 3 }
+}
+
 /// Names with a piece of their line.
 pub(super) fn legend(svg: &mut Svg, entries: &[(&str, usize, bool)], top: f64) {
-    let column = (AREA.1 - AREA.0 + 46.0) / LEGEND_COLUMNS as f64;
+    let columns = columns(entries.iter().map(|(name, ..)| *name));
+    let column = (AREA.1 - AREA.0 + 46.0) / columns as f64;
     for (i, &(name, color, dashed)) in entries.iter().enumerate() {
-        let x = AREA.0 - 46.0 + column * (i % LEGEND_COLUMNS) as f64;
-        let y = top + LEGEND_ROW * (i / LEGEND_COLUMNS) as f64;
+        let x = AREA.0 - 46.0 + column * (i % columns) as f64;
+        let y = top + LEGEND_ROW * (i / columns) as f64;
         svg.polyline(&[(x, y - 4.0), (x + 22.0, y - 4.0)], PALETTE[color % PALETTE.len()], dashed);
         svg.text((x + 28.0, y), "ink", "start", 13.0, name);
     }
