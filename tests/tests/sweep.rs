@@ -97,8 +97,8 @@ fn what_cannot_be_swept_is_said() {
     }
 }
 
-/// Opens a page in Chromium, at two widths: it shows so many plots, its scripts run to the end, the console stays silent,
-/// and nothing is wider than the window.
+/// Opens a page in Chromium, in a wide window and as narrow as a phone: it shows so many plots, its scripts run to the end, the
+/// console stays silent, and nothing is wider than the window.
 fn look_at(page: &Path, plots: usize) {
     let html = std::fs::read_to_string(page).unwrap();
     assert!(!html.contains("http://") && !html.contains("https://"), "a page asks for nothing from elsewhere");
@@ -106,38 +106,55 @@ fn look_at(page: &Path, plots: usize) {
         println!("no Chromium: {} was not looked at", page.display());
         return;
     };
+    // The page measures itself when all is loaded, and tells whoever shows it.
     let measured = page.with_extension("measured.html");
-    let script = "<script>addEventListener('load', () => { const root = document.documentElement; \
-        root.dataset.overflow = root.scrollWidth - root.clientWidth; \
-        root.dataset.broken = [...document.images].filter(image => !image.naturalWidth).length; });</script></body>";
+    let script = "<script>addEventListener('load', () => { const root = document.documentElement; parent.postMessage({ \
+        width: innerWidth, overflow: root.scrollWidth - root.clientWidth, ready: root.dataset.ready || 'no', \
+        broken: [...document.images].filter(image => !image.naturalWidth).length, \
+        plots: document.querySelectorAll('svg.plot').length }, '*'); });</script></body>";
     std::fs::write(&measured, html.replace("</body>", script)).unwrap();
     let profile = tempfile::tempdir().unwrap();
-    // Windows of the browser are at least 500 pixels wide.
-    for width in [1280, 500] {
+    for width in [1280, 390] {
+        // Windows of the browser are at least 500 pixels wide; a frame in a window has the width that it is given, for
+        // layout and media queries alike.
+        let shown = page.with_extension("shown.html");
+        let name = measured.file_name().unwrap().to_str().unwrap();
+        let frame = format!(
+            "<!DOCTYPE html><html><head><link rel=\"icon\" href=\"data:,\"></head><body style=\"margin:0\"><script>\
+             addEventListener('message', told => Object.assign(document.documentElement.dataset, told.data));</script>\
+             <iframe src=\"{name}\" style=\"border:0;width:{width}px;height:1200px\"></iframe></body></html>"
+        );
+        std::fs::write(&shown, frame).unwrap();
         let output = Command::new(browser)
             .args([
                 "--headless",
                 "--no-sandbox",
                 "--disable-gpu",
+                "--hide-scrollbars",
                 "--enable-logging=stderr",
                 "--virtual-time-budget=3000",
             ])
             .arg(format!("--user-data-dir={}", profile.path().display()))
-            .arg(format!("--window-size={width},1200"))
+            .arg("--window-size=1280,1200")
             .arg("--dump-dom")
-            .arg(url(&measured))
+            .arg(url(&shown))
             .output()
             .expect("the browser starts");
         let (dom, log) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
         let said: Vec<&str> = log.lines().filter(|line| line.contains("CONSOLE")).collect();
         assert!(said.is_empty(), "{said:?}");
-        assert!(
-            dom.contains("data-overflow=\"0\"") && dom.contains("data-broken=\"0\""),
-            "at {width}: {}",
-            &dom[..200]
-        );
-        assert_eq!(dom.matches("<svg class=\"plot\"").count(), plots);
-        assert_eq!(html.contains("<script>"), dom.contains("data-ready=\"yes\""), "its script came to the end");
+        let ready = if html.contains("<script>") { "yes" } else { "no" };
+        let figures = [
+            ("width", width.to_string()),
+            ("overflow", "0".into()),
+            ("broken", "0".into()),
+            ("plots", plots.to_string()),
+            ("ready", ready.into()),
+        ];
+        for (name, expected) in figures {
+            let told = format!("data-{name}=\"{expected}\"");
+            assert!(dom.contains(&told), "at {width}, {told}: {}", &dom[..dom.len().min(300)]);
+        }
     }
 }
 
