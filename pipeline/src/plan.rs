@@ -2,7 +2,10 @@
 //!
 //! Leaving out never changes a bit of the output: what is left out would have computed the same again.
 
+mod estimate;
+
 use crate::settings::{Lighting, Settings, Thresholds};
+use estimate::Costs;
 use render_core::scene::{Alpha, Scene};
 use serde::Serialize;
 
@@ -27,6 +30,9 @@ pub struct Step {
     pub state: State,
     /// Why.
     pub reason: String,
+    /// Share of a frame's CPU time, after the first, that leaving it out saves: an estimate, by the work there is and what a
+    /// unit of it cost where it was measured. None of stages that run, and where nothing is there that could cost time.
+    pub saves: Option<f64>,
 }
 
 /// How often each stage runs for a scene.
@@ -55,6 +61,8 @@ pub struct Plan {
     /// The masking model and the way back.
     pub masking: State,
     steps: Vec<Step>,
+    /// See [`Plan::share_of`].
+    shares: Vec<Option<f64>>,
 }
 
 impl Plan {
@@ -76,7 +84,7 @@ impl Plan {
             let wanted = cells(state);
             let reason =
                 if wanted == state { reason.to_owned() } else { format!("{reason}; run all the same, as asked") };
-            steps.push(Step { stage, state: wanted, reason });
+            steps.push(Step { stage, state: wanted, reason, saves: None });
             wanted
         };
 
@@ -178,6 +186,10 @@ impl Plan {
             on(settings.motion && primary_rays != State::Off),
             if settings.motion { "vectors are known, no search" } else { "left out, as asked" },
         );
+        let shares = shares(&steps, &Costs::of(scene, settings, area_lights));
+        for (step, &share) in steps.iter_mut().zip(&shares).filter(|(step, _)| step.state != State::On) {
+            step.saves = share;
+        }
         Self {
             placing,
             photons,
@@ -191,7 +203,13 @@ impl Plan {
             gloss,
             masking,
             steps,
+            shares,
         }
+    }
+
+    /// The estimated share of CPU time of `stage`, named as in [`Plan::steps`], of a frame in which everything runs.
+    pub fn share_of(&self, stage: &str) -> Option<f64> {
+        self.steps.iter().zip(&self.shares).find(|(step, _)| step.stage == stage).and_then(|(_, &share)| share)
     }
 
     /// The plan line by line.
@@ -202,17 +220,29 @@ impl Plan {
     /// The plan as a table for the terminal.
     pub fn table(&self) -> String {
         let width = self.steps.iter().map(|step| step.stage.len()).max().unwrap_or(0);
-        let mut table = format!("{:width$}  state  reason\n", "stage");
-        for Step { stage, state, reason } in &self.steps {
+        let mut table = format!("{:width$}  state  saves  reason\n", "stage");
+        for Step { stage, state, reason, saves } in &self.steps {
             let state = match state {
                 State::On => "on",
                 State::Once => "once",
                 State::Off => "off",
             };
-            table.push_str(&format!("{stage:width$}  {state:5}  {reason}\n"));
+            let saves = match saves {
+                None => String::new(),
+                Some(share) if *share < 0.01 => "< 1 %".into(),
+                Some(share) => format!("{:.0} %", 100.0 * share),
+            };
+            table.push_str(&format!("{stage:width$}  {state:5}  {saves:>5}  {reason}\n"));
         }
         table
     }
+}
+
+/// The share of each stage of a frame in which they all run; none where that cannot be said.
+fn shares(steps: &[Step], costs: &Costs) -> Vec<Option<f64>> {
+    let seconds: Vec<Option<f64>> = steps.iter().map(|step| costs.of_stage(step.stage)).collect();
+    let whole = seconds.iter().flatten().sum::<f64>() + costs.of_the_rest();
+    seconds.into_iter().map(|seconds| Some(seconds? / whole)).collect()
 }
 
 impl State {

@@ -41,15 +41,35 @@ fn only_the_camera_moves() {
         assert_eq!(state(&spared.report, stage), expected, "{stage}");
     }
     assert_eq!(state(&full.report, "photons"), "on");
-    let spared = spared.figures(&["seconds", "photons"]);
-    let full = full.figures(&["seconds", "photons"]);
-    assert!(spared[0] > 0.0 && spared[1..].iter().all(|&seconds| seconds == 0.0), "{spared:?}");
-    assert!(full.iter().all(|&seconds| seconds > 0.0), "{full:?}");
+    let of_photons = |run: &Rendered| run.figures(&["seconds", "photons"]);
+    let (few, all) = (of_photons(&spared), of_photons(&full));
+    assert!(few[0] > 0.0 && few[1..].iter().all(|&seconds| seconds == 0.0), "{few:?}");
+    assert!(all.iter().all(|&seconds| seconds > 0.0), "{all:?}");
+
+    // What leaving out saves is estimated beforehand; beside it stands what it was in the run that left nothing out.
+    let plan = spared.report["plan"].as_array().unwrap();
+    let saves = |stage: &str| plan.iter().find(|step| step["stage"] == stage).unwrap()["saves"].as_f64();
+    let whole = full.figures(&["seconds", "total"]);
+    for (stage, seconds) in [("photons", "photons"), ("light tree update", "tree"), ("placing of objects", "update")] {
+        let measured = full.figures(&["seconds", seconds])[1..].iter().sum::<f64>() / whole[1..].iter().sum::<f64>();
+        println!("{stage}: {:.3} of a frame estimated, {measured:.3} measured", saves(stage).unwrap());
+    }
+    assert!(plan.iter().filter_map(|step| step["saves"].as_f64()).sum::<f64>() < 1.0);
+    assert!(
+        saves("photons") > saves("light tree update"),
+        "a photon is followed through the scene, a light is a number"
+    );
+    assert_eq!(
+        (saves("primary rays and motion"), saves("textures")),
+        (None, None),
+        "one runs, the other has nothing to do"
+    );
+    assert!(full.report["plan"].as_array().unwrap().iter().all(|step| step["state"] != "once"));
 
     // The plan is told beforehand in the words of the report.
     let table = render2mpeg(folder.path(), &["plan", "room.glb"]).stdout;
     let row = table.lines().find(|line| line.starts_with("photons ")).expect("a row for photons");
-    assert!(row.split_whitespace().nth(1) == Some("once"), "{row}");
+    assert!(row.split_whitespace().nth(1) == Some("once") && row.contains(" %"), "{row}");
 }
 
 #[test]

@@ -1,0 +1,103 @@
+//! What the stages of a frame would cost, before the first frame: work by the price of its unit.
+//!
+//! Prices are means over the shipped scenes, from reports of runs in which everything ran: seconds of the stages, in frames
+//! after the first, by the units below; `docs/plan.md` has the commands, and estimates beside what was measured. Only ratios
+//! matter here, and these differ little between processors. They differ more between scenes: light that is found by cuts
+//! costs what a scene's detail asks for, of which the number of triangles is a poor measure.
+
+use crate::settings::{Lighting, Settings, Size};
+use render_core::scene::Scene;
+
+/// Price of placing everything \[CPU s a frame\].
+const PLACING: f64 = 2.5e-5;
+/// Of following a photon.
+const PHOTON: f64 = 1.3e-6;
+/// Of a new energy in the light tree.
+const LIGHT: f64 = 1.1e-7;
+/// Of finding what a pixel sees, and where that was in the frame before.
+const PRIMARY_RAY: f64 = 3.3e-7;
+/// Of the light of a glowing surface at a pixel.
+const AREA_LIGHT: f64 = 4.7e-7;
+/// Of the light of a point or a sun at a pixel.
+const POINT_LIGHT: f64 = 8.8e-7;
+/// Of an anchor light on something that moves, at a pixel or at a record of the cache, of which there is one for some pixels.
+const MOVING_ANCHOR: f64 = 1.8e-8;
+const PIXELS_OF_A_RECORD: f64 = 10.0;
+/// Of a pixel's indirect light by the cache, in a scene of one triangle; it grows with a power of their number.
+const CACHED_PIXEL: f64 = 1.1e-7;
+const CACHED_DETAIL: f64 = 0.5;
+/// The same by a cut for every pixel.
+const CUT_PIXEL: f64 = 7.8e-7;
+const CUT_DETAIL: f64 = 0.4;
+/// Of a virtual light at a pixel, where every one is asked.
+const LIGHT_AT_PIXEL: f64 = 1.0e-7;
+/// Part of cached indirect light that compensation is.
+const COMPENSATION: f64 = 0.03;
+/// Of the tone curve, of coding, and of masking at a pixel.
+const TONE_MAPPED_PIXEL: f64 = 1.3e-8;
+const CODED_PIXEL: f64 = 2.2e-8;
+const MASKED_PIXEL: f64 = 1.6e-8;
+
+/// Work of a scene in its settings.
+pub(super) struct Costs {
+    pixels: f64,
+    photons: f64,
+    lights: f64,
+    triangles: f64,
+    area_lights: f64,
+    points: f64,
+    moving_anchors: f64,
+    lighting: Lighting,
+    cache: bool,
+}
+
+impl Costs {
+    pub(super) fn of(scene: &Scene, settings: &Settings, area_lights: usize) -> Self {
+        let Size { width, height } = settings.size;
+        Self {
+            pixels: (width * height) as f64 * f64::from(settings.samples),
+            photons: settings.photons as f64,
+            lights: settings.vpls as f64,
+            triangles: scene.triangle_count() as f64,
+            area_lights: area_lights as f64,
+            points: scene.punctual_lights.len() as f64,
+            moving_anchors: settings.moving_vpls as f64,
+            lighting: settings.lighting,
+            cache: settings.cache,
+        }
+    }
+
+    /// CPU seconds of `stage`, named as in the plan, for a frame that it runs for; none where that cannot be said: of what
+    /// the scene does not have, and of what is there to save time.
+    pub(super) fn of_stage(&self, stage: &str) -> Option<f64> {
+        let Self { pixels, .. } = *self;
+        let places = if self.cache { pixels / PIXELS_OF_A_RECORD } else { pixels };
+        Some(match stage {
+            "placing of objects" => PLACING,
+            "photons" => PHOTON * self.photons,
+            "light tree update" => LIGHT * self.lights,
+            "anchor lights on moving objects" => MOVING_ANCHOR * self.moving_anchors * places,
+            "primary rays and motion" => PRIMARY_RAY * pixels,
+            "area lights" if self.area_lights > 0.0 => AREA_LIGHT * self.area_lights * pixels,
+            "punctual lights" if self.points > 0.0 => POINT_LIGHT * self.points * pixels,
+            "indirect light" => self.indirect(),
+            "compensation" if self.cache => COMPENSATION * self.indirect(),
+            "masking thresholds" => MASKED_PIXEL * pixels,
+            _ => return None,
+        })
+    }
+
+    fn indirect(&self) -> f64 {
+        let by_pixel = match self.lighting {
+            Lighting::AllLights => LIGHT_AT_PIXEL * self.lights,
+            Lighting::Lightcuts if self.cache => CACHED_PIXEL * self.triangles.powf(CACHED_DETAIL),
+            Lighting::Lightcuts => CUT_PIXEL * self.triangles.powf(CUT_DETAIL),
+        };
+        by_pixel * self.pixels
+    }
+
+    /// Of what every film needs: the tone curve and the encoder.
+    pub(super) fn of_the_rest(&self) -> f64 {
+        (TONE_MAPPED_PIXEL + CODED_PIXEL) * self.pixels
+    }
+}

@@ -1,0 +1,56 @@
+//! What the plan's estimates are worth: for each scene, a run in which every stage runs for every frame, and beside the share
+//! of time that each stage took there what the plan says of it.
+//!
+//! ```sh
+//! cargo run --release -p tests --example plan_costs -- 256x256 scenes/cornell/cornell.glb scenes/nave/nave.glb
+//! ```
+//!
+//! Prices of the units, which `pipeline/src/plan/estimate.rs` holds, are the seconds here by the work there: pixels, photons,
+//! lights.
+
+use pipeline::{Plan, Report, Settings, Wishes, output::Output};
+use render_core::scene;
+use std::sync::atomic::AtomicBool;
+
+/// Stages of the plan whose time stands alone in the report, with their seconds there.
+type Stage = (&'static str, fn(&pipeline::report::Seconds) -> f64);
+const STAGES: [Stage; 6] = [
+    ("placing of objects", |s| s.update),
+    ("photons", |s| s.photons),
+    ("light tree update", |s| s.tree),
+    ("primary rays and motion", |s| s.visibility),
+    ("indirect light", |s| s.indirect),
+    ("masking thresholds", |s| s.thresholds),
+];
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let Some((size, scenes)) = arguments.split_first() else { anyhow::bail!("usage: plan_costs WxH SCENE…") };
+    println!("| Scene | stage | CPU ms a frame | share | estimated |\n|---|---|---|---|---|");
+    for path in scenes {
+        let folder = tempfile::tempdir()?;
+        let scene = scene::load(path.as_ref())?;
+        let wishes = Wishes {
+            output: Some(folder.path().join("film.m2v")),
+            size: Some(size.parse().map_err(anyhow::Error::msg)?),
+            frames: Some(4),
+            run_everything: true,
+            ..Wishes::default()
+        };
+        let settings = Settings::new(path.into(), &scene, wishes)?;
+        let plan = Plan::new(&scene, &settings);
+        let output = Output::create(&settings.output)?;
+        let Report { frames, .. } =
+            pipeline::render(&scene, &settings, &plan, output, &AtomicBool::new(false), |_| ())?;
+        let mean = |seconds: fn(&pipeline::report::Seconds) -> f64| {
+            frames[1..].iter().map(|frame| seconds(&frame.seconds)).sum::<f64>() / (frames.len() - 1) as f64
+        };
+        let whole = mean(|s| s.total);
+        for (stage, seconds) in STAGES {
+            let estimated = plan.share_of(stage).map_or("–".into(), |share| format!("{:.1} %", 100.0 * share));
+            let (took, share) = (1e3 * mean(seconds), 100.0 * mean(seconds) / whole);
+            println!("| {path} | {stage} | {took:.2} | {share:.1} % | {estimated} |");
+        }
+    }
+    Ok(())
+}
