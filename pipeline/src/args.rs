@@ -1,5 +1,7 @@
 //! What was typed.
 
+mod examples;
+
 #[cfg(feature = "compare")]
 use crate::command::compare::Compare;
 #[cfg(feature = "exr")]
@@ -21,16 +23,12 @@ use std::path::PathBuf;
     name = "render2mpeg",
     version,
     after_help = "Examples:
-  render2mpeg render scenes/cornell/cornell.glb
-  render2mpeg render scene.glb -o film.m2v --size 1280x720 --frames 50 --qscale 16
-  render2mpeg render scene.glb -o film.ts --bitrate 2M --cbr --bframes 2
-  render2mpeg render scene.glb --thresholds fixed:0.02      the original Lightcuts, for comparison
-  render2mpeg render --config job.toml --qscale 4
-  render2mpeg plan scene.glb
-  render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr
-  render2mpeg compare frame_00010.exr truth.exr
-  render2mpeg compare film.m2v film.y4m --heatmap where.png
-  render2mpeg sweep scene.glb --qscale 2,16,48              error against run time, as a page"
+  render2mpeg render scenes/cornell/cornell.glb             a video and a report, in this folder
+  render2mpeg plan scene.glb                                what the scene needs, before any ray
+  render2mpeg compare film.m2v film.y4m                     what the codec has cost
+  render2mpeg sweep scene.glb --qscale 2,16,48              error against run time, as a page
+
+Each command has examples of its own: render2mpeg render --help"
 )]
 pub struct Arguments {
     /// What to do.
@@ -42,19 +40,22 @@ pub struct Arguments {
 #[derive(Subcommand)]
 pub enum Command {
     /// Render a scene into a video.
-    #[command(args_override_self = true)]
+    #[command(args_override_self = true, after_help = examples::RENDER)]
     Render(Box<Render>),
     /// Render one frame as exactly as wanted into a linear OpenEXR picture, with the noise that is left in it.
     #[cfg(feature = "exr")]
+    #[command(after_help = examples::REFERENCE)]
     Reference(Reference),
     /// Say how far pictures, sequences or videos are from a reference.
     #[cfg(feature = "compare")]
+    #[command(after_help = examples::COMPARE)]
     Compare(Compare),
     /// Compare methods: error against run time, before and after decoding, with tables, plots and a page that shows it all.
     #[cfg(feature = "sweep")]
+    #[command(after_help = examples::SWEEP)]
     Sweep(Sweep),
     /// Show what a scene needs, what is left out, and why; render nothing.
-    #[command(args_override_self = true)]
+    #[command(args_override_self = true, after_help = examples::PLAN)]
     Plan {
         /// What and how.
         #[command(flatten)]
@@ -62,12 +63,14 @@ pub enum Command {
     },
     /// Print what makes a shell complete this program's options.
     #[cfg(feature = "shell")]
+    #[command(after_help = examples::COMPLETIONS)]
     Completions {
         /// Which shell
         shell: clap_complete::Shell,
     },
     /// Print the manual page of the program, or of one of its commands, as roff for man.
     #[cfg(feature = "shell")]
+    #[command(after_help = examples::MAN)]
     Man {
         /// Such as render
         command: Option<String>,

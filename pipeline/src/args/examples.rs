@@ -1,0 +1,80 @@
+//! What `--help` shows below the options: a line to type for each thing that people come for.
+
+pub const RENDER: &str = "Examples:
+  render2mpeg render scene.glb -o film.m2v --size 1280x720 --frames 50 --qscale 16
+  render2mpeg render scene.glb -o film.ts --bitrate 2M --cbr --bframes 2    a constant rate
+  render2mpeg render scene.glb -o film.m2v --resume             go on where the last run ended
+  render2mpeg render scene.glb --samples 4                      smooth edges, for final output
+  render2mpeg render scene.glb --thresholds fixed:0.02          the original Lightcuts
+  render2mpeg render --config job.toml --qscale 4               options from a file, overridden
+
+Without options it makes SCENE.m2v of 512x512 pixels as long as the scene's animation, and SCENE.report.json beside it.
+Ctrl-C ends with a video that plays.";
+
+#[cfg(feature = "exr")]
+pub const REFERENCE: &str = "Examples:
+  render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr
+  render2mpeg reference scene.glb --method all-lights -o lights.exr    what cuts approximate
+  render2mpeg reference scene.glb --centre -o truth.exr         to compare with render --exr";
+
+#[cfg(feature = "compare")]
+pub const COMPARE: &str = "Examples:
+  render2mpeg compare frame_00010.exr truth.exr                 linear light
+  render2mpeg compare film.m2v film.y4m --heatmap where.png     what the codec cost, and where
+  render2mpeg compare frames others --json                      two folders, for other programs
+
+SSIMULACRA 2: 90 is hardly told apart, 70 good, 50 fair.";
+
+#[cfg(feature = "sweep")]
+pub const SWEEP: &str = "Examples:
+  render2mpeg sweep scene.glb                                   into scene-sweep/sweep.html
+  render2mpeg sweep scene.glb --qscale 2,16,48 --size 320x240
+  render2mpeg sweep scene.glb --methods perceptual-cache,paths-16
+
+Films lie in files below the output folder while they are needed: long sweeps take disk, not memory.";
+
+pub const PLAN: &str = "Examples:
+  render2mpeg plan scene.glb
+  render2mpeg plan scene.glb --cache off --thresholds fixed:0.02    what these leave out
+
+saves: the share of a frame's CPU time that leaving a stage out saves, an estimate.";
+
+#[cfg(feature = "shell")]
+pub const COMPLETIONS: &str = "Examples:
+  render2mpeg completions bash > ~/.local/share/bash-completion/completions/render2mpeg
+  render2mpeg completions fish > ~/.config/fish/completions/render2mpeg.fish";
+
+#[cfg(feature = "shell")]
+pub const MAN: &str = "Examples:
+  render2mpeg man render | man -l -
+  render2mpeg man > render2mpeg.1";
+
+#[cfg(test)]
+mod tests {
+    use crate::args::Arguments;
+    use clap::{CommandFactory, Parser};
+
+    #[test]
+    fn every_example_can_be_typed() {
+        let mut program = Arguments::command();
+        program.build();
+        let (mut all, mut helps) = (0, vec![(String::new(), program.render_long_help().to_string())]);
+        for command in program.get_subcommands_mut().filter(|command| command.get_name() != "help") {
+            helps.push((command.get_name().to_owned(), command.render_long_help().to_string()));
+        }
+        for (name, help) in helps {
+            let lines: Vec<&str> = help.lines().filter(|line| line.starts_with("  render2mpeg ")).collect();
+            assert!(!lines.is_empty(), "{name}: no example");
+            for line in lines {
+                // Behind two spaces it says what it is for, and behind > or | the shell goes on.
+                let typed = line.trim().split("  ").next().unwrap().split(['>', '|']).next().unwrap();
+                assert!(typed.starts_with(&format!("render2mpeg {name}")), "{line}");
+                if let Err(error) = Arguments::try_parse_from(typed.split_whitespace()) {
+                    panic!("{typed}: {error}");
+                }
+                all += 1;
+            }
+        }
+        assert!(all >= 8, "{all} examples");
+    }
+}
