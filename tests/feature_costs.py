@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""What each part of `render2mpeg` costs: CPU seconds of the compiler, crates, and bytes of the binary, as a Markdown table.
+"""What each part of `render2mpeg` costs, as a Markdown table: crates, CPU seconds of the compiler, and what it all weighs.
 
 Run from the repository's root: tests/feature_costs.py [FOLDER FOR THE BUILDS, target-features]
 
-Builds are optimised as for release and share a folder, so that no crate is compiled twice alike; the seconds of a build
-are those of all the crates that it consists of, as if it had begun with nothing. Seconds are those of the compiler's
-processes (user and system), which do not depend on what else the machine does; sizes are of stripped binaries.
+Two builds are made, with everything and with nothing, optimised as for release. The first tells what each crate took to
+compile: seconds of the compiler's processes (user and system), which do not depend on what else the machine does. The
+seconds of a feature are those of the crates that only it brings; the program's own part comes on top, for all features
+together. Sizes are of stripped binaries.
 """
 
 import json
@@ -42,26 +43,38 @@ def compile_and_note():
     sys.exit(code)
 
 
-def build(features, folder):
-    """Builds; names of the units that the binary consists of, and its path."""
-    command = ["cargo", "build", "--release", "--package", "pipeline", "--bin", "render2mpeg"]
+def build(options, folder):
+    """Builds; by package, the units that were compiled for it, and the program's path."""
+    command = ["cargo", "build", "--release", "--package", "pipeline", "--bin", "render2mpeg", *options]
     command += ["--message-format", "json", "--target-dir", str(folder)]
-    if features is not None:
-        command += ["--no-default-features", "--features", ",".join(features)]
     environment = dict(os.environ, RUSTC_WRAPPER=str(Path(__file__).resolve()), COMPILE_LOG=str(folder / "compile.log"))
     environment["CARGO_PROFILE_RELEASE_DEBUG"] = "false"
     output = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True, text=True).stdout
-    units, binary = set(), None
+    units, binary = {}, None
     for message in map(json.loads, output.splitlines()):
         if message["reason"] != "compiler-artifact":
             continue
         binary = message["executable"] or binary
-        for path in message["filenames"]:
-            path = Path(path)
+        own = units.setdefault(package_of(message["package_id"]), set())
+        for path in map(Path, message["filenames"]):
             if path.name == "build-script-build":
-                units.add("build_script_build-" + path.parent.name.split("-")[-1])
-            units.add(path.name.removeprefix("lib").split(".")[0])
+                own.add("build_script_build-" + path.parent.name.split("-")[-1])
+            own.add(path.name.removeprefix("lib").split(".")[0])
     return units, Path(binary)
+
+
+def package_of(identity):
+    """Name and version of a package, as cargo tree has them: "registry+…#name@1.2.3", "path+…/name#1.2.3"."""
+    place, _, name = identity.rpartition("#")
+    name, _, version = name.rpartition("@")
+    return f"{name or Path(place).name} v{version}"
+
+
+def packages(options):
+    """What a build consists of."""
+    command = ["cargo", "tree", "--package", "pipeline", "--edges", "normal,build", "--prefix", "none", "--no-dedupe"]
+    output = subprocess.run([*command, *options], stdout=subprocess.PIPE, check=True, text=True).stdout
+    return {" ".join(line.split()[:2]) for line in output.splitlines() if line}
 
 
 def main():
@@ -69,26 +82,27 @@ def main():
     if folder.exists():
         sys.exit(f"{folder} exists: remove it, so that every crate is compiled, or name another folder")
     folder.mkdir(parents=True)
-    builds = {"all": None, "none": []} | {name: [name] for name in PARTS}
-    found = {}
-    for name, features in builds.items():
-        units, binary = build(features, folder)
-        size = len(stripped(binary, folder))
+    nothing = ["--no-default-features"]
+    rows = {}
+    for name, options in [("all", []), ("none", nothing)]:
+        units, binary = build(options, folder)
         log = (folder / "compile.log").read_text().splitlines()
         seconds = dict(map(json.loads, log))
-        # The binary itself is named without its hash: it is the last of its name.
-        known = [unit for unit in units if unit in seconds]
-        own = [seconds[unit] for unit in seconds if unit.startswith("render2mpeg-")][-1:]
-        found[name] = (sum(seconds[unit] for unit in known) + sum(own), len(known), size)
-        print(name, found[name], file=sys.stderr)
-    base = found["none"]
-    print("| Feature | adds | CPU s of the compiler | crates | binary |\n|---|---|---|---|---|")
-    print(f"| none | `render`, `plan` | {base[0]:.0f} | {base[1]} | {base[2] / 1e6:.1f} MB |")
+        # The program itself is named without its hash among the units: it is the last of its name.
+        program = [took for unit, took in seconds.items() if unit.startswith("render2mpeg-")][-1]
+        whole = program + sum(seconds.get(unit, 0) for own in units.values() for unit in own)
+        rows[name] = (len(packages(options)), whole, len(stripped(binary, folder)))
+        if name == "all":
+            took = {package: sum(seconds.get(unit, 0) for unit in own) for package, own in units.items()}
+    base = packages(nothing)
+    line = "| {} | {} | {} | {:.0f} s | {} |"
+    print("| Feature | adds | crates | compiling them | binary |\n|---|---|---|---|---|")
+    print(line.format("none", "`render`, `plan`", rows["none"][0], rows["none"][1], f"{rows['none'][2] / 1e6:.1f} MB"))
     for name, about in PARTS.items():
-        seconds, crates, size = (a - b for a, b in zip(found[name], base))
-        print(f"| `{name}` | {about} | {seconds:+.0f} | {crates:+d} | {size / 1e6:+.1f} MB |")
-    everything = found["all"]
-    print(f"| all, the default | | {everything[0]:.0f} | {everything[1]} | {everything[2] / 1e6:.1f} MB |")
+        brought = packages([*nothing, "--features", name]) - base
+        compiling = sum(took.get(package, 0) for package in brought)
+        print(line.format(f"`{name}`", about, f"+{len(brought)}", compiling, ""))
+    print(line.format("all, the default", "", rows["all"][0], rows["all"][1], f"{rows['all'][2] / 1e6:.1f} MB"))
 
 
 def stripped(binary, folder):
