@@ -5,6 +5,7 @@
     python3 tests/compare_encoders.py out/clips/*.y4m
     python3 tests/compare_encoders.py --metric ssim --only ours out/clips/*.y4m
     python3 tests/compare_encoders.py --rate out/clips/*.y4m      # constant bit rates instead of constant quantisers
+    python3 tests/compare_encoders.py --tools out/clips/*.y4m     # ours at its best, without one tool after the other
     python3 tests/compare_encoders.py --speed out/clips/cornell.y4m
 
 A clip is YUV4MPEG2, 4:2:0; NAME.mvp and NAME.mvn beside NAME.y4m, where they are there, hold exact motion to the frame before and after
@@ -49,6 +50,21 @@ OURS = {
     "ours, best, searched": ("--effort best", False),
     "ours, best, adaptive": ("--effort best --adaptive", True),
     "ours, best, N=60": ("--effort best --gop 60", True),
+}
+# Ours at its best with one tool less, or another in its place; the anchor comes first.
+TOOLS = {
+    "best": ("", True),
+    "motion searched": ("", False),
+    "no B pictures": ("--bframes 0", True),
+    "one B picture in a row": ("--bframes 1", True),
+    "one quantiser a picture: no tree, no quantiser choice": ("--uniform", True),
+    "no I pictures at new scenes": ("--no-scene-cuts", True),
+    "Table B.14 for intra blocks": ("--no-intra-vlc", True),
+    "alternate scan": ("--alternate-scan", True),
+    "intra DC of 10 bits": ("--dc 10", True),
+    "groups of 60": ("--gop 60", True),
+    "balanced: no quantiser choice, quick decisions": ("--effort balanced", True),
+    "fast: no macroblock-tree, no trellis either": ("--effort fast", True),
 }
 PUBLISHED = {
     "y262, published": {"fly": -17.1, "static": -31.5, "orbit": -18.1, "pan": -17.1, "cut": -19.2, "plain": -17.8},
@@ -106,6 +122,10 @@ def ours(binary, options, given, clip):
 
 def encoders(arguments, clip):
     """Name and command of each; {point} says quantiser or rate, {out} the stream."""
+    if arguments.tools:
+        best = {name: ours(arguments.binary, f"--effort best {options}" if "--effort" not in options else options, given, clip)
+                for name, (options, given) in TOOLS.items()}  # fmt: skip
+        return "best", {name: command for name, command in best.items() if arguments.only in name or name == "best"}
     point = "{ffrate}" if arguments.rate else "-qscale:v {q}"
     ffmpeg = {"ffmpeg -g 15 -bf 2": "-g 15 -bf 2", "ffmpeg, default": "", "ffmpeg, slowest": SLOWEST}
     commands = {
@@ -220,7 +240,7 @@ def compare_bits(arguments, clips):
             curves = {name: results[i * len(points) :][: len(points)] for i, name in enumerate(commands)}
             for name, curve in curves.items():
                 table.setdefault(name, {})[clip.name] = bd_rate(curves[anchor], curve)
-    if arguments.metric == "psnr" and not arguments.rate:
+    if arguments.metric == "psnr" and not arguments.rate and not arguments.tools:
         table.update({name: row for name, row in PUBLISHED.items() if all(clip.name in row for clip in clips)})
     print(f"\nBD-rate ({arguments.metric}) against {anchor}, per cent\n")
     print("| encoder | " + " | ".join(clip.name for clip in clips) + " | mean |\n|---|" + "---|" * (len(clips) + 1))
@@ -257,6 +277,7 @@ def main():
     parser.add_argument("--only", default="", help="encoders whose name has this in it, and the anchor")
     parser.add_argument("--metric", choices=["psnr", "ssim"], default="psnr")
     parser.add_argument("--rate", action="store_true", help="constant bit rates of 0.5 to 8 Mbit/s")
+    parser.add_argument("--tools", action="store_true", help="ours at its best, without one tool after the other")
     parser.add_argument("--speed", action="store_true", help="CPU seconds of the first clip instead of bits")
     parser.add_argument("--pairs", type=int, default=3)
     parser.add_argument("--jobs", type=int, default=2)
