@@ -1,0 +1,120 @@
+//! What the plan leaves out takes no memory: bytes are counted as they are asked for.
+//!
+//! A stage that works on something asks for memory by its size. So bytes that are the same for any number of pixels, photons and
+//! lights are those of a stage that did not run; where it runs, they differ.
+
+use crossbeam_channel::bounded;
+use pipeline::stage::prepare;
+use pipeline::{Plan, Settings, Wishes, output::Output};
+use render_core::scene::Scene;
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+use std::alloc::System;
+use std::sync::atomic::AtomicBool;
+use tempfile::TempDir;
+use tests::{Glb, Moving, checkered_room, load};
+
+#[global_allocator]
+static COUNTED: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+/// How much work there is.
+#[derive(Clone, Copy)]
+struct Work {
+    side: usize,
+    photons: u64,
+    lights: usize,
+}
+
+const LITTLE: Work = Work { side: 48, photons: 3000, lights: 60 };
+const MORE_PIXELS: Work = Work { side: 96, ..LITTLE };
+const MORE_LIGHT: Work = Work { photons: 12_000, lights: 240, ..LITTLE };
+
+/// A film, and the folder that it lies in.
+struct Job {
+    scene: Scene,
+    settings: Settings,
+    plan: Plan,
+    _folder: TempDir,
+}
+
+impl Job {
+    fn new(room: &Glb, Work { side, photons, lights }: Work, frames: u32) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("room.glb");
+        room.write(&path);
+        let wishes = Wishes {
+            output: Some(folder.path().join("film.m2v")),
+            size: Some(format!("{side}x{side}").parse().unwrap()),
+            frames: Some(frames),
+            photons: Some(photons),
+            vpls: Some(lights),
+            ..Wishes::default()
+        };
+        let (scene, settings) = load(&path, wishes);
+        let plan = Plan::new(&scene, &settings);
+        Self { scene, settings, plan, _folder: folder }
+    }
+}
+
+/// Bytes that preparing a frame asks for, on average over frames after the first: what a longer film asks for more.
+fn of_a_later_frame(room: &Glb, work: Work) -> usize {
+    let of_film = |count: u32| {
+        let Job { scene, settings, plan, _folder } = &Job::new(room, work, count);
+        let (out, frames) = bounded(0);
+        let region = Region::new(COUNTED);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                // Owned here, so that the channel closes when the stage ends.
+                let out = out;
+                prepare::run(scene, settings, plan, &AtomicBool::new(false), &out);
+            });
+            assert_eq!(frames.iter().count(), count as usize);
+        });
+        region.change().bytes_allocated
+    };
+    of_film(9).saturating_sub(of_film(3)) / 6
+}
+
+/// Bytes of a whole run.
+fn of_a_run(room: &Glb, work: Work) -> usize {
+    let Job { scene, settings, plan, _folder } = &Job::new(room, work, 4);
+    let output = Output::create(&settings.output).unwrap();
+    let region = Region::new(COUNTED);
+    pipeline::render(scene, settings, plan, output, &AtomicBool::new(false), |_| ()).unwrap();
+    region.change().bytes_allocated
+}
+
+/// The bytes of one plane of floats of a small picture: less than this is no work on pixels.
+const A_PLANE: usize = 4 * LITTLE.side * LITTLE.side;
+
+/// One test, so that nothing else asks for memory meanwhile.
+#[test]
+fn what_is_left_out_takes_no_memory() {
+    // Nothing moves: a later frame asks for nothing that grows with pixels, photons or lights.
+    let still = checkered_room(Moving::Nothing);
+    // Threads of the common pool are started before anything is counted.
+    of_a_run(&still, LITTLE);
+    let [little, pixels, light] = [LITTLE, MORE_PIXELS, MORE_LIGHT].map(|work| of_a_later_frame(&still, work));
+    println!("nothing moves: {little}, with more pixels {pixels}, with more light {light} bytes");
+    assert!(little < A_PLANE && pixels < A_PLANE && light < A_PLANE);
+
+    // The camera moves: what is seen is found anew, light is not.
+    let passing = checkered_room(Moving::Camera);
+    let [little, pixels, light] = [LITTLE, MORE_PIXELS, MORE_LIGHT].map(|work| of_a_later_frame(&passing, work));
+    println!("the camera moves: {little}, with more pixels {pixels}, with more light {light} bytes");
+    assert!(pixels > little + 3 * A_PLANE && light < little + A_PLANE);
+
+    // A box moves: everything is done anew.
+    let moving = checkered_room(Moving::Box);
+    let [little, pixels, light] = [LITTLE, MORE_PIXELS, MORE_LIGHT].map(|work| of_a_later_frame(&moving, work));
+    println!("a box moves: {little}, with more pixels {pixels}, with more light {light} bytes");
+    assert!(pixels > little + 3 * A_PLANE && light > little + A_PLANE);
+
+    // Nothing reflects: in a whole run, photons and virtual lights take nothing.
+    let mut black = checkered_room(Moving::Nothing);
+    for material in black.json["materials"].as_array_mut().unwrap() {
+        material["pbrMetallicRoughness"]["baseColorFactor"] = serde_json::json!([0.0, 0.0, 0.0, 1.0]);
+    }
+    let [little, light, lit] = [of_a_run(&black, LITTLE), of_a_run(&black, MORE_LIGHT), of_a_run(&still, MORE_LIGHT)];
+    println!("nothing reflects: {little}, with more light {light} bytes; where something reflects {lit}");
+    assert!(little.abs_diff(light) < A_PLANE && lit > light + 10 * A_PLANE);
+}
