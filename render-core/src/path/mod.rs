@@ -25,8 +25,9 @@ use lights::Lights;
 
 /// Reflections before which roulette ends no path.
 const SURE_BOUNCES: u32 = 4;
-/// Highest probability of going on after that: a room of white walls must end too.
-const HIGHEST_SURVIVAL: f32 = 0.95;
+/// Highest probability of going on after that: a room of white walls must end too. Above the root of it, a reflectance of 0.995,
+/// the variance has no bound.
+const HIGHEST_SURVIVAL: f32 = 0.99;
 
 /// A scene at one time, ready for paths.
 pub struct PathTracer<'a> {

@@ -9,7 +9,8 @@ use crate::sampling::{cosine_hemisphere, halton};
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3, Vec3A};
 
-/// Roulette ends paths before, at a reflectance of 0.95 all but two in a million; a box of perfect walls must end too.
+/// Roulette ends paths before, at a reflectance of 0.95 all but two in a million; a box of perfect walls must end too. What
+/// would come later is left out: at a reflectance of 0.99 that is 8 % of all light.
 pub(super) const LONGEST_PATH: usize = 256;
 /// Dimensions of a bounce: direction (2) and roulette (1).
 const BOUNCE_DIMENSIONS: usize = 3;
@@ -117,7 +118,9 @@ impl Walk<'_> {
                 came: if leg.distant { f32::INFINITY } else { hit.distance },
             });
             let u = |k| halton(self.seed, index, EMISSION_DIMENSIONS + bounce * BOUNCE_DIMENSIONS + k);
-            let survival = (luminance(reflected) / luminance(flux)).clamp(0.0, 0.95);
+            // With the reflectance itself photons keep their energy. Held below it, those that live long would grow, and a
+            // few of them outshine all others: above √0.95 their variance has no bound.
+            let survival = (luminance(reflected) / luminance(flux)).clamp(0.0, 1.0);
             // A photon without energy divides 0 by 0.
             if survival.is_nan() || u(2) >= survival {
                 return;
