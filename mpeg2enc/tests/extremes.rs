@@ -228,6 +228,22 @@ fn never_runs_dry(packets: &[Packet], rate: Rate, what: &str) {
     }
 }
 
+/// A configuration that no encoder takes may be asked for its container first.
+#[test]
+fn containers_of_impossible_rates() {
+    for rate in [
+        Rate::Constant { bits_per_second: 0, buffer_bits: 0 },
+        Rate::Capped { bits_per_second: 0, buffer_bits: u32::MAX },
+        Rate::Constant { bits_per_second: u32::MAX, buffer_bits: u32::MAX },
+    ] {
+        let settings = config(16, 16).with_rate(rate);
+        for container in [Container::Elementary, Container::Program, Container::Transport] {
+            Multiplexer::new(container, &settings);
+        }
+        assert!(settings.lookahead_encoder().is_err());
+    }
+}
+
 /// Waits for more pictures than there are, with and without motion of them.
 #[test]
 fn short_films_with_many_b_pictures() {

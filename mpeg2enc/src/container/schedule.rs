@@ -29,7 +29,8 @@ pub(super) struct Schedule {
 impl Schedule {
     pub fn new(config: &Config) -> Self {
         let (bit_rate, buffer_size) = config.stated_rate();
-        let (bytes_per_second, buffer) = (50 * u64::from(bit_rate), 2048 * u64::from(buffer_size));
+        // A rate of 0 is refused by the encoder, but may come here before.
+        let (bytes_per_second, buffer) = (50 * u64::from(bit_rate.max(1)), 2048 * u64::from(buffer_size));
         // The buffer is as full as rate control believes; nothing else needs it full.
         let full = match config.rate {
             Rate::ConstantQuantiser => buffer.min(bytes_per_second / 2),
