@@ -1,5 +1,21 @@
 //! `render2mpeg`: arguments, settings, run, report. The one place that prints errors and sets the exit code.
 
+/// As `println!`; a reader that closes its end early is no failure.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stdout(), $($text)*);
+    }};
+}
+
+/// As `eprintln!`, likewise.
+macro_rules! tell {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
 mod args;
 mod command;
 mod config_file;
@@ -25,7 +41,7 @@ fn main() -> ExitCode {
     match arguments.and_then(|arguments| run(arguments.command)) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("render2mpeg: {error:#}");
+            tell!("render2mpeg: {error:#}");
             ExitCode::FAILURE
         }
     }
@@ -38,8 +54,8 @@ fn run(command: Command) -> Result<ExitCode> {
             let scene = scene::load(&path)?;
             let settings = Settings::new(path, &scene, wishes)?;
             settings.encoder_config()?;
-            print!("{}", Plan::new(&scene, &settings).table());
-            scene.warnings.iter().for_each(|warning| println!("note: {warning}"));
+            say!("{}", Plan::new(&scene, &settings).table().trim_end());
+            scene.warnings.iter().for_each(|warning| say!("note: {warning}"));
             Ok(ExitCode::SUCCESS)
         }
         Command::Render(arguments) => {
@@ -61,7 +77,7 @@ fn run(command: Command) -> Result<ExitCode> {
             let stop = stop_on_interrupt()?;
             match command::sweep::run(arguments, &stop) {
                 Err(error) if stop.load(Ordering::Relaxed) => {
-                    eprintln!("render2mpeg: {error:#}");
+                    tell!("render2mpeg: {error:#}");
                     Ok(ExitCode::from(INTERRUPTED))
                 }
                 result => result,

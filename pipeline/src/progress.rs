@@ -19,7 +19,7 @@ impl Progress {
         if quiet {
             return Self { bar: ProgressBar::hidden() };
         }
-        eprintln!(
+        tell!(
             "{}: {} triangles, {} frames of {}x{} at {} fps, quantiser_scale {}",
             settings.scene.display(),
             scene.triangle_count(),
@@ -29,12 +29,12 @@ impl Progress {
             settings.fps,
             settings.qscale,
         );
-        scene.warnings.iter().for_each(|warning| eprintln!("note: {warning}"));
+        scene.warnings.iter().for_each(|warning| tell!("note: {warning}"));
         let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {per_sec}  {eta} left  {msg}")
             .expect("the template is correct");
         let bar = ProgressBar::new(settings.frames.into()).with_style(style);
         if first_frame > 0 {
-            eprintln!("goes on with frame {first_frame}");
+            tell!("goes on with frame {first_frame}");
             bar.set_position(first_frame.into());
             bar.reset_eta();
         }
@@ -115,22 +115,22 @@ pub fn summary(report: &Report, video: &Path, report_path: &Path) {
     let s = &report.summary;
     let rate = s.bits * report.settings.fps / 1000.0;
     let psnr = s.psnr_y.map_or("equal to the source".into(), |psnr| format!("{psnr:.1} dB"));
-    eprintln!("{} frames in {:.1} s{}", s.frames, s.wall_seconds, if s.interrupted { ", interrupted" } else { "" });
-    eprintln!(
+    tell!("{} frames in {:.1} s{}", s.frames, s.wall_seconds, if s.interrupted { ", interrupted" } else { "" });
+    tell!(
         "  lighting  {:.2} s direct + {:.2} s cuts a frame, {:.0} lights a cut, threshold {:.1} % of luminance",
         s.seconds.direct,
         s.seconds.indirect,
         s.cut_size_mean,
         100.0 * s.threshold_mean_relative,
     );
-    eprintln!("  video     {rate:.0} kbit/s, luma PSNR {psnr}");
+    tell!("  video     {rate:.0} kbit/s, luma PSNR {psnr}");
     if let Some(bytes) = s.peak_memory_bytes {
-        eprintln!("  memory    {:.0} MB at most", bytes as f64 / 1e6);
+        tell!("  memory    {:.0} MB at most", bytes as f64 / 1e6);
     }
     let broken: usize = report.frames.iter().map(|frame| frame.non_finite_pixels).sum();
     if broken > 0 {
-        eprintln!("  warning   {broken} pixels were not finite and are shown black");
+        tell!("  warning   {broken} pixels were not finite and are shown black");
     }
-    eprintln!("video:  {}", video.display());
-    eprintln!("report: {}", report_path.display());
+    tell!("video:  {}", video.display());
+    tell!("report: {}", report_path.display());
 }

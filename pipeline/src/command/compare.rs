@@ -33,21 +33,21 @@ pub fn run(arguments: &Compare) -> Result<ExitCode> {
     let found =
         compare::compare_paths(picture, reference, output.is_some().then_some(&mut map), |index, comparison| {
             if !single && !json {
-                println!("{}", line(&format!("frame {index:5}"), comparison));
+                say!("{}", line(&format!("frame {index:5}"), comparison));
             }
         })?;
     match (single, json) {
-        (true, true) => println!("{}", serde_json::to_string_pretty(&found.mean)?),
-        (false, true) => println!("{}", serde_json::to_string_pretty(&found)?),
-        (true, false) => println!("{}", found.mean),
-        (false, false) => println!("\nmean of {} pictures\n{}", found.frames.len(), found.mean),
+        (true, true) => say!("{}", serde_json::to_string_pretty(&found.mean)?),
+        (false, true) => say!("{}", serde_json::to_string_pretty(&found)?),
+        (true, false) => say!("{}", found.mean),
+        (false, false) => say!("\nmean of {} pictures\n{}", found.frames.len(), found.mean),
     }
     if let Some(mut output) = output {
         output.write(&png_file::encode(&map.picture()))?;
         output.finish()?;
         if !json {
             let (low, high) = HEAT_MAP_RANGE;
-            println!("heat map              dark at {low} code values of luma, bright at {high}");
+            say!("heat map              dark at {low} code values of luma, bright at {high}");
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -92,7 +92,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
             ("trace", trace.map(|path| path.display().to_string())),
             ("threads", threads.map(|threads| threads.to_string())),
         ];
-        print!("{}", config_file::text(&settings, &more));
+        say!("{}", config_file::text(&settings, &more).trim_end());
         return Ok(ExitCode::SUCCESS);
     }
     if let Some(folder) = &settings.exr {
@@ -140,9 +140,9 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     if !quiet {
         progress::summary(&report, &settings.output, &report_path);
         if report.summary.interrupted && every.is_some() {
-            eprintln!("ended early: the same command with --resume goes on behind the last frame");
+            tell!("ended early: the same command with --resume goes on behind the last frame");
         }
-        traced.into_iter().for_each(|line| eprintln!("trace:  {line}"));
+        traced.into_iter().for_each(|line| tell!("trace:  {line}"));
     }
     Ok(if report.summary.interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }

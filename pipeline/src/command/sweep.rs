@@ -93,8 +93,8 @@ pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
     let swept = result?;
     swept.write(&folder)?;
     if !quiet {
-        println!("{}", swept.outcome.table());
-        println!("page: {} (after {:.0} s)", folder.join("sweep.html").display(), swept.outcome.wall_seconds);
+        say!("{}", swept.outcome.table());
+        say!("page: {} (after {:.0} s)", folder.join("sweep.html").display(), swept.outcome.wall_seconds);
     }
     Ok(ExitCode::SUCCESS)
 }
