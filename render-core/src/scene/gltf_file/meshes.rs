@@ -26,9 +26,13 @@ impl Loader<'_> {
             let key = (mesh.index(), skin.as_ref().map(gltf::Skin::index));
             if let Entry::Vacant(entry) = read.entry(key) {
                 let first = scene.meshes.len();
+                let mut shown = Vec::new();
                 for primitive in mesh.primitives() {
                     match self.primitive(&mesh, &primitive, buffers, scene)? {
-                        Some(primitive) => scene.meshes.push(primitive),
+                        Some(triangles) => {
+                            scene.meshes.push(triangles);
+                            shown.push(primitive);
+                        }
                         None => points_or_lines = true,
                     }
                 }
@@ -42,7 +46,7 @@ impl Loader<'_> {
                         }
                     };
                     let joints = scene.skins[place].joints.len();
-                    for (mesh_of_skin, primitive) in scene.meshes[first..].iter_mut().zip(mesh.primitives()) {
+                    for (mesh_of_skin, primitive) in scene.meshes[first..].iter_mut().zip(shown) {
                         let place_in_file = format!("mesh {} primitive {}", mesh.index(), primitive.index());
                         let (per_vertex, influences) =
                             self.influences(&place_in_file, &primitive, buffers, mesh_of_skin.positions.len(), joints)?;
