@@ -360,6 +360,121 @@ fn hostile_files_get_an_error_and_little_memory() {
     assert!(wrong.is_empty(), "{} of {}: {wrong:#?}", wrong.len(), cases.len());
 }
 
+/// The header of a PNG file of this size, and nothing of what it promises (PNG, 11.2.1 and 5.3).
+fn png_that_claims(width: u32, height: u32) -> Vec<u8> {
+    let chunk = |kind: &[u8; 4], data: &[u8]| {
+        let body = [&kind[..], data].concat();
+        let mut sum = u32::MAX;
+        for &byte in &body {
+            sum ^= u32::from(byte);
+            (0..8).for_each(|_| sum = if sum & 1 == 1 { sum >> 1 ^ 0xedb8_8320 } else { sum >> 1 });
+        }
+        [&(data.len() as u32).to_be_bytes()[..], &body[..], &(!sum).to_be_bytes()[..]].concat()
+    };
+    let header = [&width.to_be_bytes()[..], &height.to_be_bytes()[..], &[8, 6, 0, 0, 0]].concat();
+    [&b"\x89PNG\r\n\x1a\n"[..], &chunk(b"IHDR", &header), &chunk(b"IDAT", &[0x78, 0x9c]), &chunk(b"IEND", &[])].concat()
+}
+
+/// Small files that stand for much: an image that claims to be large, meshes that share their numbers, one mesh shown often.
+#[test]
+fn small_files_that_claim_much_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("large.png"), png_that_claims(16384, 16384)).unwrap();
+    let mut image = square(json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }));
+    image.json["images"] = json!([{ "uri": "large.png" }]);
+    image.json["textures"] = json!([{ "source": 0 }]);
+    // Each mesh takes 12 bytes for each of 16 million corners that no byte stands for.
+    let mut zeros = square(json!({}));
+    zeros.json["accessors"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({ "componentType": 5126, "count": 1 << 24, "type": "VEC3" }));
+    let of_zeros = json!({ "primitives": [{ "attributes": { "POSITION": 2 }, "indices": 1 }] });
+    for mesh in 0..50 {
+        zeros.json["meshes"].as_array_mut().unwrap().push(of_zeros.clone());
+        zeros.json["nodes"].as_array_mut().unwrap().push(json!({ "mesh": mesh + 1 }));
+        zeros.json["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(mesh + 1));
+    }
+    // 20 000 squares, 20 000 times.
+    let mut often = Glb::default();
+    often.add(&vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 20_000], Vec3::ONE, Vec3::ZERO);
+    for node in 1..20_000 {
+        often.json["nodes"].as_array_mut().unwrap().push(json!({ "mesh": 0 }));
+        often.json["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(node));
+    }
+    for (name, glb, words) in [
+        ("image", &image, &["16384x16384", "image 0"][..]),
+        ("zeros", &zeros, &["numbers"]),
+        ("often", &often, &["800000000 triangles"]),
+    ] {
+        let file = format!("{name}.glb");
+        glb.write(&folder.path().join(&file));
+        let script = "ulimit -v 2000000; exec \"$0\" plan \"$1\"";
+        let mut shell = Command::new("sh");
+        shell.args(["-c", script]).arg(program()).arg(&file).current_dir(folder.path()).stdin(Stdio::null());
+        let output = shell.output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr);
+        println!("{message}");
+        assert_eq!((output.status.code(), message.lines().count()), (Some(1), 1), "{name}: {message}");
+        assert!(words.iter().all(|word| message.contains(word)), "{name}: {message}");
+    }
+}
+
+/// A header is no reason to take memory, nor is a size whose product leaves the range of numbers.
+#[test]
+fn videos_that_claim_much_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (width, height) in [("16384", "16384"), ("4294967296", "4294967296"), ("9223372036854775808", "2"), ("0", "0")]
+    {
+        let header = format!("YUV4MPEG2 W{width} H{height} F25:1 Ip A1:1 C420mpeg2\nFRAME\n0000");
+        std::fs::write(folder.path().join("a.y4m"), header).unwrap();
+        tests::assert_fails(folder.path(), &["compare", "a.y4m", "a.y4m"], &["a.y4m"]);
+    }
+}
+
+/// A skinned mesh whose first primitive is made of lines: the joints of its triangles are their own.
+#[test]
+fn skins_skip_what_is_not_shown() {
+    let mut glb = square(json!({}));
+    let start = glb.bin.len();
+    // Of the two vertices of the line, then of the four of the square: all of joint 0, all of joint 1.
+    glb.bin.extend([[0u8, 0, 0, 0].repeat(2), [1, 0, 0, 0].repeat(4), [255, 0, 0, 0].repeat(4)].concat());
+    let mut push = |list: &str, value: Value| {
+        let list = glb.json[list].as_array_mut().unwrap();
+        list.push(value);
+        list.len() - 1
+    };
+    let view = push("bufferViews", json!({ "buffer": 0, "byteOffset": start, "byteLength": 40 }));
+    let mut of = |offset: usize, count: usize, normalized: bool| {
+        let accessor = json!({
+            "bufferView": view, "byteOffset": offset, "componentType": 5121, "normalized": normalized, "count": count, "type": "VEC4"
+        });
+        push("accessors", accessor)
+    };
+    let [line_joints, line_weights] = [of(0, 2, false), of(24, 2, true)];
+    let [joints, weights] = [of(8, 4, false), of(24, 4, true)];
+    let ends = glb.json["accessors"][0].clone();
+    let line = {
+        let list = glb.json["accessors"].as_array_mut().unwrap();
+        list.push(ends);
+        let place = list.len() - 1;
+        list[place]["count"] = json!(2);
+        json!({ "mode": 1, "attributes": { "POSITION": place, "JOINTS_0": line_joints, "WEIGHTS_0": line_weights } })
+    };
+    let attributes = &mut glb.json["meshes"][0]["primitives"][0]["attributes"];
+    (attributes["JOINTS_0"], attributes["WEIGHTS_0"]) = (json!(joints), json!(weights));
+    glb.json["meshes"][0]["primitives"].as_array_mut().unwrap().insert(0, line);
+    for x in [5.0, 9.0] {
+        glb.json["nodes"].as_array_mut().unwrap().push(json!({ "translation": [x, 0.0, 0.0] }));
+    }
+    glb.json["scenes"][0]["nodes"] = json!([0, 1, 2]);
+    glb.json["skins"] = json!([{ "joints": [1, 2] }]);
+    glb.json["nodes"][0]["skin"] = json!(0);
+    let scene = load(&glb, "").unwrap();
+    let (low, _) = scene.bounds(&scene.pose(0.0)).unwrap();
+    assert!((low.x - 9.0).abs() < 1e-5, "the square hangs from joint 1: {low}");
+}
+
 /// A cheap generator that is the same everywhere (xorshift).
 struct Random(u64);
 

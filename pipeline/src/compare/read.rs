@@ -10,6 +10,8 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
+/// Largest side of a picture in a video, that of MPEG-2.
+const LARGEST_SIDE: usize = 16383;
 /// What ffmpeg is asked to read.
 const VIDEO_ENDINGS: [&str; 10] = ["m2v", "m1v", "mpg", "mpeg", "ts", "m2ts", "mp4", "mkv", "avi", "mov"];
 
@@ -123,8 +125,14 @@ fn linear_picture(path: &Path) -> Result<Picture> {
 }
 
 fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn Read>>> {
-    let decoder = y4m::Decoder::new(input)
+    // Memory is taken for what the header says.
+    let limits = y4m::Limits { bytes: LARGEST_SIDE * LARGEST_SIDE * 3 / 2 + 2 * LARGEST_SIDE };
+    let decoder = y4m::Decoder::new_with_limits(input, limits)
         .map_err(|error| anyhow::anyhow!("{} is not a YUV4MPEG2 video: {error}", path.display()))?;
+    let (width, height) = (decoder.get_width(), decoder.get_height());
+    if !(1..=LARGEST_SIDE).contains(&width) || !(1..=LARGEST_SIDE).contains(&height) {
+        bail!("{}: {width}x{height} is no size of a picture; sides go from 1 to {LARGEST_SIDE}", path.display());
+    }
     use y4m::Colorspace::{C420, C420jpeg, C420mpeg2, C420paldv};
     if !matches!(decoder.get_colorspace(), C420 | C420jpeg | C420mpeg2 | C420paldv) {
         bail!("{}: only 8-bit 4:2:0 videos are compared; ffmpeg -pix_fmt yuv420p makes one", path.display());

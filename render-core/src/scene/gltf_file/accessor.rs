@@ -6,19 +6,38 @@
 use gltf::Accessor;
 use gltf::accessor::{DataType, sparse::IndexType};
 use gltf::buffer::View;
+use std::cell::Cell;
 use std::collections::HashSet;
 
 /// Most elements of an accessor without a buffer view: zeros that no byte of the file stands for.
 const ELEMENTS_WITHOUT_DATA: usize = 1 << 24;
 
+/// Memory that accessors may take together, as bytes and as a multiple of those that the file has: many may point to the same
+/// bytes, each for a mesh of its own.
+const ALLOWANCE: (usize, usize) = (1 << 28, 256);
+
 /// The bytes that accessors point into.
 pub(super) struct Buffers {
-    pub(super) bytes: Vec<Vec<u8>>,
+    bytes: Vec<Vec<u8>>,
     /// Accessors that stand for zeros, whatever view they name.
-    pub(super) zeros: HashSet<usize>,
+    zeros: HashSet<usize>,
+    /// What is left of the allowance \[bytes\]; none once something was asked for that is more.
+    allowance: Cell<Option<usize>>,
 }
 
 impl Buffers {
+    /// With all that accessors may take.
+    pub(super) fn new(bytes: Vec<Vec<u8>>, zeros: HashSet<usize>) -> Self {
+        let held = bytes.iter().map(Vec::len).fold(0, usize::saturating_add);
+        let allowance = held.saturating_mul(ALLOWANCE.1).saturating_add(ALLOWANCE.0);
+        Self { bytes, zeros, allowance: Cell::new(Some(allowance)) }
+    }
+
+    /// Whether accessors stand for more than a file of this size may.
+    pub(super) fn is_exhausted(&self) -> bool {
+        self.allowance.get().is_none()
+    }
+
     /// The bytes of a view; `None` if they lie outside of their buffer.
     pub(super) fn view(&self, view: &View) -> Option<&[u8]> {
         let end = view.offset().checked_add(view.length())?;
@@ -60,6 +79,9 @@ impl Buffers {
         let size = accessor.data_type().size();
         let element = |bytes: &[u8]| std::array::from_fn(|c| component(&bytes[c * size..]));
         let (count, whole) = (accessor.count(), N * size);
+        let left = self.allowance.get().and_then(|left| left.checked_sub(count.checked_mul(size_of::<[T; N]>())?));
+        self.allowance.set(left);
+        left?;
         let mut list: Vec<[T; N]> = match accessor.view().filter(|_| !self.zeros.contains(&accessor.index())) {
             Some(view) => {
                 let stride = view.stride().unwrap_or(whole);

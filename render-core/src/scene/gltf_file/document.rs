@@ -1,9 +1,9 @@
 //! The document and the bytes it refers to.
 
 use super::accessor::Buffers;
-use super::{LoadError, Loader};
+use super::{LoadError, Loader, is_inside};
 use std::collections::HashSet;
-use std::path::{Component, PathBuf};
+use std::path::PathBuf;
 
 /// Extensions that a file may require.
 const SUPPORTED: [&str; 7] = [
@@ -40,7 +40,7 @@ impl Loader<'_> {
         let document = gltf::Document::from_json(root)
             .or_else(|error| self.bad(one_line(&error.to_string()).trim_end_matches(';')))?;
         let bytes = self.buffers(&document, blob)?;
-        Ok((document, Buffers { bytes, zeros }))
+        Ok((document, Buffers::new(bytes, zeros)))
     }
 
     fn buffers(&self, document: &gltf::Document, mut blob: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>, LoadError> {
@@ -81,8 +81,7 @@ impl Loader<'_> {
             return decode_base64(encoded).ok_or_else(|| fail("broken base64 data"));
         }
         let relative = PathBuf::from(decode_percent(uri));
-        let inside = relative.components().all(|part| matches!(part, Component::Normal(_)));
-        if !inside || uri.contains("://") {
+        if !is_inside(&relative) || uri.contains("://") {
             return Err(fail("it lies outside of the scene's folder"));
         }
         std::fs::read(self.folder.join(relative)).map_err(|error| fail(&error.to_string()))

@@ -38,7 +38,9 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Vec<String
 fn material(source: &gltf::Material) -> Material {
     let pbr = source.pbr_metallic_roughness();
     let [r, g, b, opacity] = pbr.base_color_factor();
-    let emission = Vec3::from(source.emissive_factor()) * source.emissive_strength().unwrap_or(1.0);
+    // What is beyond all numbers stays beyond what is allowed, and is refused as that.
+    let strength = source.emissive_strength().unwrap_or(1.0).min(f32::MAX);
+    let emission = Vec3::from(source.emissive_factor()) * strength;
     let unit = |factor: f32| if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 };
     let sane = |color: Vec3| if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ZERO };
     Material {

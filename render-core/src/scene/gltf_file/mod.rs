@@ -14,14 +14,21 @@ mod skins;
 mod textures;
 
 use super::sky::SkySource;
-use super::{Gradient, Scene, SceneSettings};
+use super::{Gradient, Material, Scene, SceneSettings};
 use crate::environment::Environment;
 use glam::{Affine3A, Vec3, Vec3A};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Farthest from the origin that anything may be \[m\]: its square is far inside of the range of `f32`.
 const FARTHEST: f32 = 1e15;
+
+/// Most triangles of all instances together: a small file may show one mesh many times over, and memory is taken for each.
+const MOST_TRIANGLES: usize = 1 << 27;
+
+/// Strongest that any light may be \[W·sr⁻¹ or W·m⁻²·sr⁻¹\]: ten thousand million times the sun's surface. Sums over pixels, lights
+/// and photons, and their squares over what falls off with distance, stay inside of the range of `f32`.
+pub(super) const STRONGEST: f32 = 1e18;
 
 /// Why a scene could not be read; the message names the file, the place and the remedy.
 #[derive(Debug, thiserror::Error)]
@@ -74,6 +81,13 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
     let mut scene =
         guarded(|| Loader { path, folder: path.parent().unwrap_or(Path::new("")) }.scene(&bytes, &settings))
             .unwrap_or_else(|| Err(malformed(path, "damaged glTF: an index or offset points outside of its data")))?;
+    let triangles = scene.triangle_count();
+    if triangles > MOST_TRIANGLES {
+        return Err(malformed(
+            path,
+            format!("{triangles} triangles, each instance counted; {MOST_TRIANGLES} are the most"),
+        ));
+    }
     if !is_within_reach(&scene) {
         return Err(malformed(path, format!("something is more than {FARTHEST:e} m from the origin; scale the scene")));
     }
@@ -98,10 +112,25 @@ fn load_sky(scene: &Path, settings: &SceneSettings) -> Result<Option<Environment
         SkySource::Gradient(gradient) => return Ok(Environment::gradient(gradient)),
         SkySource::Image { file, intensity, rotation } => (file, intensity, rotation),
     };
+    if !is_inside(Path::new(&file)) {
+        return Err(malformed(
+            &toml,
+            format!("[sky] image \"{file}\" lies outside of the scene's folder; put it there"),
+        ));
+    }
     let image = toml.parent().unwrap_or(Path::new("")).join(&file);
     let texels = guarded(|| crate::image_file::read_radiance(&image))
         .unwrap_or_else(|| Err(format!("{}: damaged image", image.display())))
         .map_err(|why| malformed(&toml, format!("[sky] image \"{file}\": {why}")))?;
+    // Texels that are no numbers are black.
+    let brightest = texels.samples().iter().filter(|c| c.is_finite()).fold(0.0f32, |most, c| most.max(c.max_element()));
+    if brightest * intensity > STRONGEST {
+        let brightest = brightest * intensity;
+        return Err(malformed(
+            &toml,
+            format!("[sky] image \"{file}\" shines with {brightest:e}; {STRONGEST:e} is the most"),
+        ));
+    }
     Ok(Environment::image(texels, intensity, rotation))
 }
 
@@ -137,6 +166,11 @@ fn load_settings(scene: &Path) -> Result<SceneSettings, LoadError> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(SceneSettings::default()),
         Err(error) => Err(LoadError::Open { path, error }),
     }
+}
+
+/// Whether a path leads from a folder to something in it.
+fn is_inside(relative: &Path) -> bool {
+    relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
 }
 
 fn malformed(path: &Path, what: impl Into<String>) -> LoadError {
@@ -177,9 +211,20 @@ impl Loader<'_> {
         let mut scene = Scene::default();
         let node_of = self.nodes(&document, &mut scene)?;
         (scene.materials, scene.warnings) = materials::materials(&document);
-        self.meshes(&document, &buffers, &node_of, &mut scene)?;
+        let glow = |material: &Material| material.emission.max_element();
+        if let Some(index) = scene.materials.iter().position(|material| glow(material) > STRONGEST) {
+            let glow = glow(&scene.materials[index]);
+            return self.bad(format!("material {index} glows with {glow:e}; {STRONGEST:e} is the most"));
+        }
+        let animation = settings.animation.name.as_deref();
+        let read = self
+            .meshes(&document, &buffers, &node_of, &mut scene)
+            .and_then(|()| self.channels(&document, &buffers, &node_of, animation, &mut scene));
+        if buffers.is_exhausted() {
+            return self.bad("its accessors stand for far more numbers than the file has bytes for; export it again");
+        }
+        read?;
         self.textures(&document, &buffers, &mut scene)?;
-        self.channels(&document, &buffers, &node_of, settings.animation.name.as_deref(), &mut scene)?;
         Ok(scene)
     }
 }

@@ -1,6 +1,6 @@
 //! The hierarchy, with the cameras and lights that hang from it.
 
-use super::{LoadError, Loader};
+use super::{LoadError, Loader, STRONGEST};
 use crate::scene::{Camera, Node, Projection, PunctualKind, PunctualLight, Scene, Transform};
 use glam::{Quat, Vec3};
 use std::collections::HashMap;
@@ -75,6 +75,13 @@ impl Loader<'_> {
         let color = Vec3::from(light.color()) * light.intensity();
         if !color.is_finite() || color.min_element() < 0.0 {
             return self.bad(format!("light {} has an impossible colour or intensity", light.index()));
+        }
+        if color.max_element() > STRONGEST {
+            return self.bad(format!(
+                "light {} shines with {:e}; {STRONGEST:e} is the most",
+                light.index(),
+                color.max_element()
+            ));
         }
         Ok(PunctualLight { node, color, kind })
     }

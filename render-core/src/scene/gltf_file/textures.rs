@@ -6,6 +6,9 @@ use super::{LoadError, Loader};
 use crate::scene::{Encoding, Scene, Texture, Wrap};
 use std::collections::HashMap;
 
+/// Most texels of all textures together, 2 GB of them: a few bytes may stand for a large image, and many textures for one file.
+const MOST_TEXELS: usize = 1 << 29;
+
 impl Loader<'_> {
     /// Decodes the images that a material of a shown mesh uses, and renumbers the slots to match. An image that is both
     /// colour and data is held twice: its mip levels differ.
@@ -20,6 +23,7 @@ impl Loader<'_> {
             shown[scene.meshes[instance.mesh].material] = true;
         }
         let files: Vec<gltf::Texture> = document.textures().collect();
+        let mut texels = 0;
         let mut place_of: HashMap<(usize, [Wrap; 2], Encoding), usize> = HashMap::new();
         let Scene { materials, textures, .. } = scene;
         for (material, _) in materials.iter_mut().zip(shown).filter(|(_, shown)| *shown) {
@@ -33,7 +37,15 @@ impl Loader<'_> {
                 slot.texture = match place_of.get(&key) {
                     Some(&place) => place,
                     None => {
-                        textures.push(self.texture(texture, encoding, buffers)?);
+                        let read = self.texture(texture, encoding, buffers)?;
+                        let size = read.size();
+                        texels += size.x as usize * size.y as usize;
+                        if texels > MOST_TEXELS {
+                            return self.bad(format!(
+                                "its images have more than {MOST_TEXELS} texels together; make them smaller"
+                            ));
+                        }
+                        textures.push(read);
                         place_of.insert(key, textures.len() - 1);
                         textures.len() - 1
                     }
