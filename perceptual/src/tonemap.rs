@@ -118,7 +118,7 @@ pub enum Display {
 pub struct ToneMap {
     /// The curve.
     pub operator: Operator,
-    /// Factor on radiance before the curve, 1e-12…1e12; two stops brighter is 4. Default 1.
+    /// Factor on radiance before the curve, 1e-20…1e20; two stops brighter is 4. Default 1.
     pub exposure: f32,
     /// Exponent of the display, 1…4, for [`Operator::Gamma`] and [`Display::Gamma`]. Default 2.2.
     pub gamma: f32,
@@ -153,7 +153,7 @@ impl fmt::Display for OutOfRange {
 
 impl std::error::Error for OutOfRange {}
 
-const EXPOSURE_RANGE: (f32, f32) = (1e-12, 1e12);
+const EXPOSURE_RANGE: (f32, f32) = (1e-20, 1e20);
 const GAMMA_RANGE: (f32, f32) = (1.0, 4.0);
 const WHITE_RANGE: (f32, f32) = (0.01, 1000.0);
 

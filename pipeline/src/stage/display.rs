@@ -120,7 +120,7 @@ pub(crate) fn exposure_for(luminance: &Plane<f32>) -> f32 {
         return 1.0;
     }
     let mean = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
-    ((MIDDLE_GREY / mean) as f32).clamp(1e-12, 1e12)
+    ((MIDDLE_GREY / mean) as f32).clamp(1e-20, 1e20)
 }
 
 /// Uncompressed frames in a YUV4MPEG2 file, chroma sited as MPEG-2 has it.

@@ -1,5 +1,6 @@
 //! Light from all around as the TOML file describes it: a gradient from horizon to zenith, or an image.
 
+use super::gltf_file::STRONGEST;
 use glam::Vec3;
 use serde::Deserialize;
 
@@ -85,6 +86,9 @@ impl SkySettings {
         };
         if let Some(bad) = colors.iter().flatten().flatten().find(|r| !r.is_finite() || **r < 0.0) {
             return Err(format!("[sky] radiance {bad} must be finite and not negative"));
+        }
+        if let Some(bad) = colors.iter().flatten().flatten().find(|r| **r * intensity > STRONGEST) {
+            return Err(format!("[sky] shines with {:e}; {STRONGEST:e} is the most", bad * intensity));
         }
         let scaled = |color: [f32; 3]| color.map(|c| c * intensity);
         Ok(SkySource::Gradient(Gradient {

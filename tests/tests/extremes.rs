@@ -1,0 +1,399 @@
+//! Scenes at the ends of what numbers can say: light, lengths, shapes, albedo, counts. Every frame is finite, what the
+//! light adds up to is what a closed form or the same scene at a common scale says, and what had to be left out is counted.
+
+use glam::{Vec3, vec3};
+use pipeline::output::Output;
+use pipeline::settings::Lighting;
+use pipeline::{Plan, Report, Settings, Wishes};
+use plane::Plane;
+use render_core::image_file::{read_exr, write_exr};
+use render_core::luminance;
+use render_core::scene;
+use serde_json::{Value, json};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use tests::{Glb, Moving, checkered_room};
+
+const SIDE: usize = 32;
+
+/// What is wanted of a film that is small and quick.
+fn small() -> Wishes {
+    let size = format!("{SIDE}x{SIDE}").parse().ok();
+    Wishes { frames: Some(2), size, vpls: Some(200), photons: Some(10_000), ..Wishes::default() }
+}
+
+/// The last frame of a film of `glb`, in linear light, and the report.
+fn film_in(folder: &Path, glb: &Glb, settings: &str, wishes: Wishes) -> Result<(Plane<Vec3>, Report), String> {
+    let path = folder.join("scene.glb");
+    glb.write(&path);
+    std::fs::write(path.with_extension("toml"), settings).unwrap();
+    let scene = scene::load(&path).map_err(|error| error.to_string())?;
+    let exr = folder.join("linear");
+    std::fs::create_dir_all(&exr).unwrap();
+    let wishes = Wishes { exr: Some(exr.clone()), ..wishes };
+    let settings = Settings::new(path, &scene, wishes).map_err(|error| error.to_string())?;
+    let plan = Plan::new(&scene, &settings);
+    let output = Output::create(&folder.join("film.m2v")).unwrap();
+    let report = pipeline::render(&scene, &settings, &plan, output, &AtomicBool::new(false), |_| ());
+    let report = report.map_err(|error| format!("{error:#}"))?;
+    let last = exr.join(format!("frame_{:05}.exr", settings.frames - 1));
+    Ok((read_exr(&last).unwrap(), report))
+}
+
+fn film(glb: &Glb, settings: &str) -> (Plane<Vec3>, Report) {
+    film_in(tempfile::tempdir().unwrap().path(), glb, settings, small()).unwrap()
+}
+
+/// Every pixel is a number, not negative, and the report says the same.
+fn assert_sound((picture, report): &(Plane<Vec3>, Report), what: &str) {
+    let bad = picture.samples().iter().filter(|c| !c.is_finite() || c.min_element() < 0.0).count();
+    assert_eq!(bad, 0, "{what}: {bad} pixels that are no light");
+    assert!(
+        report.frames.iter().all(|frame| frame.non_finite_pixels == 0),
+        "{what}: pixels that are counted as broken"
+    );
+}
+
+fn mean(picture: &Plane<Vec3>) -> f64 {
+    picture.samples().iter().map(|&c| f64::from(luminance(c))).sum::<f64>() / picture.samples().len() as f64
+}
+
+/// The room with its lamp so many times as strong.
+fn room_lit(strength: f64) -> Glb {
+    let mut room = checkered_room(Moving::Box);
+    for material in room.json["materials"].as_array_mut().unwrap() {
+        let emission = &mut material["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"];
+        // Materials that are dark have strength 1 and the factor 0.
+        *emission = json!(emission.as_f64().unwrap() * strength);
+    }
+    room
+}
+
+/// Light of 10⁻¹² to 10¹² makes the same picture, times as much: with powers of two to the last bit.
+#[test]
+fn pictures_are_linear_in_light_over_twenty_four_decades() {
+    let reference = film(&room_lit(1.0), "");
+    assert_sound(&reference, "strength 1");
+    assert!(mean(&reference.0) > 0.05, "the room is lit");
+    for exponent in [-40, -30, -10, 10, 30, 40] {
+        let factor = 2f32.powi(exponent);
+        let found = film(&room_lit(f64::from(factor)), "");
+        assert_sound(&found, &format!("strength 2^{exponent}"));
+        let same = found.0.samples().iter().zip(reference.0.samples()).filter(|(a, b)| **a == **b * factor).count();
+        assert_eq!(same, SIDE * SIDE, "2^{exponent}: {} pixels are others", SIDE * SIDE - same);
+        // The exposure takes the factor up, so that the film is the same, too.
+        let bits = |report: &Report| report.frames.iter().map(|frame| frame.bits).collect::<Vec<_>>();
+        assert_eq!(bits(&found.1), bits(&reference.1), "2^{exponent}");
+    }
+}
+
+/// Hangs all that stands at the top of the scene below a node that scales it.
+fn scaled(mut glb: Glb, factor: f32) -> Glb {
+    let top = glb.json["scenes"][0]["nodes"].take();
+    let nodes = glb.json["nodes"].as_array_mut().unwrap();
+    nodes.push(json!({ "scale": [factor, factor, factor], "children": top }));
+    glb.json["scenes"][0]["nodes"] = json!([nodes.len() - 1]);
+    glb
+}
+
+/// Four metres become one millimetre and a thousand kilometres: to the last bit the same picture.
+#[test]
+fn a_millimetre_and_a_thousand_kilometres_look_the_same() {
+    let reference = film(&checkered_room(Moving::Box), "");
+    for exponent in [-12, 18] {
+        let found = film(&scaled(checkered_room(Moving::Box), 2f32.powi(exponent)), "");
+        assert_sound(&found, &format!("lengths 2^{exponent}"));
+        let same = found.0.samples().iter().zip(reference.0.samples()).filter(|(a, b)| a == b).count();
+        assert_eq!(same, SIDE * SIDE, "2^{exponent}: {} pixels are others", SIDE * SIDE - same);
+    }
+}
+
+/// A cube of side 2 around the camera, seen from inside, whose walls all glow.
+fn furnace(albedo: Vec3, emission: Vec3) -> Glb {
+    let mut glb = Glb::default();
+    for axis in 0..3 {
+        for sign in [-1.0, 1.0] {
+            let n = Vec3::AXES[axis] * sign;
+            let [a, b] = [Vec3::AXES[(axis + 1) % 3] * 2.0, Vec3::AXES[(axis + 2) % 3] * 2.0];
+            let corner = n - (a + b) / 2.0;
+            glb.add(&[if sign < 0.0 { [corner, a, b] } else { [corner, b, a] }], albedo, emission);
+        }
+    }
+    glb.add_camera(Vec3::ZERO);
+    glb
+}
+
+/// Albedo 0 shows the walls' own light to the last digit. At albedo 1 the series has no limit: paths end after 256
+/// reflections, so light is finite: 257 times what is emitted, and no more.
+#[test]
+fn albedo_zero_and_one() {
+    let black = film(&furnace(Vec3::ZERO, Vec3::ONE), "");
+    assert_sound(&black, "albedo 0");
+    assert!(black.0.samples().iter().all(|&c| c == Vec3::ONE), "{:?}", black.0.get(3, 3));
+    let white = film(&furnace(Vec3::ONE, Vec3::ONE), "");
+    assert_sound(&white, "albedo 1");
+    let mean = mean(&white.0);
+    println!("the closed white room: {mean:.2} times what is emitted");
+    assert!((0.97 * 257.0..1.03 * 257.0).contains(&mean), "{mean} times what is emitted");
+}
+
+/// At albedo 0.99 the closed form is 100, of which 256 reflections reach 92.4. Photons whose energy grew while they lived
+/// gave 144.
+#[test]
+fn a_nearly_white_room_gains_nothing() {
+    let found = film(&furnace(Vec3::splat(0.99), Vec3::ONE), "");
+    assert_sound(&found, "albedo 0.99");
+    let exact = (1.0 - 0.99f64.powi(257)) / 0.01;
+    let mean = mean(&found.0);
+    println!("albedo 0.99: {mean:.2} times what is emitted, {exact:.2} by the series");
+    assert!((0.97 * exact..1.03 * exact).contains(&mean), "{mean}, {exact} by the series");
+}
+
+/// More than all cannot be reflected: an albedo that a file claims above 1 counts as 1.
+#[test]
+fn no_surface_gains_energy() {
+    let mut glb = furnace(Vec3::ONE, Vec3::ONE);
+    let one = film(&glb, "");
+    for material in glb.json["materials"].as_array_mut().unwrap() {
+        material["pbrMetallicRoughness"]["baseColorFactor"] = json!([8.0, 8.0, 8.0, 1.0]);
+    }
+    if let Ok(eight) = film_in(tempfile::tempdir().unwrap().path(), &glb, "", small()) {
+        assert_sound(&eight, "albedo 8");
+        assert!(eight.0 == one.0, "{} and {}", mean(&eight.0), mean(&one.0));
+    }
+}
+
+/// A single photon, and none that any surface sends back: finite, and no more than was emitted.
+#[test]
+fn a_single_photon() {
+    for photons in [0, 1, 2] {
+        let wishes = Wishes { photons: Some(photons), ..small() };
+        let found = film_in(tempfile::tempdir().unwrap().path(), &room_lit(1.0), "", wishes).unwrap();
+        assert_sound(&found, &format!("{photons} photons"));
+    }
+}
+
+#[test]
+fn all_black_and_all_white() {
+    // Nothing shines, but for a sky of nothing, which keeps the plain one away.
+    let black = film(&room_lit(0.0), "[sky]\nzenith = [0, 0, 0]\nhorizon = [0, 0, 0]\n");
+    assert_sound(&black, "black");
+    // A glow that saturates everywhere.
+    let white = film(&furnace(Vec3::ZERO, Vec3::splat(1e6)), "[tone_mapping]\noperator = \"srgb\"\nexposure = 1.0\n");
+    assert_sound(&white, "white");
+    assert!(white.0.samples().iter().all(|&c| c == Vec3::splat(1e6)));
+    for (name, (_, report)) in [("black", black), ("white", white)] {
+        // Flat pictures: headers and end codes, and hardly anything else.
+        assert!(report.frames[1].bits < 4000, "{name}: {} bits", report.frames[1].bits);
+    }
+}
+
+/// Numbers below the smallest normal one, as lengths, colours and light.
+#[test]
+fn denormals_are_as_good_as_nothing() {
+    let mut glb = room_lit(1e-38);
+    glb.add(&[[Vec3::splat(0.5), Vec3::X * 1e-40, Vec3::Y * 1e-40]], Vec3::splat(1e-40), Vec3::splat(1e-41));
+    assert_sound(&film(&glb, ""), "denormals");
+}
+
+/// A square in the room, of `a` and `b`.
+fn room_with(quads: &[[Vec3; 3]], emission: Vec3) -> Glb {
+    let mut glb = room_lit(1.0);
+    glb.add(quads, Vec3::splat(0.5), emission);
+    glb
+}
+
+/// Triangles of no area, needles of aspect 10⁸, walls in one plane with others, thousands in one place.
+#[test]
+fn broken_shapes_do_no_harm() {
+    let plain = film(&room_lit(1.0), "");
+    let corner = vec3(-1.0, 1.0, -1.0);
+    let (x, y) = (Vec3::X, Vec3::Y);
+    let same_place: Vec<[Vec3; 3]> = vec![[corner, 0.5 * x, 0.5 * y]; 2000];
+    let coplanar = [[vec3(-2.0, 0.0, -2.0), 4.0 * Vec3::Z, 4.0 * x], [vec3(-1.0, 0.0, -1.0), 2.0 * Vec3::Z, 2.0 * x]];
+    for (name, quads) in [
+        ("points", vec![[corner, Vec3::ZERO, Vec3::ZERO]; 10]),
+        ("lines", vec![[corner, x, x], [corner, x, Vec3::ZERO], [corner, Vec3::ZERO, y]]),
+        ("needles", vec![[corner, x, 1e-8 * y], [corner, 1e-8 * x, y], [corner, x + 1e-8 * y, x]]),
+        ("two thousand in one place", same_place),
+        ("coplanar with the floor", coplanar.to_vec()),
+    ] {
+        for emission in [Vec3::ZERO, Vec3::splat(3.0)] {
+            let found = film(&room_with(&quads, emission), "");
+            assert_sound(&found, name);
+            // What has no area neither hides nor lights anything; the rest is a small square.
+            if quads[0][1].cross(quads[0][2]).length() < 1e-6 {
+                let ratio = mean(&found.0) / mean(&plain.0);
+                assert!((0.97..1.03).contains(&ratio), "{name}, emission {emission}: {ratio} of the light");
+            }
+        }
+    }
+}
+
+/// A light of the extension, of this kind, on a node at `place`.
+fn with_lights(mut glb: Glb, kind: &str, intensity: f64, places: &[Vec3]) -> Glb {
+    let mut light = json!({ "type": kind, "intensity": intensity });
+    if kind == "spot" {
+        light["spot"] = json!({ "innerConeAngle": 0.0, "outerConeAngle": 0.5 });
+    }
+    glb.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [light] } });
+    glb.json["extensionsUsed"] = json!(["KHR_materials_emissive_strength", "KHR_lights_punctual"]);
+    for place in places {
+        let nodes = glb.json["nodes"].as_array_mut().unwrap();
+        nodes.push(json!({ "translation": place.to_array(), "extensions": { "KHR_lights_punctual": { "light": 0 } } }));
+        let node = nodes.len() - 1;
+        glb.json["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(node));
+    }
+    glb
+}
+
+/// Lights in a wall, in a corner, in the camera; the camera in a wall.
+#[test]
+fn lights_and_cameras_on_surfaces() {
+    let camera = vec3(0.0, 1.5, 4.5);
+    for kind in ["point", "spot"] {
+        for place in [vec3(0.0, 0.0, 0.0), vec3(-2.0, 0.0, -2.0), vec3(0.0, 1.5, -2.0), camera] {
+            let found = film(&with_lights(room_lit(1.0), kind, 5.0, &[place]), "");
+            assert_sound(&found, &format!("a {kind} light at {place}"));
+        }
+    }
+    for place in [vec3(0.0, 0.0, 0.0), vec3(0.0, 1.5, -2.0), vec3(-2.0, 0.0, -2.0)] {
+        let mut glb = room_lit(1.0);
+        let node = glb.json["nodes"].as_array().unwrap().iter().position(|node| !node["camera"].is_null()).unwrap();
+        glb.json["nodes"][node]["translation"] = json!(place.to_array());
+        assert_sound(&film(&glb, ""), &format!("the camera at {place}"));
+    }
+}
+
+/// Two thousand lights in one place are one of two thousand times the strength.
+#[test]
+fn coincident_lights_add_up() {
+    let place = vec3(0.3, 1.7, 0.4);
+    let many = film(&with_lights(room_lit(0.0), "point", 0.01, &[place; 2000]), "");
+    let one = film(&with_lights(room_lit(0.0), "point", 20.0, &[place]), "");
+    assert_sound(&many, "two thousand lights");
+    let ratio = mean(&many.0) / mean(&one.0);
+    println!("two thousand lights: {ratio} times the one");
+    assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+}
+
+/// A sky whose radiances are beyond what adds up, or no numbers at all.
+#[test]
+fn skies_beyond_range() {
+    let folder = tempfile::tempdir().unwrap();
+    let broken = Plane::from_fn(16, 8, |x, y| match (x * 3 + y) % 5 {
+        0 => Vec3::splat(f32::NAN),
+        1 => Vec3::splat(f32::INFINITY),
+        2 => Vec3::splat(-1.0),
+        _ => Vec3::splat(0.5),
+    });
+    write_exr(&folder.path().join("sky.exr"), &broken).unwrap();
+    let glb = room_lit(1.0);
+    let found = film_in(folder.path(), &glb, "[sky]\nimage = \"sky.exr\"\n", small()).unwrap();
+    assert_sound(&found, "a sky with texels that are no numbers");
+    for sky in [
+        "[sky]\nimage = \"../sky.exr\"\n",
+        "[sky]\nimage = \"/etc/hostname\"\n",
+        "[sky]\nzenith = [1e30, 1, 1]\nhorizon = [1, 1, 1]\nintensity = 1e30\n",
+        "[sky]\nzenith = [3e38, 1, 1]\nhorizon = [1, 1, 1]\n",
+        "[sky]\nimage = \"sky.exr\"\nintensity = 3e38\n",
+        "[sky]\nimage = \"sky.exr\"\nrotation = 1e38\n",
+    ] {
+        // Only a turn by any angle is possible.
+        match film_in(folder.path(), &glb, sky, small()) {
+            Ok(found) if sky.contains("rotation") => assert_sound(&found, sky),
+            Ok(_) => panic!("{sky} is taken"),
+            Err(message) => assert!(message.contains("[sky]") && message.lines().count() == 1, "{sky}: {message}"),
+        }
+    }
+}
+
+/// Light so strong that sums of it would leave the range of `f32` is refused; up to there it adds up.
+#[test]
+fn lamps_beyond_range_are_refused() {
+    let reference = film(&room_lit(1.0), "");
+    let strong = film(&room_lit(5e16), "");
+    assert_sound(&strong, "strength 5·10¹⁶");
+    let ratio = mean(&strong.0) / mean(&reference.0) / 5e16;
+    assert!((ratio - 1.0).abs() < 1e-4, "{ratio}");
+    for strength in [1e20, 1e30, 3e37] {
+        let message =
+            |glb: &Glb| film_in(tempfile::tempdir().unwrap().path(), glb, "", small()).err().expect("an error");
+        let lit = with_lights(room_lit(1.0), "point", strength, &[Vec3::Y]);
+        for (glb, word) in [(room_lit(strength), "material"), (lit, "light 0")] {
+            let message = message(&glb);
+            assert!(message.contains(word) && message.contains("1e18"), "{message}");
+            assert_eq!(message.lines().count(), 1, "{message}");
+        }
+    }
+}
+
+/// What is no number in vertices, animations and cameras is refused with its place; where it does no harm, it is left out.
+#[test]
+fn what_is_no_number_is_refused_or_left_out() {
+    let room = || checkered_room(Moving::Camera);
+    let accessor_bytes = |glb: &Glb, accessor: usize| {
+        let view = glb.json["accessors"][accessor]["bufferView"].as_u64().unwrap() as usize;
+        glb.json["bufferViews"][view]["byteOffset"].as_u64().unwrap() as usize
+    };
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
+        let broken = |accessor: usize| {
+            let mut glb = room();
+            let place = accessor_bytes(&glb, accessor);
+            glb.bin[place..place + 4].copy_from_slice(&bad.to_le_bytes());
+            glb
+        };
+        let load = |glb: &Glb| film_in(tempfile::tempdir().unwrap().path(), glb, "", small());
+        let animation = room();
+        let sampler = &animation.json["animations"][0]["samplers"][0];
+        let [times, keys] = ["input", "output"].map(|name| sampler[name].as_u64().unwrap() as usize);
+        for (what, accessor) in [("positions", 0), ("times", times), ("keys", keys)] {
+            let message = load(&broken(accessor)).err().unwrap_or_else(|| panic!("{what} of {bad} load"));
+            assert_eq!(message.lines().count(), 1, "{what} of {bad}: {message}");
+        }
+        // Normals, tangents, texture coordinates and colours of the first mesh.
+        let mut glb = room();
+        let count = glb.json["accessors"][0]["count"].as_u64().unwrap() as usize;
+        for (name, kind, width) in
+            [("NORMAL", "VEC3", 3), ("TANGENT", "VEC4", 4), ("TEXCOORD_0", "VEC2", 2), ("COLOR_0", "VEC3", 3)]
+        {
+            let start = glb.bin.len();
+            glb.bin.extend(bad.to_le_bytes().repeat(count * width));
+            let view = json!({ "buffer": 0, "byteOffset": start, "byteLength": 4 * count * width });
+            let place = push(&mut glb.json["bufferViews"], view);
+            let accessor = json!({ "bufferView": place, "componentType": 5126, "count": count, "type": kind });
+            let place = push(&mut glb.json["accessors"], accessor);
+            glb.json["meshes"][0]["primitives"][0]["attributes"][name] = json!(place);
+        }
+        let png = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
+        glb.json["images"] = json!([{ "uri": format!("data:image/png;base64,{png}") }]);
+        glb.json["textures"] = json!([{ "source": 0 }]);
+        glb.json["materials"][0]["normalTexture"] = json!({ "index": 0 });
+        glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
+        match load(&glb) {
+            Ok(found) => assert_sound(&found, &format!("attributes of {bad}")),
+            Err(message) => assert_eq!(message.lines().count(), 1, "attributes of {bad}: {message}"),
+        }
+    }
+}
+
+fn push(list: &mut Value, value: Value) -> usize {
+    let list = list.as_array_mut().unwrap();
+    list.push(value);
+    list.len() - 1
+}
+
+/// Every light at every pixel, where cuts have nothing to say: the same scenes are sound there.
+#[test]
+fn the_reference_is_sound_at_the_ends_of_the_range() {
+    let wishes = || Wishes { lighting: Some(Lighting::AllLights), frames: Some(1), ..small() };
+    for (name, glb) in [
+        ("strong", room_lit(1e12)),
+        ("weak", room_lit(1e-12)),
+        ("small", scaled(room_lit(1.0), 2f32.powi(-12))),
+        ("white", furnace(Vec3::ONE, Vec3::ONE)),
+    ] {
+        let found = film_in(tempfile::tempdir().unwrap().path(), &glb, "", wishes()).unwrap();
+        assert_sound(&found, name);
+    }
+}
