@@ -245,6 +245,54 @@ mod tests {
         assert_eq!(calibration.kappa(2), LEAST);
     }
 
+    /// Errors that grow with κ^`power`: log κ moves by DAMPING · power of its distance a frame, and errors are told by eighths
+    /// of an octave. So what remains is a cycle of at most DAMPING/8 octaves, divided by what the loop takes off a distance.
+    /// That holds for powers up to 2/DAMPING = 2.86; beyond, the loop swings, a step a frame at most.
+    #[test]
+    fn ten_thousand_still_frames_end_in_a_small_cycle() {
+        for (power, scale) in [(0.5, 1.0), (1.0, 0.3), (1.0, 1.0), (1.0, 4.0), (2.0, 1.0), (2.5, 1.0)] {
+            let mut calibration = Calibration::default();
+            let error = |k: u32, kappa: f32| (k as f32 + 0.5) / 200.0 * scale * kappa.powf(power);
+            let kappas: Vec<f32> = (0..10_000)
+                .map(|_| {
+                    frame(&mut calibration, 200, error);
+                    calibration.kappa(2)
+                })
+                .collect();
+            let aim = (AIM / (0.95 * scale)).powf(1.0 / power);
+            let distance = |kappa: f32| (kappa / aim).log2().abs();
+            let kept = (1.0 - DAMPING * power).abs();
+            let width = DAMPING / BUCKETS_TO_AN_OCTAVE / (1.0 - kept);
+            let last = &kappas[9000..];
+            let (least, most) = last.iter().fold((f32::MAX, 0.0f32), |(least, most), &k| (least.min(k), most.max(k)));
+            let cycle = (most / least).log2();
+            assert!(cycle <= width * 1.001, "power {power}, scale {scale}: {cycle} octaves, {width} are allowed");
+            assert!(
+                distance(least).max(distance(most)) <= 0.3,
+                "power {power}, scale {scale}: {least}…{most} for {aim}"
+            );
+            // Each frame takes off all but `kept` of the distance, or a whole step where that is less.
+            let frames =
+                (distance(START) / LARGEST_STEP.log2() + (0.05f32.ln() / kept.max(0.01).ln())).ceil() as usize + 8;
+            let settled = kappas.iter().position(|&kappa| distance(kappa) <= 0.3).unwrap();
+            assert!(
+                settled <= frames,
+                "power {power}, scale {scale}: settled after {settled} frames, {frames} foretold"
+            );
+            println!("error ~ κ^{power} · {scale}: settled after {settled} frames, a cycle of {cycle:.3} octaves");
+        }
+        // Beyond: no rest, but no more than a step a frame, and never out of bounds.
+        let mut calibration = Calibration::default();
+        let mut before = calibration.kappa(2);
+        for _ in 0..1000 {
+            frame(&mut calibration, 200, |k, kappa| (k as f32 + 0.5) / 200.0 * kappa.powi(6));
+            let step = calibration.kappa(2) / before;
+            assert!((1.0 / LARGEST_STEP / 1.001..=LARGEST_STEP * 1.001).contains(&step), "{step}");
+            before = calibration.kappa(2);
+            assert!((LEAST..=MOST).contains(&before));
+        }
+    }
+
     #[test]
     fn every_pixel_has_its_turn() {
         let mut asked = vec![0; 32 * 32];
