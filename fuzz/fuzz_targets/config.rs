@@ -1,0 +1,24 @@
+//! Settings: the TOML file beside a scene, with all that follows from it before the first ray.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use pipeline::{Plan, Settings, Wishes};
+use render_core::scene::{Scene, SceneSettings};
+
+fuzz_target!(|data: &[u8]| {
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    match SceneSettings::parse(text) {
+        Ok(settings) => {
+            let scene = Scene { settings, ..Scene::default() };
+            match Settings::new("scene.glb".into(), &scene, Wishes::default()) {
+                Ok(settings) => {
+                    assert!(settings.tone_map.check().is_ok());
+                    let _ = settings.encoder_config();
+                    let _ = Plan::new(&scene, &settings).table();
+                }
+                Err(error) => assert_eq!(format!("{error:#}").lines().count(), 1, "{error:#}"),
+            }
+        }
+        Err(message) => assert!(!message.contains('\n'), "{message}"),
+    }
+});

@@ -1,0 +1,132 @@
+//! Any configuration of the encoder is refused or codes any pictures with any motion.
+#![no_main]
+
+use arbitrary::{Arbitrary, Unstructured};
+use libfuzzer_sys::fuzz_target;
+use mpeg2enc::{
+    CoefficientTable, Config, Container, Effort, Frame, FrameRate, KnownMotion, Level, MotionField, Multiplexer, Packet,
+    Rate, Standard,
+};
+use plane::Plane;
+
+#[derive(Arbitrary, Debug)]
+struct Wishes {
+    width: u16,
+    height: u16,
+    frame_rate: u8,
+    mpeg1: bool,
+    gop: u8,
+    quantiser_scale: u8,
+    dc_bits: u8,
+    level: Option<u8>,
+    effort: u8,
+    b_pictures: u8,
+    closed_gop: bool,
+    scene_cuts: bool,
+    uniform: bool,
+    adaptive: bool,
+    alternate_scan: bool,
+    table_zero: bool,
+    matrices: Option<(u8, u8)>,
+    rate: u8,
+    bits_per_second: u32,
+    buffer_bits: u32,
+    container: u8,
+    immediate: bool,
+    frames: u8,
+    motion: Option<[f32; 2]>,
+}
+
+/// Larger pictures would only be slower.
+const LARGEST: u16 = 80;
+
+/// A size that cannot be coded now and then.
+fn size(wishes: &Wishes) -> (usize, usize) {
+    let side = |side: u16| usize::from(if side > 65_500 { side } else { side % LARGEST });
+    (side(wishes.width), side(wishes.height))
+}
+
+fn config(wishes: &Wishes) -> Option<Config> {
+    const RATES: [f64; 8] = [23.976, 24.0, 25.0, 29.97, 30.0, 50.0, 59.94, 60.0];
+    let frame_rate = FrameRate::from_fps(RATES[usize::from(wishes.frame_rate % 8)]).ok()?;
+    let (width, height) = size(wishes);
+    let (bits_per_second, buffer_bits) = (wishes.bits_per_second, wishes.buffer_bits);
+    let mut config = Config::new(width, height, frame_rate)
+        .with_standard(if wishes.mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
+        .with_gop(wishes.gop.into())
+        .with_quantiser_scale(wishes.quantiser_scale.into())
+        .with_intra_dc_precision(8 + u32::from(wishes.dc_bits % 5))
+        .with_effort([Effort::Fast, Effort::Balanced, Effort::Best][usize::from(wishes.effort % 3)])
+        .with_b_pictures((wishes.b_pictures % 9).into())
+        .with_closed_gop(wishes.closed_gop)
+        .with_scene_cuts(wishes.scene_cuts)
+        .with_uniform_quantiser(wishes.uniform)
+        .with_adaptive_quantisation(wishes.adaptive)
+        .with_alternate_scan(wishes.alternate_scan)
+        .with_intra_table(if wishes.table_zero { CoefficientTable::Zero } else { CoefficientTable::One })
+        .with_rate(match wishes.rate % 3 {
+            0 => Rate::ConstantQuantiser,
+            1 => Rate::Constant { bits_per_second, buffer_bits },
+            _ => Rate::Capped { bits_per_second, buffer_bits },
+        });
+    if let Some(level) = wishes.level {
+        config = config.with_level([Level::Low, Level::Main, Level::High1440, Level::High][usize::from(level % 4)]);
+    }
+    if let Some((intra, non_intra)) = wishes.matrices {
+        let mut matrix = [intra; 64];
+        matrix[0] = 8;
+        config = config.with_matrices(matrix, [non_intra; 64]);
+    }
+    Some(config)
+}
+
+/// A picture of the input's bytes, repeated.
+fn frame(width: usize, height: usize, bytes: &[u8], number: usize) -> Frame {
+    let at = |stride: usize, start: usize| {
+        move |x: usize, y: usize| match bytes {
+            [] => 128,
+            _ => bytes[(start + 17 * number + y * stride + x) % bytes.len()],
+        }
+    };
+    let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
+    let chroma = |start| Plane::from_fn(chroma_width, chroma_height, at(chroma_width, start));
+    Frame::new(Plane::from_fn(width, height, at(width, 0)), chroma(5), chroma(11)).expect("planes that belong together")
+}
+
+fuzz_target!(|data: &[u8]| {
+    let mut input = Unstructured::new(data);
+    let Ok(wishes) = Wishes::arbitrary(&mut input) else { return };
+    let bytes = input.take_rest();
+    let Some(config) = config(&wishes) else { return };
+    let container =
+        [Container::Elementary, Container::Program, Container::Transport][usize::from(wishes.container % 3)];
+    let mut multiplexer = Multiplexer::new(container, &config);
+    let (width, height) = size(&wishes);
+    let count = 1 + usize::from(wishes.frames % 12);
+    let field = |width, height| wishes.motion.map(|motion| MotionField::new(Plane::filled(width, height, motion)));
+    let mut seen = 0;
+    let mut take = |packets: Vec<Packet>| {
+        for packet in packets {
+            assert!(packet.bits > 0 && packet.bits == 8 * packet.data.len() as u64 && !packet.psnr_y.is_nan());
+            seen += 1;
+            multiplexer.push(packet);
+        }
+    };
+    if wishes.immediate {
+        let Ok(mut encoder) = config.encoder() else { return };
+        let field = field(width, height);
+        for n in 0..count {
+            take(vec![encoder.push(&frame(width, height, bytes, n), field.as_ref())]);
+        }
+        encoder.finish();
+    } else {
+        let Ok(mut encoder) = config.lookahead_encoder() else { return };
+        let field = field(width, height);
+        let motion = KnownMotion { to_previous: field.as_ref(), to_next: field.as_ref() };
+        for n in 0..count {
+            take(encoder.push(&frame(width, height, bytes, n), motion));
+        }
+        take(encoder.finish().0);
+    }
+    assert_eq!(seen, count, "a packet for each frame");
+});

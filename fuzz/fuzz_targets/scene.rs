@@ -1,0 +1,42 @@
+//! A scene file: it loads or is refused, and what loads can be filmed.
+//!
+//! The first byte says whether the rest is a `.gltf` or a `.glb`.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use pipeline::output::Output;
+use pipeline::{Plan, Settings, Wishes};
+use render_core::scene;
+use std::path::PathBuf;
+use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
+
+/// Larger scenes are not filmed: they would take the time of thousands of others.
+const MOST_TRIANGLES: usize = 2000;
+
+fuzz_target!(|data: &[u8]| {
+    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
+    let folder = FOLDER.get_or_init(|| tempfile::tempdir().expect("a folder"));
+    let Some((&kind, bytes)) = data.split_first() else { return };
+    let path: PathBuf = folder.path().join(if kind % 2 == 0 { "scene.gltf" } else { "scene.glb" });
+    std::fs::write(&path, bytes).expect("a file");
+    let scene = match scene::load(&path) {
+        Ok(scene) => scene,
+        Err(error) => {
+            assert_eq!(error.to_string().lines().count(), 1, "{error}");
+            return;
+        }
+    };
+    if scene.triangle_count() > MOST_TRIANGLES || scene.instances.len() > MOST_TRIANGLES {
+        return;
+    }
+    let wishes =
+        Wishes { frames: Some(2), size: "8x8".parse().ok(), vpls: Some(10), photons: Some(100), ..Wishes::default() };
+    let Ok(settings) = Settings::new(path, &scene, wishes) else { return };
+    let plan = Plan::new(&scene, &settings);
+    let output = Output::create(&folder.path().join("film.m2v")).expect("a file");
+    pipeline::render(&scene, &settings, &plan, output, &AtomicBool::new(false), |frame| {
+        assert_eq!(frame.non_finite_pixels, 0, "light that is no number");
+    })
+    .expect("what loads can be filmed");
+});
