@@ -1,0 +1,52 @@
+//! Draws what `f32` loses at the singular ends of a light's contribution: `docs/limits.svg`.
+//!
+//! `cargo run --release -p lighttree --example limits`
+
+mod plot;
+
+use glam::Vec3;
+use lighttree::{Emission, Lambert, Light, exhaustive};
+use plot::{BLUE, Plot, RED};
+use std::f64::consts::PI;
+
+const SOFTENING2: f32 = 0.01;
+
+/// Relative error of the light that arrives from one light at `position`, which faces the receiver, in roundings of `f32`; 0.1 at least.
+fn error(position: Vec3) -> f32 {
+    let receiver = Lambert { position: Vec3::ZERO, normal: Vec3::new(0.6, 0.0, 0.8), reflectance: Vec3::ONE };
+    let light = Light { position, emission: Emission::Cosine(-position.normalize()), intensity: Vec3::ONE };
+    let found = f64::from(exhaustive(&[light], SOFTENING2, &receiver, |_, _| true).x);
+    let Emission::Cosine(axis) = light.emission else { unreachable!("made above") };
+    let (way, normal) = (position.as_dvec3(), receiver.normal.as_dvec3());
+    let direction = way.normalize();
+    let cosines = normal.dot(direction) * -axis.as_dvec3().dot(direction);
+    let exact = cosines / (PI * (way.length_squared() + f64::from(SOFTENING2)));
+    ((found / exact - 1.0).abs() / f64::from(f32::EPSILON)).max(0.1) as f32
+}
+
+/// The largest error of a few dozen neighbours, as decimal logarithms of parameter and error.
+fn worst(parameter: f32, place: impl Fn(f32) -> Vec3) -> (f32, f32) {
+    let errors = (0..64).map(|k| error(place(k as f32 / 64.0)));
+    (parameter.log10(), errors.fold(0.0, f32::max).log10())
+}
+
+fn main() {
+    let mut plot =
+        Plot::new("Error in f32 against f64", "distance by softening, or cosine", "relative, in roundings of 1.2e-7");
+    plot.logarithmic();
+    let distances = (-12..=12).map(|k| 10f32.powf(k as f32 / 4.0));
+    let at = |distance: f32| move |k: f32| Vec3::new(k - 0.5, 0.3, 1.0).normalize() * distance * SOFTENING2.sqrt();
+    plot.line("contact to far away", BLUE, distances.map(|d| worst(d, at(d))).collect());
+    let cosines = (0..=16).map(|k| 10f32.powf(-k as f32 / 4.0));
+    // Turned from the receiver's plane by the angle whose sine is this cosine.
+    let grazing = |cosine: f32| {
+        move |k: f32| {
+            let (normal, along) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.8 * k.cos(), k.sin(), -0.6 * k.cos()));
+            normal * cosine + along * (1.0 - cosine * cosine).max(0.0).sqrt()
+        }
+    };
+    plot.line("grazing light, by cosine", RED, cosines.map(|c| worst(c, grazing(c))).collect());
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/limits.svg");
+    std::fs::write(path, plot.finish()).unwrap_or_else(|error| panic!("{path}: {error}"));
+    println!("{path}");
+}
