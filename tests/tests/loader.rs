@@ -388,7 +388,7 @@ fn small_files_that_claim_much_are_refused() {
     zeros.json["accessors"]
         .as_array_mut()
         .unwrap()
-        .push(json!({ "componentType": 5126, "count": 1 << 24, "type": "VEC3" }));
+        .push(json!({ "componentType": 5126, "count": 1 << 24, "type": "VEC3", "min": [0, 0, 0], "max": [0, 0, 0] }));
     let of_zeros = json!({ "primitives": [{ "attributes": { "POSITION": 2 }, "indices": 1 }] });
     for mesh in 0..50 {
         zeros.json["meshes"].as_array_mut().unwrap().push(of_zeros.clone());
