@@ -317,8 +317,7 @@ fn lamps_beyond_range_are_refused() {
     let ratio = mean(&strong.0) / mean(&reference.0) / 5e16;
     assert!((ratio - 1.0).abs() < 1e-4, "{ratio}");
     for strength in [1e20, 1e30, 3e37] {
-        let message =
-            |glb: &Glb| film_in(tempfile::tempdir().unwrap().path(), glb, "", small()).err().expect("an error");
+        let message = |glb: &Glb| film_in(tempfile::tempdir().unwrap().path(), glb, "", small()).expect_err("an error");
         let lit = with_lights(room_lit(1.0), "point", strength, &[Vec3::Y]);
         for (glb, word) in [(room_lit(strength), "material"), (lit, "light 0")] {
             let message = message(&glb);
