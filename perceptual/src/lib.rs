@@ -33,7 +33,7 @@ pub use crate::feedback::{DEFAULT_WEIGHT, Feedback};
 pub use crate::masking::{
     CONTRAST_MASKING_EXPONENT, DEFAULT_INTRA_MATRIX, LUMINANCE_MASKING_EXPONENT, MaskingModel, mean_dc,
 };
-pub use crate::metric::{Components, mse, psnr, relative_mse, rmse, ssim};
+pub use crate::metric::{Components, flicker, mse, psnr, relative_mse, rmse, ssim};
 pub use crate::threshold_map::{
     NO_MATCH, RELATIVE_FLOOR, ThresholdMap, TolerableError, blend, carry, still_matches, tolerable_error,
     tolerable_error_counted,

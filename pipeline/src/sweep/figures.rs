@@ -75,6 +75,9 @@ pub struct Run {
     pub rendered: Comparison,
     /// Decoded frames against the reference before compression.
     pub decoded: Comparison,
+    /// How much more the decoded film changes from frame to frame than the decoded reference, in pixels that are seen in both:
+    /// root mean square of luma \[code values\].
+    pub flicker: f64,
     /// True error by threshold, of all pixels of these frames.
     pub error_by_threshold: Option<ErrorHistogram>,
     /// Beside its baseline; none where that was not run.
@@ -88,6 +91,8 @@ pub struct AgainstBaseline {
     pub psnr_difference: f64,
     /// Bits by the baseline's.
     pub bits_ratio: f64,
+    /// The run's flicker by the baseline's.
+    pub flicker_ratio: f64,
     /// Whether decoded PSNR is no more than 0.1 dB apart, and bits are within ±1 %.
     pub equal_quality: bool,
     /// The baseline's CPU seconds in indirect light by this run's.
@@ -147,6 +152,7 @@ impl Run {
         AgainstBaseline {
             psnr_difference,
             bits_ratio,
+            flicker_ratio: ratio(self.flicker, baseline.flicker),
             equal_quality: psnr_difference.abs() <= EQUAL_PSNR && (bits_ratio - 1.0).abs() <= EQUAL_BITS,
             speedup_indirect: ratio(baseline.seconds.indirect, self.seconds.indirect),
             speedup_total: ratio(baseline.seconds.total, self.seconds.total),

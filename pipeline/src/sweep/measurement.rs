@@ -8,7 +8,8 @@ use super::method::Method;
 use crate::compare::{Comparison, Picture, measure, rgb_of};
 use crate::settings::{Settings, Thresholds};
 use anyhow::{Result, ensure};
-use perceptual::{YCbCr, luminance};
+use mpeg2enc::Frame;
+use perceptual::{NO_MATCH, YCbCr, flicker, luminance};
 use plane::Plane;
 use std::path::Path;
 
@@ -38,6 +39,8 @@ pub struct Wanted<'a> {
 /// Frames that cannot be read, another stream than the run wrote, a decoder that shows other pictures.
 pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wanted: &Wanted<'_>) -> Result<Measured> {
     let mut coder = Coder::new(film, qscale)?;
+    let mut of_reference = Coder::new(reference, qscale)?;
+    let mut flicker = Flicker::default();
     wanted.check_below.map(|folder| coder.check_below(folder)).transpose()?;
     let count = film.reports.len();
     // The first frame knows no thresholds: it is coded, and not counted unless it is the only one.
@@ -47,6 +50,7 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
     for (n, (frame, truth)) in film.frames()?.zip(reference.frames()?).enumerate() {
         let (frame, truth) = (frame?, truth?);
         let coded = coder.push(&frame)?;
+        flicker.add(&frame, &coded.decoded, of_reference.push(&truth)?.decoded);
         if n < wanted.clip {
             clip.push(rgb_of(coded.decoded.clone()));
         }
@@ -59,8 +63,40 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
         }
     }
     ensure!(last.is_some(), "a film without frames: a fault of this program");
-    let run = sums.into_run(method, qscale, film);
+    let run = Run { flicker: flicker.mean(), ..sums.into_run(method, qscale, film) };
     Ok(Measured { run, pictures: last.expect("checked"), clip, check: coder.finish()? })
+}
+
+/// How much more a decoded film changes from frame to frame than the decoded reference.
+#[derive(Default)]
+struct Flicker {
+    /// Luma of the frame before, of the film and of the reference.
+    before: Option<[Plane<u8>; 2]>,
+    squares: f64,
+    frames: u32,
+}
+
+impl Flicker {
+    fn add(&mut self, frame: &FilmFrame, decoded: &Frame, reference: Frame) {
+        let now = [decoded.luma.clone(), reference.luma];
+        if let (Some(before), Some(motion)) = (&self.before, &frame.motion) {
+            let (width, height) = (motion.width(), motion.height());
+            let matches = Plane::from_fn(width, height, |x, y| {
+                let [dx, dy] = motion.get(x, y);
+                let (from_x, from_y) = ((x as f32 + dx).round(), (y as f32 + dy).round());
+                let inside = from_x >= 0.0 && from_y >= 0.0 && from_x < width as f32 && from_y < height as f32;
+                if inside { (from_y as usize * width + from_x as usize) as u32 } else { NO_MATCH }
+            });
+            self.squares += flicker([&now[0], &before[0]], [&now[1], &before[1]], &matches);
+            self.frames += 1;
+        }
+        self.before = Some(now);
+    }
+
+    /// Root mean square \[code values\].
+    fn mean(&self) -> f64 {
+        (self.squares / f64::from(self.frames.max(1))).sqrt()
+    }
 }
 
 /// What is gathered over the frames that count.
@@ -89,7 +125,7 @@ impl Sums {
         rendered.psnr_y = Some(perceptual::psnr(&frame.picture.luma, &truth.picture.luma)).filter(|p| p.is_finite());
         rendered.ssim = perceptual::ssim(&frame.picture.luma, &truth.picture.luma);
         self.rendered.push(rendered);
-        let video = |frame: &mpeg2enc::Frame| Picture::Video(frame.clone()).view(1.0);
+        let video = |frame: &Frame| Picture::Video(frame.clone()).view(1.0);
         self.decoded.push(measure(&video(&coded.decoded), &video(&truth.picture)));
         self.bits += coded.bits;
         self.seconds += coded.seconds;
@@ -118,6 +154,7 @@ impl Sums {
             bits: self.bits as f64 / count,
             rendered: Comparison::mean(&self.rendered),
             decoded: Comparison::mean(&self.decoded),
+            flicker: 0.0,
             error_by_threshold: self.ratios.map(Ratios::histogram),
             against_baseline: None,
         }
