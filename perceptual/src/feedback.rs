@@ -86,7 +86,7 @@ impl Feedback {
     ) -> &Plane<f32> {
         let tolerable = CodedMasking::new(steps.clone()).tolerable_luma(luma, coded, next);
         let e = blockwise_error(luma, luminance, &tolerable, self.kappa, &self.scale);
-        let weight = if next == NextPicture::Intra { 0.0 } else { self.weight };
+        let weight = if matches!(next, NextPicture::Intra { .. }) { 0.0 } else { self.weight };
         self.take_in(e, matches, weight)
     }
 

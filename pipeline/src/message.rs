@@ -2,7 +2,7 @@
 
 use crate::video::CodingOutcome;
 use lighttree::LightTree;
-use perceptual::{ToneMap, YCbCr};
+use perceptual::{NextPicture, ToneMap, YCbCr};
 use plane::Plane;
 use render_core::{Accelerator, Correspondence, DirectLights, GBuffer, Gather, Surfaces};
 use std::sync::Arc;
@@ -136,14 +136,14 @@ pub struct Coding {
     pub quantiser_scale: f32,
     /// What became of the picture, where masking goes by that.
     pub outcome: Option<CodingOutcome>,
-    /// Whether the next picture will be coded by itself.
-    pub next_is_intra: bool,
+    /// How the next picture will be coded.
+    pub next: NextPicture,
 }
 
 impl Coding {
     /// Nothing is known but the quantiser.
     pub fn of_quantiser(quantiser_scale: f32) -> Self {
-        Self { quantiser_scale, outcome: None, next_is_intra: false }
+        Self { quantiser_scale, outcome: None, next: NextPicture::Predicted }
     }
 }
 

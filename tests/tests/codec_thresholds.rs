@@ -60,8 +60,8 @@ fn mean_threshold(coded: &Coded, next: NextPicture) -> f64 {
 #[test]
 fn an_intra_picture_is_foretold() {
     for quantiser_scale in [4, 16, 48] {
-        let foretold = mean_threshold(&coded(quantiser_scale, 2)[1], NextPicture::Intra);
-        let known = mean_threshold(&coded(quantiser_scale, 1)[1], NextPicture::Intra);
+        let foretold = mean_threshold(&coded(quantiser_scale, 2)[1], NextPicture::Intra { group: 1 });
+        let known = mean_threshold(&coded(quantiser_scale, 1)[1], NextPicture::Intra { group: 1 });
         println!("quantiser_scale {quantiser_scale}: foretold {foretold:.4}, known {known:.4}");
         assert!((foretold / known - 1.0).abs() < 0.25, "{quantiser_scale}: {foretold}, known {known}");
     }
@@ -70,7 +70,7 @@ fn an_intra_picture_is_foretold() {
 /// Coarser quantisers allow more, of a picture that will be coded by itself and of one that will be predicted.
 #[test]
 fn coarser_quantisers_allow_more() {
-    for next in [NextPicture::Intra, NextPicture::Predicted] {
+    for next in [NextPicture::Intra { group: 1 }, NextPicture::Predicted] {
         let means: Vec<f64> = [2, 8, 16, 32, 62].map(|scale| mean_threshold(&coded(scale, 9)[0], next)).into();
         assert!(means.is_sorted(), "{next:?}: {means:?}");
         assert!(means[0] < 0.022 && means[4] > 0.1, "{next:?}: from 2 % to much more: {means:?}");

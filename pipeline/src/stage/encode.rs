@@ -10,6 +10,7 @@ use crate::video::{Coded, CodingOutcome, Video};
 use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
 use mpeg2enc::{Frame, MotionField, PictureType};
+use perceptual::NextPicture;
 use render_core::{Busy, Correspondence};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -42,9 +43,10 @@ pub fn run(
         let _span = tracing::debug_span!("encode", frame).entered();
         let (bytes, lines, outcome) = pool.install(|| stage.take(displayed))?;
         if let Some(codings) = codings {
-            let next_is_intra = (frame + 1).is_multiple_of(settings.gop);
+            let begins_group = (frame + 1).is_multiple_of(settings.gop);
+            let next = if begins_group { NextPicture::Intra { group: settings.gop } } else { NextPicture::Predicted };
             // Without thresholds nobody asks.
-            let _ = codings.send(Coding { quantiser_scale: stage.video.quantiser_scale(), outcome, next_is_intra });
+            let _ = codings.send(Coding { quantiser_scale: stage.video.quantiser_scale(), outcome, next });
         }
         hand_out(output, observer, reports, &bytes, lines)?;
         if checkpoint {

@@ -7,7 +7,7 @@ use crate::settings::{Settings, Thresholds};
 use crate::video::CodingOutcome;
 use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
-use perceptual::{CodedPicture, DEFAULT_WEIGHT, Feedback, MaskingModel, NextPicture, QuantiserSteps};
+use perceptual::{CodedPicture, DEFAULT_WEIGHT, Feedback, MaskingModel, QuantiserSteps};
 use plane::Plane;
 use render_core::Busy;
 
@@ -106,7 +106,7 @@ fn observe<'a>(
         return feedback.observe(luma, luminance, coding.quantiser_scale, matches);
     };
     let CodingOutcome { decoded, levels, intra, quantiser_scales } = outcome;
-    let next = if coding.next_is_intra { NextPicture::Intra } else { NextPicture::Predicted };
+    let next = coding.next;
     feedback.observe_coded(
         luma,
         luminance,
