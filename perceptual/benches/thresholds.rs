@@ -2,8 +2,8 @@
 
 use divan::{Bencher, black_box};
 use perceptual::{
-    DEFAULT_WEIGHT, Feedback, MaskingModel, Operator, ToneMap, YCbCr, blend, carry, luminance_plane, ssim,
-    still_matches, tolerable_error,
+    CodedPicture, DEFAULT_WEIGHT, Feedback, MaskingModel, NextPicture, Operator, QuantiserSteps, ToneMap, YCbCr, blend,
+    carry, luminance_plane, ssim, still_matches, tolerable_error,
 };
 use plane::Plane;
 
@@ -45,6 +45,23 @@ fn feedback_of_a_frame(bencher: Bencher) {
     let still = still_matches(SIZE, SIZE);
     let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), DEFAULT_WEIGHT);
     bencher.bench_local(|| feedback.observe(&picture.luma, &luminance, 8.0, Some(&still)).get(0, 0));
+}
+
+/// Eqs. (4) to (8): by what an encoder did, here leaving a wave in every block.
+#[divan::bench(args = [NextPicture::Predicted, NextPicture::Intra { group: 15 }])]
+fn coded_feedback_of_a_frame(bencher: Bencher, next: NextPicture) {
+    let (picture, luminance) = picture();
+    let still = still_matches(SIZE, SIZE);
+    let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), DEFAULT_WEIGHT);
+    let decoded = Plane::from_fn(SIZE, SIZE, |x, y| picture.y.get(x, y).saturating_add((x % 8) as u8));
+    let (levels, macroblocks) = (Plane::filled(SIZE / 8, SIZE / 8, 7), SIZE / 16);
+    let intra = Plane::filled(macroblocks, macroblocks, false);
+    let scales = Plane::filled(macroblocks, macroblocks, 8);
+    let coded = CodedPicture { decoded: &decoded, levels: &levels, intra: &intra, quantiser_scales: &scales };
+    let steps = QuantiserSteps::default();
+    bencher.bench_local(|| {
+        feedback.observe_coded(&picture.luma, &luminance, &steps, (&coded, next), Some(&still)).get(0, 0)
+    });
 }
 
 /// Eqs. (1) to (3) alone.
