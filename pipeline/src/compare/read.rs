@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use mpeg2enc::Frame;
 use plane::Plane;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -124,20 +124,38 @@ fn linear_picture(path: &Path) -> Result<Picture> {
     bail!("{}: this build reads no OpenEXR; build it with the feature exr", path.display())
 }
 
+/// Bytes of a header, ours: those of ffmpeg are shorter than 100.
+const LONGEST_HEADER: usize = 1024;
+
 fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn Read>>> {
+    let (header, input) = header_and_all(input).with_context(|| format!("{} cannot be read", path.display()))?;
+    // The decoder multiplies them before it looks at its limits.
+    let sides = header.split(|&byte| byte == b' ').filter(|word| matches!(word.first(), Some(b'W' | b'H')));
+    for side in sides.map(|word| String::from_utf8_lossy(&word[1..]).trim().to_owned()) {
+        if !side.parse().is_ok_and(|side| (1..=LARGEST_SIDE).contains(&side)) {
+            bail!("{}: a picture has no side of {side}; sides go from 1 to {LARGEST_SIDE}", path.display());
+        }
+    }
     // Memory is taken for what the header says.
     let limits = y4m::Limits { bytes: LARGEST_SIDE * LARGEST_SIDE * 3 / 2 + 2 * LARGEST_SIDE };
     let decoder = y4m::Decoder::new_with_limits(input, limits)
         .map_err(|error| anyhow::anyhow!("{} is not a YUV4MPEG2 video: {error}", path.display()))?;
-    let (width, height) = (decoder.get_width(), decoder.get_height());
-    if !(1..=LARGEST_SIDE).contains(&width) || !(1..=LARGEST_SIDE).contains(&height) {
-        bail!("{}: {width}x{height} is no size of a picture; sides go from 1 to {LARGEST_SIDE}", path.display());
-    }
     use y4m::Colorspace::{C420, C420jpeg, C420mpeg2, C420paldv};
     if !matches!(decoder.get_colorspace(), C420 | C420jpeg | C420mpeg2 | C420paldv) {
         bail!("{}: only 8-bit 4:2:0 videos are compared; ffmpeg -pix_fmt yuv420p makes one", path.display());
     }
     Ok(decoder)
+}
+
+/// The first line, as far as a header may go, and the whole input with it.
+fn header_and_all(mut input: Box<dyn Read>) -> std::io::Result<(Vec<u8>, Box<dyn Read>)> {
+    let mut header = Vec::new();
+    let mut byte = [0];
+    while header.len() < LONGEST_HEADER && header.last() != Some(&b'\n') && input.read(&mut byte)? == 1 {
+        header.push(byte[0]);
+    }
+    let all = Box::new(Cursor::new(header.clone()).chain(input));
+    Ok((header, all))
 }
 
 fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>) -> Result<Option<Picture>> {
