@@ -21,7 +21,7 @@ SWEPT = Path("out/sweeps")
 # What is run: this workspace's own build, unless another is named.
 PROGRAM = os.environ.get("RENDER2MPEG", "cargo run --release --quiet --").split()
 SPONZA = ["../shared/scenes/sponza-dabrovic", "../shared/scenes/sponza-crytek"]
-SMALL = "--size 128x128 --frames 5 --vpls 1000 --methods paper,codec"
+SMALL = "--size 96x96 --frames 4 --vpls 1000 --methods paper,codec"
 LARGE = (
     "--size 160x160 --frames 5 --methods "
     "paper,perceptual,codec,calibrated,perceptual-cache,codec-cache,calibrated-cache,paths-4,paths-16,paths-64"
