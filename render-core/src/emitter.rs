@@ -117,7 +117,8 @@ pub struct Emission {
 /// Dimensions of the Halton sequence that an emission uses.
 pub const EMISSION_DIMENSIONS: usize = 5;
 
-/// Radius of the dome of far lights in radii of the scene: far enough that its parallax is below a pixel's width.
+/// Radius of the dome of far lights in radii of the scene: far enough that its parallax is below a pixel's width, and near
+/// enough that a shadow ray cast from there ends as exactly as one that begins at the surface.
 const DOME_RADII: f32 = 100.0;
 
 impl Emitters {

@@ -357,3 +357,30 @@ fn within_a_shaft_rays_meet_what_they_meet_without() {
         assert!(empty > 20 && hidden > 20_000, "{empty} empty shafts, {hidden} hidden segments: the test says little");
     }
 }
+
+/// Rays from as far as the sky's dome, 100 radii, end at a surface as surely as they begin there: cuts of neighbouring pixels
+/// cast them from the light. (From 1000 radii, one in four and more would end below the surface.)
+#[test]
+fn rays_from_far_lights_end_above_the_surface() {
+    for (turn, offset) in [(0.7, Vec3::ZERO), (0.2, vec3(3.0, -5.0, 2.0)), (2.1, vec3(0.0, 40.0, 0.0))] {
+        let mut scene = Scene::default();
+        let corners = [[-1.0, -1.0], [1.1, -1.0], [1.1, 1.3], [-1.0, 1.3]];
+        let positions = corners.map(|[x, y]| vec3(x, y, 0.3)).into();
+        let floor = Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
+        let rotation = Quat::from_rotation_x(turn) * Quat::from_rotation_y(0.4);
+        add(&mut scene, Transform { rotation, ..rest(offset) }, floor, Material::default());
+        let units = render_core::Units::of(&scene);
+        let accelerator = Geometry::new(&scene).place(&scene.pose(0.0));
+        for k in 0..200u64 {
+            let (angle, sine) = (2.0 * PI * hash_unit(3, k, 5), [0.003f32, 0.01, 0.03, 0.1, 0.5][k as usize % 5]);
+            let along = vec3(angle.cos(), angle.sin(), 0.0) * (1.0 - sine * sine).sqrt();
+            let direction = rotation * (along + Vec3::Z * sine);
+            let light = units.center + Vec3A::from(direction) * units.radius * 100.0;
+            let above = |i: u64| offset + rotation * (random_vector(77 * k + i).with_z(0.0) * 0.9 + Vec3::Z * 0.3);
+            let lifted = |i: u64| Vec3A::from(above(i) + rotation * Vec3::Z * units.epsilon);
+            let receivers: Vec<Vec3A> = (0..PACKET as u64).map(lifted).collect();
+            assert_eq!(accelerator.occluded_packet(light, &receivers, u64::MAX), 0, "{offset}, light {k}");
+            assert!(receivers.iter().all(|&receiver| !accelerator.occluded(receiver, light)), "{offset}, light {k}");
+        }
+    }
+}
