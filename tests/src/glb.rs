@@ -181,3 +181,22 @@ fn checks(quads: &[Quad], count: usize) -> [Vec<Quad>; 2] {
     }
     colors
 }
+
+/// A cube of side 2 around the camera, seen from inside; every wall glows.
+pub fn furnace(albedo: Vec3, emission: Vec3) -> Glb {
+    let mut glb = Glb::default();
+    for axis in 0..3 {
+        for sign in [-1.0, 1.0] {
+            let n = Vec3::AXES[axis] * sign;
+            let [a, b] = [Vec3::AXES[(axis + 1) % 3] * 2.0, Vec3::AXES[(axis + 2) % 3] * 2.0];
+            let corner = n - (a + b) / 2.0;
+            // Facing the middle: a × b = −n.
+            let wall: Quad = if sign < 0.0 { [corner, a, b] } else { [corner, b, a] };
+            glb.add(&[wall], albedo, emission);
+        }
+    }
+    glb.add_camera(Vec3::ZERO);
+    // Wide enough to see most of the wall in front.
+    glb.json["cameras"][0]["perspective"]["yfov"] = json!(1.5);
+    glb
+}

@@ -9,7 +9,7 @@ mod program;
 mod replay;
 
 pub use decoders::{decode_ffmpeg, decode_mpeg2dec, read_y4m, tolerant_frame_count};
-pub use glb::{Glb, Moving, Quad, checkered_room};
+pub use glb::{Glb, Moving, Quad, checkered_room, furnace};
 pub use program::{
     Finished, Rendered, assert_fails, cornell, program, render, render2mpeg, shared_scenes, sorted_names,
 };

@@ -12,7 +12,7 @@ use render_core::scene;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
-use tests::{Glb, Moving, checkered_room};
+use tests::{Glb, Moving, checkered_room, furnace};
 
 const SIDE: usize = 32;
 
@@ -106,21 +106,6 @@ fn a_millimetre_and_a_thousand_kilometres_look_the_same() {
         let same = found.0.samples().iter().zip(reference.0.samples()).filter(|(a, b)| a == b).count();
         assert_eq!(same, SIDE * SIDE, "2^{exponent}: {} pixels are others", SIDE * SIDE - same);
     }
-}
-
-/// A cube of side 2 around the camera, seen from inside, whose walls all glow.
-fn furnace(albedo: Vec3, emission: Vec3) -> Glb {
-    let mut glb = Glb::default();
-    for axis in 0..3 {
-        for sign in [-1.0, 1.0] {
-            let n = Vec3::AXES[axis] * sign;
-            let [a, b] = [Vec3::AXES[(axis + 1) % 3] * 2.0, Vec3::AXES[(axis + 2) % 3] * 2.0];
-            let corner = n - (a + b) / 2.0;
-            glb.add(&[if sign < 0.0 { [corner, a, b] } else { [corner, b, a] }], albedo, emission);
-        }
-    }
-    glb.add_camera(Vec3::ZERO);
-    glb
 }
 
 /// Albedo 0 shows the walls' own light to the last digit. At albedo 1 the series has no limit: paths end after 256

@@ -5,28 +5,8 @@ use lighttree::{Lambert, Light, Scratch, Stop};
 use pipeline::{Plan, Wishes, stage};
 use plane::Plane;
 use render_core::{image_file::read_exr, luminance};
-use serde_json::json;
 use std::sync::atomic::AtomicBool;
-use tests::{Glb, Quad, cornell, load, render};
-
-/// A cube of side 2 around the camera, seen from inside; every wall glows.
-fn furnace(albedo: Vec3, emission: Vec3) -> Glb {
-    let mut glb = Glb::default();
-    for axis in 0..3 {
-        for sign in [-1.0, 1.0] {
-            let n = Vec3::AXES[axis] * sign;
-            let [a, b] = [Vec3::AXES[(axis + 1) % 3] * 2.0, Vec3::AXES[(axis + 2) % 3] * 2.0];
-            let corner = n - (a + b) / 2.0;
-            // Facing the middle: a × b = −n.
-            let wall: Quad = if sign < 0.0 { [corner, a, b] } else { [corner, b, a] };
-            glb.add(&[wall], albedo, emission);
-        }
-    }
-    glb.add_camera(Vec3::ZERO);
-    // Wide enough to see most of the wall in front.
-    glb.json["cameras"][0]["perspective"]["yfov"] = json!(1.5);
-    glb
-}
+use tests::{cornell, furnace, load, render};
 
 fn frame(folder: &std::path::Path, exr: &str, index: usize) -> Plane<Vec3> {
     read_exr(&folder.join(exr).join(format!("frame_{index:05}.exr"))).expect("a linear frame")
