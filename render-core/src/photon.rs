@@ -82,7 +82,7 @@ impl Photons {
         Self { count: count.min(1 << 32), seed, bounces: LONGEST_PATH, swept: None, settled: None }
     }
 
-    /// Paths end after `bounces` reflections at the latest; 256 when not stated.
+    /// Paths end after `bounces` reflections at the latest; 1024 when not stated.
     pub fn with_bounces(self, bounces: usize) -> Self {
         Self { bounces: bounces.min(LONGEST_PATH), ..self }
     }
@@ -137,7 +137,7 @@ impl Photons {
                             Other::Whole(index) => walk.follow(index, &mut path, |_| ()),
                             Other::From(leg) => walk.follow_from(leg, &mut path, |_| ()),
                         }
-                        sums.take(&path, quantum, &mut left);
+                        sums.take(&path, quantum, &mut left, surfels);
                     }
                     sums.settle(&mut left, surfels, quantum);
                 });
@@ -152,7 +152,7 @@ impl Photons {
                     let mut path = Path::default();
                     for index in batch(place) {
                         walk.follow(index as u32, &mut path, |_| ());
-                        sums.take(&path, quantum, &mut left);
+                        sums.take(&path, quantum, &mut left, surfels);
                     }
                     sums.settle(&mut left, surfels, quantum);
                 });
@@ -174,15 +174,15 @@ impl Photons {
                     legs.clear();
                     walk.follow(index, &mut path, |leg| legs.push(leg));
                     if path.from_moving {
-                        change.take(&path, quantum, &mut left_to_change);
+                        change.take(&path, quantum, &mut left_to_change, surfels);
                         others.push(Other::Whole(index));
                         continue;
                     }
                     if let Some(segment) = path.first_met(&legs, swept) {
-                        change.take(&path.split_off(segment), quantum, &mut left_to_change);
+                        change.take(&path.split_off(segment), quantum, &mut left_to_change, surfels);
                         others.push(Other::From(legs[segment]));
                     }
-                    stay.take(&path, quantum, &mut left_to_stay);
+                    stay.take(&path, quantum, &mut left_to_stay, surfels);
                 }
                 change.settle(&mut left_to_change, surfels, quantum);
                 stay.settle(&mut left_to_stay, surfels, quantum);

@@ -108,8 +108,8 @@ fn a_millimetre_and_a_thousand_kilometres_look_the_same() {
     }
 }
 
-/// Albedo 0 shows the walls' own light to the last digit. At albedo 1 the series has no limit: paths end after 256
-/// reflections, so light is finite: 257 times what is emitted, and no more.
+/// Albedo 0 shows the walls' own light to the last digit. At albedo 1 the series has no limit: paths end after 1024
+/// reflections, so light is finite: 1025 times what is emitted, and no more.
 #[test]
 fn albedo_zero_and_one() {
     let black = film(&furnace(Vec3::ZERO, Vec3::ONE), "");
@@ -119,30 +119,32 @@ fn albedo_zero_and_one() {
     assert_sound(&white, "albedo 1");
     let mean = mean(&white.0);
     println!("the closed white room: {mean:.2} times what is emitted");
-    assert!((0.97 * 257.0..1.03 * 257.0).contains(&mean), "{mean} times what is emitted");
+    assert!((0.97 * 1025.0..1.03 * 1025.0).contains(&mean), "{mean} times what is emitted");
 }
 
-/// At albedo 0.99 the closed form is 100, of which 256 reflections reach 92.4. Photons whose energy grew while they lived
-/// gave 144.
+/// At albedo 0.99 the closed form is 100. Photons that ended after 256 reflections gave 92.4, those whose energy grew while
+/// they lived 144.
 #[test]
 fn a_nearly_white_room_gains_nothing() {
     let found = film(&furnace(Vec3::splat(0.99), Vec3::ONE), "");
     assert_sound(&found, "albedo 0.99");
-    let exact = (1.0 - 0.99f64.powi(257)) / 0.01;
     let mean = mean(&found.0);
-    println!("albedo 0.99: {mean:.2} times what is emitted, {exact:.2} by the series");
-    assert!((0.97 * exact..1.03 * exact).contains(&mean), "{mean}, {exact} by the series");
+    println!("albedo 0.99: {mean:.2} times what is emitted");
+    assert!((97.0..103.0).contains(&mean), "{mean} times what is emitted");
 }
 
 /// More than all cannot be reflected: an albedo that a file claims above 1 counts as 1.
 #[test]
 fn no_surface_gains_energy() {
+    // Few reflections: in walls that lose nothing each photon takes all there may be.
+    let film =
+        |glb: &Glb| film_in(tempfile::tempdir().unwrap().path(), glb, "", Wishes { bounces: Some(16), ..small() });
     let mut glb = furnace(Vec3::ONE, Vec3::ONE);
-    let one = film(&glb, "");
+    let one = film(&glb).unwrap();
     for material in glb.json["materials"].as_array_mut().unwrap() {
         material["pbrMetallicRoughness"]["baseColorFactor"] = json!([8.0, 8.0, 8.0, 1.0]);
     }
-    if let Ok(eight) = film_in(tempfile::tempdir().unwrap().path(), &glb, "", small()) {
+    if let Ok(eight) = film(&glb) {
         assert_sound(&eight, "albedo 8");
         assert!(eight.0 == one.0, "{} and {}", mean(&eight.0), mean(&one.0));
     }

@@ -76,6 +76,10 @@ pub(super) struct Left {
     scratch: SplatScratch,
 }
 
+/// What is put down before it is shared out: a batch of photons in a white room, each reflected thousands of times, would take
+/// gigabytes.
+const MOST_LEFT: usize = 1 << 18;
+
 impl Sums {
     /// Nothing.
     pub fn new(surfels: [&SurfelMap; 2]) -> Self {
@@ -83,12 +87,16 @@ impl Sums {
         Self { held: surfels.map(|surfels| vec![none; surfels.len()]), emitted: none, reflected: none, lost: none }
     }
 
-    /// Takes what the photon of `path` brought; what it left at surfaces is put down in `left` for [`Sums::settle`].
-    pub fn take(&mut self, path: &Path, quantum: Quantum, left: &mut Left) {
+    /// Takes what the photon of `path` brought; what it left at surfaces is put down in `left` for [`Sums::settle`], which shares
+    /// out much of it faster than little.
+    pub fn take(&mut self, path: &Path, quantum: Quantum, left: &mut Left, surfels: [&SurfelMap; 2]) {
         self.emitted.add(quantum.count(path.emitted));
         self.lost.add(quantum.count(path.lost));
         for reflection in &path.reflections {
             left.kinds[usize::from(reflection.carrier.is_some())].push((reflection.spot(), reflection.flux));
+        }
+        if left.kinds.iter().any(|spots| spots.len() >= MOST_LEFT) {
+            self.settle(left, surfels, quantum);
         }
     }
 
