@@ -248,4 +248,6 @@ impl<R: Send + Sync> IrradianceCache<R> {
 }
 
 #[cfg(test)]
+mod precision;
+#[cfg(test)]
 mod tests;

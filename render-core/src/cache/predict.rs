@@ -123,7 +123,7 @@ fn tiles_around<'a>(picture: &Picture, tiles: &'a Tiles, site: &Site) -> impl It
 }
 
 /// The sums of a record's regression.
-struct Fit<'a, R> {
+pub(super) struct Fit<'a, R> {
     record: &'a Record<R>,
     alone: Prediction,
     radius: f32,
@@ -145,7 +145,7 @@ struct Fit<'a, R> {
 }
 
 impl<'a, R> Fit<'a, R> {
-    fn new(record: &'a Record<R>, radius: f32, view: &View) -> Self {
+    pub fn new(record: &'a Record<R>, radius: f32, view: &View) -> Self {
         let alone = Prediction::alone(record, radius);
         let axes: [Vec3A; 2] = <[Vec3; 2]>::from(frame(record.site.normal.into())).map(Vec3A::from);
         let (least, most) = BY_RADIUS;
@@ -165,7 +165,7 @@ impl<'a, R> Fit<'a, R> {
         }
     }
 
-    fn add(&mut self, neighbour: &Record<R>) {
+    pub fn add(&mut self, neighbour: &Record<R>) {
         let (site, other) = (&self.record.site, &neighbour.site);
         if std::ptr::eq(self.record, neighbour) || site.carrier != other.carrier {
             return;
@@ -201,7 +201,7 @@ impl<'a, R> Fit<'a, R> {
     }
 
     /// The prediction, and by how much neighbours differ from it.
-    fn solve(self) -> (Prediction, f32) {
+    pub fn solve(self) -> (Prediction, f32) {
         let Self { alone, axes, own, square, unexplained, .. } = self;
         if self.weights == 0.0 {
             return (alone, 0.0);
