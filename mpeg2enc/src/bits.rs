@@ -47,8 +47,10 @@ pub(crate) trait BitSink {
 /// Makes bytes.
 #[derive(Default)]
 pub(crate) struct BitWriter {
+    /// Bytes that are whole, and room for more.
     bytes: Vec<u8>,
-    /// Bits that do not make four bytes yet are the low ones.
+    whole: usize,
+    /// Bits that do not make a byte yet are the low ones; those above were written before.
     pending: u64,
     pending_bits: u32,
 }
@@ -63,30 +65,40 @@ impl BitWriter {
     /// The bytes, the last one filled with zero bits.
     pub fn into_bytes(mut self) -> Vec<u8> {
         self.align();
-        let bytes = (self.pending << (32 - self.pending_bits)) as u32;
-        self.bytes.extend(&bytes.to_be_bytes()[..self.pending_bits as usize / 8]);
+        self.bytes.truncate(self.whole);
         self.bytes
     }
 
     fn align(&mut self) {
         self.put(0, self.pending_bits.wrapping_neg() % 8);
     }
+
+    /// More room: rarely needed, so it stays out of the way.
+    #[cold]
+    fn grow(&mut self) {
+        self.bytes.resize(2 * self.bytes.len() + 256, 0);
+    }
 }
 
 impl BitSink for BitWriter {
+    /// Eight bytes are written whatever the length, so that nothing depends on it but how many of them stay.
     #[inline]
     fn put(&mut self, value: u32, length: u32) {
         debug_assert!(length <= 32 && (length == 32 || value >> length == 0), "{value:#x} has more than {length} bits");
-        self.pending = self.pending << length | u64::from(value);
-        self.pending_bits += length;
-        if self.pending_bits >= 32 {
-            self.pending_bits -= 32;
-            self.bytes.extend(((self.pending >> self.pending_bits) as u32).to_be_bytes());
+        if self.whole + 8 > self.bytes.len() {
+            self.grow();
         }
+        self.pending = self.pending << length | u64::from(value);
+        // 7 + 32 at most.
+        let bits = self.pending_bits + length;
+        let highest_first = (self.pending << (63 - bits) << 1).to_be_bytes();
+        self.bytes[self.whole..self.whole + 8].copy_from_slice(&highest_first);
+        self.whole += bits as usize / 8;
+        self.pending_bits = bits % 8;
     }
 
     fn bits(&self) -> u64 {
-        8 * self.bytes.len() as u64 + u64::from(self.pending_bits)
+        8 * self.whole as u64 + u64::from(self.pending_bits)
     }
 }
 

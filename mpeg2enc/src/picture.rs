@@ -94,7 +94,9 @@ impl Picture<'_> {
             let cr = reconstruction.cr.samples_mut().par_chunks_mut(4 * width);
             luma.zip(cb.zip(cr))
                 .enumerate()
-                .map(|(row, (luma, (cb, cr)))| self.code_slice(row, RowMut { luma, cb, cr }))
+                .map_init(Workspace::new, |work, (row, (luma, (cb, cr)))| {
+                    self.code_slice(row, RowMut { luma, cb, cr }, work)
+                })
                 .collect::<Vec<_>>()
         };
         let mut coded = CodedPicture {
@@ -113,7 +115,12 @@ impl Picture<'_> {
     }
 
     /// slice() (6.2.4) of one row of macroblocks.
-    fn code_slice(&self, row: usize, mut out: RowMut) -> (Vec<u8>, Vec<u8>, Vec<CodedMacroblock>, PictureStatistics) {
+    fn code_slice(
+        &self,
+        row: usize,
+        mut out: RowMut,
+        work: &mut Workspace,
+    ) -> (Vec<u8>, Vec<u8>, Vec<CodedMacroblock>, PictureStatistics) {
         let columns = self.source.width() / 16;
         let scales_x16 = &self.scales_x16[row * columns..][..columns];
         let parameters = &self.quantisers.parameters;
@@ -131,7 +138,6 @@ impl Picture<'_> {
         let mut macroblocks = Vec::with_capacity(columns);
         put_slice_header(&mut writer, row, self.height, slice.quantiser);
         let mut state = SliceState::new(&slice);
-        let mut work = Workspace::new();
         let mut quantiser = (scales_x16[0], slice.quantiser);
         for (column, &scale_x16) in scales_x16.iter().enumerate() {
             let vectors = self.vectors.map(|vectors| vectors.get(row * columns + column).copied().unwrap_or_default());
@@ -167,7 +173,7 @@ impl Picture<'_> {
                     row,
                     source: &samples(self.source, column, row),
                 };
-                decision.decide(vectors, &mut work);
+                decision.decide(vectors, work);
                 self.show(&work.reconstruction, column, &mut out);
             }
             let macroblock = work.macroblock();

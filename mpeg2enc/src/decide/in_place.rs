@@ -108,6 +108,12 @@ impl InPlace<'_> {
     /// Shows the macroblock at the same place of the reference, if its squared error is no more than `allowed`.
     fn stay(&self, allowed: i64, out: &mut RowMut) -> bool {
         let still = HalfSample::ZERO;
+        // Squares of sixteen times sixteen differences add up to no less than the square of their sum by their number.
+        let difference =
+            kernel::absolute_difference::<16>(self.luma(self.source, still), self.luma(self.reference, still));
+        if in_coefficients(difference * difference / 256) > allowed {
+            return false;
+        }
         let (mut luma, mut cb, mut cr) = ([0; 256], [0; 64], [0; 64]);
         let mut error = self.predict_luma(still, &mut luma, 16).iter().sum::<u32>();
         if in_coefficients(error) <= allowed {
