@@ -4,7 +4,8 @@
 //! F(u,v) = 1/4 C(u) C(v) Σx Σy f(x,y) cos((2x+1)uπ/16) cos((2y+1)vπ/16)      C(0) = 1/√2, else 1
 //! ```
 //! Both run over columns, then over columns of the transposed block, with even and odd frequencies apart:
-//! 22 products for eight values, for eight columns beside each other.
+//! 22 products for eight values, for eight columns beside each other. Coefficients lie column by column, the one of
+//! frequency u across and v down at `8 * u + v`: that is how they come out, and a second transposition is saved.
 //! The forward transform has 13 fractional bits in the cosines and 5 between the passes: 32 bits hold everything.
 //! The inverse, which every decoder must agree with, has 28 and 14: far finer than IEEE 1180 asks for. Nearly all of its blocks
 //! go through a faster one of floats, which knows when it has the same.
@@ -125,31 +126,25 @@ const EXACT_ERROR: f32 = 1e-4;
 /// than 1/4, and is rounded 6 times in a pass (cosine, product, four sums) by 2⁻²⁴ at most. That makes 1.8·10⁻⁷.
 const SHORT_ERROR: f32 = 2.2e-7;
 
+/// How far from a whole number a sample may be that is certain to be rounded to it, by the sum of magnitudes of coefficients.
+fn certain(magnitude: i32) -> f32 {
+    0.5 - EXACT_ERROR - SHORT_ERROR * magnitude as f32
+}
+
 /// What [`inverse`] gives, before it saturates, and whether that is certain.
-#[inline(always)]
 fn inverse_short(coefficients: &[i32; 64]) -> ([i32; 64], bool) {
-    let mut float = [[0.0; 8]; 8];
-    let mut magnitudes = [0; 8];
-    for y in 0..8 {
-        for x in 0..8 {
-            float[y][x] = coefficients[8 * y + x] as f32;
-            magnitudes[x] += coefficients[8 * y + x].abs();
-        }
-    }
-    let bound = 0.5 - EXACT_ERROR - SHORT_ERROR * magnitudes.iter().sum::<i32>() as f32;
-    let out = transposed(&inverse_short_1d(&transposed(&inverse_short_1d(&float))));
+    let float = rows(coefficients).map(|row| row.map(|c| c as f32));
+    let bound = certain(coefficients.iter().map(|c| c.abs()).sum());
+    let out = inverse_short_1d(&transposed(&inverse_short_1d(&float)));
     // The sum with 3·2²² has no bits left for a fraction.
     const ROUNDING: f32 = 12_582_912.0;
-    let (mut rounded, mut farthest) = ([0; 64], [0.0f32; 8]);
-    for y in 0..8 {
-        for x in 0..8 {
-            let near = out[y][x] + ROUNDING;
-            rounded[8 * y + x] = near.to_bits() as i32 - ROUNDING.to_bits() as i32;
-            let distance = (out[y][x] - (near - ROUNDING)).abs();
-            farthest[x] = if distance > farthest[x] { distance } else { farthest[x] };
-        }
+    let (mut rounded, mut farthest) = ([0; 64], 0.0f32);
+    for (rounded, &value) in rounded.iter_mut().zip(out.as_flattened()) {
+        let near = value + ROUNDING;
+        *rounded = near.to_bits() as i32 - ROUNDING.to_bits() as i32;
+        farthest = farthest.max((value - (near - ROUNDING)).abs());
     }
-    (rounded, farthest.iter().all(|&distance| distance < bound))
+    (rounded, farthest < bound)
 }
 
 #[inline(always)]
@@ -173,18 +168,18 @@ fn flat(block: &[[i32; 8]; 8]) -> [i32; 64] {
     block.as_flattened().try_into().expect("8 rows of 8")
 }
 
-/// Coefficients (raster order, `8 * v + u`) of samples or differences, with [`COEFFICIENT_BITS`] fractional bits.
+/// Coefficients of samples or differences, with [`COEFFICIENT_BITS`] fractional bits.
 #[inline(always)]
 fn forward(samples: &[i32; 64]) -> [i32; 64] {
     let middle = forward_1d(rows(samples), SHORT_COSINE_BITS + 1 - SHORT_MIDDLE_BITS);
-    let out = forward_1d(&transposed(&middle), SHORT_COSINE_BITS + 1 + SHORT_MIDDLE_BITS - COEFFICIENT_BITS);
-    flat(&transposed(&out))
+    flat(&forward_1d(&transposed(&middle), SHORT_COSINE_BITS + 1 + SHORT_MIDDLE_BITS - COEFFICIENT_BITS))
 }
 
-/// Samples or differences of coefficients in raster order, saturated to −256 … 255 (7.5).
+/// Samples or differences of coefficients, saturated to −256 … 255 (7.5).
 #[inline(always)]
 fn inverse(coefficients: &[i32; 64]) -> [i32; 64] {
-    let middle = inverse_1d(rows(coefficients), COSINE_BITS + 1 - MIDDLE_BITS);
+    // Columns first: where rounding in between matters, the order of the passes does.
+    let middle = inverse_1d(&transposed(rows(coefficients)), COSINE_BITS + 1 - MIDDLE_BITS);
     let out = inverse_1d(&transposed(&middle), COSINE_BITS + 1 + MIDDLE_BITS);
     flat(&transposed(&out)).map(|sample| sample.clamp(-256, 255))
 }
@@ -200,18 +195,34 @@ vectorised! {
     }
 }
 
-vectorised! {
-    /// A prediction and what coefficients add to it, saturated (7.6.8).
-    ///
-    /// What is far enough from the middle between two whole numbers is rounded from 24 bits, to what [`inverse`] gives; the
-    /// rest, about one block of thirty, goes through that.
-    fn inverse_onto, inverse_onto_plain(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
-        let (rounded, is_certain) = inverse_short(coefficients);
-        let added = if is_certain { rounded } else { inverse(coefficients) };
-        for i in 0..64 {
-            // Beyond −256 … 255 the sum saturates whatever the rest.
-            out[i] = (i32::from(predicted[i]) + added[i]).clamp(0, 255) as u8;
+/// A prediction and what coefficients add to it, saturated (7.6.8).
+///
+/// What is far enough from the middle between two whole numbers is rounded from 24 bits, to what [`inverse`] gives; the
+/// rest, about one block of thirty, goes through that.
+#[inline]
+#[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
+pub(crate) fn inverse_onto(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
+    #[cfg(target_arch = "x86_64")]
+    if crate::kernel::has_avx2() {
+        // SAFETY: the processor has AVX2.
+        if !unsafe { crate::kernel::blocks::inverse_onto(coefficients, &FLOAT_COSINE, certain, predicted, out) } {
+            add(predicted, &inverse(coefficients), out);
         }
+        return;
+    }
+    inverse_onto_plain(coefficients, predicted, out);
+}
+
+/// [`inverse_onto`] for any processor.
+fn inverse_onto_plain(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
+    let (rounded, is_certain) = inverse_short(coefficients);
+    add(predicted, &if is_certain { rounded } else { inverse(coefficients) }, out);
+}
+
+fn add(predicted: &[u8; 64], added: &[i32; 64], out: &mut [u8; 64]) {
+    for i in 0..64 {
+        // Beyond −256 … 255 the sum saturates whatever the rest.
+        out[i] = (i32::from(predicted[i]) + added[i]).clamp(0, 255) as u8;
     }
 }
 
@@ -231,12 +242,17 @@ mod tests {
         std::array::from_fn(|i| (0..8).map(|k| rows[8 * k + i % 8] * f(i / 8, k)).sum())
     }
 
+    /// Rows become columns.
+    fn turned<T: Copy>(block: [T; 64]) -> [T; 64] {
+        std::array::from_fn(|i| block[i % 8 * 8 + i / 8])
+    }
+
     fn forward_definition(samples: &[i32; 64]) -> [f64; 64] {
-        separable(samples.map(f64::from), basis)
+        turned(separable(samples.map(f64::from), basis))
     }
 
     fn inverse_definition(coefficients: &[i32; 64]) -> [f64; 64] {
-        separable(coefficients.map(f64::from), |x, u| basis(u, x))
+        separable(turned(coefficients.map(f64::from)), |x, u| basis(u, x))
     }
 
     /// The random numbers of IEEE 1180-1990: uniform integers in −low … high.

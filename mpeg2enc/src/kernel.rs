@@ -2,16 +2,23 @@
 //!
 //! All are compiled twice, for any processor and for those with AVX2. Those over bytes are made of [`lanes`], the others
 //! are plain loops over fixed sizes, of which the compiler makes vector instructions where it may: the source of both is the
-//! same, and so are the bits. Only transformed differences are made of other lanes ([`wide`]) where there is AVX2.
+//! same, and so are the bits. What takes most of the time is made of other lanes ([`wide`]) where there is AVX2: differences,
+//! plain and transformed, and predictions with their errors.
 //! Tests run every one both ways.
 
+mod absolute;
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod blocks;
 mod lanes;
+mod onto;
 mod predicted;
 #[cfg(target_arch = "x86_64")]
 mod wide;
 
-use lanes::{Bytes, Differences, Sums, Words};
-use predicted::{for_both, for_both_onto, for_predicted};
+pub(crate) use absolute::{absolute_difference, absolute_differences};
+use lanes::{Bytes, Differences, Words};
+pub(crate) use onto::predict_onto;
+use predicted::{for_both, for_predicted};
 
 /// Can AVX2 be used? The answer is kept by the standard library: this is one load.
 #[inline(always)]
@@ -62,12 +69,6 @@ impl<'a> Place<'a> {
     pub fn whole(samples: &'a [u8], stride: usize) -> Self {
         Self { samples, stride, half: (false, false) }
     }
-
-    /// So many rows farther down.
-    #[inline(always)]
-    fn lower(self, rows: usize) -> Self {
-        Self { samples: &self.samples[rows * self.stride..], ..self }
-    }
 }
 
 vectorised! {
@@ -86,25 +87,6 @@ vectorised! {
                 out[2 * (y / 8) + x][8 * (y % 8)..][..8].copy_from_slice(&eight);
             }
         });
-    }
-}
-
-vectorised! {
-    /// W rows of W predicted samples (7.6.4), put where `out` begins and `stride` apart, and the squared errors of their blocks
-    /// of 8×8, upper before lower, against the source at a whole position; W is 16, or 8 for a single block.
-    fn predict_onto, predict_onto_plain<const W: usize>(source: Place, reference: Place, out: &mut [u8], stride: usize) -> [u32; 4] {
-        let mut errors = [0; 4];
-        for strip in 0..W / 8 {
-            let (mut left, mut right) = (Sums::zero(), Sums::zero());
-            for_both_onto::<W, 8>(source.lower(8 * strip), reference.lower(8 * strip), &mut out[8 * strip * stride..], stride, |source, predicted| {
-                // A row of 16, or two of 8.
-                let [first, second] = source.minus(predicted).map(Words::squares);
-                left = left.plus(first);
-                if W == 16 { right = right.plus(second) } else { left = left.plus(second) }
-            });
-            (errors[2 * strip], errors[2 * strip + 1]) = (left.total(), right.total());
-        }
-        errors
     }
 }
 
@@ -144,52 +126,6 @@ vectorised! {
             *out = ((u16::from(upper[0]) + u16::from(upper[1]) + u16::from(lower[0]) + u16::from(lower[1]) + 2) >> 2) as u8;
         }
     }
-}
-
-/// Sum of absolute differences between N×N samples, at a whole position, and their prediction; N is 8 or 16.
-#[inline]
-#[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
-pub(crate) fn absolute_difference<const N: usize>(source: Place, reference: Place) -> u32 {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        fn avx2<const N: usize>(source: Place, reference: Place) -> u32 {
-            if N == 8 {
-                return absolute_difference_plain::<N>(source, reference);
-            }
-            // SAFETY: the processor has AVX2.
-            unsafe { absolute_difference_wide(source, reference, wide::Words::zero()) }
-        }
-        if has_avx2() {
-            // SAFETY: the processor has AVX2.
-            return unsafe { avx2::<N>(source, reference) };
-        }
-    }
-    absolute_difference_plain::<N>(source, reference)
-}
-
-/// [`absolute_difference`] of two rows of a macroblock at a time.
-///
-/// # Safety
-/// The processor has AVX2.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-#[allow(unsafe_code, reason = "for processors with AVX2")]
-unsafe fn absolute_difference_wide(source: Place, reference: Place, zero: wide::Words) -> u32 {
-    let mut sums = zero;
-    let add = |_, source: wide::Rows, predicted: wide::Rows| sums = sums.plus(source.difference(predicted));
-    // SAFETY: the caller's.
-    unsafe { predicted::for_both_groups::<16, 16, _>(source, reference, add) };
-    let [upper, lower] = sums.sums();
-    (upper + lower) as u32
-}
-
-/// [`absolute_difference`] for any processor.
-#[inline(always)]
-fn absolute_difference_plain<const N: usize>(source: Place, reference: Place) -> u32 {
-    let mut sums = Words::splat(0);
-    for_both::<N>(source, reference, |_, source, predicted| sums = sums.plus(source.difference(predicted)));
-    sums.dot(Words::splat(1)) as u32
 }
 
 /// Sum of absolute transformed differences of N×N samples to their prediction; N is 8 or 16.
@@ -318,7 +254,7 @@ pub(crate) fn divide(values: &[i32; 64], reciprocals: &[u32; 64], zero: u32, shi
     #[cfg(target_arch = "x86_64")]
     if has_avx2() {
         // SAFETY: the processor has AVX2.
-        return unsafe { wide::divide(values, reciprocals, zero, shift, out) };
+        return unsafe { blocks::divide(values, reciprocals, zero, shift, out) };
     }
     divide_plain(values, reciprocals, zero, shift, out)
 }
@@ -335,7 +271,7 @@ fn divide_plain(values: &[i32; 64], reciprocals: &[u32; 64], zero: u32, shift: u
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{absolute::absolute_difference_plain, onto::predict_onto_plain, *};
 
     fn random(state: &mut u32) -> u8 {
         *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -386,6 +322,12 @@ mod tests {
                 let here = Place::whole(source.as_flattened(), N);
                 assert_eq!(absolute_difference::<N>(here, place), absolute);
                 assert_eq!(absolute_difference_plain::<N>(here, place), absolute);
+                let others =
+                    [place, here, Place { half: (false, false), ..place }, Place { half: (true, true), ..place }];
+                assert_eq!(
+                    absolute_differences::<N>(here, others),
+                    others.map(|other| absolute_difference_plain::<N>(here, other))
+                );
                 let mut onto = [[0; 24]; N];
                 let errors = predict_onto::<N>(here, place, onto.as_flattened_mut(), 24);
                 assert_eq!(errors, predict_onto_plain::<N>(here, place, onto.as_flattened_mut(), 24));

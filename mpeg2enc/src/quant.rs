@@ -121,8 +121,9 @@ pub(crate) struct Quantiser {
     pub scale: i32,
     intra_dc_mult: i32,
     intra_dc_max: i32,
-    scan: &'static [usize; 64],
-    /// Place in transmission order of every raster position.
+    /// Where the coefficients of a block lie, [column by column](dct), in transmission order.
+    scan: [usize; 64],
+    /// Place in transmission order of every coefficient of a block.
     places: [u8; 64],
     standard: Standard,
     /// Of intra and of other blocks.
@@ -131,7 +132,7 @@ pub(crate) struct Quantiser {
     inter: Weights,
 }
 
-/// A weighting matrix times quantiser_scale: in transmission order, and its reciprocals in raster order.
+/// A weighting matrix times quantiser_scale: in transmission order, and its reciprocals as coefficients lie.
 struct Weights {
     scaled: [i32; 64],
     reciprocal: [u32; 64],
@@ -146,9 +147,14 @@ impl Weights {
         let least = *steps[1..].iter().min().expect("63 weights") as u64;
         // The largest reciprocal has 17 bits, so that its product with a coefficient, of 14, has no more than 32.
         let shift = (least << 16).ilog2();
-        let reciprocal = steps.map(|step| ((2u64 << shift) / step as u64 + 1).min(1 << 17) as u32);
-        Self { scaled: scan.map(|raster| steps[raster]), reciprocal, shift }
+        let reciprocal = |i: usize| ((2u64 << shift) / steps[turned(i)] as u64 + 1).min(1 << 17) as u32;
+        Self { scaled: scan.map(|raster| steps[raster]), reciprocal: std::array::from_fn(reciprocal), shift }
     }
+}
+
+/// Where the coefficient of a raster position lies in a block, and the other way round.
+fn turned(i: usize) -> usize {
+    i % 8 * 8 + i / 8
 }
 
 /// How levels are found.
@@ -167,14 +173,14 @@ impl Quantiser {
         let scan = if parameters.alternate_scan { &ALTERNATE } else { &ZIGZAG };
         let mut places = [0; 64];
         for (place, &raster) in scan.iter().enumerate() {
-            places[raster] = place as u8;
+            places[turned(raster)] = place as u8;
         }
         Self {
             scale,
             places,
             intra_dc_mult: 1 << (11 - parameters.intra_dc_precision),
             intra_dc_max: (1 << parameters.intra_dc_precision) - 1,
-            scan,
+            scan: scan.map(turned),
             standard: parameters.standard,
             codes: [parameters.codes(Kind::Intra), parameters.codes(Kind::Inter)],
             intra: Weights::new(scale, &parameters.intra_matrix, scan),
@@ -202,8 +208,8 @@ impl Quantiser {
         block.error = energy;
         let restore = |place: usize, level: i32| self.inverse_quantise(level, kind, weights.scaled[place]);
         let level_max = self.standard.level_max();
-        let mut save = |place: usize, raster: usize, level: i32| {
-            let coefficient = coefficients[raster];
+        let mut save = |place: usize, i: usize, level: i32| {
+            let coefficient = coefficients[i];
             let before = i64::from(coefficient.abs());
             let after = before - (i64::from(restore(place, level)) << dct::COEFFICIENT_BITS);
             block.error += after * after - before * before;
@@ -213,18 +219,18 @@ impl Quantiser {
         match rounding {
             _ if nonzero == 0 => {}
             Rounding::DeadZone => {
-                for raster in places(nonzero) {
-                    save(self.places[raster].into(), raster, (levels[raster] as i32).min(level_max));
+                for i in places(nonzero) {
+                    save(self.places[i].into(), i, (levels[i] as i32).min(level_max));
                 }
             }
             Rounding::Trellis { lambda } => {
                 let mut found = 0u64;
-                for raster in places(nonzero) {
-                    found |= 1 << self.places[raster];
+                for i in places(nonzero) {
+                    found |= 1 << self.places[i];
                 }
                 let candidates = places(found).map(|place| {
-                    let raster = self.scan[place];
-                    (place, coefficients[raster].abs(), (levels[raster] as i32).min(level_max))
+                    let i = self.scan[place];
+                    (place, coefficients[i].abs(), (levels[i] as i32).min(level_max))
                 });
                 let save = |place: usize, level: i32| save(place, self.scan[place], level);
                 trellis::choose(candidates, kind, codes, lambda, restore, save);
@@ -251,7 +257,7 @@ impl Quantiser {
     /// See [`leaves_nothing`](Self::leaves_nothing).
     pub const CERTAIN: i64 = 3;
 
-    /// Coefficients in raster order as the decoder gets them (7.4): arithmetic, saturation, mismatch control.
+    /// Coefficients as the decoder gets them (7.4): arithmetic, saturation, mismatch control.
     pub fn dequantise(&self, block: &Block, kind: Kind) -> [i32; 64] {
         let mut out = [0; 64];
         let mut sum = 0;
@@ -424,6 +430,6 @@ mod tests {
         let mut block = Block::EMPTY;
         (block.levels[5], block.levels[6], block.places) = (2047, -2047, 0b110_0000);
         let restored = quantiser.dequantise(&block, Kind::Inter);
-        assert_eq!((restored[ZIGZAG[5]], restored[ZIGZAG[6]]), (2047, -2048));
+        assert_eq!((restored[turned(ZIGZAG[5])], restored[turned(ZIGZAG[6])]), (2047, -2048));
     }
 }

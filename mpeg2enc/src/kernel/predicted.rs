@@ -75,27 +75,6 @@ pub(super) fn for_both<const N: usize>(source: Place, reference: Place, each: im
     unsafe { for_both_groups::<N, N, Bytes>(source, reference, each) }
 }
 
-/// The same of R rows, and puts the prediction where `out` begins, rows `stride` apart.
-#[inline(always)]
-pub(super) fn for_both_onto<const N: usize, const R: usize>(
-    source: Place,
-    reference: Place,
-    out: &mut [u8],
-    stride: usize,
-    mut each: impl FnMut(Bytes, Bytes),
-) {
-    let out = &mut out[..(R - 1) * stride + N];
-    let each = |i: usize, source: Bytes, predicted: Bytes| {
-        let first = i * Bytes::SAMPLES / N * stride;
-        debug_assert!(first + (Bytes::SAMPLES / N - 1) * stride + N <= out.len());
-        // SAFETY: the last sample of the last row is the last of `out`.
-        unsafe { predicted.store::<N>(out.as_mut_ptr().add(first), stride) };
-        each(source, predicted);
-    };
-    // SAFETY: every processor has what `Bytes` needs.
-    unsafe { for_both_groups::<N, R, Bytes>(source, reference, each) }
-}
-
 /// R rows of a source and their prediction in groups of any kind.
 ///
 /// # Safety
@@ -118,12 +97,28 @@ pub(super) unsafe fn for_both_groups<const N: usize, const R: usize, G: Group>(
     unsafe { for_predicted_groups::<N, R, G>(reference, both) }
 }
 
+/// The samples of a macroblock at a whole position, in groups of two rows.
+///
+/// # Safety
+/// The processor has the instructions for them.
+#[inline(always)]
+pub(super) unsafe fn rows<G: Group>(source: Place) -> [G; 8] {
+    const { assert!(G::SAMPLES == 32) };
+    debug_assert!(source.half == (false, false));
+    let samples = &source.samples[..15 * source.stride + 16];
+    // SAFETY: the last sample of the last row is the last of `samples`; the rest is the caller's.
+    std::array::from_fn(|i| unsafe { G::load::<16>(samples.as_ptr().add(2 * i * source.stride), source.stride) })
+}
+
 /// R rows of N predicted samples in groups of any kind.
 ///
 /// # Safety
 /// The processor has the instructions for them.
 #[inline(always)]
-unsafe fn for_predicted_groups<const N: usize, const R: usize, G: Group>(place: Place, each: impl FnMut(usize, G)) {
+pub(super) unsafe fn for_predicted_groups<const N: usize, const R: usize, G: Group>(
+    place: Place,
+    each: impl FnMut(usize, G),
+) {
     // SAFETY: the caller's.
     unsafe {
         match place.half {
@@ -141,28 +136,49 @@ unsafe fn for_predicted_at<const N: usize, const R: usize, const H: bool, const 
     place: Place,
     mut each: impl FnMut(usize, G),
 ) {
-    const { assert!((N == 8 || N == 16) && (R * N).is_multiple_of(G::SAMPLES)) };
-    let stride = place.stride;
-    // R rows, or one more, of which the last needs no more than N samples, or one more.
-    let samples = &place.samples[..(R - 1 + usize::from(V)) * stride + N + usize::from(H)];
-    // The last row of a group is the last of all at most, or one more, and `x` is 0, or 1.
-    let group = |row: usize, x: usize| {
-        let first = row * stride + x;
-        debug_assert!(first + (G::SAMPLES / N - 1) * stride + N <= samples.len());
-        // SAFETY: the last of these samples is the last of `samples` at most; the rest is the caller's.
-        unsafe { G::load::<N>(samples.as_ptr().add(first), stride) }
-    };
+    let predicted = Predicted::<N, R, H, V>::new(place);
     for i in 0..R * N / G::SAMPLES {
+        // SAFETY: `i` is less than the number of groups; the rest is the caller's.
+        each(i, unsafe { predicted.group(i) });
+    }
+}
+
+/// R rows of N predicted samples, at half positions to the right (`H`) and below (`V`).
+pub(super) struct Predicted<'a, const N: usize, const R: usize, const H: bool, const V: bool> {
+    samples: &'a [u8],
+    stride: usize,
+}
+
+impl<'a, const N: usize, const R: usize, const H: bool, const V: bool> Predicted<'a, N, R, H, V> {
+    #[inline(always)]
+    pub fn new(place: Place<'a>) -> Self {
+        // R rows, or one more, of which the last needs no more than N samples, or one more.
+        let samples = &place.samples[..(R - 1 + usize::from(V)) * place.stride + N + usize::from(H)];
+        Self { samples, stride: place.stride }
+    }
+
+    /// Group number `i`, from the upper left on.
+    ///
+    /// # Safety
+    /// There is such a group, and the processor has the instructions for it.
+    #[inline(always)]
+    pub unsafe fn group<G: Group>(&self, i: usize) -> G {
+        const { assert!((N == 8 || N == 16) && (R * N).is_multiple_of(G::SAMPLES)) };
+        debug_assert!(i < R * N / G::SAMPLES);
+        // The last row of a group is the last of all at most, or one more, and `x` is 0, or 1.
+        let group = |row: usize, x: usize| {
+            let first = row * self.stride + x;
+            debug_assert!(first + (G::SAMPLES / N - 1) * self.stride + N <= self.samples.len());
+            // SAFETY: the last of these samples is the last of `samples` at most; the rest is the caller's.
+            unsafe { G::load::<N>(self.samples.as_ptr().add(first), self.stride) }
+        };
         let row = i * G::SAMPLES / N;
         let here = group(row, 0);
-        each(
-            i,
-            match (H, V) {
-                (false, false) => here,
-                (true, false) => here.mean(group(row, 1)),
-                (false, true) => here.mean(group(row + 1, 0)),
-                (true, true) => G::mean_of_four([here, group(row, 1), group(row + 1, 0), group(row + 1, 1)]),
-            },
-        );
+        match (H, V) {
+            (false, false) => here,
+            (true, false) => here.mean(group(row, 1)),
+            (false, true) => here.mean(group(row + 1, 0)),
+            (true, true) => G::mean_of_four([here, group(row, 1), group(row + 1, 0), group(row + 1, 1)]),
+        }
     }
 }

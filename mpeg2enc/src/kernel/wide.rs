@@ -1,4 +1,4 @@
-//! Two rows of samples, and rows of differences of two blocks beside each other, by instructions of AVX2.
+//! Two rows of samples or four shorter ones, and rows of differences of two blocks beside each other, by instructions of AVX2.
 #![allow(unsafe_code, reason = "vector instructions may only run where the processor has them")]
 
 use super::{
@@ -35,9 +35,54 @@ impl Words {
     pub fn of(self, samples: Bytes, minus: Bytes) -> Self {
         avx2! { Self(_mm256_sub_epi16(_mm256_cvtepu8_epi16(samples.0), _mm256_cvtepu8_epi16(minus.0))) }
     }
+
+    /// The sum of what [`Rows::difference`] gave, eight times at most.
+    #[inline(always)]
+    pub fn total(self) -> u32 {
+        avx2! {
+            // Four numbers of 64 bits.
+            let two = _mm_add_epi64(_mm256_castsi256_si128(self.0), _mm256_extracti128_si256::<1>(self.0));
+            _mm_cvtsi128_si32(_mm_add_epi64(two, _mm_unpackhi_epi64(two, two))) as u32
+        }
+    }
 }
 
-/// Two rows of sixteen samples.
+/// Eight sums of 32 bits.
+#[derive(Clone, Copy)]
+pub(super) struct Squares(__m256i);
+
+impl Squares {
+    /// All zero.
+    ///
+    /// # Safety
+    /// The processor has AVX2.
+    #[inline(always)]
+    pub unsafe fn zero() -> Self {
+        avx2! { Self(_mm256_setzero_si256()) }
+    }
+
+    #[inline(always)]
+    pub fn plus(self, other: Self) -> Self {
+        avx2! { Self(_mm256_add_epi32(self.0, other.0)) }
+    }
+
+    /// All eight together, of each.
+    #[inline(always)]
+    pub fn totals([a, b, c, d]: [Self; 4]) -> [u32; 4] {
+        avx2! {
+            let sums = _mm256_hadd_epi32(_mm256_hadd_epi32(a.0, b.0), _mm256_hadd_epi32(c.0, d.0));
+            let sums = _mm_add_epi32(_mm256_castsi256_si128(sums), _mm256_extracti128_si256::<1>(sums));
+            [
+                _mm_extract_epi32::<0>(sums) as u32,
+                _mm_extract_epi32::<1>(sums) as u32,
+                _mm_extract_epi32::<2>(sums) as u32,
+                _mm_extract_epi32::<3>(sums) as u32,
+            ]
+        }
+    }
+}
+
+/// Two rows of sixteen samples, or four of eight.
 #[derive(Clone, Copy)]
 pub(super) struct Rows(__m256i);
 
@@ -47,6 +92,19 @@ impl Rows {
     pub fn difference(self, other: Self) -> Words {
         avx2! { Words(_mm256_sad_epu8(self.0, other.0)) }
     }
+
+    /// Squared differences: of the first eight samples of rows of sixteen, and of the last.
+    #[inline(always)]
+    pub fn squares(self, other: Self) -> [Squares; 2] {
+        avx2! {
+            // Each sample times 1 beside the other's times −1.
+            let signs = _mm256_set1_epi16(i16::from_le_bytes([1, 255]));
+            [_mm256_unpacklo_epi8(self.0, other.0), _mm256_unpackhi_epi8(self.0, other.0)].map(|pairs| {
+                let differences = _mm256_maddubs_epi16(pairs, signs);
+                Squares(_mm256_madd_epi16(differences, differences))
+            })
+        }
+    }
 }
 
 impl Group for Rows {
@@ -54,16 +112,31 @@ impl Group for Rows {
 
     #[inline(always)]
     unsafe fn load<const N: usize>(first: *const u8, stride: usize) -> Self {
-        const { assert!(N == 16) };
+        const { assert!(N == 8 || N == 16) };
         // SAFETY: the caller's.
-        unsafe { Self(_mm256_loadu2_m128i(first.add(stride).cast(), first.cast())) }
+        unsafe {
+            if N == 16 {
+                return Self(_mm256_loadu2_m128i(first.add(stride).cast(), first.cast()));
+            }
+            let row = |y: usize| first.add(y * stride).cast::<i64>().read_unaligned();
+            Self(_mm256_set_epi64x(row(3), row(2), row(1), row(0)))
+        }
     }
 
     #[inline(always)]
     unsafe fn store<const N: usize>(self, first: *mut u8, stride: usize) {
-        const { assert!(N == 16) };
+        const { assert!(N == 8 || N == 16) };
         // SAFETY: the caller's.
-        unsafe { _mm256_storeu2_m128i(first.add(stride).cast(), first.cast(), self.0) }
+        unsafe {
+            if N == 16 {
+                return _mm256_storeu2_m128i(first.add(stride).cast(), first.cast(), self.0);
+            }
+            let (upper, lower) = (_mm256_castsi256_si128(self.0), _mm256_extracti128_si256::<1>(self.0));
+            _mm_storel_epi64(first.cast(), upper);
+            _mm_storel_epi64(first.add(stride).cast(), _mm_unpackhi_epi64(upper, upper));
+            _mm_storel_epi64(first.add(2 * stride).cast(), lower);
+            _mm_storel_epi64(first.add(3 * stride).cast(), _mm_unpackhi_epi64(lower, lower));
+        }
     }
 
     #[inline(always)]
@@ -128,34 +201,4 @@ impl Differences for Words {
         }
         rows
     }
-}
-
-/// [`divide`](super::divide) of eight values at a time.
-///
-/// # Safety
-/// The processor has AVX2.
-#[target_feature(enable = "avx2")]
-pub(super) unsafe fn divide(
-    values: &[i32; 64],
-    reciprocals: &[u32; 64],
-    zero: u32,
-    shift: u32,
-    out: &mut [u32; 64],
-) -> u64 {
-    let (zero, shift, mut nonzero) = (_mm256_set1_epi32(zero as i32), _mm_cvtsi32_si128(shift as i32), 0);
-    let (values, _) = values.as_chunks::<8>();
-    let (reciprocals, _) = reciprocals.as_chunks::<8>();
-    let (out, _) = out.as_chunks_mut::<8>();
-    for (i, ((values, reciprocals), out)) in values.iter().zip(reciprocals).zip(out).enumerate() {
-        // SAFETY: each of the three is eight numbers of 32 bits.
-        unsafe {
-            let magnitudes = _mm256_abs_epi32(_mm256_loadu_si256(values.as_ptr().cast()));
-            let products = _mm256_mullo_epi32(magnitudes, _mm256_loadu_si256(reciprocals.as_ptr().cast()));
-            let levels = _mm256_srl_epi32(_mm256_add_epi32(products, zero), shift);
-            _mm256_storeu_si256(out.as_mut_ptr().cast(), levels);
-            let empty = _mm256_cmpeq_epi32(levels, _mm256_setzero_si256());
-            nonzero |= u64::from(!_mm256_movemask_ps(_mm256_castsi256_ps(empty)) as u8) << (8 * i);
-        }
-    }
-    nonzero
 }
