@@ -64,6 +64,11 @@ impl Range {
         (self.x.0..=self.x.1).contains(&vector.x) && (self.y.0..=self.y.1).contains(&vector.y)
     }
 
+    /// Does the range hold all vectors up to `distance` away in each component?
+    fn contains_around(&self, vector: HalfSample, distance: i32) -> bool {
+        self.contains(vector.offset(-distance, -distance)) && self.contains(vector.offset(distance, distance))
+    }
+
     pub fn clamp(&self, vector: HalfSample) -> HalfSample {
         HalfSample { x: vector.x.clamp(self.x.0, self.x.1), y: vector.y.clamp(self.y.0, self.y.1) }
     }
@@ -99,6 +104,8 @@ const CROSS: [(i32, i32); 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
 const NEIGHBOURS: [(i32, i32); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 /// Steps of the search by whole samples.
 const DIAMOND: [(i32, i32); 4] = [(-2, 0), (2, 0), (0, -2), (0, 2)];
+/// The longest of these steps.
+const FARTHEST_STEP: i32 = 2;
 /// A vector's differences are transformed if, as they are, they are less than this many eighths of the best one's. With 9
 /// it depends on where a search began which vectors are asked for, and with it where the search ends.
 const WORTH_A_TRANSFORM_EIGHTHS: u64 = 12;
@@ -190,7 +197,9 @@ impl Estimate<'_> {
             search.transform_differences();
             search.settle();
         } else {
-            search.follow(CROSS, if known { 1 } else { 2 });
+            for _ in 0..if known { 1 } else { 2 } {
+                search.try_around(CROSS);
+            }
         }
         search.best
     }
@@ -247,12 +256,15 @@ impl<'a, const N: usize> Search<'a, N> {
             return self.best;
         }
         // Highlights and shadows move otherwise than their surface.
-        if self.best_error > poor * LIGHT_16THS / 16 {
+        let may_be_light = self.best_error > poor * LIGHT_16THS / 16;
+        if may_be_light {
             self.try_vector(self.predicted);
-            self.try_vector(HalfSample::ZERO);
-            self.descend();
         }
-        self.follow(CROSS, 1);
+        // Where no half step helps, no whole one will.
+        if self.try_around(CROSS) && may_be_light && self.try_around(DIAMOND) {
+            self.descend();
+            self.try_around(CROSS);
+        }
         self.best
     }
 
@@ -264,8 +276,7 @@ impl<'a, const N: usize> Search<'a, N> {
 
     /// Tries a vector within range; true if it is the best so far.
     fn try_allowed(&mut self, vector: HalfSample) -> bool {
-        let bits = component_bits(vector.x - self.predicted.x) + component_bits(vector.y - self.predicted.y);
-        let price = (self.price * bits) >> 4;
+        let price = self.price_of(vector);
         if price >= self.best_cost {
             return false;
         }
@@ -284,20 +295,41 @@ impl<'a, const N: usize> Search<'a, N> {
         false
     }
 
+    /// What the bits of a vector are worth.
+    fn price_of(&self, vector: HalfSample) -> u32 {
+        let bits = component_bits(vector.x - self.predicted.x) + component_bits(vector.y - self.predicted.y);
+        (self.price * bits) >> 4
+    }
+
     /// Follows the steepest of four whole-sample steps until none is better.
     pub fn descend(&mut self) {
         for _ in 0..24 {
-            let center = self.best;
-            for (x, y) in DIAMOND {
-                let next = center.offset(x, y);
-                if self.range.contains(next) {
-                    self.try_allowed(next);
-                }
-            }
-            if self.best == center {
+            if !self.try_around(DIAMOND) {
                 break;
             }
         }
+    }
+
+    /// Tries four vectors around the best one; true if one of them is better.
+    fn try_around(&mut self, steps: [(i32, i32); 4]) -> bool {
+        let center = self.best;
+        let vectors = steps.map(|(x, y)| center.offset(x, y));
+        if self.transformed || !self.range.contains_around(center, FARTHEST_STEP) {
+            for vector in vectors {
+                if self.range.contains(vector) {
+                    self.try_allowed(vector);
+                }
+            }
+            return self.best != center;
+        }
+        let errors = kernel::absolute_differences::<N>(self.source, vectors.map(|vector| self.place(vector)));
+        for (vector, error) in vectors.into_iter().zip(errors) {
+            let cost = error + self.price_of(vector);
+            if cost < self.best_cost {
+                (self.best, self.best_cost, self.best_error, self.best_plain) = (vector, cost, error, error);
+            }
+        }
+        self.best != center
     }
 
     /// Tries the half-sample neighbours, twice if one is better.

@@ -225,7 +225,7 @@ fn mean_of(sum: [i32; 2], count: i32) -> HalfSample {
 
 /// Rows of vectors of a macroblock that are looked at to tell whether it is of one motion: all of them differ too little to pay
 /// for reading twice the memory.
-const SAMPLED_ROWS: usize = 8;
+const SAMPLED_ROWS: usize = 4;
 
 /// How far the vectors of 16×16 pixels lie apart, in 64ths of a pixel.
 #[derive(Debug, PartialEq)]
