@@ -4,9 +4,9 @@
 
 mod plot;
 
-use glam::Vec3;
-use lighttree::{Emission, Lambert, Light, exhaustive};
-use plot::{BLUE, Plot, RED};
+use glam::{DVec3, Vec3};
+use lighttree::{Emission, Ggx, Lambert, Light, exhaustive};
+use plot::{BLUE, GREEN, Plot, RED};
 use std::f64::consts::PI;
 
 const SOFTENING2: f32 = 0.01;
@@ -24,6 +24,29 @@ fn error(position: Vec3) -> f32 {
     ((found / exact - 1.0).abs() / f64::from(f32::EPSILON)).max(0.1) as f32
 }
 
+/// The lobe of a rough metal that is seen from straight above, by its definition in `f64`.
+fn lobe(alpha: f64, way: DVec3) -> f64 {
+    let (alpha2, cos_i) = (alpha * alpha, way.z);
+    let cos_h = (way + DVec3::Z).normalize().z;
+    let density = alpha2 / (PI * (cos_h * cos_h * (alpha2 - 1.0) + 1.0).powi(2));
+    density / (2.0 * ((cos_i * cos_i * (1.0 - alpha2) + alpha2).sqrt() + cos_i)) * cos_i
+}
+
+/// The largest relative error of the lobe within four of its half widths and 80°, as logarithms of α and error.
+fn lobes(alpha: f32) -> (f32, f32) {
+    let (position, normal, view) = (Vec3::ZERO, Vec3::Z, Vec3::Z);
+    let receiver = Ggx { position, normal, view, diffuse: Vec3::ZERO, specular: Vec3::ONE, alpha };
+    let errors = (0..64).map(|k| {
+        let angle = (4.0 * alpha).min(1.4) * k as f32 / 64.0;
+        let way = Vec3::new(angle.sin(), 0.0, angle.cos());
+        let light = Light { position: way, emission: Emission::Cosine(-way.normalize()), intensity: Vec3::ONE };
+        let found = f64::from(exhaustive(&[light], 0.0, &receiver, |_, _| true).x);
+        let exact = lobe(alpha.into(), way.as_dvec3().normalize()) / way.as_dvec3().length_squared();
+        ((found / exact - 1.0).abs() / f64::from(f32::EPSILON)).max(0.1) as f32
+    });
+    (alpha.log10(), errors.fold(0.0, f32::max).log10())
+}
+
 /// The largest error of a few dozen neighbours, as decimal logarithms of parameter and error.
 fn worst(parameter: f32, place: impl Fn(f32) -> Vec3) -> (f32, f32) {
     let errors = (0..64).map(|k| error(place(k as f32 / 64.0)));
@@ -31,8 +54,11 @@ fn worst(parameter: f32, place: impl Fn(f32) -> Vec3) -> (f32, f32) {
 }
 
 fn main() {
-    let mut plot =
-        Plot::new("Error in f32 against f64", "distance by softening, or cosine", "relative, in roundings of 1.2e-7");
+    let mut plot = Plot::new(
+        "Error in f32 against f64",
+        "distance by softening, cosine, or α of a lobe",
+        "relative, in roundings of 1.2e-7",
+    );
     plot.logarithmic();
     let distances = (-12..=12).map(|k| 10f32.powf(k as f32 / 4.0));
     let at = |distance: f32| move |k: f32| Vec3::new(k - 0.5, 0.3, 1.0).normalize() * distance * SOFTENING2.sqrt();
@@ -46,6 +72,9 @@ fn main() {
         }
     };
     plot.line("grazing light, by cosine", RED, cosines.map(|c| worst(c, grazing(c))).collect());
+    // Nothing is narrower than 0.02.
+    let alphas = (0..=6).map(|k| 10f32.powf(-k as f32 / 4.0)).chain([0.02]);
+    plot.line("rough metal, by α", GREEN, alphas.map(lobes).collect());
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/limits.svg");
     std::fs::write(path, plot.finish()).unwrap_or_else(|error| panic!("{path}: {error}"));
     println!("{path}");
