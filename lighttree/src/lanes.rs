@@ -351,7 +351,7 @@ mod tests {
     fn eight_at_once_have_the_bits_of_four() {
         let numbers = [0.0, -0.0, 1.0, -2.5, 1e-40, -3e38, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 0.3, 7e20];
         let all = numbers.len() * numbers.len();
-        for start in 0..all {
+        for start in (0..all).step_by(if cfg!(miri) { 8 } else { 1 }) {
             let pairs: [(f32, f32); 8] = std::array::from_fn(|k| {
                 let pair = (start + k) % all;
                 (numbers[pair / numbers.len()], numbers[pair % numbers.len()])
@@ -365,11 +365,12 @@ mod tests {
                     .map(|bits| if f32::from_bits(bits).is_nan() { f32::NAN.to_bits() } else { bits })
                     .collect()
             };
-            assert_eq!(bits(Width::best()), bits(Width::Four), "{pairs:?}");
+            let best = bits(Width::best());
+            assert_eq!(best, bits(Width::Four), "{pairs:?}");
             for (k, (a, b)) in pairs.into_iter().enumerate() {
                 let expected = [a + b, a - b, a * b, a / b, -a, Real::min(a, b), Real::max(a, b), Real::sqrt(a)];
                 for (which, expected) in expected.into_iter().enumerate() {
-                    let found = f32::from_bits(bits(Width::best())[8 * which + k]);
+                    let found = f32::from_bits(best[8 * which + k]);
                     assert!(found.to_bits() == expected.to_bits() || found.is_nan() && expected.is_nan());
                 }
             }
