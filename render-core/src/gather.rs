@@ -198,6 +198,11 @@ impl Gather {
         found
     }
 
+    /// Whether all that `found` took light from is there. What a look around found is; what was read from a file may not be.
+    pub fn knows(&self, found: &Surroundings) -> bool {
+        found.sources.iter().all(|source| (source.surfel as usize) < self.radiance.len())
+    }
+
     /// How near a moving thing has to be for its own light to have lost much: from its anchors' softening \[m\].
     pub fn reach_of_carried(&self) -> f32 {
         if self.carried.len() == 0 { 0.0 } else { self.softening[1].sqrt() }

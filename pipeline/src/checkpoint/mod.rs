@@ -44,6 +44,9 @@ pub enum Part {
 
 const PARTS: usize = 6;
 
+/// What is said of parts that no stage left.
+pub(crate) const NONSENSE: &str = "the checkpoint makes no sense: start anew, without --resume";
+
 /// Parts of one frame that are there already.
 type Parts = [Option<Vec<u8>>; PARTS];
 
@@ -94,7 +97,8 @@ impl Checkpoints {
     /// Goes on from the checkpoint beside the film; from the beginning if there is none.
     ///
     /// # Errors
-    /// The checkpoint is damaged, or of another scene, other settings, or another version of the program.
+    /// The checkpoint is damaged, or of another scene, other settings, or another version of the program, or a stage cannot
+    /// read what it left.
     pub fn resume(settings: &Settings, plan: &Plan, every: Option<Duration>) -> Result<Self> {
         let path = path_for(&settings.output);
         if !path.exists() {
@@ -106,7 +110,10 @@ impl Checkpoints {
             bail!("{} cannot be continued: {difference}; start anew without --resume", path.display());
         }
         let place = every.map(|every| Place::new(path, settings, plan, every)).transpose()?;
-        Ok(Self { place, from: Some(stored) })
+        let resumed = Self { place, from: Some(stored) };
+        // Before anything is cut to the length that it had.
+        crate::stage::check(settings, &resumed)?;
+        Ok(resumed)
     }
 
     /// The first frame that is still to be made.
@@ -121,8 +128,7 @@ impl Checkpoints {
     pub fn part<T: DeserializeOwned>(&self, part: Part) -> Result<Option<T>> {
         // A stage that did not run left nothing.
         let bytes = self.from.as_ref().map(|stored| &stored.parts[part as usize]).filter(|bytes| !bytes.is_empty());
-        let nonsense = "the checkpoint makes no sense: start anew, without --resume";
-        bytes.map(|bytes| decode(bytes).context(nonsense)).transpose()
+        bytes.map(|bytes| decode(bytes).context(NONSENSE)).transpose()
     }
 
     /// The film: what there is of it, or a new one.

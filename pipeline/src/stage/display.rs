@@ -35,7 +35,7 @@ pub fn run(
 ) -> Result<()> {
     let mut tone_map = settings.tone_map;
     let pool = super::pool_of_one()?;
-    let known: Option<(f32, Option<u64>)> = checkpoints.part(Part::Display)?;
+    let known = known(checkpoints)?;
     if let Some((exposure, _)) = known {
         tone_map = tone_map.with_exposure(exposure);
     }
@@ -89,6 +89,11 @@ pub fn run(
         file.finish()?;
     }
     Ok(())
+}
+
+/// What [`leave`] has left.
+pub(super) fn known(checkpoints: &Checkpoints) -> Result<Option<(f32, Option<u64>)>> {
+    checkpoints.part(Part::Display)
 }
 
 /// What is carried behind `frame`: the exposure, and how much of the uncompressed film there is.

@@ -32,11 +32,8 @@ pub fn run(
     observer: &dyn Observer,
 ) -> Result<()> {
     let pool = super::pool_of_one()?;
-    let mut stage = Stage { settings, video: Video::new(settings)?, queue: Queue::default() };
-    if let Some((video, queue, known)) = checkpoints.part::<(Vec<u8>, _, _)>(Part::Encode)? {
-        stage.video.restore(&video)?;
-        (stage.queue, *reports) = (queue, known);
-    }
+    let (mut stage, known) = known(settings, checkpoints)?;
+    *reports = known;
     let mut last = None;
     for displayed in frames {
         let (frame, checkpoint) = (displayed.frame, displayed.checkpoint);
@@ -62,6 +59,17 @@ pub fn run(
     hand_out(output, observer, reports, &bytes, lines)
 }
 
+/// Where the film is to go on, or begins, and the reports up to there.
+pub(super) fn known<'a>(settings: &'a Settings, checkpoints: &Checkpoints) -> Result<(Stage<'a>, Vec<FrameReport>)> {
+    let mut stage = Stage { settings, video: Video::new(settings)?, queue: Queue::default() };
+    let Some((video, queue, reports)) = checkpoints.part::<(Vec<u8>, _, _)>(Part::Encode)? else {
+        return Ok((stage, Vec::new()));
+    };
+    stage.video.restore(&video)?;
+    stage.queue = queue;
+    Ok((stage, reports))
+}
+
 /// Bytes and lines go where they are wanted.
 fn hand_out(
     output: &mut Output,
@@ -82,7 +90,7 @@ fn hand_out(
     Ok(())
 }
 
-struct Stage<'a> {
+pub(super) struct Stage<'a> {
     settings: &'a Settings,
     video: Video,
     queue: Queue,

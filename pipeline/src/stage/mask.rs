@@ -44,7 +44,7 @@ pub fn run_from(
     let pool = super::pool_of_one()?;
     let mut feedback: Option<Feedback> = None;
     let steps = quantiser_steps(settings)?;
-    let known: Option<(Plane<f32>, Plane<f32>, Vec<MaskingTime>)> = checkpoints.part(Part::Mask)?;
+    let known = known(checkpoints)?;
     let (mut resumed, mut spent) = (None, Vec::new());
     if let Some((delta, luminance, times)) = known {
         (resumed, spent) = (Some(delta.clone()), times);
@@ -91,6 +91,14 @@ pub fn run_from(
         Some((frame, delta, luminance)) => checkpoints.leave(frame, Part::Mask, &(delta, luminance, spent)),
         None => Ok(()),
     }
+}
+
+/// ΔY and luminance of the last frame that is done, and what masking took so far.
+type Known = (Plane<f32>, Plane<f32>, Vec<MaskingTime>);
+
+/// What a checkpoint has of it.
+pub(super) fn known(checkpoints: &Checkpoints) -> Result<Option<Known>> {
+    checkpoints.part(Part::Mask)
 }
 
 /// ΔY(t), by what the encoder did where that is known, else by what any would do with its quantiser.

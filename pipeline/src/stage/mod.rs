@@ -9,9 +9,25 @@ pub mod mask;
 pub mod prepare;
 pub mod shade;
 
+use crate::checkpoint::Checkpoints;
+use crate::settings::Settings;
+use anyhow::{Context, Result};
+
+/// Whether each stage can take up what it left in the checkpoint.
+///
+/// # Errors
+/// What one of them left makes no sense.
+pub(crate) fn check(settings: &Settings, checkpoints: &Checkpoints) -> Result<()> {
+    prepare::known(checkpoints)?;
+    shade::check(checkpoints)?;
+    display::known(checkpoints)?;
+    mask::known(checkpoints)?;
+    encode::known(settings, checkpoints)?;
+    Ok(())
+}
+
 /// A pool of one thread for a stage whose work is short: in the common pool it would queue behind a picture's worth of
 /// macroblocks, and its time could not be told from theirs.
-fn pool_of_one() -> anyhow::Result<rayon::ThreadPool> {
-    use anyhow::Context;
+fn pool_of_one() -> Result<rayon::ThreadPool> {
     rayon::ThreadPoolBuilder::new().num_threads(1).build().context("a thread cannot be started")
 }

@@ -33,6 +33,12 @@ pub fn run<'s>(scene: &'s Scene, settings: &Settings, plan: &Plan, stop: &Atomic
     run_from(&Checkpoints::off(), scene, settings, plan, stop, out).expect("nothing is read or written");
 }
 
+/// The tree of the last frame that is done.
+pub(super) fn known(checkpoints: &Checkpoints) -> Result<Option<LightTree>> {
+    let bytes = checkpoints.part::<Vec<u8>>(Part::Prepare)?;
+    Ok(bytes.map(|bytes| LightTree::from_bytes(&bytes)).transpose()?)
+}
+
 /// The same from where `checkpoints` say; the last frame that is done comes once more, to begin with.
 ///
 /// # Errors
@@ -47,8 +53,8 @@ pub fn run_from<'s>(
 ) -> Result<()> {
     let mut preparation = Preparation::new(scene, settings, plan);
     let first = checkpoints.first_frame();
-    if let Some(bytes) = checkpoints.part::<Vec<u8>>(Part::Prepare)? {
-        preparation.tree = Some(Arc::new(LightTree::from_bytes(&bytes)?));
+    if let Some(tree) = known(checkpoints)? {
+        preparation.tree = Some(Arc::new(tree));
         if out.send(preparation.frame(first - 1)).is_err() {
             return Ok(());
         }

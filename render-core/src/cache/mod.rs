@@ -157,6 +157,11 @@ impl<R: Send + Sync> IrradianceCache<R> {
         CachedLight { irradiance, in_use, computed }
     }
 
+    /// Where each record is, and what it is made of.
+    pub fn recipes(&self) -> impl Iterator<Item = (&Site, &R)> {
+        self.records.iter().map(|record| (&record.site, &record.recipe))
+    }
+
     /// Places of the records that the last picture took light from, and what each is made of.
     pub fn records_in_use(&self) -> impl Iterator<Item = (Vec3A, &R)> {
         let frame = self.frame;

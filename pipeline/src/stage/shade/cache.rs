@@ -4,7 +4,9 @@ mod around;
 
 use super::calibrate::LARGEST_CALIBRATED_CUT;
 use super::cuts::LightTransport;
+use crate::checkpoint::NONSENSE;
 use crate::message::{FrameFigures, Prepared};
+use anyhow::{Result, ensure};
 use around::{Around, Place, places, standing, swept};
 use glam::{Mat3A, Vec3, Vec3A};
 use lighttree::{Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
@@ -94,10 +96,21 @@ impl Cache {
     }
 
     /// The cache behind frame `done`, from what it carried there.
-    pub fn resumed(records: IrradianceCache<Recipe>, done: &Prepared) -> Self {
+    ///
+    /// # Errors
+    /// Records are of lights, surfels or instances that are not there.
+    pub fn resumed(records: IrradianceCache<Recipe>, done: &Prepared) -> Result<Self> {
         let scene = done.surfaces.scene();
-        let intensities = done.tree.lights().iter().map(|light| light.intensity).collect();
-        Self { records, intensities, places: places(scene, &scene.moving_instances(), &done.seen, &[]) }
+        let intensities: Vec<Vec3> = done.tree.lights().iter().map(|light| light.intensity).collect();
+        let is_of_frame = |(site, recipe): (&Site, &Recipe)| {
+            (site.carrier == NOTHING || (site.carrier as usize) < scene.instances.len())
+                && recipe.clusters.iter().all(|cluster| (cluster.light as usize) < intensities.len())
+                && recipe.visible.len() == recipe.clusters.len().div_ceil(PACKET)
+                && done.gather.knows(&recipe.surroundings)
+        };
+        ensure!(records.recipes().all(is_of_frame), NONSENSE);
+        let places = places(scene, &scene.moving_instances(), &done.seen, &[]);
+        Ok(Self { records, intensities, places })
     }
 
     /// Where the records in use are, and of how many clusters.

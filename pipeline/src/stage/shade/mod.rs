@@ -11,6 +11,8 @@ mod macroblock;
 mod pixels;
 mod resume;
 
+pub(super) use resume::check;
+
 use crate::checkpoint::Checkpoints;
 use crate::message::{LuminanceThresholds, Prepared, Shaded};
 use crate::plan::{Plan, State};

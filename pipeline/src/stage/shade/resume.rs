@@ -26,6 +26,15 @@ struct Known {
     calibration: Option<Calibration>,
 }
 
+fn known(checkpoints: &Checkpoints) -> Result<Option<Known>> {
+    checkpoints.part(Part::Shade)
+}
+
+/// Whether [`take_up`] can read what was left.
+pub fn check(checkpoints: &Checkpoints) -> Result<()> {
+    known(checkpoints).map(|_| ())
+}
+
 pub(super) fn leave(
     checkpoints: &Checkpoints,
     frame: u32,
@@ -42,9 +51,9 @@ type TakenUp = (Option<Cache>, Option<Still>, Option<Calibration>);
 
 /// Cache, still light and calibration as they were behind the frame `done`.
 pub(super) fn take_up(checkpoints: &Checkpoints, done: &Prepared) -> Result<TakenUp> {
-    let Some(Known { records, still, calibration }) = checkpoints.part(Part::Shade)? else {
+    let Some(Known { records, still, calibration }) = known(checkpoints)? else {
         return Ok((None, None, None));
     };
     let still = still.map(|(samples, cache_records)| Still::new(done, samples, cache_records));
-    Ok((records.map(|records| Cache::resumed(records, done)), still, calibration))
+    Ok((records.map(|records| Cache::resumed(records, done)).transpose()?, still, calibration))
 }
