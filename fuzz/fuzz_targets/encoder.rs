@@ -35,6 +35,8 @@ struct Wishes {
     immediate: bool,
     frames: u8,
     motion: Option<[f32; 2]>,
+    /// Motion in 64ths of a pixel, as files have it, from the input's bytes.
+    motion_64ths: bool,
 }
 
 /// Larger pictures would only be slower.
@@ -93,6 +95,18 @@ fn frame(width: usize, height: usize, bytes: &[u8], number: usize) -> Frame {
     Frame::new(Plane::from_fn(width, height, at(width, 0)), chroma(5), chroma(11)).expect("planes that belong together")
 }
 
+/// Two bytes of the input for each component.
+fn motion_64ths(width: usize, height: usize, bytes: &[u8]) -> MotionField {
+    let at = |k: usize| match bytes {
+        [] => 0,
+        _ => i16::from_le_bytes([bytes[2 * k % bytes.len()], bytes[(2 * k + 1) % bytes.len()]]),
+    };
+    MotionField::from_64ths(Plane::from_fn(width, height, |x, y| {
+        let k = 2 * (y * width + x);
+        [at(k), at(k + 1)]
+    }))
+}
+
 fuzz_target!(|data: &[u8]| {
     let mut input = Unstructured::new(data);
     let Ok(wishes) = Wishes::arbitrary(&mut input) else { return };
@@ -103,7 +117,10 @@ fuzz_target!(|data: &[u8]| {
     let mut multiplexer = Multiplexer::new(container, &config);
     let (width, height) = size(&wishes);
     let count = 1 + usize::from(wishes.frames % 12);
-    let field = |width, height| wishes.motion.map(|motion| MotionField::new(Plane::filled(width, height, motion)));
+    let field = |width, height| match wishes.motion_64ths {
+        true => Some(motion_64ths(width, height, bytes)),
+        false => wishes.motion.map(|motion| MotionField::new(Plane::filled(width, height, motion))),
+    };
     let mut seen = 0;
     let mut take = |packets: Vec<Packet>| {
         for packet in packets {

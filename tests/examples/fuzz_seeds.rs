@@ -61,7 +61,7 @@ fn main() {
         b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x81\x10\x20\x30\x80",
     );
     // What a stage left is made by the target itself.
-    for kind in 0..14 {
+    for kind in 0..28 {
         seed(&folder, "checkpoint", &format!("kind{kind}"), kind, &[0, 1, 250, 0, 1, 3, 251, 16, 0]);
     }
     seed(&folder, "encoder", "bytes", 0, &(0..=255).collect::<Vec<u8>>());
