@@ -6,7 +6,7 @@ use crate::{
     config::quantiser_scale_code,
     decide::Tools,
     effort::Effort,
-    frame::psnr_within,
+    frame::psnr_of,
     header::{self, PictureHeader, macroblock_counts},
     motion::{Candidates, CoarseSearch, Estimate, HalfSample, f_code},
     picture::{CodedPicture, MacroblockKind, Picture},
@@ -168,7 +168,7 @@ impl Coder {
             quantisers: &self.quantisers,
             scales_x16: job.scales_x16,
             tools: tools(effort, self.config.varies()),
-            height: self.config.height,
+            size: (self.config.width, self.config.height),
         };
         let (width, height) = (job.source.width(), job.source.height());
         let (reconstruction, coded) = self.pool.filled(width, height, |out| picture.code(out));
@@ -190,7 +190,7 @@ impl Coder {
         data.extend(coded.slices);
         let (width, height) = (self.config.width, self.config.height);
         let (columns, rows) = (job.source.width() / 16, job.source.height() / 16);
-        let psnr_y = psnr_within(&job.source.luma, &whole.luma, (width, height));
+        let psnr_y = psnr_of(coded.luma_error, width * height);
         let reconstruction = if (whole.width(), whole.height()) == (width, height) {
             whole.clone()
         } else {

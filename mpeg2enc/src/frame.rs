@@ -77,20 +77,20 @@ fn copy_plane(plane: &Plane<u8>, out: &mut Plane<u8>) {
 /// Peak signal-to-noise ratio of two planes of one size, dB; infinite if they are equal.
 pub fn psnr(a: &Plane<u8>, b: &Plane<u8>) -> f64 {
     assert_eq!((a.width(), a.height()), (b.width(), b.height()), "planes of different size");
-    psnr_within(a, b, (a.width(), a.height()))
+    let sum = (0..a.height()).map(|y| squared_error(a.row(y), b.row(y))).sum();
+    psnr_of(sum, a.width() * a.height())
 }
 
-/// PSNR of the upper left `width × height` samples of two planes.
-pub(crate) fn psnr_within(a: &Plane<u8>, b: &Plane<u8>, (width, height): (usize, usize)) -> f64 {
-    let sum: u64 = (0..height).map(|y| squared_error(&a.row(y)[..width], &b.row(y)[..width])).sum();
-    if sum == 0 {
+/// PSNR where the squared errors of so many samples add up to this.
+pub(crate) fn psnr_of(squared_error: u64, samples: usize) -> f64 {
+    if squared_error == 0 {
         return f64::INFINITY;
     }
-    10.0 * (255.0f64.powi(2) * (width * height) as f64 / sum as f64).log10()
+    10.0 * (255.0f64.powi(2) * samples as f64 / squared_error as f64).log10()
 }
 
 vectorised! {
-    /// Of at most 2^16 samples, so that 32 bits hold it.
+    /// Sum of squared differences of at most 2^16 samples, so that 32 bits hold it.
     fn squared_error, squared_error_plain(a: &[u8], b: &[u8]) -> u64 {
         let mut sum = 0;
         for (&a, &b) in a.iter().zip(b) {

@@ -9,6 +9,7 @@ use crate::{
         in_place::{InPlace, RowMut},
         lambda,
     },
+    frame::squared_error,
     header::{PictureHeader, PictureType, put_slice_header},
     kernel,
     macroblock::{Mode, SliceParameters, SliceState},
@@ -55,8 +56,8 @@ pub(crate) struct Picture<'a> {
     /// quantiser_scale asked for in every macroblock, in sixteenths.
     pub scales_x16: &'a [u32],
     pub tools: Tools,
-    /// vertical_size as the sequence header has it, before padding.
-    pub height: usize,
+    /// horizontal_size and vertical_size as the sequence header has them, before padding.
+    pub size: (usize, usize),
 }
 
 /// A coded picture.
@@ -67,6 +68,17 @@ pub(crate) struct CodedPicture {
     pub quantiser_scales: Vec<u8>,
     pub macroblocks: Vec<CodedMacroblock>,
     pub statistics: PictureStatistics,
+    /// Sum of squared errors of luma, without padding.
+    pub luma_error: u64,
+}
+
+/// A coded slice, with the same of its row of macroblocks.
+struct CodedSlice {
+    bytes: Vec<u8>,
+    quantiser_scales: Vec<u8>,
+    macroblocks: Vec<CodedMacroblock>,
+    statistics: PictureStatistics,
+    luma_error: u64,
 }
 
 /// How a macroblock was coded.
@@ -104,23 +116,20 @@ impl Picture<'_> {
             quantiser_scales: Vec::new(),
             macroblocks: Vec::new(),
             statistics: PictureStatistics::default(),
+            luma_error: 0,
         };
-        for (bytes, quantiser_scales, macroblocks, statistics) in rows {
-            coded.slices.extend(bytes);
-            coded.quantiser_scales.extend(quantiser_scales);
-            coded.macroblocks.extend(macroblocks);
-            coded.statistics += statistics;
+        for slice in rows {
+            coded.slices.extend(slice.bytes);
+            coded.quantiser_scales.extend(slice.quantiser_scales);
+            coded.macroblocks.extend(slice.macroblocks);
+            coded.statistics += slice.statistics;
+            coded.luma_error += slice.luma_error;
         }
         coded
     }
 
     /// slice() (6.2.4) of one row of macroblocks.
-    fn code_slice(
-        &self,
-        row: usize,
-        mut out: RowMut,
-        work: &mut Workspace,
-    ) -> (Vec<u8>, Vec<u8>, Vec<CodedMacroblock>, PictureStatistics) {
+    fn code_slice(&self, row: usize, mut out: RowMut, work: &mut Workspace) -> CodedSlice {
         let columns = self.source.width() / 16;
         let scales_x16 = &self.scales_x16[row * columns..][..columns];
         let parameters = &self.quantisers.parameters;
@@ -136,7 +145,7 @@ impl Picture<'_> {
         let mut statistics = PictureStatistics::default();
         let mut quantiser_scales = Vec::with_capacity(columns);
         let mut macroblocks = Vec::with_capacity(columns);
-        put_slice_header(&mut writer, row, self.height, slice.quantiser);
+        put_slice_header(&mut writer, row, self.size.1, slice.quantiser);
         let mut state = SliceState::new(&slice);
         let mut quantiser = (scales_x16[0], slice.quantiser);
         for (column, &scale_x16) in scales_x16.iter().enumerate() {
@@ -190,7 +199,17 @@ impl Picture<'_> {
             statistics.coefficient_bits += bits.coefficients;
         }
         debug_assert!(writer.bits() > 38, "a slice has a macroblock");
-        (writer.into_bytes(), quantiser_scales, macroblocks, statistics)
+        let luma_error = self.luma_error(row, out.luma);
+        CodedSlice { bytes: writer.into_bytes(), quantiser_scales, macroblocks, statistics, luma_error }
+    }
+
+    /// Sum of squared errors of the luma of a row of macroblocks, without padding: taken here, where all of it was looked at last.
+    fn luma_error(&self, row: usize, shown: &[u8]) -> u64 {
+        let (width, height) = self.size;
+        let rows = 16 * row..(16 * row + 16).min(height);
+        rows.zip(shown.chunks(self.source.width()))
+            .map(|(y, shown)| squared_error(&self.source.luma.row(y)[..width], &shown[..width]))
+            .sum()
     }
 
     /// Puts the blocks of a macroblock where they are shown.
