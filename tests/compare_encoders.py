@@ -7,6 +7,12 @@
     python3 tests/compare_encoders.py --rate out/clips/*.y4m      # constant bit rates instead of constant quantisers
     python3 tests/compare_encoders.py --tools out/clips/*.y4m     # ours at its best, without one tool after the other
     python3 tests/compare_encoders.py --speed out/clips/cornell.y4m
+    python3 tests/compare_encoders.py --all out                   # every table above, from nothing: clips are rendered into out
+
+`--all` renders three shipped scenes, 30 frames of each and 60, into the folder's `shipped30` and `shipped60`, and with
+`--generator PROGRAM` six other clips into `rendered30` and `rendered60` by `python3 PROGRAM FOLDER CLIP --frames N`; clips that are there
+already are taken as they are. Then come bits at equal quality by PSNR and by SSIM, constant rates, the worth of each tool, groups of 60
+on the clips of 60 frames, and speed. All of that takes an hour or two; `--only` leaves encoders out.
 
 A clip is YUV4MPEG2, 4:2:0; NAME.mvp and NAME.mvn beside NAME.y4m, where they are there, hold exact motion to the frame before and after
 (i16 pairs, little endian, in 64ths of a pixel). `--speed` repeats the clip to 300 frames or more and compares CPU seconds of whole
@@ -270,23 +276,72 @@ def compare_speed(arguments, clip):
             print(f"| {name} | {long.frames / statistics.median(own for _, own in pairs):.0f} | {ratio:.2f} |", flush=True)
 
 
+GENERATED = ["fly", "static", "orbit", "pan", "cut", "plain"]
+
+
+def made_clips(arguments, folder, frames):
+    """Clips of so many frames: those of the generator if there is one, and of the shipped scenes."""
+    rendered, shipped = (os.path.abspath(f"{folder}/{kind}{frames}") for kind in ("rendered", "shipped"))
+    os.makedirs(rendered, exist_ok=True)
+    for name in GENERATED if arguments.generator else []:
+        if not os.path.exists(f"{rendered}/{name}.y4m"):
+            command = [sys.executable, arguments.generator, rendered, name, "--frames", str(frames)]
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    if not os.path.exists(f"{shipped}/atrium.y4m"):
+        command = f"cargo run --release -q -p tests --example clips -- {shipped} 352x288 {frames}"
+        subprocess.run(command, shell=True, check=True, cwd=ROOT)
+    return [sorted_clips(path) for path in (rendered, shipped)]
+
+
+def sorted_clips(folder):
+    """The clips of a folder, those of the generator in its order."""
+    names = [name[:-4] for name in os.listdir(folder) if name.endswith(".y4m")]
+    names.sort(key=lambda name: (GENERATED.index(name) if name in GENERATED else len(GENERATED), name))
+    return [Clip(f"{folder}/{name}.y4m") for name in names]
+
+
+def compare_all(arguments):
+    """Every table, of clips that are made first."""
+    folder = arguments.clips[0]
+    sets = [clips for clips in made_clips(arguments, folder, 30) if clips]
+    tables = {
+        "bits at equal PSNR": {},
+        "bits at equal SSIM": {"metric": "ssim"},
+        "constant rates": {"rate": True},
+        "what each tool is worth": {"tools": True},
+    }
+    for clips in sets:
+        for title, table in tables.items():
+            print(f"\n## {len(clips)} clips of 30 frames: {title}", flush=True)
+            compare_bits(argparse.Namespace(**{**vars(arguments), **table}), clips)
+    for clips in made_clips(arguments, folder, 60):
+        if clips:
+            print(f"\n## {len(clips)} clips of 60 frames: groups of 60", flush=True)
+            compare_bits(argparse.Namespace(**{**vars(arguments), "only": "N=60"}), clips)
+    compare_speed(arguments, sets[0][0])
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("clips", nargs="+")
+    parser.add_argument("clips", nargs="+", metavar="CLIPS", help="clips, or with --all a folder")
     parser.add_argument("--binary", help="our encoder; built if not given")
     parser.add_argument("--only", default="", help="encoders whose name has this in it, and the anchor")
     parser.add_argument("--metric", choices=["psnr", "ssim"], default="psnr")
     parser.add_argument("--rate", action="store_true", help="constant bit rates of 0.5 to 8 Mbit/s")
     parser.add_argument("--tools", action="store_true", help="ours at its best, without one tool after the other")
     parser.add_argument("--speed", action="store_true", help="CPU seconds of the first clip instead of bits")
+    parser.add_argument("--all", action="store_true", help="every table; CLIPS is a folder to make clips in")
+    parser.add_argument("--generator", help="with --all, a program that renders six more clips")
     parser.add_argument("--pairs", type=int, default=3)
     parser.add_argument("--jobs", type=int, default=2)
     arguments = parser.parse_args()
-    clips = [Clip(path) for path in arguments.clips]
     if not arguments.binary:
         subprocess.run("cargo build --release -p mpeg2enc --example mpeg2enc", shell=True, check=True, cwd=ROOT)
         target = os.environ.get("CARGO_TARGET_DIR", f"{ROOT}/target")
         arguments.binary = f"{target}/release/examples/mpeg2enc"
+    if arguments.all:
+        return compare_all(arguments)
+    clips = [Clip(path) for path in arguments.clips]
     if arguments.speed:
         compare_speed(arguments, clips[0])
     else:
