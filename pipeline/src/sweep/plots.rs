@@ -74,7 +74,7 @@ pub fn plots(outcome: &Outcome) -> Vec<Plot> {
                 lines(outcome, steered, qscale, speedup, unequal),
                 Some((1.0, "2 %".into())),
             ),
-            "Crosses: decoded quality is not equal (within 0.1 dB and 1 % of bits), so that the speed-up does not count.",
+            "Crosses: decoded quality is less than equal (0.1 dB less, 1 % of bits or 10 % of flicker more), so that the speed-up does not count.",
         ),
         plot(
             "decoded_difference",
@@ -85,7 +85,7 @@ pub fn plots(outcome: &Outcome) -> Vec<Plot> {
                 lines(outcome, steered, qscale, lost, unequal),
                 Some((0.0, "2 %".into())),
             ),
-            "Equal quality is from −0.1 to 0.1 dB, if bits are equal, too. Crosses: it is not.",
+            "Equal quality is from −0.1 dB up, if bits and flicker are equal, too. Crosses: it is not.",
         ),
         plot(
             "bits_difference",
@@ -96,7 +96,7 @@ pub fn plots(outcome: &Outcome) -> Vec<Plot> {
                 lines(outcome, steered, qscale, bits, unequal),
                 Some((0.0, "2 %".into())),
             ),
-            "Coarser light is grainier, and grain takes bits. Equal is from −1 to 1 %, if PSNR is equal, too.",
+            "Coarser light is grainier, and grain takes bits. Equal is up to 1 %, if PSNR and flicker are equal, too.",
         ),
         plot(
             "cut_size",

@@ -137,7 +137,7 @@ fn finding(runs: &[&Run], notable: f64) -> Finding {
         let rays = range(&pays, |b| b.shadow_rays_ratio);
         let whole = range(&pays, |b| b.speedup_total);
         sentences.push(format!(
-            "at quantiser {} indirect light is {speed} times as fast as with 2 %, at equal decoded quality; the whole frame, {whole} times. Cuts are {cuts} times smaller, shadow rays, direct light's included, {rays} times fewer: these do not depend on what else the machine does.",
+            "at quantiser {} indirect light is {speed} times as fast as with 2 %, at equal decoded quality or better; the whole frame, {whole} times. Cuts are {cuts} times smaller, shadow rays, direct light's included, {rays} times fewer: these do not depend on what else the machine does.",
             list(&pays)
         ));
         if pays.iter().any(|(_, b)| b.speedup_indirect > MORE_THAN_CUTS * b.cut_size_ratio) {
@@ -157,8 +157,9 @@ fn finding(runs: &[&Run], notable: f64) -> Finding {
     if !other.is_empty() {
         let psnr = farthest(&other, |b| b.psnr_difference);
         let bits = farthest(&other, |b| 100.0 * (b.bits_ratio - 1.0));
+        let flicker = farthest(&other, |b| 100.0 * (b.flicker_ratio - 1.0));
         sentences.push(format!(
-            "At {} decoded quality is not equal to that of 2 % ({psnr:+.2} dB and {bits:+.1} % of bits at most), so that no speed-up is claimed.",
+            "At {} decoded quality is not equal to that of 2 % (up to {psnr:+.2} dB, {bits:+.1} % of bits, {flicker:+.0} % of flicker), so that no speed-up is claimed.",
             list(&other)
         ));
     }
