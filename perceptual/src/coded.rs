@@ -8,8 +8,9 @@
 //! ```text
 //! (6)  D = d_ij² summed over the block / 64                       mean square error that coding leaves, code values²
 //! (7)  P = Σ p_ij a_ij      a_ij = 1 where a level is written, min(1, (d_ij / Z_ij)²) where none is
-//! (8)  e' = min( √(√(D D̄) / (P N)),  Z_ij / (16 √p_ij) of all ij without level )
+//! (8)  e' = min( √(√(D D̄) / (P N)),  M_ij / (12 √p_ij) of all ij without level )
 //!      N = 1 + (n − 1)(1 − P')            of an intra picture, 1 of others
+//!      M_ij = max(Z_ij − |d_ij|, Z_ij / 8)
 //!
 //!   d_ij  DCT of source − decoded; where no level is written, the coefficient itself, or of a predicted block its residual
 //!   Z_ij  dead zone: ½ Δ_ij in intra blocks, Δ_ij in others       Δ_ij  quantiser step: w_ij · quantiser_scale / 16,
@@ -18,7 +19,7 @@
 //!   n     pictures of the group                                   P'    P of the block where it is predicted
 //! ```
 //! (7) is the share of an error that comes through; (8) lets what comes through be as large as what coding leaves, and keeps
-//! twice the standard deviation of what does not come through within the dead zone. Decoded PSNR counts all errors of the
+//! one and a half times the standard deviation of what does not come through within what is left of the dead zone. Decoded PSNR counts all errors of the
 //! picture alike, the eye those of the block: D is taken half from the one and half from the other. An error in an intra
 //! picture is seen again in every picture that is predicted from it, as far as these do not send the block anew: N times in
 //! all. (With I pictures alone rendered coarser, of `cornell`, 1.05 times the error that they bring arrives over the film at
@@ -86,12 +87,20 @@ fn error_spectrum() -> [f32; 64] {
     p.map(|p| p / sum)
 }
 
+/// What is always left of a dead zone: without it, a block that is about to be sent would be asked to be exact, and its
+/// residual is not known better than by a part of the zone.
+const LEAST_MARGIN: f32 = 0.125;
+
+/// Share of its step from which a coefficient of an intra block is worth the bits of a level, with an encoder that weighs
+/// them: fits `mpeg2enc`.
+const WORTH_A_LEVEL: f32 = 0.6;
+
 /// Eqs. (6) to (8), with what does not change between pictures.
 pub(crate) struct CodedMasking {
     steps: QuantiserSteps,
     p: [f32; 64],
-    /// 1 / (16 √p_ij).
-    per_dead_zone: [f32; 64],
+    /// 1 / (12 √p_ij).
+    per_margin: [f32; 64],
 }
 
 /// What coding does to a block.
@@ -100,14 +109,14 @@ struct BlockLoss {
     d2: f32,
     /// P, or P N.
     passes: f32,
-    /// Smallest Z_ij / (16 √p_ij) of the coefficients without level.
+    /// Smallest M_ij / (12 √p_ij) of the coefficients without level.
     within_dead_zone: f32,
 }
 
 impl CodedMasking {
     pub fn new(steps: QuantiserSteps) -> Self {
         let p = error_spectrum();
-        Self { steps, p, per_dead_zone: p.map(|p| 1.0 / (16.0 * p.sqrt())) }
+        Self { steps, p, per_margin: p.map(|p| 1.0 / (12.0 * p.sqrt())) }
     }
 
     /// e′ of every 8×8 block: the root mean square error of luma that it may have, in code values, finite and not negative.
@@ -163,7 +172,7 @@ impl CodedMasking {
     /// What an intra picture would do to a block with coefficients `c`.
     fn foretold_intra_loss(&self, c: &[f32; 64], scale: f32) -> BlockLoss {
         let steps = self.intra_steps(scale);
-        let is_written = |i: usize| i == 0 || c[i].abs() >= 0.5 * steps[i];
+        let is_written = |i: usize| i == 0 || c[i].abs() >= WORTH_A_LEVEL * steps[i];
         let levels = (0..64).filter(|&i| is_written(i)).fold(0, |levels, i| levels | 1 << i);
         // What is written is rounded to the nearest level.
         let d = std::array::from_fn(|i| if is_written(i) { steps[i] / 12f32.sqrt() } else { c[i] });
@@ -184,7 +193,8 @@ impl CodedMasking {
             let z = dead_zone * steps[i];
             let written = levels >> i & 1 == 1;
             passes += self.p[i] * if written { 1.0 } else { (d[i] / z).powi(2).min(1.0) };
-            within = if written { within } else { within.min(z * self.per_dead_zone[i]) };
+            let margin = (z - d[i].abs()).max(LEAST_MARGIN * z);
+            within = if written { within } else { within.min(margin * self.per_margin[i]) };
         }
         BlockLoss { d2: d2 / 64.0, passes, within_dead_zone: within }
     }
@@ -327,8 +337,11 @@ mod tests {
             let z = |i: usize| f64::from(DEFAULT_INTRA_MATRIX[i]) / 2.0;
             let passes: f64 =
                 (0..64).map(|i| p[i] * if written(i) { 1.0 } else { (d[i] / z(i)).powi(2).min(1.0) }).sum();
-            let within =
-                (0..64).filter(|&i| !written(i)).map(|i| z(i) / (16.0 * p[i].sqrt())).fold(f64::INFINITY, f64::min);
+            let margin = |i: usize| (z(i) - d[i].abs()).max(z(i) / 8.0);
+            let within = (0..64)
+                .filter(|&i| !written(i))
+                .map(|i| margin(i) / (12.0 * p[i].sqrt()))
+                .fold(f64::INFINITY, f64::min);
             let expected = ((d2(k) * mean).sqrt() / passes).sqrt().min(within);
             let got = f64::from(tolerable.get(k % 4, k / 4));
             assert!((got / expected - 1.0).abs() < 1e-3, "block {k}: {got}, by definition {expected}");

@@ -21,6 +21,7 @@
 
 mod coded;
 mod feedback;
+mod foretold;
 mod masking;
 mod metric;
 mod table;

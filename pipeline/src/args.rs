@@ -116,11 +116,12 @@ pub struct Job {
     /// Write MPEG-1, for players that know nothing else
     #[arg(long)]
     pub mpeg1: bool,
-    /// The error a pixel may have: "perceptual", by the masking model; "codec", by what the encoder really did; "fixed:SHARE"
-    /// of its luminance, or "uniform:SHARE" of what that was one frame before [default: perceptual]
+    /// The error a pixel may have: "codec", by what the encoder really did; "perceptual", by the masking model, or "quantised",
+    /// by it from the decoded picture; "fixed:SHARE" of its luminance, or "uniform:SHARE" of what that was one frame before
+    /// [default: codec]
     #[arg(long, value_name = "KIND")]
     pub thresholds: Option<Thresholds>,
-    /// Multiplier on what is allowed beyond 2 %: smaller is finer, 1 is the paper's [default: 0.25; 1 of "codec"]
+    /// Multiplier on what is allowed beyond 2 %: smaller is finer, 1 is the paper's [default: 1; 0.25 of "perceptual" and "quantised"]
     #[arg(long, value_name = "K")]
     pub kappa: Option<f32>,
     /// When a cut ends [default: bound]

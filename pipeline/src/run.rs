@@ -62,7 +62,7 @@ pub fn render_from(
     let (times_out, times_in) = unbounded::<MaskingTime>();
     // Masking wants to know how pictures were really coded. A constant quantiser alone it knows beforehand, and need not wait.
     let (codings_out, codings_in) = unbounded::<Coding>();
-    let waits = settings.looks_ahead() || settings.thresholds == Thresholds::Codec;
+    let waits = settings.looks_ahead() || matches!(settings.thresholds, Thresholds::Codec | Thresholds::Quantised);
     let constant = || (!waits).then(|| Coding::of_quantiser(settings.qscale as f32));
     std::thread::scope(|scope| {
         let output = &mut output;

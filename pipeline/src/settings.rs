@@ -106,7 +106,10 @@ pub enum Aov {
 pub enum Thresholds {
     /// From the masking model, one frame later.
     Perceptual,
-    /// From what the encoder really did, one frame later.
+    /// The same from the picture as it was decoded, and not along the motion \[Herzog08, 5.3, first strategy\]: for films in
+    /// which little moves.
+    Quantised,
+    /// From what the encoder really did, or will do where it looks ahead, one frame later.
     Codec,
     /// A share of the luminance that each pixel had one frame before: as far as thresholds can be let go if all are let go
     /// alike, with all that is gained by knowing them beforehand.
@@ -122,6 +125,7 @@ impl FromStr for Thresholds {
         let share = |share: &str| share.parse::<f32>().ok().filter(|share| (0.0..=1.0).contains(share));
         let known = match text.split_once(':') {
             None if text == "perceptual" => Some(Self::Perceptual),
+            None if text == "quantised" => Some(Self::Quantised),
             None if text == "codec" => Some(Self::Codec),
             Some(("fixed", text)) => share(text).map(Self::Fixed),
             Some(("uniform", text)) => share(text).map(Self::Uniform),
@@ -129,7 +133,7 @@ impl FromStr for Thresholds {
         };
         known.ok_or_else(|| {
             format!(
-                "\"{text}\" is neither \"perceptual\" nor \"codec\", nor \"fixed:SHARE\" or \"uniform:SHARE\" with a share of 0 to 1, such as fixed:0.02"
+                "\"{text}\" is none of \"codec\", \"perceptual\" and \"quantised\", nor \"fixed:SHARE\" or \"uniform:SHARE\" with a share of 0 to 1, such as fixed:0.02"
             )
         })
     }
@@ -139,6 +143,7 @@ impl Serialize for Thresholds {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Perceptual => serializer.serialize_str("perceptual"),
+            Self::Quantised => serializer.serialize_str("quantised"),
             Self::Codec => serializer.serialize_str("codec"),
             Self::Uniform(share) => serializer.serialize_str(&format!("uniform:{share}")),
             Self::Fixed(share) => serializer.serialize_str(&format!("fixed:{share}")),
@@ -383,15 +388,16 @@ impl Settings {
         if frames == 0 {
             bail!("--frames 0: a video has at least one frame");
         }
-        let thresholds = wishes.thresholds.unwrap_or(Thresholds::Perceptual);
+        let thresholds = wishes.thresholds.unwrap_or(Thresholds::Codec);
         let kappa = wishes.kappa.unwrap_or(if thresholds == Thresholds::Codec { CODEC_KAPPA } else { KAPPA });
         if !(0.0..=100.0).contains(&kappa) {
             bail!("--kappa {kappa} must lie in 0..=100; 1 is the paper's");
         }
-        if thresholds == Thresholds::Codec && (wishes.bitrate.is_some() || wishes.bframes.is_some_and(|most| most > 0))
+        if thresholds == Thresholds::Quantised
+            && (wishes.bitrate.is_some() || wishes.bframes.is_some_and(|most| most > 0))
         {
             bail!(
-                "--thresholds codec needs pictures that are coded as they come: leave out --bitrate and --bframes, or take --thresholds perceptual"
+                "--thresholds quantised needs pictures that are coded as they come: leave out --bitrate and --bframes, or take --thresholds codec"
             );
         }
         let samples = wishes.samples.unwrap_or(1);

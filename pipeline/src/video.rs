@@ -75,7 +75,9 @@ impl Video {
             true => Coder::Ahead(Box::new(config.lookahead_encoder()?)),
             false => Coder::Immediate(Box::new(config.encoder()?)),
         };
-        let tells_outcome = settings.thresholds == Thresholds::Codec;
+        // An encoder that looks ahead is late: masking is then at another frame.
+        let tells_outcome =
+            matches!(settings.thresholds, Thresholds::Codec | Thresholds::Quantised) && !settings.looks_ahead();
         Ok(Self { coder, multiplexer, quantiser_scale: settings.qscale as f32, tells_outcome })
     }
 

@@ -10,7 +10,7 @@ use render_core::scene::Scene;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
-use tests::{cornell, load, render};
+use tests::{assert_fails, cornell, load, render};
 
 const SIDE: usize = 48;
 
@@ -23,7 +23,8 @@ fn thresholds_open_after_the_first_frame_and_cuts_shrink() {
         render(folder.path(), name, &cornell(), &arguments)
     };
     let fixed = film("fixed", "--thresholds fixed:0.02");
-    let [fine, middle, coarse] = [2, 8, 48].map(|q| film(&format!("q{q}"), &format!("--qscale {q}")));
+    let [fine, middle, coarse] =
+        [2, 8, 48].map(|q| film(&format!("q{q}"), &format!("--thresholds perceptual --qscale {q}")));
     let cuts = |film: &tests::Rendered| film.figures(&["cut_size_mean"]);
     let shares = |film: &tests::Rendered| film.figures(&["threshold_mean_relative"]);
     for (name, film) in [("fixed", &fixed), ("q2", &fine), ("q8", &middle), ("q48", &coarse)] {
@@ -39,6 +40,27 @@ fn thresholds_open_after_the_first_frame_and_cuts_shrink() {
         assert!(shares(&coarse)[frame] > shares(&fine)[frame], "frame {frame}: a coarser quantiser hides more");
         assert!(cuts(&coarse)[frame] <= cuts(&fine)[frame], "frame {frame}: and asks for less");
     }
+}
+
+/// Masking from the decoded picture (the paper's first strategy) and from the one that was coded differ by what was lost.
+#[test]
+fn both_strategies_agree_where_little_is_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = |kind: &str, qscale: u32| {
+        let arguments = format!(
+            "--size 64x64 --frames 3 --vpls 300 --photons 20000 --cache off --kappa 1 --qscale {qscale} --thresholds {kind}"
+        );
+        let film = render(folder.path(), &format!("{kind}{qscale}"), &cornell(), &arguments);
+        film.figures(&["threshold_mean_relative"])[2]
+    };
+    let ratio = |qscale| film("quantised", qscale) / film("perceptual", qscale);
+    let (little, much) = (ratio(1), ratio(62));
+    println!("thresholds from decoded pictures by those from their sources: {little:.3} at 1, {much:.3} at 62");
+    assert!((little - 1.0).abs() < 0.05, "{little}");
+    assert!((much - 1.0).abs() > (little - 1.0).abs(), "{much}, {little}");
+    let scene = cornell();
+    let waiting = ["render", scene.to_str().unwrap(), "--thresholds", "quantised", "--bframes", "2"];
+    assert_fails(folder.path(), &waiting, &["--thresholds quantised", "--thresholds codec"]);
 }
 
 /// A cut for each pixel and frame: what a threshold asks for shows at once.

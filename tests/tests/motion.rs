@@ -29,7 +29,12 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
         photons: Some(20_000),
         ..Wishes::default()
     };
-    render(folder, name, path, &format!("--size 96x96 --frames {FRAMES} --vpls 200 --photons 20000 --y4m {name}.y4m"));
+    render(
+        folder,
+        name,
+        path,
+        &format!("--size 96x96 --frames {FRAMES} --vpls 200 --photons 20000 --thresholds perceptual --y4m {name}.y4m"),
+    );
     let frames: Vec<Frame> = read_y4m(&folder.join(format!("{name}.y4m")), SIZE);
     let (scene, settings) = load(path, wishes);
     let exact = motion_fields(&scene, &settings);

@@ -35,7 +35,7 @@ fn a_sweep_says_what_single_commands_say() {
 
     // One run, by `render` and `compare` and ffmpeg's decoder.
     let room = folder.path().join("room.glb");
-    let film = render(folder.path(), "film", &room, &format!("{COMMON} --qscale 32"));
+    let film = render(folder.path(), "film", &room, &format!("{COMMON} --qscale 32 --thresholds perceptual"));
     render(folder.path(), "truth", &room, &format!("{COMMON} --lighting all-lights --cache off --y4m truth.y4m"));
     let compared = render2mpeg(folder.path(), &["compare", "film.m2v", "truth.y4m", "--json"]);
     let compared: Value = serde_json::from_str(&compared.stdout).unwrap();

@@ -7,7 +7,7 @@ use crate::settings::{Settings, Thresholds};
 use crate::video::CodingOutcome;
 use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
-use perceptual::{CodedPicture, DEFAULT_WEIGHT, Feedback, MaskingModel, QuantiserSteps};
+use perceptual::{CodedPicture, DEFAULT_WEIGHT, Feedback, MaskingModel, QuantiserSteps, still_matches};
 use plane::Plane;
 use render_core::Busy;
 
@@ -46,15 +46,15 @@ pub fn run_from(
     let steps = quantiser_steps(settings)?;
     let known = known(checkpoints)?;
     let (mut resumed, mut spent) = (None, Vec::new());
-    if let Some((delta, luminance, times)) = known {
-        (resumed, spent) = (Some(delta.clone()), times);
+    if let Some(((delta, luminance, foretold), times)) = known {
+        (resumed, spent) = (Some((delta.clone(), foretold)), times);
         let _ = thresholds.send(LuminanceThresholds { of: checkpoints.first_frame() - 1, delta, luminance });
     }
     for &time in &spent {
         let _ = times.send(time);
     }
     // The last thresholds, for a run that ends early: what was sent is not seen again.
-    let mut last: Option<(u32, Plane<f32>, Plane<f32>)> = None;
+    let mut last: Option<(u32, Masked)> = None;
     for message in frames {
         // None: the encoder has failed, and will say so.
         let Some(coding) = codings.next() else { return Ok(()) };
@@ -63,14 +63,17 @@ pub fn run_from(
         let feedback = feedback.get_or_insert_with(|| {
             let mut feedback =
                 Feedback::new(MaskingModel::default(), message.tone_map, DEFAULT_WEIGHT).with_kappa(settings.kappa);
-            resumed.take().into_iter().for_each(|delta| feedback.restore(delta));
+            if let Some((delta, foretold)) = resumed.take() {
+                feedback.restore(delta);
+                feedback.restore_foretold(foretold);
+            }
             feedback
         });
         let matches = message.correspondence.as_ref().map(|correspondence| &correspondence.matches);
         let delta = pool.install(|| {
             busy.measure(|| match settings.thresholds {
                 Thresholds::Uniform(share) => message.luminance.map(|luminance| share * luminance),
-                _ => observe(feedback, &steps, &message, &coding, matches).clone(),
+                _ => observe(feedback, settings, &steps, &message, &coding, matches).clone(),
             })
         });
         observer.thresholds(message.frame, &delta);
@@ -78,50 +81,62 @@ pub fn run_from(
         let time = MaskingTime { of: message.frame, seconds };
         spent.push(time);
         if message.checkpoint {
-            checkpoints.leave(message.frame, Part::Mask, &(&delta, &message.luminance, &spent))?;
+            checkpoints.leave(
+                message.frame,
+                Part::Mask,
+                &((&delta, &message.luminance, feedback.foretold()), &spent),
+            )?;
         }
         if checkpoints.are_on() {
-            last = Some((message.frame, delta.clone(), message.luminance.clone()));
+            last = Some((message.frame, (delta.clone(), message.luminance.clone(), feedback.foretold().clone())));
         }
         let _ = times.send(time);
         drop(span);
         let _ = thresholds.send(LuminanceThresholds { of: message.frame, delta, luminance: message.luminance });
     }
     match last.filter(|(frame, ..)| checkpoints.ends_behind(*frame)) {
-        Some((frame, delta, luminance)) => checkpoints.leave(frame, Part::Mask, &(delta, luminance, spent)),
+        Some((frame, masked)) => checkpoints.leave(frame, Part::Mask, &(masked, spent)),
         None => Ok(()),
     }
 }
 
-/// ΔY and luminance of the last frame that is done, and what masking took so far.
-type Known = (Plane<f32>, Plane<f32>, Vec<MaskingTime>);
+/// ΔY and luminance of the last frame that is done, and its decoded luma where that is foretold.
+type Masked = (Plane<f32>, Plane<f32>, Plane<u8>);
+/// And what masking took so far.
+type Known = (Masked, Vec<MaskingTime>);
 
 /// What a checkpoint has of it.
 pub(super) fn known(checkpoints: &Checkpoints) -> Result<Option<Known>> {
     checkpoints.part(Part::Mask)
 }
 
-/// ΔY(t), by what the encoder did where that is known, else by what any would do with its quantiser.
+/// ΔY(t): by what the encoder did, or will do where it has not come so far; or by what any might do with its quantiser.
 fn observe<'a>(
     feedback: &'a mut Feedback,
+    settings: &Settings,
     steps: &QuantiserSteps,
     message: &ToMask,
     coding: &Coding,
     matches: Option<&Plane<u32>>,
 ) -> &'a Plane<f32> {
     let (luma, luminance) = (&message.picture.luma, &message.luminance);
-    let Some(outcome) = &coding.outcome else {
-        return feedback.observe(luma, luminance, coding.quantiser_scale, matches);
-    };
-    let CodingOutcome { decoded, levels, intra, quantiser_scales } = outcome;
-    let next = coding.next;
-    feedback.observe_coded(
-        luma,
-        luminance,
-        steps,
-        (&CodedPicture { decoded, levels, intra, quantiser_scales }, next),
-        matches,
-    )
+    let &Coding { quantiser_scale, ref outcome, next } = coding;
+    match (settings.thresholds, outcome) {
+        (Thresholds::Codec, Some(CodingOutcome { decoded, levels, intra, quantiser_scales })) => {
+            let coded = CodedPicture { decoded, levels, intra, quantiser_scales };
+            feedback.observe_coded(luma, luminance, steps, (&coded, next), matches)
+        }
+        (Thresholds::Quantised, Some(CodingOutcome { decoded, .. })) => {
+            let quantised = decoded.map(|sample| f32::from(sample) - 16.0);
+            let still = still_matches(luma.width(), luma.height());
+            feedback.observe(&quantised, luminance, quantiser_scale, matches.map(|_| &still))
+        }
+        (Thresholds::Codec, None) => {
+            let begins_group = message.frame.is_multiple_of(settings.gop);
+            feedback.observe_foretold(luma, luminance, steps, (quantiser_scale, begins_group, next), matches)
+        }
+        _ => feedback.observe(luma, luminance, quantiser_scale, matches),
+    }
 }
 
 /// What the encoder of a film quantises with.

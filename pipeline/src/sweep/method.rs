@@ -34,23 +34,29 @@ pub struct Method {
 /// Without the cache every pixel has its own cut, and nothing else is done for it: no compensation, as in \[Herzog08\].
 pub const METHODS: &[Method] = &[
     film("lightcuts", "2 %", false, false, 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
-    film("paper", "κ = 1", false, true, 3, |w| w.kappa = Some(1.0)),
-    film("perceptual", "κ = {κ}", false, true, 0, |_| ()),
-    film("calibrated", "calibrated", false, true, 4, |w| w.stopping = Some(Stopping::Calibrated)),
+    film("paper", "κ = 1", false, true, 3, |w| masking(w).kappa = Some(1.0)),
+    film("perceptual", "κ = {κ}", false, true, 0, |w| _ = masking(w)),
+    film("calibrated", "calibrated", false, true, 4, |w| masking(w).stopping = Some(Stopping::Calibrated)),
     film("codec", "codec", false, true, 5, |w| w.thresholds = Some(Thresholds::Codec)),
     film("codec-calibrated", "codec, calibrated", false, true, 7, |w| {
         w.thresholds = Some(Thresholds::Codec);
         w.stopping = Some(Stopping::Calibrated);
     }),
     film("lightcuts-cache", "2 %, cache", true, false, 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
-    film("paper-cache", "κ = 1, cache", true, true, 3, |w| w.kappa = Some(1.0)),
-    film("perceptual-cache", "κ = {κ}, cache", true, true, 0, |_| ()),
-    film("calibrated-cache", "calibrated, cache", true, true, 4, |w| w.stopping = Some(Stopping::Calibrated)),
+    film("paper-cache", "κ = 1, cache", true, true, 3, |w| masking(w).kappa = Some(1.0)),
+    film("perceptual-cache", "κ = {κ}, cache", true, true, 0, |w| _ = masking(w)),
+    film("calibrated-cache", "calibrated, cache", true, true, 4, |w| masking(w).stopping = Some(Stopping::Calibrated)),
     film("codec-cache", "codec, cache", true, true, 5, |w| w.thresholds = Some(Thresholds::Codec)),
     paths("paths-4", "4 paths", 4),
     paths("paths-16", "16 paths", 16),
     paths("paths-64", "64 paths", 64),
 ];
+
+/// Thresholds from the masking model.
+fn masking(wishes: &mut Wishes) -> &mut Wishes {
+    wishes.thresholds = Some(Thresholds::Perceptual);
+    wishes
+}
 
 const fn film(
     name: &'static str,

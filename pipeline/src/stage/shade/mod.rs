@@ -16,7 +16,7 @@ pub(super) use resume::check;
 use crate::checkpoint::Checkpoints;
 use crate::message::{LuminanceThresholds, Prepared, Shaded};
 use crate::plan::{Plan, State};
-use crate::settings::{Aov, Settings, Stopping};
+use crate::settings::{Aov, Settings, Stopping, Thresholds};
 use anyhow::Result;
 use cache::Cache;
 use calibrate::Calibration;
@@ -73,7 +73,10 @@ pub fn run_from(
                 let _span = tracing::debug_span!("wait for thresholds", frame = prepared.frame).entered();
                 let Ok(LuminanceThresholds { of, delta, luminance }) = thresholds.recv() else { return Ok(()) };
                 assert_eq!(of + 1, prepared.frame, "thresholds out of step");
-                let carried = |plane| perceptual::carry(plane, &correspondence.matches);
+                let still = (settings.thresholds == Thresholds::Quantised)
+                    .then(|| perceptual::still_matches(delta.width(), delta.height()));
+                let matches = still.as_ref().unwrap_or(&correspondence.matches);
+                let carried = |plane| perceptual::carry(plane, matches);
                 (carried(&delta), calibration.as_ref().map(|_| carried(&luminance)))
             }
             _ => (ThresholdMap::relative(settings.size.width, settings.size.height), None),

@@ -1,0 +1,205 @@
+//! How a picture will be coded, where the encoder is not asked: one that looks ahead has not coded it yet when its thresholds
+//! are wanted.
+//!
+//! A plain coder of luma stands in for it: I at the beginning of a group, else P, predicted from the picture before as the
+//! renderer knows that pixels have moved, at one quantiser_scale. Each coefficient is rounded to the nearest level in intra
+//! blocks and towards zero in predicted ones, as in ISO/IEC 13818-2, 7.4, with no more wit than that. What it makes of a
+//! picture is what [`coded`](crate::CodedPicture) asks for; its decoded picture is the one that the next is predicted from.
+//!
+//! B pictures are taken for P: they may be coarser than those, so this errs on the careful side.
+
+use crate::bounded;
+use crate::coded::{CodedPicture, QuantiserSteps};
+use plane::{Plane, dct, idct};
+use rayon::prelude::*;
+
+/// The stand-in, from picture to picture.
+#[derive(Default)]
+pub(crate) struct ForetoldCoding {
+    decoded: Plane<u8>,
+    levels: Plane<u64>,
+    intra: Plane<bool>,
+    quantiser_scales: Plane<u8>,
+}
+
+/// A block as it is decoded, and where it has levels.
+type CodedBlock = ([u8; 64], u64);
+
+impl ForetoldCoding {
+    /// Goes on behind a picture that was decoded so.
+    pub fn behind(decoded: Plane<u8>) -> Self {
+        Self { decoded, ..Self::default() }
+    }
+
+    /// Luma of the last picture, 16 for black; empty before the first.
+    pub fn decoded(&self) -> &Plane<u8> {
+        &self.decoded
+    }
+
+    /// Codes a picture: `luma` in code values above black; `matches`, where each pixel was in the picture before, or none for
+    /// one that is coded by itself.
+    pub fn code(
+        &mut self,
+        luma: &Plane<f32>,
+        matches: Option<&Plane<u32>>,
+        quantiser_scale: f32,
+        steps: &QuantiserSteps,
+    ) -> CodedPicture<'_> {
+        let (width, height) = (luma.width(), luma.height());
+        let (columns, rows) = luma.block_counts();
+        let (across, down) = (width.div_ceil(16), height.div_ceil(16));
+        let scale = bounded(quantiser_scale, 1.0, 112.0);
+        // As a decoder holds it; none: nothing is known of the pixel.
+        let before = |x: usize, y: usize| {
+            matches.and_then(|matches| self.decoded.samples().get(matches.get(x, y) as usize)).copied()
+        };
+        let is_intra = |column: usize, row: usize| {
+            let pixels = (16 * row..height.min(16 * row + 16))
+                .flat_map(|y| (16 * column..width.min(16 * column + 16)).map(move |x| (x, y)));
+            let (known, all) =
+                pixels.fold((0, 0), |(known, all), (x, y)| (known + usize::from(before(x, y).is_some()), all + 1));
+            2 * known < all
+        };
+        let intra: Vec<bool> =
+            (0..across * down).into_par_iter().map(|k| is_intra(k % across.max(1), k / across.max(1))).collect();
+        let blocks: Vec<CodedBlock> = (0..columns * rows)
+            .into_par_iter()
+            .with_min_len(64)
+            .map(|k| {
+                let (column, row) = (k % columns, k / columns);
+                let source = luma.block(column, row).map(|v| 16.0 + bounded(v, -16.0, 239.0));
+                let coder = BlockCoder { steps, scale: scale / 16.0 };
+                if intra[row / 2 * across + column / 2] {
+                    return coder.code(&source, None);
+                }
+                let prediction = std::array::from_fn(|i| {
+                    // Beyond the border as `Plane::block` has it: the last sample again. What nothing is known of has no residual.
+                    let (x, y) = ((8 * column + i % 8).min(width - 1), (8 * row + i / 8).min(height - 1));
+                    before(x, y).map_or(source[i], f32::from)
+                });
+                coder.code(&source, Some(&prediction))
+            })
+            .collect();
+        let decoded = Plane::from_fn(width, height, |x, y| blocks[y / 8 * columns + x / 8].0[y % 8 * 8 + x % 8]);
+        *self = Self {
+            decoded,
+            levels: Plane::from_vec(columns, rows, blocks.iter().map(|block| block.1).collect()),
+            intra: Plane::from_vec(across, down, intra),
+            quantiser_scales: Plane::filled(across, down, scale.round() as u8),
+        };
+        let Self { decoded, levels, intra, quantiser_scales } = &*self;
+        CodedPicture { decoded, levels, intra, quantiser_scales }
+    }
+}
+
+struct BlockCoder<'a> {
+    steps: &'a QuantiserSteps,
+    /// quantiser_scale / 16.
+    scale: f32,
+}
+
+impl BlockCoder<'_> {
+    fn code(&self, source: &[f32; 64], prediction: Option<&[f32; 64]>) -> CodedBlock {
+        let base = *prediction.unwrap_or(&[0.0; 64]);
+        let c = dct(&std::array::from_fn(|i| source[i] - base[i]));
+        let mut levels = 0;
+        let quantised = std::array::from_fn(|i| {
+            let (value, is_written) = match prediction {
+                None if i == 0 => ((c[0] / self.steps.intra_dc_step).round() * self.steps.intra_dc_step, true),
+                None => {
+                    let step = f32::from(self.steps.intra_matrix[i].max(1)) * self.scale;
+                    let level = (c[i] / step).round();
+                    (level * step, level != 0.0)
+                }
+                Some(_) => {
+                    let step = f32::from(self.steps.non_intra_matrix[i].max(1)) * self.scale;
+                    let level = (c[i] / step).trunc();
+                    // A level stands for the middle of what it was cut off from.
+                    ((level + 0.5 * level.signum()) * step * f32::from(level != 0.0), level != 0.0)
+                }
+            };
+            levels |= u64::from(is_written) << i;
+            value
+        });
+        let back = if levels == 0 { [0.0; 64] } else { idct(&quantised) };
+        (std::array::from_fn(|i| (back[i] + base[i]).round().clamp(0.0, 255.0) as u8), levels)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::still_matches;
+
+    fn grain(x: usize, y: usize, seed: usize) -> f32 {
+        let h = (x * 7919 + y * 104_729 + seed * 1_299_709) ^ (x * y + seed);
+        ((h * 2_654_435_761) % 1000) as f32 / 1000.0 - 0.5
+    }
+
+    /// Whatever is coded, the decoded picture is off by less than half a step in every intra coefficient and a step in others.
+    #[test]
+    fn coefficients_are_off_by_less_than_the_dead_zone() {
+        let steps = QuantiserSteps::default();
+        let first = Plane::from_fn(64, 48, |x, y| 100.0 + 60.0 * grain(x / 3, y / 3, 1) + 20.0 * grain(x, y, 2));
+        let second = Plane::from_fn(64, 48, |x, y| first.get(x, y) + 40.0 * grain(x / 2, y / 2, 3));
+        for quantiser_scale in [2.0, 16.0, 62.0] {
+            let mut coding = ForetoldCoding::default();
+            for (picture, matches) in [(&first, None), (&second, Some(still_matches(64, 48)))] {
+                let coded = coding.code(picture, matches.as_ref(), quantiser_scale, &steps);
+                assert!(coded.intra.samples().iter().all(|&intra| intra == matches.is_none()));
+                for (column, row) in (0..6).flat_map(|row| (0..8).map(move |column| (column, row))) {
+                    let (source, decoded) = (picture.block(column, row), coded.decoded.block(column, row));
+                    let d = dct(&std::array::from_fn(|i| source[i] + 16.0 - f32::from(decoded[i])));
+                    for (i, d) in d.iter().enumerate() {
+                        let (matrix, dead_zone) =
+                            if matches.is_none() { (steps.intra_matrix, 0.5) } else { (steps.non_intra_matrix, 1.0) };
+                        let zone = match (matches.is_none(), i) {
+                            (true, 0) => 4.0,
+                            _ => dead_zone * f32::from(matrix[i]) * quantiser_scale / 16.0,
+                        };
+                        // And the rounding of 64 samples: at most ½ each.
+                        assert!(d.abs() <= zone + 4.0, "quantiser_scale {quantiser_scale}, coefficient {i}: {d}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// What stays as it was is not sent again, and what comes into view is coded by itself.
+    #[test]
+    fn still_parts_are_skipped_and_new_ones_are_intra() {
+        let steps = QuantiserSteps::default();
+        let picture = Plane::from_fn(48, 16, |x, y| 100.0 + 80.0 * grain(x / 2, y / 2, 4));
+        let mut matches = still_matches(48, 16);
+        for (x, y) in (0..16).flat_map(|y| (32..48).map(move |x| (x, y))) {
+            matches.set(x, y, crate::NO_MATCH);
+        }
+        let mut coding = ForetoldCoding::default();
+        coding.code(&picture, None, 16.0, &steps);
+        // What intra pictures round by half of a large step is worth a level of a smaller one.
+        let before = coding.code(&picture, Some(&still_matches(48, 16)), 16.0, &steps).decoded.clone();
+        let coded = coding.code(&picture, Some(&matches), 16.0, &steps);
+        assert_eq!(coded.intra.samples(), [false, false, true]);
+        let sent = |column: usize| coded.levels.get(column, 0);
+        assert!((0..4).all(|column| sent(column) == 0), "{:?}", coded.levels);
+        assert!((4..6).all(|column| sent(column) & 1 == 1));
+        let same = |x: usize, y: usize| coded.decoded.get(x, y) == before.get(x, y);
+        assert!((0..16).all(|y| (0..32).all(|x| same(x, y))));
+    }
+
+    #[test]
+    fn extremes_are_coded() {
+        let steps = QuantiserSteps { intra_matrix: [0; 64], non_intra_matrix: [0; 64], intra_dc_step: 1.0 };
+        let mut luma = Plane::filled(17, 9, f32::NAN);
+        luma.set(3, 3, f32::INFINITY);
+        luma.set(4, 3, f32::NEG_INFINITY);
+        let mut coding = ForetoldCoding::default();
+        for quantiser_scale in [f32::NAN, 0.0, 1e9] {
+            for matches in [None, Some(still_matches(17, 9)), Some(Plane::filled(17, 9, 5))] {
+                let coded = coding.code(&luma, matches.as_ref(), quantiser_scale, &steps);
+                assert_eq!((coded.decoded.width(), coded.intra.width(), coded.levels.width()), (17, 2, 3));
+            }
+        }
+        assert_eq!(coding.code(&Plane::filled(0, 0, 0.0), None, 2.0, &steps).decoded.samples().len(), 0);
+    }
+}
