@@ -16,6 +16,7 @@
 
 mod bounds; // box and cone of a cluster
 mod build;
+mod calibration; // how far bounds may be let go
 mod change; // lights that come and go
 mod cut; // the lightcut
 mod error_bound; // how wrong a cluster can be
@@ -36,6 +37,7 @@ mod update; // new intensities
 
 pub use crate::bounds::{DirectionCone, Region};
 pub use crate::build::{BuildParams, Builder};
+pub use crate::calibration::{Audits, Calibration, Learned};
 pub use crate::cut::{Cluster, Cut, Scratch, ShadowRay, Stop};
 pub use crate::exhaustive::exhaustive;
 pub use crate::gradient::{IrradianceTerm, irradiance_term};

@@ -2,14 +2,13 @@
 
 mod around;
 
-use super::calibrate::LARGEST_CALIBRATED_CUT;
 use super::cuts::LightTransport;
 use crate::checkpoint::NONSENSE;
 use crate::message::{FrameFigures, Prepared};
 use anyhow::{Result, ensure};
 use around::{Around, Place, places, standing, swept};
 use glam::{Mat3A, Vec3, Vec3A};
-use lighttree::{Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
+use lighttree::{Calibration, Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
 use plane::Plane;
 use render_core::cache::{CachedLight, Estimate, Illumination, IrradianceCache, Known, News, Site, footprint};
 use render_core::sampling::hash;
@@ -189,7 +188,7 @@ impl Illumination for Cuts<'_> {
             }
         }
         if self.is_audited(site) {
-            let finer = finer.get_or_insert_with(|| Scratch::with_max_size(LARGEST_CALIBRATED_CUT));
+            let finer = finer.get_or_insert_with(|| Scratch::with_max_size(Calibration::LARGEST_CUT));
             let visible = |lamp: &Light, _| transport.visible(&receiver, lamp);
             transport.audit(class, stop, self.cut_irradiance(&receiver, &recipe), &white, visible, finer);
         }

@@ -1,11 +1,10 @@
 //! What a cut needs to know of a frame: who sees whom, and when to stop.
 
 use super::WITHOUT_THRESHOLD;
-use super::calibrate::{self, Audits, Calibration};
 use crate::message::{FrameFigures, Prepared};
 use crate::settings::{Lighting, Settings, Thresholds};
 use glam::{Vec3, Vec3A};
-use lighttree::{Light, Scratch, Stop};
+use lighttree::{Audits, Calibration, Light, Scratch, Stop};
 use perceptual::ThresholdMap;
 use plane::Plane;
 use render_core::sampling::{concentric_disc, frame, sobol_point};
@@ -140,9 +139,9 @@ impl<'a> LightTransport<'a> {
     pub fn class_at(&self, x: usize, y: usize) -> usize {
         let before = self.allowance.before.as_ref().and_then(|before| before.get(x, y));
         match (self.threshold(x, y), before) {
-            (Some(threshold), Some(luminance)) => calibrate::class(threshold, luminance),
+            (Some(threshold), Some(luminance)) => Calibration::class(threshold, luminance),
             (Some(_), None) => 0,
-            (None, _) => calibrate::class(self.relative_threshold(), 1.0),
+            (None, _) => Calibration::class(self.relative_threshold(), 1.0),
         }
     }
 
@@ -161,11 +160,11 @@ impl<'a> LightTransport<'a> {
     /// Whether the cut of a pixel is made again to see how wrong it is.
     pub fn is_audited(&self, x: usize, y: usize) -> bool {
         let width = self.seen.pixels.width();
-        self.allowance.calibration.is_some() && calibrate::is_audited((x, y), width, self.prepared.frame)
+        self.allowance.calibration.is_some() && is_audited((x, y), width, self.prepared.frame)
     }
 
     /// Notes how wrong a cut of this class is that found `radiance` for `receiver` where `stop` was what it may be wrong by.
-    /// `scratch` allows cuts of [`calibrate::LARGEST_CALIBRATED_CUT`]: one that ends for its size alone would pass for the truth.
+    /// `scratch` allows cuts of [`Calibration::LARGEST_CUT`]: one that ends for its size alone would pass for the truth.
     pub fn audit<M: lighttree::Receiver>(
         &self,
         class: usize,
@@ -180,11 +179,18 @@ impl<'a> LightTransport<'a> {
             Stop::Absolute(threshold) => threshold,
             Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + found),
         };
-        let fine = Stop::Absolute(calibrate::fine(threshold));
+        let fine = Stop::Absolute(Calibration::fine(threshold));
         let cut = self.prepared.tree.lightcut(receiver, fine, visible, scratch);
         self.figures.count_rays(cut.shadow_rays);
         self.figures.audits.note(class, (found - luminance(cut.radiance)).abs() / threshold);
     }
+}
+
+/// Whether a pixel is audited in a frame: one of each macroblock's, in 256 frames each of them.
+fn is_audited((x, y): (usize, usize), width: usize, frame: u32) -> bool {
+    let block = (y / 16) * width.div_ceil(16) + x / 16;
+    // Odd multipliers run through all 256 places.
+    (y % 16 * 16 + x % 16) == (frame as usize * 151 + block * 89) % 256
 }
 
 /// Whether light from `lamp` arrives at `receiver`.
@@ -258,5 +264,21 @@ impl Figures {
         figures.cut_size_mean = self.sizes.load(Ordering::Relaxed) as f64 / cuts as f64;
         figures.cut_size_max = self.largest.load(Ordering::Relaxed);
         figures.shadow_rays += self.rays.load(Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_pixel_has_its_turn() {
+        let mut asked = vec![0; 32 * 32];
+        for n in 0..256 {
+            for (i, asked) in asked.iter_mut().enumerate() {
+                *asked += u32::from(is_audited((i % 32, i / 32), 32, n));
+            }
+        }
+        assert!(asked.iter().all(|&times| times == 1));
     }
 }

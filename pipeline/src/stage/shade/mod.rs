@@ -2,7 +2,6 @@
 //! The one place where rays and light tree meet.
 
 mod cache;
-mod calibrate;
 mod cuts;
 mod direct;
 mod gloss;
@@ -19,11 +18,10 @@ use crate::plan::{Plan, State};
 use crate::settings::{Aov, Settings, Stopping, Thresholds};
 use anyhow::Result;
 use cache::Cache;
-use calibrate::Calibration;
 use crossbeam_channel::{Receiver, Sender};
 use cuts::{Allowance, Figures, LightTransport};
 use glam::Vec3;
-use lighttree::LightTree;
+use lighttree::{Calibration, LightTree};
 use perceptual::ThresholdMap;
 use plane::Plane;
 use render_core::{Accelerator, Busy, DirectLights, GBuffer, Gather, NOTHING, luminance, reconstruct, sample_places};
@@ -156,8 +154,8 @@ fn shade(
     figures.direct = direct_busy.seconds();
     figures.indirect = indirect_busy.seconds();
     counts.put_into(&mut figures);
-    if let Some(calibration) = &mut allowance.calibration {
-        calibration.learn(&counts.audits, &mut figures);
+    if let Some(learned) = allowance.calibration.as_mut().and_then(|calibration| calibration.learn(&counts.audits)) {
+        (figures.audit_error_p95, figures.kappa) = (Some(learned.error_p95), Some(learned.kappa));
     }
     let picture = |of: &dyn Fn(&Sample) -> Plane<[f32; 3]>| {
         let planes: Vec<Plane<[f32; 3]>> = samples.iter().map(of).collect();

@@ -6,12 +6,11 @@
 //! where thresholds are 2 % too, that is 0.21 instead of 1.13 CPU s a frame of 256×256; 0.56 with thresholds known and
 //! pixels one by one, 0.49 with shared walks alone.
 
-use super::calibrate::LARGEST_CALIBRATED_CUT;
 use super::cuts::{LightTransport, is_above, receiver};
 use super::macroblock::by_macroblock;
 use crate::settings::Lighting;
 use glam::{Vec3, Vec3A};
-use lighttree::{Cut, Lambert, Light, Scratch, Stop};
+use lighttree::{Calibration, Cut, Lambert, Light, Scratch, Stop};
 use plane::Plane;
 use render_core::{Busy, NOTHING, Receiver};
 use std::cell::Cell;
@@ -26,7 +25,7 @@ pub(super) fn light(transport: &LightTransport, busy: &Busy) -> Plane<Vec3> {
     let pixels = &transport.seen.pixels;
     // What is promised may need more clusters than the paper allows.
     let scratch = || match transport.allowance.calibration {
-        Some(_) => Scratch::with_max_size(LARGEST_CALIBRATED_CUT),
+        Some(_) => Scratch::with_max_size(Calibration::LARGEST_CUT),
         None => Scratch::default(),
     };
     let block = || Block { scratch: scratch(), ..Block::default() };

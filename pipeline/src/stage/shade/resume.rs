@@ -1,11 +1,11 @@
 //! What shading carries from frame to frame, for checkpoints.
 
 use super::cache::{Cache, Recipe};
-use super::calibrate::Calibration;
 use super::{Sample, Still};
 use crate::checkpoint::{Checkpoints, Part};
 use crate::message::Prepared;
 use anyhow::Result;
+use lighttree::Calibration;
 use render_core::cache::IrradianceCache;
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Calibrated stopping: how far cuts may be let go, by the errors that they turn out to have.
+//! Calibrated stopping: how far cuts may be let go, by the errors that they turn out to have. (Ours; no paper has it.)
 //!
 //! The bound of a cut holds for each of its clusters. What a pixel is wrong by is their sum, in which errors cancel where
 //! clusters are few and add up where they are many; the bound alone does not tell. So some pixels are *audited*: cut
@@ -15,7 +15,6 @@
 //!
 //! Audits are counted in buckets, integers whose sum does not depend on the order: any number of threads learns the same.
 
-use crate::message::FrameFigures;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Octaves of ΔY / Y that are told apart; the first is about 2 %.
@@ -37,16 +36,29 @@ const ENOUGH: u32 = 48;
 /// Thresholds of an audit, of the pixel's own. Its cut is then wrong by less than the tenth that can be told.
 const FINE: f32 = 0.1;
 
-/// Clusters. `atrium` at 2 % takes 800 on average to keep 95 % of the pixels within; the paper's most is 1000.
-pub(super) const LARGEST_CALIBRATED_CUT: u32 = 8000;
-
 /// r by eighths of an octave, from 2⁻⁸ to 2⁸ and what is beyond.
 const BUCKETS: usize = 128;
 const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 
-/// κ of every class, learned from frame to frame.
+/// κ of every class of thresholds, learned from frame to frame.
+///
+/// ```
+/// use lighttree::{Audits, Calibration};
+///
+/// let mut calibration = Calibration::default();
+/// let class = Calibration::class(0.1, 1.0); // thresholds of a tenth of the luminance
+/// for _frame in 0..20 {
+///     let audits = Audits::default();
+///     for k in 0..100 {
+///         // Cuts that end at κ times the threshold are wrong by up to 3 κ of it: measure yours with `Calibration::fine`.
+///         audits.note(class, 3.0 * calibration.kappa(class) * k as f32 / 100.0);
+///     }
+///     calibration.learn(&audits);
+/// }
+/// assert!((2.6..3.1).contains(&(0.9 / calibration.kappa(class))));
+/// ```
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(super) struct Calibration {
+pub struct Calibration {
     kappas: [f32; CLASSES],
     /// Audits since the last step.
     pending: [Counts; CLASSES],
@@ -72,7 +84,7 @@ impl TryFrom<Vec<u32>> for Counts {
 }
 
 /// What the audits of a frame find, from many threads at once.
-pub(super) struct Audits([[AtomicU32; BUCKETS]; CLASSES]);
+pub struct Audits([[AtomicU32; BUCKETS]; CLASSES]);
 
 impl Default for Calibration {
     fn default() -> Self {
@@ -86,27 +98,17 @@ impl Default for Audits {
     }
 }
 
-/// The class of a threshold by the luminance that it is a threshold for.
-pub(super) fn class(threshold: f32, luminance: f32) -> usize {
-    // NaN and what is dark beyond measure count as the first.
-    let octaves = (threshold / luminance / FIRST).log2() + 0.5;
-    if octaves.is_finite() { (octaves.max(0.0) as usize).min(CLASSES - 1) } else { 0 }
-}
-
-/// Whether a pixel is audited in a frame: one of each macroblock's, in 256 frames each of them.
-pub(super) fn is_audited((x, y): (usize, usize), width: usize, frame: u32) -> bool {
-    let block = (y / 16) * width.div_ceil(16) + x / 16;
-    // Odd multipliers run through all 256 places.
-    (y % 16 * 16 + x % 16) == (frame as usize * 151 + block * 89) % 256
-}
-
-/// The threshold that an audit is cut with in place of `threshold`.
-pub(super) fn fine(threshold: f32) -> f32 {
-    FINE * threshold
+/// What the audits of a frame tell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Learned {
+    /// 95 in a hundred are wrong by at most so many thresholds.
+    pub error_p95: f64,
+    /// Mean of κ over the audits.
+    pub kappa: f64,
 }
 
 impl Audits {
-    /// An error of so many thresholds was found.
+    /// An audit of this class found an error of so many thresholds.
     pub fn note(&self, class: usize, ratio: f32) {
         self.0[class][bucket(ratio)].fetch_add(1, Ordering::Relaxed);
     }
@@ -117,13 +119,33 @@ impl Audits {
 }
 
 impl Calibration {
+    /// Clusters that cuts should be allowed. `atrium` at 2 % takes 800 on average to keep 95 % of the pixels within; the
+    /// paper's most is 1000.
+    pub const LARGEST_CUT: u32 = 8000;
+
+    /// The class of a threshold by the luminance that it is a threshold for, below 6.
+    pub fn class(threshold: f32, luminance: f32) -> usize {
+        // NaN and what is dark beyond measure count as the first.
+        let octaves = (threshold / luminance / FIRST).log2() + 0.5;
+        if octaves.is_finite() { (octaves.max(0.0) as usize).min(CLASSES - 1) } else { 0 }
+    }
+
+    /// The threshold that an audit is cut with in place of `threshold`.
+    pub fn fine(threshold: f32) -> f32 {
+        FINE * threshold
+    }
+
     /// κ for the thresholds of a class.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such class.
     pub fn kappa(&self, class: usize) -> f32 {
         self.kappas[class]
     }
 
-    /// Takes in the audits of a frame, and tells the report of them.
-    pub fn learn(&mut self, audits: &Audits, figures: &mut FrameFigures) {
+    /// Takes in the audits of a frame, and tells what they found; nothing if there were none.
+    pub fn learn(&mut self, audits: &Audits) -> Option<Learned> {
         let counts = audits.counts();
         let mut all = Counts([0; BUCKETS]);
         let mut kappas = 0.0;
@@ -137,10 +159,8 @@ impl Calibration {
                 *pending = Counts([0; BUCKETS]);
             }
         }
-        if all.total() > 0 {
-            figures.audit_error_p95 = Some(all.quantile().into());
-            figures.kappa = Some(kappas / f64::from(all.total()));
-        }
+        let count = all.total();
+        (count > 0).then(|| Learned { error_p95: all.quantile().into(), kappa: kappas / f64::from(count) })
     }
 }
 
@@ -183,11 +203,10 @@ mod tests {
     use super::*;
 
     /// One frame in which `error(k, κ)` is what audit `k` of `count` finds at class 2.
-    fn frame(calibration: &mut Calibration, count: u32, error: impl Fn(u32, f32) -> f32) -> FrameFigures {
-        let (audits, mut figures) = (Audits::default(), FrameFigures::default());
+    fn frame(calibration: &mut Calibration, count: u32, error: impl Fn(u32, f32) -> f32) -> Option<Learned> {
+        let audits = Audits::default();
         (0..count).for_each(|k| audits.note(2, error(k, calibration.kappa(2))));
-        calibration.learn(&audits, &mut figures);
-        figures
+        calibration.learn(&audits)
     }
 
     /// Errors that are even between 0 and `scale` times κ: the quantile is 0.95 of that, and κ is known beforehand.
@@ -294,24 +313,13 @@ mod tests {
     }
 
     #[test]
-    fn every_pixel_has_its_turn() {
-        let mut asked = vec![0; 32 * 32];
-        for n in 0..256 {
-            for (i, asked) in asked.iter_mut().enumerate() {
-                *asked += u32::from(is_audited((i % 32, i / 32), 32, n));
-            }
-        }
-        assert!(asked.iter().all(|&times| times == 1));
-    }
-
-    #[test]
     fn classes_are_octaves() {
-        assert_eq!(class(0.02, 1.0), 0);
-        assert_eq!(class(0.04, 1.0), 1);
-        assert_eq!(class(1.6, 10.0), 3);
-        assert_eq!(class(7.0, 1.0), CLASSES - 1);
+        assert_eq!(Calibration::class(0.02, 1.0), 0);
+        assert_eq!(Calibration::class(0.04, 1.0), 1);
+        assert_eq!(Calibration::class(1.6, 10.0), 3);
+        assert_eq!(Calibration::class(7.0, 1.0), CLASSES - 1);
         for (threshold, luminance) in [(0.0, 1.0), (1.0, 0.0), (0.0, 0.0), (f32::NAN, 1.0), (1e-30, 1e30)] {
-            assert_eq!(class(threshold, luminance), 0);
+            assert_eq!(Calibration::class(threshold, luminance), 0);
         }
     }
 }

@@ -1,0 +1,55 @@
+//! Draws how calibrated stopping answers to light that changes: `docs/controller.svg`.
+//!
+//! Cuts that end at κ times the threshold are taken to be wrong by up to `scale · κ` thresholds, evenly distributed, so that
+//! the κ to come to is known: 0.9 / (0.95 scale). A frame audits 200 pixels.
+//!
+//! `cargo run --release -p lighttree --example controller`
+
+mod plot;
+
+use lighttree::{Audits, Calibration};
+use plot::{GREY, Plot, RED};
+
+const CLASS: usize = 2;
+const AUDITS: u32 = 200;
+
+/// How wrong cuts are in a frame.
+fn scale(frame: usize) -> f32 {
+    match frame {
+        // A light that is switched on and off every frame.
+        30..70 => [0.5, 2.0][frame % 2],
+        // After a cut, another scene; then back.
+        100..130 => 5.0,
+        // A flash.
+        160 => 1e6,
+        // Another light every frame: evenly distributed octaves, from a half to twice.
+        190..230 => (((frame * 7919 % 97) as f32 / 96.0) * 2.0 - 1.0).exp2(),
+        _ => 1.0,
+    }
+}
+
+fn main() {
+    let mut calibration = Calibration::default();
+    let (mut found, mut exact) = (Vec::new(), Vec::new());
+    for frame in 0..260 {
+        let kappa = calibration.kappa(CLASS);
+        found.push((frame as f32, kappa.log2()));
+        let aim = 0.9 / (0.95 * scale(frame));
+        exact.push((frame as f32, aim.log2().max(-4.0)));
+        let audits = Audits::default();
+        for k in 0..AUDITS {
+            audits.note(CLASS, (k as f32 + 0.5) / AUDITS as f32 * scale(frame) * kappa);
+        }
+        calibration.learn(&audits);
+    }
+    let mut plot = Plot::new(
+        "κ: switched light, a cut and back, a flash of a million, noise",
+        "frame",
+        "octaves of the multiplier κ",
+    );
+    plot.line("what errors would allow", GREY, exact);
+    plot.line("κ", RED, found);
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/controller.svg");
+    std::fs::write(path, plot.finish()).unwrap_or_else(|error| panic!("{path}: {error}"));
+    println!("{path}");
+}
