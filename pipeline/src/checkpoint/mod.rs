@@ -109,6 +109,10 @@ impl Checkpoints {
         if let Some(difference) = stored.job.difference(&job) {
             bail!("{} cannot be continued: {difference}; start anew without --resume", path.display());
         }
+        // A stage that does not find what it left would begin anew, and the others wait for it for ever.
+        if stored.parts.iter().zip(wanted(plan)).any(|(part, wanted)| wanted && part.is_empty()) {
+            bail!("{}: {NONSENSE}", path.display());
+        }
         let place = every.map(|every| Place::new(path, settings, plan, every)).transpose()?;
         let resumed = Self { place, from: Some(stored) };
         // Before anything is cut to the length that it had.
@@ -198,16 +202,21 @@ impl Checkpoints {
 
 impl Place {
     fn new(path: PathBuf, settings: &Settings, plan: &Plan, every: Duration) -> Result<Self> {
-        let masking = plan.masking == State::On;
         let state = Progress { last: Instant::now(), ends_behind: None, waiting: BTreeMap::new() };
         let job = file::Job::new(settings)?;
-        Ok(Self { path, every, wanted: [true, true, true, masking, true, true], job, state: Mutex::new(state) })
+        Ok(Self { path, every, wanted: wanted(plan), job, state: Mutex::new(state) })
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Progress> {
         // A stage that panicked has left nothing half-done here.
         self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
+}
+
+/// Which parts there are of a film.
+fn wanted(plan: &Plan) -> [bool; PARTS] {
+    let masking = plan.masking == State::On;
+    [true, true, true, masking, true, true]
 }
 
 /// Removes a checkpoint, and one that a killed run had begun to write.
