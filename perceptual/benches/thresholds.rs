@@ -64,6 +64,16 @@ fn coded_feedback_of_a_frame(bencher: Bencher, next: NextPicture) {
     });
 }
 
+/// The same where the coding has to be foretold first.
+#[divan::bench]
+fn foretold_feedback_of_a_frame(bencher: Bencher) {
+    let (picture, luminance) = picture();
+    let still = still_matches(SIZE, SIZE);
+    let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), DEFAULT_WEIGHT);
+    let (steps, known) = (QuantiserSteps::default(), (8.0, false, NextPicture::Predicted));
+    bencher.bench_local(|| feedback.observe_foretold(&picture.luma, &luminance, &steps, known, Some(&still)).get(0, 0));
+}
+
 /// Eqs. (1) to (3) alone.
 #[divan::bench]
 fn masking_of_a_frame(bencher: Bencher) {

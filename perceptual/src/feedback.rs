@@ -86,8 +86,8 @@ impl Feedback {
     }
 
     /// The same from what the encoder made of the frame, and will make of the next: κ multiplies e′ of eq. (8) in
-    /// [`coded`](crate::CodedPicture). What an intra picture may be wrong by is not blended with the past, in which pictures
-    /// were predicted and might be wrong by more.
+    /// [`coded`](crate::CodedPicture), and w is 0.8 whatever [`Feedback::new`] was given. What an intra picture may be wrong by
+    /// is not blended with the past, in which pictures were predicted and might be wrong by more.
     ///
     /// # Panics
     /// If the planes differ in size.

@@ -6,7 +6,7 @@ use crate::observe::{Observer, OnFrame};
 use crate::output::Output;
 use crate::plan::Plan;
 use crate::report::{FrameReport, Report};
-use crate::settings::{Settings, Thresholds};
+use crate::settings::Settings;
 use crate::stage::{display, encode, mask, prepare, shade};
 use anyhow::{Context, Result, anyhow};
 use crossbeam_channel::{bounded, unbounded};
@@ -62,7 +62,7 @@ pub fn render_from(
     let (times_out, times_in) = unbounded::<MaskingTime>();
     // Masking wants to know how pictures were really coded. A constant quantiser alone it knows beforehand, and need not wait.
     let (codings_out, codings_in) = unbounded::<Coding>();
-    let waits = settings.looks_ahead() || matches!(settings.thresholds, Thresholds::Codec | Thresholds::Quantised);
+    let waits = settings.looks_ahead() || settings.thresholds.follow_coding();
     let constant = || (!waits).then(|| Coding::of_quantiser(settings.qscale as f32));
     std::thread::scope(|scope| {
         let output = &mut output;

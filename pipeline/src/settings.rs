@@ -118,6 +118,13 @@ pub enum Thresholds {
     Fixed(f32),
 }
 
+impl Thresholds {
+    /// Whether masking wants to see what the encoder made of each picture.
+    pub fn follow_coding(self) -> bool {
+        matches!(self, Self::Codec | Self::Quantised)
+    }
+}
+
 impl FromStr for Thresholds {
     type Err = String;
 

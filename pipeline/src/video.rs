@@ -1,7 +1,7 @@
 //! The encoder of a run, with what its stream is wrapped into.
 
 use crate::checkpoint::{decode, encode};
-use crate::settings::{Settings, Thresholds};
+use crate::settings::Settings;
 use anyhow::{Result, bail};
 use mpeg2enc::{
     Container, Encoder, Frame, KnownMotion, LookaheadEncoder, MacroblockKind, MotionField, Multiplexer, Packet,
@@ -76,8 +76,7 @@ impl Video {
             false => Coder::Immediate(Box::new(config.encoder()?)),
         };
         // An encoder that looks ahead is late: masking is then at another frame.
-        let tells_outcome =
-            matches!(settings.thresholds, Thresholds::Codec | Thresholds::Quantised) && !settings.looks_ahead();
+        let tells_outcome = settings.thresholds.follow_coding() && !settings.looks_ahead();
         Ok(Self { coder, multiplexer, quantiser_scale: settings.qscale as f32, tells_outcome })
     }
 
