@@ -10,6 +10,7 @@ mod absolute;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod blocks;
 mod lanes;
+mod levels;
 mod onto;
 mod predicted;
 #[cfg(target_arch = "x86_64")]
@@ -17,6 +18,7 @@ mod wide;
 
 pub(crate) use absolute::{absolute_difference, absolute_differences};
 use lanes::{Bytes, Differences, Words};
+pub(crate) use levels::{divide, restore};
 pub(crate) use onto::predict_onto;
 use predicted::{for_both, for_predicted};
 
@@ -54,6 +56,8 @@ macro_rules! vectorised {
         }
     };
 }
+
+use vectorised;
 
 /// Where prediction comes from: the rest of a plane from the upper left whole sample on, and half-sample steps.
 #[derive(Clone, Copy)]
@@ -247,31 +251,14 @@ vectorised! {
     }
 }
 
-/// `(|value|·reciprocal + zero) >> shift` of every value, and a bit for each that is not zero.
-#[inline]
-#[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
-pub(crate) fn divide(values: &[i32; 64], reciprocals: &[u32; 64], zero: u32, shift: u32, out: &mut [u32; 64]) -> u64 {
-    #[cfg(target_arch = "x86_64")]
-    if has_avx2() {
-        // SAFETY: the processor has AVX2.
-        return unsafe { blocks::divide(values, reciprocals, zero, shift, out) };
-    }
-    divide_plain(values, reciprocals, zero, shift, out)
-}
-
-/// [`divide`] for any processor.
-fn divide_plain(values: &[i32; 64], reciprocals: &[u32; 64], zero: u32, shift: u32, out: &mut [u32; 64]) -> u64 {
-    let mut nonzero = 0;
-    for i in 0..64 {
-        out[i] = (values[i].unsigned_abs() * reciprocals[i] + zero) >> shift;
-        nonzero |= u64::from(out[i] != 0) << i;
-    }
-    nonzero
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{absolute::absolute_difference_plain, onto::predict_onto_plain, *};
+    use super::{
+        absolute::absolute_difference_plain,
+        levels::{divide_plain, restore_plain},
+        onto::predict_onto_plain,
+        *,
+    };
 
     fn random(state: &mut u32) -> u8 {
         *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -373,6 +360,10 @@ mod tests {
             let nonzero = divide(&values, &reciprocals, 1 << 20, 26, &mut x);
             assert!((0..64).all(|i| (nonzero >> i & 1 == 1) == (x[i] != 0)));
             assert_eq!((nonzero, x), (divide_plain(&values, &reciprocals, 1 << 20, 26, &mut y), y));
+            let (weights, mut restored) = (std::array::from_fn(|i| 16 * i32::from(b[i]) + 1), [[0; 64]; 2]);
+            let sums = restore(&values, &weights, &mut x, &mut restored[0]);
+            assert_eq!(sums, restore_plain(&values, &weights, &mut y, &mut restored[1]));
+            assert_eq!((x, restored[0]), (y, restored[1]));
             let mut mean_of_both = [0; 64];
             mean(&a, &b, &mut mean_of_both);
             assert_eq!(mean_of_both, std::array::from_fn(|i| (u16::from(a[i]) + u16::from(b[i])).div_ceil(2) as u8));

@@ -14,7 +14,7 @@ use crate::{
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
     motion::{HalfSample, Range},
     predict::place_of,
-    quant::{Block, Kind, Quantiser},
+    quant::{Block, Quantiser},
 };
 
 /// Rows of the three planes that belong to one row of macroblocks.
@@ -88,20 +88,21 @@ impl InPlace<'_> {
         let predicted = kernel::gathered(shown, stride);
         let energy = in_coefficients(error);
         let coefficients = dct::forward_difference(&source, &predicted);
-        self.quantiser.quantise(&coefficients, energy, Kind::Inter, self.tools.rounding(self.lambda), block);
+        let (rounding, mut restored) = (self.tools.rounding(self.lambda), [0; 64]);
+        self.quantiser.quantise_predicted(&coefficients, energy, rounding, block, &mut restored);
         let price = self.lambda * i64::from(block.bits);
         if !block.is_coded() || block.error + price >= energy {
             return false;
         }
-        let mut restored = [0; 64];
-        dct::inverse_onto(&self.quantiser.dequantise(block, Kind::Inter), &predicted, &mut restored);
+        let mut samples = [0; 64];
+        dct::inverse_onto(&restored, &predicted, &mut samples);
         // Where steps are fine, what is left after rounding is not what coefficients foretell.
         if self.quantiser.scale <= FINE
-            && in_coefficients(kernel::squared_difference(&source, &restored)) + price >= energy
+            && in_coefficients(kernel::squared_difference(&source, &samples)) + price >= energy
         {
             return false;
         }
-        kernel::scatter(&restored, shown, stride);
+        kernel::scatter(&samples, shown, stride);
         true
     }
 

@@ -4,14 +4,7 @@
 //! Nothing is coded twice to compare. What is predicted poorly goes the long way, since it may have to be intra.
 
 use super::{Decision, Workspace, in_coefficients};
-use crate::{
-    dct,
-    header::PictureType,
-    kernel,
-    macroblock::Mode,
-    motion::HalfSample,
-    quant::{Block, Kind},
-};
+use crate::{dct, header::PictureType, kernel, macroblock::Mode, motion::HalfSample, quant::Block};
 
 /// Bits that an intra macroblock takes, or nearly so, on the clips of README.md: what differs less than these are worth is not
 /// intra.
@@ -60,10 +53,10 @@ impl Decision<'_> {
             if !quantiser.leaves_nothing(error, self.tools.worth_a_transform_quarters) {
                 let coefficients = dct::forward_difference(source, predicted);
                 let energy = in_coefficients(error);
-                quantiser.quantise(&coefficients, energy, Kind::Inter, self.rounding(), block);
+                let mut restored = [0; 64];
+                quantiser.quantise_predicted(&coefficients, energy, self.rounding(), block, &mut restored);
                 let coded = &*block;
                 if coded.is_coded() && coded.error + self.lambda * i64::from(coded.bits) < energy {
-                    let restored = quantiser.dequantise(coded, Kind::Inter);
                     dct::inverse_onto(&restored, predicted, &mut work.reconstruction[i]);
                     // Where steps are fine, what is left after rounding is not what coefficients foretell.
                     let left = || kernel::squared_difference(source, &work.reconstruction[i]);

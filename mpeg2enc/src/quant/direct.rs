@@ -1,0 +1,110 @@
+//! Levels of a block that is predicted by rounding alone, and what a decoder makes of them, at once.
+//!
+//! What [`quantise`](Quantiser::quantise) and [`dequantise`](Quantiser::dequantise) do level by level is done to all of a block
+//! together here, whatever its levels are: they are the twins that tests hold this against.
+
+use super::{Block, Kind, Quantiser, Rounding, odd_sum, places};
+use crate::{Standard, kernel, vlc::block_bits};
+
+impl Quantiser {
+    /// [`quantise`](Self::quantise) of a non-intra block, and in `restored` what [`dequantise`](Self::dequantise) makes of it;
+    /// that is anything where nothing is coded.
+    pub fn quantise_predicted(
+        &self,
+        coefficients: &[i32; 64],
+        energy: i64,
+        rounding: Rounding,
+        block: &mut Block,
+        restored: &mut [i32; 64],
+    ) {
+        if rounding != Rounding::DeadZone || self.standard != Standard::Mpeg2 {
+            self.quantise(coefficients, energy, Kind::Inter, rounding, block);
+            if block.is_coded() {
+                *restored = self.dequantise(block, Kind::Inter);
+            }
+            return;
+        }
+        block.clear();
+        block.error = energy;
+        let mut levels = [0; 64];
+        let nonzero = kernel::divide(coefficients, &self.inter.reciprocal, 0, self.inter.shift, &mut levels);
+        if nonzero == 0 {
+            return;
+        }
+        let (change, sum) = kernel::restore(coefficients, &self.inter.turned, &mut levels, restored);
+        odd_sum(restored, sum);
+        block.error += i64::from(change);
+        for i in places(nonzero) {
+            let (place, level) = (self.places[i], levels[i] as i16);
+            block.levels[usize::from(place)] = if coefficients[i] < 0 { -level } else { level };
+            block.places |= 1 << place;
+        }
+        block.bits = block_bits(self.codes[1], block, false);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        dct,
+        quant::{DEFAULT_INTRA_MATRIX, QuantiserParameters},
+        vlc::CoefficientTable,
+    };
+
+    /// Differences of samples that fall off with frequency, or do not.
+    fn coefficients(state: &mut u32, flat: bool) -> [i32; 64] {
+        let mut random = || {
+            *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (*state >> 16) as i32
+        };
+        let amplitude = 1 + random() % 255;
+        let source: [u8; 64] = std::array::from_fn(|i| {
+            let slope = (i % 8 * 9 + i / 8 * 23) as i32;
+            let noise = random() % amplitude;
+            if flat { noise as u8 } else { (slope + noise / 8).clamp(0, 255) as u8 }
+        });
+        dct::forward_difference(&source, &[if flat { 0 } else { 128 }; 64])
+    }
+
+    #[test]
+    fn at_once_gives_what_level_by_level_does() {
+        let mut state = 5;
+        for standard in [Standard::Mpeg1, Standard::Mpeg2] {
+            for (scale, matrix) in
+                [(1, [1; 64]), (2, [16; 64]), (16, std::array::from_fn(|i| 16 + i as u8)), (112, [255; 64])]
+            {
+                for alternate_scan in [false, true] {
+                    let quantiser = Quantiser::new(
+                        scale,
+                        &QuantiserParameters {
+                            standard,
+                            q_scale_type: true,
+                            intra_dc_precision: 8,
+                            alternate_scan,
+                            intra_table: CoefficientTable::Zero,
+                            intra_matrix: DEFAULT_INTRA_MATRIX,
+                            non_intra_matrix: matrix,
+                        },
+                    );
+                    for case in 0..200 {
+                        let coefficients = coefficients(&mut state, case % 2 == 0);
+                        let energy = coefficients.iter().map(|&c| i64::from(c).pow(2)).sum();
+                        let (mut ours, mut twin, mut restored) = (Block::EMPTY, Block::EMPTY, [0; 64]);
+                        quantiser.quantise_predicted(
+                            &coefficients,
+                            energy,
+                            Rounding::DeadZone,
+                            &mut ours,
+                            &mut restored,
+                        );
+                        quantiser.quantise(&coefficients, energy, Kind::Inter, Rounding::DeadZone, &mut twin);
+                        assert_eq!((ours.places, ours.bits, ours.error), (twin.places, twin.bits, twin.error));
+                        assert!(places(ours.places).all(|place| ours.levels[place] == twin.levels[place]));
+                        assert!(!ours.is_coded() || restored == quantiser.dequantise(&twin, Kind::Inter));
+                    }
+                }
+            }
+        }
+    }
+}
