@@ -38,34 +38,41 @@ const CONFIG: bincode::config::Configuration = bincode::config::standard();
 const HEADER: usize = 20;
 
 impl Film {
-    /// A film of two frames with a checkpoint after each, killed when it was done.
+    /// A film of three frames, killed behind the second.
     fn new() -> Self {
-        // A stage that panics ends the film with a message: that is no finding. A panic before the film goes on is.
+        // A stage that panics ends the film with a message: that is no finding. A panic in who called it is.
         std::panic::set_hook(Box::new(|_| ()));
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("scene.glb");
         tests::checkered_room(tests::Moving::Box).write(&path);
         let scene = scene::load(&path).expect("a scene");
-        let wishes = Wishes {
-            output: Some(folder.path().join("film.m2v")),
-            frames: Some(3),
-            size: "8x8".parse().ok(),
-            vpls: Some(5),
-            photons: Some(50),
-            bframes: Some(1),
-            cache: Some(Switch::On),
-            ..Wishes::default()
-        };
-        let settings = Settings::new(path, &scene, wishes).expect("settings");
-        let plan = Plan::new(&scene, &settings);
-        let checkpoints = Checkpoints::new(&settings, &plan, Some(Duration::ZERO)).expect("a place");
-        let output = checkpoints.output(&settings).expect("a place");
-        let stop = AtomicBool::new(false);
-        render_from(&checkpoints, &scene, &settings, &plan, output, &stop, &()).expect("a film");
-        let bytes = std::fs::read(path_for(&settings.output)).expect("a checkpoint");
-        let (stored, _) = bincode::serde::decode_from_slice(&bytes[HEADER..], CONFIG).expect("a checkpoint");
-        let video = std::fs::read(&settings.output).expect("a video");
-        Self { _folder: folder, scene, settings, plan, stored, video }
+        // A film of two frames leaves what one of three has behind its second, but for its length.
+        let [short, long] = [2, 3].map(|frames| {
+            let wishes = Wishes {
+                output: Some(folder.path().join("film.m2v")),
+                frames: Some(frames),
+                size: "8x8".parse().ok(),
+                vpls: Some(5),
+                photons: Some(50),
+                bframes: Some(1),
+                cache: Some(Switch::On),
+                ..Wishes::default()
+            };
+            let settings = Settings::new(path.clone(), &scene, wishes).expect("settings");
+            let plan = Plan::new(&scene, &settings);
+            let checkpoints = Checkpoints::new(&settings, &plan, Some(Duration::ZERO)).expect("a place");
+            let output = checkpoints.output(&settings).expect("a place");
+            let stop = AtomicBool::new(false);
+            render_from(&checkpoints, &scene, &settings, &plan, output, &stop, &()).expect("a film");
+            let bytes = std::fs::read(path_for(&settings.output)).expect("a checkpoint");
+            let (stored, _) =
+                bincode::serde::decode_from_slice::<Stored, _>(&bytes[HEADER..], CONFIG).expect("a checkpoint");
+            let video = std::fs::read(&settings.output).expect("a video");
+            (settings, plan, stored, video)
+        });
+        let (settings, plan, stored, _) = long;
+        let stored = Stored { frame: 1, parts: short.2.parts, ..stored };
+        Self { _folder: folder, scene, settings, plan, stored, video: short.3 }
     }
 
     fn file(body: &[u8]) -> Vec<u8> {
@@ -101,8 +108,6 @@ fn change(part: &mut [u8], changes: &[u8]) {
 
 fn changed(film: &Film, kind: u8, rest: &[u8]) -> Vec<u8> {
     let mut stored = film.stored.clone();
-    // The last frame would leave nothing to be done.
-    stored.frame = 1;
     let place = usize::from(kind - 2) % stored.parts.len();
     let part = &mut stored.parts[place];
     let edit = |bytes: &mut Vec<u8>| if kind < 8 { *bytes = rest.to_vec() } else { change(bytes, rest) };

@@ -1,6 +1,6 @@
 //! The stages as threads, joined by bounded channels; the first failure ends all.
 
-use crate::checkpoint::Checkpoints;
+use crate::checkpoint::{Checkpoints, NONSENSE};
 use crate::message::{Coding, MaskingTime};
 use crate::observe::{Observer, OnFrame};
 use crate::output::Output;
@@ -8,7 +8,7 @@ use crate::plan::Plan;
 use crate::report::{FrameReport, Report};
 use crate::settings::Settings;
 use crate::stage::{display, encode, mask, prepare, shade};
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, ensure};
 use crossbeam_channel::{bounded, unbounded};
 use render_core::scene::Scene;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -109,8 +109,10 @@ pub fn render_from(
     })?;
     // An encoder that looks ahead codes in another order.
     reports.sort_by_key(|frame| frame.index);
+    // Only an encoder that was told nonsense leaves one out, or tells of one twice.
+    ensure!(reports.iter().map(|frame| frame.index).eq(0..reports.len() as u32), NONSENSE);
     for MaskingTime { of, seconds } in times_in {
-        reports[of as usize].add_masking(seconds);
+        reports.get_mut(of as usize).context(NONSENSE)?.add_masking(seconds);
     }
     output.finish()?;
     let interrupted = stop.load(Ordering::Relaxed) && (reports.len() as u32) < settings.frames;

@@ -1,8 +1,10 @@
 //! Checkpoints whose check sums are right and whose parts are not of the film: a line and no panic.
 
 use pipeline::checkpoint::{Checkpoints, path_for};
+use pipeline::report::FrameReport;
 use pipeline::{Plan, Settings, Wishes, render_from};
 use render_core::scene::{self, Scene};
+use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use tempfile::TempDir;
@@ -13,53 +15,50 @@ type Stored = ((String, String, u32), u32, Vec<Vec<u8>>);
 
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 const HEADER: usize = 20;
-/// The place of `Part::Shade`.
+/// The places of `Part::Shade` and `Part::Encode`.
 const SHADE: usize = 1;
+const ENCODE: usize = 4;
+
+/// As `pipeline/src/stage/encode.rs` leaves it: the encoder, what waits (nothing, where each frame is coded as it comes),
+/// the report.
+type Encoding = (Vec<u8>, (BTreeMap<u32, ()>, Option<()>), Vec<FrameReport>);
 
 struct Film {
     _folder: TempDir,
     scene: Scene,
     settings: Settings,
     plan: Plan,
+    /// The checkpoint behind the last frame but one.
+    stored: Stored,
 }
 
 impl Film {
-    /// Three frames, lit by so many anchor lights, with a checkpoint after each.
+    /// Three frames, lit by so many anchor lights.
     fn new(vpls: usize) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.glb");
         checkered_room(Moving::Box).write(&path);
         let scene = scene::load(&path).unwrap();
-        let wishes = Wishes {
-            output: Some(folder.path().join("film.m2v")),
-            frames: Some(3),
-            size: "16x16".parse().ok(),
-            vpls: Some(vpls),
-            photons: Some(1000),
-            ..Wishes::default()
-        };
-        let settings = Settings::new(path, &scene, wishes).unwrap();
-        let plan = Plan::new(&scene, &settings);
-        let film = Self { _folder: folder, scene, settings, plan };
-        film.run(&Checkpoints::new(&film.settings, &film.plan, Some(Duration::ZERO)).unwrap()).unwrap();
-        film
-    }
-
-    fn run(&self, checkpoints: &Checkpoints) -> Result<(), String> {
-        let Self { scene, settings, plan, .. } = self;
-        let film = || {
-            let output = checkpoints.output(settings)?;
-            render_from(checkpoints, scene, settings, plan, output, &AtomicBool::new(false), &())
-        };
-        film().map(|_| ()).map_err(|error| format!("{error:#}"))
-    }
-
-    /// The checkpoint behind the last frame but one.
-    fn stored(&self) -> Stored {
-        let bytes = std::fs::read(path_for(&self.settings.output)).unwrap();
-        let (mut stored, _): (Stored, _) = bincode::serde::decode_from_slice(&bytes[HEADER..], CONFIG).unwrap();
-        stored.1 = 1;
-        stored
+        // A film of two frames leaves what one of three has behind its second, but for its length.
+        let [short, long] = [2, 3].map(|frames| {
+            let wishes = Wishes {
+                output: Some(folder.path().join("film.m2v")),
+                frames: Some(frames),
+                size: "16x16".parse().ok(),
+                vpls: Some(vpls),
+                photons: Some(1000),
+                ..Wishes::default()
+            };
+            let settings = Settings::new(path.clone(), &scene, wishes).unwrap();
+            let plan = Plan::new(&scene, &settings);
+            let checkpoints = Checkpoints::new(&settings, &plan, Some(Duration::ZERO)).unwrap();
+            run(&checkpoints, &scene, &settings, &plan).unwrap();
+            let bytes = std::fs::read(path_for(&settings.output)).unwrap();
+            let (stored, _): (Stored, _) = bincode::serde::decode_from_slice(&bytes[HEADER..], CONFIG).unwrap();
+            (settings, plan, stored)
+        });
+        let (settings, plan, (job, ..)) = long;
+        Self { _folder: folder, scene, settings, plan, stored: (job, 1, short.2.2) }
     }
 
     /// Goes on from what is said to have been stored.
@@ -72,17 +71,25 @@ impl Film {
         std::fs::write(path_for(&self.settings.output), file).unwrap();
         let checkpoints =
             Checkpoints::resume(&self.settings, &self.plan, None).map_err(|error| format!("{error:#}"))?;
-        self.run(&checkpoints)
+        run(&checkpoints, &self.scene, &self.settings, &self.plan)
     }
+}
+
+fn run(checkpoints: &Checkpoints, scene: &Scene, settings: &Settings, plan: &Plan) -> Result<(), String> {
+    let film = || {
+        let output = checkpoints.output(settings)?;
+        render_from(checkpoints, scene, settings, plan, output, &AtomicBool::new(false), &())
+    };
+    film().map(|_| ()).map_err(|error| format!("{error:#}"))
 }
 
 /// The records of a film with more lights: their cuts were looked up among lights that are not there.
 #[test]
 fn records_of_lights_that_are_not_there_are_refused() {
     let (few, many) = (Film::new(10), Film::new(300));
-    let mut stored = few.stored();
+    let mut stored = few.stored.clone();
     few.go_on(&stored).expect("its own goes on");
-    stored.2[SHADE] = many.stored().2[SHADE].clone();
+    stored.2[SHADE] = many.stored.2[SHADE].clone();
     let error = few.go_on(&stored).unwrap_err();
     assert!(error.contains("makes no sense") && error.lines().count() == 1, "{error}");
 }
@@ -92,7 +99,7 @@ fn records_of_lights_that_are_not_there_are_refused() {
 fn a_part_that_cannot_be_read_leaves_the_film_as_it_is() {
     let film = Film::new(10);
     let before = std::fs::read(&film.settings.output).unwrap();
-    let whole = film.stored();
+    let whole = film.stored.clone();
     for part in 0..whole.2.len() {
         // One that is missing had the other stages wait for ever.
         for forged in [vec![255; 40], Vec::new()] {
@@ -103,4 +110,21 @@ fn a_part_that_cannot_be_read_leaves_the_film_as_it_is() {
             assert!(std::fs::read(&film.settings.output).unwrap() == before, "part {part}");
         }
     }
+}
+
+/// A frame whose line is missing in the report: the time of its masking was put into a line that was not there.
+#[test]
+fn a_report_that_leaves_a_frame_out_is_refused() {
+    let film = Film::new(10);
+    let mut stored = film.stored.clone();
+    let (mut encoding, _): (Encoding, _) = bincode::serde::decode_from_slice(&stored.2[ENCODE], CONFIG).unwrap();
+    for lines in [&[0][..], &[0, 2], &[1, 1], &[0, 1, 2]] {
+        encoding.2 = lines.iter().map(|&index| FrameReport { index, ..encoding.2[0].clone() }).collect();
+        stored.2[ENCODE] = bincode::serde::encode_to_vec(&encoding, CONFIG).unwrap();
+        let error = film.go_on(&stored).unwrap_err();
+        assert!(error.contains("makes no sense") && error.lines().count() == 1, "{error}");
+    }
+    encoding.2 = [1, 0].map(|index| FrameReport { index, ..encoding.2[0].clone() }).into();
+    stored.2[ENCODE] = bincode::serde::encode_to_vec(&encoding, CONFIG).unwrap();
+    film.go_on(&stored).expect("the order is that of coding");
 }

@@ -1,13 +1,13 @@
 //! Pictures into the stream, with the renderer's motion; and a line for the report from each.
 
-use crate::checkpoint::{Checkpoints, Part};
+use crate::checkpoint::{Checkpoints, NONSENSE, Part};
 use crate::message::{Coding, Displayed, FrameFigures};
 use crate::observe::Observer;
 use crate::output::Output;
 use crate::report::FrameReport;
 use crate::settings::Settings;
 use crate::video::{Coded, CodingOutcome, Video};
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use crossbeam_channel::{Receiver, Sender};
 use mpeg2enc::{Frame, MotionField, PictureType};
 use perceptual::NextPicture;
@@ -62,11 +62,15 @@ pub fn run(
 /// Where the film is to go on, or begins, and the reports up to there.
 pub(super) fn known<'a>(settings: &'a Settings, checkpoints: &Checkpoints) -> Result<(Stage<'a>, Vec<FrameReport>)> {
     let mut stage = Stage { settings, video: Video::new(settings)?, queue: Queue::default() };
-    let Some((video, queue, reports)) = checkpoints.part::<(Vec<u8>, _, _)>(Part::Encode)? else {
+    let Some((video, queue, reports)) = checkpoints.part::<(Vec<u8>, _, Vec<FrameReport>)>(Part::Encode)? else {
         return Ok((stage, Vec::new()));
     };
     stage.video.restore(&video)?;
     stage.queue = queue;
+    // Each frame that is done has its line, or waits for it.
+    let mut frames: Vec<u32> = reports.iter().map(|line| line.index).chain(stage.queue.frames()).collect();
+    frames.sort_unstable();
+    ensure!(frames.into_iter().eq(0..checkpoints.first_frame()), NONSENSE);
     Ok((stage, reports))
 }
 
@@ -103,6 +107,12 @@ struct Queue {
     figures: BTreeMap<u32, FrameFigures>,
     /// A frame whose motion into the next one is still to come.
     last: Option<Waiting>,
+}
+
+impl Queue {
+    fn frames(&self) -> impl Iterator<Item = u32> {
+        self.figures.keys().copied().chain(self.last.as_ref().map(|waiting| waiting.index))
+    }
 }
 
 #[derive(Serialize, Deserialize)]
