@@ -171,11 +171,22 @@ fn pixel_errors(
 /// # Panics
 /// If `e` and `matches` differ in size.
 pub fn blend(e: &Plane<f32>, previous: &Plane<f32>, matches: &Plane<u32>, w: f32) -> Plane<f32> {
+    blend_within(e, previous, matches, w, f32::INFINITY)
+}
+
+/// [`blend`], where ΔY(t−1) counts as no more than `most` times e.
+pub(crate) fn blend_within(
+    e: &Plane<f32>,
+    previous: &Plane<f32>,
+    matches: &Plane<u32>,
+    w: f32,
+    most: f32,
+) -> Plane<f32> {
     assert_same_size(e, matches);
     let w = bounded(w, 0.0, 1.0);
     let past = previous.samples();
     let pixel = |(&e, &index): (&f32, &u32)| match past.get(index as usize) {
-        Some(&before) if before > 0.0 && before.is_finite() => (1.0 - w) * e + w * before,
+        Some(&before) if before > 0.0 && before.is_finite() => (1.0 - w) * e + w * before.min(most * e),
         _ => e,
     };
     let data = e.samples().par_iter().zip(matches.samples()).with_min_len(4096).map(pixel).collect();
