@@ -57,6 +57,11 @@ OURS = {
     "ours, best, adaptive": ("--effort best --adaptive", True),
     "ours, best, N=60": ("--effort best --gop 60", True),
 }
+# Only where a rate is asked for: without a bound on how it is spread.
+TWO_PASSES = {
+    "ours, balanced, two passes": ("--effort balanced --two-pass", True),
+    "ours, best, two passes": ("--effort best --two-pass", True),
+}
 # Ours at its best with one tool less, or another in its place; the anchor comes first.
 TOOLS = {
     "best": ("", True),
@@ -140,7 +145,11 @@ def encoders(arguments, clip):
     if shutil.which("mpeg2enc") and not arguments.rate:
         for name, options in {"mjpegtools, default": "", "mjpegtools, best": "-R 2 -g 15 -G 15 -4 1 -2 1 -r 32"}.items():
             commands[name] = MJPEG.replace("{clip}", clip.path).replace("{options}", f"{options} -q {{q}}")
-    for name, (options, given) in OURS.items():
+    if arguments.rate:
+        # The first pass writes what the second reads.
+        half = FFMPEG.replace("{clip}", clip.path).replace("{options}", f"{SLOWEST} -b:v {{q}}k -passlogfile {{out}} -pass {{n}}")
+        commands["ffmpeg, slowest, two passes"] = " && ".join(half.replace("{n}", n) for n in "12")
+    for name, (options, given) in (OURS | (TWO_PASSES if arguments.rate else {})).items():
         commands[name] = ours(arguments.binary, options, given, clip)
     anchor = "ffmpeg, default" if arguments.rate else "ffmpeg -g 15 -bf 2"
     keep = {name: command for name, command in commands.items() if arguments.only in name or name == anchor}

@@ -9,8 +9,8 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Parser, ValueEnum};
 use mpeg2enc::{
-    CoefficientTable, Config, Container, Effort, Frame, FrameRate, KnownMotion, MotionField, Multiplexer, Packet, Rate,
-    Standard,
+    CoefficientTable, Config, Container, Effort, Frame, FrameRate, KnownMotion, MotionField, Multiplexer, Packet,
+    Passes, Rate, Standard,
 };
 use plane::Plane;
 use std::{
@@ -31,11 +31,15 @@ struct Arguments {
     #[arg(short, long, default_value_t = 8)]
     qscale: u32,
     /// Constant bit rate in kbit/s instead of a constant quantiser
-    #[arg(short, long, conflicts_with = "maxrate")]
+    #[arg(short, long)]
     bitrate: Option<u32>,
     /// The most kbit/s that a decoder reads, with the quantiser of --qscale where that is enough
     #[arg(long)]
     maxrate: Option<u32>,
+    /// Codes the clip again and again, from --qscale on, until the whole takes --bitrate at constant quality, which only
+    /// --maxrate bounds then
+    #[arg(long, requires = "bitrate", conflicts_with = "zero_delay")]
+    two_pass: bool,
     /// The decoder's buffer in kbit; half a second of the rate if not given
     #[arg(long)]
     vbv: Option<u32>,
@@ -106,12 +110,8 @@ fn main() -> Result<()> {
 }
 
 fn encode(arguments: &Arguments) -> Result<()> {
-    let open = |path: &PathBuf| File::open(path).with_context(|| format!("{} cannot be read", path.display()));
-    let mut input = BufReader::with_capacity(BUFFER, open(&arguments.input)?);
-    let (width, height, fps) = parse_header(&read_line(&mut input)?)
-        .with_context(|| format!("{} cannot be encoded", arguments.input.display()))?;
-    let mut motion =
-        [arguments.motion.as_ref().map(open).transpose()?, arguments.motion_next.as_ref().map(open).transpose()?];
+    let clip = Clip::open(arguments)?;
+    let (width, height, fps) = clip.format;
     let config = Config::new(width, height, FrameRate::from_fps(fps)?)
         .with_quantiser_scale(arguments.qscale)
         .with_standard(if arguments.mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
@@ -124,57 +124,101 @@ fn encode(arguments: &Arguments) -> Result<()> {
         .with_alternate_scan(arguments.alternate_scan)
         .with_intra_table(if arguments.no_intra_vlc { CoefficientTable::Zero } else { CoefficientTable::One })
         .with_intra_dc_precision(arguments.dc)
-        .with_rate(rate(arguments))
+        .with_rate(rate(arguments)?)
         .with_effort(match arguments.effort {
             EffortName::Fast => Effort::Fast,
             EffortName::Balanced => Effort::Balanced,
             EffortName::Best => Effort::Best,
         });
-    let container = Container::of(&arguments.output)
-        .with_context(|| format!("{}: name the output .m2v, .mpg or .ts", arguments.output.display()))?;
-    let file =
-        File::create(&arguments.output).with_context(|| format!("{} cannot be written", arguments.output.display()))?;
-    let multiplexer = Multiplexer::new(container, &config);
-    let mut output =
-        Sink { file: BufWriter::new(file), multiplexer, verbose: arguments.verbose, totals: Totals::default() };
-    let (mut frame, mut fields) = (Frame::black(width, height), [None, None]);
-    let Totals { bits, count, error } = if arguments.zero_delay {
-        let mut encoder = config.encoder()?;
-        while read_frame(&mut input, &mut frame)? {
-            read_motion(&mut motion, &mut fields, (width, height))?;
-            output.take(encoder.push(&frame, fields[0].as_ref()))?;
-        }
-        output.finish(&encoder.finish())?
-    } else {
-        let mut encoder = config.lookahead_encoder()?;
-        while read_frame(&mut input, &mut frame)? {
-            read_motion(&mut motion, &mut fields, (width, height))?;
-            let known = KnownMotion { to_previous: fields[0].as_ref(), to_next: fields[1].as_ref() };
-            for packet in encoder.push(&frame, known) {
-                output.take(packet)?;
-            }
-        }
-        let (packets, end) = encoder.finish();
-        for packet in packets {
-            output.take(packet)?;
-        }
-        output.finish(&end)?
+    let totals = match arguments.bitrate.filter(|_| arguments.two_pass) {
+        Some(kbps) => encode_in_passes(arguments, clip, &config, 1000 * kbps)?,
+        None => encode_once(arguments, clip, config)?,
     };
-    let frames = count.max(1) as f64;
     println!(
-        "{count} frames, {:.1} kbit/s, {:.3} dB (PSNR of luma, all frames together)",
-        bits as f64 / frames * fps / 1000.0,
-        10.0 * (255.0f64.powi(2) * frames / error).log10()
+        "{} frames, {:.1} kbit/s, {:.3} dB (PSNR of luma, all frames together)",
+        totals.count,
+        totals.bits_per_second(fps) / 1000.0,
+        10.0 * (255.0f64.powi(2) * totals.count.max(1) as f64 / totals.error).log10()
     );
     Ok(())
 }
 
-fn rate(arguments: &Arguments) -> Rate {
+fn rate(arguments: &Arguments) -> Result<Rate> {
     let buffer = |kbps: u32| 1000 * arguments.vbv.unwrap_or(kbps / 2);
-    match (arguments.bitrate, arguments.maxrate) {
-        (Some(kbps), _) => Rate::Constant { bits_per_second: 1000 * kbps, buffer_bits: buffer(kbps) },
+    Ok(match (arguments.bitrate.filter(|_| !arguments.two_pass), arguments.maxrate) {
+        (Some(_), Some(_)) => bail!("a constant rate has no other maximum: leave out --maxrate, or add --two-pass"),
+        (Some(kbps), None) => Rate::Constant { bits_per_second: 1000 * kbps, buffer_bits: buffer(kbps) },
         (None, Some(kbps)) => Rate::Capped { bits_per_second: 1000 * kbps, buffer_bits: buffer(kbps) },
         (None, None) => Rate::ConstantQuantiser,
+    })
+}
+
+/// Each pass takes the place of the one before.
+fn encode_in_passes(arguments: &Arguments, first: Clip, config: &Config, bits_per_second: u32) -> Result<Totals> {
+    let (fps, mut passes) = (first.format.2, Passes::new(bits_per_second));
+    let (mut quantiser_scale, mut clip) = (f64::from(arguments.qscale), Some(first));
+    loop {
+        let clip = clip.take().map_or_else(|| Clip::open(arguments), Ok)?;
+        let totals = encode_once(arguments, clip, config.clone().with_mean_quantiser_scale(quantiser_scale))?;
+        let came_to = totals.bits_per_second(fps);
+        eprintln!("quantiser_scale {quantiser_scale:.2}: {:.1} kbit/s", came_to / 1000.0);
+        match passes.next(quantiser_scale, came_to) {
+            Some(next) => quantiser_scale = next,
+            None => return Ok(totals),
+        }
+    }
+}
+
+fn encode_once(arguments: &Arguments, clip: Clip, config: Config) -> Result<Totals> {
+    let container = Container::of(&arguments.output)
+        .with_context(|| format!("{}: name the output .m2v, .mpg or .ts", arguments.output.display()))?;
+    let multiplexer = Multiplexer::new(container, &config);
+    let create =
+        || File::create(&arguments.output).with_context(|| format!("{} cannot be written", arguments.output.display()));
+    let sink =
+        |file| Sink { file: BufWriter::new(file), multiplexer, verbose: arguments.verbose, totals: Totals::default() };
+    if arguments.zero_delay {
+        let mut encoder = config.encoder()?;
+        let mut output = sink(create()?);
+        clip.for_each(|frame, motion| output.take(encoder.push(frame, motion.to_previous)))?;
+        return output.finish(&encoder.finish());
+    }
+    let mut encoder = config.lookahead_encoder()?;
+    let mut output = sink(create()?);
+    clip.for_each(|frame, motion| encoder.push(frame, motion).into_iter().try_for_each(|packet| output.take(packet)))?;
+    let (packets, end) = encoder.finish();
+    packets.into_iter().try_for_each(|packet| output.take(packet))?;
+    output.finish(&end)
+}
+
+/// The files that are encoded, from their first frames on.
+struct Clip {
+    input: BufReader<File>,
+    motion: [Option<File>; 2],
+    /// Width, height, frames a second.
+    format: (usize, usize, f64),
+}
+
+impl Clip {
+    fn open(arguments: &Arguments) -> Result<Self> {
+        let open = |path: &PathBuf| File::open(path).with_context(|| format!("{} cannot be read", path.display()));
+        let mut input = BufReader::with_capacity(BUFFER, open(&arguments.input)?);
+        let format = parse_header(&read_line(&mut input)?)
+            .with_context(|| format!("{} cannot be encoded", arguments.input.display()))?;
+        let motion =
+            [arguments.motion.as_ref().map(open).transpose()?, arguments.motion_next.as_ref().map(open).transpose()?];
+        Ok(Self { input, motion, format })
+    }
+
+    /// Gives `take` each frame, and what is known of its motion.
+    fn for_each(mut self, mut take: impl FnMut(&Frame, KnownMotion) -> Result<()>) -> Result<()> {
+        let (width, height, _) = self.format;
+        let (mut frame, mut fields) = (Frame::black(width, height), [None, None]);
+        while read_frame(&mut self.input, &mut frame)? {
+            read_motion(&mut self.motion, &mut fields, (width, height))?;
+            take(&frame, KnownMotion { to_previous: fields[0].as_ref(), to_next: fields[1].as_ref() })?;
+        }
+        Ok(())
     }
 }
 
@@ -193,6 +237,12 @@ struct Totals {
     count: u64,
     /// Sum of the mean squared errors of luma.
     error: f64,
+}
+
+impl Totals {
+    fn bits_per_second(&self, fps: f64) -> f64 {
+        self.bits as f64 / self.count.max(1) as f64 * fps
+    }
 }
 
 impl Sink {

@@ -116,6 +116,11 @@ impl Coder {
         }
     }
 
+    /// Which table quantiser_scale_code is of.
+    pub fn q_scale_type(&self) -> bool {
+        self.quantisers.parameters.q_scale_type
+    }
+
     /// A copy of a frame in whole macroblocks.
     pub fn whole(&mut self, frame: &Frame) -> Arc<Frame> {
         let (columns, rows) = macroblock_counts(self.config.width, self.config.height);

@@ -43,7 +43,7 @@ pub enum ConfigError {
     },
     /// B pictures wait for later ones, which an encoder without delay cannot.
     #[error(
-        "B pictures and rate control need frames that come later: use Config::lookahead_encoder, or neither of both"
+        "B pictures, rate control and quantisers that are means need Config::lookahead_encoder: use it, or none of them"
     )]
     NeedsLookahead,
     /// No stream can state this rate and buffer.
@@ -205,6 +205,17 @@ pub(crate) fn nearest_code(q_scale_type: bool, scale_x16: u32) -> u8 {
     (1..=31).min_by_key(distance).expect("31 codes")
 }
 
+/// One of the two scales around `scale_x16`, also in sixteenths, such that over many rows their mean is that.
+pub(crate) fn spread_over_rows(q_scale_type: bool, scale_x16: u32, row: usize) -> u32 {
+    let scales = (1..=31).map(|code| 16 * quantiser_scale_of(QuantiserScaleCode { q_scale_type, code }));
+    let below = scales.clone().filter(|&scale| scale <= scale_x16).max();
+    let above = scales.filter(|&scale| scale >= scale_x16).min();
+    let (Some(below), Some(above)) = (below, above) else { return scale_x16 };
+    // Neighbours are far apart in this order: 0, 128, 64, 192, …
+    let order = u32::from((row as u8).reverse_bits());
+    if 256 * (scale_x16 - below) > order * (above - below) { above } else { below }
+}
+
 /// The code of a quantiser_scale (7.4.2.2, Table 7-6): even values to 62 by the linear table, others by the non-linear.
 ///
 /// ```
@@ -238,6 +249,8 @@ pub struct Config {
     pub(crate) standard: Standard,
     pub(crate) gop: u32,
     pub(crate) quantiser_scale: u32,
+    /// In 256ths, in the place of `quantiser_scale`.
+    mean_quantiser_x256: Option<u32>,
     pub(crate) intra_dc_precision: u32,
     pub(crate) level: Option<Level>,
     pub(crate) effort: Effort,
@@ -271,6 +284,7 @@ impl Config {
             standard: Standard::default(),
             gop: 15,
             quantiser_scale: 8,
+            mean_quantiser_x256: None,
             intra_dc_precision: 8,
             level: None,
             effort: Effort::default(),
@@ -299,7 +313,20 @@ impl Config {
 
     /// Quantiser of every macroblock: 1 to 8, even values to 62, 64, multiples of 8 to 112.
     pub fn with_quantiser_scale(self, quantiser_scale: u32) -> Self {
-        Self { quantiser_scale, ..self }
+        Self { quantiser_scale, mean_quantiser_x256: None, ..self }
+    }
+
+    /// A quantiser between those that exist, from 1 to 112: each macroblock gets the nearest to what it would have, or, where they do
+    /// not vary, each row of them one of the two around, so that their mean follows any fraction. Needs
+    /// [`Config::lookahead_encoder`]; what is beyond 1 to 112 is brought there.
+    pub fn with_mean_quantiser_scale(self, quantiser_scale: f64) -> Self {
+        let x256 = (256.0 * quantiser_scale.clamp(1.0, 112.0)).round() as u32;
+        Self { mean_quantiser_x256: Some(x256), ..self }
+    }
+
+    /// What macroblocks' quantisers begin with, in 256ths.
+    pub(crate) fn quantiser_x256(&self) -> u32 {
+        self.mean_quantiser_x256.unwrap_or(256 * self.quantiser_scale)
     }
 
     /// Bits of the DC coefficient of intra blocks, 8 to 11 (intra_dc_precision, 6.3.10). 11 are in High Profile only, which the
@@ -380,6 +407,11 @@ impl Config {
         !self.uniform_quantiser
     }
 
+    /// Is the quantiser a mean of those that macroblocks have?
+    pub(crate) fn asks_for_a_mean(&self) -> bool {
+        self.mean_quantiser_x256.is_some()
+    }
+
     /// Does quality follow what later pictures take over?
     pub(crate) fn uses_tree(&self) -> bool {
         !self.uniform_quantiser && self.effort != Effort::Fast
@@ -436,7 +468,7 @@ impl Config {
 
     /// Checks everything and starts an encoder without delay: I and P pictures, one quantiser for all macroblocks.
     pub fn encoder(self) -> Result<Encoder, ConfigError> {
-        if self.b_pictures > 0 || self.rate != Rate::ConstantQuantiser {
+        if self.b_pictures > 0 || self.rate != Rate::ConstantQuantiser || self.mean_quantiser_x256.is_some() {
             return Err(ConfigError::NeedsLookahead);
         }
         let config = Self { uniform_quantiser: true, ..self };
@@ -494,6 +526,21 @@ impl Config {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rows_have_the_mean_that_was_asked_for() {
+        for q_scale_type in [false, true] {
+            for scale_x16 in 32..16 * 62 {
+                let rows: Vec<u32> = (0..256).map(|row| spread_over_rows(q_scale_type, scale_x16, row)).collect();
+                let mean = f64::from(rows.iter().sum::<u32>()) / 256.0;
+                assert!((mean - f64::from(scale_x16)).abs() <= 0.5, "{mean} for {scale_x16}");
+                // Each is a scale that exists, and no more than two are taken.
+                assert!(rows.iter().all(|&x16| x16 % 16 == 0 && spread_over_rows(q_scale_type, x16, 1) == x16));
+                assert!(rows.iter().max().unwrap() - rows.iter().min().unwrap() <= 16 * 8);
+            }
+        }
+        assert_eq!(spread_over_rows(true, 16 * 120, 3), 16 * 120, "beyond the last");
+    }
 
     #[test]
     fn every_code_gives_its_scale() {

@@ -87,7 +87,7 @@ pub use crate::{
     motion::MotionField,
     picture::{MacroblockKind, PictureStatistics},
     quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
-    rate::Rate,
+    rate::{Passes, Rate},
     standard::Standard,
     vlc::CoefficientTable,
 };

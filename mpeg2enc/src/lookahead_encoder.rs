@@ -3,6 +3,7 @@
 use crate::{
     Config, Frame, KnownMotion, PictureType, Rate,
     coder::{Coded, Coder, Direction, Job, Packet, sequence_end},
+    config::spread_over_rows,
     header::{VBV_DELAY_VARIABLE, macroblock_counts},
     lookahead::{Lookahead, plan::Span, weights},
     motion::Candidates,
@@ -168,8 +169,8 @@ impl LookaheadEncoder {
         complete: bool,
     ) -> Coded {
         let Some(mut rate) = self.state.rate.take() else {
-            let base_x16 = 16 * self.coder.config.quantiser_scale;
-            let mut coded = self.code_picture(index, picture_type, base_x16, factors, VBV_DELAY_VARIABLE);
+            let base_x256 = self.coder.config.quantiser_x256();
+            let mut coded = self.code_picture(index, picture_type, base_x256, factors, VBV_DELAY_VARIABLE);
             coded.packet.prepend(headers);
             return coded;
         };
@@ -182,8 +183,11 @@ impl LookaheadEncoder {
         // What is dear or soon over is looked at again if the forecast was far off.
         let mut second_look =
             !rate.knows(picture_type) || picture_type == PictureType::I || complete && upcoming.len() <= 4;
+        let wanted_x256 = self.coder.config.quantiser_x256();
         let mut coded = loop {
-            let coded = self.code_picture(index, picture_type, base_x16, factors, vbv_delay);
+            // What was asked for may lie between sixteenths.
+            let base_x256 = if base_x16 == wanted_x256 / 16 { wanted_x256 } else { 16 * base_x16 };
+            let coded = self.code_picture(index, picture_type, base_x256, factors, vbv_delay);
             let bits = coded.packet.bits as i64 + header_bits;
             rate.learn(upcoming[0], base_x16, bits);
             if second_look {
@@ -210,13 +214,18 @@ impl LookaheadEncoder {
         &mut self,
         index: usize,
         picture_type: PictureType,
-        base_x16: u32,
+        base_x256: u32,
         factors: &[u32],
         vbv_delay: u32,
     ) -> Coded {
+        let columns = macroblock_counts(self.coder.config.width, self.coder.config.height).0;
+        // What all macroblocks share would jump from one quantiser that exists to the next.
+        let spreads = self.coder.config.asks_for_a_mean() && factors.iter().all(|&factor| factor == factors[0]);
+        let q_scale_type = self.coder.q_scale_type();
         let scale_x16 = |(i, factor): (usize, &u32)| {
             let weight = self.state.lookahead.get(index).weights.as_ref().map_or(256, |weights| weights[i]);
-            (base_x16 * factor / 256 * weight / 256).clamp(16, 112 * 16)
+            let scale_x16 = (base_x256 * factor / 4096 * weight / 256).clamp(16, 112 * 16);
+            if spreads { spread_over_rows(q_scale_type, scale_x16, i / columns) } else { scale_x16 }
         };
         let scales_x16: Vec<u32> = factors.iter().enumerate().map(scale_x16).collect();
         // Forward from the newest anchor in a P picture, from the one before in a B picture.
@@ -242,7 +251,7 @@ impl LookaheadEncoder {
                 let reference = &references[s]?.reconstruction;
                 Some(Direction { reference, candidates: &candidates[s], before: &[], coarse: None })
             }),
-            quantiser_scale: (base_x16 + 8) / 16,
+            quantiser_scale: (base_x256 + 128) / 256,
             scales_x16: &scales_x16,
         })
     }

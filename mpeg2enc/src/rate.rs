@@ -10,6 +10,10 @@
 //! All frames that wait are to be coded with one quantiser_scale, which is found by bisection: the bits must come out
 //! right at the end, and the buffer must neither run dry nor overflow on the way. That is done anew for each picture.
 
+mod passes;
+
+pub use passes::Passes;
+
 use crate::{Config, PictureType, vbv::Buffer};
 
 /// How quantisers are chosen.
@@ -101,7 +105,7 @@ impl RateControl {
         Some(Self {
             buffer: Buffer::new(bit_rate, size, config.frame_rate.fraction(), start, pauses),
             rate: config.rate,
-            quantiser_x16: 16 * config.quantiser_scale,
+            quantiser_x16: config.quantiser_x256() / 16,
             start,
             header_bits: HEADER_BITS_PER_MACROBLOCK * macroblocks as i64,
             models: FIRST_GUESS.map(|c| (c, false)),

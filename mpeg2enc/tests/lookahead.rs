@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use mpeg2enc::{CoefficientTable, Config, Effort, FrameRate, KnownMotion, Packet, PictureType, Rate};
+use mpeg2enc::{CoefficientTable, Config, Effort, FrameRate, KnownMotion, Packet, Passes, PictureType, Rate};
 use plane::Plane;
 
 /// A small generator: each call gives a number below `below`.
@@ -57,6 +57,9 @@ fn random_streams_are_understood() {
             .with_rate(random.choose(&rates));
         if random.below(4) == 0 {
             config = config.with_matrices(matrix, matrix.map(|weight| weight + 5));
+        }
+        if random.below(6) == 0 {
+            config = config.with_mean_quantiser_scale(1.0 + random.below(1200) as f64 / 10.0);
         }
         let what = format!("seed {seed}: {config:?}");
         let frames = if large { 4 } else { 4 + random.below(16) as usize };
@@ -270,4 +273,29 @@ fn weights_move_quantisers_and_bits() {
     let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
     stream.extend(end);
     check(&stream, &packets, "weights");
+}
+
+#[test]
+fn passes_come_to_the_rate_that_was_asked_for() {
+    let capped = Rate::Capped { bits_per_second: 900_000, buffer_bits: 900_000 };
+    for (effort, rate, kbps) in [
+        (Effort::Fast, Rate::ConstantQuantiser, 250),
+        (Effort::Balanced, Rate::ConstantQuantiser, 1200),
+        (Effort::Balanced, capped, 600),
+    ] {
+        let (mut passes, mut next, mut taken) = (Passes::new(1000 * kbps), Some(8.0), Vec::new());
+        while let Some(quantiser_scale) = next {
+            let settings = config(176, 144).with_gop(6).with_b_pictures(2).with_effort(effort).with_rate(rate);
+            let settings = settings.with_mean_quantiser_scale(quantiser_scale);
+            let (stream, packets) = encode_ahead(settings, (0..45).map(|time| moving(176, 144, time)), None);
+            let bits: u64 = packets.iter().map(|packet| packet.bits).sum();
+            taken.push(bits as f64 / 45.0 * 25.0);
+            next = passes.next(quantiser_scale, taken[taken.len() - 1]);
+            if next.is_none() {
+                check(&stream, &packets, &format!("{effort:?}, {kbps} kbit/s"));
+            }
+        }
+        let last = taken[taken.len() - 1] / f64::from(1000 * kbps);
+        assert!((last - 1.0).abs() < 0.01 && taken.len() <= 6, "{effort:?}, {kbps} kbit/s: {taken:?}");
+    }
 }

@@ -1,0 +1,161 @@
+//! The quantiser with which a film as a whole takes a bit rate: found by coding it again.
+//!
+//! ```text
+//! ln(rate) falls with ln(quantiser_scale), nearly on a line: the next pass is where the line through the two nearest passes
+//! meets the rate, and within what all passes have left possible.
+//! ```
+
+/// A quantiser_scale and what it came to.
+#[derive(Clone, Copy, Debug)]
+struct Pass {
+    quantiser_scale: f64,
+    bits_per_second: f64,
+}
+
+impl Pass {
+    /// How far ln(rate) is above that of `rate`.
+    fn excess(&self, rate: f64) -> f64 {
+        (self.bits_per_second / rate).ln()
+    }
+}
+
+/// Looks for the quantiser_scale with which a film takes a given bit rate over its whole length.
+///
+/// The film is coded as often as it takes, at constant quality each time: twice where the first guess is near, seldom more than four
+/// times. That is what bits are best spent on where no channel of constant rate and small buffer has to be served;
+/// [`Rate::Capped`](crate::Rate::Capped) bounds what a decoder reads meanwhile.
+///
+/// ```
+/// use mpeg2enc::{Config, Frame, FrameRate, Passes};
+/// use plane::Plane;
+///
+/// let noise = |x: usize, y: usize, time: usize| (x * 37 + y * 91 + x * y * (7 + time)) as u8 / 2;
+/// let frames: Vec<Frame> = (0..12)
+///     .map(|time| {
+///         let luma = Plane::from_fn(64, 64, |x, y| noise(x, y, time));
+///         Frame::new(luma, Plane::filled(32, 32, 128), Plane::filled(32, 32, 128))
+///     })
+///     .collect::<Result<_, _>>()?;
+/// let mut passes = Passes::new(300_000);
+/// let mut next = Some(8.0);
+/// while let Some(quantiser_scale) = next {
+///     let config = Config::new(64, 64, FrameRate::FPS_25).with_mean_quantiser_scale(quantiser_scale);
+///     let mut encoder = config.lookahead_encoder()?;
+///     let mut bits: u64 = frames.iter().flat_map(|frame| encoder.push(frame, Default::default())).map(|p| p.bits).sum();
+///     bits += encoder.finish().0.iter().map(|packet| packet.bits).sum::<u64>();
+///     next = passes.next(quantiser_scale, bits as f64 / 12.0 * 25.0);
+/// }
+/// # Ok::<(), mpeg2enc::ConfigError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Passes {
+    bits_per_second: f64,
+    done: Vec<Pass>,
+}
+
+impl Passes {
+    /// A rate within this part of what was asked for is near enough.
+    pub const NEAR: f64 = 0.005;
+    /// The most passes.
+    const MOST: usize = 8;
+    /// Passes whose quantisers are nearer to each other than by this part have the same codes.
+    const SAME: f64 = 1.0 / 4096.0;
+
+    /// Looks for this rate.
+    pub fn new(bits_per_second: u32) -> Self {
+        Self { bits_per_second: f64::from(bits_per_second.max(1)), done: Vec::new() }
+    }
+
+    /// Takes what a pass came to, and gives the quantiser_scale of the next one; `None` if that was the last: it came near enough, or
+    /// no other came nearer.
+    pub fn next(&mut self, quantiser_scale: f64, bits_per_second: f64) -> Option<f64> {
+        let pass = Pass { quantiser_scale, bits_per_second: bits_per_second.max(1.0) };
+        self.done.push(pass);
+        if self.distance(&pass) <= Self::NEAR {
+            return None;
+        }
+        let tried = |scale: f64| self.done.iter().any(|pass| (pass.quantiser_scale / scale).ln().abs() < Self::SAME);
+        let next = self.estimate();
+        if self.done.len() < Self::MOST && !tried(next) {
+            return Some(next);
+        }
+        // None is better than the best: it is made once more, unless it was made last.
+        let best = self.done.iter().min_by(|a, b| self.distance(a).total_cmp(&self.distance(b))).copied()?;
+        (best.quantiser_scale != quantiser_scale).then_some(best.quantiser_scale)
+    }
+
+    fn distance(&self, pass: &Pass) -> f64 {
+        (pass.bits_per_second / self.bits_per_second - 1.0).abs()
+    }
+
+    fn estimate(&self) -> f64 {
+        let excess = |pass: &Pass| pass.excess(self.bits_per_second);
+        // The coarsest that took too much and the finest that took too little.
+        let too_fine = self.done.iter().filter(|pass| excess(pass) > 0.0).map(|pass| pass.quantiser_scale);
+        let too_coarse = self.done.iter().filter(|pass| excess(pass) <= 0.0).map(|pass| pass.quantiser_scale);
+        let (low, high) = (too_fine.reduce(f64::max), too_coarse.reduce(f64::min));
+        let mut nearest = self.done.clone();
+        nearest.sort_by(|a, b| excess(a).abs().total_cmp(&excess(b).abs()));
+        // Bits are about as the inverse of the quantiser while nothing else is known.
+        let slope = match nearest[..] {
+            [a, b, ..] => (excess(&a) - excess(&b)) / (a.quantiser_scale / b.quantiser_scale).ln(),
+            _ => -1.0,
+        };
+        let slope = if slope < -0.2 { slope } else { -1.0 };
+        let next = nearest[0].quantiser_scale * (-excess(&nearest[0]) / slope).exp();
+        match (low, high) {
+            (Some(low), Some(high)) if next <= low || high <= next => (low * high).sqrt(),
+            _ => next.clamp(1.0, 112.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Passes over a film whose rate is `rate(quantiser_scale)`.
+    fn search(wanted: u32, rate: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
+        let (mut passes, mut next, mut all) = (Passes::new(wanted), Some(8.0), Vec::new());
+        while let Some(scale) = next {
+            assert!((1.0..=112.0).contains(&scale));
+            all.push((scale, rate(scale)));
+            next = passes.next(scale, rate(scale));
+        }
+        all
+    }
+
+    #[test]
+    fn powers_are_found_at_once() {
+        for power in [0.6, 1.0, 1.4] {
+            for scale in [2.0f64, 5.0, 30.0, 100.0] {
+                let rate = |q: f64| 8e6 / q.powf(power);
+                let passes = search(rate(scale) as u32, rate);
+                assert!((passes.last().unwrap().0 / scale - 1.0).abs() <= 0.01 && passes.len() <= 4, "{passes:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_bends_and_has_steps_is_come_near() {
+        // Headers that nothing takes away, quantisers in steps of a 64th.
+        let rate = |q: f64| 2e5 + 6e6 / (64.0 * q).round() * 64.0;
+        for wanted in [300_000, 500_000, 2_000_000, 5_000_000] {
+            let passes = search(wanted, rate);
+            assert!((passes.last().unwrap().1 / f64::from(wanted) - 1.0).abs() <= 0.016, "{passes:?}");
+        }
+        // Whole ones only: the nearest of those that were tried is what is made last.
+        let whole = |q: f64| 6e6 / q.round();
+        let passes = search(1_400_000, whole);
+        assert_eq!(passes.last().unwrap().1, whole(4.0), "{passes:?}");
+        assert!(passes.len() <= Passes::MOST + 1);
+    }
+
+    #[test]
+    fn what_no_quantiser_reaches_ends_at_the_last() {
+        for (wanted, scale) in [(100_000_000, 1.0), (100, 112.0)] {
+            let passes = search(wanted, |q| 8e6 / q);
+            assert!(passes.last().unwrap().0 == scale && passes.len() <= 3, "{passes:?}");
+        }
+    }
+}
