@@ -185,18 +185,31 @@ impl CodedMasking {
         steps
     }
 
-    /// Eqs. (6) and (7); `dead_zone` in steps.
+    /// Eqs. (6) and (7); `dead_zone` in steps. Eight coefficients at a time, of which the sums and minima meet at the end.
     fn loss(&self, d: &[f32; 64], levels: u64, steps: &[f32; 64], dead_zone: f32) -> BlockLoss {
-        let (mut d2, mut passes, mut within) = (0.0, 0.0, f32::INFINITY);
-        for i in 0..64 {
-            d2 += d[i] * d[i];
-            let z = dead_zone * steps[i];
-            let written = levels >> i & 1 == 1;
-            passes += self.p[i] * if written { 1.0 } else { (d[i] / z).powi(2).min(1.0) };
-            let margin = (z - d[i].abs()).max(LEAST_MARGIN * z);
-            within = if written { within } else { within.min(margin * self.per_margin[i]) };
+        let (mut d2, mut passes, mut within) = ([0.0; 8], [0.0; 8], [f32::INFINITY; 8]);
+        for row in 0..8 {
+            let written = (levels >> (8 * row)) as u8;
+            for column in 0..8 {
+                let i = 8 * row + column;
+                let z = dead_zone * steps[i];
+                let is_written = written & (1 << column) != 0;
+                let (share, magnitude) = (d[i] / z, d[i].abs());
+                d2[column] += d[i] * d[i];
+                let comes_through = if share * share < 1.0 { share * share } else { 1.0 };
+                passes[column] += self.p[i] * if is_written { 1.0 } else { comes_through };
+                let (left, least) = (z - magnitude, LEAST_MARGIN * z);
+                let margin = (if left > least { left } else { least }) * self.per_margin[i];
+                let margin = if is_written { f32::INFINITY } else { margin };
+                within[column] = if margin < within[column] { margin } else { within[column] };
+            }
         }
-        BlockLoss { d2: d2 / 64.0, passes, within_dead_zone: within }
+        let sum = |of: [f32; 8]| of.iter().sum::<f32>();
+        BlockLoss {
+            d2: sum(d2) / 64.0,
+            passes: sum(passes),
+            within_dead_zone: within.into_iter().fold(f32::INFINITY, f32::min),
+        }
     }
 }
 

@@ -8,8 +8,8 @@
 //!
 //! B pictures are taken for P: they may be coarser than those, so this errs on the careful side.
 
-use crate::bounded;
 use crate::coded::{CodedPicture, QuantiserSteps};
+use crate::{NO_MATCH, bounded};
 use plane::{Plane, dct, idct};
 use rayon::prelude::*;
 
@@ -49,15 +49,15 @@ impl ForetoldCoding {
         let (columns, rows) = luma.block_counts();
         let (across, down) = (width.div_ceil(16), height.div_ceil(16));
         let scale = bounded(quantiser_scale, 1.0, 112.0);
-        // As a decoder holds it; none: nothing is known of the pixel.
-        let before = |x: usize, y: usize| {
-            matches.and_then(|matches| self.decoded.samples().get(matches.get(x, y) as usize)).copied()
-        };
+        // As a decoder holds it.
+        let past = self.decoded.samples();
         let is_intra = |column: usize, row: usize| {
-            let pixels = (16 * row..height.min(16 * row + 16))
-                .flat_map(|y| (16 * column..width.min(16 * column + 16)).map(move |x| (x, y)));
-            let (known, all) =
-                pixels.fold((0, 0), |(known, all), (x, y)| (known + usize::from(before(x, y).is_some()), all + 1));
+            let Some(matches) = matches else { return true };
+            let (left, right) = (16 * column, width.min(16 * column + 16));
+            let rows = 16 * row..height.min(16 * row + 16);
+            let all = rows.len() * (right - left);
+            let is_known = |&&index: &&u32| (index as usize) < past.len();
+            let known: usize = rows.map(|y| matches.row(y)[left..right].iter().filter(is_known).count()).sum();
             2 * known < all
         };
         let intra: Vec<bool> =
@@ -72,15 +72,22 @@ impl ForetoldCoding {
                 if intra[row / 2 * across + column / 2] {
                     return coder.code(&source, None);
                 }
-                let prediction = std::array::from_fn(|i| {
-                    // Beyond the border as `Plane::block` has it: the last sample again. What nothing is known of has no residual.
-                    let (x, y) = ((8 * column + i % 8).min(width - 1), (8 * row + i / 8).min(height - 1));
-                    before(x, y).map_or(source[i], f32::from)
-                });
+                // What nothing is known of has no residual.
+                let from = matches.map_or([NO_MATCH; 64], |matches| matches.block(column, row));
+                let prediction =
+                    std::array::from_fn(|i| past.get(from[i] as usize).map_or(source[i], |&sample| f32::from(sample)));
                 coder.code(&source, Some(&prediction))
             })
             .collect();
-        let decoded = Plane::from_fn(width, height, |x, y| blocks[y / 8 * columns + x / 8].0[y % 8 * 8 + x % 8]);
+        let mut decoded = std::mem::take(&mut self.decoded);
+        if (decoded.width(), decoded.height()) != (width, height) {
+            decoded = Plane::filled(width, height, 0);
+        }
+        for (y, row) in decoded.samples_mut().chunks_mut(width.max(1)).enumerate() {
+            for (samples, block) in row.chunks_mut(8).zip(&blocks[y / 8 * columns..]) {
+                samples.copy_from_slice(&block.0[y % 8 * 8..][..samples.len()]);
+            }
+        }
         *self = Self {
             decoded,
             levels: Plane::from_vec(columns, rows, blocks.iter().map(|block| block.1).collect()),
@@ -90,6 +97,13 @@ impl ForetoldCoding {
         let Self { decoded, levels, intra, quantiser_scales } = &*self;
         CodedPicture { decoded, levels, intra, quantiser_scales }
     }
+}
+
+/// The nearest whole number, below 2²²: the sum with 3·2²² has no bits left for a fraction. Without instructions for it, rounding
+/// is a call.
+fn nearest(x: f32) -> f32 {
+    const ROUNDING: f32 = 12_582_912.0;
+    x + ROUNDING - ROUNDING
 }
 
 struct BlockCoder<'a> {
@@ -102,27 +116,31 @@ impl BlockCoder<'_> {
     fn code(&self, source: &[f32; 64], prediction: Option<&[f32; 64]>) -> CodedBlock {
         let base = *prediction.unwrap_or(&[0.0; 64]);
         let c = dct(&std::array::from_fn(|i| source[i] - base[i]));
-        let mut levels = 0;
-        let quantised = std::array::from_fn(|i| {
-            let (value, is_written) = match prediction {
-                None if i == 0 => ((c[0] / self.steps.intra_dc_step).round() * self.steps.intra_dc_step, true),
-                None => {
+        let (mut quantised, mut levels) = ([0.0; 64], 0);
+        match prediction {
+            None => {
+                for i in 0..64 {
                     let step = f32::from(self.steps.intra_matrix[i].max(1)) * self.scale;
-                    let level = (c[i] / step).round();
-                    (level * step, level != 0.0)
+                    quantised[i] = nearest(c[i] / step) * step;
                 }
-                Some(_) => {
+                quantised[0] = nearest(c[0] / self.steps.intra_dc_step) * self.steps.intra_dc_step;
+                levels = 1;
+            }
+            Some(_) => {
+                for i in 0..64 {
                     let step = f32::from(self.steps.non_intra_matrix[i].max(1)) * self.scale;
-                    let level = (c[i] / step).trunc();
+                    let level = (c[i].abs() / step) as i32 as f32;
                     // A level stands for the middle of what it was cut off from.
-                    ((level + 0.5 * level.signum()) * step * f32::from(level != 0.0), level != 0.0)
+                    let magnitude = if level == 0.0 { 0.0 } else { (level + 0.5) * step };
+                    quantised[i] = magnitude.copysign(c[i]);
                 }
-            };
-            levels |= u64::from(is_written) << i;
-            value
-        });
+            }
+        }
+        for (i, &value) in quantised.iter().enumerate() {
+            levels |= u64::from(value != 0.0) << i;
+        }
         let back = if levels == 0 { [0.0; 64] } else { idct(&quantised) };
-        (std::array::from_fn(|i| (back[i] + base[i]).round().clamp(0.0, 255.0) as u8), levels)
+        (std::array::from_fn(|i| ((back[i] + base[i]).clamp(0.0, 255.0) + 0.5) as u8), levels)
     }
 }
 
