@@ -190,7 +190,7 @@ mod tests {
         let picture = Plane::from_fn(48, 16, |x, y| 100.0 + 80.0 * grain(x / 2, y / 2, 4));
         let mut matches = still_matches(48, 16);
         for (x, y) in (0..16).flat_map(|y| (32..48).map(move |x| (x, y))) {
-            matches.set(x, y, crate::NO_MATCH);
+            matches.set(x, y, NO_MATCH);
         }
         let mut coding = ForetoldCoding::default();
         coding.code(&picture, None, 16.0, &steps);
