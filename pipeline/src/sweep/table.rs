@@ -143,10 +143,8 @@ fn finding(runs: &[&Run], notable: f64) -> Finding {
     }
     if !not.is_empty() {
         let speed = range(&not, |b| b.speedup_indirect);
-        sentences.push(format!(
-            "At {} coupling does not pay: at equal quality it is {speed} times as fast.",
-            list(&not)
-        ));
+        sentences
+            .push(format!("At {} coupling does not pay: at equal quality it is {speed} times as fast.", list(&not)));
     }
     if !other.is_empty() {
         let psnr = farthest(&other, |b| b.psnr_difference);
