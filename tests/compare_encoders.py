@@ -147,7 +147,7 @@ def encoders(arguments, clip):
             commands[name] = MJPEG.replace("{clip}", clip.path).replace("{options}", f"{options} -q {{q}}")
     if arguments.rate:
         # The first pass writes what the second reads.
-        half = FFMPEG.replace("{clip}", clip.path).replace("{options}", f"{SLOWEST} -b:v {{q}}k -passlogfile {{out}} -pass {{n}}")
+        half = FFMPEG.replace("{clip}", clip.path).replace("{options}", f"{SLOWEST} {{ffrate}} -passlogfile {{out}} -pass {{n}}")
         commands["ffmpeg, slowest, two passes"] = " && ".join(half.replace("{n}", n) for n in "12")
     for name, (options, given) in (OURS | (TWO_PASSES if arguments.rate else {})).items():
         commands[name] = ours(arguments.binary, options, given, clip)
@@ -206,7 +206,8 @@ def measure(job):
         out = f"{folder}/out.m2v"
         run = subprocess.run(fill_in(command, point, out, arguments.rate), shell=True, capture_output=True, text=True)
         if run.returncode != 0:
-            sys.exit(f"{command}: {run.stderr}")
+            print(f"left out, {point}: {command}: {run.stderr}", file=sys.stderr)
+            return None
         return os.path.getsize(out) * 8 * clip.fps / clip.frames / 1000, quality(out, clip, arguments.metric)
 
 
@@ -229,6 +230,8 @@ def bd_rate(anchor, test):
         keep = [points[0]] + [p for before, p in zip(points, points[1:]) if p[0] > before[0] + 1e-4 and p[1] > before[1]]
         return np.array(keep).T
 
+    if len(test) < 3:
+        return np.nan
     (qa, ra), (qt, rt) = curve(anchor), curve(test)
     at = np.linspace(max(qa[0], qt[0]), min(qa[-1], qt[-1]), 2001)
 
@@ -253,6 +256,7 @@ def compare_bits(arguments, clips):
             jobs = [(command, clip, point, arguments) for command in commands.values() for point in points]
             results = list(pool.map(measure, jobs))
             curves = {name: results[i * len(points) :][: len(points)] for i, name in enumerate(commands)}
+            curves = {name: [point for point in curve if point] for name, curve in curves.items()}
             for name, curve in curves.items():
                 table.setdefault(name, {})[clip.name] = bd_rate(curves[anchor], curve)
     if arguments.metric == "psnr" and not arguments.rate and not arguments.tools:
