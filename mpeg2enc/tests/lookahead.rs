@@ -299,3 +299,34 @@ fn passes_come_to_the_rate_that_was_asked_for() {
         assert!((last - 1.0).abs() < 0.01 && taken.len() <= 6, "{effort:?}, {kbps} kbit/s: {taken:?}");
     }
 }
+
+/// Bits that a buffer makes even are spent a little worse than at constant quality, not much: with too short a view of what comes,
+/// an I picture takes all, and the others are left with nothing.
+#[test]
+fn a_constant_rate_costs_little_quality() {
+    let psnr = |packets: &[Packet]| {
+        let errors = packets.iter().map(|packet| 10f64.powf(-packet.psnr_y / 10.0));
+        -10.0 * (errors.sum::<f64>() / packets.len() as f64).log10()
+    };
+    for effort in [Effort::Fast, Effort::Balanced] {
+        for (b_pictures, kbps) in [(0, 500), (2, 400), (2, 1200)] {
+            let film = |settings: Config| {
+                let settings = settings.with_b_pictures(b_pictures).with_effort(effort);
+                encode_ahead(settings, (0..45).map(|time| moving(176, 144, time)), None).1
+            };
+            let rate = Rate::Constant { bits_per_second: 1000 * kbps, buffer_bits: 500 * kbps };
+            let constant = film(config(176, 144).with_rate(rate));
+            let bits: u64 = constant.iter().map(|packet| packet.bits).sum();
+            let (mut passes, mut next, mut even) = (Passes::new((bits as f64 / 45.0 * 25.0) as u32), Some(8.0), 0.0);
+            while let Some(quantiser_scale) = next {
+                let packets = film(config(176, 144).with_mean_quantiser_scale(quantiser_scale));
+                let taken: u64 = packets.iter().map(|packet| packet.bits).sum();
+                even = psnr(&packets);
+                next = passes.next(quantiser_scale, taken as f64 / 45.0 * 25.0);
+            }
+            let lost = even - psnr(&constant);
+            println!("{effort:?}, {b_pictures} B pictures, {kbps} kbit/s: {lost:.2} dB less than at constant quality");
+            assert!(lost < 0.3, "{effort:?}, {b_pictures} B pictures, {kbps} kbit/s: {lost} dB");
+        }
+    }
+}
