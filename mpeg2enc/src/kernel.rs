@@ -360,10 +360,14 @@ mod tests {
             let nonzero = divide(&values, &reciprocals, 1 << 20, 26, &mut x);
             assert!((0..64).all(|i| (nonzero >> i & 1 == 1) == (x[i] != 0)));
             assert_eq!((nonzero, x), (divide_plain(&values, &reciprocals, 1 << 20, 26, &mut y), y));
-            let (weights, mut restored) = (std::array::from_fn(|i| 16 * i32::from(b[i]) + 1), [[0; 64]; 2]);
-            let sums = restore(&values, &weights, &mut x, &mut restored[0]);
-            assert_eq!(sums, restore_plain(&values, &weights, &mut y, &mut restored[1]));
-            assert_eq!((x, restored[0]), (y, restored[1]));
+            // Levels that belong to their coefficients, or squares would not fit.
+            let weights: [i32; 64] = std::array::from_fn(|i| 16 * i32::from(b[i]) + 16);
+            let coefficients = values.map(|value| value / 8);
+            let level = |i: usize| (2 * coefficients[i].abs() / weights[i]) as u32;
+            let (mut levels, mut restored) = ([std::array::from_fn(level); 2], [[0; 64]; 2]);
+            let sums = restore(&coefficients, &weights, &mut levels[0], &mut restored[0]);
+            assert_eq!(sums, restore_plain(&coefficients, &weights, &mut levels[1], &mut restored[1]));
+            assert_eq!((levels[0], restored[0]), (levels[1], restored[1]));
             let mut mean_of_both = [0; 64];
             mean(&a, &b, &mut mean_of_both);
             assert_eq!(mean_of_both, std::array::from_fn(|i| (u16::from(a[i]) + u16::from(b[i])).div_ceil(2) as u8));
