@@ -76,7 +76,7 @@ impl Feedback {
     /// Takes in frame t and returns ΔY(t).
     ///
     /// `luma` in code values above black, `luminance` linear, `quantiser_scale` 1…112. `matches` says where each pixel was in
-    /// the frame observed before (see [`blend`]); `None` says that nothing is known of it, as after a cut.
+    /// the frame observed before (see [`blend`](crate::blend)); `None` says that nothing is known of it, as after a cut.
     /// A change of picture size starts afresh.
     ///
     /// # Panics
