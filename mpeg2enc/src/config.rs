@@ -320,7 +320,9 @@ impl Config {
     /// not vary, each row of them one of the two around, so that their mean follows any fraction. Needs
     /// [`Config::lookahead_encoder`]; what is beyond 1 to 112 is brought there.
     pub fn with_mean_quantiser_scale(self, quantiser_scale: f64) -> Self {
-        let x256 = (256.0 * quantiser_scale.clamp(1.0, 112.0)).round() as u32;
+        // What is no number counts as the finest.
+        let within = if quantiser_scale > 1.0 { quantiser_scale.min(112.0) } else { 1.0 };
+        let x256 = (256.0 * within).round() as u32;
         Self { mean_quantiser_x256: Some(x256), ..self }
     }
 
@@ -527,6 +529,14 @@ impl Config {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn means_are_brought_within_what_exists() {
+        for (asked, x256) in [(f64::NAN, 256), (-3.0, 256), (2.5, 640), (1e9, 112 * 256), (f64::INFINITY, 112 * 256)] {
+            let config = Config::new(16, 16, FrameRate::FPS_25);
+            assert_eq!(config.with_mean_quantiser_scale(asked).quantiser_x256(), x256, "{asked}");
+        }
+    }
 
     #[test]
     fn rows_have_the_mean_that_was_asked_for() {
