@@ -44,7 +44,7 @@ impl EncodeTable {
     }
 }
 
-/// Segments of [`LumaDecodeTable`]: more than 18 for each code value.
+/// Segments of [`LumaDecodeTable`]: more than 18 for each code value. A power of two, so that a mask keeps any number within.
 const LUMA_SEGMENTS: usize = 4096;
 
 /// Luminance of a grey pixel as a function of luma in code values above black, in straight segments.
@@ -52,32 +52,32 @@ const LUMA_SEGMENTS: usize = 4096;
 /// [`ToneMap::decode`] of `luma / 219`. Exact at the nodes; within 0.1 % from 1 to 218, within 0.6 % in the last code value below white,
 /// where the inverse of Reinhard's global curve is steep.
 pub(crate) struct LumaDecodeTable {
-    nodes: Vec<f32>,
+    /// Of each segment, where it begins and how far it rises: one load for both.
+    segments: Box<[[f32; 2]; LUMA_SEGMENTS]>,
 }
 
 impl LumaDecodeTable {
     pub fn new(tone_map: &ToneMap) -> Self {
-        let node = |i: usize| tone_map.decode(i.min(LUMA_SEGMENTS) as f32 / LUMA_SEGMENTS as f32);
-        // One node beyond white, so that white itself has a segment.
-        Self { nodes: (0..=LUMA_SEGMENTS + 1).map(node).collect() }
+        let node = |i: usize| tone_map.decode(i as f32 / LUMA_SEGMENTS as f32);
+        let segment = |i: usize| [node(i), node(i + 1) - node(i)];
+        let segments: Box<[[f32; 2]]> = (0..LUMA_SEGMENTS).map(segment).collect();
+        Self { segments: segments.try_into().expect("as many as there are") }
     }
 
     /// Luminance of grey of each luma; luma is taken into 0…219, NaN must not occur.
     ///
-    /// Eight at a time, so that all but the look-up itself becomes vector code.
+    /// Eight at a time, so that all but the look-up itself becomes vector code. The segment is the whole number nearest to half a
+    /// segment below: of two that meet in a node either will do. The sum with 2²³ has no bits left for a fraction, and the number
+    /// in its lowest.
     #[inline]
     pub fn get(&self, luma: [f32; 8]) -> [f32; 8] {
-        let nodes = &self.nodes[..LUMA_SEGMENTS + 2];
-        let position =
-            luma.map(|luma| (luma * (LUMA_SEGMENTS as f32 / crate::WHITE_LUMA)).clamp(0.0, LUMA_SEGMENTS as f32));
-        let segment = position.map(|position| position as i32);
-        let ends = segment.map(|segment| {
-            let segment = (segment as usize).min(LUMA_SEGMENTS);
-            (nodes[segment], nodes[segment + 1])
-        });
+        const WHOLE: f32 = (1 << 23) as f32;
+        const LAST: f32 = LUMA_SEGMENTS as f32;
+        let position = luma.map(|luma| (luma * (LAST / crate::WHITE_LUMA)).clamp(0.0, LAST));
+        let whole = position.map(|position| position.clamp(0.5, LAST - 0.5) - 0.5 + WHOLE);
         std::array::from_fn(|i| {
-            let (from, to) = ends[i];
-            from + (position[i] - segment[i] as f32) * (to - from)
+            let [from, rise] = self.segments[whole[i].to_bits() as usize % LUMA_SEGMENTS];
+            from + (position[i] - (whole[i] - WHOLE)) * rise
         })
     }
 }

@@ -93,7 +93,9 @@ pub(crate) fn scaled_error(
     model: &MaskingModel,
 ) -> TolerableError {
     assert_same_size(luma, luminance);
-    pixelwise(model.worst_case_luma(luma, quantiser_scale), luma, luminance, kappa, scale)
+    let distorted = model.worst_case_luma(luma, quantiser_scale);
+    let of_group = |(group, y): (usize, usize), _| eight(&distorted.row(y)[8 * group..]);
+    pixelwise(of_group, luma, luminance, kappa, scale)
 }
 
 /// Eq. (4) where each 8×8 block of luma may be wrong by `tolerable` code values.
@@ -105,44 +107,45 @@ pub(crate) fn blockwise_error(
     scale: &LuminanceScale,
 ) -> TolerableError {
     assert_same_size(luma, luminance);
-    let distorted = Plane::from_fn(luma.width(), luma.height(), |x, y| luma.get(x, y) + tolerable.get(x / 8, y / 8));
-    pixelwise(distorted, luma, luminance, kappa, scale)
+    let of_group = |(group, y): (usize, usize), luma: [f32; 8]| {
+        let tolerable = tolerable.get(group, y / 8);
+        luma.map(|luma| luma + tolerable)
+    };
+    pixelwise(of_group, luma, luminance, kappa, scale)
 }
 
-/// `error` holds ŷ′ first, then e in its place.
+/// Eq. (4) with ŷ′ of the eight pixels of a row from 8 · group on by `distorted`, given their place and luma.
 fn pixelwise(
-    mut error: Plane<f32>,
+    distorted: impl Fn((usize, usize), [f32; 8]) -> [f32; 8] + Sync,
     luma: &Plane<f32>,
     luminance: &Plane<f32>,
     kappa: f32,
     scale: &LuminanceScale,
 ) -> TolerableError {
     let width = luma.width().max(1);
-    let non_finite = error
-        .samples_mut()
-        .par_chunks_mut(8 * width)
-        .zip(luma.samples().par_chunks(8 * width).zip(luminance.samples().par_chunks(8 * width)))
-        .map(|(error, (luma, luminance))| {
-            let mut non_finite = 0;
-            let groups = luma.chunks(8).zip(luminance.chunks(8));
-            for (error, (luma, luminance)) in error.chunks_mut(8).zip(groups) {
-                non_finite += luma.iter().zip(luminance).filter(|(a, b)| !(a.is_finite() && b.is_finite())).count();
-                let e = pixel_errors(eight(error), eight(luma), eight(luminance), kappa, scale);
-                error.copy_from_slice(&e[..error.len()]);
-            }
-            non_finite
-        })
-        .sum();
+    let mut error = Plane::filled(luma.width(), luma.height(), 0.0);
+    let of_row = |(y, error): (usize, &mut [f32])| {
+        let mut non_finite = 0;
+        let groups = luma.row(y).chunks(8).zip(luminance.row(y).chunks(8)).enumerate();
+        for (error, (group, (luma, luminance))) in error.chunks_mut(8).zip(groups) {
+            non_finite += luma.iter().zip(luminance).filter(|(a, b)| !(a.is_finite() && b.is_finite())).count();
+            let luma = eight(luma);
+            let e = pixel_errors(distorted((group, y), luma), luma, eight(luminance), kappa, scale);
+            error.copy_from_slice(&e[..error.len()]);
+        }
+        non_finite
+    };
+    let non_finite = error.samples_mut().par_chunks_mut(width).enumerate().with_min_len(8).map(of_row).sum();
     TolerableError { error, non_finite }
 }
 
-/// Up to eight finite values; 0 stands for what is not finite and for what is not there.
+/// The first eight values where they are finite; 0 stands for what is not finite and for what is not there.
 #[inline(always)]
 fn eight(values: &[f32]) -> [f32; 8] {
     let finite = |value: f32| if value.is_finite() { value } else { 0.0 };
-    match <&[f32; 8]>::try_from(values) {
-        Ok(values) => values.map(finite),
-        Err(_) => std::array::from_fn(|i| values.get(i).copied().map_or(0.0, finite)),
+    match values.first_chunk::<8>() {
+        Some(values) => values.map(finite),
+        None => std::array::from_fn(|i| values.get(i).copied().map_or(0.0, finite)),
     }
 }
 
