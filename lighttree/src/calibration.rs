@@ -11,7 +11,8 @@
 //! ```
 //!
 //! κ is one for each octave of ΔY / Y: from 2 % to more than half of the luminance, cuts go from hundreds of clusters to a
-//! dozen, and their errors with them.
+//! dozen, and their errors with them. The first audits of an octave take κ down at once as far as they say: what a film
+//! begins with is a guess. An octave without audits yet is let go no farther than the next finer, for a film begins at 2 %.
 //!
 //! Audits are counted in buckets, integers whose sum does not depend on the order: any number of threads learns the same.
 
@@ -60,6 +61,8 @@ const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Calibration {
     kappas: [f32; CLASSES],
+    /// Whether a step has been taken.
+    learned: [bool; CLASSES],
     /// Audits since the last step.
     pending: [Counts; CLASSES],
 }
@@ -88,7 +91,7 @@ pub struct Audits([[AtomicU32; BUCKETS]; CLASSES]);
 
 impl Default for Calibration {
     fn default() -> Self {
-        Self { kappas: [START; CLASSES], pending: std::array::from_fn(|_| Counts([0; BUCKETS])) }
+        Self { kappas: [START; CLASSES], learned: [false; CLASSES], pending: std::array::from_fn(|_| Counts([0; BUCKETS])) }
     }
 }
 
@@ -149,14 +152,22 @@ impl Calibration {
         let counts = audits.counts();
         let mut all = Counts([0; BUCKETS]);
         let mut kappas = 0.0;
-        for ((found, kappa), pending) in counts.iter().zip(&mut self.kappas).zip(&mut self.pending) {
+        for (class, found) in counts.iter().enumerate() {
+            let (kappa, pending) = (&mut self.kappas[class], &mut self.pending[class]);
             all.add(found);
             kappas += f64::from(*kappa) * f64::from(found.total());
             pending.add(found);
             if pending.total() >= ENOUGH {
-                let step = (AIM / pending.quantile()).powf(DAMPING).clamp(1.0 / LARGEST_STEP, LARGEST_STEP);
+                let wanted = AIM / pending.quantile();
+                let damped = wanted.powf(DAMPING).clamp(1.0 / LARGEST_STEP, LARGEST_STEP);
+                // Not up at once: a film that begins in the dark shows no errors.
+                let step = if self.learned[class] { damped } else { damped.min(wanted) };
                 *kappa = (*kappa * step).clamp(LEAST, MOST);
                 *pending = Counts([0; BUCKETS]);
+                self.learned[class] = true;
+            }
+            if class > 0 && !self.learned[class] {
+                self.kappas[class] = self.kappas[class].min(self.kappas[class - 1]);
             }
         }
         let count = all.total();
@@ -224,8 +235,26 @@ mod tests {
             let expected = AIM / (0.95 * scale);
             let ratio = calibration.kappa(2) / expected;
             assert!((0.9..1.1).contains(&ratio), "scale {scale}: {ratio}");
-            assert_eq!(calibration.kappa(1), START, "other classes have learned nothing");
+            assert_eq!(calibration.kappa(1), START, "finer classes have learned nothing");
+            assert!(calibration.kappa(3) <= calibration.kappa(2), "coarser ones neither, but what is too far for others");
         }
+    }
+
+    /// What a film begins with is taken back by one frame of audits, and let go step by step: errors of none may be those of
+    /// a film that begins in the dark.
+    #[test]
+    fn the_first_audits_are_followed_down_at_once() {
+        for scale in [5.0, 20.0] {
+            let mut calibration = Calibration::default();
+            frame(&mut calibration, 200, even(scale));
+            let ratio = calibration.kappa(2) * 0.95 * scale / AIM;
+            assert!((0.9..1.1).contains(&ratio) || calibration.kappa(2) == LEAST, "scale {scale}: {ratio}");
+            assert_eq!(calibration.kappa(5), calibration.kappa(2));
+        }
+        let mut calibration = Calibration::default();
+        frame(&mut calibration, 200, |_, _| f32::NAN);
+        assert!(calibration.kappa(2) <= START * LARGEST_STEP * 1.001);
+        assert_eq!(calibration.kappa(3), START);
     }
 
     /// A light that is switched every frame, a flash of 10⁶, then the light as it was.

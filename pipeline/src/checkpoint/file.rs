@@ -16,7 +16,7 @@ use std::path::Path;
 
 const MAGIC: [u8; 4] = *b"R2MC";
 /// Counts changes of anything that is stored.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const HEADER: usize = 20;
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 
