@@ -7,7 +7,7 @@
 //! ```text
 //! a cut ends where no cluster's bound exceeds κ ΔY
 //! r = |L − L_fine| / ΔY            of an audited pixel
-//! κ ← κ · (AIM / q)^DAMPING        q  that r which 95 % of the audits stay below; within a step and within bounds
+//! κ ← κ · (AIM / q)^DAMPING        q  that r which 95 % of the audits stay below, or another share; within a step and within bounds
 //! ```
 //!
 //! κ is one for each octave of ΔY / Y: from 2 % to more than half of the luminance, cuts go from hundreds of clusters to a
@@ -25,15 +25,15 @@ const FIRST: f32 = 0.02;
 const START: f32 = 0.4;
 const LEAST: f32 = 1.0 / 16.0;
 const MOST: f32 = 16.0;
-/// Share of the audits whose error is to stay within the threshold, and how near to it: a quantile of a few dozen numbers
-/// is uncertain by about so much.
-const QUANTILE: f64 = 0.95;
+/// Share of the audits whose error is to stay within the threshold unless another is asked for, and how near to it: a quantile of
+/// a few dozen numbers is uncertain by about so much.
+const SHARE: f64 = 0.95;
 const AIM: f32 = 0.9;
 /// Below 1 a quantile that is wrong by chance is not followed all the way; a flash moves κ by no more than a step a frame.
 const DAMPING: f32 = 0.7;
 const LARGEST_STEP: f32 = 1.6;
-/// Audits that a step is taken on.
-const ENOUGH: u32 = 48;
+/// Audits beyond the quantile that a step is taken on, in the mean: 48 audits for 95 %.
+const ENOUGH_BEYOND: f64 = 2.4;
 /// Thresholds of an audit, of the pixel's own. Its cut is then wrong by less than the tenth that can be told.
 const FINE: f32 = 0.1;
 
@@ -60,6 +60,7 @@ const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 /// ```
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Calibration {
+    share: f64,
     kappas: [f32; CLASSES],
     /// Whether a step has been taken.
     learned: [bool; CLASSES],
@@ -91,7 +92,7 @@ pub struct Audits([[AtomicU32; BUCKETS]; CLASSES]);
 
 impl Default for Calibration {
     fn default() -> Self {
-        Self { kappas: [START; CLASSES], learned: [false; CLASSES], pending: std::array::from_fn(|_| Counts([0; BUCKETS])) }
+        Self::keeping(SHARE)
     }
 }
 
@@ -126,6 +127,19 @@ impl Calibration {
     /// paper's most is 1000.
     pub const LARGEST_CUT: u32 = 8000;
 
+    /// Aims at this share of pixels within their thresholds, 0.5…0.999; 0.95 by default. The nearer to all, the more audits it
+    /// takes to learn.
+    pub fn keeping(share: f64) -> Self {
+        let share = if share.is_nan() { SHARE } else { share.clamp(0.5, 0.999) };
+        let pending = std::array::from_fn(|_| Counts([0; BUCKETS]));
+        Self { share, kappas: [START; CLASSES], learned: [false; CLASSES], pending }
+    }
+
+    /// Pixels to audit of each 16×16 in a frame: one for 95 %, and more where there are fewer of those that count.
+    pub fn audits_per_macroblock(&self) -> usize {
+        ((1.0 - SHARE) / (1.0 - self.share)).round().clamp(1.0, 16.0) as usize
+    }
+
     /// The class of a threshold by the luminance that it is a threshold for, below 6.
     pub fn class(threshold: f32, luminance: f32) -> usize {
         // NaN and what is dark beyond measure count as the first.
@@ -152,13 +166,14 @@ impl Calibration {
         let counts = audits.counts();
         let mut all = Counts([0; BUCKETS]);
         let mut kappas = 0.0;
+        let enough = ENOUGH_BEYOND / (1.0 - self.share);
         for (class, found) in counts.iter().enumerate() {
             let (kappa, pending) = (&mut self.kappas[class], &mut self.pending[class]);
             all.add(found);
             kappas += f64::from(*kappa) * f64::from(found.total());
             pending.add(found);
-            if pending.total() >= ENOUGH {
-                let wanted = AIM / pending.quantile();
+            if f64::from(pending.total()) >= enough {
+                let wanted = AIM / pending.quantile(self.share);
                 let damped = wanted.powf(DAMPING).clamp(1.0 / LARGEST_STEP, LARGEST_STEP);
                 // Not up at once: a film that begins in the dark shows no errors.
                 let step = if self.learned[class] { damped } else { damped.min(wanted) };
@@ -171,7 +186,7 @@ impl Calibration {
             }
         }
         let count = all.total();
-        (count > 0).then(|| Learned { error_p95: all.quantile().into(), kappa: kappas / f64::from(count) })
+        (count > 0).then(|| Learned { error_p95: all.quantile(0.95).into(), kappa: kappas / f64::from(count) })
     }
 }
 
@@ -184,9 +199,9 @@ impl Counts {
         self.0.iter().sum()
     }
 
-    /// What [`QUANTILE`] of them stay below: the upper end of its bucket.
-    fn quantile(&self) -> f32 {
-        let wanted = (f64::from(self.total()) * QUANTILE).ceil() as u32;
+    /// What this share of them stays below: the upper end of its bucket.
+    fn quantile(&self, share: f64) -> f32 {
+        let wanted = (f64::from(self.total()) * share).ceil() as u32;
         let mut sum = 0;
         let last = self.0.iter().position(|&count| {
             sum += count;
@@ -236,7 +251,10 @@ mod tests {
             let ratio = calibration.kappa(2) / expected;
             assert!((0.9..1.1).contains(&ratio), "scale {scale}: {ratio}");
             assert_eq!(calibration.kappa(1), START, "finer classes have learned nothing");
-            assert!(calibration.kappa(3) <= calibration.kappa(2), "coarser ones neither, but what is too far for others");
+            assert!(
+                calibration.kappa(3) <= calibration.kappa(2),
+                "coarser ones neither, but what is too far for others"
+            );
         }
     }
 
@@ -255,6 +273,19 @@ mod tests {
         frame(&mut calibration, 200, |_, _| f32::NAN);
         assert!(calibration.kappa(2) <= START * LARGEST_STEP * 1.001);
         assert_eq!(calibration.kappa(3), START);
+    }
+
+    #[test]
+    fn other_shares_come_to_lie_there_too() {
+        for share in [0.5, 0.9, 0.99] {
+            let mut calibration = Calibration::keeping(share);
+            assert_eq!(calibration.audits_per_macroblock(), if share == 0.99 { 5 } else { 1 });
+            for _ in 0..80 {
+                frame(&mut calibration, 200, even(1.0));
+            }
+            let ratio = calibration.kappa(2) * share as f32 / AIM;
+            assert!((0.9..1.1).contains(&ratio), "{share}: {ratio}");
+        }
     }
 
     /// A light that is switched every frame, a flash of 10⁶, then the light as it was.

@@ -127,6 +127,9 @@ pub struct Job {
     /// When a cut ends [default: bound]
     #[arg(long, value_enum, value_name = "WHEN")]
     pub stopping: Option<Stopping>,
+    /// Share of pixels that calibrated stopping keeps within their thresholds, 0.5 to 0.999 [default: 0.95]
+    #[arg(long, value_name = "SHARE")]
+    pub within: Option<f64>,
     /// Samples of visibility and direct light to the pixel: 1 is fast, 4 smooths edges [default: 1]
     #[arg(long, value_name = "N")]
     pub samples: Option<u32>,
@@ -179,6 +182,7 @@ impl Job {
             thresholds,
             kappa,
             stopping,
+            within,
             samples,
             bounces,
             lighting,
@@ -204,6 +208,7 @@ impl Job {
             thresholds,
             kappa,
             stopping,
+            within,
             samples,
             bounces,
             lighting,

@@ -4,6 +4,7 @@ use crate::args::{Arguments, Job};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{ArgAction, ArgMatches, Command, CommandFactory, FromArgMatches};
 use pipeline::Settings;
+use pipeline::settings::Stopping;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -167,6 +168,7 @@ pub fn text(settings: &Settings, more: &[(&str, Option<String>)]) -> String {
         ("no-motion", Value::Boolean(!settings.motion)),
     ];
     let aov: Vec<Value> = settings.aov.iter().map(|aov| name(serde_json::to_value(aov)).into()).collect();
+    lines.extend((settings.stopping == Stopping::Calibrated).then_some(("within", Value::Float(settings.within))));
     lines.extend(settings.bitrate.map(|rate| ("bitrate", Value::Integer(rate.0.into()))));
     lines.extend(settings.bounces.map(|bounces| ("bounces", Value::Integer(bounces.into()))));
     lines.extend(settings.exr.as_deref().map(|folder| ("exr", path(folder))));

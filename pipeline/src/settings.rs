@@ -164,7 +164,7 @@ impl Serialize for Thresholds {
 pub enum Stopping {
     /// When no cluster's error bound exceeds the threshold, as in the paper.
     Bound,
-    /// When measured errors say that 95 % of the pixels are within it.
+    /// When measured errors say that 95 % of the pixels are within it, or another share.
     Calibrated,
 }
 
@@ -261,6 +261,8 @@ pub struct Settings {
     pub kappa: f32,
     /// When cuts end.
     pub stopping: Stopping,
+    /// Share of pixels that calibrated stopping keeps within their thresholds.
+    pub within: f64,
     /// Samples of visibility and direct light to the pixel.
     pub samples: u32,
     /// Reflections of light on its way, at most; no limit when not stated.
@@ -326,6 +328,8 @@ pub struct Wishes {
     pub kappa: Option<f32>,
     /// Default: bound.
     pub stopping: Option<Stopping>,
+    /// Default: 0.95; stated, cuts are calibrated.
+    pub within: Option<f64>,
     /// Default: 1.
     pub samples: Option<u32>,
     /// Default: no limit.
@@ -407,6 +411,19 @@ impl Settings {
                 "--thresholds quantised needs pictures that are coded as they come: leave out --bitrate and --bframes, or take --thresholds codec"
             );
         }
+        let stopping = wishes.stopping.unwrap_or(match wishes.within {
+            Some(_) => Stopping::Calibrated,
+            None => Stopping::Bound,
+        });
+        let within = wishes.within.unwrap_or(0.95);
+        if !(0.5..=0.999).contains(&within) {
+            bail!(
+                "--within {within} must lie in 0.5..=0.999; 0.95 lets one pixel in twenty be wrong by more than its threshold"
+            );
+        }
+        if stopping == Stopping::Bound && wishes.within.is_some() {
+            bail!("--within is measured where cuts are calibrated: leave out --stopping bound");
+        }
         let samples = wishes.samples.unwrap_or(1);
         if !(1..=MOST_SAMPLES).contains(&samples) {
             bail!("--samples {samples} must lie in 1..={MOST_SAMPLES}; 1 is fast, 4 smooths edges");
@@ -450,7 +467,8 @@ impl Settings {
             mpeg1: wishes.mpeg1,
             thresholds,
             kappa,
-            stopping: wishes.stopping.unwrap_or(Stopping::Bound),
+            stopping,
+            within,
             samples,
             bounces: wishes.bounces,
             lighting: wishes.lighting.unwrap_or(Lighting::Lightcuts),

@@ -53,9 +53,11 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
     assert!(run(folder, &["plan", "--config", "job.toml"]).stdout.contains("every photon is traced for every frame"));
 
     // What is printed makes the same film again, and is the same when printed again.
-    let words = ["render", "--config", "job.toml", "--kappa", "0.3", "--print-config"];
+    let words = ["render", "--config", "job.toml", "--kappa", "0.3", "--within", "0.99", "--print-config"];
     let printed = run(folder, &words).stdout;
-    assert!(printed.contains("qscale = 10\n") && printed.contains("kappa = 0.3\n"), "{printed}");
+    for line in ["qscale = 10\n", "kappa = 0.3\n", "stopping = \"calibrated\"\n", "within = 0.99\n"] {
+        assert!(printed.contains(line), "{line}{printed}");
+    }
     fs::write(folder.join("printed.toml"), &printed).unwrap();
     assert_eq!(run(folder, &["render", "--config", "printed.toml", "--print-config"]).stdout, printed);
     // Every option that a file may have is there, or has no default to be named.

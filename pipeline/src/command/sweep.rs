@@ -22,8 +22,8 @@ pub struct Sweep {
     /// Quantisers: a list of MPEG-2's quantiser_scale, 1 (best) to 112 (smallest) [default: 2,8,16,32,48]
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     qscale: Vec<u32>,
-    /// Methods: a list of lightcuts, paper, perceptual, calibrated, codec, each also with -cache, codec-calibrated, and
-    /// paths-4, -16, -64 [default: all]
+    /// Methods: a list of lightcuts, paper, perceptual, calibrated, codec, each also with -cache, paper-calibrated,
+    /// codec-calibrated, and paths-4, -16, -64 [default: all]
     #[arg(long, value_delimiter = ',', value_name = "LIST", value_parser = Method::named)]
     methods: Vec<&'static Method>,
     /// Pictures; the first, for which no thresholds are known, does not count [default: 5]

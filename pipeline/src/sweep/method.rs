@@ -35,6 +35,10 @@ pub struct Method {
 pub const METHODS: &[Method] = &[
     film("lightcuts", "2 %", false, false, 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
     film("paper", "κ = 1", false, true, 3, |w| masking(w).kappa = Some(1.0)),
+    film("paper-calibrated", "κ = 1, 99 % within", false, true, 2, |w| {
+        masking(w).kappa = Some(1.0);
+        w.within = Some(0.99);
+    }),
     film("perceptual", "κ = {κ}", false, true, 0, |w| _ = masking(w)),
     film("calibrated", "calibrated", false, true, 4, |w| masking(w).stopping = Some(Stopping::Calibrated)),
     film("codec", "codec", false, true, 5, |w| w.thresholds = Some(Thresholds::Codec)),

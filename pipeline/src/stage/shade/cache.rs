@@ -335,10 +335,13 @@ impl Cuts<'_> {
         recipe.seen_clusters().map(of).sum()
     }
 
-    /// Whether the cut of a new record is made again to see how wrong it is: in a frame, for one in [`AUDITED`].
+    /// Whether the cut of a new record is made again to see how wrong it is: in a frame, for one in [`AUDITED`] for each pixel
+    /// that would be of a macroblock.
     fn is_audited(&self, site: &Site) -> bool {
         let Prepared { frame, .. } = self.transport.prepared;
-        self.transport.allowance.calibration.is_some() && hash(site.key, u64::from(*frame), 0).is_multiple_of(AUDITED)
+        let calibration = self.transport.allowance.calibration.as_ref();
+        let chance = hash(site.key, u64::from(*frame), 0) % AUDITED;
+        calibration.is_some_and(|of| chance < of.audits_per_macroblock() as u64)
     }
 
     /// [`LightTransport::class_at`] the pixel that shows a site; the first class out of sight.

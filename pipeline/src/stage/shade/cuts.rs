@@ -160,7 +160,8 @@ impl<'a> LightTransport<'a> {
     /// Whether the cut of a pixel is made again to see how wrong it is.
     pub fn is_audited(&self, x: usize, y: usize) -> bool {
         let width = self.seen.pixels.width();
-        self.allowance.calibration.is_some() && is_audited((x, y), width, self.prepared.frame)
+        let calibration = self.allowance.calibration.as_ref();
+        calibration.is_some_and(|of| is_audited((x, y), width, self.prepared.frame, of.audits_per_macroblock()))
     }
 
     /// Notes how wrong a cut of this class is that found `radiance` for `receiver` where `stop` was what it may be wrong by.
@@ -186,11 +187,12 @@ impl<'a> LightTransport<'a> {
     }
 }
 
-/// Whether a pixel is audited in a frame: one of each macroblock's, in 256 frames each of them.
-fn is_audited((x, y): (usize, usize), width: usize, frame: u32) -> bool {
+/// Whether a pixel is audited in a frame: so many of each macroblock's, in 256 frames all of them equally often.
+fn is_audited((x, y): (usize, usize), width: usize, frame: u32, of_a_macroblock: usize) -> bool {
     let block = (y / 16) * width.div_ceil(16) + x / 16;
     // Odd multipliers run through all 256 places.
-    (y % 16 * 16 + x % 16) == (frame as usize * 151 + block * 89) % 256
+    let first = (frame as usize * 151 + block * 89) % 256;
+    (y % 16 * 16 + x % 16 + 256 - first) * 45 % 256 < of_a_macroblock
 }
 
 /// Whether light from `lamp` arrives at `receiver`.
@@ -273,12 +275,14 @@ mod tests {
 
     #[test]
     fn every_pixel_has_its_turn() {
-        let mut asked = vec![0; 32 * 32];
-        for n in 0..256 {
-            for (i, asked) in asked.iter_mut().enumerate() {
-                *asked += u32::from(is_audited((i % 32, i / 32), 32, n));
+        for of_a_macroblock in [1, 5] {
+            let mut asked = vec![0; 32 * 32];
+            for n in 0..256 {
+                for (i, asked) in asked.iter_mut().enumerate() {
+                    *asked += usize::from(is_audited((i % 32, i / 32), 32, n, of_a_macroblock));
+                }
             }
+            assert!(asked.iter().all(|&times| times == of_a_macroblock));
         }
-        assert!(asked.iter().all(|&times| times == 1));
     }
 }

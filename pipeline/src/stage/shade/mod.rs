@@ -59,7 +59,7 @@ pub fn run_from(
     let mut cache = (plan.cache == State::On).then(Cache::default);
     // Where nothing moves, the light of one frame is that of the next.
     let mut still = None;
-    let mut calibration = (settings.stopping == Stopping::Calibrated).then(Calibration::default);
+    let mut calibration = (settings.stopping == Stopping::Calibrated).then(|| Calibration::keeping(settings.within));
     let mut last = None;
     for prepared in frames {
         if prepared.frame < checkpoints.first_frame() {
