@@ -30,6 +30,8 @@ struct Film {
     scene: Scene,
     settings: Settings,
     plan: Plan,
+    /// What checkpoints begin with: a magic number and the version.
+    begin: [u8; 8],
     stored: Stored,
     video: Vec<u8>,
 }
@@ -68,15 +70,15 @@ impl Film {
             let (stored, _) =
                 bincode::serde::decode_from_slice::<Stored, _>(&bytes[HEADER..], CONFIG).expect("a checkpoint");
             let video = std::fs::read(&settings.output).expect("a video");
-            (settings, plan, stored, video)
+            (settings, plan, stored, video, *bytes.first_chunk().expect("a header"))
         });
-        let (settings, plan, stored, _) = long;
+        let (settings, plan, stored, _, begin) = long;
         let stored = Stored { frame: 1, parts: short.2.parts, ..stored };
-        Self { _folder: folder, scene, settings, plan, stored, video: short.3 }
+        Self { _folder: folder, scene, settings, plan, begin, stored, video: short.3 }
     }
 
-    fn file(body: &[u8]) -> Vec<u8> {
-        let mut file = b"R2MC\x01\0\0\0".to_vec();
+    fn file(&self, body: &[u8]) -> Vec<u8> {
+        let mut file = self.begin.to_vec();
         file.extend((body.len() as u64).to_le_bytes());
         file.extend(crc32fast::hash(body).to_le_bytes());
         file.extend(body);
@@ -119,7 +121,7 @@ fn changed(film: &Film, kind: u8, rest: &[u8]) -> Vec<u8> {
     } else {
         edit(part);
     }
-    Film::file(&bincode::serde::encode_to_vec(&stored, CONFIG).expect("bytes"))
+    film.file(&bincode::serde::encode_to_vec(&stored, CONFIG).expect("bytes"))
 }
 
 fuzz_target!(|data: &[u8]| {
@@ -128,7 +130,7 @@ fuzz_target!(|data: &[u8]| {
     let Some((&kind, rest)) = data.split_first() else { return };
     let file = match kind % 14 {
         0 => rest.to_vec(),
-        1 => Film::file(rest),
+        1 => film.file(rest),
         kind => changed(film, kind, rest),
     };
     let Film { scene, settings, plan, .. } = film;

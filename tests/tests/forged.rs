@@ -28,6 +28,8 @@ struct Film {
     scene: Scene,
     settings: Settings,
     plan: Plan,
+    /// What checkpoints begin with: a magic number and the version.
+    begin: [u8; 8],
     /// The checkpoint behind the last frame but one.
     stored: Stored,
 }
@@ -55,16 +57,16 @@ impl Film {
             run(&checkpoints, &scene, &settings, &plan).unwrap();
             let bytes = std::fs::read(path_for(&settings.output)).unwrap();
             let (stored, _): (Stored, _) = bincode::serde::decode_from_slice(&bytes[HEADER..], CONFIG).unwrap();
-            (settings, plan, stored)
+            (settings, plan, stored, *bytes.first_chunk().unwrap())
         });
-        let (settings, plan, (job, ..)) = long;
-        Self { _folder: folder, scene, settings, plan, stored: (job, 1, short.2.2) }
+        let (settings, plan, (job, ..), begin) = long;
+        Self { _folder: folder, scene, settings, plan, begin, stored: (job, 1, short.2.2) }
     }
 
     /// Goes on from what is said to have been stored.
     fn go_on(&self, stored: &Stored) -> Result<(), String> {
         let body = bincode::serde::encode_to_vec(stored, CONFIG).unwrap();
-        let mut file = b"R2MC\x01\0\0\0".to_vec();
+        let mut file = self.begin.to_vec();
         file.extend((body.len() as u64).to_le_bytes());
         file.extend(crc32fast::hash(&body).to_le_bytes());
         file.extend(body);
