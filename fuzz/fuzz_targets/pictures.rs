@@ -4,7 +4,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use pipeline::compare::compare_paths;
+use pipeline::laboratory::compare::compare_paths;
 use std::sync::OnceLock;
 
 fuzz_target!(|data: &[u8]| {

@@ -2,9 +2,8 @@
 
 use anyhow::Result;
 use clap::Args;
-use pipeline::compare::{self, Comparison, HEAT_MAP_RANGE, HeatMap};
+use pipeline::laboratory::compare::{self, Comparison, HEAT_MAP_RANGE, HeatMap, png_file};
 use pipeline::output::Output;
-use pipeline::png_file;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -129,7 +129,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     #[cfg(feature = "html")]
     if let Some(path) = &html {
         let mut output = Output::create(path)?;
-        output.write(pipeline::page::run_page(&report)?.as_bytes())?;
+        output.write(pipeline::laboratory::page::run_page(&report)?.as_bytes())?;
         output.finish()?;
     }
     let traced = log.finish()?;

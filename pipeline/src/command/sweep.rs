@@ -4,8 +4,8 @@ use crate::progress;
 use anyhow::{Context, Result};
 use clap::Args;
 use pipeline::Wishes;
+use pipeline::laboratory::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method};
 use pipeline::settings::Size;
-use pipeline::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method};
 use render_core::scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -70,7 +70,7 @@ pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
     std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     // A folder that cannot be written to is told of before the work, not after it.
     drop(pipeline::output::Output::create(&folder.join("sweep.json"))?);
-    let sweep = pipeline::sweep::Sweep {
+    let sweep = pipeline::laboratory::sweep::Sweep {
         common: Wishes {
             frames: Some(frames.unwrap_or(DEFAULT_FRAMES)),
             size: Some(size.unwrap_or(DEFAULT_SIZE)),

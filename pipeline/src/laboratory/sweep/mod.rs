@@ -15,6 +15,7 @@ mod measurement;
 mod method;
 mod page;
 mod plots;
+mod raster;
 mod table;
 mod write;
 
@@ -24,7 +25,7 @@ pub use histogram::ErrorHistogram;
 pub use method::{METHODS, Method, Way};
 
 use crate::Wishes;
-use crate::compare::{Picture, rgb_of};
+use crate::laboratory::compare::{Picture, rgb_of};
 use crate::settings::Size;
 use anyhow::{Context, Result, bail};
 use figures::mean_seconds;

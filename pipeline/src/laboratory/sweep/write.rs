@@ -1,11 +1,11 @@
 //! A sweep's figures in files.
 
 use super::figures::{Outcome, Run};
+use super::raster::png_of;
 use super::table::Finding;
 use super::{Swept, maps, page, plots};
+use crate::laboratory::compare::png_file;
 use crate::output::Output;
-use crate::page::png_of;
-use crate::png_file;
 use anyhow::{Context, Result};
 use plane::Plane;
 use serde::Serialize;

@@ -1,6 +1,6 @@
 //! Drawings as pictures.
 
-use super::svg::Svg;
+use crate::laboratory::page::Svg;
 use anyhow::{Context, Result};
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree, fontdb::Database};

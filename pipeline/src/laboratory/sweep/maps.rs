@@ -1,8 +1,8 @@
 //! What steered a frame, as pictures: thresholds, cut sizes, errors (figures 4 and 8 of \[Herzog08\]).
 
 use super::figures::Maps;
-use crate::compare::HEAT_MAP_RANGE;
-use crate::false_color::{false_color, log_share};
+use crate::laboratory::compare::HEAT_MAP_RANGE;
+use crate::laboratory::compare::false_color::{false_color, log_share};
 use plane::Plane;
 
 /// A kind of map: its name, and the numbers at the dark and at the bright end; between them it goes by ratio.

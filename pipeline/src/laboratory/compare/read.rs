@@ -1,7 +1,7 @@
 //! Pictures from files: one, a folder of them, or a video.
 
 use super::picture::Picture;
-use crate::png_file;
+use super::png_file;
 use anyhow::{Context, Result, bail};
 use mpeg2enc::Frame;
 use plane::Plane;

@@ -1,7 +1,7 @@
 //! Films through the encoder.
 
 use super::film::{Film, FilmFrame};
-use crate::compare::{Picture, Pictures};
+use crate::laboratory::compare::{Picture, Pictures};
 use crate::output::Output;
 use crate::settings::Settings;
 use crate::stage::display::Y4m;

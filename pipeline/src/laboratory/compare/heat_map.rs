@@ -1,7 +1,7 @@
 //! Where pictures differ.
 
+use super::false_color::{false_color, log_share};
 use super::picture::View;
-use crate::false_color::{false_color, log_share};
 use plane::Plane;
 
 /// Differences of luma, in code values of 219, that take the darkest and the brightest colour: from what rounding hides to

@@ -3,7 +3,7 @@
 use super::coded::DecoderCheck;
 use super::histogram::ErrorHistogram;
 use super::method::Method;
-use crate::compare::Comparison;
+use crate::laboratory::compare::Comparison;
 use crate::report::{FrameReport, Seconds};
 use crate::settings::Settings;
 use plane::Plane;

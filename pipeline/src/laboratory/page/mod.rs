@@ -6,16 +6,12 @@ mod axis;
 mod bars;
 mod html;
 mod line_plot;
-#[cfg(feature = "sweep")]
-mod raster;
 mod run;
 mod svg;
 
 pub use bars::StackedBars;
 pub use html::{data_uri, render_template};
 pub use line_plot::{LinePlot, Series};
-#[cfg(feature = "sweep")]
-pub use raster::png_of;
 pub use run::run_page;
 pub use svg::Svg;
 

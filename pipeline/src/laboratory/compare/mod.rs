@@ -3,9 +3,11 @@
 //! Everything is measured twice: as linear light, where light adds up, and as luma, what a viewer is shown. Linear pictures
 //! are shown with the exposure that brings the middle of the (first) reference to middle grey, and the sRGB curve.
 
+pub mod false_color;
 mod heat_map;
 mod measure;
 mod picture;
+pub mod png_file;
 mod read;
 
 pub use heat_map::{HeatMap, RANGE as HEAT_MAP_RANGE};
@@ -127,7 +129,7 @@ mod tests {
         let mut map = HeatMap::default();
         map.add(&off_by(0.02), &truth);
         let map = map.picture();
-        assert_eq!(map.get(5, 5), crate::false_color::false_color(0.0));
+        assert_eq!(map.get(5, 5), false_color::false_color(0.0));
         assert!(map.get(42, 6)[0] > 100);
         let mean = Comparison::mean(&[good.clone(), bad.clone()]);
         assert!((mean.rmse.powi(2) - 0.5 * (good.rmse.powi(2) + bad.rmse.powi(2))).abs() < 1e-12);

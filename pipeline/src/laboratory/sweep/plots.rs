@@ -2,7 +2,7 @@
 
 use super::figures::{Outcome, Run};
 use super::method::Method;
-use crate::page::{LinePlot, Series, StackedBars, Svg};
+use crate::laboratory::page::{LinePlot, Series, StackedBars, Svg};
 
 /// A plot, the name of its files, and what it shows in words.
 pub struct Plot {

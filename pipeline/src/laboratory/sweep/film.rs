@@ -1,7 +1,7 @@
 //! Films in files: rendered as always, and read back frame by frame with all that is known of them.
 
 use super::method::{Method, Way};
-use crate::compare::{Picture, Pictures};
+use crate::laboratory::compare::{Picture, Pictures};
 use crate::output::Output;
 use crate::plan::Plan;
 use crate::report::{FrameReport, process_cpu_seconds};

@@ -5,7 +5,7 @@ use super::figures::{Maps, Pictures, Run, label, mean_of, mean_seconds};
 use super::film::{Film, FilmFrame};
 use super::histogram::Ratios;
 use super::method::Method;
-use crate::compare::{Comparison, Picture, measure, rgb_of};
+use crate::laboratory::compare::{Comparison, Picture, measure, rgb_of};
 use crate::settings::{Settings, Thresholds};
 use anyhow::{Result, ensure};
 use mpeg2enc::Frame;
