@@ -8,8 +8,8 @@ pub mod laboratory;
 pub mod message;
 pub mod observe;
 pub mod output;
-pub mod plan;
 pub mod reference;
+pub mod renderer;
 pub mod report;
 pub mod settings;
 pub mod stage;
@@ -17,7 +17,7 @@ pub mod video;
 
 mod run;
 
-pub use plan::Plan;
+pub use renderer::plan::{self, Plan};
 pub use report::Report;
 pub use run::{render, render_from};
 pub use settings::{Settings, Wishes};

@@ -8,19 +8,20 @@
 //! Prices of the units, which `pipeline/src/plan/estimate.rs` holds, are the seconds here by the work there: pixels, photons,
 //! lights.
 
+use pipeline::plan::Stage;
 use pipeline::{Plan, Report, Settings, Wishes, output::Output};
 use render_core::scene;
 use std::sync::atomic::AtomicBool;
 
 /// Stages of the plan whose time stands alone in the report, with their seconds there.
-type Stage = (&'static str, fn(&pipeline::report::Seconds) -> f64);
-const STAGES: [Stage; 6] = [
-    ("placing of objects", |s| s.update),
-    ("photons", |s| s.photons),
-    ("light tree update", |s| s.tree),
-    ("primary rays and motion", |s| s.visibility),
-    ("indirect light", |s| s.indirect),
-    ("masking thresholds", |s| s.thresholds),
+type Timed = (Stage, fn(&pipeline::report::Seconds) -> f64);
+const STAGES: [Timed; 6] = [
+    (Stage::ObjectPlacing, |s| s.update),
+    (Stage::Photons, |s| s.photons),
+    (Stage::TreeUpdate, |s| s.tree),
+    (Stage::PrimaryRays, |s| s.visibility),
+    (Stage::Indirect, |s| s.indirect),
+    (Stage::Masking, |s| s.thresholds),
 ];
 
 fn main() -> anyhow::Result<()> {
@@ -48,6 +49,7 @@ fn main() -> anyhow::Result<()> {
         let whole = mean(|s| s.total);
         for (stage, seconds) in STAGES {
             let estimated = plan.share_of(stage).map_or("–".into(), |share| format!("{:.1} %", 100.0 * share));
+            let stage = stage.name();
             let (took, share) = (1e3 * mean(seconds), 100.0 * mean(seconds) / whole);
             println!("| {path} | {stage} | {took:.2} | {share:.1} % | {estimated} |");
         }

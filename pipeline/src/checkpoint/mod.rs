@@ -13,7 +13,7 @@
 mod file;
 
 use crate::output::{Output, part_of};
-use crate::plan::{Plan, State};
+use crate::plan::{Plan, Stage};
 use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
 use file::Stored;
@@ -215,7 +215,7 @@ impl Place {
 
 /// Which parts there are of a film.
 fn wanted(plan: &Plan) -> [bool; PARTS] {
-    let masking = plan.masking == State::On;
+    let masking = plan.is_on(Stage::Masking);
     [true, true, true, masking, true, true]
 }
 

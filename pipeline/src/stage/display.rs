@@ -4,7 +4,7 @@ use crate::checkpoint::{Checkpoints, Part};
 use crate::message::{Displayed, Shaded, ToMask};
 use crate::observe::Observer;
 use crate::output::Output;
-use crate::plan::{Plan, State};
+use crate::plan::{Plan, Stage};
 use crate::settings::Settings;
 use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
@@ -71,7 +71,7 @@ pub fn run(
         }
         last = Some(frame);
         drop(span);
-        if plan.masking == State::On {
+        if plan.is_on(Stage::Masking) {
             let (picture, correspondence) = (picture.clone(), correspondence.clone());
             let message = ToMask { frame, checkpoint, picture, luminance, tone_map, correspondence };
             if to_mask.send(message).is_err() {

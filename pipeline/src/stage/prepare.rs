@@ -2,7 +2,7 @@
 
 use crate::checkpoint::{Checkpoints, Part};
 use crate::message::{FrameFigures, Prepared};
-use crate::plan::{Plan, State};
+use crate::plan::{Plan, Stage};
 use crate::settings::{Settings, Size};
 use anyhow::Result;
 use crossbeam_channel::Sender;
@@ -119,18 +119,18 @@ impl<'s, 'a> Preparation<'s, 'a> {
     fn new(scene: &'s Scene, settings: &'a Settings, plan: &'a Plan) -> Self {
         let units = Units::of(scene);
         let rest = scene.pose(0.0);
-        let carried = if plan.moving_anchors == State::Off { 0 } else { settings.moving_vpls };
-        let fixed = if plan.photons == State::Off { 0 } else { settings.vpls };
+        let carried = if plan.is_off(Stage::DynamicAnchors) { 0 } else { settings.moving_vpls };
+        let fixed = if plan.is_off(Stage::Photons) { 0 } else { settings.vpls };
         let geometry = Geometry::new(scene);
         let surfaces = Surfaces::new(scene, &rest);
         let anchors = Anchors::spread_exposed(scene, &surfaces, &geometry, &units, fixed, carried);
-        let count = if plan.photons == State::Off { 0 } else { settings.photons };
+        let count = if plan.is_off(Stage::Photons) { 0 } else { settings.photons };
         let mut photons = Photons::new(count, settings.seed);
         if let Some(bounces) = settings.bounces {
             // The last reflection is the one that the viewer sees.
             photons = photons.with_bounces(bounces.saturating_sub(1) as usize);
         }
-        if plan.photons_apart == State::On {
+        if plan.is_on(Stage::KeptPhotons) {
             let times = (0..settings.frames).map(|n| settings.time(n));
             photons = photons.keeping(Swept::of(scene, &units, times));
         }
@@ -144,7 +144,7 @@ impl<'s, 'a> Preparation<'s, 'a> {
         let pose = self.scene.pose(self.settings.time(n));
         let surfaces = Surfaces::new(self.scene, &pose);
         let accelerator = match &self.kept {
-            Some(kept) if !self.plan.placing.runs(n) => kept.accelerator.clone(),
+            Some(kept) if !self.plan.runs(Stage::ObjectPlacing, n) => kept.accelerator.clone(),
             _ => busy.measure(|| Arc::new(self.geometry.place(&pose))),
         };
         figures.update = busy.seconds();
@@ -158,7 +158,7 @@ impl<'s, 'a> Preparation<'s, 'a> {
         let busy = Busy::default();
         let Size { width, height } = self.settings.size;
         let seen = match &self.kept {
-            Some(kept) if !self.plan.primary_rays.runs(n) => kept.seen.clone(),
+            Some(kept) if !self.plan.runs(Stage::PrimaryRays, n) => kept.seen.clone(),
             _ => {
                 let view = self.scene.view(&pose, width, height);
                 Arc::new(GBuffer::trace(&accelerator, &surfaces, &view, (width, height), &busy))
@@ -204,7 +204,11 @@ impl<'s, 'a> Preparation<'s, 'a> {
         accelerator: &Accelerator,
         figures: &mut FrameFigures,
     ) -> Lights {
-        if let Some(kept) = self.kept.as_ref().filter(|_| !self.plan.photons.runs(n) && !self.plan.placing.runs(n)) {
+        if let Some(kept) = self
+            .kept
+            .as_ref()
+            .filter(|_| !self.plan.runs(Stage::Photons, n) && !self.plan.runs(Stage::ObjectPlacing, n))
+        {
             let Kept { tree, direct, gather, .. } = kept;
             return Lights { tree: tree.clone(), direct: direct.clone(), gather: gather.clone() };
         }
@@ -236,13 +240,13 @@ impl<'s, 'a> Preparation<'s, 'a> {
                     intensity,
                 });
                 let lights: Vec<Light> = anchors.chain(self.lights_that_stay(&emitters, surfaces, &sampled)).collect();
-                let softening2 = self.anchors.softening(self.plan.compensation == State::On);
+                let softening2 = self.anchors.softening(self.plan.is_on(Stage::Compensation));
                 let params = BuildParams { softening2, seed: self.settings.seed };
                 Arc::new(busy.measure(|| LightTree::build(&lights, params)))
             }
         };
         let mut direct = DirectLights::new(&emitters, surfaces, &self.anchors, &energies.carried, &sampled);
-        if self.plan.cache == State::On {
+        if self.plan.is_on(Stage::Cache) {
             // Light that moving things send back is as smooth as all indirect light: records hold it too.
             direct = direct.with_carried_apart();
         }

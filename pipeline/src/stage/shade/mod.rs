@@ -14,7 +14,7 @@ pub(super) use resume::check;
 
 use crate::checkpoint::Checkpoints;
 use crate::message::{LuminanceThresholds, Prepared, Shaded};
-use crate::plan::{Plan, State};
+use crate::plan::{Plan, Stage, State};
 use crate::settings::{Aov, Settings, Stopping, Thresholds};
 use anyhow::Result;
 use cache::Cache;
@@ -56,7 +56,7 @@ pub fn run_from(
     thresholds: &Receiver<LuminanceThresholds>,
     out: &Sender<Shaded>,
 ) -> Result<()> {
-    let mut cache = (plan.cache == State::On).then(Cache::default);
+    let mut cache = plan.is_on(Stage::Cache).then(Cache::default);
     // Where nothing moves, the light of one frame is that of the next.
     let mut still = None;
     let mut calibration = (settings.stopping == Stopping::Calibrated).then(|| Calibration::keeping(settings.within));
@@ -66,7 +66,7 @@ pub fn run_from(
             (cache, still, calibration) = resume::take_up(checkpoints, &prepared)?;
             continue;
         }
-        let (map, before) = match (plan.masking, &prepared.correspondence) {
+        let (map, before) = match (plan.state(Stage::Masking), &prepared.correspondence) {
             (State::On, Some(correspondence)) => {
                 let _span = tracing::debug_span!("wait for thresholds", frame = prepared.frame).entered();
                 let Ok(LuminanceThresholds { of, delta, luminance }) = thresholds.recv() else { return Ok(()) };
@@ -113,7 +113,7 @@ fn shade(
     let [visibility, direct_busy, indirect_busy] = [(); 3].map(|()| Busy::default());
     let places = sample_places(settings.samples as usize);
     // Light behind a cache takes thresholds into account only where something is new.
-    let may_stay = plan.primary_rays == State::Once && plan.cache == State::On;
+    let may_stay = plan.state(Stage::PrimaryRays) == State::Once && plan.is_on(Stage::Cache);
     let known = still.take().filter(|still| still.is_of(&prepared));
     let lit = known.unwrap_or_else(|| {
         let mut samples: Vec<Sample> = Vec::new();
@@ -124,7 +124,7 @@ fn shade(
                 GBuffer::trace_at(place, accelerator, surfaces, &seen.view, size, &visibility)
             });
             let seen = own.as_ref().unwrap_or(&prepared.seen);
-            let coats = (plan.gloss == State::On).then(|| gloss::light(&prepared, seen, &direct_busy));
+            let coats = plan.is_on(Stage::Gloss).then(|| gloss::light(&prepared, seen, &direct_busy));
             let below = coats.is_some().then(|| gloss::below_coats(seen));
             let seen = below.as_ref().unwrap_or(seen);
             let (mut direct, rays) = direct::light(&prepared, seen, &direct_busy);
@@ -133,9 +133,9 @@ fn shade(
                 figures.shadow_rays += rays;
                 direct.samples_mut().iter_mut().zip(reflected.samples()).for_each(|(sum, &coat)| *sum += coat);
             }
-            let compensates = plan.compensation == State::On;
+            let compensates = plan.is_on(Stage::Compensation);
             let transport = LightTransport::new(settings, &prepared, allowance, (seen, &direct), compensates, &counts);
-            let indirect = match (plan.indirect, cache.as_deref_mut()) {
+            let indirect = match (plan.state(Stage::Indirect), cache.as_deref_mut()) {
                 (State::Off, _) => Plane::filled(size.0, size.1, Vec3::ZERO),
                 (_, Some(cache)) if samples.is_empty() => cache.light(&transport, &indirect_busy, &mut figures),
                 (_, Some(cache)) => cache.light_more(&transport, &indirect_busy, &mut figures),

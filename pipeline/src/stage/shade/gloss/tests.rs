@@ -1,7 +1,7 @@
 //! Coats in scenes whose pictures are known: in even light, before a lamp, and where there are none.
 
 use super::*;
-use crate::plan::{Plan, State};
+use crate::plan::{self, Plan, State};
 use crate::settings::{Settings, Size, Wishes};
 use crate::stage::prepare;
 use crate::stage::shade::cuts::Allowance;
@@ -51,7 +51,7 @@ impl Stage {
     /// What coats reflect to each pixel, and the first hits.
     fn reflected(&self) -> (Plane<Vec3>, GBuffer) {
         let (settings, plan) = self.settings();
-        assert_eq!(plan.gloss, State::On);
+        assert!(plan.is_on(plan::Stage::Gloss));
         let prepared = prepare::single(&self.0, &settings, &plan, 0);
         let (light, _) = light(&prepared, &prepared.seen, &Busy::default());
         (light, (*prepared.seen).clone())
@@ -223,10 +223,9 @@ fn matte_scenes_stay_as_they_are_to_the_last_bit() {
     let matte = Material { base_color: Vec3::new(0.7, 0.4, 0.2), ..Material::default() };
     let stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8).with(FLOOR, matte).under_a_sky(1.0);
     let (settings, plan) = stage.settings();
-    assert_eq!(plan.gloss, State::Off);
+    assert!(plan.is_off(plan::Stage::Gloss));
     let lit = |gloss| {
-        let mut plan = plan.clone();
-        plan.gloss = gloss;
+        let plan = plan.clone().with(plan::Stage::Gloss, gloss);
         let prepared = prepare::single(&stage.0, &settings, &plan, 0);
         let map = perceptual::ThresholdMap::relative(SIDE, SIDE);
         let mut allowance = Allowance { map, before: None, calibration: None };

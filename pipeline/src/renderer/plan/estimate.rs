@@ -5,6 +5,7 @@
 //! matter here, and these differ little between processors. They differ more between scenes: light that is found by cuts
 //! costs what a scene's detail asks for, of which the number of triangles is a poor measure.
 
+use super::stage::Stage;
 use crate::settings::{Lighting, Settings, Size};
 use render_core::scene::Scene;
 
@@ -67,22 +68,22 @@ impl Costs {
         }
     }
 
-    /// CPU seconds of `stage`, named as in the plan, for a frame that it runs for; none where that cannot be said: of what
-    /// the scene does not have, and of what is there to save time.
-    pub(super) fn of_stage(&self, stage: &str) -> Option<f64> {
+    /// CPU seconds of `stage` for a frame that it runs for. None where that cannot be said: for what the scene does not
+    /// have, and for stages that save time.
+    pub(super) fn of_stage(&self, stage: Stage) -> Option<f64> {
         let Self { pixels, .. } = *self;
         let places = if self.cache { pixels / PIXELS_OF_A_RECORD } else { pixels };
         Some(match stage {
-            "placing of objects" => PLACING,
-            "photons" => PHOTON * self.photons,
-            "light tree update" => LIGHT * self.lights,
-            "anchor lights on moving objects" => MOVING_ANCHOR * self.moving_anchors * places,
-            "primary rays and motion" => PRIMARY_RAY * pixels,
-            "area lights" if self.area_lights > 0.0 => AREA_LIGHT * self.area_lights * pixels,
-            "punctual lights" if self.points > 0.0 => POINT_LIGHT * self.points * pixels,
-            "indirect light" => self.indirect(),
-            "compensation" if self.cache => COMPENSATION * self.indirect(),
-            "masking thresholds" => MASKED_PIXEL * pixels,
+            Stage::ObjectPlacing => PLACING,
+            Stage::Photons => PHOTON * self.photons,
+            Stage::TreeUpdate => LIGHT * self.lights,
+            Stage::DynamicAnchors => MOVING_ANCHOR * self.moving_anchors * places,
+            Stage::PrimaryRays => PRIMARY_RAY * pixels,
+            Stage::AreaLights if self.area_lights > 0.0 => AREA_LIGHT * self.area_lights * pixels,
+            Stage::PunctualLights if self.points > 0.0 => POINT_LIGHT * self.points * pixels,
+            Stage::Indirect => self.indirect(),
+            Stage::Compensation if self.cache => COMPENSATION * self.indirect(),
+            Stage::Masking => MASKED_PIXEL * pixels,
             _ => return None,
         })
     }

@@ -1,0 +1,122 @@
+//! What a scene needs, and what is left out of it, and why: decided before the first frame.
+//!
+//! Leaving out never changes a bit of the output: what is left out would have computed the same again.
+
+mod estimate;
+mod facts;
+mod rules;
+mod stage;
+
+pub use stage::{Stage, State};
+
+use crate::settings::Settings;
+use estimate::Costs;
+use facts::Facts;
+use render_core::scene::Scene;
+use rules::{Decision, decisions};
+use serde::Serialize;
+
+/// A line of the plan.
+#[derive(Clone, Debug, Serialize)]
+pub struct Step {
+    /// Which stage.
+    pub stage: Stage,
+    /// How often it runs.
+    pub state: State,
+    /// Why.
+    pub reason: String,
+    /// Share of a frame's CPU time, after the first, that leaving the stage out saves: an estimate, by the amount of work and
+    /// the measured cost of a unit of it. None for stages that run, and where there is nothing that could cost time.
+    pub saves: Option<f64>,
+}
+
+/// How often each stage runs for a scene.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// One for each stage, in the order of [`Stage::ALL`].
+    steps: Vec<Step>,
+    /// See [`Plan::share_of`].
+    shares: Vec<Option<f64>>,
+}
+
+impl Plan {
+    /// The plan of `scene` with `settings`.
+    #[must_use]
+    pub fn new(scene: &Scene, settings: &Settings) -> Self {
+        let facts = Facts::new(scene, settings);
+        let shares = shares(&Costs::of(scene, settings, facts.area_lights));
+        let step = |(Decision { stage, state, reason }, &share): (Decision, &Option<f64>)| {
+            let saves = if state == State::On { None } else { share };
+            Step { stage, state, reason, saves }
+        };
+        let steps = decisions(&facts).into_iter().zip(&shares).map(step).collect();
+        Self { steps, shares }
+    }
+
+    /// How often `stage` runs.
+    #[must_use]
+    pub fn state(&self, stage: Stage) -> State {
+        self.steps[stage as usize].state
+    }
+
+    /// Whether `stage` runs for every frame.
+    #[must_use]
+    pub fn is_on(&self, stage: Stage) -> bool {
+        self.state(stage) == State::On
+    }
+
+    /// Whether `stage` never runs.
+    #[must_use]
+    pub fn is_off(&self, stage: Stage) -> bool {
+        self.state(stage) == State::Off
+    }
+
+    /// Whether `stage` runs for frame `n`.
+    #[must_use]
+    pub fn runs(&self, stage: Stage, n: u32) -> bool {
+        self.state(stage).runs(n)
+    }
+
+    /// The same plan with another state of `stage`.
+    #[cfg(test)]
+    pub(crate) fn with(mut self, stage: Stage, state: State) -> Self {
+        self.steps[stage as usize].state = state;
+        self
+    }
+
+    /// The estimated share of CPU time that `stage` takes of a frame in which every stage runs.
+    #[must_use]
+    pub fn share_of(&self, stage: Stage) -> Option<f64> {
+        self.shares[stage as usize]
+    }
+
+    /// The plan line by line.
+    #[must_use]
+    pub fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// The plan as a table for the terminal.
+    #[must_use]
+    pub fn table(&self) -> String {
+        let width = self.steps.iter().map(|step| step.stage.name().len()).max().unwrap_or(0);
+        let mut table = format!("{:width$}  state  saves  reason\n", "stage");
+        for Step { stage, state, reason, saves } in &self.steps {
+            let saves = match saves {
+                None => String::new(),
+                Some(share) if *share < 0.01 => "< 1 %".into(),
+                Some(share) => format!("{:.0} %", 100.0 * share),
+            };
+            let (stage, state) = (stage.name(), state.name());
+            table.push_str(&format!("{stage:width$}  {state:5}  {saves:>5}  {reason}\n"));
+        }
+        table
+    }
+}
+
+/// The share of each stage of a frame in which they all run; none where that cannot be said.
+fn shares(costs: &Costs) -> Vec<Option<f64>> {
+    let seconds = Stage::ALL.map(|stage| costs.of_stage(stage));
+    let whole = seconds.iter().flatten().sum::<f64>() + costs.of_the_rest();
+    seconds.into_iter().map(|seconds| Some(seconds? / whole)).collect()
+}

@@ -1,0 +1,231 @@
+//! The table: each stage, and when it is in which state, and why.
+
+use super::facts::Facts;
+use super::stage::{Stage, State};
+use crate::settings::{Lighting, Thresholds};
+
+/// One possible decision about a stage.
+struct Rule {
+    when: When,
+    state: State,
+    /// After the number, where one is counted.
+    reason: &'static str,
+}
+
+/// The condition of a rule.
+enum When {
+    /// If this holds.
+    Holds(fn(&Facts<'_>) -> bool),
+    /// If there is at least one; the reason begins with the number.
+    Any(fn(&Facts<'_>) -> usize),
+    /// In all other cases.
+    Otherwise,
+}
+
+const fn on(condition: fn(&Facts<'_>) -> bool, reason: &'static str) -> Rule {
+    Rule { when: When::Holds(condition), state: State::On, reason }
+}
+
+const fn off(condition: fn(&Facts<'_>) -> bool, reason: &'static str) -> Rule {
+    Rule { when: When::Holds(condition), state: State::Off, reason }
+}
+
+const fn any(count: fn(&Facts<'_>) -> usize, reason: &'static str) -> Rule {
+    Rule { when: When::Any(count), state: State::On, reason }
+}
+
+const fn otherwise(state: State, reason: &'static str) -> Rule {
+    Rule { when: When::Otherwise, state, reason }
+}
+
+const NO_REFLECTION: &str = "no surface reflects light";
+const NO_INDIRECT: &str = "there is no indirect light";
+const LEFT_OUT: &str = "left out, as asked";
+
+/// The rules of each stage, in the order of [`Stage::ALL`]. The first rule that applies decides.
+const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
+    (
+        Stage::ObjectPlacing,
+        &[on(|f| f.object_moves, "something moves"), otherwise(State::Once, "nothing but the camera moves")],
+    ),
+    (
+        Stage::Photons,
+        &[
+            off(|f| !f.reflects, NO_REFLECTION),
+            on(|f| f.light_changes(), "what moves changes the way of the light"),
+            otherwise(State::Once, "nothing that light meets ever moves"),
+        ],
+    ),
+    (
+        Stage::TreeUpdate,
+        &[
+            off(|f| !f.reflects, NO_REFLECTION),
+            on(|f| f.light_changes(), "the energies change"),
+            otherwise(State::Once, "the energies stay"),
+        ],
+    ),
+    (
+        Stage::KeptPhotons,
+        &[
+            on(
+                |f| f.reflects && f.light_changes() && f.keeps_photons(),
+                "their ways are traced once up to where something that moves can meet them",
+            ),
+            off(
+                |f| f.reflects && (f.light_changes() || !f.settings.leave_out),
+                "every photon is traced for every frame",
+            ),
+            otherwise(State::Off, "no photon has to be traced again"),
+        ],
+    ),
+    (
+        Stage::DynamicAnchors,
+        &[
+            on(|f| f.reflects && f.object_moves, "something moves and reflects"),
+            otherwise(State::Off, "no moving object"),
+        ],
+    ),
+    (
+        Stage::PrimaryRays,
+        &[
+            on(|f| f.camera_moves, "the camera moves"),
+            on(|f| f.object_moves, "objects move"),
+            otherwise(State::Once, "nothing moves in the picture"),
+        ],
+    ),
+    (Stage::AreaLights, &[any(|f| f.area_lights, "glowing surfaces"), otherwise(State::Off, "no surface glows")]),
+    (Stage::PunctualLights, &[any(|f| f.punctual_lights, "in the file"), otherwise(State::Off, "none in the file")]),
+    (
+        Stage::Sky,
+        &[
+            on(|f| f.has_sky, "its dome is part of the light tree"),
+            otherwise(State::Off, "no sky in the scene's settings"),
+        ],
+    ),
+    (
+        Stage::Textures,
+        &[any(|f| f.textures, "images on visible surfaces"), otherwise(State::Off, "no image on a visible surface")],
+    ),
+    (
+        Stage::CutOuts,
+        &[any(|f| f.cut_outs, "surfaces are masked or blended"), otherwise(State::Off, "every surface is opaque")],
+    ),
+    (
+        Stage::Deformation,
+        &[any(|f| f.deforming, "surfaces change their shape"), otherwise(State::Off, "nothing changes its shape")],
+    ),
+    (
+        Stage::Indirect,
+        &[
+            off(|f| !f.reflects, NO_REFLECTION),
+            on(|f| !f.cuts(), "every light at each pixel, as asked"),
+            on(|f| f.settings.cache, "a lightcut for each record"),
+            otherwise(State::On, "a lightcut for each pixel"),
+        ],
+    ),
+    (
+        Stage::Cache,
+        &[
+            off(|f| !f.reflects, NO_INDIRECT),
+            off(|f| !f.cuts(), "the reference has none"),
+            on(|f| f.settings.cache, "indirect light varies slowly"),
+            otherwise(State::Off, LEFT_OUT),
+        ],
+    ),
+    (
+        Stage::Compensation,
+        &[
+            off(|f| !f.reflects, NO_INDIRECT),
+            on(|f| f.settings.compensation, "corners would be dark without the light of close lights"),
+            otherwise(State::Off, LEFT_OUT),
+        ],
+    ),
+    (Stage::Gloss, &[any(|f| f.coats, "surfaces have a coat"), otherwise(State::Off, "every surface is matte")]),
+    (
+        Stage::Masking,
+        &[
+            off(|f| !f.cuts(), "without cuts nothing stops at them"),
+            off(|f| matches!(f.settings.thresholds, Thresholds::Fixed(_)), "thresholds are fixed, as asked"),
+            on(
+                |f| matches!(f.settings.thresholds, Thresholds::Codec),
+                "what the encoder did steers the cuts of the next frame",
+            ),
+            otherwise(State::On, "they steer the cuts of the next frame"),
+        ],
+    ),
+    (
+        Stage::EncoderMotion,
+        &[on(|f| f.settings.motion, "vectors are known, no search"), otherwise(State::Off, LEFT_OUT)],
+    ),
+];
+
+/// A state, and why.
+pub(super) struct Decision {
+    pub stage: Stage,
+    pub state: State,
+    pub reason: String,
+}
+
+/// One decision for each stage, in the order of [`Stage::ALL`].
+pub(super) fn decisions(facts: &Facts<'_>) -> Vec<Decision> {
+    let decide = |(stage, rules): &(Stage, &[Rule])| {
+        let (state, reason) = rules.iter().find_map(|rule| rule.applied(facts)).expect("the last rule always applies");
+        // Leaving out can be switched off: then nothing is kept from the first frame.
+        if state == State::Once && !facts.settings.leave_out {
+            return Decision {
+                stage: *stage,
+                state: State::On,
+                reason: format!("{reason}; run all the same, as asked"),
+            };
+        }
+        Decision { stage: *stage, state, reason }
+    };
+    TABLE.iter().map(decide).collect()
+}
+
+impl Rule {
+    /// State and reason, if the rule applies.
+    fn applied(&self, facts: &Facts<'_>) -> Option<(State, String)> {
+        let reason = match self.when {
+            When::Holds(condition) => condition(facts).then(|| self.reason.to_owned())?,
+            When::Any(count) => {
+                let count = count(facts);
+                (count > 0).then(|| format!("{count} {}", self.reason))?
+            }
+            When::Otherwise => self.reason.to_owned(),
+        };
+        Some((self.state, reason))
+    }
+}
+
+impl Facts<'_> {
+    /// Whether light takes other paths from frame to frame.
+    fn light_changes(&self) -> bool {
+        self.object_moves || self.light_moves
+    }
+
+    /// Whether paths of photons may be kept from the first frame for later ones.
+    fn keeps_photons(&self) -> bool {
+        self.settings.leave_out && self.settings.frames > 1
+    }
+
+    /// Whether indirect light is found by cuts.
+    fn cuts(&self) -> bool {
+        matches!(self.settings.lighting, Lighting::Lightcuts)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_stage_has_a_row_that_ends_in_a_rule_for_all_other_cases() {
+        for ((stage, rules), expected) in TABLE.iter().zip(Stage::ALL) {
+            assert_eq!(*stage, expected);
+            let [before @ .., last] = rules else { panic!("{stage:?} has no rule") };
+            assert!(matches!(last.when, When::Otherwise), "{stage:?}");
+            assert!(!before.iter().any(|rule| matches!(rule.when, When::Otherwise)), "{stage:?}");
+        }
+    }
+}
