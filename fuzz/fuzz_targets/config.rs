@@ -16,7 +16,7 @@ fuzz_target!(|data: &[u8]| {
                     let _ = settings.encoder_config();
                     let _ = Plan::new(&scene, &settings).table();
                 }
-                Err(error) => assert_eq!(format!("{error:#}").lines().count(), 1, "{error:#}"),
+                Err(error) => assert_eq!(error.chain().lines().count(), 1, "{}", error.chain()),
             }
         }
         Err(message) => assert!(!message.contains('\n'), "{message}"),

@@ -9,8 +9,8 @@
 //! stages of this crate. [`perceptual::Feedback`] is a [`Mask`], [`Video`] an [`Encode`]. What a run of this loop gives is a
 //! function of its parts alone, as long as they are.
 
+use crate::error::{Error, Result};
 use crate::video::Video;
-use anyhow::{Result, anyhow};
 use crossbeam_channel::bounded;
 use mpeg2enc::{Frame, MotionField};
 use perceptual::{Feedback, ThresholdMap, ToneMap, YCbCr, carry, luminance_plane};
@@ -173,6 +173,6 @@ pub fn couple<P: Prepare>(
         let made = film();
         let ended = [preparing.join().map(drop), shading.join()];
         made?;
-        ended.into_iter().collect::<Result<(), _>>().map_err(|_| anyhow!("the renderer panicked"))
+        ended.into_iter().collect::<Result<(), _>>().map_err(|_| Error::Fault("the renderer panicked".into()))
     })
 }

@@ -4,6 +4,7 @@
 
 pub mod checkpoint;
 pub mod couple;
+pub mod error;
 pub mod laboratory;
 pub mod message;
 pub mod observe;
@@ -17,6 +18,7 @@ pub mod video;
 
 mod run;
 
+pub use error::{Error, Result};
 pub use renderer::plan::{self, Plan};
 pub use report::Report;
 pub use run::{render, render_from};

@@ -1,6 +1,6 @@
 //! Files that are either whole or not there.
 
-use anyhow::{Context, Result, bail};
+use crate::error::{Error, Result};
 use std::fs::{self, File};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -31,7 +31,7 @@ impl Output {
             .create(!direct)
             .truncate(!direct)
             .open(target)
-            .with_context(|| format!("{} cannot be written; choose another place with -o", path.display()))?;
+            .map_err(Error::file(path, "cannot be written; choose another place with -o"))?;
         Ok(Self { path: path.to_owned(), part, file, length: 0 })
     }
 
@@ -40,19 +40,20 @@ impl Output {
     /// # Errors
     /// There is not as much of it, or it may not be written to.
     pub fn resume(path: &Path, length: u64) -> Result<Self> {
-        let context = || format!("{} cannot be continued", path.display());
+        let context = |error| Error::file(path, "cannot be continued")(error);
         let part = part_of(path);
         let has_enough = |path: &Path| fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() >= length);
         if !has_enough(&part) {
             // Finished in order, as after Ctrl-C, it has its name already.
             if !has_enough(path) {
-                bail!("{} is shorter than when it was left: start anew, without --resume", part.display());
+                let problem = " is shorter than when it was left: start anew, without --resume";
+                return Err(Error::content(&part, problem));
             }
-            fs::copy(path, &part).with_context(context)?;
+            fs::copy(path, &part).map_err(context)?;
         }
-        let mut file = File::options().write(true).open(&part).with_context(context)?;
-        file.set_len(length).with_context(context)?;
-        file.seek(SeekFrom::End(0)).with_context(context)?;
+        let mut file = File::options().write(true).open(&part).map_err(context)?;
+        file.set_len(length).map_err(context)?;
+        file.seek(SeekFrom::End(0)).map_err(context)?;
         Ok(Self { path: path.to_owned(), part: Some(part), file, length })
     }
 
@@ -72,7 +73,7 @@ impl Output {
     /// The disk is full or gone.
     pub fn sync(&self) -> Result<()> {
         match self.part {
-            Some(_) => self.file.sync_data().with_context(|| format!("{} cannot be written", self.path.display())),
+            Some(_) => self.file.sync_data().map_err(Error::file(&self.path, "cannot be written")),
             None => Ok(()),
         }
     }
@@ -83,7 +84,7 @@ impl Output {
     /// The disk is full or gone.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
         self.length += bytes.len() as u64;
-        self.file.write_all(bytes).with_context(|| format!("{} cannot be written further", self.path.display()))
+        self.file.write_all(bytes).map_err(Error::file(&self.path, "cannot be written further"))
     }
 
     /// Gives the file its name.
@@ -91,12 +92,12 @@ impl Output {
     /// # Errors
     /// What was written cannot be kept.
     pub fn finish(mut self) -> Result<()> {
-        let context = || format!("{} cannot be completed", self.path.display());
+        let context = |error| Error::file(&self.path, "cannot be completed")(error);
         if let Some(part) = &self.part {
-            self.file.sync_all().with_context(context)?;
-            fs::rename(part, &self.path).with_context(context)?;
+            self.file.sync_all().map_err(context)?;
+            fs::rename(part, &self.path).map_err(context)?;
         } else {
-            self.file.flush().with_context(context)?;
+            self.file.flush().map_err(context)?;
         }
         self.part = None;
         Ok(())
@@ -158,7 +159,7 @@ mod tests {
 
     #[test]
     fn errors_name_the_file() {
-        let message = |path: &str| format!("{:#}", Output::create(Path::new(path)).err().unwrap());
+        let message = |path: &str| Output::create(Path::new(path)).err().unwrap().chain();
         assert!(message("/no/such/folder/a.m2v").contains("/no/such/folder/a.m2v"));
     }
 }

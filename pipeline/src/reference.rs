@@ -1,9 +1,9 @@
 //! One frame as exactly as wanted, linear and uncompressed: what the fast ways are measured against.
 
+use crate::error::{Error, Result};
 use crate::plan::Plan;
 use crate::settings::{Lighting, Settings, Size};
 use crate::stage::{prepare, shade};
-use anyhow::{Context, Result};
 use plane::Plane;
 use render_core::scene::Scene;
 use render_core::{Emitters, Geometry, PathOptions, PathTracer, Surfaces, Units};
@@ -59,11 +59,11 @@ pub fn by_all_lights(scene: &Scene, settings: &Settings, frame: u32) -> Result<R
     let (shaded_out, shaded_in) = crossbeam_channel::bounded(1);
     let (_, no_thresholds) = crossbeam_channel::bounded(1);
     let prepared = prepare::single(scene, &settings, &plan, frame);
-    prepared_out.send(prepared).ok().context("the frame cannot be handed over")?;
+    prepared_out.send(prepared).map_err(|_| Error::Fault("the frame cannot be handed over".into()))?;
     // Closed after the one frame, so that the stage ends.
     drop(prepared_out);
     shade::run(&settings, &plan, &prepared_in, &no_thresholds, &shaded_out);
-    let shaded = shaded_in.try_recv().context("the frame was not lit")?;
+    let shaded = shaded_in.try_recv().map_err(|_| Error::Fault("the frame was not lit".into()))?;
     Ok(Reference { radiance: shaded.radiance, variance: None })
 }
 
@@ -83,6 +83,6 @@ impl Reference {
             },
         );
         let (width, height) = (self.radiance.width(), self.radiance.height());
-        render_core::image_file::write_layers(path, width, height, channels.collect()).map_err(anyhow::Error::msg)
+        render_core::image_file::write_layers(path, width, height, channels.collect()).map_err(Error::other)
     }
 }

@@ -1,9 +1,9 @@
 //! What a run did and cost, as JSON. The names are kept stable; `schema` counts changes.
 
+use crate::error::{Context, Result};
 use crate::message::FrameFigures;
 use crate::plan::Step;
 use crate::settings::Settings;
-use anyhow::{Context, Result};
 use render_core::scene::Scene;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;

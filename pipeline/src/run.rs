@@ -1,6 +1,7 @@
 //! The stages as threads, joined by bounded channels; the first failure ends all.
 
 use crate::checkpoint::{Checkpoints, NONSENSE};
+use crate::error::{Context, Error, Result};
 use crate::message::{Coding, MaskingTime};
 use crate::observe::{Observer, OnFrame};
 use crate::output::Output;
@@ -8,7 +9,6 @@ use crate::plan::Plan;
 use crate::report::{FrameReport, Report};
 use crate::settings::Settings;
 use crate::stage::{display, encode, mask, prepare, shade};
-use anyhow::{Context, Result, anyhow, ensure};
 use crossbeam_channel::{bounded, unbounded};
 use render_core::scene::Scene;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -103,16 +103,21 @@ pub fn render_from(
             (name, thread.context("a thread cannot be started"))
         });
         let results = started.map(|(name, thread)| {
-            thread?.join().unwrap_or_else(|_| Err(anyhow!("the {name} stage failed: a fault of this program")))
+            thread?
+                .join()
+                .unwrap_or_else(|_| Err(Error::Fault(format!("the {name} stage failed: a fault of this program"))))
         });
         results.into_iter().collect::<Result<Vec<()>>>()
     })?;
     // An encoder that looks ahead codes in another order.
     reports.sort_by_key(|frame| frame.index);
     // Only an encoder that was told nonsense leaves one out, or tells of one twice.
-    ensure!(reports.iter().map(|frame| frame.index).eq(0..reports.len() as u32), NONSENSE);
+    let nonsense = || Error::Checkpoint(NONSENSE.into());
+    if !reports.iter().map(|frame| frame.index).eq(0..reports.len() as u32) {
+        return Err(nonsense());
+    }
     for MaskingTime { of, seconds } in times_in {
-        reports.get_mut(of as usize).context(NONSENSE)?.add_masking(seconds);
+        reports.get_mut(of as usize).ok_or_else(nonsense)?.add_masking(seconds);
     }
     output.finish()?;
     let interrupted = stop.load(Ordering::Relaxed) && (reports.len() as u32) < settings.frames;

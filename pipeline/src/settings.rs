@@ -1,6 +1,6 @@
 //! What is meant: every choice of a run, checked and with its default filled in.
 
-use anyhow::{Context, Result, bail};
+use crate::error::{Error, Result};
 use mpeg2enc::{Container, Rate, Standard};
 use perceptual::ToneMap;
 use render_core::scene::Scene;
@@ -8,6 +8,11 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
+
+/// Returns an [`Error::Options`].
+macro_rules! fail {
+    ($($text:tt)*) => { return Err(Error::Options(format!($($text)*))) };
+}
 
 /// How indirect light is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
@@ -381,33 +386,36 @@ impl Settings {
     pub fn new(path: PathBuf, scene: &Scene, wishes: Wishes) -> Result<Self> {
         let output = match wishes.output {
             Some(output) => output,
-            None => PathBuf::from(path.file_stem().context("the scene's path has no file name")?).with_extension("m2v"),
+            None => PathBuf::from(
+                path.file_stem().ok_or_else(|| Error::Options("the scene's path has no file name".into()))?,
+            )
+            .with_extension("m2v"),
         };
         if Container::of(&output).is_none() {
-            bail!("{}: such files are not written; name the output .m2v, .mpg or .ts", output.display());
+            fail!("{}: such files are not written; name the output .m2v, .mpg or .ts", output.display());
         }
         if wishes.cbr && wishes.bitrate.is_none() {
-            bail!("--cbr needs --bitrate, which says how many bits a second there are to be");
+            fail!("--cbr needs --bitrate, which says how many bits a second there are to be");
         }
         let video = scene.settings.video;
         let fps = wishes.fps.or(video.fps).unwrap_or(25.0);
         if !(fps.is_finite() && fps > 0.0) {
-            bail!("--fps {fps} must be positive");
+            fail!("--fps {fps} must be positive");
         }
         let animated = (f64::from(scene.duration()) * fps).round().clamp(0.0, 1e6) as u32;
         let frames = wishes.frames.or(video.frames).unwrap_or(if animated > 0 { animated } else { 100 });
         if frames == 0 {
-            bail!("--frames 0: a video has at least one frame");
+            fail!("--frames 0: a video has at least one frame");
         }
         let thresholds = wishes.thresholds.unwrap_or(Thresholds::Codec);
         let kappa = wishes.kappa.unwrap_or(if thresholds == Thresholds::Codec { CODEC_KAPPA } else { KAPPA });
         if !(0.0..=100.0).contains(&kappa) {
-            bail!("--kappa {kappa} must lie in 0..=100; 1 is the paper's");
+            fail!("--kappa {kappa} must lie in 0..=100; 1 is the paper's");
         }
         if thresholds == Thresholds::Quantised
             && (wishes.bitrate.is_some() || wishes.bframes.is_some_and(|most| most > 0))
         {
-            bail!(
+            fail!(
                 "--thresholds quantised needs pictures that are coded as they come: leave out --bitrate and --bframes, or take --thresholds codec"
             );
         }
@@ -417,38 +425,38 @@ impl Settings {
         });
         let within = wishes.within.unwrap_or(0.95);
         if !(0.5..=0.999).contains(&within) {
-            bail!(
+            fail!(
                 "--within {within} must lie in 0.5..=0.999; 0.95 lets one pixel in twenty be wrong by more than its threshold"
             );
         }
         if stopping == Stopping::Bound && wishes.within.is_some() {
-            bail!("--within is measured where cuts are calibrated: leave out --stopping bound");
+            fail!("--within is measured where cuts are calibrated: leave out --stopping bound");
         }
         let samples = wishes.samples.unwrap_or(1);
         if !(1..=MOST_SAMPLES).contains(&samples) {
-            bail!("--samples {samples} must lie in 1..={MOST_SAMPLES}; 1 is fast, 4 smooths edges");
+            fail!("--samples {samples} must lie in 1..={MOST_SAMPLES}; 1 is fast, 4 smooths edges");
         }
         if wishes.bounces == Some(0) {
-            bail!("--bounces 0: light that is never reflected shows nothing but lamps; 1 is direct light alone");
+            fail!("--bounces 0: light that is never reflected shows nothing but lamps; 1 is direct light alone");
         }
         if wishes.exr.is_some() && !cfg!(feature = "exr") {
-            bail!("--exr: this build writes no OpenEXR; build it with the feature exr");
+            fail!("--exr: this build writes no OpenEXR; build it with the feature exr");
         }
         if !wishes.aov.is_empty() && wishes.exr.is_none() {
-            bail!("--aov needs --exr DIR, the folder for the files that it adds to");
+            fail!("--aov needs --exr DIR, the folder for the files that it adds to");
         }
         let vpls = wishes.vpls.unwrap_or_else(|| render_core::Anchors::default_count(scene));
         if !(1..=10_000_000).contains(&vpls) {
-            bail!("--vpls {vpls} must lie in 1..=10000000");
+            fail!("--vpls {vpls} must lie in 1..=10000000");
         }
         let settings_file = render_core::scene::SceneSettings::path_for(&path);
         let (tone_map, auto_exposure) = match &scene.settings.tone_mapping {
             None => (ToneMap::default(), true),
             Some(table) => {
                 let tone_map: ToneMap = table.clone().try_into().map_err(|error: toml::de::Error| {
-                    anyhow::anyhow!("{}: [tone_mapping] {}", settings_file.display(), error.message())
+                    Error::content(&settings_file, format!(": [tone_mapping] {}", error.message()))
                 })?;
-                tone_map.check().with_context(|| format!("{}", settings_file.display()))?;
+                tone_map.check().map_err(|error| Error::content(&settings_file, format!(": {error}")))?;
                 (tone_map, !table.contains_key("exposure"))
             }
         };

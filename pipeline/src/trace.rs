@@ -84,7 +84,7 @@ impl Trace {
         let file = json!({ "traceEvents": events, "displayTimeUnit": "ms", "otherData": about });
         let mut output = Output::create(path)?;
         output.write(file.to_string().as_bytes())?;
-        output.finish()
+        Ok(output.finish()?)
     }
 }
 

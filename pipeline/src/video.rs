@@ -1,8 +1,8 @@
 //! The encoder of a run, with what its stream is wrapped into.
 
 use crate::checkpoint::{decode, encode};
+use crate::error::{Error, Result};
 use crate::settings::Settings;
-use anyhow::{Result, bail};
 use mpeg2enc::{
     Container, Encoder, Frame, KnownMotion, LookaheadEncoder, MacroblockKind, MotionField, Multiplexer, Packet,
     PictureType,
@@ -139,7 +139,7 @@ impl Video {
         match (&mut self.coder, immediate, ahead) {
             (Coder::Immediate(encoder), Some(state), None) => encoder.restore(state),
             (Coder::Ahead(encoder), None, Some(state)) => encoder.restore(state),
-            _ => bail!("the state of another encoder"),
+            _ => return Err(Error::Checkpoint("the state of another encoder".into())),
         }
         (self.multiplexer, self.quantiser_scale) = (multiplexer, quantiser_scale);
         Ok(())

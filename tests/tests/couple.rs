@@ -1,10 +1,10 @@
 //! The loop with parts of one's own.
 
-use anyhow::{Result, bail};
 use mpeg2enc::{Config, Container, FrameRate};
 use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ThresholdMap, ToneMap, still_matches};
 use pipeline::couple::{Event, Prepare, Shade, couple};
 use pipeline::video::Video;
+use pipeline::{Error, Result};
 use plane::Plane;
 use render_core::Correspondence;
 use std::sync::{Arc, Mutex};
@@ -95,7 +95,7 @@ fn whatever_fails_the_loop_ends() {
     let mut count = 0;
     let (result, _) = film(8, None, |_| {
         count += 1;
-        if count == 4 { bail!("the disk is full") } else { Ok(()) }
+        if count == 4 { Err(Error::other("the disk is full")) } else { Ok(()) }
     });
     assert_eq!(result.unwrap_err().to_string(), "the disk is full");
     let (result, allowed) = film(8, Some(2), |_| Ok(()));

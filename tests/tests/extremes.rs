@@ -35,7 +35,7 @@ fn film_in(folder: &Path, glb: &Glb, settings: &str, wishes: Wishes) -> Result<(
     let plan = Plan::new(&scene, &settings);
     let output = Output::create(&folder.join("film.m2v")).unwrap();
     let report = pipeline::render(&scene, &settings, &plan, output, &AtomicBool::new(false), |_| ());
-    let report = report.map_err(|error| format!("{error:#}"))?;
+    let report = report.map_err(|error| error.chain())?;
     let last = exr.join(format!("frame_{:05}.exr", settings.frames - 1));
     Ok((read_exr(&last).unwrap(), report))
 }

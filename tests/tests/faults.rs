@@ -80,7 +80,7 @@ fn film_with(panics: Panics, at: u32, more: fn(&mut Wishes)) -> Result<(), Strin
         let report = render_from(&Checkpoints::off(), &scene, &settings, &plan, output, &stop, &saboteur);
         let names = sorted_names(folder.path());
         let expected: &[&str] = if report.is_ok() { &["film.m2v", "room.glb"] } else { &["room.glb"] };
-        let report = report.map(|_| ()).map_err(|error| format!("{error:#}"));
+        let report = report.map(|_| ()).map_err(|error| error.chain());
         done.send((report, names == expected)).unwrap();
     });
     let (report, clean) = result.recv_timeout(DEADLINE).expect("a run whose stage panics ends");

@@ -71,8 +71,7 @@ impl Film {
         file.extend(crc32fast::hash(&body).to_le_bytes());
         file.extend(body);
         std::fs::write(path_for(&self.settings.output), file).unwrap();
-        let checkpoints =
-            Checkpoints::resume(&self.settings, &self.plan, None).map_err(|error| format!("{error:#}"))?;
+        let checkpoints = Checkpoints::resume(&self.settings, &self.plan, None).map_err(|error| error.chain())?;
         run(&checkpoints, &self.scene, &self.settings, &self.plan)
     }
 }
@@ -82,7 +81,7 @@ fn run(checkpoints: &Checkpoints, scene: &Scene, settings: &Settings, plan: &Pla
         let output = checkpoints.output(settings)?;
         render_from(checkpoints, scene, settings, plan, output, &AtomicBool::new(false), &())
     };
-    film().map(|_| ()).map_err(|error| format!("{error:#}"))
+    film().map(|_| ()).map_err(|error| error.chain())
 }
 
 /// The records of a film with more lights: their cuts were looked up among lights that are not there.

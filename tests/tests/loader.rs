@@ -496,7 +496,7 @@ fn survives(path: &Path, video: &Path) -> bool {
     let plan = Plan::new(&scene, &settings);
     let output = Output::create(video).expect("a temporary file");
     let report = pipeline::render(&scene, &settings, &plan, output, &AtomicBool::new(false), |_| ());
-    report.unwrap_or_else(|error| panic!("{error:#}"));
+    report.unwrap_or_else(|error| panic!("{}", error.chain()));
     true
 }
 

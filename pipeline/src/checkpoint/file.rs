@@ -5,9 +5,9 @@
 //! ```
 //! The one place where bincode is named.
 
+use crate::error::{Context, Error, Result, Source};
 use crate::output::Output;
 use crate::settings::Settings;
-use anyhow::{Context, Result, bail};
 use render_core::scene::SceneSettings;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,7 @@ pub(crate) fn encode(value: &impl Serialize) -> Vec<u8> {
     bincode::serde::encode_to_vec(value, CONFIG).expect("what stages carry can be encoded")
 }
 
-pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
+pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Source> {
     // For texts memory is reserved as long as they are said to be. Numbers of eight bytes may be stored as one, so what is
     // decoded is at most eight times as large as what is stored; limits can only be constants.
     match bytes.len().checked_ilog2() {
@@ -36,10 +36,10 @@ pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
     }
 }
 
-fn decode_within<T: DeserializeOwned, const LIMIT: usize>(bytes: &[u8]) -> Result<T> {
+fn decode_within<T: DeserializeOwned, const LIMIT: usize>(bytes: &[u8]) -> Result<T, Source> {
     let (value, used) = bincode::serde::decode_from_slice(bytes, CONFIG.with_limit::<LIMIT>())?;
     if used != bytes.len() {
-        bail!("{} bytes too many", bytes.len() - used);
+        return Err(format!("{} bytes too many", bytes.len() - used).into());
     }
     Ok(value)
 }
@@ -93,7 +93,7 @@ impl Job {
 /// CRC-32 of a scene's own file, of the one beside it with its settings, and of those that its JSON names.
 fn sum_of_scene(path: &Path) -> Result<u32> {
     let mut sum = crc32fast::Hasher::new();
-    let bytes = fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
+    let bytes = fs::read(path).map_err(Error::file(path, "cannot be read"))?;
     sum.update(&bytes);
     let mut others = vec![SceneSettings::path_for(path)];
     let document: serde_json::Value = serde_json::from_slice(&bytes).unwrap_or_default();
@@ -123,26 +123,30 @@ impl Stored {
     }
 
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
-        Self::from_bytes(&bytes).with_context(|| format!("{}: start anew, without --resume", path.display()))
+        let bytes = fs::read(path).map_err(Error::file(path, "cannot be read"))?;
+        Self::from_bytes(&bytes).map_err(|source| Error::Content {
+            path: path.into(),
+            problem: ": start anew, without --resume".into(),
+            source: Some(source),
+        })
     }
 
-    fn from_bytes(bytes: &[u8]) -> Result<Self> {
+    fn from_bytes(bytes: &[u8]) -> Result<Self, Source> {
         let Some((header, body)) = bytes.split_at_checked(HEADER).filter(|(header, _)| header[..4] == MAGIC) else {
-            bail!("this is no checkpoint");
+            return Err("this is no checkpoint".into());
         };
         let number = |range: std::ops::Range<usize>| {
             header[range].iter().rev().fold(0u64, |value, &byte| value << 8 | u64::from(byte))
         };
         if number(4..8) != u64::from(VERSION) {
-            bail!("a checkpoint of version {}, and this program knows {VERSION}", number(4..8));
+            return Err(format!("a checkpoint of version {}, and this program knows {VERSION}", number(4..8)).into());
         }
         if number(8..16) != body.len() as u64 || number(16..20) != u64::from(crc32fast::hash(body)) {
-            bail!("the checkpoint is cut short or damaged");
+            return Err("the checkpoint is cut short or damaged".into());
         }
         let stored: Self = decode(body)?;
         if stored.parts.len() != super::PARTS {
-            bail!("a checkpoint of {} parts", stored.parts.len());
+            return Err(format!("a checkpoint of {} parts", stored.parts.len()).into());
         }
         Ok(stored)
     }

@@ -12,10 +12,10 @@
 
 mod file;
 
+use crate::error::{Context, Error, Result};
 use crate::output::{Output, part_of};
 use crate::plan::{Plan, Stage};
 use crate::settings::Settings;
-use anyhow::{Context, Result, bail};
 use file::Stored;
 pub(crate) use file::{decode, encode};
 use serde::Serialize;
@@ -107,11 +107,13 @@ impl Checkpoints {
         let job = file::Job::new(settings)?;
         let stored = Stored::read(&path)?;
         if let Some(difference) = stored.job.difference(&job) {
-            bail!("{} cannot be continued: {difference}; start anew without --resume", path.display());
+            let path = path.display();
+            let problem = format!("{path} cannot be continued: {difference}; start anew without --resume");
+            return Err(Error::Checkpoint(problem));
         }
         // A stage that does not find what it left would begin anew, and the others wait for it for ever.
         if stored.parts.iter().zip(wanted(plan)).any(|(part, wanted)| wanted && part.is_empty()) {
-            bail!("{}: {NONSENSE}", path.display());
+            return Err(Error::Checkpoint(format!("{}: {NONSENSE}", path.display())));
         }
         let place = every.map(|every| Place::new(path, settings, plan, every)).transpose()?;
         let resumed = Self { place, from: Some(stored) };
@@ -224,7 +226,7 @@ fn take_away(path: &Path) -> Result<()> {
     for path in [path, &part_of(path)] {
         match std::fs::remove_file(path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                return Err(error).with_context(|| format!("{} cannot be removed", path.display()));
+                return Err(Error::file(path, "cannot be removed")(error));
             }
             _ => {}
         }

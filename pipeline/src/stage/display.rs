@@ -1,12 +1,12 @@
 //! Radiance into what a display shows: tone curve and Y′C_BC_R. Here light changes its unit to code values.
 
 use crate::checkpoint::{Checkpoints, Part};
+use crate::error::{Error, Result};
 use crate::message::{Displayed, Shaded, ToMask};
 use crate::observe::Observer;
 use crate::output::Output;
 use crate::plan::{Plan, Stage};
 use crate::settings::Settings;
-use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
 use perceptual::{ToneMap, YCbCr, luminance_plane};
 use plane::Plane;
@@ -109,13 +109,13 @@ fn write_linear(path: &Path, radiance: &Plane<[f32; 3]>, layers: Layers) -> Resu
     let colors = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (name.to_owned(), channel(c)));
     let channels = colors.chain(layers).collect();
     let written = render_core::image_file::write_layers(path, radiance.width(), radiance.height(), channels);
-    written.map_err(anyhow::Error::msg)
+    written.map_err(Error::other)
 }
 
 /// Settings ask for none of these.
 #[cfg(not(feature = "exr"))]
 fn write_linear(path: &Path, _: &Plane<[f32; 3]>, _: Layers) -> Result<()> {
-    anyhow::bail!("{}: this build writes no OpenEXR; build it with the feature exr", path.display())
+    Err(Error::content(path, ": this build writes no OpenEXR; build it with the feature exr"))
 }
 
 /// Brings the geometric mean of the lit pixels' luminance to middle grey.

@@ -1,13 +1,13 @@
 //! Pictures into the stream, with the renderer's motion; and a line for the report from each.
 
 use crate::checkpoint::{Checkpoints, NONSENSE, Part};
+use crate::error::{Error, Result};
 use crate::message::{Coding, Displayed, FrameFigures};
 use crate::observe::Observer;
 use crate::output::Output;
 use crate::report::FrameReport;
 use crate::settings::Settings;
 use crate::video::{Coded, CodingOutcome, Video};
-use anyhow::{Result, ensure};
 use crossbeam_channel::{Receiver, Sender};
 use mpeg2enc::{Frame, MotionField, PictureType};
 use perceptual::NextPicture;
@@ -70,7 +70,9 @@ pub(super) fn known<'a>(settings: &'a Settings, checkpoints: &Checkpoints) -> Re
     // Each frame that is done has its line, or waits for it.
     let mut frames: Vec<u32> = reports.iter().map(|line| line.index).chain(stage.queue.frames()).collect();
     frames.sort_unstable();
-    ensure!(frames.into_iter().eq(0..checkpoints.first_frame()), NONSENSE);
+    if !frames.into_iter().eq(0..checkpoints.first_frame()) {
+        return Err(Error::Checkpoint(NONSENSE.into()));
+    }
     Ok((stage, reports))
 }
 

@@ -1,11 +1,11 @@
 //! What may be wrong in the next frame without being seen: the way back from the codec to the renderer.
 
 use crate::checkpoint::{Checkpoints, Part};
+use crate::error::Result;
 use crate::message::{Coding, LuminanceThresholds, MaskingTime, ToMask};
 use crate::observe::Observer;
 use crate::settings::{Settings, Thresholds};
 use crate::video::CodingOutcome;
-use anyhow::Result;
 use crossbeam_channel::{Receiver, Sender};
 use perceptual::{CodedPicture, DEFAULT_WEIGHT, Feedback, MaskingModel, QuantiserSteps, still_matches};
 use plane::Plane;

@@ -10,8 +10,8 @@ pub mod prepare;
 pub mod shade;
 
 use crate::checkpoint::Checkpoints;
+use crate::error::{Context, Result};
 use crate::settings::Settings;
-use anyhow::{Context, Result};
 
 /// Whether each stage can take up what it left in the checkpoint.
 ///

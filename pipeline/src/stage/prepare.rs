@@ -1,10 +1,10 @@
 //! Everything about a frame that needs no thresholds: objects, photons, light tree, primary rays, motion.
 
 use crate::checkpoint::{Checkpoints, Part};
+use crate::error::{Error, Result};
 use crate::message::{FrameFigures, Prepared};
 use crate::plan::{Plan, Stage};
 use crate::settings::{Settings, Size};
-use anyhow::Result;
 use crossbeam_channel::Sender;
 use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
@@ -36,7 +36,7 @@ pub fn run<'s>(scene: &'s Scene, settings: &Settings, plan: &Plan, stop: &Atomic
 /// The tree of the last frame that is done.
 pub(super) fn known(checkpoints: &Checkpoints) -> Result<Option<LightTree>> {
     let bytes = checkpoints.part::<Vec<u8>>(Part::Prepare)?;
-    Ok(bytes.map(|bytes| LightTree::from_bytes(&bytes)).transpose()?)
+    bytes.map(|bytes| LightTree::from_bytes(&bytes)).transpose().map_err(Error::other)
 }
 
 /// The same from where `checkpoints` say; the last frame that is done comes once more, to begin with.

@@ -15,7 +15,7 @@ pub use measure::{Comparison, measure};
 pub use picture::{Picture, View, rgb_of};
 pub use read::Pictures;
 
-use anyhow::{Result, bail};
+use crate::error::{Error, Result};
 use serde::Serialize;
 use std::path::Path;
 
@@ -50,18 +50,22 @@ pub fn compare_paths(
             (more, _) => {
                 let (short, long) = if more.is_some() { (b, a) } else { (a, b) };
                 let (short, long, count) = (short.display(), long.display(), frames.len());
-                bail!("{short} ends after {count} pictures, {long} goes on; compare sequences of one length");
+                let problem =
+                    format!("{short} ends after {count} pictures, {long} goes on; compare sequences of one length");
+                return Err(Error::Comparison(problem));
             }
         };
         if picture.is_linear() != reference.is_linear() {
             let (linear, shown) = if picture.is_linear() { (a, b) } else { (b, a) };
             let (linear, shown) = (linear.display(), shown.display());
-            bail!("{linear} is linear light, {shown} is what a display shows; compare like with like");
+            let problem = format!("{linear} is linear light, {shown} is what a display shows; compare like with like");
+            return Err(Error::Comparison(problem));
         }
         let sizes = [picture.size(), reference.size()];
         if sizes[0] != sizes[1] {
             let [(w, h), (v, k)] = sizes;
-            bail!("{} has {w}x{h} pixels, {} has {v}x{k}; render both in one size", a.display(), b.display());
+            let (a, b) = (a.display(), b.display());
+            return Err(Error::Comparison(format!("{a} has {w}x{h} pixels, {b} has {v}x{k}; render both in one size")));
         }
         let exposure = *exposure.get_or_insert_with(|| reference.exposure());
         let (picture, reference) = (picture.view(exposure), reference.view(exposure));
@@ -73,7 +77,7 @@ pub fn compare_paths(
         frames.push(comparison);
     }
     if frames.is_empty() {
-        bail!("{} holds no pictures", a.display());
+        return Err(Error::content(a, " holds no pictures"));
     }
     let mean = Comparison::mean(&frames);
     Ok(SequenceComparison { frames, mean })

@@ -1,6 +1,6 @@
 //! Displayed pictures in PNG files, still and moving.
 
-use anyhow::{Context, Result, bail};
+use crate::error::{Error, Result, Source};
 use plane::Plane;
 use std::io::BufReader;
 use std::path::Path;
@@ -13,19 +13,23 @@ const MOST_PIXELS: u64 = 1 << 27;
 /// # Errors
 /// Not a PNG file, or larger than 2²⁷ pixels; the message names the path.
 pub fn read(path: &Path) -> Result<Plane<[u8; 3]>> {
-    let file = std::fs::File::open(path).with_context(|| format!("{} cannot be read", path.display()))?;
-    decode(BufReader::new(file)).with_context(|| format!("{} is not a whole PNG file", path.display()))
+    let file = std::fs::File::open(path).map_err(Error::file(path, "cannot be read"))?;
+    decode(BufReader::new(file)).map_err(|source| Error::Content {
+        path: path.into(),
+        problem: " is not a whole PNG file".into(),
+        source: Some(source),
+    })
 }
 
-fn decode(file: impl std::io::BufRead + std::io::Seek) -> Result<Plane<[u8; 3]>> {
+fn decode(file: impl std::io::BufRead + std::io::Seek) -> Result<Plane<[u8; 3]>, Source> {
     let mut decoder = png::Decoder::new(file);
     decoder.set_transformations(png::Transformations::normalize_to_color8());
     let mut reader = decoder.read_info()?;
     let (width, height) = (reader.info().width, reader.info().height);
     if u64::from(width) * u64::from(height) > MOST_PIXELS {
-        bail!("{width}x{height} pixels are more than this program takes");
+        return Err(format!("{width}x{height} pixels are more than this program takes").into());
     }
-    let mut bytes = vec![0; reader.output_buffer_size().context("its size overflows")?];
+    let mut bytes = vec![0; reader.output_buffer_size().ok_or("its size overflows")?];
     reader.next_frame(&mut bytes)?;
     let channels = reader.output_color_type().0.samples();
     let pixel = |sample: &[u8]| if channels < 3 { [sample[0]; 3] } else { [sample[0], sample[1], sample[2]] };
@@ -82,6 +86,6 @@ mod tests {
         std::fs::write(&path, animation(&[picture.clone(), Plane::filled(7, 5, [0; 3])], 25.0)).unwrap();
         assert_eq!(read(&path).unwrap(), picture);
         std::fs::write(&path, b"no picture").unwrap();
-        assert!(format!("{:#}", read(&path).unwrap_err()).contains("a.png"));
+        assert!(read(&path).unwrap_err().chain().contains("a.png"));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::picture::Picture;
 use super::png_file;
-use anyhow::{Context, Result, bail};
+use crate::error::{Error, Result};
 use mpeg2enc::Frame;
 use plane::Plane;
 use std::fs::File;
@@ -35,21 +35,21 @@ impl Pictures {
     /// # Errors
     /// Nothing is there, or nothing that can be read; the message says what could.
     pub fn open(path: &Path) -> Result<Self> {
-        let metadata = std::fs::metadata(path).with_context(|| format!("{} cannot be read", path.display()))?;
+        let metadata = std::fs::metadata(path).map_err(Error::file(path, "cannot be read"))?;
         let source = if metadata.is_dir() {
             Source::Files(pictures_in(path)?.into_iter())
         } else {
             match ending(path).as_str() {
                 "exr" | "png" => Source::Files(vec![path.to_owned()].into_iter()),
                 "y4m" => {
-                    let file = File::open(path).with_context(|| format!("{} cannot be read", path.display()))?;
+                    let file = File::open(path).map_err(Error::file(path, "cannot be read"))?;
                     Source::Y4m(Box::new(y4m_decoder(path, Box::new(BufReader::new(file)))?))
                 }
                 video if VIDEO_ENDINGS.contains(&video) => ffmpeg(path)?,
-                _ => bail!(
-                    "{}: what can be compared are pictures (.exr, .png), folders of them, and videos (.y4m, .m2v, .mpg, .ts)",
-                    path.display()
-                ),
+                _ => {
+                    let known = ": what can be compared are pictures (.exr, .png), folders of them, and videos (.y4m, .m2v, .mpg, .ts)";
+                    return Err(Error::content(path, known));
+                }
             }
         };
         Ok(Self { path: path.to_owned(), source })
@@ -67,7 +67,7 @@ impl Iterator for Pictures {
             Source::Ffmpeg(decoder, child) => match next_frame(&self.path, decoder).transpose() {
                 None => match child.wait() {
                     Ok(status) if status.success() => None,
-                    _ => Some(Err(anyhow::anyhow!("{}: ffmpeg could not decode it to the end", self.path.display()))),
+                    _ => Some(Err(Error::content(&self.path, ": ffmpeg could not decode it to the end"))),
                 },
                 picture => picture,
             },
@@ -90,16 +90,16 @@ fn ending(path: &Path) -> String {
 
 /// The pictures in a folder, by name.
 fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    let context = || format!("{} cannot be read", folder.display());
+    let context = |error| Error::file(folder, "cannot be read")(error);
     let mut paths = Vec::new();
-    for entry in std::fs::read_dir(folder).with_context(context)? {
-        let path = entry.with_context(context)?.path();
+    for entry in std::fs::read_dir(folder).map_err(context)? {
+        let path = entry.map_err(context)?.path();
         if matches!(ending(&path).as_str(), "exr" | "png") {
             paths.push(path);
         }
     }
     if paths.is_empty() {
-        bail!("{}: there are no .exr or .png files in this folder", folder.display());
+        return Err(Error::content(folder, ": there are no .exr or .png files in this folder"));
     }
     paths.sort();
     Ok(paths)
@@ -114,35 +114,37 @@ fn read_picture(path: &Path) -> Result<Picture> {
 
 #[cfg(feature = "exr")]
 fn linear_picture(path: &Path) -> Result<Picture> {
-    let layers = render_core::image_file::read_layers(path).map_err(anyhow::Error::msg)?;
-    let radiance = layers.colors("").with_context(|| format!("{}: it has no channels R, G and B", path.display()))?;
+    let layers = render_core::image_file::read_layers(path).map_err(Error::other)?;
+    let radiance = layers.colors("").ok_or_else(|| Error::content(path, ": it has no channels R, G and B"))?;
     Ok(Picture::Linear { radiance, variance: layers.colors("variance.") })
 }
 
 #[cfg(not(feature = "exr"))]
 fn linear_picture(path: &Path) -> Result<Picture> {
-    bail!("{}: this build reads no OpenEXR; build it with the feature exr", path.display())
+    Err(Error::content(path, ": this build reads no OpenEXR; build it with the feature exr"))
 }
 
 /// Bytes of a header, ours: those of ffmpeg are shorter than 100.
 const LONGEST_HEADER: usize = 1024;
 
 fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn Read>>> {
-    let (header, input) = header_and_all(input).with_context(|| format!("{} cannot be read", path.display()))?;
+    let (header, input) = header_and_all(input).map_err(Error::file(path, "cannot be read"))?;
     // The decoder multiplies them before it looks at its limits.
     let sides = header.split(|&byte| byte == b' ').filter(|word| matches!(word.first(), Some(b'W' | b'H')));
     for side in sides.map(|word| String::from_utf8_lossy(&word[1..]).trim().to_owned()) {
         if !side.parse().is_ok_and(|side| (1..=LARGEST_SIDE).contains(&side)) {
-            bail!("{}: a picture has no side of {side}; sides go from 1 to {LARGEST_SIDE}", path.display());
+            let problem = format!(": a picture has no side of {side}; sides go from 1 to {LARGEST_SIDE}");
+            return Err(Error::content(path, problem));
         }
     }
     // Memory is taken for what the header says.
     let limits = y4m::Limits { bytes: LARGEST_SIDE * LARGEST_SIDE * 3 / 2 + 2 * LARGEST_SIDE };
     let decoder = y4m::Decoder::new_with_limits(input, limits)
-        .map_err(|error| anyhow::anyhow!("{} is not a YUV4MPEG2 video: {error}", path.display()))?;
+        .map_err(|error| Error::content(path, format!(" is not a YUV4MPEG2 video: {error}")))?;
     use y4m::Colorspace::{C420, C420jpeg, C420mpeg2, C420paldv};
     if !matches!(decoder.get_colorspace(), C420 | C420jpeg | C420mpeg2 | C420paldv) {
-        bail!("{}: only 8-bit 4:2:0 videos are compared; ffmpeg -pix_fmt yuv420p makes one", path.display());
+        let problem = ": only 8-bit 4:2:0 videos are compared; ffmpeg -pix_fmt yuv420p makes one";
+        return Err(Error::content(path, problem));
     }
     Ok(decoder)
 }
@@ -163,7 +165,7 @@ fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>) -> Result<
     let frame = match decoder.read_frame() {
         Ok(frame) => frame,
         Err(y4m::Error::EOF) => return Ok(None),
-        Err(error) => bail!("{}: the video breaks off: {error}", path.display()),
+        Err(error) => return Err(Error::content(path, format!(": the video breaks off: {error}"))),
     };
     let plane = |samples: &[u8], width, height| Plane::from_vec(width, height, samples.to_vec());
     let chroma = |samples| plane(samples, width.div_ceil(2), height.div_ceil(2));
@@ -181,10 +183,9 @@ fn ffmpeg(path: &Path) -> Result<Source> {
         .stdout(Stdio::piped())
         .spawn()
         .map_err(|error| {
-            anyhow::anyhow!(
-                "{}: ffmpeg decodes it, and cannot be started ({error}); install ffmpeg, or compare .y4m videos",
-                path.display()
-            )
+            let problem =
+                format!(": ffmpeg decodes it, and cannot be started ({error}); install ffmpeg, or compare .y4m videos");
+            Error::content(path, problem)
         })?;
     let output = child.stdout.take().expect("it was asked for");
     let decoder = y4m_decoder(path, Box::new(BufReader::new(output)));
@@ -192,7 +193,7 @@ fn ffmpeg(path: &Path) -> Result<Source> {
         Ok(decoder) => Ok(Source::Ffmpeg(Box::new(decoder), child)),
         Err(_) => {
             let _ = child.wait();
-            bail!("{}: ffmpeg finds no video in it", path.display())
+            Err(Error::content(path, ": ffmpeg finds no video in it"))
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Templates into pages.
 
-use anyhow::{Context, Result};
+use crate::error::{Context, Error, Result};
 use base64::Engine;
 use minijinja::{Environment, Value, context};
 
@@ -16,10 +16,10 @@ pub fn data_uri(mime: &str, bytes: &[u8]) -> String {
 pub fn render_template(template: &str, values: Value) -> Result<String> {
     let mut environment = Environment::new();
     // The ending .html turns on escaping.
-    environment.add_template("base.html", include_str!("templates/base.html"))?;
-    environment.add_template("sweep.html", include_str!("templates/sweep.html"))?;
-    environment.add_template("run.html", include_str!("templates/run.html"))?;
+    environment.add_template("base.html", include_str!("templates/base.html")).map_err(Error::other)?;
+    environment.add_template("sweep.html", include_str!("templates/sweep.html")).map_err(Error::other)?;
+    environment.add_template("run.html", include_str!("templates/run.html")).map_err(Error::other)?;
     let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
-    let template = environment.get_template(template)?;
+    let template = environment.get_template(template).map_err(Error::other)?;
     template.render(context! { program, ..values }).context("the page cannot be made")
 }

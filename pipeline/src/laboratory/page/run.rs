@@ -3,8 +3,8 @@
 use super::bars::StackedBars;
 use super::html::render_template;
 use super::line_plot::{LinePlot, Series};
+use crate::error::Result;
 use crate::report::{FrameReport, Report};
-use anyhow::Result;
 use minijinja::value::Serde;
 use minijinja::{Value, context};
 

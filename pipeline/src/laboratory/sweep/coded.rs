@@ -1,11 +1,11 @@
 //! Films through the encoder.
 
 use super::film::{Film, FilmFrame};
+use crate::error::{Context, Error, Result};
 use crate::laboratory::compare::{Picture, Pictures};
 use crate::output::Output;
 use crate::settings::Settings;
 use crate::stage::display::Y4m;
-use anyhow::{Context, Result, bail};
 use mpeg2enc::{Encoder, Frame, MotionField};
 use perceptual::YCbCr;
 use plane::Plane;
@@ -52,7 +52,7 @@ impl Coder {
         let encoder = settings.encoder_config()?.encoder()?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("a thread cannot be started")?;
         let written = film.stream.as_ref().filter(|_| film.settings.qscale == qscale);
-        let open = |path: &PathBuf| File::open(path).with_context(|| format!("{} cannot be read", path.display()));
+        let open = |path: &PathBuf| File::open(path).map_err(Error::file(path, "cannot be read"));
         let sinks = Sinks { written: written.map(open).transpose()?.map(BufReader::new), copy: None };
         Ok(Self { settings, encoder, pool, sinks })
     }
@@ -92,7 +92,7 @@ impl Coder {
         let Self { encoder, mut sinks, .. } = self;
         sinks.take(&encoder.finish())?;
         if sinks.written.as_mut().is_some_and(|written| written.read(&mut [0]).map_or(true, |more| more > 0)) {
-            bail!(ANOTHER_STREAM);
+            return Err(Error::Fault(ANOTHER_STREAM.into()));
         }
         sinks.copy.map_or(Ok(None), Copy::check)
     }
@@ -104,7 +104,7 @@ impl Sinks {
         if let Some(written) = &mut self.written {
             let mut same = vec![0; bytes.len()];
             if written.read_exact(&mut same).is_err() || same != bytes {
-                bail!(ANOTHER_STREAM);
+                return Err(Error::Fault(ANOTHER_STREAM.into()));
             }
         }
         self.copy.as_mut().map_or(Ok(()), |copy| copy.stream.write(bytes))
@@ -169,7 +169,7 @@ fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
     let (mut largest, mut equal, mut count, mut frames) = (0, 0usize, 0usize, 0);
     for own in own {
         let (Picture::Video(own), Some(Picture::Video(other))) = (own?, others.next().transpose()?) else {
-            bail!("ffmpeg finds fewer pictures than were coded")
+            return Err(Error::Comparison("ffmpeg finds fewer pictures than were coded".into()));
         };
         for (&a, &b) in own.luma.samples().iter().zip(other.luma.samples()) {
             largest = largest.max(a.abs_diff(b));
@@ -179,9 +179,9 @@ fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
         frames += 1;
     }
     if largest > MOST_DIFFERENCE {
-        bail!(
+        return Err(Error::Fault(format!(
             "ffmpeg decodes other pictures than the encoder reconstructs, by {largest} code values: a fault of this program"
-        );
+        )));
     }
     let equal_share = equal as f64 / count.max(1) as f64;
     Ok(DecoderCheck { decoder: "ffmpeg", frames, largest_difference: largest, equal_share })

@@ -1,6 +1,7 @@
 //! Films in files: rendered as always, and read back frame by frame with all that is known of them.
 
 use super::method::{Method, Way};
+use crate::error::{Error, Result};
 use crate::laboratory::compare::{Picture, Pictures};
 use crate::output::Output;
 use crate::plan::Plan;
@@ -8,7 +9,6 @@ use crate::report::{FrameReport, process_cpu_seconds};
 use crate::settings::{Aov, Settings};
 use crate::stage::display::Y4m;
 use crate::{Wishes, reference};
-use anyhow::{Context, Result, bail};
 use mpeg2enc::Frame;
 use perceptual::YCbCr;
 use plane::Plane;
@@ -53,7 +53,7 @@ impl Film {
         let mut pictures = Pictures::open(&uncompressed(self.folder.path()))?;
         Ok((0..self.settings.frames).map(move |n| {
             let Some(Picture::Video(picture)) = pictures.next().transpose()? else {
-                bail!("{} ends early", pictures.path.display())
+                return Err(Error::content(&pictures.path, " ends early"));
             };
             read_frame(&linear(self.folder.path(), n), n, picture)
         }))
@@ -73,7 +73,7 @@ fn linear(folder: &Path, n: u32) -> PathBuf {
 /// A folder for a film's files.
 fn folder_in(workspace: &Path) -> Result<TempDir> {
     let made = tempfile::Builder::new().prefix("film-").tempdir_in(workspace);
-    made.with_context(|| format!("{} cannot be written to", workspace.display()))
+    made.map_err(Error::file(workspace, "cannot be written to"))
 }
 
 /// Settings of a method, with the exposure of the reference: a curve of its own would be a difference of its own.
@@ -109,21 +109,21 @@ pub fn render(
     let plan = Plan::new(scene, &with_files);
     let report = crate::render(scene, &with_files, &plan, Output::create(&video)?, stop, |_| each())?;
     if report.summary.interrupted || stop.load(Ordering::Relaxed) {
-        bail!("interrupted; a sweep has no result before its end");
+        return Err(Error::Interrupted);
     }
     Ok(Film { settings, reports: report.frames, stream: Some(video), folder })
 }
 
 fn read_frame(path: &Path, n: u32, picture: Frame) -> Result<FilmFrame> {
-    let layers = image_file::read_layers(path).map_err(anyhow::Error::msg)?;
+    let layers = image_file::read_layers(path).map_err(Error::other)?;
     let (width, height) = (layers.width, layers.height);
-    let channel = |name: &str| layers.channel(name).with_context(|| format!("{}: no channel {name}", path.display()));
-    let plane = |name: &str| Ok::<_, anyhow::Error>(Plane::from_vec(width, height, channel(name)?.to_vec()));
+    let channel = |name: &str| layers.channel(name).ok_or_else(|| Error::content(path, format!(": no channel {name}")));
+    let plane = |name: &str| Ok::<_, Error>(Plane::from_vec(width, height, channel(name)?.to_vec()));
     let (x, y, known) = (channel("motion.X")?, channel("motion.Y")?, channel("motion.A")?);
     let vectors = x.iter().zip(y).zip(known);
     let vectors = vectors.map(|((&x, &y), &known)| if known > 0.0 { [x, y] } else { [f32::NAN; 2] }).collect();
     Ok(FilmFrame {
-        radiance: layers.colors("").with_context(|| format!("{}: no colours", path.display()))?,
+        radiance: layers.colors("").ok_or_else(|| Error::content(path, ": no colours"))?,
         picture,
         motion: (n > 0).then(|| Plane::from_vec(width, height, vectors)),
         thresholds: plane("threshold.Y")?,
@@ -149,7 +149,7 @@ pub fn by_paths(
     let mut reports = Vec::new();
     for (known, report) in like.frames()?.zip(&like.reports) {
         if stop.load(Ordering::Relaxed) {
-            bail!("interrupted; a sweep has no result before its end");
+            return Err(Error::Interrupted);
         }
         // A seed for each frame: with one for all, noise would stand still and cost no bits.
         let seed = settings.seed.wrapping_add(u64::from(report.index) << 32);
@@ -190,7 +190,7 @@ fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, motion: Option<&Plane<[f
         ("cut.size", nothing),
     ];
     let channels = channels.map(|(name, samples)| (name.to_owned(), samples)).to_vec();
-    image_file::write_layers(path, width, height, channels).map_err(anyhow::Error::msg)
+    image_file::write_layers(path, width, height, channels).map_err(Error::other)
 }
 
 /// Renders by `method`; `reference` lends paths its motion.

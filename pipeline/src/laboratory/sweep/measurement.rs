@@ -5,9 +5,9 @@ use super::figures::{Maps, Pictures, Run, label, mean_of, mean_seconds};
 use super::film::{Film, FilmFrame};
 use super::histogram::Ratios;
 use super::method::Method;
+use crate::error::{Error, Result};
 use crate::laboratory::compare::{Comparison, Picture, measure, rgb_of};
 use crate::settings::{Settings, Thresholds};
-use anyhow::{Result, ensure};
 use mpeg2enc::Frame;
 use perceptual::{NO_MATCH, YCbCr, flicker, luminance};
 use plane::Plane;
@@ -62,7 +62,9 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
             last = Some(Pictures { method: method.name, qscale, decoded: rgb_of(coded.decoded), maps });
         }
     }
-    ensure!(last.is_some(), "a film without frames: a fault of this program");
+    if last.is_none() {
+        return Err(Error::Fault("a film without frames: a fault of this program".into()));
+    }
     let run = Run { flicker: flicker.mean(), ..sums.into_run(method, qscale, film) };
     Ok(Measured { run, pictures: last.expect("checked"), clip, check: coder.finish()? })
 }

@@ -25,9 +25,9 @@ pub use histogram::ErrorHistogram;
 pub use method::{METHODS, Method, Way};
 
 use crate::Wishes;
+use crate::error::{Error, Result};
 use crate::laboratory::compare::{Picture, rgb_of};
 use crate::settings::Size;
-use anyhow::{Context, Result, bail};
 use figures::mean_seconds;
 use film::{Film, settings_for};
 use measurement::{Measured, Wanted, measured};
@@ -101,7 +101,9 @@ impl Sweep {
         let mut qscales = self.qscales.clone();
         qscales.sort_unstable();
         qscales.dedup();
-        let Some(&first_qscale) = qscales.first() else { bail!("--qscale needs a quantiser at least") };
+        let Some(&first_qscale) = qscales.first() else {
+            return Err(Error::Options("--qscale needs a quantiser at least".into()));
+        };
         let common = Wishes { qscale: Some(first_qscale), ..self.common.clone() };
         let plain = settings_for(path, scene, common.clone(), None)?;
         for &qscale in &qscales {
@@ -112,12 +114,12 @@ impl Sweep {
         let folder = tempfile::Builder::new()
             .prefix("working-")
             .tempdir_in(workspace)
-            .with_context(|| format!("{} cannot be written to", workspace.display()))?;
+            .map_err(Error::file(workspace, "cannot be written to"))?;
         let mut work = Work::new(qscales.len() as u64, &methods, plain.frames.into(), &mut progress);
         let common = Wishes { frames: Some(plain.frames), ..common };
         let place = Place { path, scene, folder: folder.path(), stop };
         let References { films, exposure } = place.references(&methods, &common, &mut work)?;
-        let of_all = films.iter().rev().flatten().next().context("there are no methods")?;
+        let of_all = films.iter().rev().flatten().next().ok_or_else(|| missing("there are no methods"))?;
 
         let middle = qscales[qscales.len() / 2];
         let watched = methods
@@ -126,7 +128,9 @@ impl Sweep {
             .or(methods.iter().rposition(|method| method.is_film()));
         let (mut runs, mut pictures, mut decoder_check, mut clip) = (Vec::new(), Vec::new(), None, None);
         for (index, &method) in methods.iter().enumerate() {
-            let truth = films[usize::from(method.compensates())].as_ref().context("no reference was rendered")?;
+            let truth = films[usize::from(method.compensates())]
+                .as_ref()
+                .ok_or_else(|| missing("no reference was rendered"))?;
             let mut kept: Option<Film> = None;
             for &qscale in &qscales {
                 if kept.is_none() || method.steered {
@@ -139,9 +143,9 @@ impl Sweep {
                     kept = Some(film::by_method(method, scene, settings, truth, folder.path(), stop, step)?);
                 }
                 if stop.load(Ordering::Relaxed) {
-                    bail!("interrupted; a sweep has no result before its end");
+                    return Err(Error::Interrupted);
                 }
-                let film = kept.as_ref().context("rendered above")?;
+                let film = kept.as_ref().ok_or_else(|| missing("rendered above"))?;
                 let is_watched = watched == Some(index) && qscale == middle;
                 let check_below = (qscale == middle && decoder_check.is_none()).then(|| folder.path());
                 let wanted = Wanted { clip: if is_watched { CLIP_FRAMES } else { 0 }, check_below };
@@ -155,7 +159,7 @@ impl Sweep {
             }
         }
         figures::set_beside_baselines(&mut runs);
-        let last = of_all.frames()?.last().context("there are no frames")??;
+        let last = of_all.frames()?.last().ok_or_else(|| missing("there are no frames"))??;
         let cost = |film: &Film| ReferenceCost {
             compensation: film.settings.compensation,
             seconds: mean_seconds(&film.reports),
@@ -224,12 +228,17 @@ impl Place<'_> {
     }
 }
 
+/// An invariant of a sweep that does not hold.
+fn missing(what: &str) -> Error {
+    Error::Fault(what.into())
+}
+
 /// The exposure that a film was shown with; one that nobody chose, it found for itself in its first frame.
 fn exposure_of(film: &Film) -> Result<f32> {
     if !film.settings.auto_exposure {
         return Ok(film.settings.tone_map.exposure);
     }
-    let first = film.frames()?.next().context("there are no frames")??;
+    let first = film.frames()?.next().ok_or_else(|| missing("there are no frames"))??;
     Ok(Picture::Linear { radiance: first.radiance, variance: None }.exposure())
 }
 

@@ -5,9 +5,9 @@ use super::figures::{Pictures, Run};
 use super::maps;
 use super::plots::Plot;
 use super::table::{HEADINGS, cells};
+use crate::error::Result;
 use crate::laboratory::compare::png_file;
 use crate::laboratory::page::{data_uri, render_template};
-use anyhow::Result;
 use minijinja::{Value, context};
 use plane::Plane;
 

@@ -4,9 +4,9 @@ use super::figures::{Outcome, Run};
 use super::raster::png_of;
 use super::table::Finding;
 use super::{Swept, maps, page, plots};
+use crate::error::{Context, Error, Result};
 use crate::laboratory::compare::png_file;
 use crate::output::Output;
-use anyhow::{Context, Result};
 use plane::Plane;
 use serde::Serialize;
 use std::path::Path;
@@ -45,8 +45,8 @@ impl Swept {
         write(&folder.join("sweep.html"), page::page(self, &plots)?.as_bytes())?;
         let made = |name: &str| {
             let path = folder.join(name);
-            std::fs::create_dir_all(&path).with_context(|| format!("{} cannot be made", path.display()))?;
-            anyhow::Ok(path)
+            std::fs::create_dir_all(&path).map_err(Error::file(&path, "cannot be made"))?;
+            Ok::<_, Error>(path)
         };
         let drawn = made("plots")?;
         for plot in &plots {
@@ -126,9 +126,9 @@ fn csv_of(runs: &[Run]) -> Result<Vec<u8>> {
         columns.extend(numbers.map(|(name, value)| (name, known(value))));
         columns.push(("equal_quality", beside.map_or(String::new(), |beside| beside.equal_quality.to_string())));
         if std::ptr::eq(run, &runs[0]) {
-            writer.write_record(columns.iter().map(|(name, _)| name))?;
+            writer.write_record(columns.iter().map(|(name, _)| name)).map_err(Error::other)?;
         }
-        writer.write_record(columns.iter().map(|(_, value)| value))?;
+        writer.write_record(columns.iter().map(|(_, value)| value)).map_err(Error::other)?;
     }
-    writer.into_inner().context("the table cannot be completed")
+    writer.into_inner().map_err(|error| error.into_error()).context("the table cannot be completed")
 }

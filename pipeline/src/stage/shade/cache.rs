@@ -4,8 +4,8 @@ mod around;
 
 use super::cuts::LightTransport;
 use crate::checkpoint::NONSENSE;
+use crate::error::{Error, Result};
 use crate::message::{FrameFigures, Prepared};
-use anyhow::{Result, ensure};
 use around::{Around, Place, places, standing, swept};
 use glam::{Mat3A, Vec3, Vec3A};
 use lighttree::{Calibration, Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
@@ -107,7 +107,9 @@ impl Cache {
                 && recipe.visible.len() == recipe.clusters.len().div_ceil(PACKET)
                 && done.gather.knows(&recipe.surroundings)
         };
-        ensure!(records.recipes().all(is_of_frame), NONSENSE);
+        if !records.recipes().all(is_of_frame) {
+            return Err(Error::Checkpoint(NONSENSE.into()));
+        }
         let places = places(scene, &scene.moving_instances(), &done.seen, &[]);
         Ok(Self { records, intensities, places })
     }

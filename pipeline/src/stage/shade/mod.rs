@@ -13,10 +13,10 @@ mod resume;
 pub(super) use resume::check;
 
 use crate::checkpoint::Checkpoints;
+use crate::error::Result;
 use crate::message::{LuminanceThresholds, Prepared, Shaded};
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{Aov, Settings, Stopping, Thresholds};
-use anyhow::Result;
 use cache::Cache;
 use crossbeam_channel::{Receiver, Sender};
 use cuts::{Allowance, Figures, LightTransport};

@@ -3,8 +3,8 @@
 use super::cache::{Cache, Recipe};
 use super::{Sample, Still};
 use crate::checkpoint::{Checkpoints, Part};
+use crate::error::Result;
 use crate::message::Prepared;
-use anyhow::Result;
 use lighttree::Calibration;
 use render_core::cache::IrradianceCache;
 use serde::{Deserialize, Serialize};

@@ -1,0 +1,149 @@
+//! The errors of this crate.
+//!
+//! [`Error`] says in one line what failed, where, and what helps. Causes are reached through
+//! [`source`](std::error::Error::source); [`Error::chain`] writes all of them in one line, joined by ": ".
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// An error from another library.
+pub type Source = Box<dyn std::error::Error + Send + Sync>;
+
+/// A result whose error is that of this crate.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// Everything that can fail in this crate.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The scene cannot be loaded.
+    #[error(transparent)]
+    Scene(#[from] render_core::scene::LoadError),
+    /// The encoder has no such size, rate, quantiser or group of pictures.
+    #[error(transparent)]
+    Encoder(#[from] mpeg2enc::ConfigError),
+    /// An option is out of its range, or two options contradict each other.
+    /// The text names the option as on the command line, and a value that works.
+    #[error("{0}")]
+    Options(String),
+    /// The operating system refuses to open, read or write a file or folder.
+    #[error("{} {problem}", path.display())]
+    File {
+        /// The file or folder.
+        path: PathBuf,
+        /// What failed, after the name, and the remedy if there is one.
+        problem: String,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// A file was read and holds something else than expected.
+    #[error("{}{problem}", path.display())]
+    Content {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong with it, after the name and with its own punctuation.
+        problem: String,
+        /// The reason, if another library told one.
+        source: Option<Source>,
+    },
+    /// Two pictures or sequences cannot be compared.
+    #[error("{0}")]
+    Comparison(String),
+    /// A checkpoint does not fit the run, or is damaged; the text says to start anew.
+    #[error("{0}")]
+    Checkpoint(String),
+    /// The run was ended by its caller before it had a result.
+    #[error("interrupted; a sweep has no result before its end")]
+    Interrupted,
+    /// A stage of the loop panicked, or an invariant of this crate does not hold.
+    #[error("{0}")]
+    Fault(String),
+    /// Another error, and what was being done.
+    #[error("{context}")]
+    Context {
+        /// What was being done.
+        context: String,
+        /// The reason.
+        source: Source,
+    },
+    /// An error from another library, or from code of the caller.
+    #[error(transparent)]
+    Other(Source),
+}
+
+impl Error {
+    /// Wraps an error of the caller's own code, such as that of a renderer, an encoder or a receiver of the film.
+    #[must_use]
+    pub fn other(error: impl Into<Source>) -> Self {
+        Self::Other(error.into())
+    }
+
+    /// The message with those of all causes, joined by ": ", in one line.
+    #[must_use]
+    pub fn chain(&self) -> String {
+        let mut text = self.to_string();
+        let mut cause = std::error::Error::source(self);
+        while let Some(error) = cause {
+            text.push_str(": ");
+            text.push_str(&error.to_string());
+            cause = error.source();
+        }
+        text
+    }
+
+    /// Makes a [`Error::File`] of the system's reason; for `map_err`.
+    pub(crate) fn file(path: &Path, problem: &str) -> impl FnOnce(io::Error) -> Self {
+        |source| Self::File { path: path.into(), problem: problem.into(), source }
+    }
+
+    /// A file that holds something else than expected; `problem` begins with its punctuation.
+    pub(crate) fn content(path: &Path, problem: impl Into<String>) -> Self {
+        Self::Content { path: path.into(), problem: problem.into(), source: None }
+    }
+}
+
+impl From<Source> for Error {
+    fn from(error: Source) -> Self {
+        Self::Other(error)
+    }
+}
+
+impl From<serde_json::Error> for Error {
+    fn from(error: serde_json::Error) -> Self {
+        Self::other(error)
+    }
+}
+
+/// Adds what was being done to an error of another kind.
+pub(crate) trait Context<T> {
+    /// Wraps the error, if there is one.
+    fn context(self, context: impl Into<String>) -> Result<T>;
+}
+
+impl<T, E: Into<Source>> Context<T> for Result<T, E> {
+    fn context(self, context: impl Into<String>) -> Result<T> {
+        self.map_err(|error| Error::Context { context: context.into(), source: error.into() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chain_names_the_file_and_every_cause() {
+        let denied = io::Error::from(io::ErrorKind::PermissionDenied);
+        let error = Error::file(Path::new("a.m2v"), "cannot be written; choose another place with -o")(denied);
+        assert_eq!(error.to_string(), "a.m2v cannot be written; choose another place with -o");
+        assert_eq!(error.chain(), "a.m2v cannot be written; choose another place with -o: permission denied");
+        let error = Err::<(), _>(error).context("the film").unwrap_err();
+        assert!(error.chain().starts_with("the film: a.m2v cannot be written"), "{}", error.chain());
+        assert_eq!(Error::other("the disk is full").chain(), "the disk is full");
+    }
+
+    #[test]
+    fn errors_cross_threads() {
+        fn check<T: std::error::Error + Send + Sync + 'static>() {}
+        check::<Error>();
+    }
+}
