@@ -4,7 +4,7 @@
 use arbitrary::{Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
 use mpeg2enc::{
-    CoefficientTable, Config, Container, Effort, Frame, FrameRate, KnownMotion, Level, MotionField, Multiplexer, Packet,
+    CoefficientTable, Config, Container, Effort, Picture, FrameRate, KnownMotion, Level, MotionField, Multiplexer, Packet,
     Rate, Standard,
 };
 use plane::Plane;
@@ -83,7 +83,7 @@ fn config(wishes: &Wishes) -> Option<Config> {
 }
 
 /// A picture of the input's bytes, repeated.
-fn frame(width: usize, height: usize, bytes: &[u8], number: usize) -> Frame {
+fn frame(width: usize, height: usize, bytes: &[u8], number: usize) -> Picture {
     let at = |stride: usize, start: usize| {
         move |x: usize, y: usize| match bytes {
             [] => 128,
@@ -92,7 +92,7 @@ fn frame(width: usize, height: usize, bytes: &[u8], number: usize) -> Frame {
     };
     let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
     let chroma = |start| Plane::from_fn(chroma_width, chroma_height, at(chroma_width, start));
-    Frame::new(Plane::from_fn(width, height, at(width, 0)), chroma(5), chroma(11)).expect("planes that belong together")
+    Picture::new(Plane::from_fn(width, height, at(width, 0)), chroma(5), chroma(11)).expect("planes that belong together")
 }
 
 /// Two bytes of the input for each component.

@@ -1,7 +1,7 @@
 //! Whole pictures of 512×512, panned: `cargo bench -p mpeg2enc`.
 
 use divan::{Bencher, counter::ItemsCount};
-use mpeg2enc::{Config, Encoder, Frame, FrameRate, MotionField};
+use mpeg2enc::{Config, Encoder, FrameRate, MotionField, Picture};
 use plane::Plane;
 
 const SIZE: usize = 512;
@@ -10,7 +10,7 @@ fn main() {
     divan::main();
 }
 
-fn frame(time: usize) -> Frame {
+fn frame(time: usize) -> Picture {
     let at = |scale: usize| {
         move |x: usize, y: usize| {
             let (x, y) = ((scale * x) as f32 + 1.75 * time as f32, (scale * y) as f32);
@@ -21,7 +21,7 @@ fn frame(time: usize) -> Frame {
         }
     };
     let chroma = Plane::from_fn(SIZE / 2, SIZE / 2, at(2));
-    Frame::new(Plane::from_fn(SIZE, SIZE, at(1)), chroma.clone(), chroma).expect("planes that belong together")
+    Picture::new(Plane::from_fn(SIZE, SIZE, at(1)), chroma.clone(), chroma).expect("planes that belong together")
 }
 
 fn encoder(quantiser_scale: u32, gop: u32) -> Encoder {
@@ -33,7 +33,7 @@ fn encoder(quantiser_scale: u32, gop: u32) -> Encoder {
 }
 
 fn pictures(bencher: Bencher, quantiser_scale: u32, gop: u32, motion: Option<MotionField>) {
-    let frames: Vec<Frame> = (0..16).map(frame).collect();
+    let frames: Vec<Picture> = (0..16).map(frame).collect();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     bencher.counter(ItemsCount::new(frames.len())).bench(|| {
         pool.install(|| {

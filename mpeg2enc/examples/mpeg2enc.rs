@@ -9,8 +9,8 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Parser, ValueEnum};
 use mpeg2enc::{
-    CoefficientTable, Config, Container, Effort, Frame, FrameRate, KnownMotion, MotionField, Multiplexer, Packet,
-    Passes, Rate, Standard,
+    CoefficientTable, Config, Container, Effort, FrameRate, KnownMotion, MotionField, Multiplexer, Packet, Passes,
+    Picture, Rate, Standard,
 };
 use plane::Plane;
 use std::{
@@ -211,9 +211,9 @@ impl Clip {
     }
 
     /// Gives `take` each frame, and what is known of its motion.
-    fn for_each(mut self, mut take: impl FnMut(&Frame, KnownMotion) -> Result<()>) -> Result<()> {
+    fn for_each(mut self, mut take: impl FnMut(&Picture, KnownMotion) -> Result<()>) -> Result<()> {
         let (width, height, _) = self.format;
-        let (mut frame, mut fields) = (Frame::black(width, height), [None, None]);
+        let (mut frame, mut fields) = (Picture::black(width, height), [None, None]);
         while read_frame(&mut self.input, &mut frame)? {
             read_motion(&mut self.motion, &mut fields, (width, height))?;
             take(&frame, KnownMotion { to_previous: fields[0].as_ref(), to_next: fields[1].as_ref() })?;
@@ -279,12 +279,12 @@ impl Sink {
 }
 
 /// Reads the next frame over the last one; false at the end of the file.
-fn read_frame(input: &mut impl BufRead, frame: &mut Frame) -> Result<bool> {
+fn read_frame(input: &mut impl BufRead, frame: &mut Picture) -> Result<bool> {
     if !read_line(input)?.starts_with("FRAME") {
         return Ok(false);
     }
-    for plane in [&mut frame.luma, &mut frame.cb, &mut frame.cr] {
-        input.read_exact(plane.samples_mut()).context("the last frame is cut off")?;
+    for samples in frame.samples_mut() {
+        input.read_exact(samples).context("the last frame is cut off")?;
     }
     Ok(true)
 }

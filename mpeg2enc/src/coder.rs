@@ -1,15 +1,15 @@
 //! One picture: vectors, slices, headers. What zero-delay and lookahead coding have in common.
 
 use crate::{
-    CoefficientTable, Config, Frame, PictureStatistics, PictureType, Standard,
+    CoefficientTable, Config, Picture, PictureStatistics, PictureType, Standard,
     bits::BitWriter,
     config::quantiser_scale_code,
     decide::Tools,
     effort::Effort,
-    frame::psnr_of,
+    frame::{copy, psnr_of},
     header::{self, PictureHeader, macroblock_counts},
     motion::{Candidates, CoarseSearch, Estimate, HalfSample, f_code},
-    picture::{CodedPicture, MacroblockKind, Picture},
+    picture::{CodedPicture, MacroblockKind, PictureCoder},
     pool::Pool,
     predict::References,
     quant::{QuantiserParameters, Quantisers, places},
@@ -39,7 +39,7 @@ pub struct Packet {
     /// Bits of `data`.
     pub bits: u64,
     /// What a decoder shows, to within the differences of inverse transforms that the standard allows.
-    pub reconstruction: Arc<Frame>,
+    pub reconstruction: Arc<Picture>,
     /// PSNR of luma against the frame that came in, dB; infinite if nothing was lost.
     pub psnr_y: f64,
     /// What the bits were spent on.
@@ -48,7 +48,7 @@ pub struct Packet {
 
 /// What vectors of one direction are found from.
 pub(crate) struct Direction<'a> {
-    pub reference: &'a Frame,
+    pub reference: &'a Picture,
     /// Of every macroblock, or empty.
     pub candidates: &'a [Candidates],
     pub before: &'a [HalfSample],
@@ -62,7 +62,7 @@ pub(crate) struct Job<'a> {
     pub temporal_reference: u32,
     pub vbv_delay: u32,
     /// The picture in whole macroblocks.
-    pub source: &'a Frame,
+    pub source: &'a Picture,
     /// Forward and backward.
     pub directions: [Option<Direction<'a>>; 2],
     pub quantiser_scale: u32,
@@ -74,7 +74,7 @@ pub(crate) struct Job<'a> {
 pub(crate) struct Coded {
     pub packet: Packet,
     /// In whole macroblocks; of a B picture, from which nothing is predicted, there is none.
-    pub reference: Option<Arc<Frame>>,
+    pub reference: Option<Arc<Picture>>,
     /// Forward and backward.
     pub vectors: [Vec<HalfSample>; 2],
     /// Bytes of the picture header and its extension, after which user data may follow.
@@ -122,9 +122,9 @@ impl Coder {
     }
 
     /// A copy of a frame in whole macroblocks.
-    pub fn whole(&mut self, frame: &Frame) -> Arc<Frame> {
+    pub fn whole(&mut self, frame: &Picture) -> Arc<Picture> {
         let (columns, rows) = macroblock_counts(self.config.width, self.config.height);
-        self.pool.filled(16 * columns, 16 * rows, |whole| frame.copy_to(whole)).0
+        self.pool.filled(16 * columns, 16 * rows, |whole| copy(frame, whole)).0
     }
 
     /// Codes one picture on the current `rayon` pool.
@@ -165,7 +165,7 @@ impl Coder {
             f_code: [reach(&vectors[0]), reach(&vectors[1])],
             quantisers: self.quantisers.parameters,
         };
-        let picture = Picture {
+        let picture = PictureCoder {
             header,
             source: job.source,
             references,
@@ -184,7 +184,7 @@ impl Coder {
         &mut self,
         job: &Job,
         header: &PictureHeader,
-        whole: Arc<Frame>,
+        whole: Arc<Picture>,
         coded: CodedPicture,
         vectors: [Vec<HalfSample>; 2],
     ) -> Coded {
@@ -199,7 +199,7 @@ impl Coder {
         let reconstruction = if (whole.width(), whole.height()) == (width, height) {
             whole.clone()
         } else {
-            self.pool.filled(width, height, |shown| whole.copy_to(shown)).0
+            self.pool.filled(width, height, |shown| copy(&whole, shown)).0
         };
         let reference = (job.picture_type != PictureType::B).then_some(whole);
         let (kinds, levels) = coded.macroblocks.into_iter().unzip();

@@ -1,7 +1,7 @@
 //! What to encode: plain values, checked once.
 
 use crate::{
-    CoefficientTable, Effort, Encoder, Frame, Level, LookaheadEncoder, MotionField, Rate, Standard,
+    CoefficientTable, Effort, Encoder, Level, LookaheadEncoder, MotionField, Picture, Rate, Standard,
     quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
 };
 
@@ -11,7 +11,7 @@ pub(crate) const GROUP_MAX: u32 = 132;
 /// The largest width and height that horizontal_size and vertical_size can say (6.3.3, 14 bits).
 const SIZE_MAX: usize = 16383;
 
-/// Something in a [`Config`] or [`Frame`](crate::Frame) that cannot be encoded.
+/// Something in a [`Config`] that cannot be encoded.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigError {
@@ -112,20 +112,6 @@ pub enum ConfigError {
         fps: f64,
         /// The lowest level that is enough.
         lowest: Option<Level>,
-    },
-    /// A plane of a frame has the wrong size.
-    #[error("{plane} has {width}x{height} samples; with this luma it needs {expected_width}x{expected_height}")]
-    PlaneSize {
-        /// Name of the plane.
-        plane: &'static str,
-        /// Its width.
-        width: usize,
-        /// Its height.
-        height: usize,
-        /// The width it needs.
-        expected_width: usize,
-        /// The height it needs.
-        expected_height: usize,
     },
 }
 
@@ -433,10 +419,9 @@ impl Config {
         }
     }
 
-    pub(crate) fn check_input(&self, frame: &Frame, motion: Option<&MotionField>) {
+    pub(crate) fn check_input(&self, frame: &Picture, motion: Option<&MotionField>) {
         let size = (self.width, self.height);
         assert_eq!((frame.width(), frame.height()), size, "a frame of another size than the encoder's");
-        frame.check().unwrap_or_else(|error| panic!("{error}"));
         if let Some(motion) = motion {
             assert_eq!((motion.width(), motion.height()), size, "a motion field of another size than the encoder's");
         }

@@ -53,14 +53,14 @@ impl Container {
 /// quantiser that exceed what their level allows come late; files play all the same.
 ///
 /// ```
-/// use mpeg2enc::{Config, Container, Frame, FrameRate, Multiplexer};
+/// use mpeg2enc::{Config, Container, FrameRate, Multiplexer, Picture};
 ///
 /// let config = Config::new(64, 48, FrameRate::FPS_25);
 /// let mut multiplexer = Multiplexer::new(Container::Program, &config);
 /// let mut encoder = config.encoder()?;
 /// let mut file = Vec::new();
 /// for _ in 0..3 {
-///     file.extend(multiplexer.push(encoder.push(&Frame::black(64, 48), None)));
+///     file.extend(multiplexer.push(encoder.push(&Picture::black(64, 48), None)));
 /// }
 /// file.extend(multiplexer.finish(&encoder.finish()));
 /// assert_eq!(file[..4], [0, 0, 1, 0xba]); // pack_start_code

@@ -310,7 +310,7 @@ impl Decision<'_> {
             vector.is_none_or(|vector| {
                 self.references[s].is_some_and(|reference| {
                     let f_code = self.slice.f_code[s];
-                    Range::new(&reference.luma, self.column, self.row, f_code).contains(vector)
+                    Range::new(reference.luma(), self.column, self.row, f_code).contains(vector)
                 })
             })
         })

@@ -1,7 +1,7 @@
 //! Pictures in, packets out, without delay: I and P.
 
 use crate::{
-    Config, ConfigError, Frame, MotionField, PictureType,
+    Config, ConfigError, MotionField, Picture, PictureType,
     coder::{Coder, Direction, Job, Packet, sequence_end},
     config::quantiser_scale_code,
     header::{VBV_DELAY_VARIABLE, macroblock_counts},
@@ -23,7 +23,7 @@ pub struct EncoderState {
     /// Pictures coded so far.
     count: u64,
     /// Reconstruction of the last picture, in whole macroblocks.
-    reference: Option<Arc<Frame>>,
+    reference: Option<Arc<Picture>>,
     /// Vectors of the last picture, or empty.
     vectors: Vec<HalfSample>,
 }
@@ -65,7 +65,7 @@ impl Encoder {
     ///
     /// # Panics
     /// If frame or motion field have another size than the [`Config`].
-    pub fn push(&mut self, frame: &Frame, motion: Option<&MotionField>) -> Packet {
+    pub fn push(&mut self, frame: &Picture, motion: Option<&MotionField>) -> Packet {
         let config = &self.coder.config;
         config.check_input(frame, motion);
         let (columns, rows) = macroblock_counts(config.width, config.height);
@@ -80,7 +80,7 @@ impl Encoder {
         let quarters: Option<[Plane<u8>; 2]> = reference
             .as_ref()
             .filter(|_| motion.is_none() || candidates.iter().any(|candidates| candidates.is_uncovered))
-            .map(|reference| [quarter(&source.luma), quarter(&reference.luma)]);
+            .map(|reference| [quarter(source.luma()), quarter(reference.luma())]);
         let forward = reference.as_ref().map(|reference| Direction {
             reference,
             candidates: &candidates,

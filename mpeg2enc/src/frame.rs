@@ -1,74 +1,23 @@
-//! Pictures that go in and come back.
+//! Copies of pictures in another size, and how far pictures are apart.
 
-use crate::ConfigError;
-use plane::Plane;
+use plane::{Picture, Plane};
 
-/// A Y′CbCr 4:2:0 picture of 8-bit code values: Rec. 709, limited range (16 … 235, 16 … 240).
-///
-/// Chroma has half of the luma samples in each direction, rounded up, and lies midway between two luma rows
-/// on even columns, as 6.1.1.8 draws it for progressive pictures.
-#[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Frame {
-    /// Luma, Y′.
-    pub luma: Plane<u8>,
-    /// Blue difference, Cb.
-    pub cb: Plane<u8>,
-    /// Red difference, Cr.
-    pub cr: Plane<u8>,
-}
-
-impl Frame {
-    /// A frame of three planes whose sizes belong together.
-    pub fn new(luma: Plane<u8>, cb: Plane<u8>, cr: Plane<u8>) -> Result<Self, ConfigError> {
-        let frame = Self { luma, cb, cr };
-        frame.check()?;
-        Ok(frame)
-    }
-
-    /// A black frame of `width × height` luma samples.
-    pub fn black(width: usize, height: usize) -> Self {
-        let chroma = Plane::filled(width.div_ceil(2), height.div_ceil(2), 128);
-        Self { luma: Plane::filled(width, height, 16), cb: chroma.clone(), cr: chroma }
-    }
-
-    /// Luma samples in a row.
-    pub fn width(&self) -> usize {
-        self.luma.width()
-    }
-
-    /// Luma rows.
-    pub fn height(&self) -> usize {
-        self.luma.height()
-    }
-
-    /// Do the chroma planes have the size that belongs to the luma plane?
-    pub(crate) fn check(&self) -> Result<(), ConfigError> {
-        let (expected_width, expected_height) = (self.width().div_ceil(2), self.height().div_ceil(2));
-        for (name, plane) in [("cb", &self.cb), ("cr", &self.cr)] {
-            let (width, height) = (plane.width(), plane.height());
-            if (width, height) != (expected_width, expected_height) {
-                return Err(ConfigError::PlaneSize { plane: name, width, height, expected_width, expected_height });
-            }
-        }
-        Ok(())
-    }
-
-    /// Copies the frame to one of another size: the last row and column repeat, or are cut off.
-    pub(crate) fn copy_to(&self, out: &mut Self) {
-        copy_plane(&self.luma, &mut out.luma);
-        copy_plane(&self.cb, &mut out.cb);
-        copy_plane(&self.cr, &mut out.cr);
+/// Copies a picture to one of another size: the last row and column repeat, or are cut off.
+pub(crate) fn copy(picture: &Picture, out: &mut Picture) {
+    let width = out.width();
+    let widths = [width, width.div_ceil(2), width.div_ceil(2)];
+    for ((plane, out), width) in picture.planes().into_iter().zip(out.samples_mut()).zip(widths) {
+        copy_plane(plane, out, width);
     }
 }
 
-fn copy_plane(plane: &Plane<u8>, out: &mut Plane<u8>) {
-    if (plane.width(), plane.height()) == (out.width(), out.height()) {
-        return out.samples_mut().copy_from_slice(plane.samples());
+fn copy_plane(plane: &Plane<u8>, out: &mut [u8], width: usize) {
+    if (plane.width(), plane.samples().len()) == (width, out.len()) {
+        return out.copy_from_slice(plane.samples());
     }
-    let kept = out.width().min(plane.width());
-    for y in 0..out.height() {
-        let (row, out) = (plane.row(y.min(plane.height() - 1)), out.row_mut(y));
+    let kept = width.min(plane.width());
+    for (y, out) in out.chunks_exact_mut(width).enumerate() {
+        let row = plane.row(y.min(plane.height() - 1));
         out[..kept].copy_from_slice(&row[..kept]);
         out[kept..].fill(row[kept - 1]);
     }
@@ -106,22 +55,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn planes_must_belong_together() {
-        let frame = Frame::black(17, 33);
-        assert_eq!((frame.cb.width(), frame.cb.height()), (9, 17));
-        let error = Frame::new(frame.luma, Plane::filled(8, 17, 128), frame.cr).unwrap_err();
-        assert_eq!(error.to_string(), "cb has 8x17 samples; with this luma it needs 9x17");
-    }
-
-    #[test]
     fn padding_repeats_the_border_and_cropping_undoes_it() {
         let luma = Plane::from_fn(5, 3, |x, y| (10 * y + x) as u8);
-        let frame = Frame::new(luma, Plane::filled(3, 2, 7), Plane::filled(3, 2, 9)).unwrap();
-        let mut padded = Frame::black(16, 16);
-        frame.copy_to(&mut padded);
-        assert_eq!((padded.luma.get(15, 0), padded.luma.get(15, 15), padded.cb.get(7, 7)), (4, 24, 7));
-        let mut cropped = Frame::black(5, 3);
-        padded.copy_to(&mut cropped);
+        let frame = Picture::new(luma, Plane::filled(3, 2, 7), Plane::filled(3, 2, 9)).unwrap();
+        let mut padded = Picture::black(16, 16);
+        copy(&frame, &mut padded);
+        assert_eq!((padded.luma().get(15, 0), padded.luma().get(15, 15), padded.cb().get(7, 7)), (4, 24, 7));
+        let mut cropped = Picture::black(5, 3);
+        copy(&padded, &mut cropped);
         assert_eq!(cropped, frame);
     }
 

@@ -2,13 +2,13 @@
 //!
 //! It writes ISO/IEC 13818-2:2000 Main Profile, or ISO/IEC 11172-2:1993 ([`Standard`]): progressive 4:2:0 pictures of 8 bits,
 //! I, P and B, at a constant quantiser or within a bit rate. A [`Multiplexer`] wraps them into program and transport streams.
-//! Make an [`Encoder`] by a [`Config`], give it each [`Frame`], and where pixels were before if that is known
+//! Make an [`Encoder`] by a [`Config`], give it each [`Picture`], and where pixels were before if that is known
 //! ([`MotionField`]); each frame gives a [`Packet`], whose reconstruction is what a decoder will show.
 //! A [`LookaheadEncoder`] waits for later frames first: it has B pictures, quality that follows what later pictures
 //! take over, and [`Rate`]s.
 //!
 //! ```
-//! use mpeg2enc::{Config, Frame, FrameRate, MotionField};
+//! use mpeg2enc::{Config, FrameRate, MotionField, Picture};
 //! use plane::Plane;
 //!
 //! let mut encoder = Config::new(64, 48, FrameRate::FPS_25).with_gop(12).with_quantiser_scale(6).encoder()?;
@@ -16,7 +16,7 @@
 //! for time in 0..10 {
 //!     // A pattern that moves one pixel to the left in each frame: it was one pixel farther right before.
 //!     let luma = Plane::from_fn(64, 48, |x, y| (128.0 + 90.0 * ((x + time) as f32 * 0.4 + y as f32 * 0.1).sin()) as u8);
-//!     let frame = Frame::new(luma, Plane::filled(32, 24, 110), Plane::filled(32, 24, 140))?;
+//!     let frame = Picture::new(luma, Plane::filled(32, 24, 110), Plane::filled(32, 24, 140))?;
 //!     let motion = MotionField::new(Plane::filled(64, 48, [1.0, 0.0]));
 //!     let packet = encoder.push(&frame, Some(&motion));
 //!     assert!(packet.psnr_y > 35.0);
@@ -24,7 +24,7 @@
 //! }
 //! stream.extend(encoder.finish());
 //! assert_eq!(stream[..4], [0, 0, 1, 0xb3]); // sequence_header_code: the stream plays as an .m2v file
-//! # Ok::<(), mpeg2enc::ConfigError>(())
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! All that reaches the stream is integer arithmetic over fixed slices: the same frames give the same bits on every
@@ -37,8 +37,8 @@ mod kernel; // innermost loops, twice: plain and with vector instructions
 
 mod config; // what to encode
 mod effort; // how hard to try
-mod frame; // pictures
-mod pool; // and their memory
+mod frame; // copies of pictures and their errors
+mod pool; // memory of pictures
 
 mod standard; // MPEG-1 or MPEG-2
 
@@ -79,7 +79,7 @@ pub use crate::{
     container::{Container, Multiplexer},
     effort::Effort,
     encoder::{Encoder, EncoderState},
-    frame::{Frame, psnr},
+    frame::psnr,
     header::PictureType,
     level::Level,
     lookahead::KnownMotion,
@@ -91,6 +91,9 @@ pub use crate::{
     standard::Standard,
     vlc::CoefficientTable,
 };
+
+/// The picture that goes in and comes back.
+pub use plane::Picture;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

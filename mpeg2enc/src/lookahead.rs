@@ -10,7 +10,7 @@ pub(crate) mod tree;
 pub(crate) mod weights;
 
 use crate::{
-    Effort, Frame, MotionField,
+    Effort, MotionField, Picture,
     kernel::{self, Place},
     motion::{Candidates, CoarseSearch, HalfSample, Range, Search, quarter},
     predict::place_of,
@@ -36,7 +36,7 @@ pub struct KnownMotion<'a> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Waiting {
     /// The frame in whole macroblocks.
-    pub source: Arc<Frame>,
+    pub source: Arc<Picture>,
     /// Luma at half and at a quarter of the width and height, when they are looked at.
     #[cfg_attr(feature = "serde", serde(skip))]
     half: OnceLock<Plane<u8>>,
@@ -59,11 +59,11 @@ pub(crate) struct Waiting {
 
 impl Waiting {
     fn half(&self) -> &Plane<u8> {
-        self.half.get_or_init(|| halved(&self.source.luma))
+        self.half.get_or_init(|| halved(self.source.luma()))
     }
 
     fn quarter(&self) -> &Plane<u8> {
-        self.quarter.get_or_init(|| quarter(&self.source.luma))
+        self.quarter.get_or_init(|| quarter(self.source.luma()))
     }
 }
 
@@ -123,7 +123,7 @@ impl Lookahead {
     }
 
     /// Takes the next frame, in whole macroblocks, and factors of quantiser_scale for them.
-    pub fn push(&mut self, source: Arc<Frame>, motion: KnownMotion, weights: Option<Vec<u32>>) {
+    pub fn push(&mut self, source: Arc<Picture>, motion: KnownMotion, weights: Option<Vec<u32>>) {
         let (columns, rows) = (source.width() / 16, source.height() / 16);
         let known = [motion.to_previous, motion.to_next]
             .map(|field| field.map(|field| field.all_candidates(columns, rows).into()));

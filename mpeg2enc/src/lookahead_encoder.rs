@@ -1,7 +1,7 @@
 //! Pictures in, packets out, some pictures later: I, P and B.
 
 use crate::{
-    Config, Frame, KnownMotion, PictureType, Rate,
+    Config, KnownMotion, Picture, PictureType, Rate,
     coder::{Coded, Coder, Direction, Job, Packet, sequence_end},
     config::spread_over_rows,
     header::{VBV_DELAY_VARIABLE, macroblock_counts},
@@ -41,7 +41,7 @@ pub struct LookaheadState {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Anchor {
     index: usize,
-    reconstruction: Arc<Frame>,
+    reconstruction: Arc<Picture>,
 }
 
 impl LookaheadEncoder {
@@ -79,7 +79,7 @@ impl LookaheadEncoder {
     ///
     /// # Panics
     /// If frame or motion fields have another size than the [`Config`].
-    pub fn push(&mut self, frame: &Frame, motion: KnownMotion) -> Vec<Packet> {
+    pub fn push(&mut self, frame: &Picture, motion: KnownMotion) -> Vec<Packet> {
         self.push_frame(frame, motion, None)
     }
 
@@ -89,20 +89,20 @@ impl LookaheadEncoder {
     /// # Panics
     /// If frame or motion fields have another size than the [`Config`], or `weights` is not a sample for each 16×16 samples of
     /// luma, what is begun counted as whole.
-    pub fn push_weighted(&mut self, frame: &Frame, motion: KnownMotion, weights: &Plane<f32>) -> Vec<Packet> {
+    pub fn push_weighted(&mut self, frame: &Picture, motion: KnownMotion, weights: &Plane<f32>) -> Vec<Packet> {
         let counts = macroblock_counts(self.config().width, self.config().height);
         assert_eq!((weights.width(), weights.height()), counts, "weights that are not one for each macroblock");
         self.push_frame(frame, motion, Some(weights::given(weights)))
     }
 
-    fn push_frame(&mut self, frame: &Frame, motion: KnownMotion, weights: Option<Vec<u32>>) -> Vec<Packet> {
+    fn push_frame(&mut self, frame: &Picture, motion: KnownMotion, weights: Option<Vec<u32>>) -> Vec<Packet> {
         let config = &self.coder.config;
         config.check_input(frame, motion.to_previous);
         config.check_input(frame, motion.to_next);
         let source = self.coder.whole(frame);
         let config = &self.coder.config;
         let weights = weights
-            .or_else(|| config.adaptive_quantisation.then(|| weights::by_activity(&source.luma)))
+            .or_else(|| config.adaptive_quantisation.then(|| weights::by_activity(source.luma())))
             .filter(|_| config.varies());
         self.state.lookahead.push(source, motion, weights);
         self.code(self.coder.config.lookahead())

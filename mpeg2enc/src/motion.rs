@@ -10,7 +10,7 @@ pub(crate) use {
 };
 
 use crate::{
-    Effort, Frame,
+    Effort, Picture,
     kernel::{self, Place},
     predict::place_of,
 };
@@ -83,9 +83,9 @@ pub(crate) fn f_code(components: impl Iterator<Item = i32>) -> u32 {
 /// What the search of one picture in one reference picture knows.
 pub(crate) struct Estimate<'a> {
     /// The picture to be coded, in whole macroblocks.
-    pub source: &'a Frame,
+    pub source: &'a Picture,
     /// The reconstructed reference picture.
-    pub reference: &'a Frame,
+    pub reference: &'a Picture,
     /// Vectors worth trying in every macroblock, or empty.
     pub candidates: &'a [Candidates],
     /// Vectors of the picture before, or empty.
@@ -149,8 +149,8 @@ impl Estimate<'_> {
     }
 
     fn vector(&self, column: usize, row: usize, left: HalfSample) -> HalfSample {
-        let range = Range::new(&self.reference.luma, column, row, self.f_code_max);
-        let (source, reference) = (&self.source.luma, &self.reference.luma);
+        let range = Range::new(self.reference.luma(), column, row, self.f_code_max);
+        let (source, reference) = (self.source.luma(), self.reference.luma());
         let poor = 256 * POOR_MATCH + 256 * POOR_MATCH_EIGHTHS * self.quantiser_scale / 8;
         let index = row * (self.source.width() / 16) + column;
         let candidates = self.candidates.get(index).unwrap_or(&Candidates::NONE);
@@ -424,9 +424,9 @@ mod tests {
         (0.7 * smooth(x / 9.0, y / 9.0) + 0.3 * smooth(x / 3.0 + 50.0, y / 3.0)) as u8
     }
 
-    fn moved(x: f64, y: f64) -> Frame {
+    fn moved(x: f64, y: f64) -> Picture {
         let luma = Plane::from_fn(128, 96, |i, j| texture(i as f64 + x, j as f64 + y));
-        Frame { luma, ..Frame::black(128, 96) }
+        Picture::gray(luma)
     }
 
     #[test]
@@ -434,7 +434,7 @@ mod tests {
         for (x, y) in [(3.0, -2.0), (13.5, 7.0), (-24.0, 0.5)] {
             let (reference, source) = (moved(0.0, 0.0), moved(x, y));
             let field = MotionField::new(Plane::filled(128, 96, [x as f32, y as f32]));
-            let quarters = [&source, &reference].map(|frame| quarter(&frame.luma));
+            let quarters = [&source, &reference].map(|frame| quarter(frame.luma()));
             for (field, effort) in
                 [(None, Effort::Fast), (Some(&field), Effort::Fast), (None, Effort::Best), (Some(&field), Effort::Best)]
             {
@@ -451,7 +451,7 @@ mod tests {
                 let vectors = estimate.vectors();
                 let truth = HalfSample { x: (2.0 * x) as i32, y: (2.0 * y) as i32 };
                 for (i, &vector) in vectors.iter().enumerate() {
-                    let range = Range::new(&reference.luma, i % 8, i / 8, [7, 4]);
+                    let range = Range::new(reference.luma(), i % 8, i / 8, [7, 4]);
                     assert!(range.contains(vector));
                     if range.contains(truth) {
                         assert_eq!(vector, truth, "macroblock {i}, with a field: {}", field.is_some());

@@ -1,7 +1,7 @@
 //! Slices of a picture: each macroblock row is one, so rows are coded beside each other.
 
 use crate::{
-    Frame,
+    Picture,
     bits::{BitSink, BitWriter},
     config::nearest_code,
     decide::{
@@ -45,10 +45,10 @@ impl std::ops::AddAssign for PictureStatistics {
 }
 
 /// What a picture is coded from.
-pub(crate) struct Picture<'a> {
+pub(crate) struct PictureCoder<'a> {
     pub header: PictureHeader,
     /// The picture in whole macroblocks.
-    pub source: &'a Frame,
+    pub source: &'a Picture,
     pub references: References<'a>,
     /// Forward and backward vector of every macroblock, or empty.
     pub vectors: [&'a [HalfSample]; 2],
@@ -96,15 +96,15 @@ pub enum MacroblockKind {
 /// How a macroblock was coded, and the places of the levels that were written of its luma blocks, in transmission order.
 pub(crate) type CodedMacroblock = (MacroblockKind, [u64; 4]);
 
-impl Picture<'_> {
+impl PictureCoder<'_> {
     /// picture_data() (6.2.3): all slices. What a decoder shows, in whole macroblocks, goes to `reconstruction`.
-    pub fn code(&self, reconstruction: &mut Frame) -> CodedPicture {
+    pub fn code(&self, reconstruction: &mut Picture) -> CodedPicture {
         let width = self.source.width();
         let rows = {
-            let luma = reconstruction.luma.samples_mut().par_chunks_mut(16 * width);
-            let cb = reconstruction.cb.samples_mut().par_chunks_mut(4 * width);
-            let cr = reconstruction.cr.samples_mut().par_chunks_mut(4 * width);
-            luma.zip(cb.zip(cr))
+            let [luma, cb, cr] = reconstruction.samples_mut();
+            let (cb, cr) = (cb.par_chunks_mut(4 * width), cr.par_chunks_mut(4 * width));
+            luma.par_chunks_mut(16 * width)
+                .zip(cb.zip(cr))
                 .enumerate()
                 .map_init(Workspace::new, |work, (row, (luma, (cb, cr)))| {
                     self.code_slice(row, RowMut { luma, cb, cr }, work)
@@ -208,7 +208,7 @@ impl Picture<'_> {
         let (width, height) = self.size;
         let rows = 16 * row..(16 * row + 16).min(height);
         rows.zip(shown.chunks(self.source.width()))
-            .map(|(y, shown)| squared_error(&self.source.luma.row(y)[..width], &shown[..width]))
+            .map(|(y, shown)| squared_error(&self.source.luma().row(y)[..width], &shown[..width]))
             .sum()
     }
 

@@ -2,13 +2,13 @@
 //!
 //! A system gives fresh memory page by page, each cleared first: of the time of a quick encoder that is a fifth.
 
-use crate::Frame;
+use crate::Picture;
 use std::sync::Arc;
 
 /// Frames that were given out, some of which may be free again.
 #[derive(Default)]
 pub(crate) struct Pool {
-    given: Vec<Arc<Frame>>,
+    given: Vec<Arc<Picture>>,
 }
 
 /// The most frames that are remembered: as many as may wait, and some that a caller holds.
@@ -18,17 +18,22 @@ const SPARE: usize = 4;
 
 impl Pool {
     /// A frame of this size that `fill` gives its samples, all of them: before, they are any.
-    pub fn filled<T>(&mut self, width: usize, height: usize, fill: impl FnOnce(&mut Frame) -> T) -> (Arc<Frame>, T) {
+    pub fn filled<T>(
+        &mut self,
+        width: usize,
+        height: usize,
+        fill: impl FnOnce(&mut Picture) -> T,
+    ) -> (Arc<Picture>, T) {
         let fits =
-            |frame: &Arc<Frame>| Arc::strong_count(frame) == 1 && (frame.width(), frame.height()) == (width, height);
+            |frame: &Arc<Picture>| Arc::strong_count(frame) == 1 && (frame.width(), frame.height()) == (width, height);
         let found = self.given.iter().position(fits).map(|place| self.given.swap_remove(place));
-        let mut frame = found.unwrap_or_else(|| Arc::new(Frame::black(width, height)));
+        let mut frame = found.unwrap_or_else(|| Arc::new(Picture::black(width, height)));
         let result = fill(Arc::get_mut(&mut frame).expect("a free frame belongs to the pool alone"));
         self.remember(&frame);
         (frame, result)
     }
 
-    fn remember(&mut self, frame: &Arc<Frame>) {
+    fn remember(&mut self, frame: &Arc<Picture>) {
         let mut spare = 0;
         self.given.retain(|frame| {
             spare += usize::from(Arc::strong_count(frame) == 1);
@@ -48,15 +53,15 @@ mod tests {
     #[test]
     fn only_what_nobody_holds_is_filled_again() {
         let mut pool = Pool::default();
-        let (held, ()) = pool.filled(32, 16, |frame| frame.luma.samples_mut().fill(1));
-        let (dropped, ()) = pool.filled(32, 16, |frame| frame.luma.samples_mut().fill(2));
+        let (held, ()) = pool.filled(32, 16, |frame| frame.samples_mut()[0].fill(1));
+        let (dropped, ()) = pool.filled(32, 16, |frame| frame.samples_mut()[0].fill(2));
         let memory = Arc::as_ptr(&dropped);
         drop(dropped);
         let (small, ()) = pool.filled(16, 16, |_| ());
         assert_eq!((small.width(), small.height()), (16, 16));
-        let (again, value) = pool.filled(32, 16, |frame| frame.luma.get(0, 0));
+        let (again, value) = pool.filled(32, 16, |frame| frame.luma().get(0, 0));
         assert_eq!((Arc::as_ptr(&again), value), (memory, 2));
-        assert_eq!(held.luma.get(0, 0), 1);
+        assert_eq!(held.luma().get(0, 0), 1);
     }
 
     #[test]

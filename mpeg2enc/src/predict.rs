@@ -1,7 +1,7 @@
 //! Half-sample motion compensation (7.6.4), and the samples of one macroblock.
 
 use crate::{
-    Frame,
+    Picture,
     kernel::{self, Place},
     motion::HalfSample,
 };
@@ -12,23 +12,23 @@ pub(crate) type Samples = [[u8; 64]; 6];
 
 /// Place of a block of a macroblock: which plane, and its upper left sample there.
 #[cfg(test)]
-fn place(frame: &Frame, block: usize, column: usize, row: usize) -> (&Plane<u8>, usize, usize) {
+fn place(frame: &Picture, block: usize, column: usize, row: usize) -> (&Plane<u8>, usize, usize) {
     match block {
-        0..4 => (&frame.luma, 16 * column + 8 * (block & 1), 16 * row + 8 * (block >> 1)),
-        4 => (&frame.cb, 8 * column, 8 * row),
-        _ => (&frame.cr, 8 * column, 8 * row),
+        0..4 => (frame.luma(), 16 * column + 8 * (block & 1), 16 * row + 8 * (block >> 1)),
+        4 => (frame.cb(), 8 * column, 8 * row),
+        _ => (frame.cr(), 8 * column, 8 * row),
     }
 }
 
 /// The samples of macroblock `(column, row)` of a frame in whole macroblocks.
-pub(crate) fn samples(frame: &Frame, column: usize, row: usize) -> Samples {
+pub(crate) fn samples(frame: &Picture, column: usize, row: usize) -> Samples {
     let mut out = [[0; 64]; 6];
     predict(frame, column, row, HalfSample::ZERO, &mut out);
     out
 }
 
 /// The reference pictures: before and after the picture in display order.
-pub(crate) type References<'a> = [Option<&'a Frame>; 2];
+pub(crate) type References<'a> = [Option<&'a Picture>; 2];
 
 /// The mean of two predictions, rounded up (7.6.7.1).
 pub(crate) fn mean(a: &Samples, b: &Samples, out: &mut Samples) {
@@ -38,12 +38,12 @@ pub(crate) fn mean(a: &Samples, b: &Samples, out: &mut Samples) {
 /// The prediction of macroblock `(column, row)` from `reference` with `vector`.
 ///
 /// The vector of chroma is half of it, rounded toward zero (7.6.3.7).
-pub(crate) fn predict(reference: &Frame, column: usize, row: usize, vector: HalfSample, out: &mut Samples) {
+pub(crate) fn predict(reference: &Picture, column: usize, row: usize, vector: HalfSample, out: &mut Samples) {
     let chroma = HalfSample { x: vector.x / 2, y: vector.y / 2 };
     let (x2, y2) = (32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
-    kernel::predict_blocks(place_of(&reference.luma, x2, y2), out.first_chunk_mut().expect("six blocks"));
+    kernel::predict_blocks(place_of(reference.luma(), x2, y2), out.first_chunk_mut().expect("six blocks"));
     let (x2, y2) = (16 * column as i32 + chroma.x, 16 * row as i32 + chroma.y);
-    for (plane, out) in [&reference.cb, &reference.cr].into_iter().zip(&mut out[4..]) {
+    for (plane, out) in [reference.cb(), reference.cr()].into_iter().zip(&mut out[4..]) {
         let rows: &mut [[u8; 8]; 8] = out.as_chunks_mut().0.try_into().expect("8 rows");
         kernel::predict(place_of(plane, x2, y2), rows);
     }
@@ -71,8 +71,9 @@ mod tests {
     #[test]
     fn predictions_follow_the_definition() {
         let plane = |scale: usize| Plane::from_fn(32 * scale, 32 * scale, |x, y| ((x * 37) ^ (y * 91)) as u8);
-        let frame = Frame { luma: plane(1), cb: plane(1).map(|s| s ^ 21), cr: plane(1).map(|s| s ^ 99) };
-        let frame = Frame { luma: plane(2), ..frame };
+        let chroma = [21, 99].map(|pattern| plane(1).map(|s| s ^ pattern));
+        let [cb, cr] = chroma;
+        let frame = Picture::new(plane(2), cb, cr).unwrap();
         for vector in [(0, 0), (5, 0), (0, 7), (-9, 3), (3, -10), (-1, -1), (6, 8)] {
             let vector = HalfSample { x: vector.0, y: vector.1 };
             let mut predicted = [[0; 64]; 6];

@@ -109,7 +109,7 @@ proptest! {
                 _ => {
                     let extreme = |w: usize, h: usize| Plane::from_fn(w, h, |x, y| if (x / 3 + y / 2) % 2 == 0 { 0 } else { 255 });
                     let (w, h) = (width.div_ceil(2), height.div_ceil(2));
-                    mpeg2enc::Frame::new(extreme(width, height), extreme(w, h), extreme(w, h)).unwrap()
+                    mpeg2enc::Picture::new(extreme(width, height), extreme(w, h), extreme(w, h)).unwrap()
                 }
             };
             let packet = encoder.push(&frame, (i % 2 == 0).then_some(&field));

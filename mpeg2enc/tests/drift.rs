@@ -3,18 +3,18 @@
 mod common;
 
 use common::*;
-use mpeg2enc::Frame;
+use mpeg2enc::Picture;
 
 /// As good as the same, dB.
 const EQUAL_DB: f64 = 0.02;
 
 /// PSNR of luma over all pictures, dB.
-fn psnr_of_all<'a>(shown: impl Iterator<Item = &'a Frame>, sources: &[Frame]) -> f64 {
+fn psnr_of_all<'a>(shown: impl Iterator<Item = &'a Picture>, sources: &[Picture]) -> f64 {
     let (mut squares, mut samples) = (0u64, 0);
     for (shown, source) in shown.zip(sources) {
-        let pairs = shown.luma.samples().iter().zip(source.luma.samples());
+        let pairs = shown.luma().samples().iter().zip(source.luma().samples());
         squares += pairs.map(|(&a, &b)| u64::from(a.abs_diff(b)).pow(2)).sum::<u64>();
-        samples += source.luma.samples().len();
+        samples += source.luma().samples().len();
     }
     10.0 * (255f64.powi(2) * samples as f64 / squares as f64).log10()
 }
@@ -25,7 +25,7 @@ fn psnr_of_all<'a>(shown: impl Iterator<Item = &'a Frame>, sources: &[Frame]) ->
 #[test]
 fn three_hundred_pictures_lose_no_quality_in_decoders() {
     let (width, height, count) = (64, 48, 300);
-    let sources: Vec<Frame> = (0..count).map(|time| moving(width, height, time)).collect();
+    let sources: Vec<Picture> = (0..count).map(|time| moving(width, height, time)).collect();
     for (quantiser_scale, gop, by_integers) in [(2, 15, 0.1), (2, 132, 0.25), (112, 132, EQUAL_DB)] {
         let settings = config(width, height).with_quantiser_scale(quantiser_scale).with_gop(gop).with_b_pictures(2);
         let (stream, packets) = encode_ahead(settings, sources.iter().cloned(), None);

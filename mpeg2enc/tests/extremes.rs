@@ -7,20 +7,20 @@ mod common;
 
 use common::*;
 use mpeg2enc::{
-    Config, Container, Effort, Frame, FrameRate, KnownMotion, Multiplexer, Packet, PictureType, Rate, Standard,
+    Config, Container, Effort, FrameRate, KnownMotion, Multiplexer, Packet, Picture, PictureType, Rate, Standard,
 };
 use plane::Plane;
 use std::process::{Command, Stdio};
 
 /// Every sample of one kind of pattern, in all three planes.
-fn patterned(width: usize, height: usize, at: impl Fn(usize, usize) -> u8) -> Frame {
+fn patterned(width: usize, height: usize, at: impl Fn(usize, usize) -> u8) -> Picture {
     let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
     let plane = |width, height| Plane::from_fn(width, height, &at);
-    Frame::new(plane(width, height), plane(chroma_width, chroma_height), plane(chroma_width, chroma_height)).unwrap()
+    Picture::new(plane(width, height), plane(chroma_width, chroma_height), plane(chroma_width, chroma_height)).unwrap()
 }
 
 /// Black or white by a wave that the DCT has a coefficient for: the largest that 8 bits can make, for 64 frequencies.
-fn wave(u: usize, v: usize, inverted: bool) -> Frame {
+fn wave(u: usize, v: usize, inverted: bool) -> Picture {
     let cosine = |k: usize, f: usize| ((2 * k + 1) as f64 * f as f64 * std::f64::consts::PI / 16.0).cos();
     patterned(32, 32, |x, y| if (cosine(x % 8, u) * cosine(y % 8, v) > 0.0) != inverted { 255 } else { 0 })
 }
@@ -190,7 +190,7 @@ fn buffers_at_their_edge() {
                     config(width, height).with_rate(rate).with_b_pictures(b_pictures).with_quantiser_scale(1);
                 // Black, then noise, then black: nothing could be saved beforehand.
                 let frames = (0..40)
-                    .map(|n| if n / 10 % 2 == 1 { noise(width, height, n) } else { Frame::black(width, height) });
+                    .map(|n| if n / 10 % 2 == 1 { noise(width, height, n) } else { Picture::black(width, height) });
                 let mut encoder = settings.lookahead_encoder().unwrap();
                 let mut packets: Vec<_> =
                     frames.flat_map(|frame| encoder.push(&frame, KnownMotion::default())).collect();

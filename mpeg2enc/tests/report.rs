@@ -3,18 +3,18 @@
 mod common;
 
 use common::*;
-use mpeg2enc::{Frame, MacroblockKind, Packet};
+use mpeg2enc::{MacroblockKind, Packet, Picture};
 use plane::Plane;
 use std::f64::consts::PI;
 
 /// One wave of the DCT in every block: `u` across, `v` down, upon middle grey.
-fn wave(u: usize, v: usize) -> Frame {
+fn wave(u: usize, v: usize) -> Picture {
     let cosine = |x: usize, u: usize| ((2 * (x % 8) + 1) as f64 * u as f64 * PI / 16.0).cos();
     let luma = Plane::from_fn(64, 48, |x, y| (126.0 + 60.0 * cosine(x, u) * cosine(y, v)).round() as u8);
-    Frame::new(luma, Plane::filled(32, 24, 128), Plane::filled(32, 24, 128)).unwrap()
+    Picture::new(luma, Plane::filled(32, 24, 128), Plane::filled(32, 24, 128)).unwrap()
 }
 
-fn code(frames: impl IntoIterator<Item = Frame>, alternate: bool) -> Vec<Packet> {
+fn code(frames: impl IntoIterator<Item = Picture>, alternate: bool) -> Vec<Packet> {
     encode(config(64, 48).with_gop(9).with_quantiser_scale(16).with_alternate_scan(alternate), frames.into_iter()).1
 }
 

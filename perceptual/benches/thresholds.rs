@@ -53,7 +53,7 @@ fn coded_feedback_of_a_frame(bencher: Bencher, next: NextPicture) {
     let (picture, luminance) = picture();
     let still = still_matches(SIZE, SIZE);
     let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), DEFAULT_WEIGHT);
-    let decoded = Plane::from_fn(SIZE, SIZE, |x, y| picture.y.get(x, y).saturating_add((x % 8) as u8));
+    let decoded = Plane::from_fn(SIZE, SIZE, |x, y| picture.picture.luma().get(x, y).saturating_add((x % 8) as u8));
     let (levels, macroblocks) = (Plane::filled(SIZE / 8, SIZE / 8, 7), SIZE / 16);
     let intra = Plane::filled(macroblocks, macroblocks, false);
     let scales = Plane::filled(macroblocks, macroblocks, 8);
@@ -119,5 +119,5 @@ fn transforming_all_blocks_back(bencher: Bencher) {
 #[divan::bench]
 fn structural_similarity(bencher: Bencher) {
     let (picture, _) = picture();
-    bencher.bench(|| ssim(&picture.y, &picture.y));
+    bencher.bench(|| ssim(picture.picture.luma(), picture.picture.luma()));
 }

@@ -40,7 +40,7 @@ pub use crate::threshold_map::{
     tolerable_error_counted,
 };
 pub use crate::tonemap::{Display, Operator, OutOfRange, ToneMap, UnknownOperator};
-pub use crate::ycbcr::{LUMINANCE_WEIGHTS, WHITE_LUMA, YCbCr, luminance, luminance_plane};
+pub use crate::ycbcr::{LUMINANCE_WEIGHTS, WHITE_LUMA, YCbCr, luminance, luminance_plane, to_rgb8};
 
 /// `value` taken into `low…high`; NaN becomes `low`.
 #[inline]

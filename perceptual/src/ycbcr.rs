@@ -9,8 +9,9 @@
 //! between two luma rows. They are filtered to that place with [1 2 1]/4 along the rows and [1 1]/2 across them.
 
 use crate::{ToneMap, table::EncodeTable};
-use plane::Plane;
+use plane::{Picture, Plane};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Weights of red, green and blue in luminance and in luma (Rec. ITU-R BT.709).
 pub const LUMINANCE_WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
@@ -39,12 +40,8 @@ pub fn luminance_plane(radiance: &Plane<[f32; 3]>) -> Plane<f32> {
 /// A tone-mapped picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct YCbCr {
-    /// Y′, 16…235.
-    pub y: Plane<u8>,
-    /// C_B, 16…240, half as wide and half as high (rounded up).
-    pub cb: Plane<u8>,
-    /// C_R, 16…240, of the size of `cb`.
-    pub cr: Plane<u8>,
+    /// The picture for the encoder: luma 16…235, chroma 16…240.
+    pub picture: Arc<Picture>,
     /// Luma before rounding, in code values above black: 0 is black, 219 white, so that the steps of the codec's quantiser
     /// have their size here. This is what masking works on.
     pub luma: Plane<f32>,
@@ -124,23 +121,17 @@ impl YCbCr {
     /// Tone maps linear RGB radiance and converts it, each value rounded to the nearest code. Any size.
     pub fn from_radiance(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap) -> Self {
         let (width, height) = (radiance.width(), radiance.height());
-        let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
-        let mut out = Self {
-            y: Plane::filled(width, height, BLACK as u8),
-            cb: Plane::filled(chroma_width, chroma_height, 128),
-            cr: Plane::filled(chroma_width, chroma_height, 128),
-            luma: Plane::filled(width, height, 0.0),
-            non_finite: 0,
-        };
+        let chroma_width = width.div_ceil(2);
+        let mut picture = Picture::black(width, height);
+        let mut luma = Plane::filled(width, height, 0.0);
         if width == 0 || height == 0 {
-            return out;
+            return Self { picture: Arc::new(picture), luma, non_finite: 0 };
         }
         let table = EncodeTable::new(tone_map);
-        let luma_strips =
-            out.y.samples_mut().par_chunks_mut(2 * width).zip(out.luma.samples_mut().par_chunks_mut(2 * width));
-        let chroma_strips =
-            out.cb.samples_mut().par_chunks_mut(chroma_width).zip(out.cr.samples_mut().par_chunks_mut(chroma_width));
-        out.non_finite = radiance
+        let [y, cb, cr] = picture.samples_mut();
+        let luma_strips = y.par_chunks_mut(2 * width).zip(luma.samples_mut().par_chunks_mut(2 * width));
+        let chroma_strips = cb.par_chunks_mut(chroma_width).zip(cr.par_chunks_mut(chroma_width));
+        let non_finite = radiance
             .samples()
             .par_chunks(2 * width)
             .zip(luma_strips)
@@ -149,30 +140,30 @@ impl YCbCr {
                 Strip { radiance, y, luma, cb, cr }.convert(width, &table, rows)
             })
             .sum();
-        out
+        Self { picture: Arc::new(picture), luma, non_finite }
     }
+}
 
-    /// The picture as 8-bit R′G′B′, for previews.
-    ///
-    /// Chroma is interpolated linearly from where MPEG-2 sites it.
-    pub fn to_rgb8(&self) -> Plane<[u8; 3]> {
-        let chroma = |plane: &Plane<u8>, x: usize, y: usize| {
-            let (column, row) = ((x / 2) as isize, (y / 2) as isize);
-            let next_column = column + (x % 2) as isize;
-            // Luma row 2j lies a quarter of a chroma row above chroma row j, luma row 2j + 1 as far below.
-            let next_row = if y.is_multiple_of(2) { row - 1 } else { row + 1 };
-            let along = |row| {
-                0.5 * (f32::from(plane.get_clamped(column, row)) + f32::from(plane.get_clamped(next_column, row)))
-            };
-            0.75 * along(row) + 0.25 * along(next_row) - 128.0
-        };
-        Plane::from_fn(self.y.width(), self.y.height(), |x, y| {
-            let luma = (f32::from(self.y.get(x, y)) - BLACK) / WHITE_LUMA;
-            let b = luma + chroma(&self.cb, x, y) / CB_SCALE;
-            let r = luma + chroma(&self.cr, x, y) / CR_SCALE;
-            let [wr, wg, wb] = LUMINANCE_WEIGHTS;
-            let g = (luma - wr * r - wb * b) / wg;
-            [r, g, b].map(|c| (255.0 * c).round().clamp(0.0, 255.0) as u8)
-        })
-    }
+/// A picture as 8-bit R′G′B′, for previews.
+///
+/// Chroma is interpolated linearly from where MPEG-2 sites it.
+#[must_use]
+pub fn to_rgb8(picture: &Picture) -> Plane<[u8; 3]> {
+    let chroma = |plane: &Plane<u8>, x: usize, y: usize| {
+        let (column, row) = ((x / 2) as isize, (y / 2) as isize);
+        let next_column = column + (x % 2) as isize;
+        // Luma row 2j lies a quarter of a chroma row above chroma row j, luma row 2j + 1 as far below.
+        let next_row = if y.is_multiple_of(2) { row - 1 } else { row + 1 };
+        let along =
+            |row| 0.5 * (f32::from(plane.get_clamped(column, row)) + f32::from(plane.get_clamped(next_column, row)));
+        0.75 * along(row) + 0.25 * along(next_row) - 128.0
+    };
+    Plane::from_fn(picture.width(), picture.height(), |x, y| {
+        let luma = (f32::from(picture.luma().get(x, y)) - BLACK) / WHITE_LUMA;
+        let b = luma + chroma(picture.cb(), x, y) / CB_SCALE;
+        let r = luma + chroma(picture.cr(), x, y) / CR_SCALE;
+        let [wr, wg, wb] = LUMINANCE_WEIGHTS;
+        let g = (luma - wr * r - wb * b) / wg;
+        [r, g, b].map(|c| (255.0 * c).round().clamp(0.0, 255.0) as u8)
+    })
 }

@@ -1,6 +1,6 @@
 //! Conversion to what the encoder takes: colours of Rec. 709, where chroma lies, odd sizes, broken pixels.
 
-use perceptual::{Operator, ToneMap, YCbCr, luminance, luminance_plane};
+use perceptual::{Operator, ToneMap, YCbCr, luminance, luminance_plane, to_rgb8};
 use plane::Plane;
 
 fn flat(rgb: [f32; 3]) -> YCbCr {
@@ -21,10 +21,10 @@ fn known_colors() {
         ("magenta", [1.0, 0.0, 1.0], [78, 214, 230]),
     ] {
         let picture = flat(rgb);
-        for (plane, code) in [&picture.y, &picture.cb, &picture.cr].into_iter().zip(codes) {
+        for (plane, code) in picture.picture.planes().into_iter().zip(codes) {
             assert!(plane.samples().iter().all(|&c| c == code), "{name}: {:?} instead of {code}", plane.samples());
         }
-        let back = picture.to_rgb8().get(3, 2);
+        let back = to_rgb8(&picture.picture).get(3, 2);
         for (back, wanted) in back.into_iter().zip(rgb) {
             assert!((f32::from(back) - 255.0 * wanted).abs() <= 2.0, "{name}: {back} instead of {wanted}");
         }
@@ -37,7 +37,7 @@ fn luma_before_rounding_starts_at_black() {
     assert!((grey.luma.get(0, 0) - 109.5).abs() < 0.01, "{}", grey.luma.get(0, 0));
     let ramp = Plane::from_fn(64, 8, |x, y| [x as f32 / 63.0, y as f32 / 7.0, 0.3]);
     let picture = YCbCr::from_radiance(&ramp, &ToneMap::srgb());
-    for (&code, &luma) in picture.y.samples().iter().zip(picture.luma.samples()) {
+    for (&code, &luma) in picture.picture.luma().samples().iter().zip(picture.luma.samples()) {
         assert!((f32::from(code) - 16.0 - luma).abs() <= 0.5001);
     }
     assert!(flat([1e6; 3]).luma.samples().iter().all(|&luma| luma == 219.0));
@@ -48,14 +48,14 @@ fn luma_before_rounding_starts_at_black() {
 fn chroma_lies_in_line_with_even_columns() {
     let red_at = |column: usize| {
         let radiance = Plane::from_fn(12, 4, |x, _| if x == column { [1.0, 0.0, 0.0] } else { [0.0; 3] });
-        YCbCr::from_radiance(&radiance, &ToneMap::srgb()).cr.row(0).to_vec()
+        YCbCr::from_radiance(&radiance, &ToneMap::srgb()).picture.cr().row(0).to_vec()
     };
     assert_eq!(red_at(4), [128, 128, 184, 128, 128, 128]);
     assert_eq!(red_at(5), [128, 128, 156, 156, 128, 128]);
     assert_eq!(red_at(0), [212, 128, 128, 128, 128, 128], "the first column stands for the one left of it");
     let red_row = Plane::from_fn(4, 6, |_, y| if y == 3 { [1.0, 0.0, 0.0] } else { [0.0; 3] });
     let picture = YCbCr::from_radiance(&red_row, &ToneMap::srgb());
-    assert_eq!([0, 1, 2].map(|y| picture.cr.get(0, y)), [128, 184, 128], "half-way between two rows");
+    assert_eq!([0, 1, 2].map(|y| picture.picture.cr().get(0, y)), [128, 184, 128], "half-way between two rows");
 }
 
 #[test]
@@ -63,12 +63,18 @@ fn any_size() {
     for (width, height) in [(0, 0), (0, 3), (1, 1), (1, 2), (2, 1), (3, 5), (17, 9), (16, 1)] {
         let radiance = Plane::filled(width, height, [0.0, 0.0, 1.0]);
         let picture = YCbCr::from_radiance(&radiance, &ToneMap::srgb());
-        assert_eq!((picture.y.width(), picture.y.height()), (width, height));
-        assert_eq!((picture.cb.width(), picture.cb.height()), (width.div_ceil(2), height.div_ceil(2)));
-        assert_eq!((picture.cr.width(), picture.cr.height()), (width.div_ceil(2), height.div_ceil(2)));
-        assert!(picture.y.samples().iter().all(|&y| y == 32));
-        assert!(picture.cb.samples().iter().all(|&cb| cb == 240));
-        assert_eq!(picture.to_rgb8().samples().len(), width * height);
+        assert_eq!((picture.picture.luma().width(), picture.picture.luma().height()), (width, height));
+        assert_eq!(
+            (picture.picture.cb().width(), picture.picture.cb().height()),
+            (width.div_ceil(2), height.div_ceil(2))
+        );
+        assert_eq!(
+            (picture.picture.cr().width(), picture.picture.cr().height()),
+            (width.div_ceil(2), height.div_ceil(2))
+        );
+        assert!(picture.picture.luma().samples().iter().all(|&y| y == 32));
+        assert!(picture.picture.cb().samples().iter().all(|&cb| cb == 240));
+        assert_eq!(to_rgb8(&picture.picture).samples().len(), width * height);
     }
 }
 
@@ -80,7 +86,7 @@ fn broken_pixels_are_black_and_counted() {
         let radiance = Plane::from_fn(9, 7, |x, y| if y == 4 && x < 3 { broken[x] } else { [0.5, -0.5, 1e6] });
         let picture = YCbCr::from_radiance(&radiance, &tone_map);
         assert_eq!(picture.non_finite, 3);
-        assert!((0..3).all(|x| picture.y.get(x, 4) == 16));
+        assert!((0..3).all(|x| picture.picture.luma().get(x, 4) == 16));
         let clean = radiance.map(|rgb| if rgb.iter().all(|c| c.is_finite()) { rgb } else { [0.0; 3] });
         let clean = YCbCr::from_radiance(&clean, &tone_map);
         assert_eq!(clean.non_finite, 0);

@@ -12,7 +12,7 @@
 use crate::error::{Error, Result};
 use crate::video::Video;
 use crossbeam_channel::bounded;
-use mpeg2enc::{Frame, MotionField};
+use mpeg2enc::MotionField;
 use perceptual::{Feedback, ThresholdMap, ToneMap, YCbCr, carry, luminance_plane};
 use plane::Plane;
 use render_core::Correspondence;
@@ -77,9 +77,8 @@ impl Mask for Feedback {
 
 impl Encode for Video {
     fn encode(&mut self, picture: &YCbCr, motion_px: Option<&Plane<[f32; 2]>>) -> Result<Vec<u8>> {
-        let frame = Frame::new(picture.y.clone(), picture.cb.clone(), picture.cr.clone())?;
         let motion = motion_px.map(|motion| MotionField::new(motion.clone()));
-        Ok(self.push(&frame, motion.as_ref(), None).bytes)
+        Ok(self.push(&picture.picture, motion.as_ref(), None).bytes)
     }
 
     fn quantiser_scale(&self) -> f32 {

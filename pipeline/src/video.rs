@@ -4,7 +4,7 @@ use crate::checkpoint::{decode, encode};
 use crate::error::{Error, Result};
 use crate::settings::Settings;
 use mpeg2enc::{
-    Container, Encoder, Frame, KnownMotion, LookaheadEncoder, MacroblockKind, MotionField, Multiplexer, Packet,
+    Container, Encoder, KnownMotion, LookaheadEncoder, MacroblockKind, MotionField, Multiplexer, Packet, Picture,
     PictureType,
 };
 use plane::Plane;
@@ -96,7 +96,7 @@ impl Video {
     ///
     /// # Panics
     /// If frame or motion have another size than the video.
-    pub fn push(&mut self, frame: &Frame, previous: Option<&MotionField>, next: Option<&MotionField>) -> Coded {
+    pub fn push(&mut self, frame: &Picture, previous: Option<&MotionField>, next: Option<&MotionField>) -> Coded {
         let packets = match &mut self.coder {
             Coder::Immediate(encoder) => vec![encoder.push(frame, previous)],
             Coder::Ahead(encoder) => encoder.push(frame, KnownMotion { to_previous: previous, to_next: next }),
@@ -149,7 +149,7 @@ impl Video {
 impl CodingOutcome {
     fn of(packet: &Packet) -> Self {
         Self {
-            decoded: packet.reconstruction.luma.clone(),
+            decoded: packet.reconstruction.luma().clone(),
             levels: packet.luma_levels(),
             intra: packet.macroblock_kinds.map(|kind| kind == MacroblockKind::Intra),
             quantiser_scales: packet.quantiser_scales.clone(),

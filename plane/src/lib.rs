@@ -1,4 +1,5 @@
-//! Planes of samples, 8×8 blocks, and the one orthonormal 8×8 DCT that a masking model and an MPEG-2 encoder share.
+//! Planes of samples, pictures, and the one orthonormal 8×8 DCT: what a renderer, a masking model and an MPEG-2 encoder
+//! share.
 //!
 //! ```
 //! use plane::Plane;
@@ -12,10 +13,14 @@
 #![forbid(unsafe_code)]
 
 mod dct;
+mod picture;
 mod plane;
+mod size_error;
 
 pub use crate::dct::{dct, dct_definition, idct, idct_definition};
+pub use crate::picture::Picture;
 pub use crate::plane::Plane;
+pub use crate::size_error::SizeError;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -3,7 +3,7 @@
 /// A rectangle of `width × height` samples in raster order.
 ///
 /// Invariant: `data.len() == width * height`; there is no hidden padding.
-#[derive(Clone, Debug, PartialEq, Default)]
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts<T>"))]
 pub struct Plane<T> {
     data: Vec<T>,

@@ -84,7 +84,7 @@ fn stillness(film: &Path, size: Size) -> f64 {
         for top in (0..size.height / 8).map(|row| 8 * row) {
             for left in (0..size.width / 8).map(|column| 8 * column) {
                 let places = (0..64).map(|k| (left + k % 8, top + k / 8));
-                let change = |(x, y)| f64::from(pair[0].luma.get(x, y)) - f64::from(pair[1].luma.get(x, y));
+                let change = |(x, y)| f64::from(pair[0].luma().get(x, y)) - f64::from(pair[1].luma().get(x, y));
                 blocks.push(places.map(|place| change(place).abs()).sum::<f64>() / 64.0);
             }
         }

@@ -9,7 +9,7 @@
 //! The arguments are scene, size, frames and quantiser scales. Averages leave out frame 0, for which no thresholds are
 //! known yet. The all-lights frames are kept in `out/closed_loop/`, since they take most of the time.
 
-use mpeg2enc::Frame;
+use mpeg2enc::Picture;
 use pipeline::settings::{Lighting, Size, Switch, Thresholds};
 use pipeline::{Plan, Report, Settings, Wishes, output::Output};
 use std::path::{Path, PathBuf};
@@ -106,7 +106,7 @@ impl Job {
 }
 
 /// Mean over frames of the luma PSNR \[dB\].
-fn mean_psnr(decoded: &[Frame], truth: &[Frame]) -> f64 {
-    let sum: f64 = decoded.iter().zip(truth).map(|(a, b)| perceptual::psnr(&a.luma, &b.luma)).sum();
+fn mean_psnr(decoded: &[Picture], truth: &[Picture]) -> f64 {
+    let sum: f64 = decoded.iter().zip(truth).map(|(a, b)| perceptual::psnr(a.luma(), b.luma())).sum();
     sum / decoded.len() as f64
 }

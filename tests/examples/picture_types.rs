@@ -11,7 +11,7 @@
 //! Printed for each quantiser: decoded PSNR and bits of the fine film, and by how much both change where only I pictures are
 //! coarse, only P, only B, or all. Beside them, what share of the error that the coarse pictures bring with them arrives.
 
-use mpeg2enc::{Config, Frame, FrameRate, PictureType, psnr};
+use mpeg2enc::{Config, FrameRate, Picture, PictureType, psnr};
 use std::path::Path;
 use tests::read_y4m;
 
@@ -20,11 +20,11 @@ const B_PICTURES: u32 = 2;
 
 /// A film in its stream: type of each picture as shown, decoded, and bits.
 struct Coded {
-    pictures: Vec<(PictureType, Frame)>,
+    pictures: Vec<(PictureType, Picture)>,
     bits: u64,
 }
 
-fn code(frames: &[Frame], quantiser_scale: u32) -> Coded {
+fn code(frames: &[Picture], quantiser_scale: u32) -> Coded {
     let (width, height) = (frames[0].width(), frames[0].height());
     let mut encoder = Config::new(width, height, FrameRate::from_fps(25.0).expect("a rate of the table"))
         .with_gop(GOP)
@@ -46,13 +46,13 @@ fn code(frames: &[Frame], quantiser_scale: u32) -> Coded {
 }
 
 /// Mean square error of luma over a film.
-fn error(decoded: &[(PictureType, Frame)], truth: &[Frame]) -> f64 {
-    let of = |((_, frame), truth): (&(PictureType, Frame), &Frame)| mean_square(frame, truth);
+fn error(decoded: &[(PictureType, Picture)], truth: &[Picture]) -> f64 {
+    let of = |((_, frame), truth): (&(PictureType, Picture), &Picture)| mean_square(frame, truth);
     decoded.iter().zip(truth).map(of).sum::<f64>() / truth.len() as f64
 }
 
-fn mean_square(a: &Frame, b: &Frame) -> f64 {
-    255.0 * 255.0 / 10f64.powf(psnr(&a.luma, &b.luma).min(200.0) / 10.0)
+fn mean_square(a: &Picture, b: &Picture) -> f64 {
+    255.0 * 255.0 / 10f64.powf(psnr(a.luma(), b.luma()).min(200.0) / 10.0)
 }
 
 fn main() {
@@ -80,11 +80,11 @@ fn main() {
         ];
         for (name, set) in sets {
             let of = |(i, kind): (usize, &PictureType)| if set.contains(kind) { &coarse[i] } else { &fine[i] };
-            let mixed: Vec<Frame> = types.iter().enumerate().map(|pair| of(pair).clone()).collect();
+            let mixed: Vec<Picture> = types.iter().enumerate().map(|pair| of(pair).clone()).collect();
             // Sizes of groups are fixed; where B pictures are is decided by content, and may change a little.
             let coded = code(&mixed, quantiser_scale);
             let arrived = error(&coded.pictures, &truth) - base_error;
-            let own = |films: &[Frame]| films.iter().zip(&truth).map(|(a, b)| mean_square(a, b)).sum::<f64>();
+            let own = |films: &[Picture]| films.iter().zip(&truth).map(|(a, b)| mean_square(a, b)).sum::<f64>();
             let brought = (own(&mixed) - own(&fine)) / truth.len() as f64;
             println!(
                 "           {name:<5} {:+7.3} dB {:+6.2} %  {brought:8.3} {:7.0} %",

@@ -11,7 +11,7 @@
 //! Printed for each quantiser: PSNR and bits of every film beside those of the 2 % film, and the largest share of luminance up
 //! to which decoded PSNR is no more than 0.1 dB below.
 
-use mpeg2enc::{Config, Frame, FrameRate, psnr};
+use mpeg2enc::{Config, FrameRate, Picture, psnr};
 use std::path::Path;
 use tests::read_y4m;
 
@@ -19,14 +19,14 @@ use tests::read_y4m;
 const EQUAL: f64 = 0.1;
 
 /// Decoded PSNR over the film and its bits.
-fn coded(frames: &[Frame], truth: &[Frame], quantiser_scale: u32) -> (f64, f64) {
+fn coded(frames: &[Picture], truth: &[Picture], quantiser_scale: u32) -> (f64, f64) {
     let (width, height) = (frames[0].width(), frames[0].height());
     let config = Config::new(width, height, FrameRate::from_fps(25.0).expect("a rate of the table")).with_gop(15);
     let mut encoder = config.with_quantiser_scale(quantiser_scale).encoder().expect("a size of the standard");
     let (mut error, mut bits) = (0.0, 0.0);
     for (frame, truth) in frames.iter().zip(truth) {
         let packet = encoder.push(frame, None);
-        error += 10f64.powf(-psnr(&packet.reconstruction.luma, &truth.luma) / 10.0);
+        error += 10f64.powf(-psnr(packet.reconstruction.luma(), truth.luma()) / 10.0);
         bits += packet.bits as f64;
     }
     (-10.0 * (error / frames.len() as f64).log10(), bits)
@@ -42,7 +42,7 @@ fn main() {
     let size = (width.parse().expect("a width"), height.parse().expect("a height"));
     let read = |path: &str| read_y4m(Path::new(path), size);
     let (truth, base) = (read(truth), read(base));
-    let films: Vec<(f64, Vec<Frame>)> = films
+    let films: Vec<(f64, Vec<Picture>)> = films
         .iter()
         .map(|film| film.split_once('=').expect("SHARE=FILM.y4m"))
         .map(|(share, path)| (share.parse().expect("a share, such as 0.04"), read(path)))

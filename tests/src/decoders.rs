@@ -1,6 +1,6 @@
 //! ffmpeg and mpeg2dec: what others make of our streams.
 
-use mpeg2enc::Frame;
+use mpeg2enc::Picture;
 use plane::Plane;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -13,7 +13,7 @@ fn run(decoder: &str, arguments: &[&str]) -> Output {
 }
 
 /// Decodes with ffmpeg; any warning is a failure.
-pub fn decode_ffmpeg(video: &Path, (width, height): (usize, usize)) -> Vec<Frame> {
+pub fn decode_ffmpeg(video: &Path, (width, height): (usize, usize)) -> Vec<Picture> {
     let video = video.to_str().expect("a path in UTF-8");
     let format = match video.rsplit('.').next() {
         Some("mpg") => "mpeg",
@@ -37,7 +37,7 @@ pub fn tolerant_frame_count(video: &Path, (width, height): (usize, usize)) -> us
 }
 
 /// Decodes with mpeg2dec (libmpeg2), which gives pictures in whole macroblocks.
-pub fn decode_mpeg2dec(video: &Path, (width, height): (usize, usize)) -> Vec<Frame> {
+pub fn decode_mpeg2dec(video: &Path, (width, height): (usize, usize)) -> Vec<Picture> {
     let output = run("mpeg2dec", &["-o", "pgmpipe", video.to_str().expect("a path in UTF-8")]);
     assert!(output.status.success(), "mpeg2dec failed: {}", String::from_utf8_lossy(&output.stderr));
     let mut rest = &output.stdout[..];
@@ -52,7 +52,7 @@ pub fn decode_mpeg2dec(video: &Path, (width, height): (usize, usize)) -> Vec<Fra
         let chroma =
             |left: usize| Plane::from_fn(chroma_width, chroma_height, |x, y| at(x + left, map_height * 2 / 3 + y));
         let luma = Plane::from_fn(width, height, at);
-        frames.push(Frame::new(luma, chroma(0), chroma(map_width / 2)).expect("planes that belong together"));
+        frames.push(Picture::new(luma, chroma(0), chroma(map_width / 2)).expect("planes that belong together"));
     }
     frames
 }
@@ -71,7 +71,7 @@ fn pgm_header(bytes: &[u8]) -> ([usize; 2], usize) {
 }
 
 /// The frames of a YUV4MPEG2 file of 4:2:0 pictures.
-pub fn read_y4m(path: &Path, size: (usize, usize)) -> Vec<Frame> {
+pub fn read_y4m(path: &Path, size: (usize, usize)) -> Vec<Picture> {
     let bytes = std::fs::read(path).expect("the y4m file is there");
     let end = bytes.iter().position(|&byte| byte == b'\n').expect("a header line");
     let header = std::str::from_utf8(&bytes[..end]).expect("a header in ASCII");
@@ -92,7 +92,7 @@ fn picture_bytes((width, height): (usize, usize)) -> usize {
 }
 
 /// Raw planar 4:2:0 pictures, one after the other.
-fn pictures(bytes: &[u8], (width, height): (usize, usize)) -> Vec<Frame> {
+fn pictures(bytes: &[u8], (width, height): (usize, usize)) -> Vec<Picture> {
     let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
     let size = picture_bytes((width, height));
     assert_eq!(bytes.len() % size, 0, "whole pictures of {width}x{height}");
@@ -103,7 +103,7 @@ fn pictures(bytes: &[u8], (width, height): (usize, usize)) -> Vec<Frame> {
             let (luma, chroma) = picture.split_at(width * height);
             let (cb, cr) = chroma.split_at(chroma_width * chroma_height);
             let chroma = |bytes| plane(bytes, chroma_width, chroma_height);
-            Frame::new(plane(luma, width, height), chroma(cb), chroma(cr)).expect("planes that belong together")
+            Picture::new(plane(luma, width, height), chroma(cb), chroma(cr)).expect("planes that belong together")
         })
         .collect()
 }

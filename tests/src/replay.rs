@@ -1,6 +1,6 @@
 //! The renderer's motion and the encoder, outside of the pipeline.
 
-use mpeg2enc::{Frame, MotionField, Packet};
+use mpeg2enc::{MotionField, Packet, Picture};
 use pipeline::{Plan, Settings, Wishes, stage};
 use plane::Plane;
 use render_core::scene::{self, Scene};
@@ -34,7 +34,7 @@ pub fn motion(scene: &Scene, settings: &Settings) -> Vec<Option<Plane<[f32; 2]>>
 }
 
 /// Encodes `frames` with the encoder that `settings` ask for, each with its motion field if there is one.
-pub fn encode(settings: &Settings, frames: &[Frame], motion: &[Option<MotionField>]) -> (Vec<u8>, Vec<Packet>) {
+pub fn encode(settings: &Settings, frames: &[Picture], motion: &[Option<MotionField>]) -> (Vec<u8>, Vec<Packet>) {
     let config = settings.encoder_config().expect("a valid rate");
     let mut encoder = config.encoder().expect("a valid configuration");
     let packets: Vec<Packet> =

@@ -3,7 +3,7 @@
 //!
 //! `docs/stiff-and-extreme.md` has the analysis; `perceptual/tests/dynamics.rs` does the same for masking alone.
 
-use mpeg2enc::{Config, Effort, Encoder, Frame, FrameRate, MacroblockKind};
+use mpeg2enc::{Config, Effort, Encoder, FrameRate, MacroblockKind};
 use perceptual::{
     CodedPicture, Feedback, MaskingModel, NextPicture, QuantiserSteps, ToneMap, YCbCr, luminance_plane, still_matches,
 };
@@ -72,13 +72,12 @@ impl Loop {
             [(self.renderer)(self.frame, y * WIDTH + x, truth, threshold).max(0.0); 3]
         });
         let picture = YCbCr::from_radiance(&radiance, &ToneMap::default());
-        let frame = Frame::new(picture.y.clone(), picture.cb.clone(), picture.cr.clone()).unwrap();
-        let packet = self.encoder.push(&frame, None);
+        let packet = self.encoder.push(&picture.picture, None);
         self.frame += 1;
         let begins_group = (self.frame as u32).is_multiple_of(GROUP);
         let next = if begins_group { NextPicture::Intra { group: GROUP } } else { NextPicture::Predicted };
         let coded = CodedPicture {
-            decoded: &packet.reconstruction.luma,
+            decoded: packet.reconstruction.luma(),
             levels: &packet.luma_levels(),
             intra: &packet.macroblock_kinds.map(|kind| kind == MacroblockKind::Intra),
             quantiser_scales: &packet.quantiser_scales,

@@ -1,6 +1,6 @@
 //! Thresholds from what the encoder really did, through the whole of the program and against the encoder itself.
 
-use mpeg2enc::{Config, Frame, FrameRate, MacroblockKind};
+use mpeg2enc::{Config, FrameRate, MacroblockKind};
 use perceptual::{CodedPicture, Feedback, MaskingModel, NextPicture, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
 use plane::Plane;
 use tests::{cornell, decode_ffmpeg, render};
@@ -31,11 +31,10 @@ fn coded(quantiser_scale: u32, gop: u32) -> Vec<Coded> {
         .map(|time| {
             let radiance = hills(time as f32);
             let frame = YCbCr::from_radiance(&radiance, &ToneMap::default());
-            let picture = Frame::new(frame.y.clone(), frame.cb.clone(), frame.cr.clone()).unwrap();
-            let packet = encoder.push(&picture, None);
+            let packet = encoder.push(&frame.picture, None);
             Coded {
                 luminance: luminance_plane(&radiance),
-                decoded: packet.reconstruction.luma.clone(),
+                decoded: packet.reconstruction.luma().clone(),
                 levels: packet.luma_levels(),
                 intra: packet.macroblock_kinds.map(|kind| kind == MacroblockKind::Intra),
                 scales: packet.quantiser_scales.clone(),

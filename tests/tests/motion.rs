@@ -1,7 +1,7 @@
 //! What the renderer knows of motion saves the encoder bits.
 
 use glam::{Vec3, vec3};
-use mpeg2enc::{Frame, MotionField, Packet, PictureType};
+use mpeg2enc::{MotionField, Packet, Picture, PictureType};
 use pipeline::{Settings, Wishes};
 use plane::Plane;
 use std::path::Path;
@@ -35,7 +35,7 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
         path,
         &format!("--size 96x96 --frames {FRAMES} --vpls 200 --photons 20000 --thresholds perceptual --y4m {name}.y4m"),
     );
-    let frames: Vec<Frame> = read_y4m(&folder.join(format!("{name}.y4m")), SIZE);
+    let frames: Vec<Picture> = read_y4m(&folder.join(format!("{name}.y4m")), SIZE);
     let (scene, settings) = load(path, wishes);
     let exact = motion_fields(&scene, &settings);
     let still = MotionField::new(Plane::filled(SIZE.0, SIZE.1, [0.0; 2]));

@@ -9,7 +9,7 @@ use super::{
     quick::{FINE, INTRA_BITS, VECTOR_BITS},
 };
 use crate::{
-    Frame, dct,
+    Picture, dct,
     kernel::{self, Place},
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
     motion::{HalfSample, Range},
@@ -34,8 +34,8 @@ pub(crate) struct InPlace<'a> {
     pub tools: Tools,
     /// Price of a bit, as [`lambda`](super::lambda) gives it.
     pub lambda: i64,
-    pub source: &'a Frame,
-    pub reference: &'a Frame,
+    pub source: &'a Picture,
+    pub reference: &'a Picture,
     pub column: usize,
     pub row: usize,
 }
@@ -43,7 +43,7 @@ pub(crate) struct InPlace<'a> {
 impl InPlace<'_> {
     /// Decides, and puts what a decoder shows into `out`; false if it takes a closer look, and nothing counts then.
     pub fn decide(&self, vector: HalfSample, macroblock: &mut Macroblock, out: &mut RowMut) -> bool {
-        debug_assert!(Range::new(&self.reference.luma, self.column, self.row, self.slice.f_code[0]).contains(vector));
+        debug_assert!(Range::new(self.reference.luma(), self.column, self.row, self.slice.f_code[0]).contains(vector));
         let stride = self.source.width();
         let [place, chroma_place] = [16 * self.column, 8 * self.column];
         let luma = self.predict_luma(vector, &mut out.luma[place..], stride);
@@ -144,13 +144,13 @@ impl InPlace<'_> {
     }
 
     /// Where the macroblock begins in luma, `vector` away.
-    fn luma<'a>(&self, frame: &'a Frame, vector: HalfSample) -> Place<'a> {
-        place_of(&frame.luma, 32 * self.column as i32 + vector.x, 32 * self.row as i32 + vector.y)
+    fn luma<'a>(&self, frame: &'a Picture, vector: HalfSample) -> Place<'a> {
+        place_of(frame.luma(), 32 * self.column as i32 + vector.x, 32 * self.row as i32 + vector.y)
     }
 
     /// Where it begins in Cb (0) or Cr (1).
-    fn chroma<'a>(&self, frame: &'a Frame, which: usize, vector: HalfSample) -> Place<'a> {
-        let plane = if which == 0 { &frame.cb } else { &frame.cr };
+    fn chroma<'a>(&self, frame: &'a Picture, which: usize, vector: HalfSample) -> Place<'a> {
+        let plane = if which == 0 { frame.cb() } else { frame.cr() };
         place_of(plane, 16 * self.column as i32 + vector.x, 16 * self.row as i32 + vector.y)
     }
 

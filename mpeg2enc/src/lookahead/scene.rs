@@ -37,7 +37,7 @@ impl Lookahead {
     /// The same of a few, by the first vectors that are given; `None` if none are.
     fn sampled_costs(&self, index: usize) -> Option<(u64, u64)> {
         let known = self.is_known(index, -1)?;
-        let (source, reference) = (&self.get(index).source.luma, &self.get(away(index, -1)).source.luma);
+        let (source, reference) = (self.get(index).source.luma(), self.get(away(index, -1)).source.luma());
         let columns = self.columns();
         let (mut predicted, mut total) = (0, 0);
         for i in (0..known.len()).step_by(SAMPLED) {

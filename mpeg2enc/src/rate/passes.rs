@@ -26,14 +26,14 @@ impl Pass {
 /// [`Rate::Capped`](crate::Rate::Capped) bounds what a decoder reads meanwhile.
 ///
 /// ```
-/// use mpeg2enc::{Config, Frame, FrameRate, Passes};
+/// use mpeg2enc::{Config, FrameRate, Passes, Picture};
 /// use plane::Plane;
 ///
 /// let noise = |x: usize, y: usize, time: usize| (x * 37 + y * 91 + x * y * (7 + time)) as u8 / 2;
-/// let frames: Vec<Frame> = (0..12)
+/// let frames: Vec<Picture> = (0..12)
 ///     .map(|time| {
 ///         let luma = Plane::from_fn(64, 64, |x, y| noise(x, y, time));
-///         Frame::new(luma, Plane::filled(32, 32, 128), Plane::filled(32, 32, 128))
+///         Picture::new(luma, Plane::filled(32, 32, 128), Plane::filled(32, 32, 128))
 ///     })
 ///     .collect::<Result<_, _>>()?;
 /// let mut passes = Passes::new(300_000);

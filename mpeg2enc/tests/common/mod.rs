@@ -1,7 +1,7 @@
 //! Moving pictures made by formula, and the two decoders that judge a stream.
 #![allow(dead_code, reason = "each test program uses a part")]
 
-use mpeg2enc::{Config, Frame, FrameRate, KnownMotion, MotionField, Packet, PictureType, psnr};
+use mpeg2enc::{Config, FrameRate, KnownMotion, MotionField, Packet, Picture, PictureType, psnr};
 use plane::Plane;
 use std::{
     io::Write,
@@ -32,14 +32,14 @@ pub fn texture(x: f64, y: f64) -> f64 {
 }
 
 /// The texture seen from `(x, y)` on.
-pub fn pan(width: usize, height: usize, x: f64, y: f64) -> Frame {
+pub fn pan(width: usize, height: usize, x: f64, y: f64) -> Picture {
     let at = |scale: f64, phase: f64| {
         move |i: usize, j: usize| {
             texture(scale * i as f64 + x + phase, scale * j as f64 + y + phase).round().clamp(16.0, 235.0) as u8
         }
     };
     let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
-    Frame::new(
+    Picture::new(
         Plane::from_fn(width, height, at(1.0, 0.0)),
         Plane::from_fn(chroma_width, chroma_height, at(2.0, 100.0)),
         Plane::from_fn(chroma_width, chroma_height, at(2.0, 300.0)),
@@ -48,17 +48,18 @@ pub fn pan(width: usize, height: usize, x: f64, y: f64) -> Frame {
 }
 
 /// Frame `time` of moving content: a pan, a faster disc, flicker in a corner, and a cut at frame 60.
-pub fn moving(width: usize, height: usize, time: usize) -> Frame {
+pub fn moving(width: usize, height: usize, time: usize) -> Picture {
     let t = time as f64 + if time >= 60 { 5000.0 } else { 0.0 };
     let mut frame = pan(width, height, 1.7 * t, -0.6 * t);
+    let [luma, ..] = frame.samples_mut();
     let (cx, cy, radius) = ((3.3 * t) % width as f64, height as f64 / 2.0, height as f64 / 5.0);
     for y in 0..height {
         for x in 0..width {
             let (dx, dy) = (x as f64 - cx, y as f64 - cy);
             if dx * dx + dy * dy < radius * radius {
-                frame.luma.set(x, y, (200.0 + 30.0 * (0.5 * dx).sin()) as u8);
+                luma[y * width + x] = (200.0 + 30.0 * (0.5 * dx).sin()) as u8;
             } else if x < width / 8 && y < height / 8 {
-                frame.luma.set(x, y, ((x * 7919 + y * 104_729 + time * 31_337) % 251) as u8);
+                luma[y * width + x] = ((x * 7919 + y * 104_729 + time * 31_337) % 251) as u8;
             }
         }
     }
@@ -66,7 +67,7 @@ pub fn moving(width: usize, height: usize, time: usize) -> Frame {
 }
 
 /// Noise of full range, seeded.
-pub fn noise(width: usize, height: usize, seed: u64) -> Frame {
+pub fn noise(width: usize, height: usize, seed: u64) -> Picture {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let mut plane = |width: usize, height: usize| {
         Plane::from_fn(width, height, |_, _| {
@@ -77,7 +78,7 @@ pub fn noise(width: usize, height: usize, seed: u64) -> Frame {
         })
     };
     let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
-    Frame::new(plane(width, height), plane(chroma_width, chroma_height), plane(chroma_width, chroma_height))
+    Picture::new(plane(width, height), plane(chroma_width, chroma_height), plane(chroma_width, chroma_height))
         .expect("planes that belong together")
 }
 
@@ -87,7 +88,7 @@ pub fn uniform_motion(width: usize, height: usize, x: f32, y: f32) -> MotionFiel
 }
 
 /// Encodes frames without a motion field.
-pub fn encode(config: Config, frames: impl Iterator<Item = Frame>) -> (Vec<u8>, Vec<Packet>) {
+pub fn encode(config: Config, frames: impl Iterator<Item = Picture>) -> (Vec<u8>, Vec<Packet>) {
     let mut encoder = config.encoder().expect("a valid configuration");
     let packets: Vec<Packet> = frames.map(|frame| encoder.push(&frame, None)).collect();
     let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
@@ -98,7 +99,7 @@ pub fn encode(config: Config, frames: impl Iterator<Item = Frame>) -> (Vec<u8>, 
 /// Encodes frames, each with the motion to the frame before it if there is one; packets come back in display order.
 pub fn encode_ahead(
     config: Config,
-    frames: impl Iterator<Item = Frame>,
+    frames: impl Iterator<Item = Picture>,
     motion: Option<&MotionField>,
 ) -> (Vec<u8>, Vec<Packet>) {
     let mut encoder = config.lookahead_encoder().expect("a valid configuration");
@@ -112,11 +113,11 @@ pub fn encode_ahead(
     (stream, packets)
 }
 
-pub fn largest_difference(a: &Frame, b: &Frame) -> u8 {
+pub fn largest_difference(a: &Picture, b: &Picture) -> u8 {
     let of = |a: &Plane<u8>, b: &Plane<u8>| {
         a.samples().iter().zip(b.samples()).map(|(&a, &b)| a.abs_diff(b)).max().expect("a plane has samples")
     };
-    of(&a.luma, &b.luma).max(of(&a.cb, &b.cb)).max(of(&a.cr, &b.cr))
+    of(a.luma(), b.luma()).max(of(a.cb(), b.cb())).max(of(a.cr(), b.cr()))
 }
 
 /// How far decoders were from reconstructions.
@@ -128,9 +129,9 @@ pub struct Distance {
 }
 
 impl Distance {
-    fn add(&mut self, a: &Frame, b: &Frame) {
+    fn add(&mut self, a: &Picture, b: &Picture) {
         self.largest = self.largest.max(largest_difference(a, b));
-        for (a, b) in [(&a.luma, &b.luma), (&a.cb, &b.cb), (&a.cr, &b.cr)] {
+        for (a, b) in a.planes().into_iter().zip(b.planes()) {
             let square = |(&a, &b): (&u8, &u8)| u64::from(a.abs_diff(b)).pow(2);
             self.squares += a.samples().iter().zip(b.samples()).map(square).sum::<u64>();
             self.samples += a.samples().len() as u64;
@@ -233,7 +234,7 @@ fn run(program: &str, arguments: &[&str]) -> (Vec<u8>, String) {
 /// With `aggressive`, ffmpeg takes the four bytes of a sequence_end_code for what a slice left over,
 /// so this check runs without them, and a second one, of warnings alone, with them.
 /// `idct` is its inverse transform: `auto`, or `faani` for the one in floating point that is nearest to the definition.
-pub fn decode_ffmpeg(stream: &[u8], width: usize, height: usize, idct: &str) -> Vec<Frame> {
+pub fn decode_ffmpeg(stream: &[u8], width: usize, height: usize, idct: &str) -> Vec<Picture> {
     let (body, end) = stream.split_at(stream.len() - 4);
     assert_eq!(end, [0, 0, 1, 0xb7], "a stream ends with sequence_end_code");
     let common = ["-nostdin", "-v", "warning", "-xerror", "-threads", "1", "-idct", idct, "-f", "mpegvideo"];
@@ -262,7 +263,7 @@ pub fn decode_ffmpeg(stream: &[u8], width: usize, height: usize, idct: &str) -> 
         .map(|picture| {
             let (luma, chroma) = picture.split_at(luma_size);
             let (cb, cr) = chroma.split_at(chroma_size);
-            Frame::new(
+            Picture::new(
                 Plane::from_vec(width, height, luma.to_vec()),
                 Plane::from_vec(chroma_width, chroma_height, cb.to_vec()),
                 Plane::from_vec(chroma_width, chroma_height, cr.to_vec()),
@@ -273,7 +274,7 @@ pub fn decode_ffmpeg(stream: &[u8], width: usize, height: usize, idct: &str) -> 
 }
 
 /// Decodes with mpeg2dec (libmpeg2).
-pub fn decode_mpeg2dec(stream: &[u8], width: usize, height: usize) -> Vec<Frame> {
+pub fn decode_mpeg2dec(stream: &[u8], width: usize, height: usize) -> Vec<Picture> {
     let file = StreamFile::new(stream);
     let (bytes, _) = run("mpeg2dec", &["-o", "pgmpipe", file.path()]);
     let mut rest = &bytes[..];
@@ -290,7 +291,7 @@ pub fn decode_mpeg2dec(stream: &[u8], width: usize, height: usize) -> Vec<Frame>
         let chroma =
             |offset: usize| Plane::from_fn(chroma_width, chroma_height, |x, y| at(x + offset, luma_height + y));
         frames.push(
-            Frame::new(Plane::from_fn(width, height, at), chroma(0), chroma(map_width / 2))
+            Picture::new(Plane::from_fn(width, height, at), chroma(0), chroma(map_width / 2))
                 .expect("planes that belong together"),
         );
     }
@@ -312,14 +313,14 @@ fn pgm_header(bytes: &[u8]) -> ([usize; 2], usize) {
 }
 
 /// PSNR over all three planes at their worst, dB.
-pub fn agreement(a: &Frame, b: &Frame) -> f64 {
+pub fn agreement(a: &Picture, b: &Picture) -> f64 {
     let of_plane = |a: &Plane<u8>, b: &Plane<u8>| {
         // In a handful of samples a single one off by one is below any limit in dB.
         let few = a.samples().len() < 256;
         let near = a.samples().iter().zip(b.samples()).all(|(&a, &b)| a.abs_diff(b) <= 1);
         if few && near { f64::INFINITY } else { psnr(a, b) }
     };
-    of_plane(&a.luma, &b.luma).min(of_plane(&a.cb, &b.cb)).min(of_plane(&a.cr, &b.cr))
+    of_plane(a.luma(), b.luma()).min(of_plane(a.cb(), b.cb())).min(of_plane(a.cr(), b.cr()))
 }
 
 /// Every picture as two decoders show it is as near to the reconstruction as asked for, dB.
@@ -330,7 +331,7 @@ pub fn check_decoders(stream: &[u8], packets: &[Packet], at_least: f64) {
 }
 
 /// Agreement of decoded pictures with the reconstructions, dB; it is nowhere less than asked for.
-pub fn check_agreement(decoder: &str, frames: &[Frame], packets: &[Packet], at_least: f64) -> Vec<f64> {
+pub fn check_agreement(decoder: &str, frames: &[Picture], packets: &[Packet], at_least: f64) -> Vec<f64> {
     assert_eq!(frames.len(), packets.len(), "{decoder} shows every picture");
     let agreements = frames.iter().zip(packets).map(|(frame, packet)| agreement(frame, &packet.reconstruction));
     let agreements: Vec<f64> = agreements.collect();

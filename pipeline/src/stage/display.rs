@@ -9,7 +9,7 @@ use crate::plan::{Plan, Stage};
 use crate::settings::Settings;
 use crossbeam_channel::{Receiver, Sender};
 use perceptual::{ToneMap, YCbCr, luminance_plane};
-use plane::Plane;
+use plane::{Picture, Plane};
 use render_core::Busy;
 use std::path::Path;
 use std::sync::Arc;
@@ -64,7 +64,7 @@ pub fn run(
             write_linear(&folder.join(format!("frame_{frame:05}.exr")), &radiance, layers)?;
         }
         if let Some(file) = &mut uncompressed {
-            file.write(&picture)?;
+            file.write(&picture.picture)?;
         }
         if checkpoint {
             leave(checkpoints, frame, &tone_map, uncompressed.as_ref())?;
@@ -141,8 +141,8 @@ impl Y4m {
         Ok(Self(output))
     }
 
-    pub(crate) fn write(&mut self, picture: &YCbCr) -> Result<()> {
-        let planes = [&picture.y, &picture.cb, &picture.cr].map(|plane| plane.samples());
+    pub(crate) fn write(&mut self, picture: &Picture) -> Result<()> {
+        let planes = picture.planes().map(|plane| plane.samples());
         self.0.write(&[b"FRAME\n", planes[0], planes[1], planes[2]].concat())
     }
 

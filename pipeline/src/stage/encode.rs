@@ -9,11 +9,13 @@ use crate::report::FrameReport;
 use crate::settings::Settings;
 use crate::video::{Coded, CodingOutcome, Video};
 use crossbeam_channel::{Receiver, Sender};
-use mpeg2enc::{Frame, MotionField, PictureType};
+use mpeg2enc::{MotionField, PictureType};
 use perceptual::NextPicture;
+use plane::Picture;
 use render_core::{Busy, Correspondence};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Encodes frame after frame into `output`; adds the report of each to `reports`, in the order of coding, and shows it to
 /// `observer`.
@@ -120,7 +122,7 @@ impl Queue {
 #[derive(Serialize, Deserialize)]
 struct Waiting {
     index: u32,
-    frame: Frame,
+    picture: Arc<Picture>,
     to_previous: Option<MotionField>,
     figures: FrameFigures,
 }
@@ -137,8 +139,7 @@ impl Stage<'_> {
         let Displayed { frame: index, picture, correspondence, forward, figures, .. } = displayed;
         let field = |known: &Correspondence| MotionField::new(known.motion.clone());
         let to_previous = correspondence.as_deref().filter(|_| self.settings.motion).map(field);
-        let frame = Frame::new(picture.y.clone(), picture.cb.clone(), picture.cr.clone())?;
-        let taken = Waiting { index, frame, to_previous, figures };
+        let taken = Waiting { index, picture: picture.picture.clone(), to_previous, figures };
         if self.settings.bframes == 0 {
             return Ok(self.push(taken, None));
         }
@@ -152,9 +153,9 @@ impl Stage<'_> {
         waiting: Waiting,
         to_next: Option<MotionField>,
     ) -> (Vec<u8>, Vec<FrameReport>, Option<CodingOutcome>) {
-        let Waiting { index, frame, to_previous, figures } = waiting;
+        let Waiting { index, picture, to_previous, figures } = waiting;
         let busy = Busy::default();
-        let mut coded = busy.measure(|| self.video.push(&frame, to_previous.as_ref(), to_next.as_ref()));
+        let mut coded = busy.measure(|| self.video.push(&picture, to_previous.as_ref(), to_next.as_ref()));
         let outcome = coded.pictures.last_mut().and_then(|picture| picture.outcome.take());
         self.queue.figures.insert(index, FrameFigures { encode: busy.seconds(), ..figures });
         let (bytes, lines) = told(self.settings, &mut self.queue, coded);

@@ -12,7 +12,7 @@ mod read;
 
 pub use heat_map::{HeatMap, RANGE as HEAT_MAP_RANGE};
 pub use measure::{Comparison, measure};
-pub use picture::{Picture, View, rgb_of};
+pub use picture::{Picture, View};
 pub use read::Pictures;
 
 use crate::error::{Error, Result};

@@ -1,9 +1,9 @@
 //! A picture in all the forms that measures ask for, whatever file it came from.
 
 use crate::stage::display::exposure_for;
-use mpeg2enc::Frame;
-use perceptual::{ToneMap, WHITE_LUMA, YCbCr, luminance, luminance_plane};
+use perceptual::{ToneMap, WHITE_LUMA, YCbCr, luminance, luminance_plane, to_rgb8};
 use plane::Plane;
+use std::sync::Arc;
 
 /// Code value of black in 8-bit luma, Rec. 709.
 const BLACK: f32 = 16.0;
@@ -21,7 +21,7 @@ pub enum Picture {
     /// R′G′B′ as a display takes it, sRGB.
     Display(Plane<[u8; 3]>),
     /// A picture of a video: Y′C_BC_R, Rec. 709.
-    Video(Frame),
+    Video(plane::Picture),
 }
 
 /// The same, ready to be measured.
@@ -68,11 +68,13 @@ impl Picture {
         let srgb = ToneMap::srgb();
         match self {
             Self::Linear { radiance, variance } => {
-                let YCbCr { y, luma, .. } = YCbCr::from_radiance(&radiance, &srgb.with_exposure(exposure));
+                let YCbCr { picture, luma: fine_luma, .. } =
+                    YCbCr::from_radiance(&radiance, &srgb.with_exposure(exposure));
+                let [luma, ..] = Arc::unwrap_or_clone(picture).into_planes();
                 let shown = radiance.map(|rgb| rgb.map(|c| (c * exposure).clamp(0.0, 1.0)));
                 // What is not finite is shown black.
                 let shown = shown.map(|rgb| if rgb.iter().all(|c| c.is_finite()) { rgb } else { [0.0; 3] });
-                View { linear: radiance, variance, luma: y, fine_luma: luma, shown }
+                View { linear: radiance, variance, luma, fine_luma, shown }
             }
             Self::Display(picture) => {
                 let decode: [f32; 256] = std::array::from_fn(|code| srgb.decode(code as f32 / 255.0));
@@ -82,17 +84,13 @@ impl Picture {
                 View { linear: shown.clone(), variance: None, luma, fine_luma, shown }
             }
             Self::Video(frame) => {
-                let luma = frame.luma.clone();
-                let fine_luma = luma.map(|code| f32::from(code) - BLACK);
-                View { luma, fine_luma, ..Self::Display(rgb_of(frame)).view(exposure) }
+                let fine_luma = frame.luma().map(|code| f32::from(code) - BLACK);
+                let display = Self::Display(to_rgb8(&frame)).view(exposure);
+                let [luma, ..] = frame.into_planes();
+                View { luma, fine_luma, ..display }
             }
         }
     }
-}
-
-/// A frame of video as R′G′B′.
-pub fn rgb_of(Frame { luma, cb, cr }: Frame) -> Plane<[u8; 3]> {
-    YCbCr { y: luma, cb, cr, luma: Plane::default(), non_finite: 0 }.to_rgb8()
 }
 
 #[cfg(test)]
@@ -105,8 +103,7 @@ mod tests {
         let linear = Picture::Linear { radiance: Plane::filled(16, 16, [0.18f32; 3]), variance: None };
         assert!((linear.exposure() - 1.0).abs() < 1e-5);
         let display = Picture::Display(Plane::filled(16, 16, [118u8; 3]));
-        let mut frame = Frame::black(16, 16);
-        frame.luma.samples_mut().fill(117);
+        let frame = plane::Picture::gray(Plane::filled(16, 16, 117));
         for picture in [linear, display, Picture::Video(frame)] {
             let view = picture.view(1.0);
             assert_eq!(view.luma.get(3, 3), 117);

@@ -3,7 +3,6 @@
 use super::picture::Picture;
 use super::png_file;
 use crate::error::{Error, Result};
-use mpeg2enc::Frame;
 use plane::Plane;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read};
@@ -170,7 +169,8 @@ fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>) -> Result<
     let plane = |samples: &[u8], width, height| Plane::from_vec(width, height, samples.to_vec());
     let chroma = |samples| plane(samples, width.div_ceil(2), height.div_ceil(2));
     let (cb, cr) = (chroma(frame.get_u_plane()), chroma(frame.get_v_plane()));
-    Ok(Some(Picture::Video(Frame::new(plane(frame.get_y_plane(), width, height), cb, cr)?)))
+    let picture = plane::Picture::new(plane(frame.get_y_plane(), width, height), cb, cr);
+    Ok(Some(Picture::Video(picture.expect("chroma of half of the size"))))
 }
 
 /// Lets ffmpeg decode; what it has to say goes to standard error.

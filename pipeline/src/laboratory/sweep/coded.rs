@@ -6,9 +6,7 @@ use crate::laboratory::compare::{Picture, Pictures};
 use crate::output::Output;
 use crate::settings::Settings;
 use crate::stage::display::Y4m;
-use mpeg2enc::{Encoder, Frame, MotionField};
-use perceptual::YCbCr;
-use plane::Plane;
+use mpeg2enc::{Encoder, MotionField};
 use render_core::Busy;
 use serde::Serialize;
 use std::fs::File;
@@ -19,7 +17,7 @@ use std::sync::Arc;
 /// A coded picture.
 pub struct CodedFrame {
     /// What a decoder shows.
-    pub decoded: Frame,
+    pub decoded: Arc<plane::Picture>,
     /// Of the picture, headers included.
     pub bits: u64,
     /// CPU seconds.
@@ -77,9 +75,9 @@ impl Coder {
         let Self { encoder, pool, .. } = self;
         let packet = pool.install(|| busy.measure(|| encoder.push(&frame.picture, motion.as_ref())));
         self.sinks.take(&packet.data)?;
-        let decoded = Arc::unwrap_or_clone(packet.reconstruction);
+        let decoded = packet.reconstruction;
         if let Some(copy) = &mut self.sinks.copy {
-            copy.decoded.write(&as_picture(&decoded))?;
+            copy.decoded.write(&decoded)?;
         }
         Ok(CodedFrame { decoded, bits: packet.bits, seconds: busy.seconds() })
     }
@@ -141,12 +139,6 @@ impl Copy {
     }
 }
 
-/// As files of uncompressed pictures take it.
-fn as_picture(frame: &Frame) -> YCbCr {
-    let Frame { luma, cb, cr } = frame.clone();
-    YCbCr { y: luma, cb, cr, luma: Plane::default(), non_finite: 0 }
-}
-
 /// What another decoder makes of a stream.
 #[derive(Clone, Debug, Serialize)]
 pub struct DecoderCheck {
@@ -171,7 +163,7 @@ fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
         let (Picture::Video(own), Some(Picture::Video(other))) = (own?, others.next().transpose()?) else {
             return Err(Error::Comparison("ffmpeg finds fewer pictures than were coded".into()));
         };
-        for (&a, &b) in own.luma.samples().iter().zip(other.luma.samples()) {
+        for (&a, &b) in own.luma().samples().iter().zip(other.luma().samples()) {
             largest = largest.max(a.abs_diff(b));
             equal += usize::from(a == b);
             count += 1;

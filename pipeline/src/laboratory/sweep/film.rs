@@ -9,7 +9,6 @@ use crate::report::{FrameReport, process_cpu_seconds};
 use crate::settings::{Aov, Settings};
 use crate::stage::display::Y4m;
 use crate::{Wishes, reference};
-use mpeg2enc::Frame;
 use perceptual::YCbCr;
 use plane::Plane;
 use render_core::scene::Scene;
@@ -24,7 +23,7 @@ pub struct FilmFrame {
     /// Linear light.
     pub radiance: Plane<[f32; 3]>,
     /// As the encoder gets it.
-    pub picture: Frame,
+    pub picture: plane::Picture,
     /// Pixels to the same point in the frame before; not a number where it was not seen there. None in the first.
     pub motion: Option<Plane<[f32; 2]>>,
     /// Luminance that each pixel may be wrong by; 0 where 2 % of its own hold.
@@ -114,7 +113,7 @@ pub fn render(
     Ok(Film { settings, reports: report.frames, stream: Some(video), folder })
 }
 
-fn read_frame(path: &Path, n: u32, picture: Frame) -> Result<FilmFrame> {
+fn read_frame(path: &Path, n: u32, picture: plane::Picture) -> Result<FilmFrame> {
     let layers = image_file::read_layers(path).map_err(Error::other)?;
     let (width, height) = (layers.width, layers.height);
     let channel = |name: &str| layers.channel(name).ok_or_else(|| Error::content(path, format!(": no channel {name}")));
@@ -160,7 +159,7 @@ pub fn by_paths(
         report.seconds = Default::default();
         report.seconds.direct = process_cpu_seconds().zip(before).map_or(0.0, |(after, before)| after - before);
         (report.tree_swaps_share, report.threshold_mean_relative) = (0.0, 0.0);
-        pictures.write(&YCbCr::from_radiance(&radiance, &settings.tone_map))?;
+        pictures.write(&YCbCr::from_radiance(&radiance, &settings.tone_map).picture)?;
         write_frame(&linear(folder.path(), report.index), &radiance, known?.motion.as_ref())?;
         reports.push(report);
         each();

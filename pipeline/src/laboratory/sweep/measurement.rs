@@ -6,10 +6,9 @@ use super::film::{Film, FilmFrame};
 use super::histogram::Ratios;
 use super::method::Method;
 use crate::error::{Error, Result};
-use crate::laboratory::compare::{Comparison, Picture, measure, rgb_of};
+use crate::laboratory::compare::{Comparison, Picture, measure};
 use crate::settings::{Settings, Thresholds};
-use mpeg2enc::Frame;
-use perceptual::{NO_MATCH, YCbCr, flicker, luminance};
+use perceptual::{NO_MATCH, YCbCr, flicker, luminance, to_rgb8};
 use plane::Plane;
 use std::path::Path;
 
@@ -50,16 +49,16 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
     for (n, (frame, truth)) in film.frames()?.zip(reference.frames()?).enumerate() {
         let (frame, truth) = (frame?, truth?);
         let coded = coder.push(&frame)?;
-        flicker.add(&frame, &coded.decoded, of_reference.push(&truth)?.decoded);
+        flicker.add(&frame, &coded.decoded, &of_reference.push(&truth)?.decoded);
         if n < wanted.clip {
-            clip.push(rgb_of(coded.decoded.clone()));
+            clip.push(to_rgb8(&coded.decoded));
         }
         if n >= uncounted {
             sums.add(&frame, &truth, &coded);
         }
         if n + 1 == count {
             let maps = lightcuts.then(|| maps_of(&film.settings, &frame, &truth));
-            last = Some(Pictures { method: method.name, qscale, decoded: rgb_of(coded.decoded), maps });
+            last = Some(Pictures { method: method.name, qscale, decoded: to_rgb8(&coded.decoded), maps });
         }
     }
     if last.is_none() {
@@ -79,8 +78,8 @@ struct Flicker {
 }
 
 impl Flicker {
-    fn add(&mut self, frame: &FilmFrame, decoded: &Frame, reference: Frame) {
-        let now = [decoded.luma.clone(), reference.luma];
+    fn add(&mut self, frame: &FilmFrame, decoded: &plane::Picture, reference: &plane::Picture) {
+        let now = [decoded.luma().clone(), reference.luma().clone()];
         if let (Some(before), Some(motion)) = (&self.before, &frame.motion) {
             let (width, height) = (motion.width(), motion.height());
             let matches = Plane::from_fn(width, height, |x, y| {
@@ -124,10 +123,10 @@ impl Sums {
         };
         // Light as light, and pictures as the encoder got them: the exposure has no say in what is taken from here.
         let mut rendered = measure(&linear(frame), &linear(truth));
-        rendered.psnr_y = Some(perceptual::psnr(&frame.picture.luma, &truth.picture.luma)).filter(|p| p.is_finite());
-        rendered.ssim = perceptual::ssim(&frame.picture.luma, &truth.picture.luma);
+        rendered.psnr_y = Some(perceptual::psnr(frame.picture.luma(), truth.picture.luma())).filter(|p| p.is_finite());
+        rendered.ssim = perceptual::ssim(frame.picture.luma(), truth.picture.luma());
         self.rendered.push(rendered);
-        let video = |frame: &Frame| Picture::Video(frame.clone()).view(1.0);
+        let video = |frame: &plane::Picture| Picture::Video(frame.clone()).view(1.0);
         self.decoded.push(measure(&video(&coded.decoded), &video(&truth.picture)));
         self.bits += coded.bits;
         self.seconds += coded.seconds;

@@ -26,7 +26,7 @@ pub use method::{METHODS, Method, Way};
 
 use crate::Wishes;
 use crate::error::{Error, Result};
-use crate::laboratory::compare::{Picture, rgb_of};
+use crate::laboratory::compare::Picture;
 use crate::settings::Size;
 use figures::mean_seconds;
 use film::{Film, settings_for};
@@ -174,7 +174,7 @@ impl Sweep {
             decoder_check,
             wall_seconds: begin.elapsed().as_secs_f64(),
         };
-        Ok(Swept { outcome, pictures, clip, truth: rgb_of(last.picture) })
+        Ok(Swept { outcome, pictures, clip, truth: perceptual::to_rgb8(&last.picture) })
     }
 
     /// The methods in the order of the table, each once, and what they are measured against.
