@@ -45,7 +45,7 @@ def compile_and_note():
 
 def build(options, folder):
     """Builds; by package, the units that were compiled for it, and the program's path."""
-    command = ["cargo", "build", "--release", "--package", "pipeline", "--bin", "render2mpeg", *options]
+    command = ["cargo", "build", "--release", "--package", "render2mpeg", "--bin", "render2mpeg", *options]
     command += ["--message-format", "json", "--target-dir", str(folder)]
     environment = dict(os.environ, RUSTC_WRAPPER=str(Path(__file__).resolve()), COMPILE_LOG=str(folder / "compile.log"))
     environment["CARGO_PROFILE_RELEASE_DEBUG"] = "false"
@@ -72,7 +72,7 @@ def package_of(identity):
 
 def packages(options):
     """What a build consists of."""
-    command = ["cargo", "tree", "--package", "pipeline", "--edges", "normal,build", "--prefix", "none", "--no-dedupe"]
+    command = ["cargo", "tree", "--package", "render2mpeg", "--edges", "normal,build", "--prefix", "none", "--no-dedupe"]
     output = subprocess.run([*command, *options], stdout=subprocess.PIPE, check=True, text=True).stdout
     return {" ".join(line.split()[:2]) for line in output.splitlines() if line}
 

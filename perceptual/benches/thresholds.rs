@@ -1,4 +1,4 @@
-//! Figures per 512×512 picture. One core: `RAYON_NUM_THREADS=1 cargo bench -p perceptual`.
+//! Figures per 512×512 picture. One core: `RAYON_NUM_THREADS=1 cargo bench -p render2mpeg-perceptual`.
 
 use divan::{Bencher, black_box};
 use perceptual::{

@@ -1,8 +1,7 @@
 //! Draws how thresholds follow what they are derived from: `docs/dynamics.svg`.
 //!
-//! `cargo run --release -p perceptual --example dynamics`
+//! `cargo run --release -p render2mpeg-perceptual --example dynamics`
 
-#[path = "../../lighttree/examples/plot/mod.rs"]
 mod plot;
 
 use perceptual::{Feedback, MaskingModel, ToneMap, WHITE_LUMA, still_matches};

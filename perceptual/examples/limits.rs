@@ -1,8 +1,7 @@
 //! Draws what `f32` loses at the singular ends of tone curves and of equation (1): `docs/limits.svg`.
 //!
-//! `cargo run --release -p perceptual --example limits`
+//! `cargo run --release -p render2mpeg-perceptual --example limits`
 
-#[path = "../../lighttree/examples/plot/mod.rs"]
 mod plot;
 
 use perceptual::{MaskingModel, Operator, ToneMap};

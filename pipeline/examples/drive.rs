@@ -1,7 +1,7 @@
 //! The whole pipeline, driven from code: pictures, thresholds and bytes come through a channel while the film is made.
 //!
 //! ```text
-//! cargo run --release -p pipeline --example drive -- scenes/cornell/cornell.glb
+//! cargo run --release -p render2mpeg --example drive -- scenes/cornell/cornell.glb
 //! ```
 
 use anyhow::{Context, Result};

@@ -2,7 +2,7 @@
 //! works only as hard as the decoded picture asks for.
 //!
 //! ```text
-//! cargo run --release -p pipeline --example own_renderer -- orbit.m2v
+//! cargo run --release -p render2mpeg --example own_renderer -- orbit.m2v
 //! ```
 //! A disc of fine rings moves over a gradient. Each pixel is the mean of samples, and takes them until its standard error is
 //! below its threshold: the same rule that stops a lightcut.

@@ -1,4 +1,4 @@
-//! Rays a second on one thread, by each way of shooting them: `cargo bench -p render-core --bench rays`.
+//! Rays a second on one thread, by each way of shooting them: `cargo bench -p render2mpeg-render-core --bench rays`.
 //!
 //! The scene is the real Sponza where `shared/scenes` lies beside the checkout, and the shipped nave elsewhere. At the end
 //! Embree shoots the same rays, where a C++ compiler and its headers are installed.

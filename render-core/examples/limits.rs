@@ -1,8 +1,7 @@
 //! Draws what `f32` loses where surfaces touch and where they are mirrors: `docs/limits.svg`.
 //!
-//! `cargo run --release -p render-core --example limits`
+//! `cargo run --release -p render2mpeg-render-core --example limits`
 
-#[path = "../../lighttree/examples/plot/mod.rs"]
 mod plot;
 
 use glam::{DVec3, Quat, Vec3, Vec3A};

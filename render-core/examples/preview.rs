@@ -1,7 +1,7 @@
 //! What a scene looks like under a lamp at the camera, without any light transport: to see what was loaded.
 //!
 //! ```text
-//! cargo run --release -p render-core --example preview -- scene.glb picture.png [seconds] [pixels]
+//! cargo run --release -p render2mpeg-render-core --example preview -- scene.glb picture.png [seconds] [pixels]
 //! ```
 
 use glam::{Vec3, Vec3A};

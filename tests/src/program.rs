@@ -10,7 +10,7 @@ pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
         let mut cargo = Command::new(env!("CARGO"));
-        cargo.args(["build", "--package", "pipeline", "--bin", "render2mpeg", "--message-format", "json"]);
+        cargo.args(["build", "--package", "render2mpeg", "--bin", "render2mpeg", "--message-format", "json"]);
         if !cfg!(debug_assertions) {
             cargo.arg("--release");
         }

@@ -1,7 +1,7 @@
 //! Lanes by the 256-bit instructions of x86-64: the one place of this crate with `unsafe` in it.
 //!
 //! What it gains over the scalar twin, in million rays a second on one thread (Sponza, 66 thousand triangles, AMD EPYC, by
-//! `cargo bench -p render-core --bench rays`, which runs both): primary rays in packets 19.4 instead of 11.1, alone
+//! `cargo bench -p render2mpeg-render-core --bench rays`, which runs both): primary rays in packets 19.4 instead of 11.1, alone
 //! 3.3 instead of 2.6; diffuse rays 2.3 instead of 1.9.
 #![allow(unsafe_code, reason = "vector instructions may only run where the processor has them")]
 

@@ -1,0 +1,1 @@
+../../../lighttree/examples/plot/mod.rs
