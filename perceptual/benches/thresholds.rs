@@ -2,8 +2,8 @@
 
 use divan::{Bencher, black_box};
 use perceptual::{
-    CodedPicture, DEFAULT_WEIGHT, Feedback, MaskingModel, NextPicture, Operator, QuantiserSteps, ToneMap, YCbCr, blend,
-    carry, luminance_plane, ssim, still_matches, tolerable_error,
+    CodedPicture, DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, NextPicture, ObservedFrame, Operator,
+    QuantiserSteps, ToneMap, YCbCr, blend, luminance_plane, reproject, ssim, still_matches, tolerable_error,
 };
 use plane::Plane;
 
@@ -44,7 +44,8 @@ fn feedback_of_a_frame(bencher: Bencher) {
     let (picture, luminance) = picture();
     let still = still_matches(SIZE, SIZE);
     let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), DEFAULT_WEIGHT);
-    bencher.bench_local(|| feedback.observe(&picture.luma, &luminance, 8.0, Some(&still)).get(0, 0));
+    let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, matches: Some(&still) };
+    bencher.bench_local(|| feedback.observe(frame, 8.0).get(0, 0));
 }
 
 /// Eqs. (4) to (8): by what an encoder did, here leaving a wave in every block.
@@ -59,19 +60,20 @@ fn coded_feedback_of_a_frame(bencher: Bencher, next: NextPicture) {
     let scales = Plane::filled(macroblocks, macroblocks, 8);
     let coded = CodedPicture { decoded: &decoded, levels: &levels, intra: &intra, quantiser_scales: &scales };
     let steps = QuantiserSteps::default();
-    bencher.bench_local(|| {
-        feedback.observe_coded(&picture.luma, &luminance, &steps, (&coded, next), Some(&still)).get(0, 0)
-    });
+    let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, matches: Some(&still) };
+    bencher.bench_local(|| feedback.observe_coded(frame, &steps, &coded, next).get(0, 0));
 }
 
-/// The same where the coding has to be foretold first.
+/// Eqs. (4) to (8) with the coding predicted first.
 #[divan::bench]
-fn foretold_feedback_of_a_frame(bencher: Bencher) {
+fn predicted_feedback_of_a_frame(bencher: Bencher) {
     let (picture, luminance) = picture();
     let still = still_matches(SIZE, SIZE);
     let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), DEFAULT_WEIGHT);
-    let (steps, known) = (QuantiserSteps::default(), (8.0, false, NextPicture::Predicted));
-    bencher.bench_local(|| feedback.observe_foretold(&picture.luma, &luminance, &steps, known, Some(&still)).get(0, 0));
+    let steps = QuantiserSteps::default();
+    let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, matches: Some(&still) };
+    let expected = ExpectedCoding { quantiser_scale: 8.0, begins_group: false };
+    bencher.bench_local(|| feedback.observe_predicted(frame, &steps, expected, NextPicture::Predicted).get(0, 0));
 }
 
 /// Eqs. (1) to (3) alone.
@@ -89,9 +91,9 @@ fn blending_thresholds(bencher: Bencher) {
 }
 
 #[divan::bench]
-fn carrying_thresholds(bencher: Bencher) {
+fn reprojecting_thresholds(bencher: Bencher) {
     let (e, still) = (Plane::filled(SIZE, SIZE, 0.01f32), still_matches(SIZE, SIZE));
-    bencher.bench(|| carry(&e, &still));
+    bencher.bench(|| reproject(&e, &still));
 }
 
 #[divan::bench(args = Operator::ALL)]

@@ -4,7 +4,7 @@
 
 mod plot;
 
-use perceptual::{Feedback, MaskingModel, ToneMap, WHITE_LUMA, still_matches};
+use perceptual::{Feedback, MaskingModel, ObservedFrame, ToneMap, WHITE_LUMA, still_matches};
 use plane::Plane;
 use plot::{BLUE, GREEN, GREY, Plot, RED};
 
@@ -30,7 +30,8 @@ fn response(weight: f32, kappa: f32, taken: f32, input: impl Fn(usize) -> (f32, 
         });
         let luma = luminance.map(|y| WHITE_LUMA * tone_map.encode(y));
         let matches = (n > 0).then_some(&still);
-        let thresholds = feedback.observe(&luma, &luminance, quantiser_scale, matches);
+        let thresholds =
+            feedback.observe(ObservedFrame { luma: &luma, luminance: &luminance, matches }, quantiser_scale);
         means.push(thresholds.samples().iter().sum::<f32>() / (SIDE * SIDE) as f32);
     }
     let first = means[0];

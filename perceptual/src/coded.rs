@@ -158,7 +158,7 @@ impl CodedMasking {
         let intra = if was_intra {
             self.loss(&lost, levels, &self.intra_steps(scale), 0.5)
         } else {
-            self.foretold_intra_loss(&dct(&source), scale)
+            self.predicted_intra_loss(&dct(&source), scale)
         };
         let shown = 1.0 + (group.max(1) - 1) as f32 * (1.0 - predicted.passes).max(0.0);
         BlockLoss { passes: intra.passes * shown, ..intra }
@@ -170,7 +170,7 @@ impl CodedMasking {
     }
 
     /// What an intra picture would do to a block with coefficients `c`.
-    fn foretold_intra_loss(&self, c: &[f32; 64], scale: f32) -> BlockLoss {
+    fn predicted_intra_loss(&self, c: &[f32; 64], scale: f32) -> BlockLoss {
         let steps = self.intra_steps(scale);
         let is_written = |i: usize| i == 0 || c[i].abs() >= WORTH_A_LEVEL * steps[i];
         let levels = (0..64).filter(|&i| is_written(i)).fold(0, |levels, i| levels | 1 << i);

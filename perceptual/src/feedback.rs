@@ -1,9 +1,9 @@
 //! The loop over frames: what was seen in frame t decides how exact frame t+1 has to be.
 
 use crate::coded::{CodedMasking, CodedPicture, NextPicture, QuantiserSteps};
-use crate::foretold::ForetoldCoding;
+use crate::predicted::PredictedCoding;
 use crate::threshold_map::{
-    LuminanceScale, ThresholdMap, TolerableError, blend_within, blockwise_error, carry, scaled_error,
+    LuminanceScale, ThresholdMap, TolerableError, blend_within, blockwise_error, pixelwise_error, reproject,
 };
 use crate::{MaskingModel, ToneMap};
 use plane::Plane;
@@ -16,17 +16,38 @@ pub const DEFAULT_WEIGHT: f32 = 0.5;
 /// 7.6 % more than with cuts at 2 % for a weight of 0.5, 2.7 % more for 0.8, 3.2 % more for 0.95.
 const CODED_WEIGHT: f32 = 0.8;
 
-/// ΔY(t−1) counts as no more than so many times e there. Behind a flash, what was allowed in its light is soon of no use, and the
+/// ΔY(t−1) counts as no more than this multiple of e there. After a flash, what its light allowed is soon of no use, and the
 /// weight alone would let it fade for dozens of frames. On `cornell`, `nave` and `atrium` (160×160, quantisers 8 and 48) cuts are as large
 /// as without this bound, and 2 % larger on `atrium` at 48, where bits and flicker fall by as much.
 const CODED_PAST_MAX: f32 = 4.0;
+
+/// A frame whose thresholds are wanted.
+#[derive(Clone, Copy, Debug)]
+pub struct ObservedFrame<'a> {
+    /// Luma in code values above black, before rounding: see [`YCbCr::luma`](crate::YCbCr::luma).
+    pub luma: &'a Plane<f32>,
+    /// Linear luminance of the same size.
+    pub luminance: &'a Plane<f32>,
+    /// Raster index of each pixel in the frame observed before, as [`blend`](crate::blend) takes it; `None` where nothing is
+    /// known of that frame, as after a cut.
+    pub matches: Option<&'a Plane<u32>>,
+}
+
+/// What is expected of an encoder that has not coded a frame yet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExpectedCoding {
+    /// MPEG-2's quantiser_scale in force, 1…112.
+    pub quantiser_scale: f32,
+    /// Whether the frame will be an intra picture, the first of its group.
+    pub begins_group: bool,
+}
 
 /// Holds ΔY(t) from frame to frame.
 ///
 /// Frames are observed in display order. Equal inputs give equal thresholds, bit by bit, whatever the number of threads.
 ///
 /// ```
-/// use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap, YCbCr, luminance_plane, still_matches};
+/// use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ObservedFrame, ToneMap, YCbCr, luminance_plane, still_matches};
 /// use plane::Plane;
 ///
 /// let tone_map = ToneMap::default();
@@ -36,21 +57,24 @@ const CODED_PAST_MAX: f32 = 4.0;
 ///
 /// let radiance = Plane::from_fn(32, 16, |x, _| [0.1 + 0.01 * x as f32; 3]);
 /// let picture = YCbCr::from_radiance(&radiance, &tone_map);
-/// feedback.observe(&picture.luma, &luminance_plane(&radiance), 8.0, None);
+/// let luminance = luminance_plane(&radiance);
+/// feedback.observe(ObservedFrame { luma: &picture.luma, luminance: &luminance, matches: None }, 8.0);
 /// assert!(feedback.thresholds_for_next(&still).get(3, 4).unwrap() >= 0.02 * 0.13);
 /// ```
+#[derive(Debug)]
 pub struct Feedback {
     model: MaskingModel,
     scale: LuminanceScale,
     weight: f32,
     kappa: f32,
     thresholds: Plane<f32>,
-    foretold: ForetoldCoding,
+    predicted: PredictedCoding,
     non_finite: usize,
 }
 
 impl Feedback {
     /// No frame seen yet. `weight` is w of eq. (5), 0…1: how much of the past is kept.
+    #[must_use]
     pub fn new(model: MaskingModel, tone_map: ToneMap, weight: f32) -> Self {
         let scale = LuminanceScale::new(&tone_map);
         Self {
@@ -59,7 +83,7 @@ impl Feedback {
             weight,
             kappa: 1.0,
             thresholds: Plane::default(),
-            foretold: ForetoldCoding::default(),
+            predicted: PredictedCoding::default(),
             non_finite: 0,
         }
     }
@@ -69,74 +93,62 @@ impl Feedback {
     ///
     /// A renderer that holds each of many contributions to the threshold, as a lightcut does each of its clusters, is wrong
     /// by more than the threshold in their sum: κ makes room for that.
+    #[must_use]
     pub fn with_kappa(self, kappa: f32) -> Self {
         Self { kappa: kappa.max(0.0), ..self }
     }
 
-    /// Takes in frame t and returns ΔY(t).
+    /// Takes in frame t and returns ΔY(t), by eqs. (1) to (5).
     ///
-    /// `luma` in code values above black, `luminance` linear, `quantiser_scale` 1…112. `matches` says where each pixel was in
-    /// the frame observed before (see [`blend`](crate::blend)); `None` says that nothing is known of it, as after a cut.
-    /// A change of picture size starts afresh.
+    /// `quantiser_scale` is that of MPEG-2, 1…112. A change of picture size starts afresh.
     ///
     /// # Panics
-    /// If the planes differ in size.
-    pub fn observe(
-        &mut self,
-        luma: &Plane<f32>,
-        luminance: &Plane<f32>,
-        quantiser_scale: f32,
-        matches: Option<&Plane<u32>>,
-    ) -> &Plane<f32> {
-        let e = scaled_error(luma, luminance, quantiser_scale, self.kappa, &self.scale, &self.model);
+    /// If the planes of `frame` differ in size.
+    pub fn observe(&mut self, frame: ObservedFrame, quantiser_scale: f32) -> &Plane<f32> {
+        let ObservedFrame { luma, luminance, matches } = frame;
+        let distorted = self.model.worst_case_luma(luma, quantiser_scale);
+        let e = pixelwise_error(luma, luminance, &distorted, self.kappa, &self.scale);
         self.take_in(e, matches, self.weight, f32::INFINITY)
     }
 
-    /// The same from what the encoder made of the frame, and will make of the next: κ multiplies e′ of eq. (8) in
-    /// [`coded`](crate::CodedPicture), and w is 0.8 whatever [`Feedback::new`] was given, with no more than 4 e′ of the past. What an intra picture may be wrong by
-    /// is not blended with the past, in which pictures were predicted and might be wrong by more.
+    /// Takes in frame t and returns ΔY(t), from how the encoder coded the frame and will code the next: eqs. (6) to (8).
+    ///
+    /// κ multiplies e′ of eq. (8), and w is 0.8 whatever [`Feedback::new`] was given. The past counts as no more than 4 e′.
+    /// Before an intra picture nothing is blended with the past: its pictures were predicted and might be wrong by more.
     ///
     /// # Panics
-    /// If the planes differ in size.
+    /// If the planes of `frame` differ in size.
     pub fn observe_coded(
         &mut self,
-        luma: &Plane<f32>,
-        luminance: &Plane<f32>,
+        frame: ObservedFrame,
         steps: &QuantiserSteps,
-        (coded, next): (&CodedPicture, NextPicture),
-        matches: Option<&Plane<u32>>,
+        coded: &CodedPicture,
+        next: NextPicture,
     ) -> &Plane<f32> {
-        let tolerable = CodedMasking::new(steps.clone()).tolerable_luma(luma, coded, next);
-        self.take_in_tolerable(luma, luminance, &tolerable, next, matches)
+        let tolerable = CodedMasking::new(steps.clone()).tolerable_luma(frame.luma, coded, next);
+        self.take_in_tolerable(frame, &tolerable, next)
     }
 
-    /// The same where the encoder has not coded the frame yet: what it will do is foretold from the frame, where its pixels
-    /// come from, and the quantiser in force. `begins_group` says that the frame will be coded by itself.
+    /// [`Feedback::observe_coded`] for a frame that the encoder has not coded yet: its coding is predicted from the frame,
+    /// its matches, and what is `expected` of the encoder.
     ///
     /// # Panics
-    /// If the planes differ in size.
-    pub fn observe_foretold(
+    /// If the planes of `frame` differ in size.
+    pub fn observe_predicted(
         &mut self,
-        luma: &Plane<f32>,
-        luminance: &Plane<f32>,
+        frame: ObservedFrame,
         steps: &QuantiserSteps,
-        (quantiser_scale, begins_group, next): (f32, bool, NextPicture),
-        matches: Option<&Plane<u32>>,
+        expected: ExpectedCoding,
+        next: NextPicture,
     ) -> &Plane<f32> {
-        let known = matches.filter(|_| !begins_group);
-        let coded = self.foretold.code(luma, known, quantiser_scale, steps);
-        let tolerable = CodedMasking::new(steps.clone()).tolerable_luma(luma, &coded, next);
-        self.take_in_tolerable(luma, luminance, &tolerable, next, matches)
+        let matches = frame.matches.filter(|_| !expected.begins_group);
+        let coded = self.predicted.code(frame.luma, matches, expected.quantiser_scale, steps);
+        let tolerable = CodedMasking::new(steps.clone()).tolerable_luma(frame.luma, &coded, next);
+        self.take_in_tolerable(frame, &tolerable, next)
     }
 
-    fn take_in_tolerable(
-        &mut self,
-        luma: &Plane<f32>,
-        luminance: &Plane<f32>,
-        tolerable: &Plane<f32>,
-        next: NextPicture,
-        matches: Option<&Plane<u32>>,
-    ) -> &Plane<f32> {
+    fn take_in_tolerable(&mut self, frame: ObservedFrame, tolerable: &Plane<f32>, next: NextPicture) -> &Plane<f32> {
+        let ObservedFrame { luma, luminance, matches } = frame;
         let e = blockwise_error(luma, luminance, tolerable, self.kappa, &self.scale);
         let weight = if matches!(next, NextPicture::Intra { .. }) { 0.0 } else { CODED_WEIGHT };
         self.take_in(e, matches, weight, CODED_PAST_MAX)
@@ -156,29 +168,34 @@ impl Feedback {
     /// ΔY(t) fetched along the motion of frame t+1: `matches` says where each of its pixels was in the last observed frame.
     ///
     /// Before the first frame, 2 % of luminance everywhere.
+    #[must_use]
     pub fn thresholds_for_next(&self, matches: &Plane<u32>) -> ThresholdMap {
-        carry(&self.thresholds, matches)
+        reproject(&self.thresholds, matches)
     }
 
     /// ΔY of the last observed frame; an empty plane before the first.
+    #[must_use]
     pub fn thresholds(&self) -> &Plane<f32> {
         &self.thresholds
     }
 
     /// Pixels of the last observed frame whose luma or luminance was not finite.
+    #[must_use]
     pub fn non_finite(&self) -> usize {
         self.non_finite
     }
 
-    /// Luma as [`Feedback::observe_foretold`] takes the last frame to be decoded; an empty plane where that was not asked.
-    pub fn foretold(&self) -> &Plane<u8> {
-        self.foretold.decoded()
+    /// Luma that [`Feedback::observe_predicted`] predicts for the last frame when decoded, 16 for black; an empty plane where
+    /// no coding was predicted.
+    #[must_use]
+    pub fn predicted(&self) -> &Plane<u8> {
+        self.predicted.decoded()
     }
 
     /// Forgets all frames.
     pub fn reset(&mut self) {
         self.thresholds = Plane::default();
-        self.foretold = ForetoldCoding::default();
+        self.predicted = PredictedCoding::default();
         self.non_finite = 0;
     }
 
@@ -187,8 +204,8 @@ impl Feedback {
         self.thresholds = thresholds;
     }
 
-    /// Puts back what [`Feedback::foretold`] gave, where frames are observed so.
-    pub fn restore_foretold(&mut self, decoded: Plane<u8>) {
-        self.foretold = ForetoldCoding::behind(decoded);
+    /// Puts back what [`Feedback::predicted`] gave: for continuing an interrupted film whose coding is predicted.
+    pub fn restore_predicted(&mut self, decoded: Plane<u8>) {
+        self.predicted = PredictedCoding::after(decoded);
     }
 }

@@ -21,22 +21,22 @@
 
 mod coded;
 mod feedback;
-mod foretold;
 mod masking;
 mod metric;
+mod predicted;
 mod table;
 mod threshold_map;
 mod tonemap;
 mod ycbcr;
 
 pub use crate::coded::{CodedPicture, NextPicture, QuantiserSteps};
-pub use crate::feedback::{DEFAULT_WEIGHT, Feedback};
+pub use crate::feedback::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, ObservedFrame};
 pub use crate::masking::{
     CONTRAST_MASKING_EXPONENT, DEFAULT_INTRA_MATRIX, LUMINANCE_MASKING_EXPONENT, MaskingModel, mean_dc,
 };
 pub use crate::metric::{Components, flicker, mse, psnr, relative_mse, rmse, ssim};
 pub use crate::threshold_map::{
-    NO_MATCH, RELATIVE_FLOOR, ThresholdMap, TolerableError, blend, carry, still_matches, tolerable_error,
+    NO_MATCH, RELATIVE_FLOOR, ThresholdMap, TolerableError, blend, reproject, still_matches, tolerable_error,
     tolerable_error_counted,
 };
 pub use crate::tonemap::{Display, Operator, OutOfRange, ToneMap, UnknownOperator};

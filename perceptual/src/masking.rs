@@ -26,7 +26,6 @@
 use crate::bounded;
 use plane::{Plane, dct, idct};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 /// Exponent of luminance masking in linear luminance \[Watson93\]; the display gamma multiplies it in eq. (1).
 pub const LUMINANCE_MASKING_EXPONENT: f32 = 0.649;
@@ -51,11 +50,11 @@ pub const DEFAULT_INTRA_MATRIX: [u8; 64] = [
 ];
 
 /// The numbers of the masking model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
 pub struct MaskingModel {
     /// q_ij in raster order, 1…255 each (0 counts as 1). Default: [`DEFAULT_INTRA_MATRIX`].
-    #[serde(with = "matrix")]
+    #[cfg_attr(feature = "serde", serde(with = "matrix"))]
     pub intra_matrix: [u8; 64],
     /// γ of the display in eq. (1). Default 2.0 \[Herzog08, §5.1\].
     pub display_gamma: f32,
@@ -77,12 +76,14 @@ fn step_multiplier(quantiser_scale: f32) -> f32 {
 
 impl MaskingModel {
     /// Eq. (1): thresholds of a block with DC coefficient `dc` in a picture with the mean `mean_dc`, before contrast masking.
+    #[must_use]
     pub fn luminance_thresholds(&self, dc: f32, mean_dc: f32) -> [f32; 64] {
         let factor = self.luminance_factor(dc, mean_dc);
         self.intra_matrix.map(|q| f32::from(q.max(1)) * factor)
     }
 
     /// Eq. (2): thresholds `t` raised by the block's own contrast `c`.
+    #[must_use]
     pub fn contrast_thresholds(t: &[f32; 64], c: &[f32; 64]) -> [f32; 64] {
         std::array::from_fn(|i| match i {
             0 => t[0],
@@ -91,6 +92,7 @@ impl MaskingModel {
     }
 
     /// Eq. (3): the coefficients `c` of a block, distorted as far as quantisation and masking `m` allow.
+    #[must_use]
     pub fn worst_case(&self, c: &[f32; 64], m: &[f32; 64], quantiser_scale: f32) -> [f32; 64] {
         let (s, q_min) = (step_multiplier(quantiser_scale), self.smallest_ac());
         std::array::from_fn(|i| {
@@ -104,6 +106,7 @@ impl MaskingModel {
     ///
     /// `luma` in code values above black, before rounding; values that are not finite count as black, others are taken into
     /// −16…239, what eight bits hold. The result is neither rounded nor clipped. `quantiser_scale` is taken into 1…112.
+    #[must_use]
     pub fn worst_case_luma(&self, luma: &Plane<f32>, quantiser_scale: f32) -> Plane<f32> {
         let (width, height) = (luma.width(), luma.height());
         let mut out = Plane::filled(width, height, 0.0);
@@ -142,6 +145,7 @@ impl MaskingModel {
 }
 
 /// c̄_00: the mean of the DC coefficients over all blocks of a plane of luma. 0 for a plane without samples.
+#[must_use]
 pub fn mean_dc(luma: &Plane<f32>) -> f32 {
     let (columns, rows) = luma.block_counts();
     if columns * rows == 0 {
@@ -240,6 +244,7 @@ fn contrast_power(x: f32) -> f32 {
 }
 
 /// 64 numbers in a settings file: serde derives arrays of up to 32.
+#[cfg(feature = "serde")]
 mod matrix {
     use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 

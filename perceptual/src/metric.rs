@@ -48,6 +48,7 @@ fn mean<T: Components>(picture: &Plane<T>, reference: &Plane<T>, term: impl Fn(f
 }
 
 /// Mean squared error of 8-bit planes, in squared code values.
+#[must_use]
 pub fn mse(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     assert_same_size(picture, reference);
     let square = |(&a, &b): (&u8, &u8)| u64::from(a.abs_diff(b)).pow(2);
@@ -62,6 +63,7 @@ pub fn mse(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
 /// let (black, off_by_one) = (Plane::filled(8, 8, 16u8), Plane::filled(8, 8, 17u8));
 /// assert!((perceptual::psnr(&off_by_one, &black) - 48.1308).abs() < 1e-4);
 /// ```
+#[must_use]
 pub fn psnr(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     10.0 * (255.0 * 255.0 / mse(picture, reference)).log10()
 }
@@ -76,6 +78,7 @@ pub fn psnr(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
 ///
 /// # Panics
 /// If the planes differ in size.
+#[must_use]
 pub fn flicker(pictures: [&Plane<u8>; 2], references: [&Plane<u8>; 2], matches: &Plane<u32>) -> f64 {
     let [picture, picture_before] = pictures;
     let [reference, reference_before] = references;
@@ -95,11 +98,13 @@ pub fn flicker(pictures: [&Plane<u8>; 2], references: [&Plane<u8>; 2], matches: 
 }
 
 /// Root of the mean squared error, in the unit of the samples; colours: over all components.
+#[must_use]
 pub fn rmse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> f64 {
     mean(picture, reference, |a, b| (a - b).powi(2)).sqrt()
 }
 
 /// Mean of (a − b)² / (b² + 0.01): squared errors relative to the reference b.
+#[must_use]
 pub fn relative_mse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> f64 {
     mean(picture, reference, |a, b| (a - b).powi(2) / (b * b + RELATIVE_MSE_EPSILON))
 }
@@ -117,6 +122,7 @@ const SIGMA: f64 = 1.5;
 ///
 /// Means and variances under an 11×11 Gaussian window of σ = 1.5 samples; the mean over all places where the window lies within
 /// the picture. Pictures smaller than the window: over all places, with the border repeated.
+#[must_use]
 pub fn ssim(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
     assert_same_size(picture, reference);
     let (width, height) = (picture.width(), picture.height());

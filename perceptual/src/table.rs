@@ -56,6 +56,13 @@ pub(crate) struct LumaDecodeTable {
     segments: Box<[[f32; 2]; LUMA_SEGMENTS]>,
 }
 
+/// Without the segments, which follow from the tone map.
+impl std::fmt::Debug for LumaDecodeTable {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LumaDecodeTable").finish_non_exhaustive()
+    }
+}
+
 impl LumaDecodeTable {
     pub fn new(tone_map: &ToneMap) -> Self {
         let node = |i: usize| tone_map.decode(i as f32 / LUMA_SEGMENTS as f32);

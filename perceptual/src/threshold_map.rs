@@ -9,7 +9,7 @@
 //!   w    weight of the past, 0.5 in \[Herzog08\]            (x′, y′)   where the pixel was in the frame before
 //! ```
 //!
-//! [`tolerable_error`] is eq. (4), [`blend`] is eq. (5); [`carry`] fetches ΔY(t) along the motion into frame t+1.
+//! [`tolerable_error`] is eq. (4), [`blend`] is eq. (5); [`reproject`] fetches ΔY(t) along the motion into frame t+1.
 //!
 //! # Differs from the paper
 //! - **Colour.** Luma alone does not tell the luminance of a colour: the luma of a saturated colour decodes, as a grey, to
@@ -41,6 +41,7 @@ pub struct TolerableError {
 }
 
 /// The curve's way back from luma to luminance, made once per tone map.
+#[derive(Debug)]
 pub(crate) struct LuminanceScale {
     decode: LumaDecodeTable,
     smallest: f32,
@@ -60,6 +61,7 @@ impl LuminanceScale {
 ///
 /// # Panics
 /// If the two planes differ in size.
+#[must_use]
 pub fn tolerable_error(
     luma: &Plane<f32>,
     luminance: &Plane<f32>,
@@ -74,6 +76,7 @@ pub fn tolerable_error(
 ///
 /// # Panics
 /// If the two planes differ in size.
+#[must_use]
 pub fn tolerable_error_counted(
     luma: &Plane<f32>,
     luminance: &Plane<f32>,
@@ -81,19 +84,20 @@ pub fn tolerable_error_counted(
     tone_map: &ToneMap,
     model: &MaskingModel,
 ) -> TolerableError {
-    scaled_error(luma, luminance, quantiser_scale, 1.0, &LuminanceScale::new(tone_map), model)
-}
-
-pub(crate) fn scaled_error(
-    luma: &Plane<f32>,
-    luminance: &Plane<f32>,
-    quantiser_scale: f32,
-    kappa: f32,
-    scale: &LuminanceScale,
-    model: &MaskingModel,
-) -> TolerableError {
     assert_same_size(luma, luminance);
     let distorted = model.worst_case_luma(luma, quantiser_scale);
+    pixelwise_error(luma, luminance, &distorted, 1.0, &LuminanceScale::new(tone_map))
+}
+
+/// Eq. (4) where the luma of each pixel may become that of `distorted`.
+pub(crate) fn pixelwise_error(
+    luma: &Plane<f32>,
+    luminance: &Plane<f32>,
+    distorted: &Plane<f32>,
+    kappa: f32,
+    scale: &LuminanceScale,
+) -> TolerableError {
+    assert_same_size(luma, luminance);
     let of_group = |(group, y): (usize, usize), _| eight(&distorted.row(y)[8 * group..]);
     pixelwise(of_group, luma, luminance, kappa, scale)
 }
@@ -173,6 +177,7 @@ fn pixel_errors(
 ///
 /// # Panics
 /// If `e` and `matches` differ in size.
+#[must_use]
 pub fn blend(e: &Plane<f32>, previous: &Plane<f32>, matches: &Plane<u32>, w: f32) -> Plane<f32> {
     blend_within(e, previous, matches, w, f32::INFINITY)
 }
@@ -200,7 +205,8 @@ pub(crate) fn blend_within(
 ///
 /// `matches` holds, for each pixel of frame t+1, the raster index of its match in frame t, or [`NO_MATCH`]; pixels without match
 /// get 2 % of their luminance.
-pub fn carry(previous: &Plane<f32>, matches: &Plane<u32>) -> ThresholdMap {
+#[must_use]
+pub fn reproject(previous: &Plane<f32>, matches: &Plane<u32>) -> ThresholdMap {
     let past = previous.samples();
     let pixel = |&index: &u32| past.get(index as usize).copied().map_or(RELATIVE, stored);
     let data = matches.samples().par_iter().with_min_len(4096).map(pixel).collect();
@@ -208,6 +214,7 @@ pub fn carry(previous: &Plane<f32>, matches: &Plane<u32>) -> ThresholdMap {
 }
 
 /// Matches of a picture in which nothing moves: every pixel is its own.
+#[must_use]
 pub fn still_matches(width: usize, height: usize) -> Plane<u32> {
     Plane::from_fn(width, height, |x, y| u32::try_from(y * width + x).unwrap_or(NO_MATCH))
 }
@@ -233,6 +240,7 @@ pub struct ThresholdMap {
 
 impl ThresholdMap {
     /// 2 % of luminance everywhere: the first frame, and the one after a cut.
+    #[must_use]
     pub fn relative(width: usize, height: usize) -> Self {
         Self { absolute: Plane::filled(width, height, RELATIVE) }
     }
@@ -247,6 +255,7 @@ impl ThresholdMap {
     /// # Panics
     /// Outside of the map.
     #[inline]
+    #[must_use]
     pub fn get(&self, x: usize, y: usize) -> Option<f32> {
         let threshold = self.absolute.get(x, y);
         (threshold > 0.0).then_some(threshold)
@@ -257,21 +266,25 @@ impl ThresholdMap {
     /// # Panics
     /// Outside of the map.
     #[inline]
+    #[must_use]
     pub fn resolve(&self, x: usize, y: usize, luminance: f32) -> f32 {
         self.get(x, y).unwrap_or(RELATIVE_FLOOR * luminance)
     }
 
     /// Columns.
+    #[must_use]
     pub fn width(&self) -> usize {
         self.absolute.width()
     }
 
     /// Rows.
+    #[must_use]
     pub fn height(&self) -> usize {
         self.absolute.height()
     }
 
     /// Absolute thresholds, 0 where 2 % of luminance holds: for writing a map away; [`ThresholdMap::from_plane`] reads it back.
+    #[must_use]
     pub fn plane(&self) -> &Plane<f32> {
         &self.absolute
     }

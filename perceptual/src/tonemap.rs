@@ -18,7 +18,6 @@
 //!   a curve value of 255/256. The last half code value of 8-bit luma begins below that, so no picture can tell the difference.
 
 use crate::bounded;
-use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
 /// Curve value at which the inverse of Reinhard's global curve stops, so that decoding white stays finite (x = 255).
@@ -27,8 +26,8 @@ const REINHARD_LIMIT: f64 = 1.0 - 1.0 / 256.0;
 const SMALLEST_SLOPE_ARGUMENT: f64 = 1e-9;
 
 /// How linear light becomes display light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Operator {
     /// Clip at 1, then the power `1 / gamma`. [`ToneMap::display`] is not consulted.
     Gamma,
@@ -49,6 +48,7 @@ impl Operator {
     pub const ALL: [Self; 5] = [Self::Gamma, Self::Srgb, Self::Reinhard, Self::ExtendedReinhard, Self::Filmic];
 
     /// The name used in settings files.
+    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Gamma => "gamma",
@@ -90,8 +90,8 @@ impl FromStr for Operator {
 }
 
 /// How display light becomes the display value, for the operators that leave it open.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Display {
     /// The piecewise curve of IEC 61966-2-1.
     #[default]
@@ -113,8 +113,8 @@ pub enum Display {
 /// exposure = 1.5
 /// white = 6.0
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
 pub struct ToneMap {
     /// The curve.
     pub operator: Operator,
@@ -164,31 +164,39 @@ fn within(value: f32, range: (f32, f32), otherwise: f32) -> f64 {
 
 impl ToneMap {
     /// Clip and power `1 / gamma`, exposure 1.
+    #[must_use]
     pub fn gamma(gamma: f32) -> Self {
         Self { operator: Operator::Gamma, gamma, ..Self::default() }
     }
 
     /// Clip and sRGB, exposure 1.
+    #[must_use]
     pub fn srgb() -> Self {
         Self::of(Operator::Srgb)
     }
 
     /// The operator with default numbers.
+    #[must_use]
     pub fn of(operator: Operator) -> Self {
         Self { operator, ..Self::default() }
     }
 
     /// Extended Reinhard with sRGB, exposure 1.
+    #[must_use]
     pub fn extended_reinhard(white: f32) -> Self {
         Self { operator: Operator::ExtendedReinhard, white, ..Self::default() }
     }
 
     /// The same curve with another exposure.
+    #[must_use]
     pub fn with_exposure(self, exposure: f32) -> Self {
         Self { exposure, ..self }
     }
 
-    /// The first setting that is not a number within its range.
+    /// Checks that each setting is a number within its range.
+    ///
+    /// # Errors
+    /// The first setting that is not.
     pub fn check(&self) -> Result<(), OutOfRange> {
         let fields = [
             ("exposure", self.exposure, EXPOSURE_RANGE),
@@ -204,6 +212,7 @@ impl ToneMap {
     /// Display value, 0…1, of linear radiance.
     ///
     /// Never falls with `linear`; 0 for negative values and NaN; saturates at 1.
+    #[must_use]
     pub fn encode(&self, linear: f32) -> f32 {
         // `max` turns NaN into 0.
         let x = self.exposure() * f64::from(linear.max(0.0));
@@ -214,6 +223,7 @@ impl ToneMap {
     ///
     /// Values below 0 and NaN count as 0, values above 1 as 1. Display white decodes to the least radiance that saturates;
     /// with [`Operator::Reinhard`], which never saturates, to 255 / exposure.
+    #[must_use]
     pub fn decode(&self, display: f32) -> f32 {
         let v = self.transfer().inverse(f64::from(bounded(display, 0.0, 1.0)));
         ((self.curve().inverse(v) / self.exposure()).min(f64::from(f32::MAX))) as f32
@@ -222,6 +232,7 @@ impl ToneMap {
     /// Slope of [`ToneMap::encode`]: display value per unit of radiance. 0 once saturated.
     ///
     /// A pure power has an infinite slope at 0; there, the slope at an exposed radiance of 1e-9 is given.
+    #[must_use]
     pub fn derivative(&self, linear: f32) -> f32 {
         let x = (self.exposure() * f64::from(linear.max(0.0))).max(SMALLEST_SLOPE_ARGUMENT);
         let (curve, transfer) = (self.curve(), self.transfer());
@@ -230,6 +241,7 @@ impl ToneMap {
     }
 
     /// Least radiance at which [`ToneMap::decode`] stops: what display white stands for.
+    #[must_use]
     pub fn saturation(&self) -> f32 {
         self.decode(1.0)
     }

@@ -6,7 +6,9 @@
 //! ```
 //! `docs/stiff-and-extreme.md` has the analysis that these tests hold the code to.
 
-use perceptual::{Feedback, MaskingModel, NO_MATCH, ToneMap, WHITE_LUMA, still_matches, tolerable_error};
+use perceptual::{
+    Feedback, MaskingModel, NO_MATCH, ObservedFrame, ToneMap, WHITE_LUMA, still_matches, tolerable_error,
+};
 use plane::Plane;
 
 /// A single block, in a single thread: ten thousand frames take no time.
@@ -19,6 +21,12 @@ const PLACE: (usize, usize) = (5, 6);
 struct Frame {
     luma: Plane<f32>,
     luminance: Plane<f32>,
+}
+
+impl Frame {
+    fn observed<'a>(&'a self, matches: Option<&'a Plane<u32>>) -> ObservedFrame<'a> {
+        ObservedFrame { luma: &self.luma, luminance: &self.luminance, matches }
+    }
 }
 
 fn frame_of(luminance: impl Fn(usize, usize) -> f32) -> Frame {
@@ -64,9 +72,7 @@ fn response(weight: f32, start: f32, inputs: impl Iterator<Item = (usize, f32)> 
     alone(move || {
         let (mut feedback, still) = (feedback(weight), still_matches(SIDE, SIDE));
         feedback.restore(Plane::filled(SIDE, SIDE, start));
-        let next = |(which, scale): (usize, f32)| {
-            at(feedback.observe(&frames[which].luma, &frames[which].luminance, scale, Some(&still)))
-        };
+        let next = |(which, scale): (usize, f32)| at(feedback.observe(frames[which].observed(Some(&still)), scale));
         inputs.map(next).collect()
     })
 }
@@ -88,8 +94,8 @@ fn a_step_decays_by_the_weight() {
                 );
             }
             let settled = found.iter().position(|t| (t / e - 1.0).abs() < 0.01).unwrap() + 1;
-            let foretold = if w == 0.0 { 1 } else { ((0.01 * e / distance.abs()).ln() / w.ln()).ceil() as usize };
-            assert!(settled.abs_diff(foretold) <= 1, "w = {w}: {settled} frames, {foretold} foretold");
+            let predicted = if w == 0.0 { 1 } else { ((0.01 * e / distance.abs()).ln() / w.ln()).ceil() as usize };
+            assert!(settled.abs_diff(predicted) <= 1, "w = {w}: {settled} frames, {predicted} predicted");
         }
     }
 }
@@ -199,7 +205,7 @@ fn cuts_in_every_frame_leave_no_memory() {
             for n in 0..LONG {
                 let (frame, e) = (&frames[n * 7 % 4], &e[n * 7 % 4]);
                 let matches = (n % 2 == 0).then_some(&nothing);
-                assert!(feedback.observe(&frame.luma, &frame.luminance, 8.0, matches) == e, "w = {weight}, frame {n}");
+                assert!(feedback.observe(frame.observed(matches), 8.0) == e, "w = {weight}, frame {n}");
             }
         }
     });
@@ -241,7 +247,7 @@ fn band(kind: Renderer, (weight, kappa, scale): (f32, f32, f32), start: f32, fra
             let truth = detail(x, y);
             rendered(kind, truth, thresholds.resolve(x, y, truth), y * SIDE + x, n)
         });
-        let after = feedback.observe(&frame.luma, &frame.luminance, scale, Some(&still)).samples();
+        let after = feedback.observe(frame.observed(Some(&still)), scale).samples();
         if n + 1000 >= frames {
             low = after.iter().fold(low, |low, t| low.min(f64::from(*t)));
             high = after.iter().fold(high, |high, t| high.max(f64::from(*t)));

@@ -1,7 +1,8 @@
 //! The loop over frames: steady state, no drift, cuts, flashes, broken frames, threads.
 
 use perceptual::{
-    DEFAULT_WEIGHT, Feedback, MaskingModel, NO_MATCH, ToneMap, YCbCr, luminance_plane, still_matches, tolerable_error,
+    DEFAULT_WEIGHT, Feedback, MaskingModel, NO_MATCH, ObservedFrame, ToneMap, YCbCr, luminance_plane, still_matches,
+    tolerable_error,
 };
 use plane::Plane;
 
@@ -11,6 +12,12 @@ const HEIGHT: usize = 10;
 struct Frame {
     luma: Plane<f32>,
     luminance: Plane<f32>,
+}
+
+impl Frame {
+    fn observed<'a>(&'a self, matches: Option<&'a Plane<u32>>) -> ObservedFrame<'a> {
+        ObservedFrame { luma: &self.luma, luminance: &self.luminance, matches }
+    }
 }
 
 fn tone_map() -> ToneMap {
@@ -43,10 +50,10 @@ fn ten_thousand_still_frames_settle_and_stay() {
     let e = alone(&dim, 8.0);
     for weight in [0.0, 0.3, DEFAULT_WEIGHT, 0.9] {
         let mut feedback = feedback(weight);
-        feedback.observe(&bright.luma, &bright.luminance, 112.0, None);
+        feedback.observe(bright.observed(None), 112.0);
         let mut settled = None;
         for t in 1..=10_000 {
-            let thresholds = feedback.observe(&dim.luma, &dim.luminance, 8.0, Some(&still));
+            let thresholds = feedback.observe(dim.observed(Some(&still)), 8.0);
             if t == 500 {
                 settled = Some(thresholds.clone());
             }
@@ -61,10 +68,10 @@ fn ten_thousand_still_frames_settle_and_stay() {
 fn the_past_fades_by_its_weight() {
     let (still, bright, dim) = (still_matches(WIDTH, HEIGHT), frame(3.0), frame(0.5));
     let mut feedback = feedback(0.5);
-    let first = feedback.observe(&bright.luma, &bright.luminance, 8.0, None).get(4, 4);
+    let first = feedback.observe(bright.observed(None), 8.0).get(4, 4);
     let now = alone(&dim, 8.0).get(4, 4);
     for t in 1..6 {
-        let threshold = feedback.observe(&dim.luma, &dim.luminance, 8.0, Some(&still)).get(4, 4);
+        let threshold = feedback.observe(dim.observed(Some(&still)), 8.0).get(4, 4);
         let wanted = now + (first - now) * 0.5f32.powi(t);
         assert!((threshold / wanted - 1.0).abs() < 1e-5, "frame {t}: {threshold} {wanted}");
     }
@@ -74,16 +81,16 @@ fn the_past_fades_by_its_weight() {
 fn a_cut_forgets() {
     let (bright, dim) = (frame(3.0), frame(0.5));
     let mut feedback = feedback(0.5);
-    feedback.observe(&bright.luma, &bright.luminance, 8.0, None);
-    assert_eq!(feedback.observe(&dim.luma, &dim.luminance, 8.0, None), &alone(&dim, 8.0));
+    feedback.observe(bright.observed(None), 8.0);
+    assert_eq!(feedback.observe(dim.observed(None), 8.0), &alone(&dim, 8.0));
     let nothing_matches = Plane::filled(WIDTH, HEIGHT, NO_MATCH);
-    feedback.observe(&bright.luma, &bright.luminance, 8.0, None);
-    assert_eq!(feedback.observe(&dim.luma, &dim.luminance, 8.0, Some(&nothing_matches)), &alone(&dim, 8.0));
+    feedback.observe(bright.observed(None), 8.0);
+    assert_eq!(feedback.observe(dim.observed(Some(&nothing_matches)), 8.0), &alone(&dim, 8.0));
     let map = feedback.thresholds_for_next(&nothing_matches);
     assert!((0..WIDTH).all(|x| map.get(x, 3).is_none()));
     // A picture of another size starts afresh.
     let small = frame_of(&Plane::filled(8, 8, [0.5; 3]));
-    assert_eq!(feedback.observe(&small.luma, &small.luminance, 8.0, Some(&still_matches(8, 8))), &alone(&small, 8.0));
+    assert_eq!(feedback.observe(small.observed(Some(&still_matches(8, 8))), 8.0), &alone(&small, 8.0));
 }
 
 #[test]
@@ -93,7 +100,7 @@ fn a_flashing_light_keeps_thresholds_between_its_two_states() {
     let mut feedback = feedback(0.5);
     for t in 0..1000 {
         let frame = if t % 2 == 0 { &on } else { &off };
-        let thresholds = feedback.observe(&frame.luma, &frame.luminance, 8.0, Some(&still));
+        let thresholds = feedback.observe(frame.observed(Some(&still)), 8.0);
         for i in 0..WIDTH * HEIGHT {
             let (a, b) = (high.samples()[i], low.samples()[i]);
             let here = thresholds.samples()[i];
@@ -109,10 +116,10 @@ fn a_broken_frame_passes() {
     broken.luma.set(3, 3, f32::NAN);
     broken.luminance.set(4, 3, f32::INFINITY);
     let mut feedback = feedback(0.5);
-    feedback.observe(&broken.luma, &broken.luminance, 8.0, Some(&still));
+    feedback.observe(broken.observed(Some(&still)), 8.0);
     assert_eq!(feedback.non_finite(), 2);
     for _ in 0..200 {
-        feedback.observe(&good.luma, &good.luminance, 8.0, Some(&still));
+        feedback.observe(good.observed(Some(&still)), 8.0);
     }
     assert_eq!(feedback.non_finite(), 0);
     assert!(largest_ratio(feedback.thresholds(), &alone(&good, 8.0)) < 1.0 + 1e-5);
@@ -122,7 +129,7 @@ fn a_broken_frame_passes() {
 fn thresholds_travel_with_the_picture() {
     let first = frame(1.0);
     let mut feedback = feedback(0.5);
-    feedback.observe(&first.luma, &first.luminance, 8.0, None);
+    feedback.observe(first.observed(None), 8.0);
     // Everything moves by two pixels to the right; what comes in at the left was not seen before.
     let moved = Plane::from_fn(WIDTH, HEIGHT, |x, y| if x < 2 { NO_MATCH } else { (y * WIDTH + x - 2) as u32 });
     let map = feedback.thresholds_for_next(&moved);
@@ -134,10 +141,10 @@ fn thresholds_travel_with_the_picture() {
 fn a_film_can_be_continued() {
     let (still, first, second) = (still_matches(WIDTH, HEIGHT), frame(1.0), frame(2.0));
     let (mut whole, mut continued) = (feedback(0.5), feedback(0.5));
-    let saved = whole.observe(&first.luma, &first.luminance, 8.0, None).clone();
+    let saved = whole.observe(first.observed(None), 8.0).clone();
     continued.restore(saved);
-    let wanted = whole.observe(&second.luma, &second.luminance, 8.0, Some(&still));
-    assert_eq!(continued.observe(&second.luma, &second.luminance, 8.0, Some(&still)), wanted);
+    let wanted = whole.observe(second.observed(Some(&still)), 8.0);
+    assert_eq!(continued.observe(second.observed(Some(&still)), 8.0), wanted);
     whole.reset();
     assert_eq!(whole.thresholds_for_next(&still).get(0, 0), None);
 }
@@ -150,8 +157,8 @@ fn the_number_of_threads_changes_nothing() {
             let radiance = Plane::from_fn(203, 151, |x, y| [0.1 + 0.001 * ((x * 31 + y * 17) % 611) as f32, 0.2, 0.3]);
             let frame = frame_of(&radiance);
             let mut feedback = feedback(0.5);
-            feedback.observe(&frame.luma, &frame.luminance, 5.0, None);
-            feedback.observe(&frame.luma, &frame.luminance, 9.0, Some(&still_matches(203, 151))).clone()
+            feedback.observe(frame.observed(None), 5.0);
+            feedback.observe(frame.observed(Some(&still_matches(203, 151))), 9.0).clone()
         })
     };
     let one = run(1);
@@ -168,7 +175,7 @@ fn kappa_scales_what_masking_allows_down_to_the_floor() {
     let luminance = luminance_plane(&radiance);
     let observe = |kappa| {
         let mut feedback = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT).with_kappa(kappa);
-        feedback.observe(&picture.luma, &luminance, 16.0, None).clone()
+        feedback.observe(ObservedFrame { luma: &picture.luma, luminance: &luminance, matches: None }, 16.0).clone()
     };
     let (paper, half, none) = (observe(1.0), observe(0.5), observe(0.0));
     let mut scaled = 0;

@@ -184,6 +184,7 @@ fn the_default_matrix_rises_along_rows_and_columns() {
     }
 }
 
+#[cfg(feature = "serde")]
 #[test]
 fn settings_file() {
     let model: MaskingModel = toml::from_str("display_gamma = 2.2").unwrap();

@@ -1,7 +1,7 @@
 //! Equations (4) and (5) against a transcription in `f64`, and what thresholds promise.
 
 use perceptual::{
-    MaskingModel, NO_MATCH, Operator, ThresholdMap, ToneMap, YCbCr, blend, carry, luminance_plane, still_matches,
+    MaskingModel, NO_MATCH, Operator, ThresholdMap, ToneMap, YCbCr, blend, luminance_plane, reproject, still_matches,
     tolerable_error, tolerable_error_counted,
 };
 use plane::Plane;
@@ -61,7 +61,7 @@ proptest! {
             &Plane::from_vec(6, 4, e.clone()), &Plane::from_vec(6, 4, previous.clone()),
             &Plane::from_vec(6, 4, matches.clone()), w,
         );
-        let carried = carry(&Plane::from_vec(6, 4, previous.clone()), &Plane::from_vec(6, 4, matches.clone()));
+        let carried = reproject(&Plane::from_vec(6, 4, previous.clone()), &Plane::from_vec(6, 4, matches.clone()));
         for i in 0..24 {
             let (now, w) = (f64::from(e[i]), f64::from(w));
             let past = previous.get(matches[i] as usize).copied();
@@ -187,6 +187,6 @@ fn maps_keep_what_is_known() {
     assert_eq!(read, [Some(0.5), None, None, None, None, Some(1e-30)]);
     assert_eq!(ThresholdMap::from_plane(map.plane()), map);
     assert_eq!(map.resolve(0, 0, 10.0), 0.5);
-    let still = carry(&Plane::filled(3, 2, 0.25), &still_matches(3, 2));
+    let still = reproject(&Plane::filled(3, 2, 0.25), &still_matches(3, 2));
     assert!((0..6).all(|i| still.get(i % 3, i / 3) == Some(0.25)));
 }

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::video::Video;
 use crossbeam_channel::bounded;
 use mpeg2enc::MotionField;
-use perceptual::{Feedback, ThresholdMap, ToneMap, YCbCr, carry, luminance_plane};
+use perceptual::{Feedback, ObservedFrame, ThresholdMap, ToneMap, YCbCr, luminance_plane, reproject};
 use plane::Plane;
 use render_core::Correspondence;
 use std::sync::Arc;
@@ -71,7 +71,7 @@ impl Mask for Feedback {
         quantiser_scale: f32,
         matches: Option<&Plane<u32>>,
     ) -> Plane<f32> {
-        self.observe(luma, luminance, quantiser_scale, matches).clone()
+        self.observe(ObservedFrame { luma, luminance, matches }, quantiser_scale).clone()
     }
 }
 
@@ -140,7 +140,7 @@ pub fn couple<P: Prepare>(
             for (index, (frame, correspondence)) in prepared_in.into_iter().enumerate() {
                 let before = if index > 0 { thresholds_in.recv().ok() } else { None };
                 let map = match (&before, &correspondence) {
-                    (Some(delta), Some(known)) => carry(delta, &known.matches),
+                    (Some(delta), Some(known)) => reproject(delta, &known.matches),
                     // Nothing is known of the frame before.
                     _ => ThresholdMap::relative(width, height),
                 };

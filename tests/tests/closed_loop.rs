@@ -5,7 +5,8 @@
 
 use mpeg2enc::{Config, Effort, Encoder, FrameRate, MacroblockKind};
 use perceptual::{
-    CodedPicture, Feedback, MaskingModel, NextPicture, QuantiserSteps, ToneMap, YCbCr, luminance_plane, still_matches,
+    CodedPicture, Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane,
+    still_matches,
 };
 use plane::Plane;
 
@@ -84,8 +85,9 @@ impl Loop {
         };
         let luminance = luminance_plane(&radiance);
         let steps = QuantiserSteps::default();
-        let known = (self.frame > 1).then_some(&still);
-        let thresholds = self.feedback.observe_coded(&picture.luma, &luminance, &steps, (&coded, next), known);
+        let matches = (self.frame > 1).then_some(&still);
+        let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, matches };
+        let thresholds = self.feedback.observe_coded(frame, &steps, &coded, next);
         assert!(thresholds.samples().iter().all(|t| t.is_finite() && *t >= 0.0));
         let sum = |plane: &Plane<f32>| plane.samples().iter().map(|&value| f64::from(value)).sum::<f64>();
         sum(thresholds) / sum(&luminance).max(1e-9)

@@ -1,7 +1,9 @@
 //! Thresholds from what the encoder really did, through the whole of the program and against the encoder itself.
 
 use mpeg2enc::{Config, FrameRate, MacroblockKind};
-use perceptual::{CodedPicture, Feedback, MaskingModel, NextPicture, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
+use perceptual::{
+    CodedPicture, Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane,
+};
 use plane::Plane;
 use tests::{cornell, decode_ffmpeg, render};
 
@@ -49,20 +51,21 @@ fn mean_threshold(coded: &Coded, next: NextPicture) -> f64 {
     let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), 0.5);
     let Coded { frame, luminance, decoded, levels, intra, scales } = coded;
     let picture = CodedPicture { decoded, levels, intra, quantiser_scales: scales };
-    let thresholds = feedback.observe_coded(&frame.luma, luminance, &QuantiserSteps::default(), (&picture, next), None);
+    let observed = ObservedFrame { luma: &frame.luma, luminance, matches: None };
+    let thresholds = feedback.observe_coded(observed, &QuantiserSteps::default(), &picture, next);
     let relative = thresholds.samples().iter().zip(luminance.samples()).map(|(&t, &y)| f64::from(t / y));
     relative.sum::<f64>() / luminance.samples().len() as f64
 }
 
-/// What an intra picture would do is foretold from a predicted one: thresholds come near those after a picture that the
+/// What an intra picture would do follows from a predicted one: thresholds come near those after a picture that the
 /// encoder did code by itself.
 #[test]
-fn an_intra_picture_is_foretold() {
+fn an_intra_picture_is_predicted() {
     for quantiser_scale in [4, 16, 48] {
-        let foretold = mean_threshold(&coded(quantiser_scale, 2)[1], NextPicture::Intra { group: 1 });
+        let predicted = mean_threshold(&coded(quantiser_scale, 2)[1], NextPicture::Intra { group: 1 });
         let known = mean_threshold(&coded(quantiser_scale, 1)[1], NextPicture::Intra { group: 1 });
-        println!("quantiser_scale {quantiser_scale}: foretold {foretold:.4}, known {known:.4}");
-        assert!((foretold / known - 1.0).abs() < 0.25, "{quantiser_scale}: {foretold}, known {known}");
+        println!("quantiser_scale {quantiser_scale}: predicted {predicted:.4}, known {known:.4}");
+        assert!((predicted / known - 1.0).abs() < 0.25, "{quantiser_scale}: {predicted}, known {known}");
     }
 }
 
@@ -89,7 +92,7 @@ fn a_film_is_rendered_by_them() {
     assert!(mean(&codec, "cut_size_mean") < 0.8 * mean(&uniform, "cut_size_mean"));
 }
 
-/// Where the encoder looks ahead, its coding is foretold: about the thresholds that a film of the same quantiser has whose
+/// Where the encoder looks ahead, its coding is predicted: about the thresholds that a film of the same quantiser has whose
 /// encoder was asked, at constant quantisers with B pictures and within a rate.
 #[test]
 fn films_of_encoders_that_look_ahead() {
@@ -98,10 +101,10 @@ fn films_of_encoders_that_look_ahead() {
     let film = |name: &str, more: &str| render(folder.path(), name, &cornell(), &format!("{arguments} {more}"));
     let mean = |film: &tests::Rendered| film.figures(&["threshold_mean_relative"])[2..].iter().sum::<f64>() / 6.0;
     for quantiser_scale in [8, 32] {
-        let asked = mean(&film("asked", &format!("--qscale {quantiser_scale}")));
-        let foretold = mean(&film("foretold", &format!("--qscale {quantiser_scale} --bframes 2")));
-        println!("quantiser_scale {quantiser_scale}: {asked:.4} where the encoder is asked, {foretold:.4} foretold");
-        assert!((foretold / asked - 1.0).abs() < 0.35, "{quantiser_scale}: asked {asked}, foretold {foretold}");
+        let known = mean(&film("asked", &format!("--qscale {quantiser_scale}")));
+        let predicted = mean(&film("predicted", &format!("--qscale {quantiser_scale} --bframes 2")));
+        println!("quantiser_scale {quantiser_scale}: {known:.4} with the coding known, {predicted:.4} predicted");
+        assert!((predicted / known - 1.0).abs() < 0.35, "{quantiser_scale}: known {known}, predicted {predicted}");
     }
     let rate = mean(&film("rate", "--bitrate 150k --bframes 2"));
     assert!((0.02..0.5).contains(&rate), "{rate}");

@@ -7,7 +7,9 @@ use crate::observe::Observer;
 use crate::settings::{Settings, Thresholds};
 use crate::video::CodingOutcome;
 use crossbeam_channel::{Receiver, Sender};
-use perceptual::{CodedPicture, DEFAULT_WEIGHT, Feedback, MaskingModel, QuantiserSteps, still_matches};
+use perceptual::{
+    CodedPicture, DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, still_matches,
+};
 use plane::Plane;
 use render_core::Busy;
 
@@ -46,8 +48,8 @@ pub fn run_from(
     let steps = quantiser_steps(settings)?;
     let known = known(checkpoints)?;
     let (mut resumed, mut spent) = (None, Vec::new());
-    if let Some(((delta, luminance, foretold), times)) = known {
-        (resumed, spent) = (Some((delta.clone(), foretold)), times);
+    if let Some(((delta, luminance, predicted), times)) = known {
+        (resumed, spent) = (Some((delta.clone(), predicted)), times);
         let _ = thresholds.send(LuminanceThresholds { of: checkpoints.first_frame() - 1, delta, luminance });
     }
     for &time in &spent {
@@ -63,9 +65,9 @@ pub fn run_from(
         let feedback = feedback.get_or_insert_with(|| {
             let mut feedback =
                 Feedback::new(MaskingModel::default(), message.tone_map, DEFAULT_WEIGHT).with_kappa(settings.kappa);
-            if let Some((delta, foretold)) = resumed.take() {
+            if let Some((delta, predicted)) = resumed.take() {
                 feedback.restore(delta);
-                feedback.restore_foretold(foretold);
+                feedback.restore_predicted(predicted);
             }
             feedback
         });
@@ -84,11 +86,11 @@ pub fn run_from(
             checkpoints.leave(
                 message.frame,
                 Part::Mask,
-                &((&delta, &message.luminance, feedback.foretold()), &spent),
+                &((&delta, &message.luminance, feedback.predicted()), &spent),
             )?;
         }
         if checkpoints.are_on() {
-            last = Some((message.frame, (delta.clone(), message.luminance.clone(), feedback.foretold().clone())));
+            last = Some((message.frame, (delta.clone(), message.luminance.clone(), feedback.predicted().clone())));
         }
         let _ = times.send(time);
         drop(span);
@@ -100,7 +102,7 @@ pub fn run_from(
     }
 }
 
-/// ΔY and luminance of the last frame that is done, and its decoded luma where that is foretold.
+/// ΔY and luminance of the last frame that is done, and its decoded luma where its coding is predicted.
 type Masked = (Plane<f32>, Plane<f32>, Plane<u8>);
 /// And what masking took so far.
 type Known = (Masked, Vec<MaskingTime>);
@@ -120,22 +122,25 @@ fn observe<'a>(
     matches: Option<&Plane<u32>>,
 ) -> &'a Plane<f32> {
     let (luma, luminance) = (&message.picture.luma, &message.luminance);
+    let frame = ObservedFrame { luma, luminance, matches };
     let &Coding { quantiser_scale, ref outcome, next } = coding;
     match (settings.thresholds, outcome) {
         (Thresholds::Codec, Some(CodingOutcome { decoded, levels, intra, quantiser_scales })) => {
             let coded = CodedPicture { decoded, levels, intra, quantiser_scales };
-            feedback.observe_coded(luma, luminance, steps, (&coded, next), matches)
+            feedback.observe_coded(frame, steps, &coded, next)
         }
         (Thresholds::Quantised, Some(CodingOutcome { decoded, .. })) => {
             let quantised = decoded.map(|sample| f32::from(sample) - 16.0);
             let still = still_matches(luma.width(), luma.height());
-            feedback.observe(&quantised, luminance, quantiser_scale, matches.map(|_| &still))
+            let matches = matches.map(|_| &still);
+            feedback.observe(ObservedFrame { luma: &quantised, luminance, matches }, quantiser_scale)
         }
         (Thresholds::Codec, None) => {
             let begins_group = message.frame.is_multiple_of(settings.gop);
-            feedback.observe_foretold(luma, luminance, steps, (quantiser_scale, begins_group, next), matches)
+            let expected = ExpectedCoding { quantiser_scale, begins_group };
+            feedback.observe_predicted(frame, steps, expected, next)
         }
-        _ => feedback.observe(luma, luminance, quantiser_scale, matches),
+        _ => feedback.observe(frame, quantiser_scale),
     }
 }
 

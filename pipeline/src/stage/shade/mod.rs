@@ -74,7 +74,7 @@ pub fn run_from(
                 let still = (settings.thresholds == Thresholds::Quantised)
                     .then(|| perceptual::still_matches(delta.width(), delta.height()));
                 let matches = still.as_ref().unwrap_or(&correspondence.matches);
-                let carried = |plane| perceptual::carry(plane, matches);
+                let carried = |plane| perceptual::reproject(plane, matches);
                 (carried(&delta), calibration.as_ref().map(|_| carried(&luminance)))
             }
             _ => (ThresholdMap::relative(settings.size.width, settings.size.height), None),

@@ -1,10 +1,9 @@
-//! How a picture will be coded, where the encoder is not asked: one that looks ahead has not coded it yet when its thresholds
-//! are wanted.
+//! The coding of a picture, predicted: an encoder that looks ahead has not coded it yet when its thresholds are wanted.
 //!
 //! A plain coder of luma stands in for it: I at the beginning of a group, else P, predicted from the picture before as the
 //! renderer knows that pixels have moved, at one quantiser_scale. Each coefficient is rounded to the nearest level in intra
-//! blocks and towards zero in predicted ones, as in ISO/IEC 13818-2, 7.4, with no more wit than that. What it makes of a
-//! picture is what [`coded`](crate::CodedPicture) asks for; its decoded picture is the one that the next is predicted from.
+//! blocks and towards zero in predicted ones, as in ISO/IEC 13818-2, 7.4, with no more wit than that. Its result is a
+//! [`CodedPicture`]; the next picture is predicted from its decoded luma.
 //!
 //! B pictures are taken for P: they may be coarser than those, so this errs on the careful side.
 
@@ -14,8 +13,8 @@ use plane::{Plane, dct, idct};
 use rayon::prelude::*;
 
 /// The stand-in, from picture to picture.
-#[derive(Default)]
-pub(crate) struct ForetoldCoding {
+#[derive(Debug, Default)]
+pub(crate) struct PredictedCoding {
     decoded: Plane<u8>,
     levels: Plane<u64>,
     intra: Plane<bool>,
@@ -25,9 +24,9 @@ pub(crate) struct ForetoldCoding {
 /// A block as it is decoded, and where it has levels.
 type CodedBlock = ([u8; 64], u64);
 
-impl ForetoldCoding {
-    /// Goes on behind a picture that was decoded so.
-    pub fn behind(decoded: Plane<u8>) -> Self {
+impl PredictedCoding {
+    /// Continues after a picture that was decoded so.
+    pub fn after(decoded: Plane<u8>) -> Self {
         Self { decoded, ..Self::default() }
     }
 
@@ -161,7 +160,7 @@ mod tests {
         let first = Plane::from_fn(64, 48, |x, y| 100.0 + 60.0 * grain(x / 3, y / 3, 1) + 20.0 * grain(x, y, 2));
         let second = Plane::from_fn(64, 48, |x, y| first.get(x, y) + 40.0 * grain(x / 2, y / 2, 3));
         for quantiser_scale in [2.0, 16.0, 62.0] {
-            let mut coding = ForetoldCoding::default();
+            let mut coding = PredictedCoding::default();
             for (picture, matches) in [(&first, None), (&second, Some(still_matches(64, 48)))] {
                 let coded = coding.code(picture, matches.as_ref(), quantiser_scale, &steps);
                 assert!(coded.intra.samples().iter().all(|&intra| intra == matches.is_none()));
@@ -192,7 +191,7 @@ mod tests {
         for (x, y) in (0..16).flat_map(|y| (32..48).map(move |x| (x, y))) {
             matches.set(x, y, NO_MATCH);
         }
-        let mut coding = ForetoldCoding::default();
+        let mut coding = PredictedCoding::default();
         coding.code(&picture, None, 16.0, &steps);
         // What intra pictures round by half of a large step is worth a level of a smaller one.
         let before = coding.code(&picture, Some(&still_matches(48, 16)), 16.0, &steps).decoded.clone();
@@ -211,7 +210,7 @@ mod tests {
         let mut luma = Plane::filled(17, 9, f32::NAN);
         luma.set(3, 3, f32::INFINITY);
         luma.set(4, 3, f32::NEG_INFINITY);
-        let mut coding = ForetoldCoding::default();
+        let mut coding = PredictedCoding::default();
         for quantiser_scale in [f32::NAN, 0.0, 1e9] {
             for matches in [None, Some(still_matches(17, 9)), Some(Plane::filled(17, 9, 5))] {
                 let coded = coding.code(&luma, matches.as_ref(), quantiser_scale, &steps);
