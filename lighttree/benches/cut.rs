@@ -6,7 +6,7 @@ mod walls;
 
 use divan::{Bencher, black_box};
 use glam::Vec3;
-use lighttree::{BuildParams, Builder, Lambert, LightTree, Method, Scratch, Stop};
+use lighttree::{BuildParams, Builder, Lambert, LightTree, Method, Receivers, Scratch, Stop};
 use walls::{spread, walls};
 
 const SIZES: [usize; 3] = [2_000, 10_000, 100_000];
@@ -16,7 +16,7 @@ fn main() {
 }
 
 fn params(count: usize) -> BuildParams {
-    BuildParams { softening2: 12.0 / (std::f32::consts::PI * count as f32), seed: 1 }
+    BuildParams::bounded_by(12.0 / (std::f32::consts::PI * count as f32)).with_seed(1)
 }
 
 fn floor() -> Vec<Lambert> {
@@ -86,7 +86,8 @@ fn cut_shared(bencher: Bencher, count: usize) {
     let mut visit = || {
         let mut visited = 0;
         for bundle in &bundles {
-            tree.lightcuts(bundle, &[2e-4; 64], |_, _, asking| asking, &mut scratch, &mut found);
+            let together = Receivers { receivers: bundle, thresholds: &[2e-4; 64] };
+            tree.lightcuts(together, |_, _, rays| rays, &mut scratch, &mut found);
             visited += found.iter().map(|cut| u64::from(cut.nodes_visited)).sum::<u64>();
         }
         visited

@@ -6,8 +6,8 @@
 mod room;
 
 use glam::Vec3;
-use lighttree::{BuildParams, Light, LightTree, Scratch, Stop, luminance};
-use room::{floor, room, softening2};
+use lighttree::{Light, LightTree, Scratch, Stop, luminance};
+use room::{floor, params, room};
 
 const LIGHTS: usize = 10_000;
 const FRAMES: usize = 1000;
@@ -32,7 +32,7 @@ fn main() {
     for (light, intensity) in lights.iter_mut().zip(lit(&bare, 0)) {
         light.intensity = intensity;
     }
-    let params = BuildParams { softening2: softening2(LIGHTS), seed: 1 };
+    let params = params(LIGHTS);
     let mut tree = LightTree::build(&lights, params);
     let receivers = floor(16);
     let mut scratch = Scratch::with_max_size(u32::from(u16::MAX));

@@ -6,9 +6,11 @@ mod plot;
 mod room;
 
 use glam::Vec3;
-use lighttree::{BuildParams, Cluster, Emission, Lambert, Light, LightTree, Method, Scratch, Stop, luminance};
+use lighttree::{
+    BuildParams, Cluster, Emission, KeptCluster, Lambert, Light, LightTree, Method, Scratch, Stop, luminance,
+};
 use plot::{BLUE, GREEN, GREY, Plot, RED, Svg};
-use room::{floor, room, softening2, unblocked};
+use room::{floor, params, room, unblocked};
 
 const LIGHTS: usize = 20_000;
 /// Share of its luminance that a cluster of a pixel may be wrong by, as in figure 6b of \[Herzog08\].
@@ -17,7 +19,7 @@ const THRESHOLD: f32 = 0.03;
 fn main() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/docs");
     let lights = room(LIGHTS);
-    let tree = LightTree::build(&lights, BuildParams { softening2: softening2(LIGHTS), seed: 1 });
+    let tree = LightTree::build(&lights, params(LIGHTS));
     let [histogram, thresholds] = errors(&tree);
     for (name, figure) in [
         ("cut.svg", explain()),
@@ -32,15 +34,13 @@ fn main() {
     }
 }
 
-/// The cut at a receiver with clusters and M · G · V of their representatives.
-fn cut(tree: &LightTree, receiver: &Lambert, threshold: f32) -> Vec<(Cluster, Vec3)> {
-    let mut clusters = Vec::new();
+/// The clusters of the cut at a receiver.
+fn cut(tree: &LightTree, receiver: &Lambert, threshold: f32) -> Vec<KeptCluster> {
+    let mut scratch = Scratch::default();
     let visible = |light: &Light, _| unblocked(receiver.position, light.position);
     let stop = Stop::Absolute(threshold);
-    tree.lightcut_with(receiver, stop, visible, &mut Scratch::default(), |cluster, unit| {
-        clusters.push((cluster, unit))
-    });
-    clusters
+    tree.lightcut_kept(receiver, stop, visible, &mut scratch);
+    scratch.kept().to_vec()
 }
 
 fn truth(tree: &LightTree, receiver: &Lambert) -> f32 {
@@ -55,12 +55,13 @@ fn explain() -> String {
         intensity: Vec3::splat([1.0, 2.0, 1.5, 1.0, 0.5, 1.0, 2.0, 1.0, 3.0, 1.0, 1.0, 2.0][k]),
     };
     let lamps: Vec<Light> = (0..12).map(lamp).collect();
-    let tree = LightTree::build(&lamps, BuildParams { softening2: 0.05, seed: 3 });
+    let tree = LightTree::build(&lamps, BuildParams::bounded_by(0.05).with_seed(3));
     let receiver = Lambert { position: Vec3::new(1.2, 0.0, 0.2), normal: Vec3::Z, reflectance: Vec3::ONE };
     let all = luminance(tree.exhaustive(&receiver, |_, _| true));
     let stop = Stop::Absolute(0.14 * all);
-    let mut clusters = Vec::new();
-    tree.lightcut_with(&receiver, stop, |_, _| true, &mut Scratch::default(), |cluster, _| clusters.push(cluster));
+    let mut scratch = Scratch::default();
+    tree.lightcut_kept(&receiver, stop, |_, _| true, &mut scratch);
+    let clusters: Vec<Cluster> = scratch.kept().iter().map(|kept| kept.cluster).collect();
 
     let mut svg = Svg::new(720.0, 330.0);
     let place = |p: Vec3| (40.0 + p.x * 73.0, 280.0 - p.z * 80.0);
@@ -98,11 +99,11 @@ fn bounds(tree: &LightTree) -> String {
     let all = truth(tree, &receiver);
     let mut clusters: Vec<(f32, f32)> = cut(tree, &receiver, THRESHOLD * all)
         .into_iter()
-        .map(|(cluster, unit)| {
-            let estimate = luminance(unit * tree.cluster_intensity(cluster));
+        .map(|KeptCluster { cluster, transport, .. }| {
+            let estimate = luminance(transport * tree.cluster_intensity(cluster));
             let below: Vec<Light> = tree.cluster_lights(cluster).iter().map(|&k| tree.lights()[k as usize]).collect();
             let sees = |light: &Light, _| unblocked(receiver.position, light.position);
-            let true_value = luminance(lighttree::exhaustive(&below, tree.softening2(), &receiver, sees));
+            let true_value = luminance(lighttree::exhaustive(&below, tree.geometry_term_bound(), &receiver, sees));
             (tree.cluster_bound(&receiver, cluster) / all, (estimate - true_value) / all)
         })
         .collect();

@@ -9,18 +9,18 @@ use lighttree::{Emission, Ggx, Lambert, Light, exhaustive};
 use plot::{BLUE, GREEN, Plot, RED};
 use std::f64::consts::PI;
 
-const SOFTENING2: f32 = 0.01;
+const GEOMETRY_TERM_BOUND: f32 = 0.01;
 
 /// Relative error of the light that arrives from one light at `position`, which faces the receiver, in roundings of `f32`; 0.1 at least.
 fn error(position: Vec3) -> f32 {
     let receiver = Lambert { position: Vec3::ZERO, normal: Vec3::new(0.6, 0.0, 0.8), reflectance: Vec3::ONE };
     let light = Light { position, emission: Emission::Cosine(-position.normalize()), intensity: Vec3::ONE };
-    let found = f64::from(exhaustive(&[light], SOFTENING2, &receiver, |_, _| true).x);
+    let found = f64::from(exhaustive(&[light], GEOMETRY_TERM_BOUND, &receiver, |_, _| true).x);
     let Emission::Cosine(axis) = light.emission else { unreachable!("made above") };
     let (way, normal) = (position.as_dvec3(), receiver.normal.as_dvec3());
     let direction = way.normalize();
     let cosines = normal.dot(direction) * -axis.as_dvec3().dot(direction);
-    let exact = cosines / (PI * (way.length_squared() + f64::from(SOFTENING2)));
+    let exact = cosines / (PI * (way.length_squared() + f64::from(GEOMETRY_TERM_BOUND)));
     ((found / exact - 1.0).abs() / f64::from(f32::EPSILON)).max(0.1) as f32
 }
 
@@ -61,7 +61,8 @@ fn main() {
     );
     plot.logarithmic();
     let distances = (-12..=12).map(|k| 10f32.powf(k as f32 / 4.0));
-    let at = |distance: f32| move |k: f32| Vec3::new(k - 0.5, 0.3, 1.0).normalize() * distance * SOFTENING2.sqrt();
+    let at =
+        |distance: f32| move |k: f32| Vec3::new(k - 0.5, 0.3, 1.0).normalize() * distance * GEOMETRY_TERM_BOUND.sqrt();
     plot.line("contact to far away", BLUE, distances.map(|d| worst(d, at(d))).collect());
     let cosines = (0..=16).map(|k| 10f32.powf(-k as f32 / 4.0));
     // Turned from the receiver's plane by the angle whose sine is this cosine.

@@ -2,7 +2,7 @@
 //!
 //! ```sh
 //! cargo run --release -p tests --example many_lights -- SCENE 512x512 150000 out/conference.lights
-//! cargo run --release -p lighttree --example measure -- out/conference.lights
+//! cargo run --release -p lighttree --features serde --example measure -- out/conference.lights
 //! ```
 //!
 //! Shadow rays all find their light, so that it is the tree which is measured. Thresholds are 2 % of each pixel's own
@@ -12,7 +12,7 @@
 mod walls;
 
 use glam::Vec3;
-use lighttree::{BuildParams, Builder, Cut, Emission, Lambert, Light, LightTree, Scratch, Stop, luminance};
+use lighttree::{BuildParams, Builder, Cut, Emission, Lambert, Light, LightTree, Receivers, Scratch, Stop, luminance};
 use walls::walls;
 
 /// Processor time of this thread \[s\].
@@ -29,14 +29,18 @@ fn seconds<T>(work: impl FnOnce() -> T) -> (T, f64) {
 
 fn room(count: usize) -> (LightTree, Vec<Lambert>, usize) {
     let lights = walls(count);
-    let softening2 = 12.0 / (std::f32::consts::PI * count as f32);
+    let geometry_term_bound = 12.0 / (std::f32::consts::PI * count as f32);
     let side = 128;
     let floor = (0..side * side).map(|k| Lambert {
         position: Vec3::new((k % side) as f32 / 64.0 - 0.99, (k / side) as f32 / 64.0 - 0.99, -1.0),
         normal: Vec3::Z,
         reflectance: Vec3::new(0.7, 0.5, 0.3),
     });
-    (LightTree::build_by(Builder::TopDown, &lights, BuildParams { softening2, seed: 1 }), floor.collect(), side)
+    (
+        LightTree::build_by(Builder::TopDown, &lights, BuildParams::bounded_by(geometry_term_bound).with_seed(1)),
+        floor.collect(),
+        side,
+    )
 }
 
 fn read(path: &str) -> (LightTree, Vec<Lambert>, usize) {
@@ -58,7 +62,7 @@ fn main() {
         Some(argument) => argument.parse().map_or_else(|_| read(&argument), room),
         None => room(150_000),
     };
-    let (lights, params) = (given.lights().to_vec(), BuildParams { softening2: given.softening2(), seed: 1 });
+    let (lights, params) = (given.lights().to_vec(), BuildParams::bounded_by(given.geometry_term_bound()).with_seed(1));
     drop(given);
     println!("{} lights, {} pixels", lights.len(), pixels.len());
 
@@ -105,15 +109,16 @@ fn main() {
         };
         let (cuts, time) = seconds(|| cut(&tree, &mut scratch));
         alone.add(&cuts, time);
-        let all_visible = |_: &Light, _: usize, asking: u64| asking;
-        let ((), time) = seconds(|| tree.lightcuts(block, thresholds, all_visible, &mut scratch, &mut shared));
+        let all_visible = |_: &Light, _: usize, rays: u64| rays;
+        let receivers = Receivers { receivers: block, thresholds };
+        let ((), time) = seconds(|| tree.lightcuts(receivers, all_visible, &mut scratch, &mut shared));
         together.add(&shared, time);
         let (cuts, time) = seconds(|| cut(&trees[0], &mut scratch));
         top_down.add(&cuts, time);
         // As many lights as there were nodes visited, one after the other.
         if let Some(receiver) = block.first() {
             let count = cuts.iter().map(|cut| cut.nodes_visited as usize).sum::<usize>().min(lights.len());
-            let (sum, time) = seconds(|| plain_loop(&lights[..count], params.softening2, receiver));
+            let (sum, time) = seconds(|| plain_loop(&lights[..count], params.geometry_term_bound, receiver));
             assert!(sum.is_finite());
             plain += time;
             evaluated += count;
@@ -142,7 +147,7 @@ fn peak_memory() -> u64 {
 }
 
 /// What anybody would write who has no tree.
-fn plain_loop(lights: &[Light], softening2: f32, receiver: &Lambert) -> Vec3 {
+fn plain_loop(lights: &[Light], geometry_term_bound: f32, receiver: &Lambert) -> Vec3 {
     let mut radiance = Vec3::ZERO;
     for light in lights {
         let way = light.position - receiver.position;
@@ -155,7 +160,7 @@ fn plain_loop(lights: &[Light], softening2: f32, receiver: &Lambert) -> Vec3 {
         };
         let received = receiver.normal.dot(direction);
         if emitted > 0.0 && received > 0.0 {
-            radiance += light.intensity * (emitted * received / (r2 + softening2));
+            radiance += light.intensity * (emitted * received / (r2 + geometry_term_bound));
         }
     }
     radiance * receiver.reflectance / std::f32::consts::PI

@@ -8,8 +8,8 @@ mod room;
 use std::time::{Duration, Instant};
 
 use glam::Vec3;
-use lighttree::{BuildParams, Cut, LightTree, Scratch, Stop, luminance};
-use room::{floor, room, softening2, unblocked};
+use lighttree::{Cut, LightTree, Scratch, Stop, luminance};
+use room::{floor, params, room, unblocked};
 
 fn main() {
     let mut arguments = std::env::args().skip(1).map(|argument| argument.parse().expect("a number"));
@@ -17,7 +17,7 @@ fn main() {
     let points = floor(arguments.next().unwrap_or(256));
 
     let start = Instant::now();
-    let params = BuildParams { softening2: softening2(lights.len()), seed: 1 };
+    let params = params(lights.len());
     let mut tree = LightTree::build(&lights, params);
     println!("{} lights: built in {:?}, depth {}", tree.len(), start.elapsed(), tree.depth());
     let intensities: Vec<Vec3> = lights.iter().map(|light| light.intensity).collect();
@@ -34,7 +34,8 @@ fn main() {
         .map(|p| tree.exhaustive(p, |light, _| unblocked(p.position, light.position)))
         .collect();
     let exhaustive_time = start.elapsed() / truth.len() as u32;
-    let mean = truth.iter().map(|&t| luminance(t)).sum::<f32>() / truth.len() as f32;
+    let truth = Truth { luminance: truth.into_iter().map(luminance).collect(), stride, time: exhaustive_time };
+    let mean = truth.luminance.iter().sum::<f32>() / truth.luminance.len() as f32;
     println!("every light: {exhaustive_time:?} per point, mean luminance {mean:.4} W/(m²·sr)\n");
 
     println!("threshold     | cut size | shadow rays | visited | µs/point | ns/node | × faster | error rms, worst");
@@ -49,18 +50,27 @@ fn main() {
             .iter()
             .map(|p| tree.lightcut(p, stop, |light, _| unblocked(p.position, light.position), &mut scratch))
             .collect();
-        report(&name, start.elapsed(), &cuts, &truth, stride, exhaustive_time);
+        report(&name, start.elapsed(), &cuts, &truth);
     }
 }
 
-fn report(name: &str, time: Duration, cuts: &[Cut], truth: &[Vec3], stride: usize, exhaustive_time: Duration) {
+/// Sums over every light.
+struct Truth {
+    /// At every `stride`-th point.
+    luminance: Vec<f32>,
+    stride: usize,
+    /// For one point.
+    time: Duration,
+}
+
+fn report(name: &str, time: Duration, cuts: &[Cut], truth: &Truth) {
     let count = cuts.len() as f64;
     let mean = |f: fn(&Cut) -> u32| cuts.iter().map(|cut| f64::from(f(cut))).sum::<f64>() / count;
     let errors: Vec<f32> = cuts
         .iter()
-        .step_by(stride)
-        .zip(truth)
-        .map(|(cut, &truth)| (luminance(cut.radiance) - luminance(truth)).abs() / luminance(truth))
+        .step_by(truth.stride)
+        .zip(&truth.luminance)
+        .map(|(cut, &truth)| (luminance(cut.radiance) - truth).abs() / truth)
         .collect();
     let rms = (errors.iter().map(|e| e * e).sum::<f32>() / errors.len() as f32).sqrt();
     let visited = mean(|cut| cut.nodes_visited);
@@ -70,7 +80,7 @@ fn report(name: &str, time: Duration, cuts: &[Cut], truth: &[Vec3], stride: usiz
         mean(|cut| cut.shadow_rays),
         time.as_secs_f64() * 1e6 / count,
         time.as_secs_f64() * 1e9 / count / visited,
-        exhaustive_time.as_secs_f64() * count / time.as_secs_f64(),
+        truth.time.as_secs_f64() * count / time.as_secs_f64(),
         100.0 * rms,
         100.0 * errors.iter().fold(0.0, |a: f32, &b| a.max(b)),
     );

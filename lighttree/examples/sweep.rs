@@ -9,9 +9,9 @@ mod plot;
 mod room;
 
 use glam::Vec3;
-use lighttree::{BuildParams, Lambert, Light, LightTree, Method, Scratch, Stop, luminance};
+use lighttree::{Lambert, Light, LightTree, Method, Scratch, Stop, luminance};
 use plot::{BLUE, GREEN, GREY, Plot, RED};
-use room::{floor, room, softening2, unblocked};
+use room::{floor, params, room, unblocked};
 
 const LIGHTS: usize = 100_000;
 /// Times are the least of so many.
@@ -34,7 +34,7 @@ fn now() -> f64 {
 }
 
 fn main() {
-    let tree = LightTree::build(&room(LIGHTS), BuildParams { softening2: softening2(LIGHTS), seed: 1 });
+    let tree = LightTree::build(&room(LIGHTS), params(LIGHTS));
     let receivers = floor(16);
     let visible = |receiver: &Lambert, light: &Light| unblocked(receiver.position, light.position);
     let start = now();

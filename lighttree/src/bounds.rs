@@ -159,6 +159,7 @@ impl DirectionCone {
 
     /// The same cone everywhere.
     #[inline(always)]
+    #[must_use]
     pub fn splat<F: Real>(&self) -> DirectionCone<F> {
         DirectionCone {
             axis: Vector3::splat(self.axis.into()),

@@ -24,21 +24,51 @@ use cluster::{Cluster, Metric};
 const LUMINANCE_FLOOR: f32 = 1e-3;
 /// Ours: smallest diagonal of a cluster in the cost, in scene diagonals.
 const COINCIDENCE: f32 = 1e-6;
-/// Ours: softening is at least this, so that G stays in the range of `f32` \[m²\].
-const SMALLEST_SOFTENING2: f32 = 1e-12;
+/// Ours: smallest s² \[m²\], so that G stays in the range of `f32`.
+pub(crate) const SMALLEST_BOUND: f32 = 1e-12;
 
-/// What a tree is built with.
+/// Parameters of a build.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct BuildParams {
-    /// s² in G = cos θ / (r² + s²) \[m²\]: the squared radius of the disc that a light stands for, which is the lit
-    /// area divided by π and the number of lights. Values below 1e-12 (and NaN) count as that.
-    pub softening2: f32,
-    /// Seed of the draw of representatives.
+    /// s² in G = cos θ / (r² + s²) \[m²\], which bounds the geometry term by 1/s². It is the squared radius of the disc that
+    /// a light stands for. Values below 1e-12, and NaN, count as 1e-12.
+    pub geometry_term_bound: f32,
+    /// Seed of the draw of representatives; 0 by default.
     pub seed: u64,
 }
 
-/// How clusters are found.
+impl BuildParams {
+    /// Parameters for lights that stand for a surface of this area \[m²\] in equal shares: virtual lights, or samples of
+    /// an area light. Each light then counts as a disc of `area / lights`, so that s² = area / (π · lights).
+    ///
+    /// ```
+    /// use lighttree::BuildParams;
+    ///
+    /// let room = BuildParams::for_area(94.0, 10_000).with_seed(7);
+    /// assert!((room.geometry_term_bound - 0.00299).abs() < 1e-5);
+    /// ```
+    #[must_use]
+    pub fn for_area(area: f32, lights: usize) -> Self {
+        Self::bounded_by(area / (std::f32::consts::PI * lights.max(1) as f32))
+    }
+
+    /// Parameters with this `geometry_term_bound` \[m²\], and seed 0.
+    #[must_use]
+    pub const fn bounded_by(geometry_term_bound: f32) -> Self {
+        Self { geometry_term_bound, seed: 0 }
+    }
+
+    /// The same parameters with another seed.
+    #[must_use]
+    pub const fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+}
+
+/// Strategy that finds the clusters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Builder {
     /// The two clusters that cost least to join become one, until one is left: the smallest cuts.
     BottomUp,
@@ -58,6 +88,7 @@ impl LightTree {
     /// # Panics
     ///
     /// If there are 2³¹ lights or more.
+    #[must_use]
     pub fn build(lights: &[Light], params: BuildParams) -> Self {
         Self::build_by(Builder::BottomUp, lights, params)
     }
@@ -67,6 +98,7 @@ impl LightTree {
     /// # Panics
     ///
     /// If there are 2³¹ lights or more.
+    #[must_use]
     pub fn build_by(builder: Builder, lights: &[Light], params: BuildParams) -> Self {
         assert!(lights.len() < 1 << 31, "{} lights, expected fewer than 2^31", lights.len());
         let (lights, fitness): (Vec<_>, Vec<_>) = lights.iter().map(|light| light.accepted()).unzip();
@@ -79,7 +111,7 @@ impl LightTree {
             extents: Vec::new(),
             sites: Sites::default(),
             lights,
-            softening2: params.softening2.max(SMALLEST_SOFTENING2),
+            geometry_term_bound: params.geometry_term_bound.max(SMALLEST_BOUND),
             depth: 0,
             cost_at_build: 0.0,
             misplaced,

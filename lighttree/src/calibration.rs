@@ -25,9 +25,7 @@ const FIRST: f32 = 0.02;
 const START: f32 = 0.4;
 const LEAST: f32 = 1.0 / 16.0;
 const MOST: f32 = 16.0;
-/// Share of the audits whose error is to stay within the threshold unless another is asked for, and how near to it: a quantile of
-/// a few dozen numbers is uncertain by about so much.
-const SHARE: f64 = 0.95;
+/// Quantile of the errors to aim at, in thresholds: a quantile of a few dozen numbers is uncertain by about a tenth.
 const AIM: f32 = 0.9;
 /// Below 1 a quantile that is wrong by chance is not followed all the way; a flash moves κ by no more than a step a frame.
 const DAMPING: f32 = 0.7;
@@ -58,7 +56,8 @@ const BUCKETS_TO_AN_OCTAVE: f32 = 8.0;
 /// }
 /// assert!((2.6..3.1).contains(&(0.9 / calibration.kappa(class))));
 /// ```
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Calibration {
     share: f64,
     kappas: [f32; CLASSES],
@@ -69,16 +68,22 @@ pub struct Calibration {
 }
 
 /// How many audits found an error of about each size.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(into = "Vec<u32>", try_from = "Vec<u32>")]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(into = "Vec<u32>", try_from = "Vec<u32>")
+)]
 struct Counts([u32; BUCKETS]);
 
+#[cfg(feature = "serde")]
 impl From<Counts> for Vec<u32> {
     fn from(counts: Counts) -> Self {
         counts.0.to_vec()
     }
 }
 
+#[cfg(feature = "serde")]
 impl TryFrom<Vec<u32>> for Counts {
     type Error = String;
 
@@ -87,12 +92,13 @@ impl TryFrom<Vec<u32>> for Counts {
     }
 }
 
-/// What the audits of a frame find, from many threads at once.
+/// Errors that the audits of a frame find, noted from many threads at once.
+#[derive(Debug)]
 pub struct Audits([[AtomicU32; BUCKETS]; CLASSES]);
 
 impl Default for Calibration {
     fn default() -> Self {
-        Self::keeping(SHARE)
+        Self::keeping(Self::DEFAULT_SHARE)
     }
 }
 
@@ -102,8 +108,9 @@ impl Default for Audits {
     }
 }
 
-/// What the audits of a frame tell.
+/// Summary of the audits of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Learned {
     /// 95 in a hundred are wrong by at most so many thresholds.
     pub error_p95: f64,
@@ -127,20 +134,26 @@ impl Calibration {
     /// paper's most is 1000.
     pub const LARGEST_CUT: u32 = 8000;
 
-    /// Aims at this share of pixels within their thresholds, 0.5…0.999; 0.95 by default. The nearer to all, the more audits it
-    /// takes to learn.
+    /// Share of pixels that are kept within their thresholds by default.
+    pub const DEFAULT_SHARE: f64 = 0.95;
+
+    /// Aims at this share of pixels within their thresholds, 0.5…0.999; NaN counts as [`Calibration::DEFAULT_SHARE`]. The
+    /// nearer to 1, the more audits it takes to learn.
+    #[must_use]
     pub fn keeping(share: f64) -> Self {
-        let share = if share.is_nan() { SHARE } else { share.clamp(0.5, 0.999) };
+        let share = if share.is_nan() { Self::DEFAULT_SHARE } else { share.clamp(0.5, 0.999) };
         let pending = std::array::from_fn(|_| Counts([0; BUCKETS]));
         Self { share, kappas: [START; CLASSES], learned: [false; CLASSES], pending }
     }
 
     /// Pixels to audit of each 16×16 in a frame: one for 95 %, and more where there are fewer of those that count.
+    #[must_use]
     pub fn audits_per_macroblock(&self) -> usize {
-        ((1.0 - SHARE) / (1.0 - self.share)).round().clamp(1.0, 16.0) as usize
+        ((1.0 - Self::DEFAULT_SHARE) / (1.0 - self.share)).round().clamp(1.0, 16.0) as usize
     }
 
     /// The class of a threshold by the luminance that it is a threshold for, below 6.
+    #[must_use]
     pub fn class(threshold: f32, luminance: f32) -> usize {
         // NaN and what is dark beyond measure count as the first.
         let octaves = (threshold / luminance / FIRST).log2() + 0.5;
@@ -148,6 +161,7 @@ impl Calibration {
     }
 
     /// The threshold that an audit is cut with in place of `threshold`.
+    #[must_use]
     pub fn fine(threshold: f32) -> f32 {
         FINE * threshold
     }
@@ -157,6 +171,7 @@ impl Calibration {
     /// # Panics
     ///
     /// If there is no such class.
+    #[must_use]
     pub fn kappa(&self, class: usize) -> f32 {
         self.kappas[class]
     }
@@ -356,7 +371,7 @@ mod tests {
             let settled = kappas.iter().position(|&kappa| distance(kappa) <= 0.3).unwrap();
             assert!(
                 settled <= frames,
-                "power {power}, scale {scale}: settled after {settled} frames, {frames} foretold"
+                "power {power}, scale {scale}: settled after {settled} frames, {frames} predicted"
             );
             println!("error ~ κ^{power} · {scale}: settled after {settled} frames, a cycle of {cycle:.3} octaves");
         }

@@ -69,7 +69,7 @@ impl LightTree {
     pub fn rebuild(&mut self, builder: Builder) {
         let misplaced = std::mem::take(&mut self.misplaced);
         let rejected = self.rejected;
-        let params = BuildParams { softening2: self.softening2, seed: self.seed };
+        let params = BuildParams::bounded_by(self.geometry_term_bound).with_seed(self.seed);
         *self = Self::build_by(builder, &self.lights, params);
         (self.misplaced, self.rejected) = (misplaced, rejected);
     }
@@ -156,7 +156,7 @@ mod tests {
         fn a_grown_tree_is_a_tree_of_its_lights(
             scene in testing::scene(0..80), kept in 0..80usize, gone in prop::collection::vec(any::<bool>(), 80),
         ) {
-            let params = BuildParams { softening2: scene.softening2, seed: scene.seed };
+            let params = BuildParams::bounded_by(scene.geometry_term_bound).with_seed(scene.seed);
             let kept = kept.min(scene.lights.len());
             let mut tree = LightTree::build(&scene.lights[..kept], params);
             prop_assert_eq!(tree.insert(&scene.lights[kept..]), kept..scene.lights.len());
@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn coincident_newcomers_do_not_make_a_chain() {
         let light = Light { position: Vec3::ONE, emission: Emission::Omni, intensity: Vec3::ONE };
-        let mut tree = LightTree::build(&[light; 3], BuildParams { softening2: 0.1, seed: 1 });
+        let mut tree = LightTree::build(&[light; 3], BuildParams::bounded_by(0.1).with_seed(1));
         tree.insert(&[light; 2000]);
         assert_eq!((tree.validate(), tree.len()), (Ok(()), 2003));
         assert!(tree.depth() <= DEEPEST + 12, "depth {}", tree.depth());

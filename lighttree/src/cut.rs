@@ -21,13 +21,14 @@ mod walk;
 
 use glam::{Vec3, Vec4};
 
-use crate::error_bound::{Cluster as Bounds, error_bound};
+use crate::error_bound::{ClusterBounds, error_bound};
 use crate::light::Light;
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
-use best_first::{Form, Refined};
+use best_first::Refined;
 use bundle::Shared;
 pub use evaluate::ShadowRay;
+pub use group::Receivers;
 
 /// Largest cut of \[Walter05\].
 const PAPER_MAX_SIZE: u32 = 1000;
@@ -66,11 +67,23 @@ pub struct Cut {
 }
 
 /// A cluster of a cut. It outlives the cut: positions in a tree never change, intensities come with each update.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cluster {
     pub(crate) node: u32,
     /// Index of the light that stood for the cluster.
     pub light: u32,
+}
+
+/// A cluster of a cut that was kept, with the transport of light from it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct KeptCluster {
+    /// The cluster.
+    pub cluster: Cluster,
+    /// M · G · V of its representative: radiance per intensity \[m⁻²\], zero where the light is hidden. The cut's radiance
+    /// is the sum of this times [`LightTree::cluster_intensity`].
+    pub transport: Vec3,
 }
 
 /// Memory of a cut, kept by the caller from one to the next: one per thread.
@@ -91,8 +104,8 @@ pub struct Scratch {
     radiance: Vec<Vec4>,
     /// M · G of the light of each of the `rays`, where clusters are kept, and its node; the fourth number does not matter.
     terms: Vec<(Vec4, u32)>,
-    /// Nodes of a cut whose lights are drawn.
-    pub(crate) clusters: Vec<u32>,
+    /// Clusters of the last cut that kept them.
+    pub(crate) kept: Vec<KeptCluster>,
     refined: Refined,
     shared: Shared,
 }
@@ -106,6 +119,7 @@ impl Default for Scratch {
 
 impl Scratch {
     /// Cuts of this many clusters at most (at least one); takes memory for as many.
+    #[must_use]
     pub fn with_max_size(max_size: u32) -> Self {
         Self {
             max_size: max_size.max(1),
@@ -117,13 +131,20 @@ impl Scratch {
             ray_count: 0,
             radiance: Vec::new(),
             terms: Vec::new(),
-            clusters: Vec::new(),
+            kept: Vec::new(),
             refined: Refined::default(),
             shared: Shared::default(),
         }
     }
 
+    /// Clusters of the last [`LightTree::lightcut_kept`].
+    #[must_use]
+    pub fn kept(&self) -> &[KeptCluster] {
+        &self.kept
+    }
+
     /// The largest cut \[clusters\].
+    #[must_use]
     pub fn max_size(&self) -> u32 {
         self.max_size
     }
@@ -150,27 +171,28 @@ impl LightTree {
         self.lightcut_batched(receiver, stop, visible_together, scratch)
     }
 
-    /// As [`LightTree::lightcut`], with the estimate of the paper: each cluster by its one representative, where
-    /// `lightcut` has both halves of a cluster and is nearer to the truth. So clusters can be kept and summed again:
-    /// `each` gets every cluster of the finished cut and M · G · V of its representative, radiance per intensity \[m⁻²\],
-    /// zero where it is hidden. The cut's radiance is the sum of that times [`LightTree::cluster_intensity`].
-    pub fn lightcut_with<R: Receiver>(
+    /// [`LightTree::lightcut`] whose clusters are kept: [`Scratch::kept`] has them afterwards, so that they can be summed
+    /// again with other intensities.
+    ///
+    /// The estimate is that of the paper, each cluster by its one representative. `lightcut` estimates by both halves of a
+    /// cluster and is nearer to the truth.
+    pub fn lightcut_kept<R: Receiver>(
         &self,
         receiver: &R,
         stop: Stop,
         mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
-        mut each: impl FnMut(Cluster, Vec3),
     ) -> Cut {
+        scratch.kept.clear();
         match stop {
             _ if self.nodes.is_empty() => Cut::default(),
             Stop::Absolute(threshold) => match self.walk(receiver, threshold, scratch) {
-                Some(cut) => self.evaluate(receiver, visible, scratch, cut, &mut each),
-                None => self.best_first(receiver, |_| threshold, &mut visible, scratch, Form::Kept(&mut each)),
+                Some(cut) => self.evaluate(receiver, visible, scratch, cut),
+                None => self.best_first::<true, R>(receiver, |_| threshold, &mut visible, scratch),
             },
             Stop::Relative { fraction, known_luminance } => {
                 let threshold = |estimate: f32| fraction * (known_luminance + estimate);
-                self.best_first(receiver, threshold, &mut visible, scratch, Form::Kept(&mut each))
+                self.best_first::<true, R>(receiver, threshold, &mut visible, scratch)
             }
         }
     }
@@ -202,7 +224,7 @@ impl LightTree {
             Stop::Absolute(threshold) => threshold,
             Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + estimate),
         };
-        self.best_first(receiver, threshold, &mut alone, scratch, Form::<fn(Cluster, Vec3)>::Halves)
+        self.best_first::<false, R>(receiver, threshold, &mut alone, scratch)
     }
 
     /// Intensity that a cluster has now, after any [`update`](LightTree::update) since the cut that it comes from
@@ -212,6 +234,7 @@ impl LightTree {
     ///
     /// If the cluster comes from a larger tree.
     #[inline]
+    #[must_use]
     pub fn cluster_intensity(&self, cluster: Cluster) -> Vec3 {
         self.nodes[cluster.node as usize].intensity
     }
@@ -221,6 +244,7 @@ impl LightTree {
     /// # Panics
     ///
     /// If the cluster comes from a larger tree.
+    #[must_use]
     pub fn cluster_lights(&self, cluster: Cluster) -> Vec<u32> {
         let (mut lights, mut below) = (Vec::new(), vec![cluster.node as usize]);
         while let Some(node) = below.pop() {
@@ -245,7 +269,7 @@ impl LightTree {
         if node.is_leaf() {
             return 0.0;
         }
-        error_bound(receiver, receiver.position().into(), &Bounds::one(node), self.softening2)
+        error_bound(receiver, receiver.position().into(), &ClusterBounds::one(node), self.geometry_term_bound)
     }
 }
 

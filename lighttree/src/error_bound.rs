@@ -18,16 +18,16 @@ use crate::light::{LUMINANCE_WEIGHTS, transpose};
 use crate::receiver::{Receiver, ReflectBound};
 use crate::tree::Node;
 
-/// What a bound reads of a cluster, or of four.
+/// Bounds of a cluster, or of four: all that an error bound reads.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cluster<F> {
+pub(crate) struct ClusterBounds<F> {
     pub low: Vector3<F>,
     pub high: Vector3<F>,
     pub cone: DirectionCone<F>,
     pub intensity: Vector3<F>,
 }
 
-impl Cluster<f32> {
+impl ClusterBounds<f32> {
     #[inline(always)]
     pub fn one(node: &Node) -> Self {
         let cone = DirectionCone { axis: node.axis.into(), cosine: node.cone_cosine, sine: node.cone_sine };
@@ -35,7 +35,7 @@ impl Cluster<f32> {
     }
 }
 
-impl Cluster<Vec4> {
+impl ClusterBounds<Vec4> {
     /// Four clusters side by side: four rows of each node, transposed.
     #[inline(always)]
     pub fn four(nodes: [&Node; 4]) -> Self {
@@ -59,10 +59,10 @@ impl Cluster<Vec4> {
 pub(crate) fn error_bound<F: Real, R: Receiver>(
     receiver: &R,
     position: Vector3<F>,
-    cluster: &Cluster<F>,
-    softening2: F,
+    cluster: &ClusterBounds<F>,
+    geometry_term_bound: F,
 ) -> F {
-    bound_with(|region| receiver.reflect_bound(region), [position; 2], cluster, softening2)
+    bound_with(|region| receiver.reflect_bound(region), [position; 2], cluster, geometry_term_bound)
 }
 
 /// Error bound of a cluster for every receiver of a bundle whose positions lie in a box.
@@ -70,18 +70,18 @@ pub(crate) fn error_bound<F: Real, R: Receiver>(
 pub(crate) fn error_bound_of_bundle<F: Real, B: ReflectBound>(
     bundle: &B,
     box_of_positions: [Vector3<F>; 2],
-    cluster: &Cluster<F>,
-    softening2: F,
+    cluster: &ClusterBounds<F>,
+    geometry_term_bound: F,
 ) -> F {
-    bound_with(|region| bundle.reflect_bound(region), box_of_positions, cluster, softening2)
+    bound_with(|region| bundle.reflect_bound(region), box_of_positions, cluster, geometry_term_bound)
 }
 
 #[inline(always)]
 fn bound_with<F: Real>(
     reflect_bound: impl Fn(&Region<F>) -> Vector3<F>,
     [low, high]: [Vector3<F>; 2],
-    cluster: &Cluster<F>,
-    softening2: F,
+    cluster: &ClusterBounds<F>,
+    geometry_term_bound: F,
 ) -> F {
     let (zero, one) = (F::splat(0.0), F::splat(1.0));
     let far = cluster.cone.cosine.lt(F::splat(-1.5));
@@ -94,7 +94,7 @@ fn bound_with<F: Real>(
     let turned = DirectionCone { axis: -cluster.cone.axis, ..cluster.cone };
     let emission = F::select(everywhere, one, region.max_cosine_of_cone(&turned));
     // Not emission / …, which would have to wait for the emission.
-    let g = emission * (one / F::select(far, one, region.nearest_distance2() + softening2));
+    let g = emission * (one / F::select(far, one, region.nearest_distance2() + geometry_term_bound));
     let material = reflect_bound(&region);
     let luminance = material.times(cluster.intensity).dot(Vector3::splat(LUMINANCE_WEIGHTS));
     F::select(zero.lt(emission), luminance * g, zero)

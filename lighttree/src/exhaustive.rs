@@ -11,13 +11,13 @@ use crate::tree::LightTree;
 /// `visible` is asked, with the light and its index, for each light that would contribute.
 pub fn exhaustive<R: Receiver>(
     lights: &[Light],
-    softening2: f32,
+    geometry_term_bound: f32,
     receiver: &R,
     mut visible: impl FnMut(&Light, usize) -> bool,
 ) -> Vec3 {
     let mut radiance = DVec3::ZERO;
     for (index, light) in lights.iter().enumerate() {
-        let contribution = unshadowed_by(receiver, light, softening2) * light.intensity;
+        let contribution = unshadowed_by(receiver, light, geometry_term_bound) * light.intensity;
         if contribution != Vec3::ZERO && visible(light, index) {
             radiance += contribution.as_dvec3();
         }
@@ -28,6 +28,6 @@ pub fn exhaustive<R: Receiver>(
 impl LightTree {
     /// [`exhaustive`] over the lights of this tree.
     pub fn exhaustive<R: Receiver>(&self, receiver: &R, visible: impl FnMut(&Light, usize) -> bool) -> Vec3 {
-        exhaustive(&self.lights, self.softening2, receiver, visible)
+        exhaustive(&self.lights, self.geometry_term_bound, receiver, visible)
     }
 }

@@ -26,7 +26,8 @@ pub struct IrradianceTerm {
 ///   a = n · d     b = −axis · d for Cosine, r for Omni       a for Directional, d being the unit way against it
 /// ```
 #[inline]
-pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, softening2: f32) -> IrradianceTerm {
+#[must_use]
+pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, geometry_term_bound: f32) -> IrradianceTerm {
     if let Emission::Directional(travel) = light.emission {
         let value = -normal.dot(travel);
         return if value > 0.0 {
@@ -41,7 +42,7 @@ pub fn irradiance_term(position: Vec3, normal: Vec3, light: &Light, softening2: 
     if r2 < SMALLEST_DISTANCE2 || a <= 0.0 {
         return IrradianceTerm::default();
     }
-    let soft = r2 + softening2;
+    let soft = r2 + geometry_term_bound;
     // 1/q and −∇q/q, where d itself loses what the position gains.
     let (b, b_by_position) = match light.emission {
         Emission::Cosine(axis) => (-axis.dot(d), axis),
@@ -72,7 +73,7 @@ mod tests {
         /// The value is that of cuts; the derivatives are those that small steps find, in `f64`'s absence with a tolerance.
         #[test]
         fn derivatives_agree_with_differences(scene in testing::scene(1..2)) {
-            let (light, s2) = (scene.lights[0].accepted().0, scene.softening2);
+            let (light, s2) = (scene.lights[0].accepted().0, scene.geometry_term_bound);
             let Lambert { position, normal, .. } = scene.receiver;
             let term = irradiance_term(position, normal, &light, s2);
             let white = Lambert { position, normal, reflectance: Vec3::splat(std::f32::consts::PI) };

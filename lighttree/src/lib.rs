@@ -16,7 +16,7 @@
 
 mod bounds; // box and cone of a cluster
 mod build;
-mod calibration; // how far bounds may be let go
+mod calibration; // how far bounds may be exceeded
 mod change; // lights that come and go
 mod cut; // the lightcut
 mod error_bound; // how wrong a cluster can be
@@ -29,16 +29,18 @@ mod race; // who represents a cluster
 mod rebuild; // a new tree, and the way to it
 mod receiver; // where light arrives
 mod sites; // where the lights of clusters are
+#[cfg(feature = "serde")]
 mod store; // trees as bytes
 #[cfg(test)]
 mod testing; // random scenes
 mod tree; // nodes and their invariants
 mod update; // new intensities
+mod validate; // checks of a whole tree
 
 pub use crate::bounds::{DirectionCone, Region};
 pub use crate::build::{BuildParams, Builder};
 pub use crate::calibration::{Audits, Calibration, Learned};
-pub use crate::cut::{Cluster, Cut, Scratch, ShadowRay, Stop};
+pub use crate::cut::{Cluster, Cut, KeptCluster, Receivers, Scratch, ShadowRay, Stop};
 pub use crate::exhaustive::exhaustive;
 pub use crate::gradient::{IrradianceTerm, irradiance_term};
 pub use crate::lanes::{Real, Vector3};
@@ -46,8 +48,10 @@ pub use crate::light::{Emission, LUMINANCE_WEIGHTS, Light, luminance};
 pub use crate::method::Method;
 pub use crate::rebuild::{Handover, Rebuild};
 pub use crate::receiver::{
-    Bundled, Ggx, GgxBundle, Lambert, LambertBundle, Phong, PhongBundle, Receiver, ReflectBound,
+    BrdfReceiver, Bundled, Ggx, GgxBundle, Lambert, LambertBundle, Phong, PhongBundle, Receiver, ReflectBound,
 };
+#[cfg(feature = "serde")]
 pub use crate::store::StoreError;
 pub use crate::tree::LightTree;
 pub use crate::update::UpdateStats;
+pub use crate::validate::InvalidTree;

@@ -1,7 +1,6 @@
 //! What is clustered: one point light, its geometric term and its unshadowed share of the light reflected at a receiver.
 
 use glam::{Vec3, Vec4};
-use serde::{Deserialize, Serialize};
 
 use crate::lanes::{Real, Vector3};
 use crate::receiver::Receiver;
@@ -11,6 +10,7 @@ pub const LUMINANCE_WEIGHTS: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
 /// Luminance of a linear RGB quantity, in the quantity's own unit.
 #[inline]
+#[must_use]
 pub fn luminance(rgb: Vec3) -> f32 {
     rgb.dot(LUMINANCE_WEIGHTS)
 }
@@ -23,7 +23,8 @@ const LARGEST_INTENSITY: f32 = 1e25;
 pub(crate) const SMALLEST_DISTANCE2: f32 = 1e-30;
 
 /// How the intensity of a light depends on the direction it leaves in.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Emission {
     /// The same in all directions.
     Omni,
@@ -35,7 +36,8 @@ pub enum Emission {
 }
 
 /// A point light, or one so far away that only its direction is left.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Light {
     /// Where it is, in world space \[m\]; for [`Emission::Directional`] it does not matter, but has to be finite.
     pub position: Vec3,
@@ -166,16 +168,16 @@ pub(crate) fn transpose([a, b, c, d]: [Vec4; 4]) -> [Vec4; 4] {
 ///   V  visibility, 0 or 1
 ///   I  intensity
 /// ```
-/// `s²` (`softening2`) is ours: it keeps G finite close to a light that stands for a disc.
+/// `s²` (`geometry_term_bound`) is ours: it keeps G finite close to a light that stands for a disc.
 /// A receiver exactly on the light gets nothing from it, as no direction exists.
 #[inline(always)]
 pub(crate) fn unshadowed<F: Real, R: Receiver>(
     receiver: &R,
     position: Vector3<F>,
     site: &Site<F>,
-    softening2: F,
+    geometry_term_bound: F,
 ) -> Vector3<F> {
-    unshadowed_of::<false, F, R>(receiver, position, site, softening2)
+    unshadowed_of::<false, F, R>(receiver, position, site, geometry_term_bound)
 }
 
 /// [`unshadowed`], to the same bits, of lights that are known to be `Cosine` if `COSINE`: nothing asks for their kind.
@@ -184,7 +186,7 @@ pub(crate) fn unshadowed_of<const COSINE: bool, F: Real, R: Receiver>(
     receiver: &R,
     position: Vector3<F>,
     site: &Site<F>,
-    softening2: F,
+    geometry_term_bound: F,
 ) -> Vector3<F> {
     let (zero, one) = (F::splat(0.0), F::splat(1.0));
     let far = site.kind.lt(F::splat(-1.5));
@@ -195,7 +197,7 @@ pub(crate) fn unshadowed_of<const COSINE: bool, F: Real, R: Receiver>(
     let direction = to_light * (one / somewhere.sqrt());
     let cosine = -site.axis.dot(direction);
     let emitted = if COSINE { cosine } else { F::select(site.kind.lt(zero), one, cosine) };
-    let spread2 = if COSINE { r2 + softening2 } else { F::select(far, one, r2 + softening2) };
+    let spread2 = if COSINE { r2 + geometry_term_bound } else { F::select(far, one, r2 + geometry_term_bound) };
     let g = emitted * (one / spread2);
     let lit = F::select(r2.lt(F::splat(SMALLEST_DISTANCE2)), zero, emitted);
     Vector3::select(zero.lt(lit), receiver.reflect(direction) * g, Vector3::splat(Vec3::ZERO))
@@ -203,8 +205,8 @@ pub(crate) fn unshadowed_of<const COSINE: bool, F: Real, R: Receiver>(
 
 /// [`unshadowed`] for one light.
 #[inline]
-pub(crate) fn unshadowed_by<R: Receiver>(receiver: &R, light: &Light, softening2: f32) -> Vec3 {
-    unshadowed(receiver, receiver.position().into(), &StoredSite::new(light).one(), softening2).into()
+pub(crate) fn unshadowed_by<R: Receiver>(receiver: &R, light: &Light, geometry_term_bound: f32) -> Vec3 {
+    unshadowed(receiver, receiver.position().into(), &StoredSite::new(light).one(), geometry_term_bound).into()
 }
 
 #[cfg(test)]

@@ -16,8 +16,8 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::cut::{Cut, Scratch, Stop};
-use crate::error_bound::{Cluster as Bounds, error_bound};
+use crate::cut::{Cluster, Cut, KeptCluster, Scratch, Stop};
+use crate::error_bound::{ClusterBounds, error_bound};
 use crate::light::{Light, luminance, unshadowed};
 use crate::race::uniform;
 use crate::receiver::Receiver;
@@ -27,8 +27,9 @@ use crate::tree::LightTree;
 /// drawn much too rarely is a bright spot.
 const FLOOR: f32 = 0.05;
 
-/// How the light at a receiver is found.
+/// Estimator of the light at a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Method {
     /// Every light.
     Exhaustive,
@@ -71,32 +72,32 @@ impl LightTree {
                 cut
             }
             Method::Lightcut(stop) => self.lightcut(receiver, stop, visible, scratch),
-            Method::Stochastic { stop, stream } => self.stochastic(receiver, stop, stream, visible, scratch),
+            Method::Stochastic { stop, stream } => {
+                // The cut is chosen by bounds; where it follows the estimate, by the estimate without shadows.
+                let cut = self.lightcut_kept(receiver, stop, |_, _| true, scratch);
+                let drawn = self.stochastic(receiver, &scratch.kept, stream, visible);
+                let nodes_visited = cut.nodes_visited + drawn.nodes_visited;
+                Cut { radiance: drawn.radiance, shadow_rays: drawn.shadow_rays, nodes_visited, ..cut }
+            }
             Method::Sampled { samples, stream } => self.sampled(receiver, samples.max(1), stream, visible),
         }
     }
 
+    /// The clusters of a cut, each by a light drawn for this receiver: radiance, and what it takes.
     fn stochastic<R: Receiver>(
         &self,
         receiver: &R,
-        stop: Stop,
+        clusters: &[KeptCluster],
         stream: u64,
         mut visible: impl FnMut(&Light, usize) -> bool,
-        scratch: &mut Scratch,
     ) -> Cut {
-        // The cut is chosen by bounds; where it follows the estimate, by the estimate without shadows.
-        let mut clusters = std::mem::take(&mut scratch.clusters);
-        clusters.clear();
-        let mut cut =
-            self.lightcut_with(receiver, stop, |_, _| true, scratch, |cluster, _| clusters.push(cluster.node));
-        (cut.radiance, cut.shadow_rays) = (Vec3::ZERO, 0);
+        let mut cut = Cut::default();
         let mut sum = DVec3::ZERO;
-        for &node in &clusters {
+        for &KeptCluster { cluster: Cluster { node, .. }, .. } in clusters {
             let draw = uniform(self.seed ^ stream.wrapping_mul(0xd134_2543_de82_ef95), u64::from(node));
             let drawn = self.draw(receiver, node as usize, draw, &mut cut.nodes_visited);
             sum += self.share(receiver, drawn, &mut visible, &mut cut.shadow_rays);
         }
-        scratch.clusters = clusters;
         cut.radiance = sum.as_vec3();
         cut
     }
@@ -133,7 +134,7 @@ impl LightTree {
             let position = receiver.position().into();
             let [a, b] = [first, first + 1].map(|child| {
                 let node = &self.nodes[child];
-                let bound = error_bound(receiver, position, &Bounds::one(node), self.softening2);
+                let bound = error_bound(receiver, position, &ClusterBounds::one(node), self.geometry_term_bound);
                 (f64::from(bound), f64::from(luminance(node.intensity)))
             });
             *visited += 2;
@@ -172,7 +173,7 @@ impl LightTree {
         }
         let index = self.nodes[node].representative as usize;
         let site = self.sites.of(node).one();
-        let unit = Vec3::from(unshadowed(receiver, receiver.position().into(), &site, self.softening2));
+        let unit = Vec3::from(unshadowed(receiver, receiver.position().into(), &site, self.geometry_term_bound));
         if unit == Vec3::ZERO {
             return DVec3::ZERO;
         }
@@ -223,7 +224,7 @@ mod tests {
         /// What is drawn from the roots is on average the sum over every light, however rarely one of them is drawn.
         #[test]
         fn drawn_lights_are_right_on_average(scene in testing::scene(1..40), shadow_seed: u64) {
-            let tree = LightTree::build(&scene.lights, BuildParams { softening2: scene.softening2, seed: scene.seed });
+            let tree = LightTree::build(&scene.lights, BuildParams::bounded_by(scene.geometry_term_bound).with_seed(scene.seed));
             let visible = |_: &Light, k: usize| testing::visible(shadow_seed, k);
             let truth = tree.exhaustive(&scene.receiver, visible).as_dvec3();
             let mean: DVec3 = tree.roots().map(|root| tree.mean_of_draws(&scene.receiver, root, visible)).sum();
@@ -242,7 +243,7 @@ mod tests {
                 intensity: Vec3::splat(1.0 + (k % 3) as f32),
             })
             .collect();
-        let tree = LightTree::build(&lights, BuildParams { softening2: 0.1, seed: 1 });
+        let tree = LightTree::build(&lights, BuildParams::bounded_by(0.1).with_seed(1));
         let receiver = crate::Lambert { position: Vec3::new(3.0, 1.0, 0.0), normal: Vec3::Z, reflectance: Vec3::ONE };
         let visible = |_: &Light, k: usize| testing::visible(5, k);
         let truth = f64::from(luminance(tree.exhaustive(&receiver, visible)));
@@ -276,7 +277,7 @@ mod tests {
                 intensity: Vec3::splat(1.0 + (k % 7) as f32),
             })
             .collect();
-        let tree = LightTree::build(&lights, BuildParams { softening2: 0.1, seed: 1 });
+        let tree = LightTree::build(&lights, BuildParams::bounded_by(0.1).with_seed(1));
         let receiver = crate::Lambert { position: Vec3::ZERO, normal: Vec3::Z, reflectance: Vec3::ONE };
         let mut scratch = Scratch::default();
         let mut at = |stream| {

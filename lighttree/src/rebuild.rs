@@ -26,12 +26,15 @@ pub struct Rebuild {
 
 impl Rebuild {
     /// Begins to cluster the lights of `tree` with the intensities that they have now.
+    #[must_use]
     pub fn start(tree: &LightTree, builder: Builder) -> Self {
-        let (lights, params) = (tree.lights.clone(), BuildParams { softening2: tree.softening2, seed: tree.seed });
+        let (lights, params) =
+            (tree.lights.clone(), BuildParams::bounded_by(tree.geometry_term_bound).with_seed(tree.seed));
         Self { thread: std::thread::spawn(move || LightTree::build_by(builder, &lights, params)) }
     }
 
     /// Whether [`Rebuild::finish`] would not have to wait. What a film looks like must not depend on it.
+    #[must_use]
     pub fn is_ready(&self) -> bool {
         self.thread.is_finished()
     }
@@ -42,6 +45,7 @@ impl Rebuild {
     /// # Panics
     ///
     /// If `tree` has fewer lights than the one that the rebuild began with.
+    #[must_use]
     pub fn finish(self, tree: &LightTree) -> LightTree {
         let mut fresh = self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         let known = fresh.len();
@@ -67,16 +71,19 @@ pub struct Handover {
 impl Handover {
     /// Fades from one tree to the other in `steps` frames, one at least: in the k-th of them the new tree counts
     /// k / (steps + 1).
+    #[must_use]
     pub fn new(from: LightTree, to: LightTree, steps: u32) -> Self {
         Self { from, to, step: 1, steps: steps.max(1) }
     }
 
     /// Share of the new tree in this frame, 0 … 1.
+    #[must_use]
     pub fn share(&self) -> f32 {
         self.step as f32 / (self.steps + 1) as f32
     }
 
     /// Both trees.
+    #[must_use]
     pub fn trees(&self) -> [&LightTree; 2] {
         [&self.from, &self.to]
     }
@@ -87,11 +94,13 @@ impl Handover {
     }
 
     /// Whether the new tree is all there is.
+    #[must_use]
     pub fn is_over(&self) -> bool {
         self.step > self.steps
     }
 
     /// The new tree.
+    #[must_use]
     pub fn into_new(self) -> LightTree {
         self.to
     }
@@ -148,7 +157,7 @@ mod tests {
     /// The fade's steps are an (n + 1)-th of the jump each, begin at the old tree's picture and end at the new one's.
     #[test]
     fn a_handover_has_no_jump() {
-        let params = BuildParams { softening2: 0.3, seed: 4 };
+        let params = BuildParams::bounded_by(0.3).with_seed(4);
         let mut old = LightTree::build(&wall(0.0), params);
         let rebuild = Rebuild::start(&old, Builder::TopDown);
         let now: Vec<Vec3> = wall(2.0).iter().map(|light| light.intensity).collect();

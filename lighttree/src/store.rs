@@ -4,15 +4,17 @@
 //! "LTRE"  version (u32)  length of the body (u64)  CRC-32 of the body (u32)  body (bincode)     all little-endian
 //! ```
 
-use crate::LightTree;
+use crate::tree::Stored;
+use crate::{InvalidTree, LightTree};
 
 const MAGIC: [u8; 4] = *b"LTRE";
 const VERSION: u32 = 2;
 const HEADER: usize = 20;
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 
-/// Why bytes are no tree.
+/// Reason why bytes are no tree.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum StoreError {
     /// They do not begin like a tree.
     NotATree,
@@ -20,8 +22,8 @@ pub enum StoreError {
     Version(u32),
     /// Cut short or changed: length or check sum do not fit.
     Damaged,
-    /// Whole, but not a tree that this crate wrote: what [`LightTree::validate`] found.
-    Invalid(String),
+    /// The length and the checksum fit, but [`LightTree::validate`] finds a broken invariant.
+    Invalid(InvalidTree),
 }
 
 impl std::fmt::Display for StoreError {
@@ -30,7 +32,7 @@ impl std::fmt::Display for StoreError {
             Self::NotATree => write!(f, "these bytes are not a light tree"),
             Self::Version(found) => write!(f, "light tree of version {found}, expected {VERSION}: build it again"),
             Self::Damaged => write!(f, "the light tree is cut short or damaged: build it again"),
-            Self::Invalid(what) => write!(f, "the light tree makes no sense: {what}"),
+            Self::Invalid(what) => write!(f, "the light tree is invalid: {what}"),
         }
     }
 }
@@ -44,11 +46,13 @@ impl LightTree {
     /// # use lighttree::{BuildParams, Emission, Light, LightTree, StoreError};
     /// # use glam::Vec3;
     /// let lamp = Light { position: Vec3::Y, emission: Emission::Omni, intensity: Vec3::ONE };
-    /// let tree = LightTree::build(&[lamp], BuildParams { softening2: 1e-4, seed: 1 });
+    /// let tree = LightTree::build(&[lamp], BuildParams::bounded_by(1e-4).with_seed(1));
     /// let bytes = tree.to_bytes();
     /// assert_eq!(LightTree::from_bytes(&bytes).unwrap().lights(), tree.lights());
     /// assert_eq!(LightTree::from_bytes(&bytes[..30]).unwrap_err(), StoreError::Damaged);
     /// ```
+    #[must_use]
+    #[allow(clippy::missing_panics_doc, reason = "vectors of numbers can always be encoded")]
     pub fn to_bytes(&self) -> Vec<u8> {
         let body = bincode::serde::encode_to_vec(self, CONFIG).expect("a tree holds nothing that cannot be encoded");
         let mut bytes = Vec::with_capacity(HEADER + body.len());
@@ -79,20 +83,19 @@ impl LightTree {
         if number(8..16) != body.len() as u64 || number(16..20) != u64::from(crc32fast::hash(body)) {
             return Err(StoreError::Damaged);
         }
-        let decoded = bincode::serde::decode_from_slice::<LightTree, _>(body, CONFIG);
-        let (tree, used) = decoded.map_err(|_| StoreError::Damaged)?;
+        let decoded = bincode::serde::decode_from_slice::<Stored, _>(body, CONFIG);
+        let (stored, used) = decoded.map_err(|_| StoreError::Damaged)?;
         if used != body.len() {
             return Err(StoreError::Damaged);
         }
-        tree.validate().map_err(StoreError::Invalid)?;
-        Ok(tree)
+        Self::try_from(stored).map_err(StoreError::Invalid)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BuildParams, Emission, Light};
+    use crate::{BuildParams, Emission, Lambert, Light, Method, Scratch, Stop};
     use glam::Vec3;
 
     fn tree() -> LightTree {
@@ -105,7 +108,7 @@ mod tests {
             },
             intensity: Vec3::splat(1.0 + k as f32),
         };
-        LightTree::build(&(0..40).map(lamp).collect::<Vec<_>>(), BuildParams { softening2: 0.01, seed: 5 })
+        LightTree::build(&(0..40).map(lamp).collect::<Vec<_>>(), BuildParams::bounded_by(0.01).with_seed(5))
     }
 
     #[test]
@@ -120,18 +123,85 @@ mod tests {
         }
     }
 
+    /// Everything that reads or changes a tree: a tree that was let in must go through it without a panic.
+    fn use_it(mut tree: LightTree) {
+        assert_eq!(tree.validate(), Ok(()));
+        let receiver = Lambert { position: Vec3::new(7.0, 2.0, -1.0), normal: Vec3::Z, reflectance: Vec3::ONE };
+        let mut scratch = Scratch::default();
+        for stop in [Stop::Absolute(0.0), Stop::Relative { fraction: 0.02, known_luminance: 0.0 }] {
+            tree.lightcut(&receiver, stop, |_, _| true, &mut scratch);
+            tree.lightcut_kept(&receiver, stop, |_, _| true, &mut scratch);
+            scratch.kept().iter().for_each(|kept| drop(tree.cluster_lights(kept.cluster)));
+            let method = Method::Stochastic { stop, stream: 3 };
+            tree.illuminate(&receiver, method, |_, _| true, &mut scratch);
+        }
+        tree.update(&vec![Vec3::ONE; tree.len()]);
+        tree.update_drawn(&vec![Vec3::X; tree.len()]);
+        tree.insert(&[Light { position: Vec3::Y, emission: Emission::Omni, intensity: Vec3::ONE }]);
+        tree.remove(&[0]);
+        assert_eq!(tree.validate(), Ok(()));
+    }
+
+    /// Each byte of the body in turn has another value. Through [`LightTree::from_bytes`] with a true checksum, and as any
+    /// other format of serde would read it.
     #[test]
-    fn a_forged_body_is_refused_without_a_panic() {
+    fn a_forged_body_is_refused_or_harmless() {
         let bytes = tree().to_bytes();
+        let mut refused = 0;
         for place in HEADER..bytes.len() {
-            for value in [0, 0x7f, 0xfb, 0xff] {
+            for value in [0, 1, 0x7f, 0xfb, 0xff] {
                 let mut forged = bytes.clone();
                 forged[place] = value;
                 let sum = crc32fast::hash(&forged[HEADER..]).to_le_bytes();
                 forged[16..HEADER].copy_from_slice(&sum);
-                // Some changes are harmless, such as of an intensity's last bit in a leaf that is alone; none may panic.
-                let _ = LightTree::from_bytes(&forged);
+                let read = LightTree::from_bytes(&forged);
+                let by_serde = bincode::serde::decode_from_slice::<LightTree, _>(&forged[HEADER..], CONFIG);
+                if read.is_ok() {
+                    assert!(by_serde.is_ok());
+                }
+                refused += usize::from(by_serde.is_err());
+                // Some changes are harmless, such as of a seed or an extent.
+                by_serde.into_iter().for_each(|(tree, _)| use_it(tree));
             }
         }
+        assert!(refused > bytes.len(), "{refused} refused");
+    }
+
+    /// Forgeries that fit the format and come through serde: each breaks one invariant.
+    #[test]
+    fn broken_invariants_are_named() {
+        type Forgery = fn(&mut LightTree);
+        let last = |tree: &LightTree| tree.nodes.len() - 1;
+        let forgeries: [(&str, Forgery); 12] = [
+            ("has children at 1", |tree| tree.nodes[1].representative_child = 1),
+            ("has children at 999", |tree| tree.nodes[0].representative_child = 999),
+            ("nodes for 40 lights", |tree| tree.nodes.truncate(78)),
+            ("box", |tree| tree.nodes[1].low = Vec3::NAN),
+            ("cone", |tree| tree.nodes[1].cone_cosine = f32::NAN),
+            ("axis", |tree| tree.nodes[1].axis = Vec3::ZERO),
+            ("intensity", |tree| tree.nodes[1].intensity = Vec3::INFINITY),
+            ("unusable", |tree| tree.lights[3].intensity = Vec3::INFINITY),
+            ("misplaced", |tree| tree.misplaced = vec![4_000_000]),
+            ("misplaced", |tree| tree.misplaced = vec![7]),
+            ("extent", |tree| tree.extents[2] = f32::NAN),
+            ("geometry-term bound", |tree| tree.geometry_term_bound = f32::NAN),
+        ];
+        for (expected, forge) in forgeries {
+            let mut tree = tree();
+            assert_eq!(tree.validate(), Ok(()));
+            forge(&mut tree);
+            let body = bincode::serde::encode_to_vec(&tree, CONFIG).unwrap();
+            let error = bincode::serde::decode_from_slice::<LightTree, _>(&body, CONFIG).unwrap_err();
+            assert!(error.to_string().contains(expected), "{expected}: {error}");
+        }
+        // Two subtrees that nothing leads to, one of which points out of the tree.
+        let mut tree = tree();
+        let leaf = (0..tree.nodes.len()).rev().find(|&k| tree.nodes[k].is_leaf()).unwrap();
+        tree.nodes[0] = tree.nodes[leaf];
+        let end = last(&tree);
+        tree.nodes[end].representative_child = u32::MAX;
+        let body = bincode::serde::encode_to_vec(&tree, CONFIG).unwrap();
+        let error = bincode::serde::decode_from_slice::<LightTree, _>(&body, CONFIG).unwrap_err();
+        assert!(error.to_string().contains("has no parent"), "{error}");
     }
 }

@@ -12,7 +12,7 @@ pub(crate) struct Scene {
     pub receiver: Lambert,
     /// A unit vector to use freely.
     pub direction: Vec3,
-    pub softening2: f32,
+    pub geometry_term_bound: f32,
     pub seed: u64,
 }
 
@@ -36,7 +36,7 @@ pub(crate) fn scene(count: std::ops::Range<usize>) -> impl Strategy<Value = Scen
                 _ => position * length,
             };
             let receiver = Lambert { position, normal, reflectance: Vec3::new(0.9, 0.5, 0.1) };
-            Scene { lights, receiver, direction, softening2: length * length * 10f32.powf(softening), seed }
+            Scene { lights, receiver, direction, geometry_term_bound: length * length * 10f32.powf(softening), seed }
         })
 }
 
@@ -115,7 +115,7 @@ impl Random {
     /// ones, axes in all directions, all emissions, and receivers on lights.
     pub fn scene(&mut self, most: u64) -> Scene {
         let (length, power) = (10f32.powf(self.within(-6.0, 6.0)), 10f32.powf(self.within(-6.0, 6.0)));
-        let softening2 = length * length * 10f32.powf(self.within(-6.0, 0.0));
+        let geometry_term_bound = length * length * 10f32.powf(self.within(-6.0, 0.0));
         // Now and then all lights face about one way, as on a wall, and their cones are narrow.
         let wall = self.once_in(3).then(|| (self.unit(), self.within(0.0, 0.5)));
         let lights: Vec<Light> = (0..1 + self.bits() % most)
@@ -139,6 +139,6 @@ impl Random {
             .collect();
         let position = if self.once_in(5) { lights[0].position } else { self.place() * length };
         let receiver = Lambert { position, normal: self.unit(), reflectance: Vec3::new(0.9, 0.5, 0.1) };
-        Scene { lights, receiver, direction: self.unit(), softening2, seed: self.bits() }
+        Scene { lights, receiver, direction: self.unit(), geometry_term_bound, seed: self.bits() }
     }
 }

@@ -1,17 +1,17 @@
 //! The tree: flat nodes of one cache line each, and the invariants between them.
 
 use glam::Vec3;
-use serde::{Deserialize, Serialize};
 
 use crate::bounds::Cone;
-use crate::light::{DIRECTIONAL, Emission, Light, StoredSite};
+use crate::light::{DIRECTIONAL, Light, StoredSite};
 use crate::sites::Sites;
 
 /// A cluster of lights, one cache line.
 ///
 /// Node 0 is the root; the two children of a node lie side by side, at an odd index and the even one after it,
-/// always behind their parent. So a pass over the array from its end sees children before parents.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+/// always after their parent. So a pass over the array from its end sees children before parents.
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(C, align(64))]
 pub(crate) struct Node {
     /// Box of positions; of the unit directions to them for directional lights.
@@ -94,16 +94,16 @@ pub(crate) fn sibling(child: usize) -> usize {
 /// root joins both trees and is itself no cluster.
 ///
 /// Made by [`LightTree::build`], given new intensities by [`LightTree::update`], read by [`LightTree::lightcut`].
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(from = "Stored")]
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Stored"))]
 pub struct LightTree {
     pub(crate) nodes: Vec<Node>,
     pub(crate) lights: Vec<Light>,
     /// What estimates read of the representatives.
-    #[serde(skip)]
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub(crate) sites: Sites,
     /// s² in G, see [`BuildParams`](crate::BuildParams).
-    pub(crate) softening2: f32,
+    pub(crate) geometry_term_bound: f32,
     /// Cost of each node per luminance \[m²\]; it depends on positions and axes only.
     pub(crate) extents: Vec<f32>,
     pub(crate) depth: usize,
@@ -116,12 +116,13 @@ pub struct LightTree {
     pub(crate) seed: u64,
 }
 
-/// A tree as it is stored.
-#[derive(Deserialize)]
-struct Stored {
+/// A tree as it is stored: nothing is checked yet.
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+pub(crate) struct Stored {
     nodes: Vec<Node>,
     lights: Vec<Light>,
-    softening2: f32,
+    geometry_term_bound: f32,
     extents: Vec<f32>,
     depth: usize,
     cost_at_build: f64,
@@ -130,31 +131,52 @@ struct Stored {
     seed: u64,
 }
 
-impl From<Stored> for LightTree {
-    fn from(stored: Stored) -> Self {
-        let Stored { nodes, lights, softening2, extents, depth, cost_at_build, misplaced, rejected, seed } = stored;
+#[cfg(feature = "serde")]
+impl TryFrom<Stored> for LightTree {
+    type Error = crate::InvalidTree;
+
+    fn try_from(stored: Stored) -> Result<Self, crate::InvalidTree> {
+        let Stored { nodes, lights, geometry_term_bound, extents, depth, cost_at_build, misplaced, rejected, seed } =
+            stored;
         let sites = Sites::new(&nodes, &lights, seed);
-        Self { nodes, lights, sites, softening2, extents, depth, cost_at_build, misplaced, rejected, seed }
+        let tree = Self {
+            nodes,
+            lights,
+            sites,
+            geometry_term_bound,
+            extents,
+            depth,
+            cost_at_build,
+            misplaced,
+            rejected,
+            seed,
+        };
+        tree.validate()?;
+        Ok(tree)
     }
 }
 
 impl LightTree {
     /// The lights in the caller's order, with their present intensities and normalized axes.
+    #[must_use]
     pub fn lights(&self) -> &[Light] {
         &self.lights
     }
 
     /// Number of lights.
+    #[must_use]
     pub fn len(&self) -> usize {
         self.lights.len()
     }
 
     /// Whether there is no light at all.
+    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lights.is_empty()
     }
 
     /// Number of nodes on the longest way from root to leaf; 0 for the empty tree.
+    #[must_use]
     pub fn depth(&self) -> usize {
         self.depth
     }
@@ -178,119 +200,23 @@ impl LightTree {
     }
 
     /// Sum of all intensities \[W·sr⁻¹; irradiances of directional lights are added as they are\].
+    #[must_use]
     pub fn total_intensity(&self) -> Vec3 {
         self.nodes.first().map_or(Vec3::ZERO, |root| root.intensity)
     }
 
-    /// Softening s² of the geometric term \[m²\].
-    pub fn softening2(&self) -> f32 {
-        self.softening2
+    /// s² \[m²\], which bounds the geometry term: see [`BuildParams`](crate::BuildParams).
+    #[must_use]
+    pub fn geometry_term_bound(&self) -> f32 {
+        self.geometry_term_bound
     }
 
     /// How many lights came into [`LightTree::build`] with an unusable field and went into the tree without intensity.
     /// An [`update`](LightTree::update) can light those again whose intensity alone was at fault.
+    #[must_use]
     pub fn rejected(&self) -> usize {
         self.rejected
     }
-
-    /// Walks the whole tree and checks what everything else relies on: each light in one leaf; boxes, cones and sums
-    /// cover the children's; the representative is the chosen child's. The message names the first node that fails.
-    pub fn validate(&self) -> Result<(), String> {
-        let expected = (2 * self.lights.len()).saturating_sub(1);
-        if self.nodes.len() != expected {
-            return Err(format!("{} nodes for {} lights, expected {expected}", self.nodes.len(), self.lights.len()));
-        }
-        if self.extents.len() != self.nodes.len() {
-            return Err(format!("{} extents for {} nodes", self.extents.len(), self.nodes.len()));
-        }
-        if let Some(k) = self.misplaced.iter().find(|&&k| k as usize >= self.lights.len()) {
-            return Err(format!("light {k} is misplaced, but there are {}", self.lights.len()));
-        }
-        let mut reached = vec![false; self.nodes.len()];
-        let mut found = vec![false; self.lights.len()];
-        let mut stack = if expected > 0 { vec![(0, 1)] } else { Vec::new() };
-        let mut depth = 0;
-        while let Some((index, level)) = stack.pop() {
-            depth = depth.max(level);
-            if std::mem::replace(&mut reached[index], true) {
-                return Err(format!("node {index} has two parents"));
-            }
-            let node = &self.nodes[index];
-            if node.is_leaf() {
-                self.validate_leaf(index, &mut found)?;
-                if *self.sites.of(index) != Sites::of_leaf(node, &self.lights, self.seed) {
-                    return Err(format!("leaf {index} has the site {:?}", self.sites.of(index)));
-                }
-                continue;
-            }
-            let first = node.children();
-            if first <= index || first + 1 >= self.nodes.len() {
-                return Err(format!("node {index} has children at {first}"));
-            }
-            if node.representative_child as usize != first && node.representative_child as usize != first + 1 {
-                return Err(format!("node {index} is represented by node {}, no child", node.representative_child));
-            }
-            let chosen = self.nodes[node.representative_child as usize].representative;
-            if node.representative != chosen {
-                return Err(format!("node {index} has representative {}, its child {chosen}", node.representative));
-            }
-            if self.sites.of(index) != self.sites.of(node.representative_child as usize) {
-                return Err(format!("node {index} has the site {:?}, not its child's", self.sites.of(index)));
-            }
-            let sum = self.nodes[first].intensity + self.nodes[first + 1].intensity;
-            if node.intensity != sum {
-                return Err(format!("node {index} has intensity {}, its children {sum}", node.intensity));
-            }
-            for child in [first, first + 1] {
-                if index == 0 && self.is_joint() {
-                    stack.push((child, level + 1));
-                    continue;
-                }
-                check_inside(node, &self.nodes[child]).map_err(|e| format!("node {index}, child {child}: {e}"))?;
-                stack.push((child, level + 1));
-            }
-        }
-        if depth != self.depth {
-            return Err(format!("depth is {depth}, stored {}", self.depth));
-        }
-        Ok(())
-    }
-
-    fn validate_leaf(&self, index: usize, found: &mut [bool]) -> Result<(), String> {
-        let node = &self.nodes[index];
-        let light = self.lights.get(node.representative as usize).ok_or(format!("leaf {index} has no light"))?;
-        if std::mem::replace(&mut found[node.representative as usize], true) {
-            return Err(format!("light {} is in two leaves", node.representative));
-        }
-        let site = StoredSite::new(light);
-        let cone_fits = match light.emission {
-            Emission::Omni => node.cone_cosine == -1.0,
-            Emission::Cosine(axis) => node.axis.dot(axis) > 1.0 - 1e-6 && node.cone_cosine == 1.0,
-            Emission::Directional(_) => node.is_directional(),
-        };
-        if node.low != site.position || node.high != site.position || node.intensity != light.intensity || !cone_fits {
-            return Err(format!("leaf {index} is {node:?}, its light {light:?}"));
-        }
-        Ok(())
-    }
-}
-
-/// The child's box and cone lie in the parent's.
-fn check_inside(parent: &Node, child: &Node) -> Result<(), String> {
-    if parent.low.cmpgt(child.low).any() || parent.high.cmplt(child.high).any() {
-        return Err(format!("box {}…{} in {}…{}", child.low, child.high, parent.low, parent.high));
-    }
-    if parent.is_directional() || child.is_directional() {
-        let both = parent.is_directional() && child.is_directional();
-        return if both { Ok(()) } else { Err("a directional cluster and one of other lights".into()) };
-    }
-    let angle = |node: &Node| f64::from(node.cone_sine).atan2(f64::from(node.cone_cosine));
-    let between = parent.axis.as_dvec3().angle_between(child.axis.as_dvec3());
-    // Axes and angles are rounded to f32 in the nodes.
-    if parent.cone_cosine > -1.0 && between + angle(child) > angle(parent) + 1e-3 {
-        return Err(format!("cone {} ± {} in {} ± {}", child.axis, angle(child), parent.axis, angle(parent)));
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -42,6 +42,7 @@ pub struct UpdateStats {
 
 impl UpdateStats {
     /// Whether cuts have grown so much that a new tree serves better: a cost growth of 10 and more, from which cuts are up to a tenth larger than in a new tree.
+    #[must_use]
     pub fn rebuild_pays(&self) -> bool {
         self.cost_growth >= REBUILD_GROWTH
     }
@@ -156,7 +157,7 @@ mod tests {
                 intensity: Vec3::splat(i),
             })
             .collect();
-        LightTree::build(&lights, BuildParams { softening2: 0.1, seed })
+        LightTree::build(&lights, BuildParams::bounded_by(0.1).with_seed(seed))
     }
 
     #[test]

@@ -31,13 +31,13 @@ fn light() -> impl Strategy<Value = Light> {
 struct Scene {
     lights: Vec<Light>,
     receiver: Lambert,
-    softening2: f32,
+    geometry_term_bound: f32,
     shadow_seed: u64,
 }
 
 impl Scene {
     fn build(&self, seed: u64) -> LightTree {
-        LightTree::build(&self.lights, BuildParams { softening2: self.softening2, seed })
+        LightTree::build(&self.lights, BuildParams::bounded_by(self.geometry_term_bound).with_seed(seed))
     }
 
     fn visible(&self, index: usize) -> bool {
@@ -56,7 +56,7 @@ impl Scene {
     fn face_to_face(&self) -> f32 {
         let arrives = |light: &Light| {
             let r2 = light.position.distance_squared(self.receiver.position);
-            luminance(light.intensity * self.receiver.reflectance) / (r2 + self.softening2)
+            luminance(light.intensity * self.receiver.reflectance) / (r2 + self.geometry_term_bound)
         };
         self.lights.iter().map(arrives).sum::<f32>() / std::f32::consts::PI
     }
@@ -83,7 +83,7 @@ fn scene(count: std::ops::Range<usize>) -> impl Strategy<Value = Scene> {
             };
             let normal = normal.try_normalize().unwrap_or(Vec3::Z);
             let receiver = Lambert { position, normal, reflectance: Vec3::new(0.9, 0.5, 0.1) };
-            Scene { lights, receiver, softening2: length * length * 10f32.powf(softening), shadow_seed }
+            Scene { lights, receiver, geometry_term_bound: length * length * 10f32.powf(softening), shadow_seed }
         },
     )
 }
@@ -132,7 +132,7 @@ proptest! {
             light.intensity *= 4.0;
         }
         larger.receiver.position *= 2.0;
-        larger.softening2 *= 4.0;
+        larger.geometry_term_bound *= 4.0;
         let (small, large) = (scene.build(seed), larger.build(seed));
         let stop = scene.threshold(share);
         prop_assert_eq!(scene.cut(&small, stop, 1000), larger.cut(&large, stop, 1000));
@@ -185,7 +185,7 @@ fn lamp(x: f32, intensity: f32) -> Light {
 }
 
 const FLOOR: Lambert = Lambert { position: Vec3::ZERO, normal: Vec3::Z, reflectance: Vec3::ONE };
-const PARAMS: BuildParams = BuildParams { softening2: 0.01, seed: 7 };
+const PARAMS: BuildParams = BuildParams::bounded_by(0.01).with_seed(7);
 
 #[test]
 fn few_lights() {
@@ -223,7 +223,7 @@ fn nothing_is_cheap() {
 
 /// A child takes the value of a representative that it shares with its parent, shadow ray included.
 #[test]
-fn no_light_is_asked_twice() {
+fn no_light_gets_two_shadow_rays() {
     let lights: Vec<Light> = (0..500).map(|k| lamp((k % 25) as f32 - 12.0, 1.0 + (k / 25) as f32)).collect();
     let tree = LightTree::build(&lights, PARAMS);
     let truth = luminance(tree.exhaustive(&FLOOR, |_, _| true));
@@ -235,19 +235,19 @@ fn no_light_is_asked_twice() {
         Stop::Absolute(1e-5 * truth),
     ] {
         for kept in [true, false] {
-            let mut asked = vec![0; lights.len()];
+            let mut rays = vec![0; lights.len()];
             let visible = |_: &Light, k: usize| {
-                asked[k] += 1;
+                rays[k] += 1;
                 true
             };
             let cut = if kept {
-                tree.lightcut_with(&FLOOR, stop, visible, &mut scratch, |_, _| {})
+                tree.lightcut_kept(&FLOOR, stop, visible, &mut scratch)
             } else {
                 tree.lightcut(&FLOOR, stop, visible, &mut scratch)
             };
-            assert!(asked.iter().all(|&times| times <= 1), "{stop:?}");
-            assert_eq!(asked.iter().sum::<u32>(), cut.shadow_rays);
-            // Where the next ray depends on the one before, halves are asked that are not chosen in the end.
+            assert!(rays.iter().all(|&count| count <= 1), "{stop:?}");
+            assert_eq!(rays.iter().sum::<u32>(), cut.shadow_rays);
+            // Where the next ray depends on the one before, rays go to halves that are not chosen in the end.
             let allowed = if kept || stop == Stop::Absolute(0.02 * truth) { 0 } else { cut.size / 2 };
             assert!((cut.size..=cut.size + allowed).contains(&cut.shadow_rays), "{stop:?}: {cut:?}");
             assert!(cut.size > 10, "{cut:?}");
@@ -255,7 +255,7 @@ fn no_light_is_asked_twice() {
     }
 }
 
-/// A receiver that answers with what it is asked: every direction handed to it is a unit vector.
+/// A receiver that checks its argument: every direction handed to it is a unit vector.
 struct Probe;
 
 impl Receiver for Probe {
@@ -264,7 +264,7 @@ impl Receiver for Probe {
     }
     fn reflect<F: Real>(&self, direction: Vector3<F>) -> Vector3<F> {
         F::map3(direction, |direction| {
-            // Towards a light where the receiver is there is no direction, and nothing comes of what is answered.
+            // Towards a light where the receiver is there is no direction, and the value counts for nothing.
             assert!((direction.length() - 1.0).abs() < 1e-5 || direction == Vec3::ZERO, "{direction}");
             Vec3::ONE
         })
@@ -287,27 +287,27 @@ fn receiver_on_a_light_sees_the_others() {
 #[test]
 fn faded_representative_is_swapped() {
     let mut tree = LightTree::build(&[lamp(0.0, 1.0), lamp(1.0, 1.0)], PARAMS);
-    let asked = |tree: &LightTree| {
-        let mut asked = Vec::new();
+    let representatives = |tree: &LightTree| {
+        let mut lights = Vec::new();
         let visible = |_: &Light, k| {
-            asked.push(k);
+            lights.push(k);
             true
         };
-        // A cluster that is to be kept is asked for by its representative.
-        tree.lightcut_with(&FLOOR, Stop::Absolute(f32::INFINITY), visible, &mut Scratch::default(), |_, _| {});
-        asked
+        // The shadow ray of a kept cluster goes to its representative.
+        tree.lightcut_kept(&FLOOR, Stop::Absolute(f32::INFINITY), visible, &mut Scratch::default());
+        lights
     };
-    let [first] = asked(&tree)[..] else { panic!("one representative") };
+    let [first] = representatives(&tree)[..] else { panic!("one representative") };
     let intensities = |of_first: f32| {
         let mut intensities = [Vec3::ONE; 2];
         intensities[first] = Vec3::splat(of_first);
         intensities
     };
     let stats = tree.update(&intensities(0.71));
-    assert_eq!((stats.swapped, asked(&tree)), (0, vec![first]));
+    assert_eq!((stats.swapped, representatives(&tree)), (0, vec![first]));
     let stats = tree.update(&intensities(0.69));
     assert_eq!((stats.swapped, stats.swapped_share, stats.representatives_changed), (1, 1.0, 1));
-    assert_eq!(asked(&tree), [1 - first]);
+    assert_eq!(representatives(&tree), [1 - first]);
     // Back again: the other one is not dim enough to lose it.
     assert_eq!(tree.update(&intensities(1.0)).swapped, 0);
 }

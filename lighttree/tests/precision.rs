@@ -32,16 +32,18 @@ fn hall(count: usize) -> Vec<Light> {
 
 const FLOOR: Lambert =
     Lambert { position: Vec3::new(37.0, 61.0, 0.0), normal: Vec3::Z, reflectance: Vec3::new(0.5, 0.5, 0.5) };
-const SOFTENING2: f32 = 0.01;
+const GEOMETRY_TERM_BOUND: f32 = 0.01;
 
 /// M·G·I in `f64` from the numbers that the kernel has in `f32`.
-fn contribution(receiver: &Lambert, light: &Light, softening2: f32) -> DVec3 {
+fn contribution(receiver: &Lambert, light: &Light, geometry_term_bound: f32) -> DVec3 {
     let way = light.position.as_dvec3() - receiver.position.as_dvec3();
     let r2 = way.length_squared();
     let direction = way / r2.sqrt();
     let Emission::Cosine(axis) = light.emission else { panic!("lights with an axis") };
     let cosines = receiver.normal.as_dvec3().dot(direction).max(0.0) * (-axis.as_dvec3().dot(direction)).max(0.0);
-    receiver.reflectance.as_dvec3() * light.intensity.as_dvec3() * (cosines / (PI * (r2 + f64::from(softening2))))
+    receiver.reflectance.as_dvec3()
+        * light.intensity.as_dvec3()
+        * (cosines / (PI * (r2 + f64::from(geometry_term_bound))))
 }
 
 fn relative(found: f32, exact: f64) -> f64 {
@@ -53,15 +55,16 @@ fn relative(found: f32, exact: f64) -> f64 {
 #[test]
 fn a_million_lights_add_up() {
     let lights = hall(1_000_000);
-    let exact: DVec3 = lights.iter().map(|light| contribution(&FLOOR, light, SOFTENING2)).sum();
-    let found = exhaustive(&lights, SOFTENING2, &FLOOR, |_, _| true);
-    let straight: f32 = lights.iter().map(|light| contribution(&FLOOR, light, SOFTENING2).x as f32).sum();
+    let exact: DVec3 = lights.iter().map(|light| contribution(&FLOOR, light, GEOMETRY_TERM_BOUND)).sum();
+    let found = exhaustive(&lights, GEOMETRY_TERM_BOUND, &FLOOR, |_, _| true);
+    let straight: f32 = lights.iter().map(|light| contribution(&FLOOR, light, GEOMETRY_TERM_BOUND).x as f32).sum();
     let [ours, naive] = [found.x, straight].map(|sum| relative(sum, exact.x));
     println!("a million terms: {ours:.1e} off, in f32 one after the other {naive:.1e}");
     assert!(ours < 2e-7, "{ours:.1e}");
     assert!(naive > 20.0 * ours.max(f64::from(f32::EPSILON) / 4.0), "the need for f64 shows: {naive:.1e}");
 
-    let tree = LightTree::build_by(Builder::TopDown, &lights, BuildParams { softening2: SOFTENING2, seed: 1 });
+    let tree =
+        LightTree::build_by(Builder::TopDown, &lights, BuildParams::bounded_by(GEOMETRY_TERM_BOUND).with_seed(1));
     let exact: DVec3 = lights.iter().map(|light| light.intensity.as_dvec3()).sum();
     let straight: f32 = lights.iter().map(|light| light.intensity.x).sum();
     let [ours, naive] = [tree.total_intensity().x, straight].map(|sum| relative(sum, exact.x));
@@ -74,9 +77,9 @@ fn a_million_lights_add_up() {
 #[test]
 fn a_whole_cut_adds_up() {
     let lights = hall(8000);
-    let exact: DVec3 = lights.iter().map(|light| contribution(&FLOOR, light, SOFTENING2)).sum();
+    let exact: DVec3 = lights.iter().map(|light| contribution(&FLOOR, light, GEOMETRY_TERM_BOUND)).sum();
     for builder in [Builder::TopDown, Builder::BottomUp] {
-        let tree = LightTree::build_by(builder, &lights, BuildParams { softening2: SOFTENING2, seed: 1 });
+        let tree = LightTree::build_by(builder, &lights, BuildParams::bounded_by(GEOMETRY_TERM_BOUND).with_seed(1));
         let cut = tree.lightcut(&FLOOR, Stop::Absolute(0.0), |_, _| true, &mut Scratch::with_max_size(8000));
         // The others are behind the receiver or turned away.
         assert!(cut.size > 4000, "{cut:?}");
@@ -87,28 +90,34 @@ fn a_whole_cut_adds_up() {
 }
 
 /// Sum over one light straight above the receiver, at this distance.
-fn facing(distance: f32, softening2: f32) -> (f32, DVec3) {
+fn facing(distance: f32, geometry_term_bound: f32) -> (f32, DVec3) {
     let receiver = Lambert { position: Vec3::ZERO, ..FLOOR };
     let light = Light { position: Vec3::Z * distance, emission: Emission::Cosine(Vec3::NEG_Z), intensity: Vec3::ONE };
-    (exhaustive(&[light], softening2, &receiver, |_, _| true).x, contribution(&receiver, &light, softening2))
+    (
+        exhaustive(&[light], geometry_term_bound, &receiver, |_, _| true).x,
+        contribution(&receiver, &light, geometry_term_bound),
+    )
 }
 
 /// r → 0: L tends to ρ I / (π s²), and r → ∞: to ρ I / (π r²); in between it is ρ I / (π (r² + s²)), over forty decades. Nearer than
 /// 10⁻¹⁵ m no direction exists and nothing arrives.
 #[test]
 fn the_geometric_term_has_its_limits() {
-    for softening2 in [1e-12f32, 1e-4, 0.01, 100.0, 1e10] {
+    for geometry_term_bound in [1e-12f32, 1e-4, 0.01, 100.0, 1e10] {
         for exponent in -140..140 {
             let distance = 10f32.powf(exponent as f32 / 10.0);
-            let (found, exact) = facing(distance, softening2);
+            let (found, exact) = facing(distance, geometry_term_bound);
             let off = relative(found, exact.x);
-            assert!(off < 6e-7, "r = {distance}, s² = {softening2}: {found} for {}", exact.x);
+            assert!(off < 6e-7, "r = {distance}, s² = {geometry_term_bound}: {found} for {}", exact.x);
         }
-        let limit = 0.5 / (PI * f64::from(softening2));
-        let (nearest, _) = facing(1.1e-15, softening2);
-        assert!(relative(nearest, limit) < 1e-6, "s² = {softening2}: {nearest} at contact, {limit} is the limit");
-        assert_eq!(facing(0.9e-15, softening2).0, 0.0);
-        assert_eq!(facing(0.0, softening2).0, 0.0);
+        let limit = 0.5 / (PI * f64::from(geometry_term_bound));
+        let (nearest, _) = facing(1.1e-15, geometry_term_bound);
+        assert!(
+            relative(nearest, limit) < 1e-6,
+            "s² = {geometry_term_bound}: {nearest} at contact, {limit} is the limit"
+        );
+        assert_eq!(facing(0.9e-15, geometry_term_bound).0, 0.0);
+        assert_eq!(facing(0.0, geometry_term_bound).0, 0.0);
     }
 }
 
@@ -127,8 +136,8 @@ fn grazing_light_is_right_to_a_rounding_of_the_cosine() {
             let position = (along * sine + normal * cosine).as_vec3();
             let receiver = Lambert { position: Vec3::ZERO, normal: normal.as_vec3(), ..FLOOR };
             let light = Light { position, emission: Emission::Cosine(-position.normalize()), intensity: Vec3::ONE };
-            let found = exhaustive(&[light], SOFTENING2, &receiver, |_, _| true).x;
-            let exact = contribution(&receiver, &light, SOFTENING2).x;
+            let found = exhaustive(&[light], GEOMETRY_TERM_BOUND, &receiver, |_, _| true).x;
+            let exact = contribution(&receiver, &light, GEOMETRY_TERM_BOUND).x;
             let allowed = 4.0 * f64::from(f32::EPSILON) * (0.5 / PI / 1.01) + 1e-6 * exact;
             assert!((f64::from(found) - exact).abs() <= allowed, "cosine {cosine:e}: {found} for {exact}");
         }

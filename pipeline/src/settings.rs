@@ -1,6 +1,7 @@
 //! What is meant: every choice of a run, checked and with its default filled in.
 
 use crate::error::{Error, Result};
+use lighttree::Calibration;
 use mpeg2enc::{Container, Rate, Standard};
 use perceptual::ToneMap;
 use render_core::scene::Scene;
@@ -423,7 +424,7 @@ impl Settings {
             Some(_) => Stopping::Calibrated,
             None => Stopping::Bound,
         });
-        let within = wishes.within.unwrap_or(0.95);
+        let within = wishes.within.unwrap_or(Calibration::DEFAULT_SHARE);
         if !(0.5..=0.999).contains(&within) {
             fail!(
                 "--within {within} must lie in 0.5..=0.999; 0.95 lets one pixel in twenty be wrong by more than its threshold"

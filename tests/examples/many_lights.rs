@@ -3,7 +3,7 @@
 //!
 //! ```sh
 //! cargo run --release -p tests --example many_lights -- ../shared/scenes/conference/conference.glb 512x512 150000 out/conference.lights
-//! cargo run --release -p lighttree --example measure -- out/conference.lights
+//! cargo run --release -p lighttree --features serde --example measure -- out/conference.lights
 //! ```
 //!
 //! ```text
@@ -14,7 +14,7 @@
 use std::sync::atomic::AtomicBool;
 
 use glam::{Vec3, Vec3A};
-use lighttree::{Cut, Lambert, Light, Scratch, Stop, luminance};
+use lighttree::{Cut, Lambert, Light, Receivers, Scratch, Stop, luminance};
 use pipeline::{Plan, Wishes, stage};
 use render_core::Busy;
 
@@ -88,11 +88,12 @@ fn main() {
             .collect()
         });
         together.measure(|| {
-            let visible = |light: &Light, _: usize, asking: u64| {
-                let seeing = |k: &usize| asking >> k & 1 == 1 && sees(block[*k].position, light);
+            let visible = |light: &Light, _: usize, rays: u64| {
+                let seeing = |k: &usize| rays >> k & 1 == 1 && sees(block[*k].position, light);
                 (0..block.len()).filter(seeing).fold(0, |bits, k| bits | 1 << k)
             };
-            frame.tree.lightcuts(&block, &thresholds, visible, &mut scratch, &mut shared);
+            let receivers = Receivers { receivers: &block, thresholds: &thresholds };
+            frame.tree.lightcuts(receivers, visible, &mut scratch, &mut shared);
         });
         rays_alone += cuts.iter().map(|cut| u64::from(cut.shadow_rays)).sum::<u64>();
         rays_together += shared.iter().map(|cut| u64::from(cut.shadow_rays)).sum::<u64>();

@@ -3,10 +3,10 @@
 
 #![allow(dead_code, reason = "each example uses a part of it")]
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::TAU;
 
 use glam::Vec3;
-use lighttree::{Emission, Lambert, Light};
+use lighttree::{BuildParams, Emission, Lambert, Light};
 
 /// Half the room's width, and its height \[m\].
 const HALF_WIDTH: f32 = 5.0;
@@ -25,10 +25,9 @@ impl Random {
     }
 }
 
-/// Squared radius of the disc that each of so many lights stands for \[m²\].
-pub fn softening2(count: usize) -> f32 {
-    let lit_area = 4.0 * 2.0 * HALF_WIDTH * HEIGHT + 4.0 * HALF_WIDTH * HALF_WIDTH;
-    lit_area / (PI * count as f32)
+/// Parameters of a tree over `count` lights of the room.
+pub fn params(count: usize) -> BuildParams {
+    BuildParams::for_area(4.0 * 2.0 * HALF_WIDTH * HEIGHT + 4.0 * HALF_WIDTH * HALF_WIDTH, count).with_seed(1)
 }
 
 /// Virtual lights on four walls and the ceiling, brighter near two lamps; the last hundredth hang free and shine

@@ -34,7 +34,7 @@ fn check_greedy(leaves: &[Cluster], merges: &[[u32; 2]], metric: &Metric) -> Res
 }
 
 fn params(seed: u64) -> BuildParams {
-    BuildParams { softening2: 0.01, seed }
+    BuildParams::bounded_by(0.01).with_seed(seed)
 }
 
 proptest! {

@@ -3,8 +3,8 @@
 use glam::{DVec3, Vec3, Vec4};
 
 use super::halves::Estimates;
-use super::{Cluster, Cut, Scratch, ShadowRay};
-use crate::error_bound::{Cluster as Bounds, error_bound};
+use super::{Cluster, Cut, KeptCluster, Scratch, ShadowRay};
+use crate::error_bound::{ClusterBounds, error_bound};
 use crate::lanes::Vector3;
 use crate::light::{Light, luminance, unshadowed};
 use crate::receiver::Receiver;
@@ -24,21 +24,13 @@ pub(super) struct Refined {
 #[derive(Clone, Copy, Debug)]
 struct Evaluated {
     node: u32,
-    /// The light that was asked for its shadow; none in a slot that is free.
+    /// The shadow ray that was traced; none in a slot that is free.
     ray: Option<ShadowRay>,
-    /// What is known of the other half's light from a cluster above.
+    /// A shadow ray to the other half's light, traced for a cluster above.
     spare: Option<ShadowRay>,
     /// M · G · V of the representative \[m⁻²\], where clusters are to be kept.
     unit: Vec3,
     radiance: Vec3,
-}
-
-/// How clusters are estimated.
-pub(super) enum Form<E> {
-    /// By both [halves](super::halves).
-    Halves,
-    /// By their representatives, as in the paper, and then handed to this function.
-    Kept(E),
 }
 
 impl Refined {
@@ -129,17 +121,17 @@ fn bound_of(key: u64) -> f32 {
 
 impl LightTree {
     /// Refines the cluster of the largest bound until that is below `threshold` of the estimated luminance, or the
-    /// cut is as large as the scratch allows.
-    pub(super) fn best_first<R: Receiver, E: FnMut(Cluster, Vec3)>(
+    /// cut is as large as the scratch allows. If `KEPT`, clusters are estimated by their representatives, as in the paper,
+    /// and kept in the scratch; else by both [halves](super::halves).
+    pub(super) fn best_first<const KEPT: bool, R: Receiver>(
         &self,
         receiver: &R,
         threshold: impl Fn(f32) -> f32,
         visible: &mut impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
-        form: Form<E>,
     ) -> Cut {
-        let max_size = scratch.max_size;
-        let refined = &mut scratch.refined;
+        let Scratch { max_size, refined, kept, .. } = scratch;
+        let max_size = *max_size;
         refined.clear(max_size);
         let mut cut = Cut::default();
         // In f64 the running estimate does not drift; it steers the threshold, the result is summed at the end.
@@ -153,7 +145,7 @@ impl LightTree {
                 if !leaf && bound == 0.0 {
                     return 0.0;
                 }
-                // Of both lights only the representative can have been asked before: it is one of those of the cluster above.
+                // Of both lights only the representative can have been traced before: it is one of those of the cluster above.
                 let visible = match known {
                     _ if radiance == Vec3::ZERO => false,
                     Some(ray) if ray.light == light => ray.visible,
@@ -171,9 +163,12 @@ impl LightTree {
                 }
                 f64::from(luminance(radiance))
             };
-        let estimates = |clusters: [usize; 2]| match form {
-            Form::Halves => self.by_halves(receiver, clusters.map(|cluster| cluster as u32)),
-            Form::Kept(_) => clusters.map(|cluster| self.by_representative(receiver, cluster)),
+        let estimates = |clusters: [usize; 2]| {
+            if KEPT {
+                clusters.map(|cluster| self.by_representative(receiver, cluster))
+            } else {
+                self.by_halves(receiver, clusters.map(|cluster| cluster as u32))
+            }
         };
         for root in self.roots() {
             let ([cluster, _], [bound, _]) = (estimates([root; 2]), self.bounds(receiver, [root; 2]));
@@ -193,12 +188,12 @@ impl LightTree {
             }
         }
         cut.radiance = refined.clusters.iter().map(|c| c.radiance.as_dvec3()).sum::<DVec3>().as_vec3();
-        let mut each = form;
         for (cluster, ray) in refined.clusters.iter().filter_map(|cluster| Some((cluster, cluster.ray?))) {
-            match &mut each {
-                Form::Kept(each) => each(Cluster { node: cluster.node, light: ray.light }, cluster.unit),
-                Form::Halves if !self.nodes[cluster.node as usize].is_leaf() => cut.nodes_visited += 2,
-                Form::Halves => {}
+            if KEPT {
+                let transport = cluster.unit;
+                kept.push(KeptCluster { cluster: Cluster { node: cluster.node, light: ray.light }, transport });
+            } else if !self.nodes[cluster.node as usize].is_leaf() {
+                cut.nodes_visited += 2;
             }
         }
         cut.size = refined.size();
@@ -211,7 +206,8 @@ impl LightTree {
     fn bounds<R: Receiver>(&self, receiver: &R, clusters: [usize; 2]) -> [f32; 2] {
         let [a, b] = clusters.map(|cluster| &self.nodes[cluster]);
         let position = Vector3::splat(receiver.position());
-        let bounds = error_bound(receiver, position, &Bounds::four([a, b, a, b]), Vec4::splat(self.softening2));
+        let bounds =
+            error_bound(receiver, position, &ClusterBounds::four([a, b, a, b]), Vec4::splat(self.geometry_term_bound));
         [bounds.x, bounds.y]
     }
 
@@ -229,7 +225,7 @@ impl LightTree {
     fn by_representative<R: Receiver>(&self, receiver: &R, cluster: usize) -> Unshadowed {
         let node = &self.nodes[cluster];
         let site = self.sites.of(cluster).one();
-        let unit = Vec3::from(unshadowed(receiver, receiver.position().into(), &site, self.softening2));
+        let unit = Vec3::from(unshadowed(receiver, receiver.position().into(), &site, self.geometry_term_bound));
         Unshadowed { node: cluster as u32, light: node.representative, unit, radiance: unit * node.intensity }
     }
 }

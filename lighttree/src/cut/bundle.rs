@@ -10,18 +10,18 @@
 //! * *dark*, if the bundle's bound is zero.
 //!
 //! The walk goes on from the undecided clusters for each [group](super::group) of receivers, before it does for each alone.
-//! Shadow rays are asked for by light: which receivers see it? Most lights are those of common clusters, that half of the
-//! receivers ask for, and rays between a light and a small place are cheap together.
+//! Shadow rays are traced by light: which receivers see it? Most lights are those of common clusters, to which half of the
+//! receivers trace a ray, and rays between a light and a small place are cheap together.
 //!
 //! A few receivers do not speak for all. But refining is always right: no cluster of any cut is
 //! ever wrong by more than the threshold.
 
 use glam::{Vec3, Vec4};
 
-use super::group::{Estimated, GROUP, Shares, Together};
+use super::group::{Estimated, GROUP, Member, Receivers, Shares};
 use super::halves::sum_of_seen;
 use super::{Cut, Scratch, ShadowRay, Stop, padded};
-use crate::error_bound::{Cluster, error_bound, error_bound_of_bundle};
+use crate::error_bound::{ClusterBounds, error_bound, error_bound_of_bundle};
 use crate::lanes::Vector3;
 use crate::light::Light;
 use crate::receiver::{Bundled, Receiver};
@@ -29,33 +29,33 @@ use crate::tree::LightTree;
 
 /// Most receivers of a bundle.
 const MOST: usize = 64;
-/// Receivers that are asked whether a node is to be refined.
+/// Receivers whose bounds decide whether a node is refined.
 const PROBES: usize = 4;
 
 /// Memory of a bundle.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shared {
-    pending: Vec<u32>,
     of_all: Shares,
     of_group: Shares,
-    /// What each receiver of a group takes of the undecided clusters.
+    /// The part of its cut that each receiver of a group takes of the undecided clusters.
     begun: Vec<Cut>,
-    asked: Asked,
+    shadow_rays: ShadowRays,
 }
 
 /// Shadow rays of a bundle.
 #[derive(Clone, Debug, Default)]
-struct Asked {
-    /// Of one receiver after the other, what arrives by them if they are free, and where each receiver's end.
+struct ShadowRays {
+    /// Of one receiver after the other: the rays, the radiance that arrives by each if it is free, and where those of each
+    /// receiver end.
     rays: Vec<ShadowRay>,
     radiance: Vec<Vec4>,
     ends: Vec<usize>,
-    /// Receivers that ask for a light, then those that see it; the lights that are asked for.
+    /// Receivers that trace a ray to each light, then those that see it; the lights that any ray goes to.
     receivers_of: Vec<u64>,
     lights: Vec<u32>,
 }
 
-impl Asked {
+impl ShadowRays {
     fn clear(&mut self, lights: usize) {
         for light in self.lights.drain(..) {
             self.receivers_of[light as usize] = 0;
@@ -69,7 +69,7 @@ impl Asked {
         self.ends.clear();
     }
 
-    /// What a receiver asks.
+    /// Adds the rays of a receiver.
     fn add(&mut self, receiver: usize, (rays, radiance): Estimated) {
         self.rays.extend_from_slice(rays);
         self.radiance.extend_from_slice(radiance);
@@ -82,8 +82,8 @@ impl Asked {
         }
     }
 
-    /// Adds to the cuts what arrives.
-    fn answer(&mut self, cuts: &mut [Cut]) {
+    /// Adds the radiance that arrives to the cuts.
+    fn add_to(&mut self, cuts: &mut [Cut]) {
         let mut begin = 0;
         for (receiver, (cut, &end)) in cuts.iter_mut().zip(&self.ends).enumerate() {
             let rays = &mut self.rays[begin..end];
@@ -97,11 +97,11 @@ impl Asked {
 }
 
 impl LightTree {
-    /// Cuts for receivers that lie close together, such as the pixels of a block, each to its own absolute threshold
-    /// \[W·m⁻²·sr⁻¹\]: what [`LightTree::lightcut`] would find for each alone, with fewer nodes visited.
-    /// It saves most where those that follow each other are the closest.
+    /// Cuts for receivers that lie close together, each to its own absolute threshold. They are those of
+    /// [`LightTree::lightcut`] for each receiver alone, with fewer nodes visited.
     ///
-    /// `visible(light, index, asking)` says which of the `asking` receivers, bit k for the k-th, see a light.
+    /// `visible(light, index, rays)` traces shadow rays: of the receivers in `rays`, bit k for the k-th, it returns those that
+    /// see the light.
     /// `cuts` is cleared and gets one cut for each receiver. A cut is never coarser than one made alone and may be a
     /// little finer; [`Cut::nodes_visited`] of the first includes the walk for all.
     ///
@@ -110,12 +110,12 @@ impl LightTree {
     /// If there are more than 64 receivers, or not one threshold for each.
     pub fn lightcuts<R: Bundled>(
         &self,
-        receivers: &[R],
-        thresholds: &[f32],
+        together: Receivers<R>,
         mut visible: impl FnMut(&Light, usize, u64) -> u64,
         scratch: &mut Scratch,
         cuts: &mut Vec<Cut>,
     ) {
+        let Receivers { receivers, thresholds } = together;
         assert_eq!(thresholds.len(), receivers.len(), "one threshold per receiver");
         assert!(receivers.len() <= MOST, "{} receivers in a bundle of at most {MOST}", receivers.len());
         cuts.clear();
@@ -125,37 +125,38 @@ impl LightTree {
         }
         // Taken out while walks hold the rest of the scratch.
         let mut shared = std::mem::take(&mut scratch.shared);
-        let Shared { pending, of_all, of_group, begun, asked } = &mut shared;
-        asked.clear(self.lights.len());
+        let Shared { of_all, of_group, begun, shadow_rays } = &mut shared;
+        shadow_rays.clear(self.lights.len());
         let most = scratch.max_size as usize;
         let roots = [self.roots().start as u32, self.roots().end as u32 - 1];
         let roots = &roots[..self.roots().len()];
         let mut all = if receivers.len() > GROUP {
-            self.walk_together(Together { receivers, thresholds }, roots, most, pending, of_all)
+            self.walk_together(together, roots, most, of_all)
         } else {
             of_all.clear();
             of_all.undecided.extend(roots);
             Some(Cut::default())
         };
         for (receivers, thresholds) in receivers.chunks(GROUP).zip(thresholds.chunks(GROUP)) {
-            let group = Together { receivers, thresholds };
+            let group = Receivers { receivers, thresholds };
             let mut common = all.and_then(|all| {
                 let most = most - of_all.common.len();
-                Some(plus(all, self.walk_together(group, &of_all.undecided, most, pending, of_group)?))
+                Some(plus(all, self.walk_together(group, &of_all.undecided, most, of_group)?))
             });
             if common.is_some() {
                 self.decide(group, of_group, begun);
             }
             for (k, (receiver, &threshold)) in receivers.iter().zip(thresholds).enumerate() {
                 let which = cuts.len();
+                let member = Member { receiver, threshold, k };
                 let cut = match common.and_then(|common| {
                     let shared = begun[k].size as usize + of_all.common.len() + of_group.common.len();
-                    let own = self.walk_on(receiver, threshold, (of_group, k), most.checked_sub(shared)?, scratch)?;
+                    let own = self.walk_on(member, of_group, most.checked_sub(shared)?, scratch)?;
                     Some(Cut { size: shared as u32 + own.size, ..plus(plus(common, begun[k]), own) })
                 }) {
                     Some(cut) => {
-                        let (cut, found) = self.estimate_shared(receiver, ([of_all, of_group], k), scratch, cut);
-                        asked.add(which, found);
+                        let (cut, found) = self.estimate_shared(member, [of_all, of_group], scratch, cut);
+                        shadow_rays.add(which, found);
                         cut
                     }
                     None => {
@@ -163,7 +164,7 @@ impl LightTree {
                         self.lightcut(receiver, Stop::Absolute(threshold), sees, scratch)
                     }
                 };
-                asked.ends.push(asked.rays.len());
+                shadow_rays.ends.push(shadow_rays.rays.len());
                 cuts.push(cut);
                 // Counted with the first.
                 for walk in [&mut all, &mut common].into_iter().flatten() {
@@ -171,35 +172,33 @@ impl LightTree {
                 }
             }
         }
-        for &light in &asked.lights {
-            let receivers = &mut asked.receivers_of[light as usize];
+        for &light in &shadow_rays.lights {
+            let receivers = &mut shadow_rays.receivers_of[light as usize];
             *receivers = visible(&self.lights[light as usize], light as usize, *receivers);
         }
-        asked.answer(cuts);
+        shadow_rays.add_to(cuts);
         scratch.shared = shared;
     }
 
     /// The common walk from some clusters on; `None` if that alone is more than `most`.
     fn walk_together<R: Bundled>(
         &self,
-        together: Together<R>,
+        together: Receivers<R>,
         from: &[u32],
         most: usize,
-        pending: &mut Vec<u32>,
         shares: &mut Shares,
     ) -> Option<Cut> {
         shares.clear();
-        pending.clear();
-        let Shares { common, undecided, .. } = shares;
+        let Shares { common, undecided, pending, .. } = shares;
         let positions = together.receivers.iter().map(|r| r.position());
         let corners = [positions.clone().reduce(Vec3::min)?, positions.reduce(Vec3::max)?].map(Vector3::splat);
         let bundle = R::bundle(together.receivers);
         let smallest = together.thresholds.iter().fold(f32::INFINITY, |a, &b| a.min(b)).max(0.0);
-        let softening2 = Vec4::splat(self.softening2);
+        let geometry_term_bound = Vec4::splat(self.geometry_term_bound);
         let mut cut = Cut::default();
         let mut look = |indices: [usize; 4], count: usize, pending: &mut Vec<u32>| {
-            let clusters = Cluster::four(indices.map(|index| &self.nodes[index]));
-            let of_bundle = error_bound_of_bundle(&bundle, corners, &clusters, softening2).to_array();
+            let clusters = ClusterBounds::four(indices.map(|index| &self.nodes[index]));
+            let of_bundle = error_bound_of_bundle(&bundle, corners, &clusters, geometry_term_bound).to_array();
             cut.nodes_visited += count as u32;
             let mut refined = None;
             for k in 0..count {
@@ -238,15 +237,15 @@ impl LightTree {
 
     /// Which of four clusters all of the probes but one at most would refine.
     #[inline(always)]
-    fn most_refine<R: Receiver>(&self, together: Together<R>, clusters: &Cluster<Vec4>) -> [bool; 4] {
-        let Together { receivers, thresholds } = together;
+    fn most_refine<R: Receiver>(&self, together: Receivers<R>, clusters: &ClusterBounds<Vec4>) -> [bool; 4] {
+        let Receivers { receivers, thresholds } = together;
         let probes = PROBES.min(receivers.len());
         let mut votes = [0; 4];
         for probe in 0..probes {
             let which = probe * (receivers.len() - 1) / (probes - 1).max(1);
             let (receiver, threshold) = (&receivers[which], thresholds[which].max(0.0));
             let position = Vector3::splat(receiver.position());
-            let bounds = error_bound(receiver, position, clusters, Vec4::splat(self.softening2)).to_array();
+            let bounds = error_bound(receiver, position, clusters, Vec4::splat(self.geometry_term_bound)).to_array();
             for (votes, bound) in votes.iter_mut().zip(bounds) {
                 *votes += usize::from(bound > threshold);
             }

@@ -3,23 +3,23 @@
 
 use glam::{Vec3, Vec4};
 
-use super::{Cluster, Cut, Scratch};
+use super::{Cluster, Cut, KeptCluster, Scratch};
 use crate::lanes::Vector3;
 use crate::light::{Light, unshadowed};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
-/// A question to the scene: is the way from the receiver to this light free?
+/// A shadow ray between the receiver and a light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShadowRay {
     /// Index of the light.
     pub light: u32,
-    /// The answer; false when it is asked.
+    /// Whether the light is visible; false before the ray is traced.
     pub visible: bool,
 }
 
 impl LightTree {
-    /// Sums the estimates of the nodes in `scratch.selected`, shadow rays together.
+    /// Sums the estimates of the nodes in `scratch.selected`, shadow rays together, and keeps the clusters.
     #[inline(always)]
     pub(super) fn evaluate<R: Receiver>(
         &self,
@@ -27,11 +27,10 @@ impl LightTree {
         mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
         mut cut: Cut,
-        each: &mut impl FnMut(Cluster, Vec3),
     ) -> Cut {
         scratch.begin_estimate();
-        self.estimate_selected(receiver, scratch, each);
-        let Scratch { rays, ray_count, terms, .. } = scratch;
+        self.estimate_selected(receiver, scratch);
+        let Scratch { rays, ray_count, terms, kept, .. } = scratch;
         let rays = &mut rays[..*ray_count];
         for ray in &mut *rays {
             ray.visible = visible(&self.lights[ray.light as usize], ray.light as usize);
@@ -39,29 +38,25 @@ impl LightTree {
         for (ray, &(unit, node)) in rays.iter().zip(&*terms) {
             let unit = if ray.visible { unit.truncate() } else { Vec3::ZERO };
             cut.radiance += unit * self.nodes[node as usize].intensity;
-            each(Cluster { node, light: ray.light }, unit);
+            kept.push(KeptCluster { cluster: Cluster { node, light: ray.light }, transport: unit });
         }
         cut.shadow_rays = rays.len() as u32;
         cut
     }
 
     /// M · G of the representatives of the nodes in `scratch.selected`, four at a time: those that are not dark go to
-    /// the end of `rays` and to `terms`, the others to `dark` at once.
+    /// the end of `rays` and to `terms`, the others to `kept` at once.
     #[inline(always)]
-    fn estimate_selected<R: Receiver>(
-        &self,
-        receiver: &R,
-        scratch: &mut Scratch,
-        dark: &mut impl FnMut(Cluster, Vec3),
-    ) {
-        let Scratch { selected, selected_count, rays, ray_count, terms, .. } = scratch;
+    fn estimate_selected<R: Receiver>(&self, receiver: &R, scratch: &mut Scratch) {
+        let Scratch { selected, selected_count, rays, ray_count, terms, kept, .. } = scratch;
         let mut own = 0;
-        let (position, softening2) = (Vector3::splat(receiver.position()), Vec4::splat(self.softening2));
+        let (position, geometry_term_bound) =
+            (Vector3::splat(receiver.position()), Vec4::splat(self.geometry_term_bound));
         for four in selected[..*selected_count].chunks(4) {
             let nodes: [u32; 4] = std::array::from_fn(|k| four[k.min(four.len() - 1)]);
             let lights = nodes.map(|index| self.nodes[index as usize].representative);
             let sites = self.sites.four(nodes.map(|node| node as usize));
-            let units = unshadowed(receiver, position, &sites, softening2);
+            let units = unshadowed(receiver, position, &sites, geometry_term_bound);
             for ((&node, &light), unit) in four.iter().zip(&lights).zip(units.rows()) {
                 rays[*ray_count] = ShadowRay { light, visible: false };
                 terms[own] = (unit, node);
@@ -69,7 +64,7 @@ impl LightTree {
                 *ray_count += usize::from(lit);
                 own += usize::from(lit);
                 if !lit {
-                    dark(Cluster { node, light }, Vec3::ZERO);
+                    kept.push(KeptCluster { cluster: Cluster { node, light }, transport: Vec3::ZERO });
                 }
             }
         }

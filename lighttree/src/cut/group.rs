@@ -14,7 +14,7 @@ use glam::{BVec4A, Vec4};
 use super::halves::{Arriving, Halves};
 use super::walk::Walk;
 use super::{Cut, Scratch, ShadowRay, missing, padded};
-use crate::error_bound::{Cluster, error_bound};
+use crate::error_bound::{ClusterBounds, error_bound};
 use crate::lanes::{Kernel, PartOfEight, Vector3, Width};
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
@@ -26,29 +26,50 @@ pub(super) const GROUP: usize = 16;
 /// for the last one, and a processor looks ahead over shorter loops further (a shared cut takes a tenth less time).
 const AHEAD: usize = 8;
 
-/// Receivers and their thresholds.
-pub(super) struct Together<'a, R> {
+/// Receivers that lie close together, such as the pixels of a block, and the threshold of each.
+#[derive(Debug)]
+pub struct Receivers<'a, R> {
+    /// At most 64. Sharing saves most where those that follow each other are the closest.
     pub receivers: &'a [R],
+    /// Largest error bound of a cluster for each receiver, as luminance \[W·m⁻²·sr⁻¹\].
     pub thresholds: &'a [f32],
 }
 
-impl<R> Clone for Together<'_, R> {
+impl<R> Clone for Receivers<'_, R> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<R> Copy for Together<'_, R> {}
+impl<R> Copy for Receivers<'_, R> {}
 
-/// What some receivers have in common.
+/// One receiver of a group.
+pub(super) struct Member<'a, R> {
+    pub receiver: &'a R,
+    pub threshold: f32,
+    /// Its place in the group.
+    pub k: usize,
+}
+
+impl<R> Clone for Member<'_, R> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<R> Copy for Member<'_, R> {}
+
+/// Clusters that some receivers have in common.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shares {
     /// Nodes that are part of every cut.
     pub common: Vec<u32>,
     /// Nodes that some refine and some do not.
     pub undecided: Vec<u32>,
-    /// The common ones, and behind them the undecided ones.
+    /// The common ones, then the undecided ones.
     fours: Vec<FourShared>,
+    /// Nodes that the common walk still has to refine.
+    pub pending: Vec<u32>,
 }
 
 /// Clusters that are estimated side by side; the last ones are repeated where there are fewer.
@@ -64,8 +85,8 @@ pub(super) type Estimated<'a> = (&'a [ShadowRay], &'a [Vec4]);
 
 impl Shares {
     pub fn clear(&mut self) {
-        let Self { common, undecided, fours } = self;
-        [common, undecided].into_iter().for_each(Vec::clear);
+        let Self { common, undecided, fours, pending } = self;
+        [common, undecided, pending].into_iter().for_each(Vec::clear);
         fours.clear();
     }
 
@@ -90,23 +111,23 @@ impl LightTree {
         );
     }
 
-    /// Every receiver of a group looks at the undecided clusters; they are gathered behind the common ones.
-    /// `begun` gets what each takes of them, a part of its cut; their halves are counted with the first.
-    pub(super) fn decide<R: Receiver>(&self, group: Together<R>, shares: &mut Shares, begun: &mut Vec<Cut>) {
+    /// Every receiver of a group looks at the undecided clusters; they are gathered after the common ones.
+    /// `begun` gets the part of its cut that each takes of them; their halves are counted with the first.
+    pub(super) fn decide<R: Receiver>(&self, group: Receivers<R>, shares: &mut Shares, begun: &mut Vec<Cut>) {
         let Shares { undecided, fours, .. } = shares;
         begun.clear();
         let looked_at = undecided.len() as u32;
         begun.resize(group.receivers.len(), Cut { nodes_visited: looked_at, ..Cut::default() });
         // None of them is a single light.
         begun[0].nodes_visited += 2 * looked_at;
-        let softening2 = Vec4::splat(self.softening2);
+        let geometry_term_bound = Vec4::splat(self.geometry_term_bound);
         for four in undecided.chunks(4) {
-            let clusters = Cluster::four(padded(four).map(|node| &self.nodes[node as usize]));
+            let clusters = ClusterBounds::four(padded(four).map(|node| &self.nodes[node as usize]));
             let repeated = BVec4A::from_array(std::array::from_fn(|k| k >= four.len()));
             let mut left_out = [0; GROUP];
             let receivers = group.receivers.iter().zip(group.thresholds);
             for (((receiver, &threshold), left_out), begun) in receivers.zip(&mut left_out).zip(&mut *begun) {
-                let bounds = error_bound(receiver, Vector3::splat(receiver.position()), &clusters, softening2);
+                let bounds = error_bound(receiver, Vector3::splat(receiver.position()), &clusters, geometry_term_bound);
                 let not_taken = bounds.cmpgt(Vec4::splat(threshold.max(0.0))) | repeated;
                 let taken = Vec4::select(not_taken, Vec4::ZERO, bounds);
                 *left_out = not_taken.bitmask() as u8;
@@ -118,36 +139,35 @@ impl LightTree {
         }
     }
 
-    /// What the k-th receiver of a group does below the undecided clusters that it refines: fills `selected`; `None` if
-    /// that is more than `most`.
+    /// The walk of one receiver below the undecided clusters that it refines: fills `selected`; `None` if that is more than
+    /// `most`.
     #[inline(always)]
     pub(super) fn walk_on<R: Receiver>(
         &self,
-        receiver: &R,
-        threshold: f32,
-        (shares, k): (&Shares, usize),
+        member: Member<R>,
+        shares: &Shares,
         most: usize,
         scratch: &mut Scratch,
     ) -> Option<Cut> {
-        let mut walk = Walk::new(self, receiver, threshold, scratch);
-        let queued = shares.refined_by(k).all(|node| walk.refine(node));
+        let mut walk = Walk::new(self, member.receiver, member.threshold, scratch);
+        let queued = shares.refined_by(member.k).all(|node| walk.refine(node));
         (queued && walk.finish_walk(most)).then(|| walk.finish())
     }
 
-    /// Estimates of the shared clusters that the k-th receiver of a group takes, and of those that it selected alone.
-    /// Nothing is known of their shadows yet: the radiance of the cut is still zero.
+    /// Estimates of the shared clusters that a receiver takes, and of those that it selected alone. No shadow ray is traced
+    /// yet: the radiance of the cut is still zero.
     #[inline(always)]
     pub(super) fn estimate_shared<'a, R: Receiver>(
         &self,
-        receiver: &R,
-        (shares, k): ([&Shares; 2], usize),
+        Member { receiver, k, .. }: Member<R>,
+        shares: [&Shares; 2],
         scratch: &'a mut Scratch,
         mut cut: Cut,
     ) -> (Cut, Estimated<'a>) {
         scratch.begin_estimate();
-        let (fours, softening2) = (shares.map(|shares| &shares.fours[..]), self.softening2);
+        let (fours, geometry_term_bound) = (shares.map(|shares| &shares.fours[..]), self.geometry_term_bound);
         let arriving = Arriving::after(0, &mut scratch.rays, &mut scratch.radiance);
-        let of_shared = Width::best().run(EstimateShared { receiver, fours, k, softening2, arriving });
+        let of_shared = Width::best().run(EstimateShared { receiver, fours, k, geometry_term_bound, arriving });
         scratch.ray_count = of_shared;
         cut.nodes_visited += self.estimate_halves(receiver, scratch);
         let count = scratch.ray_count;
@@ -161,7 +181,7 @@ struct EstimateShared<'a, R> {
     receiver: &'a R,
     fours: [&'a [FourShared]; 2],
     k: usize,
-    softening2: f32,
+    geometry_term_bound: f32,
     arriving: Arriving<'a>,
 }
 
@@ -174,7 +194,7 @@ impl<R: Receiver> Kernel for EstimateShared<'_, R> {
             for fours in fours.chunks(AHEAD) {
                 let mut arriving = [Vector3::ZERO; AHEAD];
                 for (arriving, four) in arriving.iter_mut().zip(fours) {
-                    *arriving = four.halves.arriving::<F, R>(self.receiver, self.softening2);
+                    *arriving = four.halves.arriving::<F, R>(self.receiver, self.geometry_term_bound);
                 }
                 for (arriving, four) in arriving.iter().zip(fours) {
                     self.arriving.push(&four.halves.choose(arriving), !u32::from(four.left_out[self.k]));

@@ -61,13 +61,13 @@ pub(super) struct Estimates {
 
 impl Halves {
     #[inline(always)]
-    pub fn estimates<F: PartOfEight, R: Receiver>(&self, receiver: &R, softening2: f32) -> Estimates {
-        self.choose(&self.arriving::<F, R>(receiver, softening2))
+    pub fn estimates<F: PartOfEight, R: Receiver>(&self, receiver: &R, geometry_term_bound: f32) -> Estimates {
+        self.choose(&self.arriving::<F, R>(receiver, geometry_term_bound))
     }
 
     /// What arrives of all eight halves if they are seen.
     #[inline(always)]
-    pub fn arriving<F: PartOfEight, R: Receiver>(&self, receiver: &R, softening2: f32) -> Vector3<Eight> {
+    pub fn arriving<F: PartOfEight, R: Receiver>(&self, receiver: &R, geometry_term_bound: f32) -> Vector3<Eight> {
         let mut arriving = Vector3::ZERO;
         let mut at = 0;
         while at < 2 {
@@ -77,7 +77,7 @@ impl Halves {
                 kind: F::load(&self.sites.kind, at),
                 delay: F::load(&self.sites.delay, at),
             };
-            let part = unoccluded(receiver, &sites, F::load3(&self.intensity, at), self.cosine, softening2);
+            let part = unoccluded(receiver, &sites, F::load3(&self.intensity, at), self.cosine, geometry_term_bound);
             part.x.store(&mut arriving.x, at);
             part.y.store(&mut arriving.y, at);
             part.z.store(&mut arriving.z, at);
@@ -119,13 +119,13 @@ fn unoccluded<F: Real, R: Receiver>(
     sites: &Site<F>,
     intensity: Vector3<F>,
     cosine: bool,
-    softening2: f32,
+    geometry_term_bound: f32,
 ) -> Vector3<F> {
-    let (position, softening2) = (Vector3::splat(receiver.position()), F::splat(softening2));
+    let (position, geometry_term_bound) = (Vector3::splat(receiver.position()), F::splat(geometry_term_bound));
     let unit = if cosine {
-        unshadowed_of::<true, F, R>(receiver, position, sites, softening2)
+        unshadowed_of::<true, F, R>(receiver, position, sites, geometry_term_bound)
     } else {
-        unshadowed_of::<false, F, R>(receiver, position, sites, softening2)
+        unshadowed_of::<false, F, R>(receiver, position, sites, geometry_term_bound)
     };
     unit.times(intensity)
 }
@@ -167,7 +167,7 @@ impl LightTree {
         let FourNodes { sites, intensity, lights } = self.read([a[0], b[0], a[1], b[1]]);
         let intensity = intensity * Vec4::new(1.0, 1.0, lit_a, lit_b);
         let cosine = sites.kind.cmpeq(Vec4::ONE).all();
-        let first = unoccluded(receiver, &sites, intensity, cosine, self.softening2);
+        let first = unoccluded(receiver, &sites, intensity, cosine, self.geometry_term_bound);
         let second = Vector3 { x: first.x.zwxy(), y: first.y.zwxy(), z: first.z.zwxy() };
         Estimates::of_halves([first, second], [sites.delay, sites.delay.zwxy()], [lights, lights.zwxy()])
     }
@@ -195,7 +195,7 @@ impl LightTree {
         let selected = &scratch.selected[..scratch.selected_count];
         let mut arriving = Arriving::after(scratch.ray_count, &mut scratch.rays, &mut scratch.radiance);
         for four in selected.chunks(4) {
-            let estimates = self.halves(padded(four)).estimates::<Vec4, R>(receiver, self.softening2);
+            let estimates = self.halves(padded(four)).estimates::<Vec4, R>(receiver, self.geometry_term_bound);
             arriving.push(&estimates, !missing(four));
         }
         scratch.ray_count = arriving.count;

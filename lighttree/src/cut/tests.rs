@@ -5,8 +5,6 @@ use crate::light::{Emission, luminance};
 use crate::receiver::{Ggx, Lambert, Phong};
 use crate::testing::{self, Random, Scene};
 
-const HALVES: Form<fn(Cluster, Vec3)> = Form::Halves;
-
 fn ceiling(side: u32) -> LightTree {
     let lights: Vec<Light> = (0..side * side)
         .map(|k| Light {
@@ -15,7 +13,7 @@ fn ceiling(side: u32) -> LightTree {
             intensity: Vec3::ONE,
         })
         .collect();
-    LightTree::build(&lights, BuildParams { softening2: 0.3, seed: 3 })
+    LightTree::build(&lights, BuildParams::bounded_by(0.3).with_seed(3))
 }
 
 /// Both ways through the tree give the same cut where both can be taken.
@@ -29,7 +27,7 @@ fn order_of_refinement_does_not_matter() {
         let mut visible = |_: &Light, index: usize| index & 3 != 0;
         let threshold = 0.005;
         let depth_first = tree.lightcut(&receiver, Stop::Absolute(threshold), &mut visible, &mut scratch);
-        let best_first = tree.best_first(&receiver, |_| threshold, &mut visible, &mut scratch, HALVES);
+        let best_first = tree.best_first::<false, Lambert>(&receiver, |_| threshold, &mut visible, &mut scratch);
         assert_eq!(depth_first.size, best_first.size);
         assert_eq!(depth_first.largest_bound, best_first.largest_bound);
         assert!(depth_first.nodes_visited.abs_diff(best_first.nodes_visited) <= 1);
@@ -38,7 +36,7 @@ fn order_of_refinement_does_not_matter() {
     }
 }
 
-/// The clusters handed out are the cut: their number, and their sum to the last bit but rounding; and they take new
+/// The kept clusters are the cut: their number, and their sum to the last bit but rounding; and they take new
 /// intensities as the tree does.
 #[test]
 fn clusters_sum_to_the_cut() {
@@ -46,11 +44,12 @@ fn clusters_sum_to_the_cut() {
     let receiver = Lambert { position: Vec3::new(9.0, 13.0, 0.1), normal: Vec3::Z, reflectance: Vec3::ONE };
     let mut scratch = Scratch::default();
     for stop in [Stop::Absolute(0.005), Stop::Relative { fraction: 0.02, known_luminance: 0.0 }] {
-        let mut clusters = Vec::new();
         let visible = |_: &Light, index: usize| index & 3 != 0;
-        let cut = tree.lightcut_with(&receiver, stop, visible, &mut scratch, |c, unit| clusters.push((c, unit)));
+        let cut = tree.lightcut_kept(&receiver, stop, visible, &mut scratch);
+        let clusters = scratch.kept().to_vec();
         assert_eq!(clusters.len(), cut.size as usize);
-        let sum = |tree: &LightTree| clusters.iter().map(|&(c, unit)| unit * tree.cluster_intensity(c)).sum::<Vec3>();
+        let sum =
+            |tree: &LightTree| clusters.iter().map(|c| c.transport * tree.cluster_intensity(c.cluster)).sum::<Vec3>();
         assert!(sum(&tree).abs_diff_eq(cut.radiance, 1e-5 * cut.radiance.x), "{} {}", sum(&tree), cut.radiance);
         let before = sum(&tree);
         let doubled: Vec<Vec3> = tree.lights().iter().map(|light| light.intensity * 2.0).collect();
@@ -79,9 +78,9 @@ fn halves_are_right_on_average_and_nearer() {
     let draws = 2000;
     let (mut sum, mut squares, mut of_kept, mut rays) = (0.0, 0.0, 0.0, [0; 2]);
     for seed in 0..draws {
-        let tree = LightTree::build_by(Builder::TopDown, &lights, BuildParams { softening2: 0.3, seed });
+        let tree = LightTree::build_by(Builder::TopDown, &lights, BuildParams::bounded_by(0.3).with_seed(seed));
         let cut = tree.lightcut(&receiver, stop, visible, &mut scratch);
-        let kept = tree.lightcut_with(&receiver, stop, visible, &mut scratch, |_, _| {});
+        let kept = tree.lightcut_kept(&receiver, stop, visible, &mut scratch);
         assert_eq!((cut.size, cut.total_bound), (kept.size, kept.total_bound));
         rays = [rays[0] + cut.shadow_rays, rays[1] + kept.shadow_rays];
         let [error, error_of_kept] = [cut, kept].map(|cut| f64::from(luminance(cut.radiance)) - truth);
@@ -120,14 +119,18 @@ fn face_to_face(tree: &LightTree, position: Vec3, strongest: Vec3) -> f32 {
         let reflected = luminance(light.intensity * strongest);
         match light.emission {
             Emission::Directional(_) => reflected,
-            _ => reflected / (light.position.distance_squared(position) + tree.softening2),
+            _ => reflected / (light.position.distance_squared(position) + tree.geometry_term_bound),
         }
     };
     tree.lights().iter().map(arrives).sum()
 }
 
 fn build(scene: &Scene, builder: Builder) -> LightTree {
-    LightTree::build_by(builder, &scene.lights, BuildParams { softening2: scene.softening2, seed: scene.seed })
+    LightTree::build_by(
+        builder,
+        &scene.lights,
+        BuildParams::bounded_by(scene.geometry_term_bound).with_seed(scene.seed),
+    )
 }
 
 /// 10⁵ cuts of all scales, at random thresholds and largest sizes, behind random shadows.
@@ -174,7 +177,7 @@ fn shared_cuts_keep_the_promises_of_each() {
     for _ in 0..4000 {
         let scene = random.scene(60);
         let tree = build(&scene, Builder::BottomUp);
-        let length = scene.softening2.sqrt() * 10f32.powf(random.within(-2.0, 1.0));
+        let length = scene.geometry_term_bound.sqrt() * 10f32.powf(random.within(-2.0, 1.0));
         let tilt = random.within(0.0, 1.0);
         // Some are more than one group.
         let count = if random.once_in(4) { 17 + random.bits() % 32 } else { 1 + random.bits() % 12 };
@@ -197,11 +200,12 @@ fn shared_cuts_keep_the_promises_of_each() {
         let sees = |receiver: usize, light: usize| testing::visible(shadows ^ receiver as u64, light);
         let mut scratch = Scratch::with_max_size(max_size);
         let mut cuts = Vec::new();
-        let visible = |_: &Light, light: usize, asking: u64| {
-            let seeing = |k: &usize| asking >> k & 1 == 1 && sees(*k, light);
+        let visible = |_: &Light, light: usize, rays: u64| {
+            let seeing = |k: &usize| rays >> k & 1 == 1 && sees(*k, light);
             (0..receivers.len()).filter(seeing).fold(0, |bits, k| bits | 1 << k)
         };
-        tree.lightcuts(&receivers, &thresholds, visible, &mut scratch, &mut cuts);
+        let together = Receivers { receivers: &receivers, thresholds: &thresholds };
+        tree.lightcuts(together, visible, &mut scratch, &mut cuts);
         assert_eq!(cuts.len(), receivers.len());
         let mut alone = 0;
         for (k, cut) in cuts.iter().enumerate() {
@@ -246,10 +250,10 @@ fn estimates_have_the_same_bits_however_many_at_once() {
         let (diffuse, specular) = (Vec3::new(0.7, 0.5, 0.3), Vec3::splat(0.04));
         fn same<R: Receiver>(tree: &LightTree, clusters: [u32; 4], receiver: &R) -> bool {
             let halves = tree.halves(clusters);
-            let arriving = |width: Width| width.run(Arriving(&halves, receiver, tree.softening2));
+            let arriving = |width: Width| width.run(Arriving(&halves, receiver, tree.geometry_term_bound));
             let bits = |arriving: [Vec4; 6]| arriving.map(|four| four.to_array().map(f32::to_bits));
             assert_eq!(bits(arriving(Width::best())), bits(arriving(Width::Four)));
-            let estimates = halves.estimates::<Vec4, R>(receiver, tree.softening2);
+            let estimates = halves.estimates::<Vec4, R>(receiver, tree.geometry_term_bound);
             for pair in [0, 2] {
                 let of_two = tree.estimates_of_two(receiver, [clusters[pair], clusters[pair + 1]]);
                 for k in 0..2 {

@@ -7,7 +7,7 @@
 use glam::Vec4;
 
 use super::{Cut, Scratch};
-use crate::error_bound::{Cluster, error_bound};
+use crate::error_bound::{ClusterBounds, error_bound};
 use crate::lanes::Vector3;
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
@@ -89,8 +89,8 @@ impl<'a, R: Receiver> Walk<'a, R> {
     #[inline(always)]
     fn look(&mut self, indices: [usize; 4], count: usize) {
         let nodes = self.tree.four(indices);
-        let softening2 = Vec4::splat(self.tree.softening2);
-        let bounds = error_bound(self.receiver, self.position, &Cluster::four(nodes), softening2);
+        let geometry_term_bound = Vec4::splat(self.tree.geometry_term_bound);
+        let bounds = error_bound(self.receiver, self.position, &ClusterBounds::four(nodes), geometry_term_bound);
         self.cut.nodes_visited += count as u32;
         self.place(indices, bounds, count);
     }

@@ -14,7 +14,7 @@ const TREES: u64 = 100_000;
 const ROUNDING: f32 = 1e-4;
 
 fn build(scene: &Scene) -> LightTree {
-    LightTree::build(&scene.lights, BuildParams { softening2: scene.softening2, seed: scene.seed })
+    LightTree::build(&scene.lights, BuildParams::bounded_by(scene.geometry_term_bound).with_seed(scene.seed))
 }
 
 fn lights_below(tree: &LightTree, index: usize) -> Vec<usize> {
@@ -33,7 +33,7 @@ fn face_to_face(tree: &LightTree, node: &Node, from: Vec3, strongest: Vec3) -> f
         return reflected;
     }
     let nearest = (node.low - from).max(from - node.high).max(Vec3::ZERO);
-    reflected / (nearest.length_squared() + tree.softening2)
+    reflected / (nearest.length_squared() + tree.geometry_term_bound)
 }
 
 /// Everything a cluster can give, and the difference of any two such values, stays below the bound: for the estimate, the
@@ -43,9 +43,9 @@ fn check<R: Receiver>(tree: &LightTree, receiver: &R, strongest: Vec3, shadows: 
     let clusters = tree.nodes.iter().enumerate().filter(|(index, _)| *index > 0 || !tree.is_joint());
     let mut checked = 0;
     for (index, node) in clusters {
-        let bound = error_bound(receiver, position.into(), &Cluster::one(node), tree.softening2);
+        let bound = error_bound(receiver, position.into(), &ClusterBounds::one(node), tree.geometry_term_bound);
         let limit = bound * 1.0001 + ROUNDING * face_to_face(tree, node, position, strongest);
-        let unit = |k: usize| unshadowed_by(receiver, &tree.lights[k], tree.softening2);
+        let unit = |k: usize| unshadowed_by(receiver, &tree.lights[k], tree.geometry_term_bound);
         let below = lights_below(tree, index);
         let lit = |k: usize| luminance(unit(k) * tree.lights[k].intensity);
         let all: f32 = below.iter().map(|&k| lit(k)).sum();
@@ -150,15 +150,15 @@ fn compare<R: Receiver>(tree: &LightTree, receiver: &R) {
         let together = error_bound(
             receiver,
             Vector3::splat(position),
-            &Cluster::four([&four[0], &four[1], &four[2], &four[3]]),
-            Vec4::splat(tree.softening2),
+            &ClusterBounds::four([&four[0], &four[1], &four[2], &four[3]]),
+            Vec4::splat(tree.geometry_term_bound),
         );
         for (k, node) in four.iter().enumerate() {
-            let alone = error_bound(receiver, position.into(), &Cluster::one(node), tree.softening2);
+            let alone = error_bound(receiver, position.into(), &ClusterBounds::one(node), tree.geometry_term_bound);
             assert_eq!(together[k].to_bits(), alone.to_bits(), "{} {alone}: {node:?}", together[k]);
             if node.is_leaf() {
                 let light: &Light = &tree.lights[node.representative as usize];
-                let value = luminance(unshadowed_by(receiver, light, tree.softening2) * light.intensity);
+                let value = luminance(unshadowed_by(receiver, light, tree.geometry_term_bound) * light.intensity);
                 let strongest: Vec3 = receiver.reflect_bound(&around()).into();
                 let rounding = 1e-4 * alone + ROUNDING * face_to_face(tree, node, position, strongest);
                 assert!(value <= alone + rounding, "{value} {alone}");
@@ -175,7 +175,7 @@ fn bundles_are_bounded_together() {
         let scene = random.scene(8);
         let tree = build(&scene);
         let (apart, tilt) = (random.within(0.0, 0.3), random.within(0.0, 1.5));
-        let length = scene.softening2.sqrt();
+        let length = scene.geometry_term_bound.sqrt();
         let spread: Vec<Lambert> = (0..6)
             .map(|_| Lambert {
                 position: scene.receiver.position + random.vector() * length * apart,
@@ -212,10 +212,10 @@ fn together<R: Bundled>(tree: &LightTree, receivers: &[R], strongest: impl Fn(&R
     ];
     let bundle = R::bundle(receivers);
     for (index, node) in tree.nodes.iter().enumerate().skip(usize::from(tree.is_joint())) {
-        let of_all = error_bound_of_bundle(&bundle, corners, &Cluster::one(node), tree.softening2);
+        let of_all = error_bound_of_bundle(&bundle, corners, &ClusterBounds::one(node), tree.geometry_term_bound);
         let below = lights_below(tree, index);
         for receiver in receivers {
-            let unit = |k: usize| unshadowed_by(receiver, &tree.lights[k], tree.softening2);
+            let unit = |k: usize| unshadowed_by(receiver, &tree.lights[k], tree.geometry_term_bound);
             let all: f32 = below.iter().map(|&k| luminance(unit(k) * tree.lights[k].intensity)).sum();
             let estimate = luminance(unit(node.representative as usize) * node.intensity);
             let rounding = ROUNDING * face_to_face(tree, node, receiver.position(), strongest(receiver));

@@ -240,8 +240,8 @@ impl<'s, 'a> Preparation<'s, 'a> {
                     intensity,
                 });
                 let lights: Vec<Light> = anchors.chain(self.lights_that_stay(&emitters, surfaces, &sampled)).collect();
-                let softening2 = self.anchors.softening(self.plan.is_on(Stage::Compensation));
-                let params = BuildParams { softening2, seed: self.settings.seed };
+                let bound = self.anchors.softening(self.plan.is_on(Stage::Compensation));
+                let params = BuildParams::bounded_by(bound).with_seed(self.settings.seed);
                 Arc::new(busy.measure(|| LightTree::build(&lights, params)))
             }
         };

@@ -156,27 +156,21 @@ impl Illumination for Cuts<'_> {
         let stop = self.stop(site, &surroundings);
         // Where estimates do not steer the cut, its rays wait until all are known.
         let later = matches!(stop, Stop::Absolute(_));
-        let (mut clusters, mut visible) = (Vec::new(), Vec::new());
         let class = self.class_of(site);
-        let cut = transport.prepared.tree.lightcut_with(
-            &white,
-            transport.calibrated(stop, class),
-            |lamp, _| later || transport.visible(&receiver, lamp),
-            scratch,
-            |cluster, unit| {
-                let (word, bit) = (clusters.len() / PACKET, clusters.len() % PACKET);
-                visible.resize(word + 1, 0u64);
-                visible[word] |= u64::from(unit != Vec3::ZERO) << bit;
-                clusters.push(cluster);
-            },
-        );
+        let sees = |lamp: &Light, _: usize| later || transport.visible(&receiver, lamp);
+        let cut = transport.prepared.tree.lightcut_kept(&white, transport.calibrated(stop, class), sees, scratch);
+        let clusters: Box<[Cluster]> = scratch.kept().iter().map(|kept| kept.cluster).collect();
+        let mut visible = vec![0u64; clusters.len().div_ceil(PACKET)];
+        for (k, kept) in scratch.kept().iter().enumerate() {
+            visible[k / PACKET] |= u64::from(kept.transport != Vec3::ZERO) << (k % PACKET);
+        }
         transport.figures.count(cut.size, cut.shadow_rays);
         let threshold = match stop {
             Stop::Absolute(threshold) => threshold,
             Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + luminance(cut.radiance)),
         };
         let mut recipe = Recipe {
-            clusters: clusters.into(),
+            clusters,
             visible: visible.into(),
             surroundings,
             near_moving: self.is_near(&self.standing, site),
@@ -287,12 +281,12 @@ impl Cuts<'_> {
         for cluster in recipe.seen_clusters() {
             let light = &tree.lights()[cluster.light as usize];
             let intensity = tree.cluster_intensity(cluster);
-            let term = irradiance_term(position, normal, light, tree.softening2());
+            let term = irradiance_term(position, normal, light, tree.geometry_term_bound());
             irradiance += intensity * term.value;
             by_normal += outer(intensity, term.by_normal);
             by_position += outer(intensity, term.by_position);
         }
-        let (carried, softening2) = self.transport.prepared.direct.carried();
+        let (carried, geometry_term_bound) = self.transport.prepared.direct.carried();
         // What would give next to nothing counts as seen.
         let unasked = UNASKED_SHARE * luminance(irradiance);
         let mut rays = 0;
@@ -302,7 +296,7 @@ impl Cuts<'_> {
             for (i, (anchor, intensity)) in anchors.iter().enumerate() {
                 let emission = Emission::Cosine(anchor.normal.into());
                 let lamp = Light { position: anchor.position.into(), emission, intensity: *intensity };
-                terms[i] = irradiance_term(position, normal, &lamp, softening2);
+                terms[i] = irradiance_term(position, normal, &lamp, geometry_term_bound);
                 gives |= u64::from(terms[i].value > 0.0) << i;
                 ask |= u64::from(luminance(*intensity * terms[i].value) > unasked) << i;
             }
@@ -332,7 +326,7 @@ impl Cuts<'_> {
         let (position, normal) = (receiver.position.into(), receiver.normal.into());
         let of = |cluster: Cluster| {
             let light = &tree.lights()[cluster.light as usize];
-            tree.cluster_intensity(cluster) * irradiance_term(position, normal, light, tree.softening2()).value
+            tree.cluster_intensity(cluster) * irradiance_term(position, normal, light, tree.geometry_term_bound()).value
         };
         recipe.seen_clusters().map(of).sum()
     }

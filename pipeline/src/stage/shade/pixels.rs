@@ -10,7 +10,7 @@ use super::cuts::{LightTransport, is_above, receiver};
 use super::macroblock::by_macroblock;
 use crate::settings::Lighting;
 use glam::{Vec3, Vec3A};
-use lighttree::{Calibration, Cut, Lambert, Light, Scratch, Stop};
+use lighttree::{Calibration, Cut, Lambert, Light, Receivers, Scratch, Stop};
 use plane::Plane;
 use render_core::{Busy, NOTHING, Receiver};
 use std::cell::Cell;
@@ -107,16 +107,16 @@ impl Block {
             }
         }
         positions.extend(together.iter().map(|lit| lit.receiver.position));
-        let visible = |lamp: &Light, _: usize, asking: u64| {
+        let visible = |lamp: &Light, _: usize, rays: u64| {
             let place = Vec3A::from(lamp.position);
             let above = together
                 .iter()
                 .enumerate()
                 .fold(0, |above, (k, lit)| above | u64::from(is_above(&lit.receiver, place)) << k);
-            let asking = asking & above;
-            asking & !transport.prepared.accelerator.occluded_packet(place, positions, asking)
+            let rays = rays & above;
+            rays & !transport.prepared.accelerator.occluded_packet(place, positions, rays)
         };
-        transport.prepared.tree.lightcuts(lamberts, thresholds, visible, scratch, cuts);
+        transport.prepared.tree.lightcuts(Receivers { receivers: lamberts, thresholds }, visible, scratch, cuts);
         for ((lit, cut), &stop) in together.iter().zip(&*cuts).zip(&*stops) {
             finish(transport, lit, stop, cut, scratch);
             put(lit, cut.radiance);
