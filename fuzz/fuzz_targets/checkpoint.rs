@@ -6,16 +6,16 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use pipeline::checkpoint::{Checkpoints, path_for};
+use pipeline::feedback_loop::Run;
+use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
 use pipeline::settings::Switch;
-use pipeline::{Plan, Settings, Wishes, render_from};
+use pipeline::{Plan, Render, Settings, Wishes};
 use render_core::scene::{self, Scene};
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// As `pipeline/src/checkpoint/file.rs` stores it.
+/// As `pipeline/src/feedback_loop/checkpoint/file.rs` stores it.
 #[derive(Clone, Serialize, Deserialize)]
 struct Stored {
     program: String,
@@ -62,10 +62,11 @@ impl Film {
             };
             let settings = Settings::new(path.clone(), &scene, wishes).expect("settings");
             let plan = Plan::new(&scene, &settings);
-            let checkpoints = Checkpoints::new(&settings, &plan, Some(Duration::ZERO)).expect("a place");
-            let output = checkpoints.output(&settings).expect("a place");
-            let stop = AtomicBool::new(false);
-            render_from(&checkpoints, &scene, &settings, &plan, output, &stop, &()).expect("a film");
+            let job = FilmJob::of(&settings).expect("a scene");
+            let checkpoints = Checkpoints::new(&job, Some(Duration::ZERO)).expect("a place");
+            let mut film = Render::new(&scene, &settings, &plan, &checkpoints).expect("a film");
+            film.write_to(&settings.output).expect("a place");
+            film.finish(Run::default()).expect("a film");
             let bytes = std::fs::read(path_for(&settings.output)).expect("a checkpoint");
             let (stored, _) =
                 bincode::serde::decode_from_slice::<Stored, _>(&bytes[HEADER..], CONFIG).expect("a checkpoint");
@@ -86,7 +87,7 @@ impl Film {
     }
 }
 
-/// The light tree's place among the parts; it stands there as bytes of its own, behind their count.
+/// The light tree's place among the parts.
 const TREE: usize = 0;
 
 /// Puts the right length and checksum into the header of a light tree.
@@ -113,13 +114,9 @@ fn changed(film: &Film, kind: u8, rest: &[u8]) -> Vec<u8> {
     let place = usize::from(kind - 2) % stored.parts.len();
     let part = &mut stored.parts[place];
     let edit = |bytes: &mut Vec<u8>| if kind < 8 { *bytes = rest.to_vec() } else { change(bytes, rest) };
+    edit(part);
     if place == TREE {
-        let (mut tree, _) = bincode::serde::decode_from_slice::<Vec<u8>, _>(part, CONFIG).expect("a tree");
-        edit(&mut tree);
-        seal(&mut tree);
-        *part = bincode::serde::encode_to_vec(&tree, CONFIG).expect("bytes");
-    } else {
-        edit(part);
+        seal(part);
     }
     film.file(&bincode::serde::encode_to_vec(&stored, CONFIG).expect("bytes"))
 }
@@ -135,11 +132,12 @@ fuzz_target!(|data: &[u8]| {
     };
     let Film { scene, settings, plan, .. } = film;
     std::fs::write(path_for(&settings.output), file).expect("a file");
-    let Ok(checkpoints) = Checkpoints::resume(settings, plan, None) else { return };
+    let job = FilmJob::of(settings).expect("a scene");
+    let Ok(checkpoints) = Checkpoints::resume(&job, None) else { return };
+    let Ok(mut continued) = Render::new(scene, settings, plan, &checkpoints) else { return };
     if kind % 28 < 14 {
         return;
     }
     std::fs::write(&settings.output, &film.video).expect("a file");
-    let Ok(output) = checkpoints.output(settings) else { return };
-    let _ = render_from(&checkpoints, scene, settings, plan, output, &AtomicBool::new(false), &());
+    let _ = continued.write_to(&settings.output).and_then(|()| continued.finish(Run::default()));
 });

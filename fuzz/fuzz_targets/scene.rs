@@ -4,12 +4,12 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use pipeline::output::Output;
+use pipeline::feedback_loop::{Run, observe::OnFrame};
+use pipeline::report::FrameReport;
 use pipeline::{Plan, Settings, Wishes};
 use render_core::scene;
 use std::path::PathBuf;
 use std::sync::OnceLock;
-use std::sync::atomic::AtomicBool;
 
 /// Larger scenes are not filmed: they would take the time of thousands of others.
 const MOST_TRIANGLES: usize = 2000;
@@ -32,11 +32,10 @@ fuzz_target!(|data: &[u8]| {
     }
     let wishes =
         Wishes { frames: Some(2), size: "8x8".parse().ok(), vpls: Some(10), photons: Some(100), ..Wishes::default() };
+    let wishes = Wishes { output: Some(folder.path().join("film.m2v")), ..wishes };
     let Ok(settings) = Settings::new(path, &scene, wishes) else { return };
     let plan = Plan::new(&scene, &settings);
-    let output = Output::create(&folder.path().join("film.m2v")).expect("a file");
-    pipeline::render(&scene, &settings, &plan, output, &AtomicBool::new(false), |frame| {
-        assert_eq!(frame.non_finite_pixels, 0, "light that is no number");
-    })
-    .expect("what loads can be filmed");
+    let check = OnFrame::new(|frame: &FrameReport| assert_eq!(frame.non_finite_pixels, 0, "light that is no number"));
+    let run = Run { observer: &check, ..Run::default() };
+    pipeline::render(&scene, &settings, &plan, run).expect("what loads can be filmed");
 });

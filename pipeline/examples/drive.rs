@@ -6,14 +6,12 @@
 
 use anyhow::{Context, Result};
 use perceptual::YCbCr;
-use pipeline::checkpoint::Checkpoints;
-use pipeline::observe::Observer;
-use pipeline::output::Output;
+use pipeline::feedback_loop::Run;
+use pipeline::feedback_loop::observe::Observer;
 use pipeline::report::FrameReport;
 use pipeline::{Plan, Settings, Wishes};
 use plane::Plane;
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::Sender;
 
 /// What is sent out of the stages' threads.
@@ -63,8 +61,6 @@ fn main() -> Result<()> {
     };
     let settings = Settings::new(path, &scene, wishes)?;
     let plan = Plan::new(&scene, &settings);
-    let output = Output::create(&settings.output)?;
-    let stop = AtomicBool::new(false);
     let (news_out, news) = std::sync::mpsc::channel();
     let report = std::thread::scope(|scope| {
         scope.spawn(move || {
@@ -78,7 +74,7 @@ fn main() -> Result<()> {
             }
         });
         let channel = Channel(news_out);
-        pipeline::render_from(&Checkpoints::off(), &scene, &settings, &plan, output, &stop, &channel)
+        pipeline::render(&scene, &settings, &plan, Run { observer: &channel, ..Run::default() })
     })?;
     println!("{} frames, {} bits: {}", report.summary.frames, report.summary.bits_total, settings.output.display());
     Ok(())

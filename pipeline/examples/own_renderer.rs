@@ -9,15 +9,17 @@
 
 use anyhow::{Context, Result};
 use mpeg2enc::{Config, Container, FrameRate};
-use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ThresholdMap, ToneMap};
-use pipeline::couple::{Event, Prepare, Shade, couple};
-use pipeline::output::Output;
-use pipeline::video::Video;
+use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap};
+use pipeline::feedback_loop::checkpoint::Checkpoints;
+use pipeline::feedback_loop::observe::Observer;
+use pipeline::feedback_loop::parts::{LastThresholds, Prepare, Prepared, Shade, Shaded};
+use pipeline::feedback_loop::{Parts, Run, couple};
+use pipeline::film::{Display, Video};
 use plane::Plane;
 use render_core::{Correspondence, NO_MATCH};
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 
 const SIZE: (usize, usize) = (192, 128);
 const FRAMES: u32 = 50;
@@ -45,7 +47,7 @@ struct Motion;
 impl Prepare for Motion {
     type Frame = u32;
 
-    fn prepare(&mut self, frame: u32) -> Option<(u32, Option<Arc<Correspondence>>)> {
+    fn step(&mut self, frame: u32) -> Option<Prepared<u32>> {
         if frame == FRAMES {
             return None;
         }
@@ -68,7 +70,11 @@ impl Prepare for Motion {
                 }),
             })
         });
-        Some((frame, known))
+        Some(Prepared { frame, correspondence: known, ..Prepared::default() })
+    }
+
+    fn restore(&mut self, _state: &[u8], last: u32) -> pipeline::error::Result<Prepared<u32>> {
+        Ok(self.step(last).expect("a frame of the film"))
     }
 }
 
@@ -77,7 +83,8 @@ impl Prepare for Motion {
 struct Samples(Arc<AtomicU64>);
 
 impl Shade<u32> for Samples {
-    fn shade(&mut self, frame: u32, thresholds: &ThresholdMap) -> Plane<[f32; 3]> {
+    fn step(&mut self, prepared: &Prepared<u32>, thresholds: LastThresholds<'_>) -> Shaded {
+        let (frame, thresholds) = (prepared.frame, thresholds.map(SIZE.0, SIZE.1));
         let mut taken = 0;
         let picture = Plane::from_fn(SIZE.0, SIZE.1, |x, y| {
             let (mut sum, mut squares, mut count) = (0.0f32, 0.0f32, 0.0f32);
@@ -96,7 +103,11 @@ impl Shade<u32> for Samples {
             }
         });
         self.0.fetch_add(taken, Ordering::Relaxed);
-        picture
+        Shaded { radiance: picture, ..Shaded::default() }
+    }
+
+    fn restore(&mut self, _state: &[u8], _last: &Prepared<u32>) -> pipeline::error::Result<()> {
+        Ok(())
     }
 }
 
@@ -109,6 +120,17 @@ fn radical_inverse(base: u32, mut index: u32) -> f32 {
     value
 }
 
+/// The largest threshold of a film.
+#[derive(Default)]
+struct Widest(Mutex<f32>);
+
+impl Observer for Widest {
+    fn thresholds(&self, _: u32, delta: &Plane<f32>) {
+        let mut widest = self.0.lock().expect("no observer panicked");
+        *widest = delta.samples().iter().copied().fold(*widest, f32::max);
+    }
+}
+
 fn main() -> Result<()> {
     let path = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "own_renderer.m2v".into()));
     let container = Container::of(&path).context("name the output .m2v, .mpg or .ts")?;
@@ -118,22 +140,24 @@ fn main() -> Result<()> {
         let tone_map = ToneMap::default();
         let masking = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT);
         let samples = Samples::default();
-        let mut output = Output::create(&path)?;
-        let mut widest = 0.0f32;
-        couple(Motion, samples.clone(), masking, video, SIZE, tone_map, |event| {
-            match event {
-                Event::Bytes(bytes) => output.write(&bytes)?,
-                Event::Thresholds { delta, .. } => widest = delta.samples().iter().copied().fold(widest, f32::max),
-                Event::Picture { .. } => {}
-            }
-            Ok(())
-        })?;
+        let mut parts = Parts {
+            prepare: Motion,
+            shade: samples.clone(),
+            display: Display::new(tone_map),
+            encode: video,
+            mask: Some(masking),
+        };
+        let checkpoints = Checkpoints::off();
+        let mut start = parts.begin(&checkpoints)?;
+        start.write_to(&path)?;
+        let widest = Widest::default();
+        let frames = couple(parts, start, Run { observer: &widest, ..Run::default() })?;
         let per_pixel = samples.0.load(Ordering::Relaxed) as f64 / (SIZE.0 * SIZE.1) as f64 / f64::from(FRAMES);
         println!(
-            "quantiser_scale {quantiser_scale}: {per_pixel:.2} samples a pixel, {} bytes, thresholds up to {widest:.3}",
-            output.len()
+            "quantiser_scale {quantiser_scale}: {per_pixel:.2} samples a pixel, {} bits, thresholds up to {:.3}",
+            frames.iter().map(|frame| frame.bits).sum::<u64>(),
+            widest.0.into_inner().expect("no observer panicked")
         );
-        output.finish()?;
     }
     Ok(())
 }

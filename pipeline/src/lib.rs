@@ -2,24 +2,18 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
-pub mod checkpoint;
-pub mod couple;
 pub mod error;
+pub mod feedback_loop;
+pub mod film;
 pub mod laboratory;
-pub mod message;
-pub mod observe;
-pub mod output;
-pub mod reference;
 pub mod renderer;
 pub mod report;
 pub mod settings;
-pub mod stage;
-pub mod video;
 
-mod run;
+mod render;
 
 pub use error::{Error, Result};
+pub use render::{Render, render};
 pub use renderer::plan::{self, Plan};
 pub use report::Report;
-pub use run::{render, render_from};
 pub use settings::{Settings, Wishes};

@@ -1,9 +1,11 @@
 //! What a run did and cost, as JSON. The names are kept stable; `schema` counts changes.
 
 use crate::error::{Context, Result};
-use crate::message::FrameFigures;
+use crate::feedback_loop::figures::FrameFigures;
+use crate::feedback_loop::parts::CodedFrame;
 use crate::plan::Step;
 use crate::settings::Settings;
+use mpeg2enc::PictureType;
 use render_core::scene::Scene;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
@@ -146,15 +148,9 @@ pub struct Summary {
 }
 
 impl FrameReport {
-    /// Puts together what the encoder and the stages before it know.
-    pub fn new(
-        index: u32,
-        picture_type: &'static str,
-        bits: u64,
-        qscale: u32,
-        psnr_y: Option<f64>,
-        figures: FrameFigures,
-    ) -> Self {
+    /// The line of a coded picture, with the figures of the stages before the encoder.
+    #[must_use]
+    pub fn new(picture: &CodedFrame, figures: FrameFigures) -> Self {
         let mut seconds = Seconds {
             update: figures.update,
             photons: figures.photons,
@@ -169,11 +165,15 @@ impl FrameReport {
         };
         seconds.total = seconds.sum();
         Self {
-            index,
-            picture_type,
-            bits,
-            qscale,
-            psnr_y,
+            index: picture.index,
+            picture_type: match picture.picture_type {
+                PictureType::I => "I",
+                PictureType::P => "P",
+                PictureType::B => "B",
+            },
+            bits: picture.bits,
+            qscale: picture.quantiser_scale,
+            psnr_y: picture.psnr_y.is_finite().then_some(picture.psnr_y),
             seconds,
             photons_traced: figures.photons_traced,
             cut_size_mean: figures.cut_size_mean,
@@ -273,7 +273,7 @@ impl Report {
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let mut output = crate::output::Output::create(path)?;
+        let mut output = crate::film::output::Output::create(path)?;
         let mut text = serde_json::to_string_pretty(self).context("the report cannot be put into JSON")?;
         text.push('\n');
         output.write(text.as_bytes())?;

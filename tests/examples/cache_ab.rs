@@ -7,10 +7,10 @@
 //! The arguments are scene, size and frames. Errors are those of frame 0 against cuts for every pixel; the change from frame
 //! to frame is that of luma before compression, in code values, over the 8×8 blocks that change least (the quieter half).
 
+use pipeline::feedback_loop::{Run, observe::OnFrame};
 use pipeline::settings::{Lighting, Size, Switch};
-use pipeline::{Plan, Report, Settings, Wishes, output::Output};
+use pipeline::{Plan, Report, Settings, Wishes};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 use tests::read_y4m;
 
 fn main() {
@@ -68,9 +68,9 @@ fn render(scene: &Path, wishes: Wishes) -> Report {
         std::fs::create_dir_all(folder).expect("a folder for linear frames");
     }
     let plan = Plan::new(&loaded, &settings);
-    let output = Output::create(&settings.output).expect("the film can be written");
     let tell = |frame: &pipeline::report::FrameReport| eprint!("\rframe {}   ", frame.index);
-    let report = pipeline::render(&loaded, &settings, &plan, output, &AtomicBool::new(false), tell);
+    let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
+    let report = pipeline::render(&loaded, &settings, &plan, run);
     eprint!("\r             \r");
     report.expect("the run succeeds")
 }

@@ -9,11 +9,11 @@
 //! NAME.mvp the motion to the frame before: pairs of i16, little endian, in 64ths of a pixel, −32768 where the surface could not be
 //! seen; zeros for the first frame.
 
+use pipeline::feedback_loop::{Run, observe::OnFrame};
 use pipeline::settings::Size;
-use pipeline::{Plan, Wishes, output::Output};
+use pipeline::{Plan, Wishes};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
 const SCENES: [&str; 3] = ["cornell", "conference", "atrium"];
 
@@ -43,9 +43,9 @@ fn write_clip(name: &str, base: &Path, size: Size, frames: u32) {
     };
     let (scene, settings) = tests::load(&path, wishes);
     let plan = Plan::new(&scene, &settings);
-    let output = Output::create(&settings.output).expect("the folder can be written to");
     let tell = |frame: &pipeline::report::FrameReport| eprint!("\r{name}: frame {}   ", frame.index);
-    pipeline::render(&scene, &settings, &plan, output, &AtomicBool::new(false), tell).expect("the run succeeds");
+    let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
+    pipeline::render(&scene, &settings, &plan, run).expect("the run succeeds");
     let mut bytes = Vec::new();
     for motion in tests::motion(&scene, &settings) {
         let Some(motion_px) = motion else {

@@ -10,10 +10,10 @@
 //! known yet. The all-lights frames are kept in `out/closed_loop/`, since they take most of the time.
 
 use mpeg2enc::Picture;
+use pipeline::feedback_loop::{Run, observe::OnFrame};
 use pipeline::settings::{Lighting, Size, Switch, Thresholds};
-use pipeline::{Plan, Report, Settings, Wishes, output::Output};
+use pipeline::{Plan, Report, Settings, Wishes};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 use tests::{decode_ffmpeg, read_y4m};
 
 fn main() {
@@ -96,10 +96,9 @@ impl Job {
         let scene = render_core::scene::load(&self.scene).expect("the scene loads");
         let settings = Settings::new(self.scene.clone(), &scene, wishes).expect("the settings fit");
         let plan = Plan::new(&scene, &settings);
-        let output = Output::create(&settings.output).expect("out/closed_loop can be written");
-        let never = AtomicBool::new(false);
         let tell = |frame: &pipeline::report::FrameReport| eprint!("\rframe {}   ", frame.index);
-        let report = pipeline::render(&scene, &settings, &plan, output, &never, tell).expect("the run succeeds");
+        let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
+        let report = pipeline::render(&scene, &settings, &plan, run).expect("the run succeeds");
         eprint!("\r             \r");
         report
     }

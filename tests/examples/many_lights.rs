@@ -11,11 +11,10 @@
 //! then for each pixel position, normal, albedo (9 × f32, zero normal where there is nothing)     all little-endian
 //! ```
 
-use std::sync::atomic::AtomicBool;
-
 use glam::{Vec3, Vec3A};
 use lighttree::{Cut, Lambert, Light, Receivers, Scratch, Stop, luminance};
-use pipeline::{Plan, Wishes, stage};
+use pipeline::renderer::Preparation;
+use pipeline::{Plan, Wishes};
 use render_core::Busy;
 
 /// Side of a block \[pixels\].
@@ -36,9 +35,8 @@ fn main() {
         ..Wishes::default()
     };
     let (scene, settings) = tests::load(scene.as_ref(), wishes);
-    let (sender, frames) = crossbeam_channel::bounded(1);
-    stage::prepare::run(&scene, &settings, &Plan::new(&scene, &settings), &AtomicBool::new(false), &sender);
-    let frame = frames.recv().expect("one frame");
+    let plan = Plan::new(&scene, &settings);
+    let frame = Preparation::new(&scene, &settings, &plan).frame(0).frame;
 
     let pixels = &frame.seen.pixels;
     let receiver = |x: usize, y: usize| {

@@ -8,10 +8,10 @@
 //! Prices of the units, which `pipeline/src/plan/estimate.rs` holds, are the seconds here by the work there: pixels, photons,
 //! lights.
 
+use pipeline::feedback_loop::Run;
 use pipeline::plan::Stage;
-use pipeline::{Plan, Report, Settings, Wishes, output::Output};
+use pipeline::{Plan, Report, Settings, Wishes};
 use render_core::scene;
-use std::sync::atomic::AtomicBool;
 
 /// Stages of the plan whose time stands alone in the report, with their seconds there.
 type Timed = (Stage, fn(&pipeline::report::Seconds) -> f64);
@@ -40,9 +40,7 @@ fn main() -> anyhow::Result<()> {
         };
         let settings = Settings::new(path.into(), &scene, wishes)?;
         let plan = Plan::new(&scene, &settings);
-        let output = Output::create(&settings.output)?;
-        let Report { frames, .. } =
-            pipeline::render(&scene, &settings, &plan, output, &AtomicBool::new(false), |_| ())?;
+        let Report { frames, .. } = pipeline::render(&scene, &settings, &plan, Run::default())?;
         let mean = |seconds: fn(&pipeline::report::Seconds) -> f64| {
             frames[1..].iter().map(|frame| seconds(&frame.seconds)).sum::<f64>() / (frames.len() - 1) as f64
         };

@@ -1,11 +1,12 @@
 //! The renderer's motion and the encoder, outside of the pipeline.
 
 use mpeg2enc::{MotionField, Packet, Picture};
-use pipeline::{Plan, Settings, Wishes, stage};
+use pipeline::feedback_loop::parts::Prepare;
+use pipeline::renderer::Preparation;
+use pipeline::{Plan, Settings, Wishes};
 use plane::Plane;
 use render_core::scene::{self, Scene};
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
 /// Loads a scene and fills in `wishes` for it.
 pub fn load(path: &Path, wishes: Wishes) -> (Scene, Settings) {
@@ -22,15 +23,9 @@ pub fn motion_fields(scene: &Scene, settings: &Settings) -> Vec<Option<MotionFie
 /// The same as planes: where each pixel was in the frame before minus where it is, in pixels; NaN where it was not seen.
 pub fn motion(scene: &Scene, settings: &Settings) -> Vec<Option<Plane<[f32; 2]>>> {
     let plan = Plan::new(scene, settings);
-    let (out, frames) = crossbeam_channel::bounded(1);
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            // Owned here, so that the channel closes when the stage ends.
-            let out = out;
-            stage::prepare::run(scene, settings, &plan, &AtomicBool::new(false), &out);
-        });
-        frames.iter().map(|frame| frame.correspondence.map(|known| known.motion.clone())).collect()
-    })
+    let mut preparation = Preparation::new(scene, settings, &plan);
+    let frames = (0..).map_while(|index| preparation.step(index));
+    frames.map(|frame| frame.correspondence.map(|known| known.motion.clone())).collect()
 }
 
 /// Encodes `frames` with the encoder that `settings` ask for, each with its motion field if there is one.

@@ -3,13 +3,13 @@
 //! A stage that works on something asks for memory by its size. So bytes that are the same for any number of pixels, photons and
 //! lights are those of a stage that did not run; where it runs, they differ.
 
-use crossbeam_channel::bounded;
-use pipeline::stage::prepare;
-use pipeline::{Plan, Settings, Wishes, output::Output};
+use pipeline::feedback_loop::Run;
+use pipeline::feedback_loop::parts::Prepare;
+use pipeline::renderer::Preparation;
+use pipeline::{Plan, Settings, Wishes};
 use render_core::scene::Scene;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::alloc::System;
-use std::sync::atomic::AtomicBool;
 use tempfile::TempDir;
 use tests::{Glb, Moving, checkered_room, load};
 
@@ -59,16 +59,9 @@ impl Job {
 fn of_a_later_frame(room: &Glb, work: Work) -> usize {
     let of_film = |count: u32| {
         let Job { scene, settings, plan, _folder } = &Job::new(room, work, count);
-        let (out, frames) = bounded(0);
         let region = Region::new(COUNTED);
-        std::thread::scope(|scope| {
-            scope.spawn(|| {
-                // Owned here, so that the channel closes when the stage ends.
-                let out = out;
-                prepare::run(scene, settings, plan, &AtomicBool::new(false), &out);
-            });
-            assert_eq!(frames.iter().count(), count as usize);
-        });
+        let mut preparation = Preparation::new(scene, settings, plan);
+        assert_eq!((0..).map_while(|index| preparation.step(index)).count(), count as usize);
         region.change().bytes_allocated
     };
     of_film(9).saturating_sub(of_film(3)) / 6
@@ -77,9 +70,8 @@ fn of_a_later_frame(room: &Glb, work: Work) -> usize {
 /// Bytes of a whole run.
 fn of_a_run(room: &Glb, work: Work) -> usize {
     let Job { scene, settings, plan, _folder } = &Job::new(room, work, 4);
-    let output = Output::create(&settings.output).unwrap();
     let region = Region::new(COUNTED);
-    pipeline::render(scene, settings, plan, output, &AtomicBool::new(false), |_| ()).unwrap();
+    pipeline::render(scene, settings, plan, Run::default()).unwrap();
     region.change().bytes_allocated
 }
 

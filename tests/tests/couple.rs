@@ -1,104 +1,223 @@
-//! The loop with parts of one's own.
+//! The loop with parts of one's own: thresholds, failures, checkpoints and reports.
 
 use mpeg2enc::{Config, Container, FrameRate};
-use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ThresholdMap, ToneMap, still_matches};
-use pipeline::couple::{Event, Prepare, Shade, couple};
-use pipeline::video::Video;
-use pipeline::{Error, Result};
+use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap, YCbCr, still_matches};
+use pipeline::error::Result;
+use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob};
+use pipeline::feedback_loop::observe::Observer;
+use pipeline::feedback_loop::parts::{Coded, Displayed, Encode, LastThresholds, Prepare, Prepared, Shade, Shaded};
+use pipeline::feedback_loop::{Parts, Run, couple};
+use pipeline::film::{Display, Video};
+use pipeline::report::FrameReport;
 use plane::Plane;
 use render_core::Correspondence;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 use tests::decode_ffmpeg;
 
 const SIZE: (usize, usize) = (64, 64);
-const FRAMES: u32 = 5;
+const FRAMES: u32 = 8;
 
 /// A still picture.
+#[derive(Debug)]
 struct Still;
 
 impl Prepare for Still {
     type Frame = u32;
 
-    fn prepare(&mut self, index: u32) -> Option<(u32, Option<Arc<Correspondence>>)> {
-        let known = (index > 0).then(|| {
+    fn step(&mut self, index: u32) -> Option<Prepared<u32>> {
+        let correspondence = (index > 0).then(|| {
             let motion = Plane::filled(SIZE.0, SIZE.1, [0.0; 2]);
             Arc::new(Correspondence { motion, matches: still_matches(SIZE.0, SIZE.1) })
         });
-        (index < FRAMES).then_some((index, known))
+        (index < FRAMES).then(|| Prepared { frame: index, correspondence, ..Prepared::default() })
+    }
+
+    fn restore(&mut self, _: &[u8], last: u32) -> Result<Prepared<u32>> {
+        Ok(self.step(last).expect("a frame of the film"))
     }
 }
 
-/// A pattern, and a note of the thresholds it was asked to keep; panics at a frame if it shall.
+/// A pattern that changes with the number of frames so far, and a note of the thresholds that it had to keep.
+#[derive(Debug)]
 struct Pattern {
     allowed: Arc<Mutex<Vec<Option<f32>>>>,
     panics_at: Option<u32>,
+    /// Frames so far: the state of this renderer.
+    count: u8,
 }
 
 impl Shade<u32> for Pattern {
-    fn shade(&mut self, frame: u32, thresholds: &ThresholdMap) -> Plane<[f32; 3]> {
-        assert!(Some(frame) != self.panics_at, "as asked");
-        self.allowed.lock().unwrap().push(thresholds.get(20, 10));
-        Plane::from_fn(SIZE.0, SIZE.1, |x, y| [0.3 + 0.2 * ((x * 7 + y * 3) as f32).sin(); 3])
+    fn step(&mut self, prepared: &Prepared<u32>, thresholds: LastThresholds<'_>) -> Shaded {
+        assert!(Some(prepared.frame) != self.panics_at, "as the test wants");
+        let allowed = thresholds.map(SIZE.0, SIZE.1).get(20, 10);
+        self.allowed.lock().unwrap().push(allowed);
+        self.count += 1;
+        // A renderer that is as wrong as it may be: what it is told shows in the film.
+        let wrong = allowed.unwrap_or(0.0) + 0.01 * f32::from(self.count);
+        let radiance = Plane::from_fn(SIZE.0, SIZE.1, |x, y| [0.3 + wrong + 0.2 * ((x * 7 + y * 3) as f32).sin(); 3]);
+        Shaded { radiance, ..Shaded::default() }
+    }
+
+    fn state(&self) -> Vec<u8> {
+        vec![self.count]
+    }
+
+    fn restore(&mut self, state: &[u8], last: &Prepared<u32>) -> Result<()> {
+        self.count = state[0];
+        assert_eq!(u32::from(self.count), last.frame + 1);
+        Ok(())
     }
 }
 
-type Allowed = Vec<Option<f32>>;
+type Film<E> = Parts<Still, Pattern, Feedback, E>;
 
-fn film(quantiser_scale: u32, panics_at: Option<u32>, out: impl FnMut(Event) -> Result<()>) -> (Result<()>, Allowed) {
+fn film(quantiser_scale: u32, panics_at: Option<u32>) -> Film<Video> {
     let config = Config::new(SIZE.0, SIZE.1, FrameRate::FPS_25);
-    let video = Video::immediate(config, Container::Elementary, quantiser_scale).unwrap();
     let tone_map = ToneMap::default();
-    let masking = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT);
-    let allowed: Arc<Mutex<Allowed>> = Arc::default();
-    let pattern = Pattern { allowed: allowed.clone(), panics_at };
-    let result = couple(Still, pattern, masking, video, SIZE, tone_map, out);
-    let allowed = allowed.lock().unwrap().clone();
-    (result, allowed)
+    Parts {
+        prepare: Still,
+        shade: Pattern { allowed: Arc::default(), panics_at, count: 0 },
+        display: Display::new(tone_map),
+        encode: Video::immediate(config, Container::Elementary, quantiser_scale).unwrap(),
+        mask: Some(Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT)),
+    }
+}
+
+/// Collects everything that an observer sees.
+#[derive(Default)]
+struct Seen {
+    order: Mutex<String>,
+    thresholds: Mutex<Vec<(u32, f32)>>,
+    stream: Mutex<Vec<u8>>,
+}
+
+impl Observer for Seen {
+    fn picture(&self, index: u32, _: &YCbCr) {
+        self.order.lock().unwrap().push_str(&format!("p{index}"));
+    }
+
+    fn thresholds(&self, index: u32, delta: &Plane<f32>) {
+        self.order.lock().unwrap().push_str(&format!("t{index}"));
+        self.thresholds.lock().unwrap().push((index, delta.get(20, 10)));
+    }
+
+    fn bytes(&self, bytes: &[u8]) {
+        self.stream.lock().unwrap().extend(bytes);
+    }
+
+    fn frame(&self, report: &FrameReport) {
+        self.order.lock().unwrap().push_str(&format!("f{}", report.index));
+    }
+}
+
+fn run<E: Encode>(mut film: Film<E>, seen: &Seen) -> Result<Vec<FrameReport>> {
+    let checkpoints = Checkpoints::off();
+    let start = film.begin(&checkpoints)?;
+    couple(film, start, Run { observer: seen, ..Run::default() })
 }
 
 #[test]
 fn a_renderer_gets_the_thresholds_of_the_frame_before() {
     let [fine, coarse] = [2, 40].map(|quantiser_scale| {
-        let (mut told, mut stream, mut order) = (Vec::new(), Vec::new(), String::new());
-        let (result, allowed) = film(quantiser_scale, None, |event| {
-            match event {
-                Event::Picture { .. } => order.push('p'),
-                Event::Bytes(bytes) => {
-                    order.push('b');
-                    stream.extend(bytes);
-                }
-                Event::Thresholds { of, delta } => {
-                    order.push('t');
-                    told.push((of, delta.get(20, 10)));
-                }
-            }
-            Ok(())
-        });
-        result.unwrap();
-        assert_eq!(order, "pbtpbtpbtpbtpbtb");
-        // 2 % before anything was seen; then just what was told of the frame before.
+        let (film, seen) = (film(quantiser_scale, None), Seen::default());
+        let allowed = film.shade.allowed.clone();
+        let report = run(film, &seen).unwrap();
+        assert_eq!(report.iter().map(|frame| frame.index).collect::<Vec<_>>(), (0..FRAMES).collect::<Vec<_>>());
+        assert!(report.iter().all(|frame| frame.bits > 0 && frame.seconds.encode > 0.0));
+        let order: String = (0..FRAMES).map(|n| format!("p{n}f{n}t{n}")).collect();
+        assert_eq!(*seen.order.lock().unwrap(), order);
+        // 2 % before anything was seen; then the thresholds of the frame before.
+        let (allowed, told) = (allowed.lock().unwrap(), seen.thresholds.lock().unwrap());
         assert_eq!(allowed[0], None);
         for (index, allowed) in allowed.iter().enumerate().skip(1) {
             assert_eq!((index as u32 - 1, allowed.unwrap()), told[index - 1]);
         }
         let folder = tempfile::tempdir().unwrap();
         let video = folder.path().join("film.m2v");
-        std::fs::write(&video, &stream).unwrap();
+        std::fs::write(&video, &*seen.stream.lock().unwrap()).unwrap();
         assert_eq!(decode_ffmpeg(&video, SIZE).len(), FRAMES as usize);
         allowed[4].unwrap()
     });
     assert!(coarse > 2.0 * fine, "{coarse} at quantiser_scale 40, {fine} at 2");
 }
 
+/// An encoder whose disk is full at a frame.
+struct Full(Video, u32);
+
+impl Encode for Full {
+    fn step(&mut self, displayed: &Displayed) -> Result<Coded> {
+        if displayed.index == self.1 {
+            return Err(pipeline::error::Error::other("the disk is full"));
+        }
+        self.0.step(displayed)
+    }
+
+    fn finish(self) -> Result<Coded> {
+        self.0.finish()
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<()> {
+        self.0.restore(state)
+    }
+}
+
 #[test]
 fn whatever_fails_the_loop_ends() {
-    let mut count = 0;
-    let (result, _) = film(8, None, |_| {
-        count += 1;
-        if count == 4 { Err(Error::other("the disk is full")) } else { Ok(()) }
-    });
-    assert_eq!(result.unwrap_err().to_string(), "the disk is full");
-    let (result, allowed) = film(8, Some(2), |_| Ok(()));
-    assert!(result.unwrap_err().to_string().contains("panicked"));
-    assert_eq!(allowed.len(), 2);
+    for at in [0, 2, 4] {
+        let Parts { prepare, shade, display, encode, mask } = film(8, None);
+        let full = Parts { prepare, shade, display, encode: Full(encode, at), mask };
+        assert_eq!(run(full, &Seen::default()).unwrap_err().to_string(), "the disk is full");
+    }
+    let film = film(8, Some(2));
+    let allowed = film.shade.allowed.clone();
+    let error = run(film, &Seen::default()).unwrap_err().to_string();
+    assert!(error.contains("shade") && error.contains("fault"), "{error}");
+    assert_eq!(allowed.lock().unwrap().len(), 2);
+}
+
+/// Ends the film when frame `at` is displayed.
+struct Interrupt<'a> {
+    at: u32,
+    stop: &'a AtomicBool,
+}
+
+impl Observer for Interrupt<'_> {
+    fn picture(&self, index: u32, _: &YCbCr) {
+        if index == self.at {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+/// A film of parts of one's own, made in one piece or continued after an early end: the same bytes, and a report of all.
+#[test]
+fn a_renderer_of_ones_own_is_continued_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = folder.path().join("whole.m2v");
+    make(&whole, None);
+    for at in 0..4 {
+        let path = folder.path().join(format!("{at}.m2v"));
+        let first = make(&path, Some(at));
+        assert!((first as u32) < FRAMES, "the film ended early");
+        assert_eq!(make(&path, None), FRAMES as usize, "its report has every frame");
+        assert!(std::fs::read(&path).unwrap() == std::fs::read(&whole).unwrap(), "ended after frame {at}");
+    }
+}
+
+/// Makes the film, or goes on with it; `ends` at a frame, if it does. Gives the number of frames in the report.
+fn make(path: &Path, ends: Option<u32>) -> usize {
+    let mut film = film(16, None);
+    let job = FilmJob::new(path, "a test", "{}", 0);
+    let checkpoints = Checkpoints::resume(&job, Some(Duration::ZERO)).unwrap();
+    let mut start = film.begin(&checkpoints).unwrap();
+    start.write_to(path).unwrap();
+    let stop = AtomicBool::new(false);
+    let report = match ends {
+        Some(at) => couple(film, start, Run { observer: &Interrupt { at, stop: &stop }, stop: &stop }),
+        None => couple(film, start, Run::default()),
+    };
+    report.unwrap().len()
 }

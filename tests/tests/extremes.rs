@@ -2,7 +2,7 @@
 //! light adds up to is what a closed form or the same scene at a common scale says, and what had to be left out is counted.
 
 use glam::{Vec3, vec3};
-use pipeline::output::Output;
+use pipeline::feedback_loop::Run;
 use pipeline::settings::Lighting;
 use pipeline::{Plan, Report, Settings, Wishes};
 use plane::Plane;
@@ -11,7 +11,6 @@ use render_core::luminance;
 use render_core::scene;
 use serde_json::{Value, json};
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 use tests::{Glb, Moving, checkered_room, furnace};
 
 const SIDE: usize = 32;
@@ -30,11 +29,10 @@ fn film_in(folder: &Path, glb: &Glb, settings: &str, wishes: Wishes) -> Result<(
     let scene = scene::load(&path).map_err(|error| error.to_string())?;
     let exr = folder.join("linear");
     std::fs::create_dir_all(&exr).unwrap();
-    let wishes = Wishes { exr: Some(exr.clone()), ..wishes };
+    let wishes = Wishes { output: Some(folder.join("film.m2v")), exr: Some(exr.clone()), ..wishes };
     let settings = Settings::new(path, &scene, wishes).map_err(|error| error.to_string())?;
     let plan = Plan::new(&scene, &settings);
-    let output = Output::create(&folder.join("film.m2v")).unwrap();
-    let report = pipeline::render(&scene, &settings, &plan, output, &AtomicBool::new(false), |_| ());
+    let report = pipeline::render(&scene, &settings, &plan, Run::default());
     let report = report.map_err(|error| error.chain())?;
     let last = exr.join(format!("frame_{:05}.exr", settings.frames - 1));
     Ok((read_exr(&last).unwrap(), report))

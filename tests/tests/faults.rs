@@ -5,16 +5,14 @@
 #![cfg(unix)]
 
 use perceptual::YCbCr;
-use pipeline::checkpoint::Checkpoints;
-use pipeline::observe::Observer;
-use pipeline::output::Output;
+use pipeline::feedback_loop::Run;
+use pipeline::feedback_loop::observe::Observer;
 use pipeline::report::FrameReport;
-use pipeline::{Plan, Settings, Wishes, render_from};
+use pipeline::{Plan, Settings, Wishes, render};
 use plane::Plane;
 use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 use tests::{Moving, checkered_room, program, sorted_names, tolerant_frame_count};
@@ -71,13 +69,12 @@ fn film_with(panics: Panics, at: u32, more: fn(&mut Wishes)) -> Result<(), Strin
         let scene = render_core::scene::load(&path).unwrap();
         let size = "32x32".parse().ok();
         let mut wishes = Wishes { frames: Some(6), size, vpls: Some(50), photons: Some(1000), ..Wishes::default() };
+        wishes.output = Some(folder.path().join("film.m2v"));
         more(&mut wishes);
         let settings = Settings::new(path, &scene, wishes).unwrap();
         let plan = Plan::new(&scene, &settings);
-        let output = Output::create(&folder.path().join("film.m2v")).unwrap();
-        let stop = AtomicBool::new(false);
-        let saboteur = Saboteur { panics, at };
-        let report = render_from(&Checkpoints::off(), &scene, &settings, &plan, output, &stop, &saboteur);
+        let run = Run { observer: &Saboteur { panics, at }, ..Run::default() };
+        let report = render(&scene, &settings, &plan, run);
         let names = sorted_names(folder.path());
         let expected: &[&str] = if report.is_ok() { &["film.m2v", "room.glb"] } else { &["room.glb"] };
         let report = report.map(|_| ()).map_err(|error| error.chain());

@@ -1,15 +1,14 @@
 //! The loop from the encoder's quantiser back to the renderer's cuts, one frame later.
 
-use crossbeam_channel::{Receiver, Sender, bounded, unbounded};
 use perceptual::{ToneMap, YCbCr, luminance_plane};
-use pipeline::message::{LuminanceThresholds, Prepared, Shaded, ToMask};
+use pipeline::feedback_loop::parts::{Coding, Displayed, LastThresholds, LuminanceThresholds, Mask, Prepare, Shade};
+use pipeline::film::Masking;
+use pipeline::renderer::{Preparation, Shading};
 use pipeline::settings::Switch;
-use pipeline::{Plan, Settings, Wishes, stage};
+use pipeline::{Plan, Settings, Wishes};
 use plane::Plane;
 use render_core::scene::Scene;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::time::Duration;
 use tests::{assert_fails, cornell, load, render};
 
 const SIDE: usize = 48;
@@ -74,117 +73,58 @@ fn small_film(frames: u32) -> (Scene, Settings) {
     load(&cornell(), wishes)
 }
 
-/// Runs the shading stage between channels that the test holds.
-fn with_shading(test: impl FnOnce(&Receiver<Shaded>, &Sender<LuminanceThresholds>)) -> std::thread::Result<()> {
-    let (scene, settings) = small_film(2);
-    let plan = Plan::new(&scene, &settings);
-    let (prepared_out, prepared_in) = bounded::<Prepared>(2);
-    let (thresholds_out, thresholds_in) = bounded(1);
-    let (shaded_out, shaded_in) = bounded(2);
-    stage::prepare::run(&scene, &settings, &plan, &AtomicBool::new(false), &prepared_out);
-    drop(prepared_out);
-    std::thread::scope(|scope| {
-        let shading = scope.spawn(|| {
-            // Owned here, so that the test sees the channels close when the stage ends.
-            let (prepared_in, thresholds_in, shaded_out) = (prepared_in, thresholds_in, shaded_out);
-            stage::shade::run(&settings, &plan, &prepared_in, &thresholds_in, &shaded_out);
-        });
-        test(&shaded_in, &thresholds_out);
-        drop((shaded_in, thresholds_out));
-        shading.join()
-    })
+fn thresholds_of(frame: u32, delta: f32) -> LuminanceThresholds {
+    LuminanceThresholds {
+        of: frame,
+        delta: Arc::new(Plane::filled(SIDE, SIDE, delta)),
+        luminance: Arc::new(Plane::filled(SIDE, SIDE, 1.0)),
+    }
 }
-
-const LONG: Duration = Duration::from_secs(60);
 
 /// Cut sizes of frame 0 and of frame 1, which is given `delta` as the thresholds of frame 0.
 fn cuts_with(delta: f32) -> [f64; 2] {
-    let mut cuts = [0.0; 2];
-    let result = with_shading(|shaded, thresholds| {
-        cuts[0] = shaded.recv_timeout(LONG).unwrap().figures.cut_size_mean;
-        // Frame 1 has all it needs but the thresholds.
-        let early = shaded.recv_timeout(Duration::from_millis(300));
-        assert!(early.is_err(), "frame 1 does not wait for the thresholds of frame 0");
-        thresholds
-            .send(LuminanceThresholds {
-                of: 0,
-                delta: Plane::filled(SIDE, SIDE, delta),
-                luminance: Plane::filled(SIDE, SIDE, 1.0),
-            })
-            .unwrap();
-        let second = shaded.recv_timeout(LONG).unwrap();
-        assert_eq!(second.frame, 1);
-        cuts[1] = second.figures.cut_size_mean;
-    });
-    result.expect("shading ends in order");
-    cuts
+    let (scene, settings) = small_film(2);
+    let plan = Plan::new(&scene, &settings);
+    let (mut preparation, mut shading) = (Preparation::new(&scene, &settings, &plan), Shading::new(&settings, &plan));
+    let first = shading.step(&preparation.step(0).unwrap(), LastThresholds::none());
+    let (prepared, thresholds) = (preparation.step(1).unwrap(), thresholds_of(0, delta));
+    let last = LastThresholds::new(1, Some(&thresholds), prepared.correspondence.as_deref());
+    let second = shading.step(&prepared, last);
+    assert!(preparation.step(2).is_none(), "the film has two frames");
+    [first, second].map(|shaded| shaded.figures.cut_size_mean)
 }
 
 #[test]
-fn a_frame_waits_for_the_thresholds_of_the_one_before_and_keeps_to_them() {
+fn a_frame_keeps_to_the_thresholds_of_the_one_before() {
     let (strict, lax) = (cuts_with(1e-9), cuts_with(1e6));
     println!("cuts of frames 0 and 1: threshold 10⁻⁹ {strict:.1?}, threshold 10⁶ {lax:.1?}");
     assert_eq!(strict[0], lax[0], "frame 0 knows of no thresholds");
-    // What was not seen before keeps 2 % even now: the rest stops at the root.
+    // A pixel that was not visible before keeps 2 % even now: the rest stops at the root.
     assert!(lax[1] < 0.2 * lax[0], "{lax:?}");
     assert!(strict[1] > 2.0 * strict[0], "{strict:?}");
 }
 
 #[test]
+#[should_panic(expected = "out of step")]
 fn thresholds_of_another_frame_are_refused() {
-    let result = with_shading(|shaded, thresholds| {
-        shaded.recv_timeout(LONG).unwrap();
-        thresholds
-            .send(LuminanceThresholds {
-                of: 1,
-                delta: Plane::filled(SIDE, SIDE, 1.0),
-                luminance: Plane::filled(SIDE, SIDE, 1.0),
-            })
-            .unwrap();
-        assert!(shaded.recv_timeout(LONG).is_err(), "no frame is lit by thresholds out of step");
-    });
-    let message = result.expect_err("the stage stops").downcast::<String>().expect("a message");
-    assert!(message.contains("out of step"), "{message}");
+    let thresholds = thresholds_of(1, 1.0);
+    let _ = LastThresholds::new(1, Some(&thresholds), None);
 }
 
 #[test]
-fn masking_stamps_each_map_with_its_frame() {
+fn masking_allows_two_percent_at_least() {
     let (_, settings) = small_film(3);
-    let (to_mask, frames) = bounded(1);
-    let (out, thresholds) = bounded(1);
-    let (times_out, times) = unbounded();
-    std::thread::scope(|scope| {
-        let masking = scope.spawn(|| {
-            let (frames, out, times_out) = (frames, out, times_out);
-            stage::mask::run(&settings, &frames, &out, &times_out)
-        });
-        let tone_map = ToneMap::default();
-        for frame in 0..3 {
-            let level = 0.1 + 0.2 * frame as f32;
-            let radiance = Plane::from_fn(SIDE, SIDE, |x, y| [level * (1.0 + 0.5 * ((x / 5 + y / 3) % 2) as f32); 3]);
-            let luminance = luminance_plane(&radiance);
-            let picture = Arc::new(YCbCr::from_radiance(&radiance, &tone_map));
-            let message = ToMask {
-                frame,
-                checkpoint: false,
-                picture,
-                luminance: luminance.clone(),
-                tone_map,
-                correspondence: None,
-            };
-            to_mask.send(message).unwrap();
-            if frame == 2 {
-                break;
-            }
-            let map = thresholds.recv_timeout(LONG).unwrap();
-            assert_eq!(map.of, frame);
-            // Without a match at the frame before, this is e of eq. (4), never below 2 % of what is seen.
-            let least = map.delta.samples().iter().zip(luminance.samples()).map(|(delta, y)| delta / y);
-            assert!(least.fold(f32::INFINITY, f32::min) >= 0.02 * 0.999);
-        }
-        // The renderer takes no thresholds after its last frame; that is no failure, and masking still ends.
-        drop((thresholds, to_mask));
-        masking.join().expect("masking ends in order").expect("and without an error");
-    });
-    assert_eq!(times.iter().map(|time| time.of).collect::<Vec<_>>(), [0, 1, 2]);
+    let mut masking = Masking::new(&settings).unwrap();
+    let tone_map = ToneMap::default();
+    for index in 0..3 {
+        let level = 0.1 + 0.2 * index as f32;
+        let radiance = Plane::from_fn(SIDE, SIDE, |x, y| [level * (1.0 + 0.5 * ((x / 5 + y / 3) % 2) as f32); 3]);
+        let luminance = Arc::new(luminance_plane(&radiance));
+        let picture = Arc::new(YCbCr::from_radiance(&radiance, &tone_map));
+        let displayed = Displayed { index, picture, luminance, tone_map, correspondence: None, forward: None };
+        let delta = masking.step(&displayed, &Coding::of_quantiser(8.0));
+        // Without a match in the frame before, this is e of eq. (4), never below 2 % of the luminance.
+        let least = delta.samples().iter().zip(displayed.luminance.samples()).map(|(delta, y)| delta / y);
+        assert!(least.fold(f32::INFINITY, f32::min) >= 0.02 * 0.999);
+    }
 }

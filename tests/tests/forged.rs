@@ -1,27 +1,27 @@
 //! Checkpoints whose check sums are right and whose parts are not of the film: a line and no panic.
 
-use pipeline::checkpoint::{Checkpoints, path_for};
+use pipeline::feedback_loop::Run;
+use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
 use pipeline::report::FrameReport;
-use pipeline::{Plan, Settings, Wishes, render_from};
+use pipeline::{Plan, Render, Settings, Wishes};
 use render_core::scene::{self, Scene};
 use std::collections::BTreeMap;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use tempfile::TempDir;
 use tests::{Moving, checkered_room};
 
-/// As `pipeline/src/checkpoint/file.rs` stores it: the job, the last frame that is done, what the stages left.
+/// As `pipeline/src/feedback_loop/checkpoint/file.rs` stores it: the job, the last frame that is done, the states of the parts.
 type Stored = ((String, String, u32), u32, Vec<Vec<u8>>);
 
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 const HEADER: usize = 20;
 /// The places of `Part::Shade` and `Part::Encode`.
 const SHADE: usize = 1;
-const ENCODE: usize = 4;
+const ENCODE: usize = 3;
 
-/// As `pipeline/src/stage/encode.rs` leaves it: the encoder, what waits (nothing, where each frame is coded as it comes),
-/// the report.
-type Encoding = (Vec<u8>, (BTreeMap<u32, ()>, Option<()>), Vec<FrameReport>);
+/// As `pipeline/src/feedback_loop/log.rs` leaves it: bytes of the film, the report, figures of frames that wait (none, where
+/// each frame is coded as it comes), the encoder.
+type Encoding = (u64, Vec<FrameReport>, BTreeMap<u32, ()>, Vec<u8>);
 
 struct Film {
     _folder: TempDir,
@@ -53,7 +53,7 @@ impl Film {
             };
             let settings = Settings::new(path.clone(), &scene, wishes).unwrap();
             let plan = Plan::new(&scene, &settings);
-            let checkpoints = Checkpoints::new(&settings, &plan, Some(Duration::ZERO)).unwrap();
+            let checkpoints = Checkpoints::new(&FilmJob::of(&settings).unwrap(), Some(Duration::ZERO)).unwrap();
             run(&checkpoints, &scene, &settings, &plan).unwrap();
             let bytes = std::fs::read(path_for(&settings.output)).unwrap();
             let (stored, _): (Stored, _) = bincode::serde::decode_from_slice(&bytes[HEADER..], CONFIG).unwrap();
@@ -71,17 +71,19 @@ impl Film {
         file.extend(crc32fast::hash(&body).to_le_bytes());
         file.extend(body);
         std::fs::write(path_for(&self.settings.output), file).unwrap();
-        let checkpoints = Checkpoints::resume(&self.settings, &self.plan, None).map_err(|error| error.chain())?;
+        let job = FilmJob::of(&self.settings).unwrap();
+        let checkpoints = Checkpoints::resume(&job, None).map_err(|error| error.chain())?;
         run(&checkpoints, &self.scene, &self.settings, &self.plan)
     }
 }
 
 fn run(checkpoints: &Checkpoints, scene: &Scene, settings: &Settings, plan: &Plan) -> Result<(), String> {
     let film = || {
-        let output = checkpoints.output(settings)?;
-        render_from(checkpoints, scene, settings, plan, output, &AtomicBool::new(false), &())
+        let mut film = Render::new(scene, settings, plan, checkpoints)?;
+        film.write_to(&settings.output)?;
+        film.finish(Run::default())
     };
-    film().map(|_| ()).map_err(|error| error.chain())
+    film().map(|_| ()).map_err(|error: pipeline::error::Error| error.chain())
 }
 
 /// The records of a film with more lights: their cuts were looked up among lights that are not there.
@@ -120,12 +122,12 @@ fn a_report_that_leaves_a_frame_out_is_refused() {
     let mut stored = film.stored.clone();
     let (mut encoding, _): (Encoding, _) = bincode::serde::decode_from_slice(&stored.2[ENCODE], CONFIG).unwrap();
     for lines in [&[0][..], &[0, 2], &[1, 1], &[0, 1, 2]] {
-        encoding.2 = lines.iter().map(|&index| FrameReport { index, ..encoding.2[0].clone() }).collect();
+        encoding.1 = lines.iter().map(|&index| FrameReport { index, ..encoding.1[0].clone() }).collect();
         stored.2[ENCODE] = bincode::serde::encode_to_vec(&encoding, CONFIG).unwrap();
         let error = film.go_on(&stored).unwrap_err();
         assert!(error.contains("makes no sense") && error.lines().count() == 1, "{error}");
     }
-    encoding.2 = [1, 0].map(|index| FrameReport { index, ..encoding.2[0].clone() }).into();
+    encoding.1 = [1, 0].map(|index| FrameReport { index, ..encoding.1[0].clone() }).into();
     stored.2[ENCODE] = bincode::serde::encode_to_vec(&encoding, CONFIG).unwrap();
     film.go_on(&stored).expect("the order is that of coding");
 }

@@ -2,10 +2,10 @@
 
 use glam::{Vec3, Vec3A, vec3};
 use lighttree::{Lambert, Light, Scratch, Stop};
-use pipeline::{Plan, Wishes, stage};
+use pipeline::renderer::Preparation;
+use pipeline::{Plan, Wishes};
 use plane::Plane;
 use render_core::{image_file::read_exr, luminance};
-use std::sync::atomic::AtomicBool;
 use tests::{cornell, furnace, load, render};
 
 fn frame(folder: &std::path::Path, exr: &str, index: usize) -> Plane<Vec3> {
@@ -123,9 +123,8 @@ fn a_cut_is_within_its_bound_always() {
         ..Wishes::default()
     };
     let (scene, settings) = load(&cornell(), wishes);
-    let (out, frames) = crossbeam_channel::bounded(1);
-    stage::prepare::run(&scene, &settings, &Plan::new(&scene, &settings), &AtomicBool::new(false), &out);
-    let frame = frames.recv().expect("one frame");
+    let plan = Plan::new(&scene, &settings);
+    let frame = Preparation::new(&scene, &settings, &plan).frame(0).frame;
     let mut scratch = Scratch::default();
     let (mut pixels, mut lights) = (0, 0);
     for pixel in frame.seen.pixels.samples() {

@@ -1,12 +1,12 @@
 //! Files from elsewhere, and files made to harm.
 
 use glam::{Vec3, Vec3A, vec2, vec3};
-use pipeline::{Plan, Settings, Wishes, output::Output};
+use pipeline::feedback_loop::Run;
+use pipeline::{Plan, Settings, Wishes};
 use render_core::scene::{self, Alpha, Scene};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use tests::{Glb, Moving, checkered_room, cornell, program, shared_scenes};
 
@@ -492,10 +492,10 @@ fn survives(path: &Path, video: &Path) -> bool {
     let Ok(scene) = scene::load(path) else { return false };
     let wishes =
         Wishes { frames: Some(1), size: "16x16".parse().ok(), vpls: Some(20), photons: Some(200), ..Wishes::default() };
+    let wishes = Wishes { output: Some(video.into()), ..wishes };
     let Ok(settings) = Settings::new(path.into(), &scene, wishes) else { return false };
     let plan = Plan::new(&scene, &settings);
-    let output = Output::create(video).expect("a temporary file");
-    let report = pipeline::render(&scene, &settings, &plan, output, &AtomicBool::new(false), |_| ());
+    let report = pipeline::render(&scene, &settings, &plan, Run::default());
     report.unwrap_or_else(|error| panic!("{}", error.chain()));
     true
 }

@@ -3,8 +3,8 @@
 use crate::progress;
 use anyhow::Result;
 use clap::Args;
-use pipeline::output::Output;
-use pipeline::reference::{self, Method};
+use pipeline::film::output::Output;
+use pipeline::renderer::reference::{self, Method};
 use pipeline::settings::Size;
 use pipeline::{Settings, Wishes};
 use render_core::{PathOptions, PixelSampling, scene};
@@ -81,7 +81,7 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     // An output that cannot be written is told of before the work, not after it.
     drop(Output::create(&output)?);
     let picture = match method {
-        Method::AllLights => reference::by_all_lights(&scene, &settings, frame)?,
+        Method::AllLights => reference::by_all_lights(&scene, &settings, frame),
         Method::Path => {
             let pixel = if centre { PixelSampling::Centre } else { PixelSampling::Area };
             let options = PathOptions { samples: spp, seed: settings.seed, max_bounces: bounces, pixel };

@@ -5,12 +5,13 @@ use crate::log::Log;
 use crate::{INTERRUPTED, config_file, parts, progress, stop_on_interrupt};
 use anyhow::{Context, Result};
 use clap::Args;
-use pipeline::checkpoint::Checkpoints;
-use pipeline::observe::OnFrame;
-use pipeline::output::Output;
+use pipeline::feedback_loop::Run;
+use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob};
+use pipeline::feedback_loop::observe::OnFrame;
+use pipeline::film::output::Output;
 use pipeline::report::FrameReport;
 use pipeline::settings::{Aov, CheckpointEvery};
-use pipeline::{Plan, Settings};
+use pipeline::{Plan, Render as Film, Settings};
 use render_core::scene;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -100,21 +101,20 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     }
     let plan = Plan::new(&scene, &settings);
     let every = checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration);
+    let job = FilmJob::of(&settings)?;
     let checkpoints = match resume {
-        true => Checkpoints::resume(&settings, &plan, every)?,
-        false => Checkpoints::new(&settings, &plan, every)?,
+        true => Checkpoints::resume(&job, every)?,
+        false => Checkpoints::new(&job, every)?,
     };
-    let output = checkpoints.output(&settings)?;
+    let mut film = Film::new(&scene, &settings, &plan, &checkpoints)?;
+    film.write_to(&settings.output)?;
     drop(Output::create(&report_path)?);
     html.as_deref().map(Output::create).transpose()?;
     trace.as_deref().map(Output::create).transpose()?;
-    if checkpoints.first_frame() == 0 {
-        settings.y4m.as_deref().map(Output::create).transpose()?;
-    }
     let log = Log::start(verbose, trace);
 
     let stop = stop_on_interrupt()?;
-    let first = checkpoints.first_frame();
+    let first = film.first_frame();
     let progress = progress::Progress::new(&settings, &scene, first, quiet || verbose > 0);
     let lines = progress::JsonLines::new(json_progress);
     lines.begin(&settings, first);
@@ -122,7 +122,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
         progress.frame(frame);
         lines.frame(frame);
     });
-    let result = pipeline::render_from(&checkpoints, &scene, &settings, &plan, output, &stop, &observer);
+    let result = film.finish(Run { observer: &observer, stop: &stop });
     progress.clear();
     let report = result?;
     report.write(&report_path)?;
@@ -134,7 +134,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     }
     let traced = log.finish()?;
     if !report.summary.interrupted {
-        checkpoints.remove(&settings);
+        checkpoints.remove();
     }
     lines.end(&report);
     if !quiet {

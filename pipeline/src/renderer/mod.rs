@@ -1,3 +1,13 @@
-//! What makes a frame's light: the plan of what a scene needs.
+//! The renderer as two parts of the loop: [`Preparation`] makes everything that needs no thresholds, [`Shading`] the light.
+//!
+//! [`plan`] decides which work a scene needs.
 
+pub mod frame;
 pub mod plan;
+mod prepare;
+pub mod reference;
+mod shade;
+
+pub use frame::{Frame, PreparedFrame};
+pub use prepare::Preparation;
+pub use shade::Shading;

@@ -1,6 +1,6 @@
 //! A picture in all the forms that measures ask for, whatever file it came from.
 
-use crate::stage::display::exposure_for;
+use crate::film::display::exposure_for;
 use perceptual::{ToneMap, WHITE_LUMA, YCbCr, luminance, luminance_plane, to_rgb8};
 use plane::Plane;
 use std::sync::Arc;

@@ -2,10 +2,10 @@
 
 use super::film::{Film, FilmFrame};
 use crate::error::{Context, Error, Result};
+use crate::film::display::Y4m;
+use crate::film::output::Output;
 use crate::laboratory::compare::{Picture, Pictures};
-use crate::output::Output;
 use crate::settings::Settings;
-use crate::stage::display::Y4m;
 use mpeg2enc::{Encoder, MotionField};
 use render_core::Busy;
 use serde::Serialize;

@@ -1,14 +1,15 @@
 //! Films in files: rendered as always, and read back frame by frame with all that is known of them.
 
 use super::method::{Method, Way};
+use crate::Wishes;
 use crate::error::{Error, Result};
+use crate::feedback_loop::{Run, observe::OnFrame};
+use crate::film::display::Y4m;
 use crate::laboratory::compare::{Picture, Pictures};
-use crate::output::Output;
 use crate::plan::Plan;
+use crate::renderer::reference;
 use crate::report::{FrameReport, process_cpu_seconds};
 use crate::settings::{Aov, Settings};
-use crate::stage::display::Y4m;
-use crate::{Wishes, reference};
 use perceptual::YCbCr;
 use plane::Plane;
 use render_core::scene::Scene;
@@ -106,7 +107,8 @@ pub fn render(
         ..settings.clone()
     };
     let plan = Plan::new(scene, &with_files);
-    let report = crate::render(scene, &with_files, &plan, Output::create(&video)?, stop, |_| each())?;
+    let observer = OnFrame::new(|_: &FrameReport| each());
+    let report = crate::render(scene, &with_files, &plan, Run { observer: &observer, stop, ..Run::default() })?;
     if report.summary.interrupted || stop.load(Ordering::Relaxed) {
         return Err(Error::Interrupted);
     }

@@ -3,9 +3,10 @@
 mod around;
 
 use super::cuts::LightTransport;
-use crate::checkpoint::NONSENSE;
 use crate::error::{Error, Result};
-use crate::message::{FrameFigures, Prepared};
+use crate::feedback_loop::checkpoint::NONSENSE;
+use crate::feedback_loop::figures::FrameFigures;
+use crate::renderer::frame::Frame;
 use around::{Around, Place, places, standing, swept};
 use glam::{Mat3A, Vec3, Vec3A};
 use lighttree::{Calibration, Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
@@ -98,7 +99,7 @@ impl Cache {
     ///
     /// # Errors
     /// Records are of lights, surfels or instances that are not there.
-    pub fn resumed(records: IrradianceCache<Recipe>, done: &Prepared) -> Result<Self> {
+    pub fn resumed(records: IrradianceCache<Recipe>, done: &Frame) -> Result<Self> {
         let scene = done.surfaces.scene();
         let intensities: Vec<Vec3> = done.tree.lights().iter().map(|light| light.intensity).collect();
         let is_of_frame = |(site, recipe): (&Site, &Recipe)| {
@@ -334,9 +335,9 @@ impl Cuts<'_> {
     /// Whether the cut of a new record is made again to see how wrong it is: in a frame, for one in [`AUDITED`] for each pixel
     /// that would be of a macroblock.
     fn is_audited(&self, site: &Site) -> bool {
-        let Prepared { frame, .. } = self.transport.prepared;
+        let frame = self.transport.prepared.index;
         let calibration = self.transport.allowance.calibration.as_ref();
-        let chance = hash(site.key, u64::from(*frame), 0) % AUDITED;
+        let chance = hash(site.key, u64::from(frame), 0) % AUDITED;
         calibration.is_some_and(|of| chance < of.audits_per_macroblock() as u64)
     }
 

@@ -1,11 +1,11 @@
 //! Everything about a frame that needs no thresholds: objects, photons, light tree, primary rays, motion.
 
-use crate::checkpoint::{Checkpoints, Part};
+use super::frame::{Frame, PreparedFrame};
 use crate::error::{Error, Result};
-use crate::message::{FrameFigures, Prepared};
+use crate::feedback_loop::figures::FrameFigures;
+use crate::feedback_loop::parts::{Prepare, Prepared};
 use crate::plan::{Plan, Stage};
 use crate::settings::{Settings, Size};
-use crossbeam_channel::Sender;
 use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
 use render_core::scene::{Pose, Scene};
@@ -14,7 +14,6 @@ use render_core::{
     Swept, Units, dome_lights,
 };
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Directions that the sky is split into: 5° apart, below the size of the shadows that a sky throws.
 const DOME_LIGHTS: usize = 1024;
@@ -28,67 +27,61 @@ const MOST_SAMPLED_SURFACES: usize = 8;
 const FEW_PATCHES: usize = 4;
 const SMALL_EXTENT: f32 = 0.1;
 
-/// Makes frames 0, 1, 2 … and sends them on; stops early when `stop` is set.
-pub fn run<'s>(scene: &'s Scene, settings: &Settings, plan: &Plan, stop: &AtomicBool, out: &Sender<Prepared<'s>>) {
-    run_from(&Checkpoints::off(), scene, settings, plan, stop, out).expect("nothing is read or written");
-}
-
-/// The tree of the last frame that is done.
-pub(super) fn known(checkpoints: &Checkpoints) -> Result<Option<LightTree>> {
-    let bytes = checkpoints.part::<Vec<u8>>(Part::Prepare)?;
-    bytes.map(|bytes| LightTree::from_bytes(&bytes)).transpose().map_err(Error::other)
-}
-
-/// The same from where `checkpoints` say; the last frame that is done comes once more, to begin with.
-///
-/// # Errors
-/// The checkpoint does not hold what it should, or the next cannot be written.
-pub fn run_from<'s>(
-    checkpoints: &Checkpoints,
+/// The first half of the renderer: makes frames 0, 1, 2 … of a film.
+pub struct Preparation<'s> {
     scene: &'s Scene,
-    settings: &Settings,
-    plan: &Plan,
-    stop: &AtomicBool,
-    out: &Sender<Prepared<'s>>,
-) -> Result<()> {
-    let mut preparation = Preparation::new(scene, settings, plan);
-    let first = checkpoints.first_frame();
-    if let Some(tree) = known(checkpoints)? {
-        preparation.tree = Some(Arc::new(tree));
-        if out.send(preparation.frame(first - 1)).is_err() {
-            return Ok(());
-        }
-    }
-    for n in first..settings.frames {
-        if stop.load(Ordering::Relaxed) {
-            if let Some(kept) = preparation.kept.as_ref().filter(|_| n > first) {
-                checkpoints.end_behind(n - 1);
-                checkpoints.leave(n - 1, Part::Prepare, &kept.tree.to_bytes())?;
-            }
-            break;
-        }
-        let mut prepared = preparation.frame(n);
-        prepared.checkpoint = checkpoints.is_due();
-        if prepared.checkpoint {
-            checkpoints.leave(n, Part::Prepare, &prepared.tree.to_bytes())?;
-        }
-        if out.send(prepared).is_err() {
-            break;
-        }
-    }
-    Ok(())
+    settings: &'s Settings,
+    plan: &'s Plan,
+    /// Made with the first frame, which is not before the files of the film are open.
+    work: Option<Work<'s>>,
 }
 
-/// Makes frame `n` alone, as if it were the first.
-pub fn single<'s>(scene: &'s Scene, settings: &Settings, plan: &Plan, n: u32) -> Prepared<'s> {
-    Preparation::new(scene, settings, plan).frame(n)
+impl<'s> Preparation<'s> {
+    /// For a film of `scene` from its beginning.
+    #[must_use]
+    pub fn new(scene: &'s Scene, settings: &'s Settings, plan: &'s Plan) -> Self {
+        Self { scene, settings, plan, work: None }
+    }
+
+    /// Frame `index`, which may follow any other: motion leads to the one that was made before it.
+    pub fn frame(&mut self, index: u32) -> PreparedFrame<'s> {
+        let &mut Self { scene, settings, plan, .. } = self;
+        self.work.get_or_insert_with(|| Work::new(scene, settings, plan)).frame(index)
+    }
+}
+
+impl std::fmt::Debug for Preparation<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Preparation").finish_non_exhaustive()
+    }
+}
+
+impl<'s> Prepare for Preparation<'s> {
+    type Frame = Frame<'s>;
+
+    fn step(&mut self, index: u32) -> Option<PreparedFrame<'s>> {
+        (index < self.settings.frames).then(|| self.frame(index))
+    }
+
+    /// The light tree.
+    fn state(&self) -> Vec<u8> {
+        let kept = self.work.as_ref().and_then(|work| work.kept.as_ref());
+        kept.map_or_else(Vec::new, |kept| kept.tree.to_bytes())
+    }
+
+    fn restore(&mut self, state: &[u8], last: u32) -> Result<PreparedFrame<'s>> {
+        let tree = LightTree::from_bytes(state).map_err(Error::other)?;
+        let mut work = Work::new(self.scene, self.settings, self.plan);
+        work.tree = Some(Arc::new(tree));
+        Ok(self.work.insert(work).frame(last))
+    }
 }
 
 /// What is kept from frame to frame.
-struct Preparation<'s, 'a> {
+struct Work<'s> {
     scene: &'s Scene,
-    settings: &'a Settings,
-    plan: &'a Plan,
+    settings: &'s Settings,
+    plan: &'s Plan,
     geometry: Geometry,
     units: Units,
     anchors: Anchors,
@@ -115,8 +108,8 @@ struct Lights {
     gather: Arc<Gather>,
 }
 
-impl<'s, 'a> Preparation<'s, 'a> {
-    fn new(scene: &'s Scene, settings: &'a Settings, plan: &'a Plan) -> Self {
+impl<'s> Work<'s> {
+    fn new(scene: &'s Scene, settings: &'s Settings, plan: &'s Plan) -> Self {
         let units = Units::of(scene);
         let rest = scene.pose(0.0);
         let carried = if plan.is_off(Stage::DynamicAnchors) { 0 } else { settings.moving_vpls };
@@ -137,8 +130,7 @@ impl<'s, 'a> Preparation<'s, 'a> {
         Self { scene, settings, plan, geometry, units, anchors, photons, tree: None, kept: None }
     }
 
-    fn frame(&mut self, n: u32) -> Prepared<'s> {
-        let _span = tracing::debug_span!("prepare", frame = n).entered();
+    fn frame(&mut self, n: u32) -> PreparedFrame<'s> {
         let mut figures = FrameFigures::default();
         let busy = Busy::default();
         let pose = self.scene.pose(self.settings.time(n));
@@ -177,22 +169,18 @@ impl<'s, 'a> Preparation<'s, 'a> {
         figures.visibility = busy.seconds();
 
         let kept = Kept { accelerator, direct, tree, gather, seen, of_itself };
-        let prepared = Prepared {
-            frame: n,
-            checkpoint: false,
+        let frame = Frame {
+            index: n,
             surfaces,
             accelerator: kept.accelerator.clone(),
             direct: kept.direct.clone(),
             tree: kept.tree.clone(),
             gather: kept.gather.clone(),
             seen: kept.seen.clone(),
-            correspondence,
-            forward,
             epsilon: self.units.epsilon,
-            figures,
         };
         self.kept = Some(kept);
-        prepared
+        Prepared { frame, correspondence, forward, figures }
     }
 
     /// The light tree and the direct lights of frame `n`, with the energies they have there.

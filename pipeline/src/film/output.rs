@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 ///
 /// Dropped before that, it leaves nothing behind. Killed, the process leaves the part: for video, a prefix that plays.
 /// Devices and pipes are written directly.
+#[derive(Debug)]
 pub struct Output {
     path: PathBuf,
     part: Option<PathBuf>,

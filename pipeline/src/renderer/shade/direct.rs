@@ -2,7 +2,7 @@
 
 use super::cuts::receiver;
 use super::macroblock::{by_macroblock, places};
-use crate::message::Prepared;
+use crate::renderer::frame::Frame;
 use glam::Vec3;
 use plane::Plane;
 use render_core::{Busy, GBuffer, NOTHING, PixelSurface, Receiver};
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Emitted and directly reflected radiance of every pixel of `seen`, and the shadow rays that it took; adds the work to
 /// `busy`.
-pub(super) fn light(prepared: &Prepared, seen: &GBuffer, busy: &Busy) -> (Plane<Vec3>, u64) {
+pub(super) fn light(prepared: &Frame, seen: &GBuffer, busy: &Busy) -> (Plane<Vec3>, u64) {
     let size = (seen.pixels.width(), seen.pixels.height());
     let rays = AtomicU64::new(0);
     let light = by_macroblock(

@@ -5,10 +5,9 @@
 //! ```
 //! The one place where bincode is named.
 
-use crate::error::{Context, Error, Result, Source};
-use crate::output::Output;
-use crate::settings::Settings;
-use render_core::scene::SceneSettings;
+use super::NONSENSE;
+use crate::error::{Context, Error, Result};
+use crate::film::output::Output;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -16,7 +15,7 @@ use std::path::Path;
 
 const MAGIC: [u8; 4] = *b"R2MC";
 /// Counts changes of anything that is stored.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 const HEADER: usize = 20;
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 
@@ -24,7 +23,15 @@ pub(crate) fn encode(value: &impl Serialize) -> Vec<u8> {
     bincode::serde::encode_to_vec(value, CONFIG).expect("what stages carry can be encoded")
 }
 
-pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Source> {
+/// What [`encode`] made of a state.
+///
+/// # Errors
+/// The bytes are of something else.
+pub(crate) fn decode<T: DeserializeOwned>(state: &[u8]) -> Result<T> {
+    decode_bytes(state).context(NONSENSE)
+}
+
+fn decode_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
     // For texts memory is reserved as long as they are said to be. Numbers of eight bytes may be stored as one, so what is
     // decoded is at most eight times as large as what is stored; limits can only be constants.
     match bytes.len().checked_ilog2() {
@@ -36,41 +43,35 @@ pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Source> {
     }
 }
 
-fn decode_within<T: DeserializeOwned, const LIMIT: usize>(bytes: &[u8]) -> Result<T, Source> {
-    let (value, used) = bincode::serde::decode_from_slice(bytes, CONFIG.with_limit::<LIMIT>())?;
+fn decode_within<T: DeserializeOwned, const LIMIT: usize>(bytes: &[u8]) -> Result<T> {
+    let (value, used) = bincode::serde::decode_from_slice(bytes, CONFIG.with_limit::<LIMIT>()).map_err(Error::other)?;
     if used != bytes.len() {
-        return Err(format!("{} bytes too many", bytes.len() - used).into());
+        return Err(Error::Checkpoint(format!("{} bytes too many", bytes.len() - used)));
     }
     Ok(value)
 }
 
-/// What a film is made from: only the same can be continued.
+/// The origin of a film: only the same can be continued.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Job {
-    program: String,
+pub(super) struct Identity {
+    pub program: String,
     /// All settings, as JSON.
-    settings: String,
-    /// CRC-32 of the scene's files.
-    scene: u32,
+    pub settings: String,
+    /// CRC-32 of the files that are read.
+    pub inputs: u32,
 }
 
 /// All that a run carries from one frame to the next.
-#[derive(Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Stored {
-    pub job: Job,
+    pub identity: Identity,
     /// The last frame that is done.
     pub frame: u32,
     /// By [`Part`](super::Part); empty where there is none.
-    pub parts: Vec<Vec<u8>>,
+    pub states: Vec<Vec<u8>>,
 }
 
-impl Job {
-    pub fn new(settings: &Settings) -> Result<Self> {
-        let settings_text = serde_json::to_string(settings).context("the settings cannot be put into JSON")?;
-        let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION")).into();
-        Ok(Self { program, settings: settings_text, scene: sum_of_scene(&settings.scene)? })
-    }
-
+impl Identity {
     /// In what `self`, which was stored, is another job than `wanted`; none if it is the same.
     pub fn difference(&self, wanted: &Self) -> Option<String> {
         if self.program != wanted.program {
@@ -86,25 +87,8 @@ impl Job {
                 None => "it is of other settings".into(),
             });
         }
-        (self.scene != wanted.scene).then(|| "the scene has changed".into())
+        (self.inputs != wanted.inputs).then(|| "the scene has changed".into())
     }
-}
-
-/// CRC-32 of a scene's own file, of the one beside it with its settings, and of those that its JSON names.
-fn sum_of_scene(path: &Path) -> Result<u32> {
-    let mut sum = crc32fast::Hasher::new();
-    let bytes = fs::read(path).map_err(Error::file(path, "cannot be read"))?;
-    sum.update(&bytes);
-    let mut others = vec![SceneSettings::path_for(path)];
-    let document: serde_json::Value = serde_json::from_slice(&bytes).unwrap_or_default();
-    for list in ["buffers", "images"] {
-        let entries = document[list].as_array().into_iter().flatten();
-        let names = entries.filter_map(|entry| entry["uri"].as_str()).filter(|uri| !uri.starts_with("data:"));
-        others.extend(names.map(|name| path.with_file_name(name)));
-    }
-    // Names may be escaped; what is not found under them was not what was loaded.
-    others.iter().filter_map(|other| fs::read(other).ok()).for_each(|bytes| sum.update(&bytes));
-    Ok(sum.finalize())
 }
 
 impl Stored {
@@ -124,29 +108,26 @@ impl Stored {
 
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = fs::read(path).map_err(Error::file(path, "cannot be read"))?;
-        Self::from_bytes(&bytes).map_err(|source| Error::Content {
-            path: path.into(),
-            problem: ": start anew, without --resume".into(),
-            source: Some(source),
-        })
+        Self::from_bytes(&bytes).context(format!("{}: start anew, without --resume", path.display()))
     }
 
-    fn from_bytes(bytes: &[u8]) -> Result<Self, Source> {
+    fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let Some((header, body)) = bytes.split_at_checked(HEADER).filter(|(header, _)| header[..4] == MAGIC) else {
-            return Err("this is no checkpoint".into());
+            return Err(Error::Checkpoint("this is no checkpoint".into()));
         };
         let number = |range: std::ops::Range<usize>| {
             header[range].iter().rev().fold(0u64, |value, &byte| value << 8 | u64::from(byte))
         };
         if number(4..8) != u64::from(VERSION) {
-            return Err(format!("a checkpoint of version {}, and this program knows {VERSION}", number(4..8)).into());
+            let text = format!("a checkpoint of version {}, and this program knows {VERSION}", number(4..8));
+            return Err(Error::Checkpoint(text));
         }
         if number(8..16) != body.len() as u64 || number(16..20) != u64::from(crc32fast::hash(body)) {
-            return Err("the checkpoint is cut short or damaged".into());
+            return Err(Error::Checkpoint("the checkpoint is cut short or damaged".into()));
         }
-        let stored: Self = decode(body)?;
-        if stored.parts.len() != super::PARTS {
-            return Err(format!("a checkpoint of {} parts", stored.parts.len()).into());
+        let stored: Self = decode_bytes(body)?;
+        if stored.states.len() != super::PARTS {
+            return Err(Error::Checkpoint(format!("a checkpoint of {} states", stored.states.len())));
         }
         Ok(stored)
     }
@@ -160,11 +141,11 @@ mod tests {
     fn every_changed_byte_and_every_cut_is_noticed() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("film.m2v.checkpoint");
-        let job = Job { program: "p 1".into(), settings: r#"{"qscale":8,"gop":15}"#.into(), scene: 7 };
-        let parts = vec![vec![1], vec![], vec![2, 3], vec![250; 300], vec![4], vec![]];
-        Stored { job: job.clone(), frame: 41, parts: parts.clone() }.write(&path).unwrap();
+        let job = Identity { program: "p 1".into(), settings: r#"{"qscale":8,"gop":15}"#.into(), inputs: 7 };
+        let parts = vec![vec![1], vec![], vec![2, 3], vec![250; 300], vec![4]];
+        Stored { identity: job.clone(), frame: 41, states: parts.clone() }.write(&path).unwrap();
         let read = Stored::read(&path).unwrap();
-        assert!(read.job == job && read.frame == 41 && read.parts == parts);
+        assert!(read.identity == job && read.frame == 41 && read.states == parts);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else stays");
 
         let bytes = fs::read(&path).unwrap();
@@ -193,11 +174,11 @@ mod tests {
 
     #[test]
     fn what_differs_is_named() {
-        let job = Job { program: "p 1".into(), settings: r#"{"qscale":8,"gop":15}"#.into(), scene: 7 };
+        let job = Identity { program: "p 1".into(), settings: r#"{"qscale":8,"gop":15}"#.into(), inputs: 7 };
         assert_eq!(job.difference(&job), None);
-        let other = Job { settings: r#"{"qscale":16,"gop":15}"#.into(), ..job.clone() };
+        let other = Identity { settings: r#"{"qscale":16,"gop":15}"#.into(), ..job.clone() };
         assert_eq!(job.difference(&other).unwrap(), "qscale was 8 and is now 16");
-        let other = Job { scene: 8, ..job.clone() };
+        let other = Identity { inputs: 8, ..job.clone() };
         assert!(job.difference(&other).unwrap().contains("scene"));
     }
 }

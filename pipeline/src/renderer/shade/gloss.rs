@@ -24,7 +24,7 @@
 
 use super::cuts::{receiver, sees};
 use super::macroblock::{by_macroblock, places};
-use crate::message::Prepared;
+use crate::renderer::frame::Frame;
 use glam::{Vec2, Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
 use plane::Plane;
@@ -63,7 +63,7 @@ pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
 
 /// Radiance that coats reflect towards the viewer, single scattering, and the shadow rays that it took; adds the work to
 /// `busy`.
-pub(super) fn light(prepared: &Prepared, seen: &GBuffer, busy: &Busy) -> (Plane<Vec3>, u64) {
+pub(super) fn light(prepared: &Frame, seen: &GBuffer, busy: &Busy) -> (Plane<Vec3>, u64) {
     let size = (seen.pixels.width(), seen.pixels.height());
     let rays = AtomicU64::new(0);
     let sparks = Mutex::new(Plane::filled(size.0, size.1, Vec3::ZERO));
@@ -204,7 +204,7 @@ impl Points {
 
 /// What is asked for reflections, by one thread.
 struct Reflections<'a> {
-    prepared: &'a Prepared<'a>,
+    prepared: &'a Frame<'a>,
     scratch: &'a mut Scratch,
     /// Shadow rays so far.
     rays: Cell<u64>,
@@ -245,7 +245,7 @@ impl Reflections<'_> {
 
     /// Radiance that the coat reflects of points and suns, and if it is rough of the areas that pixels ask.
     fn sources(&self, coated: &Coated) -> Vec3 {
-        let Prepared { accelerator, direct, .. } = self.prepared;
+        let Frame { accelerator, direct, .. } = self.prepared;
         let brdf = |direction, half_angle| {
             coated.bsdf.evaluate_coat(coated.outgoing, into_frame(coated.axes, direction), half_angle)
         };
@@ -254,7 +254,7 @@ impl Reflections<'_> {
 
     /// Radiance that arrives at the coat from a unit `direction`. Textures are averaged over `spread` of the distance.
     fn along(&mut self, coated: &Coated, mut direction: Vec3A, spread: f32) -> Vec3 {
-        let Prepared { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
+        let Frame { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
         let scene = surfaces.scene();
         let (mut origin, mut throughput, mut sum) = (coated.receiver.position, Vec3::ONE, Vec3::ZERO);
         // Whether the coat that the ray has left is rough, and whether any before it was.
@@ -304,7 +304,7 @@ impl Reflections<'_> {
         if albedo == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        let Prepared { accelerator, direct, tree, .. } = self.prepared;
+        let Frame { accelerator, direct, tree, .. } = self.prepared;
         let light = albedo / PI * direct.irradiance(accelerator, receiver, &self.rays);
         let lambert =
             Lambert { position: receiver.position.into(), normal: receiver.normal.into(), reflectance: albedo };

@@ -1,9 +1,10 @@
 //! One frame as exactly as wanted, linear and uncompressed: what the fast ways are measured against.
 
+use super::{Preparation, Shading};
 use crate::error::{Error, Result};
+use crate::feedback_loop::parts::{LastThresholds, Shade};
 use crate::plan::Plan;
 use crate::settings::{Lighting, Settings, Size};
-use crate::stage::{prepare, shade};
 use plane::Plane;
 use render_core::scene::Scene;
 use render_core::{Emitters, Geometry, PathOptions, PathTracer, Surfaces, Units};
@@ -48,23 +49,14 @@ pub fn by_paths(
     Reference { radiance: estimate.mean, variance: Some(estimate.variance_of_mean) }
 }
 
-/// Frame `frame` of `scene` by all lights, through the stages that films go through.
-///
-/// # Errors
-/// A fault of our own.
-pub fn by_all_lights(scene: &Scene, settings: &Settings, frame: u32) -> Result<Reference> {
+/// Frame `frame` of `scene` by all lights, through the parts that films go through.
+#[must_use]
+pub fn by_all_lights(scene: &Scene, settings: &Settings, frame: u32) -> Reference {
     let settings = Settings { lighting: Lighting::AllLights, ..settings.clone() };
     let plan = Plan::new(scene, &settings);
-    let (prepared_out, prepared_in) = crossbeam_channel::bounded(1);
-    let (shaded_out, shaded_in) = crossbeam_channel::bounded(1);
-    let (_, no_thresholds) = crossbeam_channel::bounded(1);
-    let prepared = prepare::single(scene, &settings, &plan, frame);
-    prepared_out.send(prepared).map_err(|_| Error::Fault("the frame cannot be handed over".into()))?;
-    // Closed after the one frame, so that the stage ends.
-    drop(prepared_out);
-    shade::run(&settings, &plan, &prepared_in, &no_thresholds, &shaded_out);
-    let shaded = shaded_in.try_recv().map_err(|_| Error::Fault("the frame was not lit".into()))?;
-    Ok(Reference { radiance: shaded.radiance, variance: None })
+    let prepared = Preparation::new(scene, &settings, &plan).frame(frame);
+    let shaded = Shading::new(&settings, &plan).step(&prepared, LastThresholds::none());
+    Reference { radiance: shaded.radiance, variance: None }
 }
 
 #[cfg(feature = "exr")]

@@ -1,8 +1,8 @@
 use super::*;
 use crate::plan::Plan;
+use crate::renderer::Preparation;
+use crate::renderer::shade::cuts::{Allowance, Figures};
 use crate::settings::{Settings, Size, Wishes};
-use crate::stage::prepare;
-use crate::stage::shade::cuts::{Allowance, Figures};
 use glam::{Quat, vec3};
 use perceptual::ThresholdMap;
 use render_core::scene::{
@@ -56,7 +56,7 @@ fn what_something_has_moved_over_is_closed_in() {
     let plan = Plan::new(&scene, &settings);
     let moving = scene.moving_instances();
     let openness = |frame, x: f32| {
-        let prepared = prepare::single(&scene, &settings, &plan, frame);
+        let prepared = Preparation::new(&scene, &settings, &plan).frame(frame).frame;
         let direct = Plane::filled(16, 16, Vec3::ZERO);
         let allowance = Allowance { map: ThresholdMap::relative(16, 16), before: None, calibration: None };
         let figures = Figures::default();

@@ -1,10 +1,10 @@
 //! Coats in scenes whose pictures are known: in even light, before a lamp, and where there are none.
 
 use super::*;
+use crate::feedback_loop::parts::{LastThresholds, Shade};
 use crate::plan::{self, Plan, State};
+use crate::renderer::{Preparation, Shading};
 use crate::settings::{Settings, Size, Wishes};
-use crate::stage::prepare;
-use crate::stage::shade::cuts::Allowance;
 use glam::Quat;
 use render_core::Environment;
 use render_core::sampling::{concentric_disc, sobol_point};
@@ -52,7 +52,7 @@ impl Stage {
     fn reflected(&self) -> (Plane<Vec3>, GBuffer) {
         let (settings, plan) = self.settings();
         assert!(plan.is_on(plan::Stage::Gloss));
-        let prepared = prepare::single(&self.0, &settings, &plan, 0);
+        let prepared = Preparation::new(&self.0, &settings, &plan).frame(0).frame;
         let (light, _) = light(&prepared, &prepared.seen, &Busy::default());
         (light, (*prepared.seen).clone())
     }
@@ -226,10 +226,9 @@ fn matte_scenes_stay_as_they_are_to_the_last_bit() {
     assert!(plan.is_off(plan::Stage::Gloss));
     let lit = |gloss| {
         let plan = plan.clone().with(plan::Stage::Gloss, gloss);
-        let prepared = prepare::single(&stage.0, &settings, &plan, 0);
-        let map = perceptual::ThresholdMap::relative(SIDE, SIDE);
-        let mut allowance = Allowance { map, before: None, calibration: None };
-        super::super::shade(&settings, &plan, prepared, &mut allowance, None, &mut None).radiance
+        let prepared = Preparation::new(&stage.0, &settings, &plan).frame(0);
+        let mut shading = Shading { cache: None, ..Shading::new(&settings, &plan) };
+        shading.step(&prepared, LastThresholds::none()).radiance
     };
     let (without, with) = (lit(State::Off), lit(State::On));
     assert!(without.samples().iter().all(|rgb| rgb[0] > 0.0));

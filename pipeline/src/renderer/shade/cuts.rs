@@ -1,7 +1,8 @@
 //! What a cut needs to know of a frame: who sees whom, and when to stop.
 
 use super::WITHOUT_THRESHOLD;
-use crate::message::{FrameFigures, Prepared};
+use crate::feedback_loop::figures::FrameFigures;
+use crate::renderer::frame::Frame;
 use crate::settings::{Lighting, Settings, Thresholds};
 use glam::{Vec3, Vec3A};
 use lighttree::{Audits, Calibration, Light, Scratch, Stop};
@@ -33,7 +34,7 @@ pub(super) struct Allowance {
 /// A frame whose indirect light is asked for, from many threads at once.
 pub(super) struct LightTransport<'a> {
     pub settings: &'a Settings,
-    pub prepared: &'a Prepared<'a>,
+    pub prepared: &'a Frame<'a>,
     pub allowance: &'a Allowance,
     /// What is lit.
     pub seen: &'a GBuffer,
@@ -50,7 +51,7 @@ pub(super) struct LightTransport<'a> {
 impl<'a> LightTransport<'a> {
     pub fn new(
         settings: &'a Settings,
-        prepared: &'a Prepared,
+        prepared: &'a Frame,
         allowance: &'a Allowance,
         (seen, direct): (&'a GBuffer, &'a Plane<Vec3>),
         compensates: bool,
@@ -87,7 +88,7 @@ impl<'a> LightTransport<'a> {
     }
 
     pub fn look_around(&self, receiver: &Receiver, key: u64) -> Surroundings {
-        let Prepared { accelerator, surfaces, gather, .. } = self.prepared;
+        let Frame { accelerator, surfaces, gather, .. } = self.prepared;
         gather.look_around(accelerator, surfaces, receiver, &self.directions, key)
     }
 
@@ -161,7 +162,7 @@ impl<'a> LightTransport<'a> {
     pub fn is_audited(&self, x: usize, y: usize) -> bool {
         let width = self.seen.pixels.width();
         let calibration = self.allowance.calibration.as_ref();
-        calibration.is_some_and(|of| is_audited((x, y), width, self.prepared.frame, of.audits_per_macroblock()))
+        calibration.is_some_and(|of| is_audited((x, y), width, self.prepared.index, of.audits_per_macroblock()))
     }
 
     /// Notes how wrong a cut of this class is that found `radiance` for `receiver` where `stop` was what it may be wrong by.

@@ -1,0 +1,218 @@
+//! Interrupted films can be continued: the state of every part is written now and then, and another process goes on from
+//! there, to the same bits.
+//!
+//! A checkpoint is a cut through the loop after one frame. The driver marks the frame when it is begun, and each part that is
+//! done with it leaves its state here; when the last one is there, the file is written, whole or not at all. Parts do not wait
+//! for each other: all states are of the same frame, though not of the same time.
+//!
+//! A run that is ended early (Ctrl-C) leaves the same after its last frame, when the parts come to their ends.
+//!
+//! Data that follows from scene and settings is not written but made again: the ray tree, photons, direct lights and the
+//! picture of the last frame, for which that one frame is prepared once more.
+
+mod file;
+mod job;
+
+use crate::error::{Error, Result};
+use crate::film::output::part_of;
+use file::Stored;
+pub(crate) use file::{decode, encode};
+pub use job::FilmJob;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// The part of the loop that a state belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The light tree.
+    Prepare,
+    /// The irradiance cache, or the light of a film in which nothing moves.
+    Shade,
+    /// The exposure; bytes of the uncompressed film.
+    Display,
+    /// The encoder with the frames that wait in it; bytes of the film; the report up to here.
+    Encode,
+    /// ΔY; not there in films without masking.
+    Mask,
+}
+
+const PARTS: usize = 5;
+
+/// The message about states that no part of this film left.
+pub(crate) const NONSENSE: &str = "the checkpoint makes no sense: start anew, without --resume";
+
+/// States of one frame that are there already.
+type States = [Option<Vec<u8>>; PARTS];
+
+/// The place where checkpoints go, and the one that a run begins with.
+#[derive(Debug)]
+pub struct Checkpoints {
+    /// None: nothing is written.
+    place: Option<Place>,
+    from: Option<Stored>,
+    path: Option<PathBuf>,
+}
+
+#[derive(Debug)]
+struct Place {
+    path: PathBuf,
+    every: Duration,
+    job: FilmJob,
+    progress: Mutex<Progress>,
+}
+
+#[derive(Debug)]
+struct Progress {
+    /// When a frame was last marked.
+    last: Instant,
+    /// The last frame of a run that ends before its film does.
+    ends_after: Option<u32>,
+    /// States that make up a checkpoint.
+    expected: usize,
+    waiting: BTreeMap<u32, States>,
+}
+
+impl Checkpoints {
+    /// None are written, and the film begins at its beginning.
+    #[must_use]
+    pub const fn off() -> Self {
+        Self { place: None, from: None, path: None }
+    }
+
+    /// For a film that begins at its beginning: a checkpoint beside it every so often, and after each frame if that is zero.
+    /// The checkpoint of another run is removed.
+    ///
+    /// # Errors
+    /// An old checkpoint cannot be removed.
+    pub fn new(job: &FilmJob, every: Option<Duration>) -> Result<Self> {
+        let path = path_for(job.film());
+        remove(&path)?;
+        // A device cannot be cut to a length later.
+        let is_file = std::fs::metadata(job.film()).map_or(true, |metadata| metadata.is_file());
+        let place = every.filter(|_| is_file).map(|every| Place::new(path.clone(), job, every));
+        Ok(Self { place, from: None, path: Some(path) })
+    }
+
+    /// Continues from the checkpoint beside the film; from the beginning if there is none.
+    ///
+    /// # Errors
+    /// The checkpoint is damaged, or of another scene, other settings, or another version of the program.
+    pub fn resume(job: &FilmJob, every: Option<Duration>) -> Result<Self> {
+        let path = path_for(job.film());
+        if !path.exists() {
+            return Self::new(job, every);
+        }
+        let stored = Stored::read(&path)?;
+        if let Some(difference) = stored.identity.difference(job.identity()) {
+            return Err(Error::Checkpoint(format!(
+                "{} cannot be continued: {difference}; start anew without --resume",
+                path.display()
+            )));
+        }
+        let place = every.map(|every| Place::new(path.clone(), job, every));
+        Ok(Self { place, from: Some(stored), path: Some(path) })
+    }
+
+    /// The last frame that is done; none at the beginning.
+    #[must_use]
+    pub fn last_frame(&self) -> Option<u32> {
+        self.from.as_ref().map(|stored| stored.frame)
+    }
+
+    /// The state that a part left after [`Checkpoints::last_frame`]; empty where there is none.
+    #[must_use]
+    pub fn state(&self, part: Part) -> &[u8] {
+        self.from.as_ref().map_or(&[], |stored| &stored.states[part as usize])
+    }
+
+    /// Says whether masking leaves states too. The driver calls this before the first frame.
+    pub(super) fn expect(&self, masking: bool) {
+        if let Some(place) = &self.place {
+            place.lock().expected = if masking { PARTS } else { PARTS - 1 };
+        }
+    }
+
+    /// Whether a checkpoint is to be made after the frame that is begun now; called once for each.
+    pub(super) fn is_due(&self) -> bool {
+        let Some(place) = &self.place else { return false };
+        let mut progress = place.lock();
+        let due = progress.last.elapsed() >= place.every;
+        if due {
+            progress.last = Instant::now();
+        }
+        due
+    }
+
+    /// Says that the run ends early, before frame `next`; told before the first part hands over nothing more. A run that began
+    /// with `first` leaves nothing if it made no frame.
+    pub(super) fn end_before(&self, next: u32, first: u32) {
+        if let Some(place) = self.place.as_ref().filter(|_| next > first) {
+            place.lock().ends_after = Some(next - 1);
+        }
+    }
+
+    /// Whether a part that has come to its end, with `frame` as its last, is to leave its state: the run was ended early, and
+    /// can be continued from here.
+    pub(super) fn ends_after(&self, frame: u32) -> bool {
+        self.place.as_ref().is_some_and(|place| place.lock().ends_after == Some(frame))
+    }
+
+    /// Leaves the state of a part after `frame`, and writes the checkpoint if this was the last one of it.
+    ///
+    /// # Errors
+    /// The checkpoint cannot be written.
+    pub(super) fn leave(&self, frame: u32, part: Part, state: Vec<u8>) -> Result<()> {
+        let Some(place) = &self.place else { return Ok(()) };
+        let mut progress = place.lock();
+        let expected = progress.expected;
+        let states = progress.waiting.entry(frame).or_default();
+        states[part as usize] = Some(state);
+        let whole = states.iter().flatten().count() == expected;
+        let Some(states) = whole.then(|| progress.waiting.remove(&frame)).flatten() else { return Ok(()) };
+        // Written under the lock: a later checkpoint never comes before an earlier one.
+        let states = states.map(Option::unwrap_or_default).to_vec();
+        Stored { identity: place.job.identity().clone(), frame, states }.write(&place.path)?;
+        tracing::info!("checkpoint after frame {frame}");
+        Ok(())
+    }
+
+    /// Removes the checkpoint: the film is whole.
+    pub fn remove(self) {
+        self.path.iter().for_each(|path| drop(remove(path)));
+    }
+}
+
+impl Place {
+    fn new(path: PathBuf, job: &FilmJob, every: Duration) -> Self {
+        let progress = Progress { last: Instant::now(), ends_after: None, expected: PARTS, waiting: BTreeMap::new() };
+        Self { path, every, job: job.clone(), progress: Mutex::new(progress) }
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Progress> {
+        // A part that panicked has left nothing half-done here.
+        self.progress.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+}
+
+/// Removes a checkpoint, and one that a killed run had begun to write.
+fn remove(path: &Path) -> Result<()> {
+    for path in [path, &part_of(path)] {
+        match std::fs::remove_file(path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Error::file(path, "cannot be removed")(error));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// `film.m2v` → `film.m2v.checkpoint`.
+#[must_use]
+pub fn path_for(output: &Path) -> PathBuf {
+    let mut name = output.file_name().unwrap_or_default().to_owned();
+    name.push(".checkpoint");
+    output.with_file_name(name)
+}

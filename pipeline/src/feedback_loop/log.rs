@@ -1,0 +1,97 @@
+//! The film as far as it is made: its bytes, and a line of the report for each coded picture.
+
+use super::checkpoint::{NONSENSE, decode, encode};
+use super::figures::FrameFigures;
+use super::observe::Observer;
+use super::parts::{Coded, Coding};
+use crate::error::{Error, Result};
+use crate::film::output::Output;
+use crate::report::FrameReport;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Reports of the coded frames, and figures of the frames that the encoder still holds.
+#[derive(Debug, Default)]
+pub(super) struct FilmLog {
+    /// Where the bytes go; none: only to the observer.
+    output: Option<Output>,
+    /// Bytes of the film at the checkpoint that it is continued from.
+    length: u64,
+    reports: Vec<FrameReport>,
+    waiting: BTreeMap<u32, FrameFigures>,
+}
+
+/// As it is stored: bytes of the film, reports, figures that wait, and the state of the encoder.
+type Stored = (u64, Vec<FrameReport>, BTreeMap<u32, FrameFigures>, Vec<u8>);
+
+impl FilmLog {
+    /// How much of the film there is, once that is on the disk, with the `encoder`'s state.
+    pub fn state(&self, encoder: Vec<u8>) -> Result<Vec<u8>> {
+        self.output.as_ref().map_or(Ok(()), Output::sync)?;
+        let length = self.output.as_ref().map_or(0, Output::len);
+        Ok(encode(&(length, &self.reports, &self.waiting, encoder)))
+    }
+
+    /// Continues from a [`state`](Self::state) that was left after frame `first` − 1; gives the encoder's state too.
+    pub fn restored(state: &[u8], first: u32) -> Result<(Self, Vec<u8>)> {
+        let (length, reports, waiting, encoder): Stored = decode(state)?;
+        // Each frame that is done has its line, or waits for it.
+        let mut frames: Vec<u32> = reports.iter().map(|line| line.index).chain(waiting.keys().copied()).collect();
+        frames.sort_unstable();
+        if !frames.into_iter().eq(0..first) {
+            return Err(Error::Checkpoint(NONSENSE.into()));
+        }
+        Ok((Self { output: None, length, reports, waiting }, encoder))
+    }
+
+    /// Opens the film's file: anew, or where it was at the checkpoint.
+    pub fn write_to(&mut self, path: &Path, continued: bool) -> Result<()> {
+        self.output = Some(if continued { Output::resume(path, self.length)? } else { Output::create(path)? });
+        Ok(())
+    }
+
+    /// Keeps the figures of frame `index`, which has come to the encoder.
+    pub fn expect(&mut self, index: u32, figures: FrameFigures) {
+        self.waiting.insert(index, figures);
+    }
+
+    /// Adds seconds of encoding to the last frame that waits.
+    pub fn spend_on_last(&mut self, seconds: f64) {
+        if let Some(mut last) = self.waiting.last_entry() {
+            last.get_mut().encode += seconds;
+        }
+    }
+
+    /// Writes the bytes, and a line for each coded picture with the figures that waited for it.
+    pub fn hand_out(&mut self, coded: Coded, observer: &dyn Observer) -> Result<Coding> {
+        let Coded { bytes, pictures, coding } = coded;
+        self.output.as_mut().map_or(Ok(()), |output| output.write(&bytes))?;
+        observer.bytes(&bytes);
+        for picture in &pictures {
+            let figures = self.waiting.remove(&picture.index).unwrap_or_default();
+            let line = FrameReport::new(picture, figures);
+            let FrameReport { index, picture_type, bits, psnr_y, .. } = &line;
+            tracing::info!("frame {index}: {picture_type}, {bits} bits, {:.2} dB", psnr_y.unwrap_or(f64::INFINITY));
+            observer.frame(&line);
+            self.reports.push(line);
+        }
+        Ok(coding)
+    }
+
+    /// Completes the file, and gives the reports in display order with the seconds that masking each frame took.
+    pub fn finish(self, masking_seconds: &[(u32, f64)]) -> Result<Vec<FrameReport>> {
+        let Self { output, mut reports, .. } = self;
+        // An encoder that looks ahead codes in another order.
+        reports.sort_by_key(|frame| frame.index);
+        // Only an encoder in a wrong state leaves a frame out, or reports it twice.
+        if !reports.iter().map(|frame| frame.index).eq(0..reports.len() as u32) {
+            return Err(Error::Checkpoint(NONSENSE.into()));
+        }
+        for &(of, seconds) in masking_seconds {
+            let frame = reports.get_mut(of as usize).ok_or_else(|| Error::Checkpoint(NONSENSE.into()))?;
+            frame.add_masking(seconds);
+        }
+        output.map_or(Ok(()), Output::finish)?;
+        Ok(reports)
+    }
+}

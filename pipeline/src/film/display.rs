@@ -1,0 +1,183 @@
+//! Radiance into what a display shows: tone curve and Y′C_BC_R. Here light changes its unit to code values.
+
+use super::output::Output;
+use crate::error::{Error, Result};
+use crate::feedback_loop::checkpoint::{decode, encode};
+use crate::feedback_loop::parts::{Displayed, Layers, Shaded};
+use crate::settings::{Settings, Size};
+use perceptual::{ToneMap, YCbCr, luminance_plane};
+use plane::{Picture, Plane};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Luminance that the middle of a picture is brought to when nobody said how bright it should be: photography's grey card.
+const MIDDLE_GREY: f64 = 0.18;
+
+/// The tone curve of a film, and the files of its uncompressed frames.
+#[derive(Debug)]
+pub struct Display {
+    tone_map: ToneMap,
+    /// Whether the first frame sets the exposure.
+    auto_exposure: bool,
+    /// Folder for linear frames.
+    exr: Option<PathBuf>,
+    y4m: Option<Y4m>,
+}
+
+impl Display {
+    /// Shows frames by `tone_map`, and writes no files.
+    #[must_use]
+    pub fn new(tone_map: ToneMap) -> Self {
+        Self { tone_map, auto_exposure: false, exr: None, y4m: None }
+    }
+
+    /// The tone curve and the files that `settings` name.
+    ///
+    /// # Errors
+    /// The frame rate is not one of the standard's.
+    pub fn of(settings: &Settings) -> Result<Self> {
+        let y4m = settings.y4m.as_deref().map(|path| Y4m::new(path, settings)).transpose()?;
+        let auto_exposure = settings.auto_exposure;
+        Ok(Self { auto_exposure, exr: settings.exr.clone(), y4m, ..Self::new(settings.tone_map) })
+    }
+
+    /// Opens the files of a film that begins.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub(crate) fn begin(&mut self) -> Result<()> {
+        self.y4m.as_mut().map_or(Ok(()), Y4m::begin)
+    }
+
+    /// Frame `index` as a picture; its motion is left empty.
+    pub(crate) fn tone_map(&mut self, index: u32, radiance: &Plane<[f32; 3]>) -> Displayed {
+        let luminance = luminance_plane(radiance);
+        if self.auto_exposure && index == 0 {
+            self.tone_map = self.tone_map.with_exposure(exposure_for(&luminance));
+        }
+        let tone_map = self.tone_map;
+        let picture = Arc::new(YCbCr::from_radiance(radiance, &tone_map));
+        Displayed { index, picture, luminance: Arc::new(luminance), tone_map, correspondence: None, forward: None }
+    }
+
+    /// Writes the uncompressed frame into the files that are wanted.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub(crate) fn write(&mut self, index: u32, shaded: Shaded, picture: &YCbCr) -> Result<()> {
+        if let Some(folder) = &self.exr {
+            write_linear(&folder.join(format!("frame_{index:05}.exr")), &shaded.radiance, shaded.layers)?;
+        }
+        self.y4m.as_mut().map_or(Ok(()), |file| file.write(&picture.picture))
+    }
+
+    /// The exposure, and how much of the uncompressed film there is on the disk.
+    pub(crate) fn state(&self) -> Result<Vec<u8>> {
+        let length = self.y4m.as_ref().map(Y4m::sync).transpose()?;
+        Ok(encode(&(self.tone_map.exposure, length)))
+    }
+
+    /// Continues from a [`state`](Self::state), and cuts the uncompressed film to the length that it had.
+    pub(crate) fn restore(&mut self, state: &[u8]) -> Result<()> {
+        let (exposure, length): (f32, Option<u64>) = decode(state)?;
+        self.tone_map = self.tone_map.with_exposure(exposure);
+        match (&mut self.y4m, length) {
+            (Some(file), Some(length)) => file.resume(length),
+            (Some(file), None) => file.begin(),
+            (None, _) => Ok(()),
+        }
+    }
+
+    /// Completes the files.
+    pub(crate) fn finish(self) -> Result<()> {
+        self.y4m.map_or(Ok(()), Y4m::finish)
+    }
+}
+
+/// A frame as linear light, with further layers.
+#[cfg(feature = "exr")]
+fn write_linear(path: &Path, radiance: &Plane<[f32; 3]>, layers: Layers) -> Result<()> {
+    let channel = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
+    let colors = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (name.to_owned(), channel(c)));
+    let channels = colors.chain(layers).collect();
+    let written = render_core::image_file::write_layers(path, radiance.width(), radiance.height(), channels);
+    written.map_err(Error::other)
+}
+
+/// Settings ask for none of these.
+#[cfg(not(feature = "exr"))]
+fn write_linear(path: &Path, _: &Plane<[f32; 3]>, _: Layers) -> Result<()> {
+    Err(Error::content(path, ": this build writes no OpenEXR; build it with the feature exr"))
+}
+
+/// Brings the geometric mean of the lit pixels' luminance to middle grey.
+pub(crate) fn exposure_for(luminance: &Plane<f32>) -> f32 {
+    let logs: Vec<f64> = luminance.samples().iter().filter(|&&y| y > 0.0).map(|&y| f64::from(y).ln()).collect();
+    if logs.is_empty() {
+        return 1.0;
+    }
+    let mean = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
+    ((MIDDLE_GREY / mean) as f32).clamp(1e-20, 1e20)
+}
+
+/// Uncompressed frames in a YUV4MPEG2 file, chroma sited as MPEG-2 has it.
+#[derive(Debug)]
+pub(crate) struct Y4m {
+    path: PathBuf,
+    header: String,
+    output: Option<Output>,
+}
+
+impl Y4m {
+    fn new(path: &Path, settings: &Settings) -> Result<Self> {
+        let (numerator, denominator) = mpeg2enc::FrameRate::from_fps(settings.fps)?.fraction();
+        let Size { width, height } = settings.size;
+        let header = format!("YUV4MPEG2 W{width} H{height} F{numerator}:{denominator} Ip A1:1 C420mpeg2\n");
+        Ok(Self { path: path.into(), header, output: None })
+    }
+
+    pub(crate) fn create(path: &Path, settings: &Settings) -> Result<Self> {
+        let mut file = Self::new(path, settings)?;
+        file.begin()?;
+        Ok(file)
+    }
+
+    fn begin(&mut self) -> Result<()> {
+        let output = self.output.insert(Output::create(&self.path)?);
+        output.write(self.header.as_bytes())
+    }
+
+    fn resume(&mut self, length: u64) -> Result<()> {
+        self.output = Some(Output::resume(&self.path, length)?);
+        Ok(())
+    }
+
+    pub(crate) fn write(&mut self, picture: &Picture) -> Result<()> {
+        let Some(output) = &mut self.output else { return Ok(()) };
+        let planes = picture.planes().map(|plane| plane.samples());
+        output.write(&[b"FRAME\n", planes[0], planes[1], planes[2]].concat())
+    }
+
+    /// Bytes of the file, once they are on the disk.
+    fn sync(&self) -> Result<u64> {
+        let Some(output) = &self.output else { return Ok(0) };
+        output.sync()?;
+        Ok(output.len())
+    }
+
+    pub(crate) fn finish(self) -> Result<()> {
+        self.output.map_or(Ok(()), Output::finish)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exposure_brings_the_middle_to_grey() {
+        let picture = Plane::from_fn(4, 1, |x, _| [0.0, 10.0, 1000.0, 100.0][x]);
+        assert!((exposure_for(&picture) - 0.0018).abs() < 1e-6);
+        assert_eq!(exposure_for(&Plane::filled(2, 2, 0.0)), 1.0);
+    }
+}

@@ -1,0 +1,93 @@
+//! The masking model of a film: which error of the next frame nobody would see.
+
+use crate::error::Result;
+use crate::feedback_loop::checkpoint::{decode, encode};
+use crate::feedback_loop::parts::{Coding, CodingOutcome, Displayed, LuminanceThresholds, Mask};
+use crate::settings::{Settings, Thresholds};
+use perceptual::{
+    CodedPicture, DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, ToneMap,
+    still_matches,
+};
+use plane::Plane;
+
+/// ΔY(t) of each frame t in display order, by the thresholds that the settings name.
+pub struct Masking {
+    thresholds: Thresholds,
+    kappa: f32,
+    steps: QuantiserSteps,
+    /// Made with the first frame, which may set the exposure.
+    feedback: Option<Feedback>,
+    /// ΔY and predicted luma of the last frame, where a film is continued.
+    last: Option<(Plane<f32>, Plane<u8>)>,
+}
+
+impl Masking {
+    /// For a film from its beginning.
+    ///
+    /// # Errors
+    /// The settings fit no encoder.
+    pub fn new(settings: &Settings) -> Result<Self> {
+        let config = settings.encoder_config()?;
+        let (intra_matrix, non_intra_matrix) = config.matrices();
+        let intra_dc_step = f32::from(8u8 >> (config.intra_dc_precision() - 8));
+        let steps = QuantiserSteps { intra_matrix, non_intra_matrix, intra_dc_step };
+        Ok(Self { thresholds: settings.thresholds, kappa: settings.kappa, steps, feedback: None, last: None })
+    }
+
+    fn begin(kappa: f32, tone_map: ToneMap, last: Option<(Plane<f32>, Plane<u8>)>) -> Feedback {
+        let mut feedback = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT).with_kappa(kappa);
+        if let Some((delta, predicted)) = last {
+            feedback.restore(delta);
+            feedback.restore_predicted(predicted);
+        }
+        feedback
+    }
+}
+
+impl std::fmt::Debug for Masking {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Masking").field("thresholds", &self.thresholds).finish_non_exhaustive()
+    }
+}
+
+impl Mask for Masking {
+    fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Plane<f32> {
+        let Self { thresholds, kappa, steps, feedback, last } = self;
+        let feedback = feedback.get_or_insert_with(|| Self::begin(*kappa, displayed.tone_map, last.take()));
+        let (luma, luminance) = (&displayed.picture.luma, &displayed.luminance);
+        let matches = displayed.correspondence.as_deref().map(|known| &known.matches);
+        let frame = ObservedFrame { luma, luminance, matches };
+        let &Coding { quantiser_scale, ref outcome, begins_group, next } = coding;
+        let delta = match (*thresholds, outcome) {
+            (Thresholds::Uniform(share), _) => return luminance.map(|luminance| share * luminance),
+            (Thresholds::Codec, Some(CodingOutcome { decoded, levels, intra, quantiser_scales })) => {
+                let coded = CodedPicture { decoded, levels, intra, quantiser_scales };
+                feedback.observe_coded(frame, steps, &coded, next)
+            }
+            (Thresholds::Quantised, Some(CodingOutcome { decoded, .. })) => {
+                let quantised = decoded.map(|sample| f32::from(sample) - 16.0);
+                let still = still_matches(luma.width(), luma.height());
+                let matches = matches.map(|_| &still);
+                feedback.observe(ObservedFrame { luma: &quantised, luminance, matches }, quantiser_scale)
+            }
+            // The encoder has not coded the picture yet.
+            (Thresholds::Codec, None) => {
+                let expected = ExpectedCoding { quantiser_scale, begins_group };
+                feedback.observe_predicted(frame, steps, expected, next)
+            }
+            _ => feedback.observe(frame, quantiser_scale),
+        };
+        delta.clone()
+    }
+
+    /// Luma of the last frame, where the loss of coding is predicted.
+    fn state(&self) -> Vec<u8> {
+        encode(&self.feedback.as_ref().map(|feedback| feedback.predicted()))
+    }
+
+    fn restore(&mut self, state: &[u8], thresholds: &LuminanceThresholds) -> Result<()> {
+        let predicted: Option<Plane<u8>> = decode(state)?;
+        self.last = Some((Plane::clone(&thresholds.delta), predicted.unwrap_or_default()));
+        Ok(())
+    }
+}

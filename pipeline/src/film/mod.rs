@@ -1,0 +1,10 @@
+//! A film: radiance into pictures, pictures into a stream, the stream into a file; and the thresholds that follow from it.
+
+pub mod display;
+mod masking;
+pub mod output;
+mod video;
+
+pub use display::Display;
+pub use masking::Masking;
+pub use video::Video;

@@ -1,0 +1,83 @@
+//! A film of a scene: this crate's renderer, masking and encoder in the loop.
+
+use crate::error::Result;
+use crate::feedback_loop::checkpoint::Checkpoints;
+use crate::feedback_loop::{Parts, Run, Start, couple};
+use crate::film::{Display, Masking, Video};
+use crate::plan::{Plan, Stage};
+use crate::renderer::{Preparation, Shading};
+use crate::report::Report;
+use crate::settings::Settings;
+use render_core::scene::Scene;
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+/// A film that is ready to be made, from its beginning or from a checkpoint.
+#[derive(Debug)]
+pub struct Render<'a> {
+    scene: &'a Scene,
+    settings: &'a Settings,
+    plan: &'a Plan,
+    parts: Parts<Preparation<'a>, Shading<'a>, Masking, Video>,
+    start: Start<'a>,
+    begin: Instant,
+}
+
+impl<'a> Render<'a> {
+    /// Brings the film to where `checkpoints` say. No file is changed before all of a checkpoint is read.
+    ///
+    /// # Errors
+    /// The settings fit no encoder, the checkpoint makes no sense, or a file of uncompressed frames cannot be written.
+    pub fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, checkpoints: &'a Checkpoints) -> Result<Self> {
+        let begin = Instant::now();
+        let masks = plan.is_on(Stage::Masking);
+        let mut parts = Parts {
+            prepare: Preparation::new(scene, settings, plan),
+            shade: Shading::new(settings, plan),
+            display: Display::of(settings)?,
+            encode: Video::new(settings)?,
+            mask: masks.then(|| Masking::new(settings)).transpose()?,
+        };
+        let start = parts.begin(checkpoints)?;
+        Ok(Self { scene, settings, plan, parts, start, begin })
+    }
+
+    /// Opens the file of the film. Without one, its bytes go only to the observer.
+    ///
+    /// # Errors
+    /// The file cannot be written, or is shorter than at the checkpoint.
+    pub fn write_to(&mut self, path: &Path) -> Result<()> {
+        self.start.write_to(path)
+    }
+
+    /// The first frame that is still to be made.
+    #[must_use]
+    pub fn first_frame(&self) -> u32 {
+        self.start.first_frame()
+    }
+
+    /// Makes the film and reports what it took. Blocks until all is done.
+    ///
+    /// # Errors
+    /// The first failure of a stage: a file that cannot be written, or a fault of this program.
+    pub fn finish(self, run: Run<'_>) -> Result<Report> {
+        let Self { scene, settings, plan, parts, start, begin } = self;
+        let reports = couple(parts, start, run)?;
+        let interrupted = run.stop.load(Ordering::Relaxed) && (reports.len() as u32) < settings.frames;
+        Ok(Report::new(scene, settings, plan.steps(), reports, interrupted, begin.elapsed().as_secs_f64()))
+    }
+}
+
+/// Renders `scene` into the file that `settings` name, without checkpoints, and reports the cost.
+///
+/// The caller chooses the threads that rayon may use by installing a pool.
+///
+/// # Errors
+/// Those of [`Render::new`], [`Render::write_to`] and [`Render::finish`].
+pub fn render(scene: &Scene, settings: &Settings, plan: &Plan, run: Run<'_>) -> Result<Report> {
+    let checkpoints = Checkpoints::off();
+    let mut film = Render::new(scene, settings, plan, &checkpoints)?;
+    film.write_to(&settings.output)?;
+    film.finish(run)
+}

@@ -1,0 +1,228 @@
+//! Light for every pixel: direct light, and indirect light by cuts through the light tree that stop at thresholds.
+//! The one place where rays and light tree meet.
+
+mod cache;
+mod cuts;
+mod direct;
+mod gloss;
+mod layers;
+mod macroblock;
+mod pixels;
+mod state;
+
+use super::frame::{Frame, PreparedFrame};
+use crate::error::Result;
+use crate::feedback_loop::figures::FrameFigures;
+use crate::feedback_loop::parts::{LastThresholds, Prepared, Shade, Shaded};
+use crate::plan::{Plan, Stage, State};
+use crate::settings::{Aov, Settings, Size, Stopping, Thresholds};
+use cache::Cache;
+use cuts::{Allowance, Figures, LightTransport};
+use glam::Vec3;
+use lighttree::{Calibration, LightTree};
+use perceptual::still_matches;
+use plane::Plane;
+use render_core::{Accelerator, Busy, DirectLights, GBuffer, Gather, NOTHING, luminance, reconstruct, sample_places};
+use std::sync::Arc;
+
+/// Share of the luminance that a pixel without a threshold may be wrong by \[Walter05\], \[Herzog08, 5.3\].
+const WITHOUT_THRESHOLD: f32 = 0.02;
+/// Pixels darker than this share of the picture's mean do not count in the mean relative threshold: 0/0 says nothing.
+const DARK: f64 = 1e-4;
+
+/// The second half of the renderer: lights frame after frame.
+pub struct Shading<'a> {
+    settings: &'a Settings,
+    plan: &'a Plan,
+    cache: Option<Cache>,
+    /// Where nothing moves, the light of one frame is that of the next.
+    still: Option<Still>,
+    calibration: Option<Calibration>,
+}
+
+impl<'a> Shading<'a> {
+    /// For a film from its beginning.
+    #[must_use]
+    pub fn new(settings: &'a Settings, plan: &'a Plan) -> Self {
+        let cache = plan.is_on(Stage::Cache).then(Cache::default);
+        let calibrated = settings.stopping == Stopping::Calibrated;
+        let calibration = calibrated.then(|| Calibration::keeping(settings.within));
+        Self { settings, plan, cache, still: None, calibration }
+    }
+}
+
+impl std::fmt::Debug for Shading<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Shading").finish_non_exhaustive()
+    }
+}
+
+impl<'s> Shade<Frame<'s>> for Shading<'_> {
+    fn step(&mut self, prepared: &PreparedFrame<'s>, thresholds: LastThresholds<'_>) -> Shaded {
+        let Size { width, height } = self.settings.size;
+        let still = (self.settings.thresholds == Thresholds::Quantised).then(|| still_matches(width, height));
+        let thresholds = still.iter().fold(thresholds, LastThresholds::along);
+        let before = self.calibration.as_ref().and_then(|_| thresholds.luminance());
+        let calibration = self.calibration.take();
+        let mut allowance = Allowance { map: thresholds.map(width, height), before, calibration };
+        let shaded = self.shade(prepared, &mut allowance);
+        self.calibration = allowance.calibration;
+        shaded
+    }
+
+    fn state(&self) -> Vec<u8> {
+        state::of(self)
+    }
+
+    fn restore(&mut self, state: &[u8], last: &PreparedFrame<'s>) -> Result<()> {
+        state::restore(self, state, last)
+    }
+}
+
+impl Shading<'_> {
+    fn shade(&mut self, prepared: &PreparedFrame, allowance: &mut Allowance) -> Shaded {
+        let &mut Self { settings, plan, .. } = self;
+        let Prepared { frame, figures, .. } = prepared;
+        let mut figures = figures.clone();
+        let pixels = settings.size.width * settings.size.height;
+        let counts = if settings.aov.is_empty() { Figures::default() } else { Figures::by_pixel(pixels) };
+        // Light from a cache takes thresholds into account only where something is new.
+        let may_stay = plan.state(Stage::PrimaryRays) == State::Once && plan.is_on(Stage::Cache);
+        let known = self.still.take().filter(|still| still.is_of(frame));
+        let lit = known.unwrap_or_else(|| self.light(frame, allowance, &counts, &mut figures));
+        let Sample { direct, indirect } = &lit.samples[0];
+        let transport = LightTransport::new(settings, frame, allowance, (&frame.seen, direct), false, &counts);
+        figures.threshold_mean_relative = transport.mean_relative_threshold(&sum(direct, indirect));
+        figures.cache_records = lit.cache_records;
+        counts.put_into(&mut figures);
+        let learned = allowance.calibration.as_mut().and_then(|calibration| calibration.learn(&counts.audits));
+        figures.audit_error_p95 = learned.as_ref().map(|learned| learned.error_p95);
+        // Where cuts end by measured errors, their multiplier is the one that holds.
+        figures.kappa = Some(learned.map_or(settings.kappa.into(), |learned| learned.kappa));
+        let places = sample_places(settings.samples as usize);
+        let picture = |of: &dyn Fn(&Sample) -> Plane<[f32; 3]>| {
+            let planes: Vec<Plane<[f32; 3]>> = lit.samples.iter().map(of).collect();
+            reconstruct(&planes, &places)
+        };
+        let known = layers::Known { prepared, map: &allowance.map, counts: &counts, cache: self.cache.as_ref() };
+        let layers = settings.aov.iter().flat_map(|&aov| match aov {
+            Aov::Direct => layers::colors("direct", &picture(&|sample| sample.direct.map(|rgb| rgb.to_array()))),
+            Aov::Indirect => layers::colors("indirect", &picture(&|sample| sample.indirect.map(|rgb| rgb.to_array()))),
+            _ => known.layers(aov),
+        });
+        let layers = layers.collect();
+        let radiance = picture(&|sample| sum(&sample.direct, &sample.indirect));
+        self.still = may_stay.then_some(lit);
+        Shaded { radiance, layers, figures }
+    }
+
+    /// The light of `frame` through every place of a pixel.
+    fn light(&mut self, frame: &Frame, allowance: &Allowance, counts: &Figures, figures: &mut FrameFigures) -> Still {
+        let &mut Self { settings, plan, ref mut cache, .. } = self;
+        let size = (settings.size.width, settings.size.height);
+        let [visibility, direct_busy, indirect_busy] = [(); 3].map(|()| Busy::default());
+        let places = sample_places(settings.samples as usize);
+        let mut samples: Vec<Sample> = Vec::new();
+        for &place in &places {
+            // The one sample of a pixel is that of the G-buffer.
+            let own = (places.len() > 1).then(|| {
+                let Frame { accelerator, surfaces, seen, .. } = frame;
+                GBuffer::trace_at(place, accelerator, surfaces, &seen.view, size, &visibility)
+            });
+            let seen = own.as_ref().unwrap_or(&frame.seen);
+            let coats = plan.is_on(Stage::Gloss).then(|| gloss::light(frame, seen, &direct_busy));
+            let below = coats.is_some().then(|| gloss::below_coats(seen));
+            let seen = below.as_ref().unwrap_or(seen);
+            let (mut direct, rays) = direct::light(frame, seen, &direct_busy);
+            figures.shadow_rays += rays;
+            if let Some((reflected, rays)) = coats {
+                figures.shadow_rays += rays;
+                direct.samples_mut().iter_mut().zip(reflected.samples()).for_each(|(sum, &coat)| *sum += coat);
+            }
+            let compensates = plan.is_on(Stage::Compensation);
+            let transport = LightTransport::new(settings, frame, allowance, (seen, &direct), compensates, counts);
+            let indirect = match (plan.state(Stage::Indirect), cache.as_mut()) {
+                (State::Off, _) => Plane::filled(size.0, size.1, Vec3::ZERO),
+                (_, Some(cache)) if samples.is_empty() => cache.light(&transport, &indirect_busy, figures),
+                (_, Some(cache)) => cache.light_more(&transport, &indirect_busy, figures),
+                (_, None) => pixels::light(&transport, &indirect_busy),
+            };
+            samples.push(Sample { direct, indirect });
+        }
+        figures.visibility += visibility.seconds();
+        figures.direct = direct_busy.seconds();
+        figures.indirect = indirect_busy.seconds();
+        Still::new(frame, samples, figures.cache_records)
+    }
+}
+
+/// The light that the pixels of a picture receive through one place of each.
+#[derive(serde::Serialize, serde::Deserialize)]
+struct Sample {
+    /// Emitted, and reflected straight from its source.
+    direct: Plane<Vec3>,
+    /// All else.
+    indirect: Plane<Vec3>,
+}
+
+/// A frame's light, and all that it was made from.
+struct Still {
+    accelerator: Arc<Accelerator>,
+    lights: Arc<DirectLights>,
+    tree: Arc<LightTree>,
+    gather: Arc<Gather>,
+    seen: Arc<GBuffer>,
+    samples: Vec<Sample>,
+    cache_records: u64,
+}
+
+impl Still {
+    fn new(frame: &Frame, samples: Vec<Sample>, cache_records: u64) -> Self {
+        let Frame { accelerator, direct, tree, gather, seen, .. } = frame;
+        Self {
+            accelerator: accelerator.clone(),
+            lights: direct.clone(),
+            tree: tree.clone(),
+            gather: gather.clone(),
+            seen: seen.clone(),
+            samples,
+            cache_records,
+        }
+    }
+
+    /// Whether `frame` has the same parts, shared and not only equal.
+    fn is_of(&self, frame: &Frame) -> bool {
+        Arc::ptr_eq(&self.accelerator, &frame.accelerator)
+            && Arc::ptr_eq(&self.lights, &frame.direct)
+            && Arc::ptr_eq(&self.tree, &frame.tree)
+            && Arc::ptr_eq(&self.gather, &frame.gather)
+            && Arc::ptr_eq(&self.seen, &frame.seen)
+    }
+}
+
+fn sum(a: &Plane<Vec3>, b: &Plane<Vec3>) -> Plane<[f32; 3]> {
+    Plane::from_fn(a.width(), a.height(), |x, y| (a.get(x, y) + b.get(x, y)).to_array())
+}
+
+impl LightTransport<'_> {
+    /// Mean of threshold by luminance over the pixels that are lit indirectly.
+    fn mean_relative_threshold(&self, radiance: &Plane<[f32; 3]>) -> f64 {
+        let share = self.relative_threshold();
+        let pixels = self.seen.pixels.samples().iter().zip(radiance.samples());
+        let (width, seen) = (radiance.width(), |albedo: [f32; 3], instance| instance != NOTHING && albedo != [0.0; 3]);
+        let places = (0..).zip(pixels).filter(|(_, (pixel, _))| seen(pixel.albedo, pixel.instance));
+        let lit: Vec<(f32, f32)> = places
+            .map(|(index, (_, &radiance))| {
+                let y = luminance(radiance.into());
+                (self.threshold(index % width, index / width).unwrap_or(share * y), y)
+            })
+            .collect();
+        let mean = lit.iter().map(|&(_, y)| f64::from(y)).sum::<f64>() / lit.len().max(1) as f64;
+        let relative: Vec<f64> = lit
+            .iter()
+            .filter(|&&(_, y)| f64::from(y) > DARK * mean)
+            .map(|&(t, y)| f64::from(t) / f64::from(y))
+            .collect();
+        relative.iter().sum::<f64>() / relative.len().max(1) as f64
+    }
+}

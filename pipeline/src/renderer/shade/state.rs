@@ -1,0 +1,42 @@
+//! The state of shading between two frames, for checkpoints.
+
+use super::cache::{Cache, Recipe};
+use super::{Sample, Shading, Still};
+use crate::error::Result;
+use crate::feedback_loop::checkpoint::{decode, encode};
+use crate::renderer::frame::PreparedFrame;
+use lighttree::Calibration;
+use render_core::cache::IrradianceCache;
+use serde::{Deserialize, Serialize};
+
+/// As it is written.
+#[derive(Serialize)]
+struct Written<'a> {
+    records: Option<&'a IrradianceCache<Recipe>>,
+    /// A still frame's light, and the number of records that it was taken from.
+    still: Option<(&'a [Sample], u64)>,
+    calibration: Option<&'a Calibration>,
+}
+
+/// As it is read.
+#[derive(Deserialize)]
+struct Read {
+    records: Option<IrradianceCache<Recipe>>,
+    still: Option<(Vec<Sample>, u64)>,
+    calibration: Option<Calibration>,
+}
+
+pub(super) fn of(shading: &Shading) -> Vec<u8> {
+    let Shading { cache, still, calibration, .. } = shading;
+    let still = still.as_ref().map(|still| (&still.samples[..], still.cache_records));
+    encode(&Written { records: cache.as_ref().map(Cache::carried), still, calibration: calibration.as_ref() })
+}
+
+/// Brings cache, still light and calibration to where they were after the frame `last`.
+pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame) -> Result<()> {
+    let Read { records, still, calibration } = decode(state)?;
+    shading.cache = records.map(|records| Cache::resumed(records, &last.frame)).transpose()?;
+    shading.still = still.map(|(samples, cache_records)| Still::new(&last.frame, samples, cache_records));
+    shading.calibration = calibration;
+    Ok(())
+}
