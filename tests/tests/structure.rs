@@ -1,0 +1,265 @@
+//! Files of a crate import each other without circles, and so do its folders.
+//!
+//! A folder with its `mod.rs` is a room. Within a room, `mod.rs` may import from the files below it and they from it. Imports
+//! between two files, two rooms, or a file and a room must not form a circle, at any level.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use syn::visit::{self, Visit};
+
+const CRATES: [&str; 6] = ["plane", "lighttree", "perceptual", "mpeg2enc", "render-core", "pipeline"];
+
+/// Imports without which there would be no circle, still to be removed: crate, importing module, imported module. The test also
+/// fails when one of these closes no circle any more, so that the list only shrinks.
+const KNOWN: &[(&str, &str, &str)] = &[
+    ("lighttree", "sites", "tree"),
+    ("lighttree", "tree", "validate"),
+    ("lighttree", "build::agglomerate", "build::nearest"),
+    ("perceptual", "table", "ycbcr"),
+    ("mpeg2enc", "config", "lookahead_encoder"),
+    ("mpeg2enc", "config", "encoder"),
+    ("mpeg2enc", "config", "rate"),
+    ("mpeg2enc", "standard", "config"),
+    ("mpeg2enc", "vlc", "quant"),
+    ("mpeg2enc", "config", "quant"),
+    ("mpeg2enc", "dct", "kernel"),
+    ("mpeg2enc", "header", "rate"),
+    ("mpeg2enc", "motion", "predict"),
+    ("mpeg2enc", "quant", "trellis"),
+    ("render-core", "environment", "scene"),
+    ("render-core", "accel::packet", "accel::query"),
+    ("render-core", "anchor::exposure", "anchor::surfels"),
+    ("render-core", "cache::openness", "cache::spacing"),
+    ("render-core", "cache::record", "cache::spacing"),
+    ("render-core", "cache::spacing", "cache::tile"),
+    ("render-core", "scene::deform", "scene::mesh"),
+    ("render-core", "scene::sky", "scene::gltf_file"),
+    ("pipeline", "args", "command"),
+    ("pipeline", "args", "config_file"),
+    ("pipeline", "feedback_loop", "film"),
+    ("pipeline", "feedback_loop", "report"),
+];
+
+/// A module by the names on its path; the crate root has none.
+type Module = Vec<String>;
+
+/// The modules that a file imports, and the names that it hands on.
+#[derive(Default)]
+struct Imports {
+    /// Absolute paths, of modules or of items in them.
+    paths: BTreeSet<Module>,
+    /// Names that `use` brings into the module, with their absolute paths.
+    names: BTreeMap<String, Module>,
+    /// Modules in files of their own that exist only in tests.
+    test_modules: BTreeSet<Module>,
+}
+
+/// Collects the imports of a file.
+struct Collector {
+    /// The file's module, then the modules within the file around the place that is read.
+    here: Module,
+    depth_of_file: usize,
+    imports: Imports,
+}
+
+impl Collector {
+    /// `path` from the crate root on, if it begins with `crate`, `self` or `super`, or else with a child if `in_use`.
+    fn absolute(&self, path: &[String], in_use: bool) -> Option<Module> {
+        let mut base = self.here.clone();
+        let mut rest = path;
+        match path.first()?.as_str() {
+            "crate" => (base, rest) = (Module::new(), &path[1..]),
+            "self" => rest = &path[1..],
+            "super" => {
+                while let [first, others @ ..] = rest
+                    && first == "super"
+                {
+                    base.pop();
+                    rest = others;
+                }
+            }
+            _ if in_use => (),
+            _ => return None,
+        }
+        base.extend_from_slice(rest);
+        Some(base)
+    }
+
+    fn use_tree(&mut self, tree: &syn::UseTree, before: &[String]) {
+        let with = |name: &syn::Ident| [before, &[name.to_string()]].concat();
+        match tree {
+            syn::UseTree::Path(path) => self.use_tree(&path.tree, &with(&path.ident)),
+            syn::UseTree::Group(group) => group.items.iter().for_each(|item| self.use_tree(item, before)),
+            syn::UseTree::Glob(_) => self.add(before, None),
+            syn::UseTree::Name(name) if name.ident == "self" => self.add(before, before.last().cloned()),
+            syn::UseTree::Name(name) => self.add(&with(&name.ident), Some(name.ident.to_string())),
+            syn::UseTree::Rename(rename) => self.add(&with(&rename.ident), Some(rename.rename.to_string())),
+        }
+    }
+
+    fn add(&mut self, path: &[String], name: Option<String>) {
+        let Some(path) = self.absolute(path, true) else { return };
+        if let Some(name) = name.filter(|_| self.here.len() == self.depth_of_file) {
+            self.imports.names.insert(name, path.clone());
+        }
+        self.imports.paths.insert(path);
+    }
+
+    /// Paths among the tokens of a macro, which are not parsed.
+    fn tokens(&mut self, text: &str) {
+        let words: Vec<&str> = text.split_whitespace().collect();
+        for (i, word) in words.iter().enumerate().filter(|(_, word)| ["crate", "super"].contains(word)) {
+            let after = words[i + 1..].chunks_exact(2).take_while(|pair| pair[0] == "::");
+            let path: Vec<String> =
+                std::iter::once(*word).chain(after.map(|pair| pair[1])).map(str::to_owned).collect();
+            self.imports.paths.extend(self.absolute(&path, false));
+        }
+    }
+}
+
+fn only_in_tests(attributes: &[syn::Attribute]) -> bool {
+    let is_test = |attribute: &syn::Attribute| {
+        attribute.path().is_ident("cfg") && attribute.parse_args::<syn::Ident>().is_ok_and(|name| name == "test")
+    };
+    attributes.iter().any(is_test)
+}
+
+impl<'ast> Visit<'ast> for Collector {
+    fn visit_item_mod(&mut self, module: &'ast syn::ItemMod) {
+        self.here.push(module.ident.to_string());
+        if !only_in_tests(&module.attrs) {
+            visit::visit_item_mod(self, module);
+        } else if module.content.is_none() {
+            self.imports.test_modules.insert(self.here.clone());
+        }
+        self.here.pop();
+    }
+
+    fn visit_item_use(&mut self, item: &'ast syn::ItemUse) {
+        if !only_in_tests(&item.attrs) {
+            self.use_tree(&item.tree, &[]);
+        }
+    }
+
+    fn visit_item_fn(&mut self, item: &'ast syn::ItemFn) {
+        if !only_in_tests(&item.attrs) {
+            visit::visit_item_fn(self, item);
+        }
+    }
+
+    fn visit_impl_item_fn(&mut self, item: &'ast syn::ImplItemFn) {
+        if !only_in_tests(&item.attrs) {
+            visit::visit_impl_item_fn(self, item);
+        }
+    }
+
+    fn visit_path(&mut self, path: &'ast syn::Path) {
+        let names: Vec<String> = path.segments.iter().map(|segment| segment.ident.to_string()).collect();
+        self.imports.paths.extend(self.absolute(&names, false));
+        visit::visit_path(self, path);
+    }
+
+    fn visit_macro(&mut self, item: &'ast syn::Macro) {
+        self.tokens(&item.tokens.to_string());
+    }
+}
+
+/// The imports of each file below `folder`, by module.
+fn read(folder: &Path, module: &Module, files: &mut BTreeMap<Module, Imports>) {
+    for entry in std::fs::read_dir(folder).expect("a folder of sources") {
+        let path = entry.expect("an entry").path();
+        let name = path.file_stem().expect("a name").to_string_lossy().into_owned();
+        let mut own = module.clone();
+        if path.is_dir() {
+            own.push(name);
+            read(&path, &own, files);
+            continue;
+        }
+        if path.extension().is_none_or(|ending| ending != "rs") {
+            continue;
+        }
+        if !["mod", "lib", "main"].contains(&name.as_str()) {
+            own.push(name);
+        }
+        let source = syn::parse_file(&std::fs::read_to_string(&path).expect("a source")).expect("Rust");
+        let mut collector = Collector { depth_of_file: own.len(), here: own.clone(), imports: Imports::default() };
+        collector.visit_file(&source);
+        // A library and its program share the root.
+        let Imports { paths, names, test_modules } = collector.imports;
+        let imports = files.entry(own).or_default();
+        imports.paths.extend(paths);
+        imports.names.extend(names);
+        imports.test_modules.extend(test_modules);
+    }
+}
+
+/// The file in which what `path` names is defined: re-exports are followed.
+fn defined_in(path: &Module, files: &BTreeMap<Module, Imports>, steps: usize) -> Option<Module> {
+    let depth = (0..=path.len()).rev().find(|&depth| files.contains_key(&path[..depth]))?;
+    let (module, rest) = path.split_at(depth);
+    let handed_on = rest.first().and_then(|name| files[module].names.get(name)).filter(|_| steps > 0);
+    let followed = handed_on.and_then(|target| {
+        let whole = [target.as_slice(), &rest[1..]].concat();
+        defined_in(&whole, files, steps - 1).filter(|found| !found.is_empty())
+    });
+    followed.or_else(|| Some(module.to_vec()))
+}
+
+/// Imports between the files and rooms of one room: who imports whom, and where, in words.
+type Edges = BTreeMap<(Module, Module), String>;
+
+/// The imports of a crate, by the room in which they lie.
+fn rooms(files: &BTreeMap<Module, Imports>) -> BTreeMap<Module, Edges> {
+    let test_modules: BTreeSet<&Module> = files.values().flat_map(|imports| &imports.test_modules).collect();
+    let is_test = |file: &Module| (0..=file.len()).any(|depth| test_modules.contains(&file[..depth].to_vec()));
+    let mut rooms = BTreeMap::<Module, Edges>::new();
+    for (file, imports) in files.iter().filter(|(file, _)| !is_test(file)) {
+        for target in imports.paths.iter().filter_map(|path| defined_in(path, files, 8)) {
+            let common = file.iter().zip(&target).take_while(|(a, b)| a == b).count();
+            if common == file.len() || common == target.len() {
+                continue;
+            }
+            let edge = (file[..=common].to_vec(), target[..=common].to_vec());
+            let edges = rooms.entry(file[..common].to_vec()).or_default();
+            edges.entry(edge).or_insert_with(|| format!("{} imports {}", file.join("::"), target.join("::")));
+        }
+    }
+    rooms
+}
+
+/// Whether `to` imports `from`, directly or not.
+fn leads_back(edges: &Edges, (from, to): &(Module, Module)) -> bool {
+    let (mut reached, mut open) = (BTreeSet::from([to]), vec![to]);
+    while let Some(one) = open.pop() {
+        let next = edges.keys().filter(|(importing, _)| importing == one).map(|(_, imported)| imported);
+        open.extend(next.filter(|&imported| reached.insert(imported)).collect::<Vec<_>>());
+    }
+    reached.contains(from)
+}
+
+/// What is to be said of the imports of a crate: circles, and known ones that are gone.
+fn complaints(name: &str) -> Vec<String> {
+    let mut files = BTreeMap::new();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name).join("src");
+    read(&folder, &Module::new(), &mut files);
+    assert!(files.len() > 1, "{name} has files");
+    let module = |path: &str| path.split("::").map(str::to_owned).collect::<Module>();
+    let known = KNOWN.iter().filter(|(of, ..)| *of == name).map(|(_, from, to)| (module(from), module(to)));
+    let mut known: BTreeSet<(Module, Module)> = known.collect();
+    let mut complaints = Vec::new();
+    for edges in rooms(&files).into_values() {
+        let (excused, edges): (Edges, Edges) = edges.into_iter().partition(|(edge, _)| known.contains(edge));
+        known.retain(|edge| !excused.contains_key(edge) || !leads_back(&edges, edge));
+        let circular = edges.iter().filter(|(edge, _)| leads_back(&edges, edge));
+        complaints.extend(circular.map(|(_, words)| format!("{name}: {words}, in a circle")));
+    }
+    let gone = known.iter().map(|(from, to)| (from.join("::"), to.join("::")));
+    complaints.extend(gone.map(|(from, to)| format!("{name}: {from} imports {to} in no circle; take it off the list")));
+    complaints
+}
+
+#[test]
+fn imports_form_no_circles() {
+    let complaints: Vec<String> = CRATES.iter().flat_map(|name| complaints(name)).collect();
+    assert!(complaints.is_empty(), "{}", complaints.join("\n"));
+}
