@@ -9,7 +9,7 @@ use libfuzzer_sys::fuzz_target;
 use pipeline::feedback_loop::Run;
 use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
 use pipeline::settings::Switch;
-use pipeline::{Plan, Render, Settings, Wishes};
+use pipeline::{Plan, Render, Settings, Options};
 use render_core::scene::{self, Scene};
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
@@ -50,7 +50,7 @@ impl Film {
         let scene = scene::load(&path).expect("a scene");
         // A film of two frames leaves what one of three has behind its second, but for its length.
         let [short, long] = [2, 3].map(|frames| {
-            let wishes = Wishes {
+            let options = Options {
                 output: Some(folder.path().join("film.m2v")),
                 frames: Some(frames),
                 size: "8x8".parse().ok(),
@@ -58,9 +58,9 @@ impl Film {
                 photons: Some(50),
                 bframes: Some(1),
                 cache: Some(Switch::On),
-                ..Wishes::default()
+                ..Options::default()
             };
-            let settings = Settings::new(path.clone(), &scene, wishes).expect("settings");
+            let settings = Settings::new(path.clone(), &scene, &options).expect("settings");
             let plan = Plan::new(&scene, &settings);
             let job = FilmJob::of(&settings).expect("a scene");
             let checkpoints = Checkpoints::new(&job, Some(Duration::ZERO)).expect("a place");

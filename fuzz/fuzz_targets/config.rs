@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use pipeline::{Plan, Settings, Wishes};
+use pipeline::{Plan, Settings, Options};
 use render_core::scene::{Scene, SceneSettings};
 
 fuzz_target!(|data: &[u8]| {
@@ -10,7 +10,7 @@ fuzz_target!(|data: &[u8]| {
     match SceneSettings::parse(text) {
         Ok(settings) => {
             let scene = Scene { settings, ..Scene::default() };
-            match Settings::new("scene.glb".into(), &scene, Wishes::default()) {
+            match Settings::new("scene.glb".into(), &scene, &Options::default()) {
                 Ok(settings) => {
                     assert!(settings.tone_map.check().is_ok());
                     let _ = settings.encoder_config();

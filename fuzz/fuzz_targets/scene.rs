@@ -6,7 +6,7 @@
 use libfuzzer_sys::fuzz_target;
 use pipeline::feedback_loop::{Run, observe::OnFrame};
 use pipeline::report::FrameReport;
-use pipeline::{Plan, Settings, Wishes};
+use pipeline::{Plan, Settings, Options};
 use render_core::scene;
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -30,10 +30,10 @@ fuzz_target!(|data: &[u8]| {
     if scene.triangle_count() > MOST_TRIANGLES || scene.instances.len() > MOST_TRIANGLES {
         return;
     }
-    let wishes =
-        Wishes { frames: Some(2), size: "8x8".parse().ok(), vpls: Some(10), photons: Some(100), ..Wishes::default() };
-    let wishes = Wishes { output: Some(folder.path().join("film.m2v")), ..wishes };
-    let Ok(settings) = Settings::new(path, &scene, wishes) else { return };
+    let options =
+        Options { frames: Some(2), size: "8x8".parse().ok(), vpls: Some(10), photons: Some(100), ..Options::default() };
+    let options = Options { output: Some(folder.path().join("film.m2v")), ..options };
+    let Ok(settings) = Settings::new(path, &scene, &options) else { return };
     let plan = Plan::new(&scene, &settings);
     let check = OnFrame::new(|frame: &FrameReport| assert_eq!(frame.non_finite_pixels, 0, "light that is no number"));
     let run = Run { observer: &check, ..Run::default() };

@@ -4,12 +4,11 @@
 //! cargo run --release -p render2mpeg --example drive -- scenes/cornell/cornell.glb
 //! ```
 
-use anyhow::{Context, Result};
 use perceptual::YCbCr;
 use pipeline::feedback_loop::Run;
 use pipeline::feedback_loop::observe::Observer;
 use pipeline::report::FrameReport;
-use pipeline::{Plan, Settings, Wishes};
+use pipeline::{Options, Plan, Settings};
 use plane::Plane;
 use std::path::PathBuf;
 use std::sync::mpsc::Sender;
@@ -48,18 +47,18 @@ impl Observer for Channel {
     }
 }
 
-fn main() -> Result<()> {
-    let path = PathBuf::from(std::env::args().nth(1).context("name a scene: drive SCENE.glb")?);
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let path = PathBuf::from(std::env::args().nth(1).ok_or("name a scene: drive SCENE.glb")?);
     let scene = render_core::scene::load(&path)?;
-    let wishes = Wishes {
+    let options = Options {
         output: Some("drive.m2v".into()),
         size: "128x128".parse().ok(),
         frames: Some(5),
         vpls: Some(200),
         photons: Some(20_000),
-        ..Wishes::default()
+        ..Options::default()
     };
-    let settings = Settings::new(path, &scene, wishes)?;
+    let settings = Settings::new(path, &scene, &options)?;
     let plan = Plan::new(&scene, &settings);
     let (news_out, news) = std::sync::mpsc::channel();
     let report = std::thread::scope(|scope| {

@@ -7,7 +7,6 @@
 //! A disc of fine rings moves over a gradient. Each pixel is the mean of samples, and takes them until its standard error is
 //! below its threshold: the same rule that stops a lightcut.
 
-use anyhow::{Context, Result};
 use mpeg2enc::{Config, Container, FrameRate};
 use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap};
 use pipeline::feedback_loop::checkpoint::Checkpoints;
@@ -131,9 +130,9 @@ impl Observer for Widest {
     }
 }
 
-fn main() -> Result<()> {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "own_renderer.m2v".into()));
-    let container = Container::of(&path).context("name the output .m2v, .mpg or .ts")?;
+    let container = Container::of(&path).ok_or("name the output .m2v, .mpg or .ts")?;
     for quantiser_scale in [2, 16] {
         let config = Config::new(SIZE.0, SIZE.1, FrameRate::FPS_25);
         let video = Video::immediate(config, container, quantiser_scale)?;

@@ -10,10 +10,12 @@ pub mod renderer;
 pub mod report;
 pub mod settings;
 
+mod open;
 mod render;
 
 pub use error::{Error, Result};
+pub use open::Film;
 pub use render::{Render, render};
 pub use renderer::plan::{self, Plan};
 pub use report::Report;
-pub use settings::{Settings, Wishes};
+pub use settings::{Options, Settings};

@@ -9,7 +9,7 @@
 
 use pipeline::feedback_loop::{Run, observe::OnFrame};
 use pipeline::settings::{Lighting, Size, Switch};
-use pipeline::{Plan, Report, Settings, Wishes};
+use pipeline::{Options, Plan, Report, Settings};
 use std::path::{Path, PathBuf};
 use tests::read_y4m;
 
@@ -30,7 +30,7 @@ fn main() {
     for (name, cache) in [("a cut for every pixel", Switch::Off), ("irradiance cache", Switch::On)] {
         let exr = folder.path().join(name);
         let y4m = folder.path().join("film.y4m");
-        let wishes = Wishes {
+        let options = Options {
             output: Some(folder.path().join("film.m2v")),
             frames: Some(frames),
             size: Some(size),
@@ -38,9 +38,9 @@ fn main() {
             cache: Some(cache),
             exr: Some(exr.clone()),
             y4m: Some(y4m.clone()),
-            ..Wishes::default()
+            ..Options::default()
         };
-        let report = render(Path::new(scene), wishes);
+        let report = render(Path::new(scene), options);
         let first = render_core::image_file::read_exr(&exr.join("frame_00000.exr")).expect("a linear frame");
         let first = first.map(|radiance| radiance.to_array());
         let error = perceptual::relative_mse(&first, reference.get_or_insert_with(|| first.clone()));
@@ -61,9 +61,9 @@ fn main() {
     }
 }
 
-fn render(scene: &Path, wishes: Wishes) -> Report {
+fn render(scene: &Path, options: Options) -> Report {
     let loaded = render_core::scene::load(scene).expect("the scene loads");
-    let settings = Settings::new(PathBuf::from(scene), &loaded, wishes).expect("the settings are right");
+    let settings = Settings::new(PathBuf::from(scene), &loaded, &options).expect("the settings are right");
     if let Some(folder) = &settings.exr {
         std::fs::create_dir_all(folder).expect("a folder for linear frames");
     }

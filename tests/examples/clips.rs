@@ -11,7 +11,7 @@
 
 use pipeline::feedback_loop::{Run, observe::OnFrame};
 use pipeline::settings::Size;
-use pipeline::{Plan, Wishes};
+use pipeline::{Options, Plan};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -33,15 +33,15 @@ fn main() {
 
 fn write_clip(name: &str, base: &Path, size: Size, frames: u32) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../scenes/{name}/{name}.glb"));
-    let wishes = Wishes {
+    let options = Options {
         output: Some(base.with_extension("m2v")),
         y4m: Some(base.with_extension("y4m")),
         size: Some(size),
         frames: Some(frames),
         qscale: Some(2),
-        ..Wishes::default()
+        ..Options::default()
     };
-    let (scene, settings) = tests::load(&path, wishes);
+    let (scene, settings) = tests::load(&path, options);
     let plan = Plan::new(&scene, &settings);
     let tell = |frame: &pipeline::report::FrameReport| eprint!("\r{name}: frame {}   ", frame.index);
     let run = Run { observer: &OnFrame::new(tell), ..Run::default() };

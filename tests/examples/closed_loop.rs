@@ -12,7 +12,7 @@
 use mpeg2enc::Picture;
 use pipeline::feedback_loop::{Run, observe::OnFrame};
 use pipeline::settings::{Lighting, Size, Switch, Thresholds};
-use pipeline::{Plan, Report, Settings, Wishes};
+use pipeline::{Options, Plan, Report, Settings};
 use std::path::{Path, PathBuf};
 use tests::{decode_ffmpeg, read_y4m};
 
@@ -33,8 +33,9 @@ fn main() {
     let reference = folder.join(format!("{stem}_{size}_{frames}.y4m"));
     if !reference.exists() {
         let part = reference.with_extension("part");
-        let wishes = Wishes { lighting: Some(Lighting::AllLights), y4m: Some(part.clone()), ..job.wishes(&folder, 8) };
-        let report = job.render(wishes);
+        let options =
+            Options { lighting: Some(Lighting::AllLights), y4m: Some(part.clone()), ..job.options(&folder, 8) };
+        let report = job.render(options);
         std::fs::rename(part, &reference).expect("the reference can be named");
         eprintln!("all lights: {:.1} CPU s of cuts a frame", report.summary.seconds.indirect);
     }
@@ -51,9 +52,9 @@ fn main() {
             ("perceptual, κ = 1", Thresholds::Perceptual, Some(1.0)),
             ("perceptual", Thresholds::Perceptual, None),
         ] {
-            let wishes = Wishes { thresholds: Some(thresholds), kappa, ..job.wishes(&folder, qscale) };
-            let video = wishes.output.clone().expect("set above");
-            let report = job.render(wishes);
+            let options = Options { thresholds: Some(thresholds), kappa, ..job.options(&folder, qscale) };
+            let video = options.output.clone().expect("set above");
+            let report = job.render(options);
             let decoded = decode_ffmpeg(&video, (job.size.width, job.size.height));
             let later = &report.frames[1..];
             let mean = |f: &dyn Fn(&pipeline::report::FrameReport) -> f64| {
@@ -79,8 +80,8 @@ struct Job {
 }
 
 impl Job {
-    fn wishes(&self, folder: &Path, qscale: u32) -> Wishes {
-        Wishes {
+    fn options(&self, folder: &Path, qscale: u32) -> Options {
+        Options {
             output: Some(folder.join("run.m2v")),
             size: Some(self.size),
             frames: Some(self.frames),
@@ -88,13 +89,13 @@ impl Job {
             // Thresholds act on cuts: here every pixel has its own, as in the paper's tables.
             cache: Some(Switch::Off),
             compensation: Some(Switch::Off),
-            ..Wishes::default()
+            ..Options::default()
         }
     }
 
-    fn render(&self, wishes: Wishes) -> Report {
+    fn render(&self, options: Options) -> Report {
         let scene = render_core::scene::load(&self.scene).expect("the scene loads");
-        let settings = Settings::new(self.scene.clone(), &scene, wishes).expect("the settings fit");
+        let settings = Settings::new(self.scene.clone(), &scene, &options).expect("the settings fit");
         let plan = Plan::new(&scene, &settings);
         let tell = |frame: &pipeline::report::FrameReport| eprint!("\rframe {}   ", frame.index);
         let run = Run { observer: &OnFrame::new(tell), ..Run::default() };

@@ -14,7 +14,7 @@
 use glam::{Vec3, Vec3A};
 use lighttree::{Cut, Lambert, Light, Receivers, Scratch, Stop, luminance};
 use pipeline::renderer::Preparation;
-use pipeline::{Plan, Wishes};
+use pipeline::{Options, Plan};
 use render_core::Busy;
 
 /// Side of a block \[pixels\].
@@ -27,14 +27,14 @@ fn main() {
         std::process::exit(2);
     };
     let vpls = lights.parse().expect("a number of lights");
-    let wishes = Wishes {
+    let options = Options {
         frames: Some(1),
         size: size.parse().ok(),
         vpls: Some(vpls),
         photons: Some(2_000_000),
-        ..Wishes::default()
+        ..Options::default()
     };
-    let (scene, settings) = tests::load(scene.as_ref(), wishes);
+    let (scene, settings) = tests::load(scene.as_ref(), options);
     let plan = Plan::new(&scene, &settings);
     let frame = Preparation::new(&scene, &settings, &plan).frame(0).frame;
 

@@ -10,7 +10,7 @@
 
 use pipeline::feedback_loop::Run;
 use pipeline::plan::Stage;
-use pipeline::{Plan, Report, Settings, Wishes};
+use pipeline::{Options, Plan, Report, Settings};
 use render_core::scene;
 
 /// Stages of the plan whose time stands alone in the report, with their seconds there.
@@ -31,14 +31,14 @@ fn main() -> anyhow::Result<()> {
     for path in scenes {
         let folder = tempfile::tempdir()?;
         let scene = scene::load(path.as_ref())?;
-        let wishes = Wishes {
+        let options = Options {
             output: Some(folder.path().join("film.m2v")),
             size: Some(size.parse().map_err(anyhow::Error::msg)?),
             frames: Some(4),
             run_everything: true,
-            ..Wishes::default()
+            ..Options::default()
         };
-        let settings = Settings::new(path.into(), &scene, wishes)?;
+        let settings = Settings::new(path.into(), &scene, &options)?;
         let plan = Plan::new(&scene, &settings);
         let Report { frames, .. } = pipeline::render(&scene, &settings, &plan, Run::default())?;
         let mean = |seconds: fn(&pipeline::report::Seconds) -> f64| {

@@ -3,15 +3,15 @@
 use mpeg2enc::{MotionField, Packet, Picture};
 use pipeline::feedback_loop::parts::Prepare;
 use pipeline::renderer::Preparation;
-use pipeline::{Plan, Settings, Wishes};
+use pipeline::{Options, Plan, Settings};
 use plane::Plane;
 use render_core::scene::{self, Scene};
 use std::path::Path;
 
-/// Loads a scene and fills in `wishes` for it.
-pub fn load(path: &Path, wishes: Wishes) -> (Scene, Settings) {
+/// Loads a scene and fills in `options` for it.
+pub fn load(path: &Path, options: Options) -> (Scene, Settings) {
     let scene = scene::load(path).expect("the scene loads");
-    let settings = Settings::new(path.into(), &scene, wishes).expect("the settings are right");
+    let settings = Settings::new(path.into(), &scene, &options).expect("the settings are right");
     (scene, settings)
 }
 

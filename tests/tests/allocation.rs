@@ -6,7 +6,7 @@
 use pipeline::feedback_loop::Run;
 use pipeline::feedback_loop::parts::Prepare;
 use pipeline::renderer::Preparation;
-use pipeline::{Plan, Settings, Wishes};
+use pipeline::{Options, Plan, Settings};
 use render_core::scene::Scene;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::alloc::System;
@@ -41,15 +41,15 @@ impl Job {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("room.glb");
         room.write(&path);
-        let wishes = Wishes {
+        let options = Options {
             output: Some(folder.path().join("film.m2v")),
             size: Some(format!("{side}x{side}").parse().unwrap()),
             frames: Some(frames),
             photons: Some(photons),
             vpls: Some(lights),
-            ..Wishes::default()
+            ..Options::default()
         };
-        let (scene, settings) = load(&path, wishes);
+        let (scene, settings) = load(&path, options);
         let plan = Plan::new(&scene, &settings);
         Self { scene, settings, plan, _folder: folder }
     }

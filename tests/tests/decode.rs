@@ -1,7 +1,7 @@
 //! Two decoders that are not ours show what the encoder says they show.
 
 use mpeg2enc::{Picture, psnr};
-use pipeline::Wishes;
+use pipeline::Options;
 use tests::{cornell, decode_ffmpeg, decode_mpeg2dec, encode, load, motion_fields, read_y4m, render};
 
 const SIZE: (usize, usize) = (96, 96);
@@ -33,14 +33,14 @@ fn a_rendered_film_is_shown_as_it_was_coded() {
 
     // The same pictures and the same motion through the encoder alone: the stream must be the same, and then its
     // reconstructions are those of the film.
-    let wishes = Wishes {
+    let options = Options {
         frames: Some(FRAMES as u32),
         size: "96x96".parse().ok(),
         vpls: Some(200),
         photons: Some(20_000),
-        ..Wishes::default()
+        ..Options::default()
     };
-    let (scene, settings) = load(&cornell(), wishes);
+    let (scene, settings) = load(&cornell(), options);
     let (stream, packets) = encode(&settings, &source, &motion_fields(&scene, &settings));
     assert!(stream == rendered.stream, "pictures and motion determine the stream");
 

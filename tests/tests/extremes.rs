@@ -4,7 +4,7 @@
 use glam::{Vec3, vec3};
 use pipeline::feedback_loop::Run;
 use pipeline::settings::Lighting;
-use pipeline::{Plan, Report, Settings, Wishes};
+use pipeline::{Options, Plan, Report, Settings};
 use plane::Plane;
 use render_core::image_file::{read_exr, write_exr};
 use render_core::luminance;
@@ -16,21 +16,21 @@ use tests::{Glb, Moving, checkered_room, furnace};
 const SIDE: usize = 32;
 
 /// What is wanted of a film that is small and quick.
-fn small() -> Wishes {
+fn small() -> Options {
     let size = format!("{SIDE}x{SIDE}").parse().ok();
-    Wishes { frames: Some(2), size, vpls: Some(200), photons: Some(10_000), ..Wishes::default() }
+    Options { frames: Some(2), size, vpls: Some(200), photons: Some(10_000), ..Options::default() }
 }
 
 /// The last frame of a film of `glb`, in linear light, and the report.
-fn film_in(folder: &Path, glb: &Glb, settings: &str, wishes: Wishes) -> Result<(Plane<Vec3>, Report), String> {
+fn film_in(folder: &Path, glb: &Glb, settings: &str, options: Options) -> Result<(Plane<Vec3>, Report), String> {
     let path = folder.join("scene.glb");
     glb.write(&path);
     std::fs::write(path.with_extension("toml"), settings).unwrap();
     let scene = scene::load(&path).map_err(|error| error.to_string())?;
     let exr = folder.join("linear");
     std::fs::create_dir_all(&exr).unwrap();
-    let wishes = Wishes { output: Some(folder.join("film.m2v")), exr: Some(exr.clone()), ..wishes };
-    let settings = Settings::new(path, &scene, wishes).map_err(|error| error.to_string())?;
+    let options = Options { output: Some(folder.join("film.m2v")), exr: Some(exr.clone()), ..options };
+    let settings = Settings::new(path, &scene, &options).map_err(|error| error.to_string())?;
     let plan = Plan::new(&scene, &settings);
     let report = pipeline::render(&scene, &settings, &plan, Run::default());
     let report = report.map_err(|error| error.chain())?;
@@ -136,7 +136,7 @@ fn a_nearly_white_room_gains_nothing() {
 fn no_surface_gains_energy() {
     // Few reflections: in walls that lose nothing each photon takes all there may be.
     let film =
-        |glb: &Glb| film_in(tempfile::tempdir().unwrap().path(), glb, "", Wishes { bounces: Some(16), ..small() });
+        |glb: &Glb| film_in(tempfile::tempdir().unwrap().path(), glb, "", Options { bounces: Some(16), ..small() });
     let mut glb = furnace(Vec3::ONE, Vec3::ONE);
     let one = film(&glb).unwrap();
     for material in glb.json["materials"].as_array_mut().unwrap() {
@@ -152,8 +152,8 @@ fn no_surface_gains_energy() {
 #[test]
 fn a_single_photon() {
     for photons in [0, 1, 2] {
-        let wishes = Wishes { photons: Some(photons), ..small() };
-        let found = film_in(tempfile::tempdir().unwrap().path(), &room_lit(1.0), "", wishes).unwrap();
+        let options = Options { photons: Some(photons), ..small() };
+        let found = film_in(tempfile::tempdir().unwrap().path(), &room_lit(1.0), "", options).unwrap();
         assert_sound(&found, &format!("{photons} photons"));
     }
 }
@@ -370,14 +370,14 @@ fn push(list: &mut Value, value: Value) -> usize {
 /// Every light at every pixel, where cuts have nothing to say: the same scenes are sound there.
 #[test]
 fn the_reference_is_sound_at_the_ends_of_the_range() {
-    let wishes = || Wishes { lighting: Some(Lighting::AllLights), frames: Some(1), ..small() };
+    let options = || Options { lighting: Some(Lighting::AllLights), frames: Some(1), ..small() };
     for (name, glb) in [
         ("strong", room_lit(1e12)),
         ("weak", room_lit(1e-12)),
         ("small", scaled(room_lit(1.0), 2f32.powi(-12))),
         ("white", furnace(Vec3::ONE, Vec3::ONE)),
     ] {
-        let found = film_in(tempfile::tempdir().unwrap().path(), &glb, "", wishes()).unwrap();
+        let found = film_in(tempfile::tempdir().unwrap().path(), &glb, "", options()).unwrap();
         assert_sound(&found, name);
     }
 }

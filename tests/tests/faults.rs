@@ -8,7 +8,7 @@ use perceptual::YCbCr;
 use pipeline::feedback_loop::Run;
 use pipeline::feedback_loop::observe::Observer;
 use pipeline::report::FrameReport;
-use pipeline::{Plan, Settings, Wishes, render};
+use pipeline::{Options, Plan, Settings, render};
 use plane::Plane;
 use std::io::Read;
 use std::path::Path;
@@ -60,7 +60,7 @@ impl Observer for Saboteur {
 }
 
 /// Makes a film of six frames in a thread of its own; its end is waited for.
-fn film_with(panics: Panics, at: u32, more: fn(&mut Wishes)) -> Result<(), String> {
+fn film_with(panics: Panics, at: u32, more: fn(&mut Options)) -> Result<(), String> {
     let (done, result) = mpsc::channel();
     std::thread::spawn(move || {
         let folder = tempfile::tempdir().unwrap();
@@ -68,10 +68,10 @@ fn film_with(panics: Panics, at: u32, more: fn(&mut Wishes)) -> Result<(), Strin
         checkered_room(Moving::Box).write(&path);
         let scene = render_core::scene::load(&path).unwrap();
         let size = "32x32".parse().ok();
-        let mut wishes = Wishes { frames: Some(6), size, vpls: Some(50), photons: Some(1000), ..Wishes::default() };
-        wishes.output = Some(folder.path().join("film.m2v"));
-        more(&mut wishes);
-        let settings = Settings::new(path, &scene, wishes).unwrap();
+        let mut options = Options { frames: Some(6), size, vpls: Some(50), photons: Some(1000), ..Options::default() };
+        options.output = Some(folder.path().join("film.m2v"));
+        more(&mut options);
+        let settings = Settings::new(path, &scene, &options).unwrap();
         let plan = Plan::new(&scene, &settings);
         let run = Run { observer: &Saboteur { panics, at }, ..Run::default() };
         let report = render(&scene, &settings, &plan, run);
@@ -88,7 +88,7 @@ fn film_with(panics: Panics, at: u32, more: fn(&mut Wishes)) -> Result<(), Strin
 /// Every stage that an observer runs in, early, in the middle and at the last frame; with and without frames that wait.
 #[test]
 fn a_stage_that_panics_ends_the_run() {
-    let kinds: [fn(&mut Wishes); 2] = [|_| (), |wishes| wishes.bframes = Some(2)];
+    let kinds: [fn(&mut Options); 2] = [|_| (), |options| options.bframes = Some(2)];
     for more in kinds {
         assert_eq!(film_with(Panics::Never, 0, more), Ok(()));
         for (panics, stage) in [

@@ -5,7 +5,7 @@ use pipeline::feedback_loop::parts::{Coding, Displayed, LastThresholds, Luminanc
 use pipeline::film::Masking;
 use pipeline::renderer::{Preparation, Shading};
 use pipeline::settings::Switch;
-use pipeline::{Plan, Settings, Wishes};
+use pipeline::{Options, Plan, Settings};
 use plane::Plane;
 use render_core::scene::Scene;
 use std::sync::Arc;
@@ -63,14 +63,14 @@ fn both_strategies_agree_where_little_is_lost() {
 }
 
 /// A cut for each pixel and frame: what a threshold asks for shows at once.
-fn per_pixel() -> Wishes {
-    Wishes { cache: Some(Switch::Off), compensation: Some(Switch::Off), ..Wishes::default() }
+fn per_pixel() -> Options {
+    Options { cache: Some(Switch::Off), compensation: Some(Switch::Off), ..Options::default() }
 }
 
 fn small_film(frames: u32) -> (Scene, Settings) {
     let size = format!("{SIDE}x{SIDE}").parse().ok();
-    let wishes = Wishes { frames: Some(frames), size, vpls: Some(300), photons: Some(10_000), ..per_pixel() };
-    load(&cornell(), wishes)
+    let options = Options { frames: Some(frames), size, vpls: Some(300), photons: Some(10_000), ..per_pixel() };
+    load(&cornell(), options)
 }
 
 fn thresholds_of(frame: u32, delta: f32) -> LuminanceThresholds {

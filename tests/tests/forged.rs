@@ -3,7 +3,7 @@
 use pipeline::feedback_loop::Run;
 use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
 use pipeline::report::FrameReport;
-use pipeline::{Plan, Render, Settings, Wishes};
+use pipeline::{Options, Plan, Render, Settings};
 use render_core::scene::{self, Scene};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -43,15 +43,15 @@ impl Film {
         let scene = scene::load(&path).unwrap();
         // A film of two frames leaves what one of three has behind its second, but for its length.
         let [short, long] = [2, 3].map(|frames| {
-            let wishes = Wishes {
+            let options = Options {
                 output: Some(folder.path().join("film.m2v")),
                 frames: Some(frames),
                 size: "16x16".parse().ok(),
                 vpls: Some(vpls),
                 photons: Some(1000),
-                ..Wishes::default()
+                ..Options::default()
             };
-            let settings = Settings::new(path.clone(), &scene, wishes).unwrap();
+            let settings = Settings::new(path.clone(), &scene, &options).unwrap();
             let plan = Plan::new(&scene, &settings);
             let checkpoints = Checkpoints::new(&FilmJob::of(&settings).unwrap(), Some(Duration::ZERO)).unwrap();
             run(&checkpoints, &scene, &settings, &plan).unwrap();

@@ -3,7 +3,7 @@
 use glam::{Vec3, Vec3A, vec3};
 use lighttree::{Lambert, Light, Scratch, Stop};
 use pipeline::renderer::Preparation;
-use pipeline::{Plan, Wishes};
+use pipeline::{Options, Plan};
 use plane::Plane;
 use render_core::{image_file::read_exr, luminance};
 use tests::{cornell, furnace, load, render};
@@ -115,14 +115,14 @@ fn cuts_keep_their_distance_from_all_lights() {
 /// What a cut says of its own error holds at every pixel, for shadows of a real scene.
 #[test]
 fn a_cut_is_within_its_bound_always() {
-    let wishes = Wishes {
+    let options = Options {
         frames: Some(1),
         size: "48x48".parse().ok(),
         vpls: Some(1000),
         photons: Some(50_000),
-        ..Wishes::default()
+        ..Options::default()
     };
-    let (scene, settings) = load(&cornell(), wishes);
+    let (scene, settings) = load(&cornell(), options);
     let plan = Plan::new(&scene, &settings);
     let frame = Preparation::new(&scene, &settings, &plan).frame(0).frame;
     let mut scratch = Scratch::default();

@@ -2,7 +2,7 @@
 
 use glam::{Vec3, Vec3A, vec2, vec3};
 use pipeline::feedback_loop::Run;
-use pipeline::{Plan, Settings, Wishes};
+use pipeline::{Options, Plan, Settings};
 use render_core::scene::{self, Alpha, Scene};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -490,10 +490,15 @@ impl Random {
 /// Loads a damaged scene and renders a frame of it, if it can be loaded; true if so.
 fn survives(path: &Path, video: &Path) -> bool {
     let Ok(scene) = scene::load(path) else { return false };
-    let wishes =
-        Wishes { frames: Some(1), size: "16x16".parse().ok(), vpls: Some(20), photons: Some(200), ..Wishes::default() };
-    let wishes = Wishes { output: Some(video.into()), ..wishes };
-    let Ok(settings) = Settings::new(path.into(), &scene, wishes) else { return false };
+    let options = Options {
+        frames: Some(1),
+        size: "16x16".parse().ok(),
+        vpls: Some(20),
+        photons: Some(200),
+        ..Options::default()
+    };
+    let options = Options { output: Some(video.into()), ..options };
+    let Ok(settings) = Settings::new(path.into(), &scene, &options) else { return false };
     let plan = Plan::new(&scene, &settings);
     let report = pipeline::render(&scene, &settings, &plan, Run::default());
     report.unwrap_or_else(|error| panic!("{}", error.chain()));

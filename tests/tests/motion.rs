@@ -2,7 +2,7 @@
 
 use glam::{Vec3, vec3};
 use mpeg2enc::{MotionField, Packet, Picture, PictureType};
-use pipeline::{Settings, Wishes};
+use pipeline::{Options, Settings};
 use plane::Plane;
 use std::path::Path;
 use tests::{Moving, checkered_room, cornell, encode, load, motion_fields, read_y4m, render};
@@ -22,12 +22,12 @@ fn predicted(packets: &[Packet]) -> (f64, f64) {
 /// exact motion reaches at quantiser 8. An encoder that weighs bits against errors answers a worse prediction with both, so
 /// the others are coded at two quantisers, and the logarithm of their bits is interpolated over their PSNR.
 fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
-    let wishes = Wishes {
+    let options = Options {
         frames: Some(FRAMES),
         size: "96x96".parse().ok(),
         vpls: Some(200),
         photons: Some(20_000),
-        ..Wishes::default()
+        ..Options::default()
     };
     render(
         folder,
@@ -36,7 +36,7 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
         &format!("--size 96x96 --frames {FRAMES} --vpls 200 --photons 20000 --thresholds perceptual --y4m {name}.y4m"),
     );
     let frames: Vec<Picture> = read_y4m(&folder.join(format!("{name}.y4m")), SIZE);
-    let (scene, settings) = load(path, wishes);
+    let (scene, settings) = load(path, options);
     let exact = motion_fields(&scene, &settings);
     let still = MotionField::new(Plane::filled(SIZE.0, SIZE.1, [0.0; 2]));
     let at = |qscale: u32, motion: &[Option<MotionField>]| {

@@ -10,7 +10,8 @@ use render_core::scene::Scene;
 use render_core::{Emitters, Geometry, PathOptions, PathTracer, Surfaces, Units};
 
 /// How a reference is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
 pub enum Method {
     /// Every virtual light at every pixel, and four times as many looks around as films take: what a cut approximates.
     AllLights,

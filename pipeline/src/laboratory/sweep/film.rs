@@ -1,7 +1,7 @@
 //! Films in files: rendered as always, and read back frame by frame with all that is known of them.
 
 use super::method::{Method, Way};
-use crate::Wishes;
+use crate::Options;
 use crate::error::{Error, Result};
 use crate::feedback_loop::{Run, observe::OnFrame};
 use crate::film::display::Y4m;
@@ -77,8 +77,8 @@ fn folder_in(workspace: &Path) -> Result<TempDir> {
 }
 
 /// Settings of a method, with the exposure of the reference: a curve of its own would be a difference of its own.
-pub fn settings_for(path: &Path, scene: &Scene, wishes: Wishes, exposure: Option<f32>) -> Result<Settings> {
-    let mut settings = Settings::new(path.into(), scene, wishes)?;
+pub fn settings_for(path: &Path, scene: &Scene, options: &Options, exposure: Option<f32>) -> Result<Settings> {
+    let mut settings = Settings::new(path.into(), scene, options)?;
     if let Some(exposure) = exposure {
         settings.tone_map = settings.tone_map.with_exposure(exposure);
         settings.auto_exposure = false;

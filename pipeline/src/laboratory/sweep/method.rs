@@ -1,13 +1,13 @@
 //! The ways of rendering that a sweep compares.
 
-use crate::Wishes;
+use crate::Options;
 use crate::settings::{Lighting, Stopping, Switch, Thresholds};
 
 /// How a method makes its frames.
 #[derive(Clone, Copy, Debug)]
 pub enum Way {
     /// As films are rendered, with these differences from the defaults.
-    Film(fn(&mut Wishes)),
+    Film(fn(&mut Options)),
     /// By so many paths for each pixel.
     Paths(u32),
 }
@@ -57,9 +57,9 @@ pub const METHODS: &[Method] = &[
 ];
 
 /// Thresholds from the masking model.
-fn masking(wishes: &mut Wishes) -> &mut Wishes {
-    wishes.thresholds = Some(Thresholds::Perceptual);
-    wishes
+fn masking(options: &mut Options) -> &mut Options {
+    options.thresholds = Some(Thresholds::Perceptual);
+    options
 }
 
 const fn film(
@@ -68,7 +68,7 @@ const fn film(
     cache: bool,
     steered: bool,
     color: usize,
-    change: fn(&mut Wishes),
+    change: fn(&mut Options),
 ) -> Method {
     Method { name, label, way: Way::Film(change), cache, steered, color }
 }
@@ -109,15 +109,15 @@ impl Method {
         self.cache
     }
 
-    /// What is wished for, given what all methods have in common.
-    pub fn wishes(&self, common: &Wishes) -> Wishes {
+    /// The options of a film by this method, given those that all methods share.
+    pub fn options(&self, common: &Options) -> Options {
         let switch = |on| Some(if on { Switch::On } else { Switch::Off });
-        let mut wishes =
-            Wishes { cache: switch(self.cache), compensation: switch(self.compensates()), ..common.clone() };
+        let mut options =
+            Options { cache: switch(self.cache), compensation: switch(self.compensates()), ..common.clone() };
         if let Way::Film(change) = self.way {
-            change(&mut wishes);
+            change(&mut options);
         }
-        wishes
+        options
     }
 
     /// About how long a frame takes, in units of one by the cache; measured on `cornell` at 160×160. For progress only.
@@ -133,10 +133,10 @@ impl Method {
 /// The reference's [`Method::weight`].
 pub const REFERENCE_WEIGHT: u64 = 20;
 
-/// What is wished for the reference: every light, with compensation or without.
-pub fn reference_wishes(common: &Wishes, compensates: bool) -> Wishes {
+/// The options of the reference: every light, with compensation or without.
+pub fn reference_options(common: &Options, compensates: bool) -> Options {
     let compensation = Some(if compensates { Switch::On } else { Switch::Off });
-    Wishes { lighting: Some(Lighting::AllLights), cache: Some(Switch::Off), compensation, ..common.clone() }
+    Options { lighting: Some(Lighting::AllLights), cache: Some(Switch::Off), compensation, ..common.clone() }
 }
 
 #[cfg(test)]

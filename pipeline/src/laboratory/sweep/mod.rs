@@ -24,14 +24,14 @@ pub use figures::{AgainstBaseline, Maps, Outcome, Pictures, ReferenceCost, Run};
 pub use histogram::ErrorHistogram;
 pub use method::{METHODS, Method, Way};
 
-use crate::Wishes;
+use crate::Options;
 use crate::error::{Error, Result};
 use crate::laboratory::compare::Picture;
 use crate::settings::Size;
 use figures::mean_seconds;
 use film::{Film, settings_for};
 use measurement::{Measured, Wanted, measured};
-use method::{REFERENCE_WEIGHT, reference_wishes};
+use method::{REFERENCE_WEIGHT, reference_options};
 use plane::Plane;
 use render_core::scene::Scene;
 use std::path::Path;
@@ -42,7 +42,7 @@ use std::time::Instant;
 #[derive(Clone, Debug)]
 pub struct Sweep {
     /// What all methods have in common: frames, size, lights, seed.
-    pub common: Wishes,
+    pub common: Options,
     /// The standard's quantiser_scale, one or more.
     pub qscales: Vec<u32>,
     /// Which methods; baselines are added.
@@ -104,11 +104,11 @@ impl Sweep {
         let Some(&first_qscale) = qscales.first() else {
             return Err(Error::Options("--qscale needs a quantiser at least".into()));
         };
-        let common = Wishes { qscale: Some(first_qscale), ..self.common.clone() };
-        let plain = settings_for(path, scene, common.clone(), None)?;
+        let common = Options { qscale: Some(first_qscale), ..self.common.clone() };
+        let plain = settings_for(path, scene, &common, None)?;
         for &qscale in &qscales {
             // What no table of the standard has is told before the first ray.
-            let settings = settings_for(path, scene, Wishes { qscale: Some(qscale), ..common.clone() }, None)?;
+            let settings = settings_for(path, scene, &Options { qscale: Some(qscale), ..common.clone() }, None)?;
             settings.encoder_config()?.encoder()?;
         }
         let folder = tempfile::Builder::new()
@@ -116,7 +116,7 @@ impl Sweep {
             .tempdir_in(workspace)
             .map_err(Error::file(workspace, "cannot be written to"))?;
         let mut work = Work::new(qscales.len() as u64, &methods, plain.frames.into(), &mut progress);
-        let common = Wishes { frames: Some(plain.frames), ..common };
+        let common = Options { frames: Some(plain.frames), ..common };
         let place = Place { path, scene, folder: folder.path(), stop };
         let References { films, exposure } = place.references(&methods, &common, &mut work)?;
         let of_all = films.iter().rev().flatten().next().ok_or_else(|| missing("there are no methods"))?;
@@ -136,8 +136,8 @@ impl Sweep {
                 if kept.is_none() || method.steered {
                     // The one before has had its time: its files go first.
                     drop(kept.take());
-                    let wishes = Wishes { qscale: Some(qscale), ..common.clone() };
-                    let settings = settings_for(path, scene, method.wishes(&wishes), exposure)?;
+                    let options = Options { qscale: Some(qscale), ..common.clone() };
+                    let settings = settings_for(path, scene, &method.options(&options), exposure)?;
                     let doing = format!("{} at {qscale}", figures::label(method, &settings));
                     let step = work.begin(doing, method.weight());
                     kept = Some(film::by_method(method, scene, settings, truth, folder.path(), stop, step)?);
@@ -207,13 +207,13 @@ struct References {
 }
 
 impl Place<'_> {
-    fn references(&self, methods: &[&Method], common: &Wishes, work: &mut Work<'_>) -> Result<References> {
+    fn references(&self, methods: &[&Method], common: &Options, work: &mut Work<'_>) -> Result<References> {
         let Self { path, scene, folder, stop } = *self;
         let mut exposure = None;
         let mut films: [Option<Film>; 2] = [None, None];
         for compensates in [true, false].into_iter().filter(|&c| methods.iter().any(|m| m.compensates() == c)) {
-            let wishes = reference_wishes(common, compensates);
-            let settings = settings_for(path, scene, wishes, exposure)?;
+            let options = reference_options(common, compensates);
+            let settings = settings_for(path, scene, &options, exposure)?;
             let doing = format!("every light{}", if compensates { "" } else { ", uncompensated" });
             let step = work.begin(doing, REFERENCE_WEIGHT);
             let mut film = film::render(scene, settings, folder, stop, step)?;

@@ -2,7 +2,7 @@ use super::*;
 use crate::plan::Plan;
 use crate::renderer::Preparation;
 use crate::renderer::shade::cuts::{Allowance, Figures};
-use crate::settings::{Settings, Size, Wishes};
+use crate::settings::{Options, Settings, Size};
 use glam::{Quat, vec3};
 use perceptual::ThresholdMap;
 use render_core::scene::{
@@ -51,8 +51,8 @@ fn floor_with_a_block() -> Scene {
 fn what_something_has_moved_over_is_closed_in() {
     let scene = floor_with_a_block();
     let size = Some(Size { width: 16, height: 16 });
-    let wishes = Wishes { size, vpls: Some(100), photons: Some(1000), frames: Some(26), ..Wishes::default() };
-    let settings = Settings::new("stage.glb".into(), &scene, wishes).unwrap();
+    let options = Options { size, vpls: Some(100), photons: Some(1000), frames: Some(26), ..Options::default() };
+    let settings = Settings::new("stage.glb".into(), &scene, &options).unwrap();
     let plan = Plan::new(&scene, &settings);
     let moving = scene.moving_instances();
     let openness = |frame, x: f32| {

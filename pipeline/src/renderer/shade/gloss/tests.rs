@@ -4,7 +4,7 @@ use super::*;
 use crate::feedback_loop::parts::{LastThresholds, Shade};
 use crate::plan::{self, Plan, State};
 use crate::renderer::{Preparation, Shading};
-use crate::settings::{Settings, Size, Wishes};
+use crate::settings::{Options, Settings, Size};
 use glam::Quat;
 use render_core::Environment;
 use render_core::sampling::{concentric_disc, sobol_point};
@@ -59,8 +59,8 @@ impl Stage {
 
     fn settings(&self) -> (Settings, Plan) {
         let size = Some(Size { width: SIDE, height: SIDE });
-        let wishes = Wishes { size, vpls: Some(100), photons: Some(2000), frames: Some(1), ..Wishes::default() };
-        let settings = Settings::new("stage.glb".into(), &self.0, wishes).unwrap();
+        let options = Options { size, vpls: Some(100), photons: Some(2000), frames: Some(1), ..Options::default() };
+        let settings = Settings::new("stage.glb".into(), &self.0, &options).unwrap();
         let plan = Plan::new(&self.0, &settings);
         (settings, plan)
     }

@@ -1,9 +1,9 @@
 //! `render2mpeg sweep`.
 
-use crate::progress;
+use crate::command_line::progress;
 use anyhow::{Context, Result};
 use clap::Args;
-use pipeline::Wishes;
+use pipeline::Options;
 use pipeline::laboratory::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method};
 use pipeline::settings::Size;
 use render_core::scene;
@@ -71,7 +71,7 @@ pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
     // A folder that cannot be written to is told of before the work, not after it.
     drop(pipeline::film::output::Output::create(&folder.join("sweep.json"))?);
     let sweep = pipeline::laboratory::sweep::Sweep {
-        common: Wishes {
+        common: Options {
             frames: Some(frames.unwrap_or(DEFAULT_FRAMES)),
             size: Some(size.unwrap_or(DEFAULT_SIZE)),
             fps,
@@ -79,7 +79,7 @@ pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
             vpls,
             photons,
             seed,
-            ..Wishes::default()
+            ..Options::default()
         },
         qscales: if qscale.is_empty() { DEFAULT_QSCALES.to_vec() } else { qscale },
         methods: if methods.is_empty() { METHODS.iter().collect() } else { methods },

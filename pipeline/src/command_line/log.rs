@@ -1,7 +1,7 @@
 //! What the stages tell: lines for people (`-v`), bars for `--trace`.
 
 #[cfg(feature = "trace")]
-use crate::trace::Trace;
+use super::trace::Trace;
 use anyhow::Result;
 use std::path::PathBuf;
 

@@ -51,7 +51,7 @@ pub const MAN: &str = "Examples:
 
 #[cfg(test)]
 mod tests {
-    use crate::args::Arguments;
+    use crate::command_line::args::Arguments;
     use clap::{CommandFactory, Parser};
 
     #[test]

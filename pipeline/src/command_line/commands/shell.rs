@@ -1,6 +1,6 @@
 //! `render2mpeg completions` and `render2mpeg man`: what shells and manuals know of the options.
 
-use crate::args::Arguments;
+use crate::command_line::args::Arguments;
 use anyhow::{Context, Result};
 use clap::CommandFactory;
 use std::process::ExitCode;

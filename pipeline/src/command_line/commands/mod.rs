@@ -2,6 +2,7 @@
 
 #[cfg(feature = "compare")]
 pub mod compare;
+pub mod plan;
 #[cfg(feature = "exr")]
 pub mod reference;
 pub mod render;

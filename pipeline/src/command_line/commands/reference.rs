@@ -1,12 +1,12 @@
 //! `render2mpeg reference`.
 
-use crate::progress;
+use crate::command_line::progress;
 use anyhow::Result;
 use clap::Args;
 use pipeline::film::output::Output;
 use pipeline::renderer::reference::{self, Method};
 use pipeline::settings::Size;
-use pipeline::{Settings, Wishes};
+use pipeline::{Options, Settings};
 use render_core::{PathOptions, PixelSampling, scene};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -76,8 +76,8 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
         ..
     } = arguments;
     let scene = scene::load(&path)?;
-    let wishes = Wishes { size, seed, bounces, vpls, photons, fps, ..Default::default() };
-    let settings = Settings::new(path, &scene, wishes)?;
+    let options = Options { size, seed, bounces, vpls, photons, fps, ..Default::default() };
+    let settings = Settings::new(path, &scene, &options)?;
     // An output that cannot be written is told of before the work, not after it.
     drop(Output::create(&output)?);
     let picture = match method {

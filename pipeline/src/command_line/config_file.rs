@@ -1,10 +1,10 @@
 //! `--config job.toml`: options from a file, by the names they have on the command line, which overrides them.
 
-use crate::args::{Arguments, Job};
+use super::args::Arguments;
+use super::parts;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{ArgAction, ArgMatches, Command, CommandFactory, FromArgMatches};
-use pipeline::Settings;
-use pipeline::settings::Stopping;
+use pipeline::Options;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -18,9 +18,9 @@ const NOT_IN_FILES: [&str; 7] = ["config", "print-config", "resume", "help", "ve
 /// The file cannot be read, or has an option that does not exist or has no such value.
 pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
     if let Some(command) = typed.get(1).and_then(|word| word.to_str()) {
-        crate::parts::need_for(command)?;
+        parts::need_for(command)?;
     }
-    let command = Arguments::command().long_version(crate::parts::version());
+    let command = Arguments::command().long_version(parts::version());
     let matches = command.clone().get_matches_from(&typed);
     let with_file = match matches.subcommand() {
         Some((name, options)) => match file_named_by(options) {
@@ -132,55 +132,17 @@ fn distance(a: &str, b: &str) -> usize {
     row[b.len()]
 }
 
-/// The file that would make the same film, every option named.
-pub fn text(settings: &Settings, more: &[(&str, Option<String>)]) -> String {
-    let Settings { size, thresholds, lighting, effort, .. } = settings;
-    // As typed: the names that serde gives are those of the command line.
-    let name = |value: serde_json::Result<serde_json::Value>| {
-        value.ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
-    };
-    let path = |path: &Path| Value::String(path.display().to_string());
-    let switch = |on: bool| Value::String(if on { "on" } else { "off" }.into());
-    let mut lines: Vec<(&str, Value)> = vec![
-        ("scene", path(&settings.scene)),
-        ("output", path(&settings.output)),
-        ("frames", Value::Integer(settings.frames.into())),
-        ("fps", Value::Float(settings.fps)),
-        ("size", format!("{}x{}", size.width, size.height).into()),
-        ("qscale", Value::Integer(settings.qscale.into())),
-        ("gop", Value::Integer(settings.gop.into())),
-        ("cbr", Value::Boolean(settings.cbr)),
-        ("bframes", Value::Integer(settings.bframes.into())),
-        ("effort", name(serde_json::to_value(effort)).into()),
-        ("mpeg1", Value::Boolean(settings.mpeg1)),
-        ("thresholds", name(serde_json::to_value(thresholds)).into()),
-        // Through its shortest text: as f64 an f32 has digits that nobody typed.
-        ("kappa", Value::Float(settings.kappa.to_string().parse().unwrap_or_default())),
-        ("stopping", name(serde_json::to_value(settings.stopping)).into()),
-        ("samples", Value::Integer(settings.samples.into())),
-        ("lighting", name(serde_json::to_value(lighting)).into()),
-        ("cache", switch(settings.cache)),
-        ("compensation", switch(settings.compensation)),
-        ("vpls", Value::Integer(settings.vpls as i64)),
-        ("photons", Value::Integer(settings.photons as i64)),
-        ("seed", Value::Integer(settings.seed as i64)),
-        ("run-everything", Value::Boolean(!settings.leave_out)),
-        ("no-motion", Value::Boolean(!settings.motion)),
-    ];
-    let aov: Vec<Value> = settings.aov.iter().map(|aov| name(serde_json::to_value(aov)).into()).collect();
-    lines.extend((settings.stopping == Stopping::Calibrated).then_some(("within", Value::Float(settings.within))));
-    lines.extend(settings.bitrate.map(|rate| ("bitrate", Value::Integer(rate.0.into()))));
-    lines.extend(settings.bounces.map(|bounces| ("bounces", Value::Integer(bounces.into()))));
-    lines.extend(settings.exr.as_deref().map(|folder| ("exr", path(folder))));
-    lines.extend((!aov.is_empty()).then_some(("aov", Value::Array(aov))));
-    lines.extend(settings.y4m.as_deref().map(|file| ("y4m", path(file))));
-    let more = more.iter().filter_map(|(key, value)| Some((*key, Value::String(value.clone()?))));
-    lines.into_iter().chain(more).map(|(key, value)| format!("{key} = {value}\n")).collect()
-}
-
-/// The scene of a job, which [`parse`] has made sure of.
-pub fn scene_of(job: &Job) -> PathBuf {
-    job.scene.clone().unwrap_or_default()
+/// The file that makes the same film, every option named. `options` are filled in, `more` are those of the program alone.
+///
+/// # Errors
+/// A path is no valid Unicode.
+pub fn text(scene: &Path, options: &Options, more: &[(&str, Option<String>)]) -> Result<String> {
+    let line = |key: &str, value: String| format!("{key} = {}\n", Value::String(value));
+    let mut text = line("scene", scene.display().to_string());
+    text.push_str(&toml::to_string(options)?);
+    let more = more.iter().filter_map(|(key, value)| Some(line(key, value.clone()?)));
+    text.extend(more);
+    Ok(text)
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! `render2mpeg render`.
 
-use crate::args::Job;
-use crate::log::Log;
-use crate::{INTERRUPTED, config_file, parts, progress, stop_on_interrupt};
+use crate::command_line::args::Source;
+use crate::command_line::log::Log;
+use crate::command_line::{INTERRUPTED, config_file, parts, progress, stop_on_interrupt};
 use anyhow::{Context, Result};
 use clap::Args;
 use pipeline::feedback_loop::Run;
@@ -10,8 +10,8 @@ use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob};
 use pipeline::feedback_loop::observe::OnFrame;
 use pipeline::film::output::Output;
 use pipeline::report::FrameReport;
-use pipeline::settings::{Aov, CheckpointEvery};
-use pipeline::{Plan, Render as Film, Settings};
+use pipeline::settings::CheckpointEvery;
+use pipeline::{Options, Plan, Render as Film, Report};
 use render_core::scene;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -20,28 +20,18 @@ use std::time::Duration;
 /// What to render, how, and where it goes.
 #[derive(Args)]
 pub struct Render {
+    /// The scene.
+    #[command(flatten)]
+    source: Source,
     /// What and how.
     #[command(flatten)]
-    job: Job,
-    /// The video: .m2v (elementary stream), .mpg (program stream) or .ts (transport stream) [default: the scene's name
-    /// with .m2v, in this folder]
-    #[arg(short, long, value_name = "FILE")]
-    output: Option<PathBuf>,
+    options: Options,
     /// Where the JSON report goes [default: beside the video, .report.json]
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// Also write a page with plots of every frame's time, bits, PSNR and cut size
     #[arg(long, value_name = "FILE.html", hide = !cfg!(feature = "html"))]
     html: Option<PathBuf>,
-    /// Also write every frame as linear OpenEXR into this folder
-    #[arg(long, value_name = "DIR", hide = !cfg!(feature = "exr"))]
-    exr: Option<PathBuf>,
-    /// What else goes into these files, as named layers: a list such as albedo,normal,depth
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "LIST", hide = !cfg!(feature = "exr"))]
-    aov: Vec<Aov>,
-    /// Also write the frames before compression, as YUV4MPEG2
-    #[arg(long, value_name = "FILE")]
-    y4m: Option<PathBuf>,
     /// Go on where a killed or interrupted run of the same film was, to the same bits; begin at the beginning if there was none
     #[arg(long)]
     resume: bool,
@@ -73,15 +63,14 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// Renders and reports.
 pub fn run(arguments: Render) -> Result<ExitCode> {
-    let Render { job, output, report, html, exr, aov, y4m, resume, checkpoint, threads, trace, .. } = arguments;
+    let Render { source, mut options, report, html, resume, checkpoint, threads, trace, .. } = arguments;
     let Render { print_config, json_progress, verbose, quiet, .. } = arguments;
     parts::need("html", html.is_some())?;
-    parts::need("exr", exr.is_some() || !aov.is_empty())?;
+    parts::need("exr", options.exr.is_some() || !options.aov.is_empty())?;
     parts::need("trace", trace.is_some() || verbose > 0)?;
-    let (path, mut wishes) = job.wishes();
-    (wishes.output, wishes.exr, wishes.aov, wishes.y4m) = (output, exr, aov, y4m);
+    let path = source.path();
     let scene = scene::load(&path)?;
-    let settings = Settings::new(path, &scene, wishes)?;
+    let settings = options.fill_in(path, &scene)?;
     // All that can be wrong with the settings or the places of the files is said before the first ray.
     settings.encoder_config()?;
     let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
@@ -93,7 +82,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
             ("trace", trace.map(|path| path.display().to_string())),
             ("threads", threads.map(|threads| threads.to_string())),
         ];
-        say!("{}", config_file::text(&settings, &more).trim_end());
+        say!("{}", config_file::text(&settings.scene, &options, &more)?.trim_end());
         return Ok(ExitCode::SUCCESS);
     }
     if let Some(folder) = &settings.exr {
@@ -126,12 +115,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     progress.clear();
     let report = result?;
     report.write(&report_path)?;
-    #[cfg(feature = "html")]
-    if let Some(path) = &html {
-        let mut output = Output::create(path)?;
-        output.write(pipeline::laboratory::page::run_page(&report)?.as_bytes())?;
-        output.finish()?;
-    }
+    write_page(html.as_deref(), &report)?;
     let traced = log.finish()?;
     if !report.summary.interrupted {
         checkpoints.remove();
@@ -145,6 +129,21 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
         traced.into_iter().for_each(|line| tell!("trace:  {line}"));
     }
     Ok(if report.summary.interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+/// Writes the page of the run, if one is wanted.
+#[cfg(feature = "html")]
+fn write_page(path: Option<&Path>, report: &Report) -> Result<()> {
+    let Some(path) = path else { return Ok(()) };
+    let mut output = Output::create(path)?;
+    output.write(pipeline::laboratory::page::run_page(report)?.as_bytes())?;
+    Ok(output.finish()?)
+}
+
+/// Without the feature `html` a wanted page was refused before.
+#[cfg(not(feature = "html"))]
+fn write_page(_: Option<&Path>, _: &Report) -> Result<()> {
+    Ok(())
 }
 
 /// `film.m2v` → `film.report.json`; a device has no neighbours, so its report goes to this folder.

@@ -1,0 +1,132 @@
+//! What was typed.
+
+#[cfg(feature = "compare")]
+use super::commands::compare::Compare;
+#[cfg(feature = "exr")]
+use super::commands::reference::Reference;
+use super::commands::render::Render;
+#[cfg(feature = "sweep")]
+use super::commands::sweep::Sweep;
+use super::examples;
+use clap::{Args, Parser, Subcommand};
+use pipeline::Options;
+use std::path::PathBuf;
+
+/// Renders an animated glTF scene with global illumination into an MPEG-2 video.
+///
+/// Renderer and encoder work for each other: the renderer gives the encoder exact motion vectors, and the encoder
+/// gives the renderer, one frame later, the error that each pixel may have before anyone could see it.
+#[derive(Parser)]
+#[command(
+    name = "render2mpeg",
+    version,
+    after_help = "Examples:
+  render2mpeg render scenes/cornell/cornell.glb             a video and a report, in this folder
+  render2mpeg plan scene.glb                                what the scene needs, before any ray
+  render2mpeg compare film.m2v film.y4m                     what the codec has cost
+  render2mpeg sweep scene.glb --qscale 2,16,48              error against run time, as a page
+
+Each command has examples of its own: render2mpeg render --help"
+)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Subcommand)]
+pub enum Command {
+    /// Render a scene into a video.
+    #[command(args_override_self = true, after_help = examples::RENDER)]
+    Render(Box<Render>),
+    /// Render one frame as exactly as wanted into a linear OpenEXR picture, with the noise that is left in it.
+    #[cfg(feature = "exr")]
+    #[command(after_help = examples::REFERENCE)]
+    Reference(Reference),
+    /// Say how far pictures, sequences or videos are from a reference.
+    #[cfg(feature = "compare")]
+    #[command(after_help = examples::COMPARE)]
+    Compare(Compare),
+    /// Compare methods: error against run time, before and after decoding, with tables, plots and a page that shows it all.
+    #[cfg(feature = "sweep")]
+    #[command(after_help = examples::SWEEP)]
+    Sweep(Sweep),
+    /// Show what a scene needs, what is left out, and why; render nothing.
+    #[command(args_override_self = true, after_help = examples::PLAN)]
+    Plan(Box<Plan>),
+    /// Print what makes a shell complete this program's options.
+    #[cfg(feature = "shell")]
+    #[command(after_help = examples::COMPLETIONS)]
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page of the program, or of one of its commands, as roff for man.
+    #[cfg(feature = "shell")]
+    #[command(after_help = examples::MAN)]
+    Man {
+        /// Such as render
+        command: Option<String>,
+    },
+}
+
+/// What is to be planned.
+#[derive(Args)]
+pub struct Plan {
+    /// The scene.
+    #[command(flatten)]
+    pub source: Source,
+    /// What and how.
+    #[command(flatten)]
+    pub options: Options,
+}
+
+/// The scene, and the file with further options.
+#[derive(Args)]
+pub struct Source {
+    /// A glTF 2.0 scene, .glb or .gltf; a TOML file of the same name beside it says what glTF cannot
+    #[arg(required_unless_present = "config")]
+    scene: Option<PathBuf>,
+    /// Take options from a TOML file, by their names here: qscale = 8, cache = "off"; what is typed overrides them
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+}
+
+impl Source {
+    /// The scene's path. Without one [`config_file::parse`](super::config_file::parse) ends the program.
+    pub fn path(self) -> PathBuf {
+        self.scene.unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+    use render_core::scene::Scene;
+
+    /// The help of `render` names the values that [`Options::fill_in`] fills in.
+    #[test]
+    fn help_states_the_defaults_in_force() {
+        let mut options = Options::default();
+        options.fill_in("scene.glb".into(), &Scene::default()).unwrap();
+        let defaults = toml::Table::try_from(&options).unwrap();
+        let program = Arguments::command();
+        let render = program.get_subcommands().find(|command| command.get_name() == "render").unwrap();
+        let mut stated = 0;
+        for option in render.get_arguments() {
+            let help = option.get_help().map(ToString::to_string).unwrap_or_default();
+            let Some((_, default)) = help.split_once("[default: ") else { continue };
+            let Some(value) = option.get_long().and_then(|name| defaults.get(name)) else { continue };
+            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            // Others depend on the scene, and say on what.
+            if !default.contains(' ') {
+                assert_eq!(default.trim_end_matches(']'), value, "{:?}", option.get_long());
+                stated += 1;
+            }
+        }
+        assert!(stated >= 11, "{stated} defaults");
+        assert!(defaults["kappa"].to_string() == "1.0" || defaults["kappa"].to_string() == "1", "{defaults}");
+    }
+}

@@ -1,0 +1,150 @@
+//! Choices of a run: [`Options`] as they are made, [`Settings`] with every default filled in for a scene.
+
+mod options;
+mod resolve;
+mod values;
+
+pub use options::Options;
+pub use values::{Aov, BitRate, CheckpointEvery, Effort, Lighting, Size, Stopping, Switch, Thresholds};
+
+use crate::error::Result;
+use mpeg2enc::{Container, Rate, Standard};
+use perceptual::ToneMap;
+use render_core::scene::Scene;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Every choice of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Settings {
+    /// The scene file.
+    pub scene: PathBuf,
+    /// The video file.
+    pub output: PathBuf,
+    /// Pictures to make.
+    pub frames: u32,
+    /// Pictures a second.
+    pub fps: f64,
+    /// Of the picture.
+    pub size: Size,
+    /// The standard's quantiser_scale, 1…112.
+    pub qscale: u32,
+    /// Pictures from one I picture to the next.
+    pub gop: u32,
+    /// The most bits a second, or with `cbr` just as many; no bound when not stated.
+    pub bitrate: Option<BitRate>,
+    /// Whether the bit rate is constant.
+    pub cbr: bool,
+    /// The most B pictures in a row.
+    pub bframes: u32,
+    /// How much the encoder tries.
+    pub effort: Effort,
+    /// Whether the video is MPEG-1.
+    pub mpeg1: bool,
+    /// Where thresholds come from.
+    pub thresholds: Thresholds,
+    /// Multiplier on what masking allows; 1 is the paper's.
+    pub kappa: f32,
+    /// When cuts end.
+    pub stopping: Stopping,
+    /// Share of pixels that calibrated stopping keeps within their thresholds.
+    pub within: f64,
+    /// Samples of visibility and direct light to the pixel.
+    pub samples: u32,
+    /// Reflections of light on its way, at most; no limit when not stated.
+    pub bounces: Option<u32>,
+    /// How indirect light is computed.
+    pub lighting: Lighting,
+    /// Whether indirect light is cached on surfaces and interpolated.
+    pub cache: bool,
+    /// Whether the light that softened virtual lights lose close by is given back.
+    pub compensation: bool,
+    /// Anchor lights on surfaces at rest.
+    pub vpls: usize,
+    /// Anchor lights on surfaces that move.
+    pub moving_vpls: usize,
+    /// Photons a frame.
+    pub photons: u64,
+    /// Seed of photons and representatives.
+    pub seed: u64,
+    /// Leave out what the scene does not need.
+    pub leave_out: bool,
+    /// Give the encoder the renderer's motion.
+    pub motion: bool,
+    /// How radiance becomes light on a display.
+    pub tone_map: ToneMap,
+    /// Whether the first frame sets the exposure.
+    pub auto_exposure: bool,
+    /// Folder for linear frames as OpenEXR, if wanted.
+    pub exr: Option<PathBuf>,
+    /// What else of a frame goes into its OpenEXR file.
+    pub aov: Vec<Aov>,
+    /// File for the frames before compression, if wanted.
+    pub y4m: Option<PathBuf>,
+}
+
+impl Settings {
+    /// Settings for `scene`, loaded from `path`: `options`, with a default for what they leave open.
+    ///
+    /// # Errors
+    /// An option, or a setting of the scene, is out of its range or contradicts another; the message says what works.
+    pub fn new(path: PathBuf, scene: &Scene, options: &Options) -> Result<Self> {
+        options.clone().fill_in(path, scene)
+    }
+
+    /// Seconds from the start of the animation to frame `n`.
+    pub fn time(&self, n: u32) -> f32 {
+        (f64::from(n) / self.fps) as f32
+    }
+
+    /// What the video is wrapped into.
+    pub fn container(&self) -> Container {
+        Container::of(&self.output).unwrap_or_default()
+    }
+
+    /// Whether pictures may wait for later ones before they are coded: the frame that thresholds are derived from is then
+    /// not coded yet.
+    pub fn looks_ahead(&self) -> bool {
+        self.bitrate.is_some() || self.bframes > 0
+    }
+
+    /// The encoder that these settings ask for.
+    ///
+    /// # Errors
+    /// A size, rate, quantiser or group of pictures that the standard does not have; the message names what it has.
+    pub fn encoder_config(&self) -> Result<mpeg2enc::Config> {
+        let frame_rate = mpeg2enc::FrameRate::from_fps(self.fps)?;
+        let rate = match self.bitrate {
+            None => Rate::ConstantQuantiser,
+            Some(BitRate(bits_per_second)) => {
+                let buffer_bits = (bits_per_second / 2).clamp(SMALLEST_BUFFER, LARGEST_BUFFER);
+                match self.cbr {
+                    true => Rate::Constant { bits_per_second, buffer_bits },
+                    false => Rate::Capped { bits_per_second, buffer_bits },
+                }
+            }
+        };
+        let config = mpeg2enc::Config::new(self.size.width, self.size.height, frame_rate)
+            .with_standard(if self.mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
+            .with_gop(self.gop)
+            .with_quantiser_scale(self.qscale)
+            .with_b_pictures(self.bframes)
+            .with_rate(rate)
+            .with_effort(match self.effort {
+                Effort::Fast => mpeg2enc::Effort::Fast,
+                Effort::Balanced => mpeg2enc::Effort::Balanced,
+                Effort::Best => mpeg2enc::Effort::Best,
+            });
+        // Both check everything; what they would make is not needed here.
+        if self.looks_ahead() {
+            config.clone().lookahead_encoder()?;
+        } else {
+            config.clone().encoder()?;
+        }
+        Ok(config)
+    }
+}
+
+/// A decoder buffers half a second, within what High Level allows.
+const SMALLEST_BUFFER: u32 = 16_384;
+const LARGEST_BUFFER: u32 = 9_781_248;

@@ -1,0 +1,164 @@
+//! What may be chosen, by library, command line and file.
+
+use super::values::{Aov, BitRate, Effort, Lighting, Size, Stopping, Switch, Thresholds, size_as_text};
+use serde::{Deserialize, Serialize, Serializer};
+use std::path::PathBuf;
+
+/// Every choice of a film; what is left open has the default that is named with it.
+///
+/// As a command line each field is an option of its name; as a file, such as TOML, a key of its name: `run-everything = true`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "command-line", derive(clap::Args))]
+#[serde(rename_all = "kebab-case", default, deny_unknown_fields)]
+pub struct Options {
+    /// Pictures to make [default: as the scene's TOML file says, else as long as its animation, else 100]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
+    pub frames: Option<u32>,
+    /// Pictures a second: 23.976, 24, 25, 29.97, 30, 50, 59.94 or 60 [default: as the TOML file says, else 25]
+    #[cfg_attr(feature = "command-line", arg(long))]
+    pub fps: Option<f64>,
+    /// Of the picture, in pixels [default: 512x512]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "WxH"))]
+    #[serde(with = "size_as_text", skip_serializing_if = "Option::is_none")]
+    pub size: Option<Size>,
+    /// MPEG-2's quantiser_scale, 1 (best) to 112 (smallest); ffmpeg's -q:v is half of it [default: 8]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "Q"))]
+    pub qscale: Option<u32>,
+    /// Pictures from one I picture to the next, at most 132 [default: 15]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
+    pub gop: Option<u32>,
+    /// At most this many bits a second, such as 1500k or 2M: coarser than --qscale where that is too much [default: no bound]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "R"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bitrate: Option<BitRate>,
+    /// Just as many bits a second as --bitrate says, all the time
+    #[cfg_attr(feature = "command-line", arg(long))]
+    pub cbr: bool,
+    /// The most B pictures in a row, 0 to 7: fewer bits, coded when later frames are there [default: 0]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "M"))]
+    pub bframes: Option<u32>,
+    /// How much the encoder tries for few bits [default: balanced]
+    #[cfg_attr(feature = "command-line", arg(long, value_enum))]
+    pub effort: Option<Effort>,
+    /// Write MPEG-1, for players that know nothing else
+    #[cfg_attr(feature = "command-line", arg(long))]
+    pub mpeg1: bool,
+    /// The error a pixel may have: "codec", by what the encoder really did; "perceptual", by the masking model, or "quantised",
+    /// by it from the decoded picture; "fixed:SHARE" of its luminance, or "uniform:SHARE" of what that was one frame before
+    /// [default: codec]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "KIND"))]
+    pub thresholds: Option<Thresholds>,
+    /// Multiplier on what is allowed beyond 2 %: smaller is finer, 1 is the paper's [default: 1; 0.25 of "perceptual" and "quantised"]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "K"))]
+    pub kappa: Option<f32>,
+    /// When a cut ends [default: bound]
+    #[cfg_attr(feature = "command-line", arg(long, value_enum, value_name = "WHEN"))]
+    pub stopping: Option<Stopping>,
+    /// Share of pixels that calibrated stopping keeps within their thresholds, 0.5 to 0.999 [default: 0.95]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "SHARE"))]
+    pub within: Option<f64>,
+    /// Samples of visibility and direct light to the pixel: 1 is fast, 4 smooths edges [default: 1]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
+    pub samples: Option<u32>,
+    /// Reflections of light on its way to the eye, at most [default: no limit]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
+    pub bounces: Option<u32>,
+    /// How indirect light is computed [default: lightcuts]
+    #[cfg_attr(feature = "command-line", arg(long, value_enum))]
+    pub lighting: Option<Lighting>,
+    /// Compute indirect light at few places and interpolate; off: a lightcut for each pixel [default: on]
+    #[cfg_attr(feature = "command-line", arg(long, value_enum, value_name = "on|off", hide_possible_values = true))]
+    pub cache: Option<Switch>,
+    /// Give back the light from close by that softened virtual lights lose [default: on]
+    #[cfg_attr(feature = "command-line", arg(long, value_enum, value_name = "on|off", hide_possible_values = true))]
+    pub compensation: Option<Switch>,
+    /// Anchor lights that carry the indirect light [default: 2000 for a box, up to 9000 for a building]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
+    pub vpls: Option<usize>,
+    /// Photons a frame [default: 150 for each anchor light]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
+    #[serde(serialize_with = "integer")]
+    pub photons: Option<u64>,
+    /// Seed of photons and light tree [default: 1]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "S"))]
+    #[serde(serialize_with = "integer")]
+    pub seed: Option<u64>,
+    /// Run every stage for every frame, needed or not; the bits are the same
+    #[cfg_attr(feature = "command-line", arg(long))]
+    pub run_everything: bool,
+    /// Keep the renderer's motion from the encoder, which then searches
+    #[cfg_attr(feature = "command-line", arg(long))]
+    pub no_motion: bool,
+    /// The video: .m2v (elementary stream), .mpg (program stream) or .ts (transport stream) [default: the scene's name
+    /// with .m2v, in this folder]
+    #[cfg_attr(feature = "command-line", arg(short, long, value_name = "FILE"))]
+    pub output: Option<PathBuf>,
+    /// Also write every frame as linear OpenEXR into this folder
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "DIR", hide = !cfg!(feature = "exr")))]
+    pub exr: Option<PathBuf>,
+    /// What else goes into these files, as named layers: a list such as albedo,normal,depth
+    #[cfg_attr(
+        feature = "command-line",
+        arg(long, value_enum, value_delimiter = ',', value_name = "LIST", hide = !cfg!(feature = "exr"))
+    )]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub aov: Vec<Aov>,
+    /// Also write the frames before compression, as YUV4MPEG2
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "FILE"))]
+    pub y4m: Option<PathBuf>,
+}
+
+/// Numbers above 2⁶³−1 are written as texts, since TOML has no such integers.
+fn integer<S: Serializer>(number: &Option<u64>, serializer: S) -> Result<S::Ok, S::Error> {
+    match number.map(|number| i64::try_from(number).map_err(|_| number)) {
+        None => serializer.serialize_none(),
+        Some(Ok(number)) => serializer.serialize_i64(number),
+        Some(Err(number)) => serializer.collect_str(&number),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use render_core::scene::Scene;
+
+    #[test]
+    fn files_hold_every_option_under_its_name() {
+        let text = r#"
+            frames = 4
+            size = "48x32"
+            bitrate = "1M"
+            thresholds = "fixed:0.02"
+            kappa = 0.3
+            cache = false
+            compensation = "on"
+            run-everything = true
+            exr = "frames"
+            aov = ["cut-size", "albedo"]
+        "#;
+        let mut options: Options = toml::from_str(text).unwrap();
+        assert_eq!(options.size, Some(Size { width: 48, height: 32 }));
+        assert_eq!(options.bitrate, Some(BitRate(1_000_000)));
+        assert_eq!((options.cache, options.compensation), (Some(Switch::Off), Some(Switch::On)));
+        assert_eq!(options.aov, [Aov::CutSize, Aov::Albedo]);
+        // Filled in and written, they are read as they were, and filled in again they stay.
+        let first = options.fill_in("scene.glb".into(), &Scene::default()).unwrap();
+        let written = toml::to_string(&options).unwrap();
+        let mut again: Options = toml::from_str(&written).unwrap();
+        assert_eq!(again, options, "{written}");
+        let second = again.fill_in("scene.glb".into(), &Scene::default()).unwrap();
+        assert_eq!(again, options);
+        assert_eq!(serde_json::to_string(&first).unwrap(), serde_json::to_string(&second).unwrap());
+        for line in ["kappa = 0.3\n", "cache = \"off\"\n", "size = \"48x32\"\n", "bitrate = 1000000\n"] {
+            assert!(written.contains(line), "{line}{written}");
+        }
+    }
+
+    #[test]
+    fn unknown_keys_and_values_are_refused() {
+        for (text, word) in [("qscal = 8", "qscal"), ("size = \"big\"", "512x512"), ("cache = 3", "on")] {
+            let error = toml::from_str::<Options>(text).unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+        }
+    }
+}

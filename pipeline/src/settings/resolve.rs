@@ -1,0 +1,180 @@
+//! From options to settings: every default, and every check of a single choice. No other place states a default.
+
+use super::options::Options;
+use super::values::{Lighting, Size, Stopping, Switch, Thresholds};
+use super::{Effort, Settings};
+use crate::error::{Error, Result};
+use lighttree::Calibration;
+use mpeg2enc::Container;
+use perceptual::ToneMap;
+use render_core::scene::{Scene, SceneSettings};
+use std::path::{Path, PathBuf};
+
+/// Most samples to the pixel.
+const MOST_SAMPLES: u32 = 64;
+/// Photons for each anchor light: 3·10⁵ for 2000 in table 1 of \[Herzog08\].
+const PHOTONS_PER_ANCHOR: u64 = 150;
+/// Anchor lights on moving things, each asked at every record. With 24, two or three to a side of a block, `cornell`
+/// is 1.6·10⁻³ off the path tracer's in relative MSE; with 96 it is 4.5·10⁻⁴, for 2 % more shadow rays.
+const MOVING_ANCHORS: usize = 96;
+
+/// κ of [`perceptual::Feedback::with_kappa`]. Ours: with 1 the decoded luma of `cornell` at quantiser_scale 48 lies 0.4 dB
+/// below that of cuts at 2 %, with 1/4 less than 0.1 dB (`cargo run --release -p tests --example closed_loop`).
+const KAPPA: f32 = 0.25;
+/// The same of [`perceptual::Feedback::observe_coded`], which counts what errors do to the decoded picture itself. On `cornell`,
+/// 256×256, 1 costs less than 0.06 dB and 1.3 % of bits at quantisers from 8 to 48; 2 costs 0.16 dB and 3.9 %.
+const CODEC_KAPPA: f32 = 1.0;
+
+/// Returns an [`Error::Options`].
+macro_rules! fail {
+    ($($text:tt)*) => { return Err(Error::Options(format!($($text)*))) };
+}
+
+impl Options {
+    /// Fills in every default that has a value for `scene`, loaded from `path`, and returns the settings.
+    ///
+    /// # Errors
+    /// An option, or a setting of the scene, is out of its range or contradicts another; the message says what works.
+    pub fn fill_in(&mut self, path: PathBuf, scene: &Scene) -> Result<Settings> {
+        let output = self.fill_in_output(&path)?;
+        if self.cbr && self.bitrate.is_none() {
+            fail!("--cbr needs --bitrate, which says how many bits a second there are to be");
+        }
+        let (fps, frames) = self.fill_in_length(scene)?;
+        let (thresholds, kappa) = self.fill_in_thresholds()?;
+        let (stopping, within) = self.fill_in_stopping()?;
+        let samples = *self.samples.get_or_insert(1);
+        if !(1..=MOST_SAMPLES).contains(&samples) {
+            fail!("--samples {samples} must lie in 1..={MOST_SAMPLES}; 1 is fast, 4 smooths edges");
+        }
+        if self.bounces == Some(0) {
+            fail!("--bounces 0: light that is never reflected shows nothing but lamps; 1 is direct light alone");
+        }
+        self.check_files()?;
+        let vpls = *self.vpls.get_or_insert_with(|| render_core::Anchors::default_count(scene));
+        if !(1..=10_000_000).contains(&vpls) {
+            fail!("--vpls {vpls} must lie in 1..=10000000");
+        }
+        let (tone_map, auto_exposure) = tone_map(&path, scene)?;
+        Ok(Settings {
+            scene: path,
+            output,
+            frames,
+            fps,
+            size: *self.size.get_or_insert(Size { width: 512, height: 512 }),
+            qscale: *self.qscale.get_or_insert(8),
+            gop: *self.gop.get_or_insert(15),
+            bitrate: self.bitrate,
+            cbr: self.cbr,
+            bframes: *self.bframes.get_or_insert(0),
+            effort: *self.effort.get_or_insert(Effort::Balanced),
+            mpeg1: self.mpeg1,
+            thresholds,
+            kappa,
+            stopping,
+            within,
+            samples,
+            bounces: self.bounces,
+            lighting: *self.lighting.get_or_insert(Lighting::Lightcuts),
+            cache: self.cache.get_or_insert(Switch::On).is_on(),
+            compensation: self.compensation.get_or_insert(Switch::On).is_on(),
+            vpls,
+            moving_vpls: MOVING_ANCHORS,
+            photons: *self.photons.get_or_insert(PHOTONS_PER_ANCHOR * vpls as u64),
+            seed: *self.seed.get_or_insert(1),
+            leave_out: !self.run_everything,
+            motion: !self.no_motion,
+            tone_map,
+            auto_exposure,
+            exr: self.exr.clone(),
+            aov: self.aov.clone(),
+            y4m: self.y4m.clone(),
+        })
+    }
+
+    fn fill_in_output(&mut self, path: &Path) -> Result<PathBuf> {
+        if self.output.is_none() {
+            let stem = path.file_stem();
+            let stem = stem.ok_or_else(|| Error::Options("the scene's path has no file name".into()))?;
+            self.output = Some(PathBuf::from(stem).with_extension("m2v"));
+        }
+        let output = self.output.clone().unwrap_or_default();
+        if Container::of(&output).is_none() {
+            fail!("{}: such files are not written; name the output .m2v, .mpg or .ts", output.display());
+        }
+        Ok(output)
+    }
+
+    /// Pictures a second, and how many.
+    fn fill_in_length(&mut self, scene: &Scene) -> Result<(f64, u32)> {
+        let video = scene.settings.video;
+        let fps = *self.fps.get_or_insert(video.fps.unwrap_or(25.0));
+        if !(fps.is_finite() && fps > 0.0) {
+            fail!("--fps {fps} must be positive");
+        }
+        let animated = (f64::from(scene.duration()) * fps).round().clamp(0.0, 1e6) as u32;
+        let frames = *self.frames.get_or_insert(video.frames.unwrap_or(if animated > 0 { animated } else { 100 }));
+        if frames == 0 {
+            fail!("--frames 0: a video has at least one frame");
+        }
+        Ok((fps, frames))
+    }
+
+    /// Where thresholds come from, and the multiplier on them.
+    fn fill_in_thresholds(&mut self) -> Result<(Thresholds, f32)> {
+        let thresholds = *self.thresholds.get_or_insert(Thresholds::Codec);
+        let kappa = *self.kappa.get_or_insert(if thresholds == Thresholds::Codec { CODEC_KAPPA } else { KAPPA });
+        if !(0.0..=100.0).contains(&kappa) {
+            fail!("--kappa {kappa} must lie in 0..=100; 1 is the paper's");
+        }
+        let looks_ahead = self.bitrate.is_some() || self.bframes.is_some_and(|most| most > 0);
+        if thresholds == Thresholds::Quantised && looks_ahead {
+            fail!(
+                "--thresholds quantised needs pictures that are coded as they come: leave out --bitrate and --bframes, or take --thresholds codec"
+            );
+        }
+        Ok((thresholds, kappa))
+    }
+
+    /// When cuts end, and the share of pixels that calibrated stopping keeps within their thresholds.
+    fn fill_in_stopping(&mut self) -> Result<(Stopping, f64)> {
+        let implied = if self.within.is_some() { Stopping::Calibrated } else { Stopping::Bound };
+        let stopping = *self.stopping.get_or_insert(implied);
+        let within = self.within.unwrap_or(Calibration::DEFAULT_SHARE);
+        if !(0.5..=0.999).contains(&within) {
+            fail!(
+                "--within {within} must lie in 0.5..=0.999; 0.95 lets one pixel in twenty be wrong by more than its threshold"
+            );
+        }
+        match stopping {
+            Stopping::Bound if self.within.is_some() => {
+                fail!("--within is measured where cuts are calibrated: leave out --stopping bound");
+            }
+            Stopping::Bound => {}
+            Stopping::Calibrated => self.within = Some(within),
+        }
+        Ok((stopping, within))
+    }
+
+    fn check_files(&self) -> Result<()> {
+        if self.exr.is_some() && !cfg!(feature = "exr") {
+            fail!("--exr: this build writes no OpenEXR; build it with the feature exr");
+        }
+        if !self.aov.is_empty() && self.exr.is_none() {
+            fail!("--aov needs --exr DIR, the folder for the files that it adds to");
+        }
+        Ok(())
+    }
+}
+
+/// The tone curve of a scene, and whether the first frame sets its exposure.
+fn tone_map(path: &Path, scene: &Scene) -> Result<(ToneMap, bool)> {
+    let Some(table) = &scene.settings.tone_mapping else { return Ok((ToneMap::default(), true)) };
+    let file = SceneSettings::path_for(path);
+    let tone_map: ToneMap = table
+        .clone()
+        .try_into()
+        .map_err(|error: toml::de::Error| Error::content(&file, format!(": [tone_mapping] {}", error.message())))?;
+    tone_map.check().map_err(|error| Error::content(&file, format!(": {error}")))?;
+    Ok((tone_map, !table.contains_key("exposure")))
+}

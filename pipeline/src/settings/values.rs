@@ -1,0 +1,341 @@
+//! Values of options: how each is written, and what its range is.
+
+use crate::error::{Error, Result};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+use std::fmt;
+use std::str::FromStr;
+use std::time::Duration;
+
+/// How indirect light is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Lighting {
+    /// A cut through the light tree for each pixel, as fine as its threshold asks for.
+    Lightcuts,
+    /// Every light at every pixel: slow, the reference that cuts are measured against.
+    AllLights,
+}
+
+/// How often what a killed run needs to go on is written, as typed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CheckpointEvery {
+    /// Seconds; 0 for each frame.
+    Seconds(f64),
+    /// Never.
+    Off,
+}
+
+impl CheckpointEvery {
+    /// As a duration; none for never.
+    pub fn duration(self) -> Option<Duration> {
+        match self {
+            Self::Seconds(seconds) => Some(Duration::from_secs_f64(seconds)),
+            Self::Off => None,
+        }
+    }
+}
+
+impl fmt::Display for CheckpointEvery {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Seconds(seconds) => write!(f, "{seconds}"),
+            Self::Off => write!(f, "off"),
+        }
+    }
+}
+
+impl FromStr for CheckpointEvery {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        if text == "off" {
+            return Ok(Self::Off);
+        }
+        let seconds = text.parse::<f64>().ok().filter(|seconds| (0.0..=1e6).contains(seconds));
+        seconds.map(Self::Seconds).ok_or_else(|| {
+            let known = "is neither \"off\" nor a number of seconds such as 60; 0 is after each frame";
+            Error::Options(format!("\"{text}\" {known}"))
+        })
+    }
+}
+
+/// On or off, as typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum Switch {
+    /// Do it.
+    On,
+    /// Leave it.
+    Off,
+}
+
+impl Switch {
+    /// Whether it is [`Switch::On`].
+    pub fn is_on(self) -> bool {
+        self == Self::On
+    }
+}
+
+impl FromStr for Switch {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "on" => Ok(Self::On),
+            "off" => Ok(Self::Off),
+            _ => Err(Error::Options(format!("\"{text}\" is neither \"on\" nor \"off\""))),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Switch {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        parsed(deserializer)
+    }
+}
+
+/// What else of a frame can be written into its OpenEXR file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Aov {
+    /// direct.R, .G, .B: emitted light, and light reflected straight from its source.
+    Direct,
+    /// indirect.R, .G, .B: all other light.
+    Indirect,
+    /// albedo.R, .G, .B: diffuse reflectance.
+    Albedo,
+    /// normal.X, .Y, .Z: the unit normal that is shaded with, in the world.
+    Normal,
+    /// depth.Z: metres along the camera's axis.
+    Depth,
+    /// motion.X, .Y: pixels from here to the same point in the frame before; motion.A: 1 where it was visible there.
+    Motion,
+    /// cut.size: clusters of the pixel's cut, with the cache of the records' cuts at their pixels.
+    CutSize,
+    /// threshold.Y: luminance that the pixel may be wrong by; 0 where 2 % of its own hold.
+    Threshold,
+    /// cache.records: records of the irradiance cache in use at the pixel.
+    Cache,
+}
+
+/// Where the error that a pixel may have comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Thresholds {
+    /// From the masking model, one frame later.
+    Perceptual,
+    /// The same from the picture as it was decoded, and not along the motion \[Herzog08, 5.3, first strategy\]: for films in
+    /// which little moves.
+    Quantised,
+    /// From what the encoder really did, or will do where it looks ahead, one frame later.
+    Codec,
+    /// A share of the luminance that each pixel had one frame before: as far as thresholds can be let go if all are let go
+    /// alike, with all that is gained by knowing them beforehand.
+    Uniform(f32),
+    /// A fixed share of each pixel's luminance; 0.02 is the original Lightcuts.
+    Fixed(f32),
+}
+
+impl Thresholds {
+    /// Whether masking wants to see what the encoder made of each picture.
+    pub fn follow_coding(self) -> bool {
+        matches!(self, Self::Codec | Self::Quantised)
+    }
+}
+
+impl FromStr for Thresholds {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let share = |share: &str| share.parse::<f32>().ok().filter(|share| (0.0..=1.0).contains(share));
+        let known = match text.split_once(':') {
+            None if text == "perceptual" => Some(Self::Perceptual),
+            None if text == "quantised" => Some(Self::Quantised),
+            None if text == "codec" => Some(Self::Codec),
+            Some(("fixed", text)) => share(text).map(Self::Fixed),
+            Some(("uniform", text)) => share(text).map(Self::Uniform),
+            _ => None,
+        };
+        known.ok_or_else(|| {
+            Error::Options(format!(
+                "\"{text}\" is none of \"codec\", \"perceptual\" and \"quantised\", nor \"fixed:SHARE\" or \"uniform:SHARE\" with a share of 0 to 1, such as fixed:0.02"
+            ))
+        })
+    }
+}
+
+impl fmt::Display for Thresholds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Perceptual => write!(f, "perceptual"),
+            Self::Quantised => write!(f, "quantised"),
+            Self::Codec => write!(f, "codec"),
+            Self::Uniform(share) => write!(f, "uniform:{share}"),
+            Self::Fixed(share) => write!(f, "fixed:{share}"),
+        }
+    }
+}
+
+impl Serialize for Thresholds {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Thresholds {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        parsed(deserializer)
+    }
+}
+
+/// When the cut of a pixel ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Stopping {
+    /// When no cluster's error bound exceeds the threshold, as in the paper.
+    Bound,
+    /// When measured errors say that 95 % of the pixels are within it, or another share.
+    Calibrated,
+}
+
+/// Width and height of the picture in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Size {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+/// Largest side that the size fields of the sequence header and its extension hold (6.2.2.1, 6.2.2.3).
+const LARGEST_SIDE: usize = 16383;
+
+impl FromStr for Size {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let size = format!("a size such as 512x512, with sides of 1 to {LARGEST_SIDE} pixels");
+        let wrong = || Error::Options(format!("\"{text}\" is not {size}"));
+        let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
+        let side = |text: &str| text.parse::<usize>().ok().filter(|side| (1..=LARGEST_SIDE).contains(side));
+        Ok(Self { width: side(width).ok_or_else(wrong)?, height: side(height).ok_or_else(wrong)? })
+    }
+}
+
+/// Bits a second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct BitRate(pub u32);
+
+/// A smaller rate is a slip: even MPEG-1's smallest pictures need more.
+const LEAST_BIT_RATE: f64 = 10_000.0;
+
+impl FromStr for BitRate {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let (number, unit) = match text.as_bytes().last() {
+            Some(b'k' | b'K') => (&text[..text.len() - 1], 1e3),
+            Some(b'm' | b'M') => (&text[..text.len() - 1], 1e6),
+            _ => (text, 1.0),
+        };
+        let rate = number.parse::<f64>().ok().map(|number| number * unit);
+        let rate = rate.filter(|rate| (LEAST_BIT_RATE..=1e9).contains(rate));
+        rate.map(|rate| Self(rate.round() as u32)).ok_or_else(|| {
+            let known = "a bit rate such as 1500k or 2M, from 10k to 1000M bits a second";
+            Error::Options(format!("\"{text}\" is not {known}"))
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for BitRate {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        parsed(deserializer)
+    }
+}
+
+/// How much the encoder tries for few bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Effort {
+    /// Least time; with a bit rate, no frame waits for later ones.
+    Fast,
+    /// Few bits.
+    #[default]
+    Balanced,
+    /// Fewest bits.
+    Best,
+}
+
+/// A value as files may write it.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Written {
+    Switch(bool),
+    Number(f64),
+    Text(String),
+}
+
+/// Reads a value through its text; `true` and `false` are "on" and "off".
+fn parsed<'de, D: Deserializer<'de>, T: FromStr<Err = Error>>(deserializer: D) -> Result<T, D::Error> {
+    let text = match Written::deserialize(deserializer)? {
+        Written::Switch(on) => if on { "on" } else { "off" }.to_owned(),
+        Written::Number(number) => number.to_string(),
+        Written::Text(text) => text,
+    };
+    text.parse().map_err(de::Error::custom)
+}
+
+/// For serde's `with`: a size as the text that is typed.
+pub(super) mod size_as_text {
+    use super::{Deserializer, Result, Serializer, Size, parsed};
+
+    pub fn serialize<S: Serializer>(size: &Option<Size>, serializer: S) -> Result<S::Ok, S::Error> {
+        match size {
+            Some(size) => serializer.collect_str(size),
+            None => serializer.serialize_none(),
+        }
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Size>, D::Error> {
+        parsed(deserializer).map(Some)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_rates_and_thresholds_are_read_or_explained() {
+        assert_eq!("640x360".parse::<Size>().unwrap(), Size { width: 640, height: 360 });
+        for bad in ["0x0", "512", "x", "99999x1", "-1x5"] {
+            assert!(bad.parse::<Size>().unwrap_err().to_string().contains("512x512"), "{bad}");
+        }
+        assert_eq!("fixed:0.02".parse::<Thresholds>().unwrap(), Thresholds::Fixed(0.02));
+        assert_eq!("perceptual".parse::<Thresholds>().unwrap(), Thresholds::Perceptual);
+        for bad in ["fixed", "fixed:-1", "fixed:nan", "watson"] {
+            assert!(bad.parse::<Thresholds>().unwrap_err().to_string().contains("fixed:0.02"), "{bad}");
+        }
+        for (text, rate) in [("1500k", 1_500_000), ("2M", 2_000_000), ("0.5m", 500_000), ("64000", 64_000)] {
+            assert_eq!(text.parse::<BitRate>().unwrap(), BitRate(rate), "{text}");
+        }
+        for bad in ["", "k", "2000", "-2M", "2G", "nank", "2000M", "\u{b5}"] {
+            assert!(bad.parse::<BitRate>().unwrap_err().to_string().contains("1500k"), "{bad}");
+        }
+    }
+}
