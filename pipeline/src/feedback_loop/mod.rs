@@ -15,6 +15,8 @@ mod log;
 pub mod observe;
 pub mod parts;
 mod stages;
+mod start;
 mod threads;
 
-pub use driver::{Parts, Run, Start, couple};
+pub use driver::{Run, couple};
+pub use start::{Parts, Start};

@@ -70,6 +70,11 @@ pub(super) fn work<S: Stage>(
 /// The work of a thread, and its name.
 pub(super) type Work<'a> = (&'static str, Box<dyn FnOnce() -> Result<()> + Send + 'a>);
 
+/// Names the work of a thread.
+pub(super) fn stage<'a>(name: &'static str, work: impl FnOnce() -> Result<()> + Send + 'a) -> Work<'a> {
+    (name, Box::new(work))
+}
+
 /// Runs everything at once, and reports the first failure in the order of `stages`.
 ///
 /// A stage that fails drops its ends of the channels, so the others end too; all are joined before any failure is reported.

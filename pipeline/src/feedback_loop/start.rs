@@ -1,0 +1,85 @@
+//! The parts of a film, and the frame that it begins or is continued with.
+
+use super::checkpoint::{Checkpoints, NONSENSE, Part, decode};
+use super::log::FilmLog;
+use super::parts::{Encode, LuminanceThresholds, Mask, Prepare, Shade};
+use crate::error::{Error, Result};
+use crate::film::display::Display;
+use plane::Plane;
+use std::path::Path;
+
+/// The parts of a film. Without masking, no thresholds flow back.
+#[derive(Debug)]
+pub struct Parts<P, S, M, E> {
+    /// The first half of the renderer.
+    pub prepare: P,
+    /// The second half.
+    pub shade: S,
+    /// Tone curve, and files of uncompressed frames.
+    pub display: Display,
+    /// The encoder with its container.
+    pub encode: E,
+    /// The masking model.
+    pub mask: Option<M>,
+}
+
+/// Where a film begins or is continued; made by [`Parts::begin`].
+#[derive(Debug)]
+pub struct Start<'a> {
+    pub(super) checkpoints: &'a Checkpoints,
+    pub(super) first: u32,
+    pub(super) thresholds: Option<LuminanceThresholds>,
+    pub(super) masking_seconds: Vec<(u32, f64)>,
+    pub(super) log: FilmLog,
+}
+
+/// What masking leaves in a checkpoint: its state, ΔY and luminance of the last frame, and its seconds so far.
+type MaskState = (Vec<u8>, Option<(Plane<f32>, Plane<f32>)>, Vec<(u32, f64)>);
+
+impl<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode> Parts<P, S, M, E> {
+    /// Brings every part to where `checkpoints` say: to the beginning, or after the last frame that is done.
+    ///
+    /// # Errors
+    /// A part cannot read its state, or a file of uncompressed frames cannot be opened.
+    pub fn begin<'a>(&mut self, checkpoints: &'a Checkpoints) -> Result<Start<'a>> {
+        let mut start =
+            Start { checkpoints, first: 0, thresholds: None, masking_seconds: Vec::new(), log: FilmLog::default() };
+        let Some(last) = checkpoints.last_frame() else {
+            self.display.begin()?;
+            return Ok(start);
+        };
+        let state = |part| checkpoints.state(part);
+        start.first = last + 1;
+        let (log, encoder) = FilmLog::restored(state(Part::Encode), start.first)?;
+        start.log = log;
+        self.encode.restore(&encoder)?;
+        if let Some(mask) = &mut self.mask {
+            let (own, planes, masking_seconds): MaskState = decode(state(Part::Mask))?;
+            let (delta, luminance) = planes.ok_or_else(|| Error::Checkpoint(NONSENSE.into()))?;
+            let thresholds = LuminanceThresholds { of: last, delta: delta.into(), luminance: luminance.into() };
+            mask.restore(&own, &thresholds)?;
+            (start.thresholds, start.masking_seconds) = (Some(thresholds), masking_seconds);
+        }
+        let done = self.prepare.restore(state(Part::Prepare), last)?;
+        self.shade.restore(state(Part::Shade), &done)?;
+        // Last, because this cuts a file to the length that it had.
+        self.display.restore(state(Part::Display))?;
+        Ok(start)
+    }
+}
+
+impl Start<'_> {
+    /// The first frame that is still to be made.
+    #[must_use]
+    pub fn first_frame(&self) -> u32 {
+        self.first
+    }
+
+    /// Writes the film to `path`: to a new file, or after the bytes that there were at the checkpoint.
+    ///
+    /// # Errors
+    /// The file cannot be written, or is shorter than it was.
+    pub fn write_to(&mut self, path: &Path) -> Result<()> {
+        self.log.write_to(path, self.first > 0)
+    }
+}
