@@ -7,6 +7,7 @@ mod decoders;
 mod glb;
 mod program;
 mod replay;
+mod tools;
 
 pub use decoders::{decode_ffmpeg, decode_mpeg2dec, read_y4m, tolerant_frame_count};
 pub use glb::{Glb, Moving, Quad, checkered_room, furnace};
@@ -14,3 +15,4 @@ pub use program::{
     Finished, Rendered, assert_fails, cornell, program, render, render2mpeg, shared_scenes, sorted_names,
 };
 pub use replay::{encode, load, motion, motion_fields};
+pub use tools::{is_required, need};

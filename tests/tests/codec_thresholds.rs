@@ -65,7 +65,8 @@ fn an_intra_picture_is_predicted() {
         let predicted = mean_threshold(&coded(quantiser_scale, 2)[1], NextPicture::Intra { group: 1 });
         let known = mean_threshold(&coded(quantiser_scale, 1)[1], NextPicture::Intra { group: 1 });
         println!("quantiser_scale {quantiser_scale}: predicted {predicted:.4}, known {known:.4}");
-        assert!((predicted / known - 1.0).abs() < 0.25, "{quantiser_scale}: {predicted}, known {known}");
+        // 13 %, as the README of `perceptual` says.
+        assert!((predicted / known - 1.0).abs() < 0.135, "{quantiser_scale}: {predicted}, known {known}");
     }
 }
 
@@ -100,11 +101,13 @@ fn films_of_encoders_that_look_ahead() {
     let arguments = "--size 96x96 --frames 8 --vpls 200 --photons 20000 --cache off --thresholds codec";
     let film = |name: &str, more: &str| render(folder.path(), name, &cornell(), &format!("{arguments} {more}"));
     let mean = |film: &tests::Rendered| film.figures(&["threshold_mean_relative"])[2..].iter().sum::<f64>() / 6.0;
-    for quantiser_scale in [8, 32] {
+    // By how much predicted thresholds are above the others: as the README of `perceptual` says, in whole percent.
+    for (quantiser_scale, above) in [(8, 0.01), (32, 0.18)] {
         let known = mean(&film("asked", &format!("--qscale {quantiser_scale}")));
         let predicted = mean(&film("predicted", &format!("--qscale {quantiser_scale} --bframes 2")));
         println!("quantiser_scale {quantiser_scale}: {known:.4} with the coding known, {predicted:.4} predicted");
-        assert!((predicted / known - 1.0).abs() < 0.35, "{quantiser_scale}: known {known}, predicted {predicted}");
+        let found = predicted / known - 1.0;
+        assert!((found - above).abs() < 0.005, "{quantiser_scale}: known {known}, predicted {predicted}, {found}");
     }
     let rate = mean(&film("rate", "--bitrate 150k --bframes 2"));
     assert!((0.02..0.5).contains(&rate), "{rate}");

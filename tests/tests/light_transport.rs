@@ -77,8 +77,8 @@ fn the_cache_shows_what_cuts_for_every_pixel_show() {
 /// The threshold holds for each cluster of a cut \[Walter05\]; the errors of its clusters then add up, mostly against each
 /// other. So a fine cut of many clusters may end up further off than its threshold, and a coarse one hardly ever does.
 /// A light tree draws its representatives once, so one tree is one sample: three are asked.
-/// Measured here: 79 % of the pixels within the threshold at 2 %, 97 % at 10 %, 99.1 % at 20 %; 99.9 % within three times the
-/// threshold at 2 %.
+/// Measured here: 93.4 % of the pixels are within the threshold at 2 %, 98.6 % at 10 %, 99.8 % at 20 %, 99.98 % at 40 %.
+/// Within three times the threshold are 99.993 % at 2 %, and all at the others.
 #[test]
 fn cuts_keep_their_distance_from_all_lights() {
     let folder = tempfile::tempdir().unwrap();
@@ -92,7 +92,14 @@ fn cuts_keep_their_distance_from_all_lights() {
     let all_lights =
         seeds.clone().map(|seed| film(&format!("all{seed}"), &format!("--lighting all-lights --seed {seed}")));
     let mut size_before = all_lights.fold(0.0, f64::max) / 2.0;
-    for (threshold, allowed) in [(0.02, 0.06), (0.1, 0.2), (0.2, 0.2), (0.4, 0.4)] {
+    // Least shares of the pixels that are within the threshold, within twice and within three times the threshold.
+    let least = [
+        (0.02, [0.93, 0.994, 0.9999]),
+        (0.1, [0.985, 0.9998, 1.0]),
+        (0.2, [0.997, 0.9997, 1.0]),
+        (0.4, [0.9995, 1.0, 1.0]),
+    ];
+    for (threshold, least) in least {
         let (mut errors, mut size) = (Vec::new(), 0.0f64);
         for seed in seeds.clone() {
             size = size.max(film("cuts", &format!("--thresholds fixed:{threshold} --seed {seed}")));
@@ -105,10 +112,10 @@ fn cuts_keep_their_distance_from_all_lights() {
         assert!(size < size_before, "threshold {threshold}: a cut of {size:.0} lights is no saving");
         size_before = size;
         let within = |most: f32| errors.iter().filter(|&&error| error <= most).count() as f64 / errors.len() as f64;
-        let (told, found) = (within(threshold), within(allowed));
-        println!("cut {size:.0}: {told:.4} within {threshold}, {found:.4} within {allowed}");
-        assert!(found >= 0.99, "threshold {threshold}: only {found} within {allowed}");
-        assert!(told < 1.0 || threshold > 0.1, "cuts are not sums over all lights");
+        let found = [1.0, 2.0, 3.0].map(|times| within(times * threshold));
+        println!("cut {size:.0}: {found:.5?} within {threshold}, twice and three times that");
+        assert!((0..3).all(|i| found[i] >= least[i]), "threshold {threshold}: only {found:?}");
+        assert!(found[0] < 1.0, "threshold {threshold}: cuts are not sums over all lights");
     }
 }
 

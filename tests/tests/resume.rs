@@ -1,10 +1,15 @@
 //! A film that was killed is continued to the same bits.
-#![cfg(unix)]
+//!
+//! Pipes of one line, which only Linux has, make it a matter of lines and not of time when runs are killed.
+#![cfg(target_os = "linux")]
 
+use rustix::pipe::{PipeFlags, fcntl_setpipe_size, pipe_with};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader};
+use std::os::fd::OwnedFd;
+use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -13,7 +18,7 @@ use tests::{Moving, assert_fails, checkered_room, program, render, render2mpeg, 
 const SMALL: &str = "--size 48x48 --vpls 60 --photons 1000 --frames 14";
 
 fn arguments(film: &str, more: &str) -> Vec<String> {
-    let words = format!("render room.glb -o {film} --quiet --checkpoint 0 {SMALL} {more}");
+    let words = format!("render room.glb -o {film} --checkpoint 0 {SMALL} {more}");
     words.split_whitespace().map(str::to_owned).collect()
 }
 
@@ -22,28 +27,38 @@ fn chance(index: u32) -> f64 {
     f64::from(index.reverse_bits()) / 2f64.powi(32)
 }
 
-/// Runs until it ends, or kills it after `patience`; whether it ended.
-fn run_for(folder: &Path, arguments: &[String], patience: Duration) -> bool {
+/// A pipe that holds one write: whoever writes the next waits until that one is read.
+fn narrow_pipe() -> (BufReader<fs::File>, OwnedFd) {
+    let (read, write) = pipe_with(PipeFlags::DIRECT | PipeFlags::CLOEXEC).expect("a pipe");
+    // With DIRECT, each write takes pages of its own, and one page is the least there can be.
+    fcntl_setpipe_size(&write, 1).expect("a pipe of one page");
+    (BufReader::new(read.into()), write)
+}
+
+/// Runs with a line on standard error whenever a stage is done with a frame, and kills it after `lines` of them, or lets it
+/// end; the number of lines read.
+///
+/// A run is at most two lines ahead of what is read, so where it is killed depends on no clock.
+fn run_until(folder: &Path, arguments: &[String], lines: usize) -> usize {
+    let (reader, writer) = narrow_pipe();
     let mut child = Command::new(program())
         .args(arguments)
+        .arg("-vv")
         .current_dir(folder)
         .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(writer)
         .spawn()
         .expect("render2mpeg starts");
-    let begin = Instant::now();
-    loop {
-        if let Some(status) = child.try_wait().expect("a child") {
-            assert!(status.success(), "{arguments:?}: {status}");
-            return true;
-        }
-        if begin.elapsed() >= patience {
-            // SIGKILL; it may have ended just now.
-            let _ = child.kill();
-            let _ = child.wait();
-            return false;
-        }
-        std::thread::sleep(Duration::from_millis(1));
+    let read = reader.lines().map(Result::unwrap).take(lines).count();
+    if read == lines {
+        child.kill().expect("it waits for its lines to be read");
+        assert_eq!(child.wait().unwrap().signal(), Some(9), "{arguments:?}: ended before line {lines}");
+    } else {
+        let status = child.wait().unwrap();
+        assert!(status.success(), "{arguments:?}: {status}");
     }
+    read
 }
 
 #[test]
@@ -56,34 +71,31 @@ fn killed_at_any_moment_it_goes_on_to_the_same_bits() {
         (Moving::Nothing, "film.mpg", "--samples 2 --y4m film.y4m"),
         (Moving::Box, "film.m2v", "--cache off --thresholds fixed:0.02 --bframes 1 --effort fast"),
     ];
-    let mut killed = 0;
     for (kind, (moving, film, more)) in (0..).zip(kinds) {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         checkered_room(moving).write(&folder.join("room.glb"));
-        let begin = Instant::now();
-        assert!(run_for(folder, &arguments(film, more), Duration::from_secs(600)));
-        let whole = begin.elapsed();
+        let whole = run_until(folder, &arguments(film, more), usize::MAX);
         let names = sorted_names(folder);
         assert!(!names.iter().any(|name| name.contains("checkpoint") || name.contains("part")), "{names:?}");
         let read = |name: &str| fs::read(folder.join(name)).unwrap_or_default();
         let truth = (read(film), read("film.y4m"));
         for index in 0..4 {
             fs::remove_file(folder.join(film)).unwrap();
-            let at = whole.mul_f64(chance(1 + 4 * kind + index));
-            killed += u32::from(!run_for(folder, &arguments(film, more), at));
-            // A second time where it goes on.
+            // The last lines are the summary, when the film is whole.
+            let at = 1 + ((whole - 20) as f64 * chance(1 + 4 * kind + index)) as usize;
+            run_until(folder, &arguments(film, more), at);
+            // A second time where it goes on, which has at least the lines that are left.
             let resume = format!("{more} --resume");
-            killed += u32::from(!run_for(folder, &arguments(film, &resume), whole.mul_f64(0.6 * chance(17 + index))));
+            let left = (whole - at) as f64;
+            run_until(folder, &arguments(film, &resume), 1 + (0.6 * left * chance(17 + index)) as usize);
             let last = format!("{more} --resume --threads {}", 1 + index);
-            assert!(run_for(folder, &arguments(film, &last), Duration::from_secs(600)));
-            assert!(read(film) == truth.0, "{more}, killed after {at:?} of {whole:?}: another film");
-            assert!(read("film.y4m") == truth.1, "{more}, killed after {at:?} of {whole:?}: other frames");
+            run_until(folder, &arguments(film, &last), usize::MAX);
+            assert!(read(film) == truth.0, "{more}, killed after {at} of {whole} lines: another film");
+            assert!(read("film.y4m") == truth.1, "{more}, killed after {at} of {whole} lines: other frames");
             assert_eq!(sorted_names(folder), names, "nothing else stays");
         }
     }
-    println!("killed {killed} times");
-    assert!(killed >= 20, "most runs ended before they were killed: {killed}");
 }
 
 #[test]
@@ -91,10 +103,10 @@ fn ended_by_ctrl_c_it_goes_on_behind_its_last_frame() {
     // Checkpoints of a minute: the one that counts is made at the end.
     let kinds = [
         (Moving::Box, "film.m2v", "--frames 60 --y4m film.y4m"),
-        (Moving::Camera, "film.ts", "--frames 60 --cbr --bitrate 100k --bframes 2 --stopping calibrated"),
+        // It is 31 frames ahead of those that are told.
+        (Moving::Camera, "film.ts", "--frames 120 --cbr --bitrate 100k --bframes 2 --stopping calibrated"),
         (Moving::Nothing, "film.mpg", "--frames 200 --thresholds fixed:0.02"),
     ];
-    let mut ended = 0;
     for (kind, (moving, film, more)) in (0..).zip(kinds) {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
@@ -108,18 +120,15 @@ fn ended_by_ctrl_c_it_goes_on_behind_its_last_frame() {
         let resumed = [&words[..], &["--resume"]].concat();
         for index in 0..2 {
             fs::remove_file(folder.join(film)).unwrap();
-            // After so many frames of its own, the run is asked to end; once from the beginning, once where it goes on.
+            // Frames of its own after which a run is interrupted; once from the beginning, once where it goes on.
             let after = [1 + (20.0 * chance(3 * kind + index)) as usize, 5];
             let first = end_after(folder, &words, after[0]);
-            let second = first.and_then(|_| end_after(folder, &resumed, after[1]));
-            assert!(second.is_none_or(|second| Some(second) > first), "{first:?} {second:?}");
-            ended += u32::from(first.is_some()) + u32::from(second.is_some());
+            let second = end_after(folder, &resumed, after[1]);
+            assert!(second > first, "{first} {second}");
             let last = render2mpeg(folder, &resumed);
             assert_eq!(last.code, Some(0), "{}", last.stderr);
             let begin: Value = serde_json::from_str(last.stdout.lines().next().unwrap()).unwrap();
-            if let Some(done) = second.or(first) {
-                assert_eq!(begin["first_frame"], done, "{more}: not a frame is made again");
-            }
+            assert_eq!(begin["first_frame"], second, "{more}: not a frame is made again");
             assert!(
                 read(film) == truth.0 && read("film.y4m") == truth.1,
                 "{more}, ended after {after:?}: another film"
@@ -127,30 +136,44 @@ fn ended_by_ctrl_c_it_goes_on_behind_its_last_frame() {
             assert_eq!(sorted_names(folder), truth.2, "nothing else stays");
         }
     }
-    println!("ended {ended} times");
-    assert!(ended >= 6, "most runs came to their end first: {ended}");
 }
 
-/// Runs, and sends an interrupt when `after` frames were told of; how many frames the film has then, or none if it was whole
-/// before.
-fn end_after(folder: &Path, arguments: &[&str], after: usize) -> Option<u64> {
+/// Runs, and sends an interrupt when `after` frames were told of; how many frames the film has then.
+///
+/// The run waits with the next frames until the interrupt has arrived.
+fn end_after(folder: &Path, arguments: &[&str], after: usize) -> u64 {
+    let (reader, writer) = narrow_pipe();
     let mut child = Command::new(program())
         .args(arguments)
         .current_dir(folder)
         .stdin(Stdio::null())
-        .stdout(Stdio::piped())
+        .stdout(writer)
         .stderr(Stdio::null())
         .spawn()
         .expect("render2mpeg starts");
-    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+    let mut lines = reader.lines().map(Result::unwrap);
     lines.by_ref().filter(|line| line.contains("\"event\":\"frame\"")).take(after).for_each(drop);
-    // Until it is waited for, a process can be sent signals even when it has ended.
+    let before = times_asleep(child.id());
     kill_process(Pid::from_raw(child.id() as i32).unwrap(), Signal::INT).unwrap();
-    let last = lines.last();
-    let code = child.wait().unwrap().code();
-    assert!(matches!(code, Some(0 | 130)), "{arguments:?}: {code:?}");
-    let end: Value = serde_json::from_str(&last?).unwrap();
-    (code == Some(130)).then(|| end["summary"]["frames"].as_u64().expect("frames are counted"))
+    while times_asleep(child.id()) == before {
+        assert_eq!(child.try_wait().unwrap(), None, "{arguments:?}: ended too early");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let last = lines.last().expect("the end is told");
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{arguments:?}: {last}");
+    let end: Value = serde_json::from_str(&last).unwrap();
+    end["summary"]["frames"].as_u64().expect("frames are counted")
+}
+
+/// How often the thread that waits for interrupts went to sleep: once more when it has dealt with one.
+fn times_asleep(process: u32) -> u64 {
+    let threads = fs::read_dir(format!("/proc/{process}/task")).expect("threads of the process");
+    let status = threads
+        .filter_map(|thread| fs::read_to_string(thread.ok()?.path().join("status")).ok())
+        .find(|status| status.starts_with("Name:\tctrl-c\n"))
+        .expect("a thread that waits for interrupts");
+    let count = status.lines().find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
+    count.expect("a count").trim().parse().expect("a number")
 }
 
 #[test]
