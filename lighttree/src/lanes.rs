@@ -1,15 +1,13 @@
 //! One number, four or eight: bounds and estimates are written once and run for one cluster, or for several side by side.
 //!
 //! All kinds perform the same IEEE operations in the same order, none of them fused, so a lane has the bits that the one
-//! number has. `f32` is the scalar twin; [`Vec4`] is a vector register where the processor has any; eight at once are
-//! `avx2.rs`'s, for [`Kernel`]s whose operands lie side by side already.
-
-#[cfg(target_arch = "x86_64")]
-mod avx2;
+//! number has. `f32` is the scalar twin; [`Vec4`] is a vector register where the processor has any; [`F8`] is eight at once
+//! by the crate `lanes`, for [`Kernel`]s whose operands lie side by side already.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use glam::{BVec4A, Mat4, Vec3, Vec4};
+use lanes::{Choice, Lanes};
 
 /// Real numbers: one `f32`, the four of a [`Vec4`], or eight, in a kind that has no name outside of this crate.
 pub trait Real:
@@ -88,11 +86,12 @@ impl Real for Vec4 {
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        Vec4::min(self, other)
+        // Other processors' minimum of two zeros, or of what is not a number, is another one.
+        if cfg!(target_arch = "x86_64") { Vec4::min(self, other) } else { Vec4::select(self.cmplt(other), self, other) }
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        Vec4::max(self, other)
+        if cfg!(target_arch = "x86_64") { Vec4::max(self, other) } else { Vec4::select(self.cmpgt(other), self, other) }
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
@@ -151,40 +150,131 @@ impl PartOfEight for Vec4 {
     }
 }
 
+/// Eight numbers in a register of the kind L.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct F8<L: Lanes>(L::F);
+
+macro_rules! operator {
+    ($Operator:ident, $name:ident) => {
+        impl<L: Lanes> $Operator for F8<L> {
+            type Output = Self;
+            #[inline(always)]
+            fn $name(self, other: Self) -> Self {
+                Self(L::PROOF.$name(self.0, other.0))
+            }
+        }
+    };
+}
+
+operator!(Add, add);
+operator!(Sub, sub);
+operator!(Mul, mul);
+operator!(Div, div);
+
+impl<L: Lanes> Neg for F8<L> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(L::PROOF.neg(self.0))
+    }
+}
+
+impl<L: Lanes> Real for F8<L> {
+    type Mask = L::Mask;
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self(L::PROOF.splat(x))
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(L::PROOF.min(self.0, other.0))
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(L::PROOF.max(self.0, other.0))
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(L::PROOF.sqrt(self.0))
+    }
+    #[inline(always)]
+    fn lt(self, other: Self) -> L::Mask {
+        L::PROOF.lt(self.0, other.0)
+    }
+    #[inline(always)]
+    fn select(mask: L::Mask, yes: Self, no: Self) -> Self {
+        Self(L::PROOF.select(mask, yes.0, no.0))
+    }
+    #[inline(always)]
+    fn map(self, f: impl Fn(f32) -> f32) -> Self {
+        Self(L::PROOF.load(&L::PROOF.store(self.0).map(f)))
+    }
+    #[inline(always)]
+    fn map3(v: Vector3<Self>, f: impl Fn(Vec3) -> Vec3) -> Vector3<Self> {
+        let [x, y, z] = [v.x, v.y, v.z].map(|of| L::PROOF.store(of.0));
+        let of: [Vec3; 8] = std::array::from_fn(|k| f(Vec3::new(x[k], y[k], z[k])));
+        Vector3 {
+            x: Self(L::PROOF.load(&of.map(|v| v.x))),
+            y: Self(L::PROOF.load(&of.map(|v| v.y))),
+            z: Self(L::PROOF.load(&of.map(|v| v.z))),
+        }
+    }
+}
+
+impl<L: Lanes> PartOfEight for F8<L> {
+    const FOURS: usize = 2;
+
+    #[inline(always)]
+    fn load(Eight([low, high]): &Eight, _: usize) -> Self {
+        Self(L::PROOF.load_halves(low.as_ref(), high.as_ref()))
+    }
+    #[inline(always)]
+    fn store(self, Eight([low, high]): &mut Eight, _: usize) {
+        L::PROOF.store_halves(self.0, low.as_mut(), high.as_mut());
+    }
+}
+
 /// Work on numbers that lie by eights.
 ///
-/// `run` and all that it calls with such numbers are `#[inline(always)]`: they become part of a function that is compiled
-/// for the processor's instructions, and are compiled for them with it.
+/// `run` and all that it calls with such numbers are `#[inline(always)]`, as for [`lanes::Kernel`].
 pub(crate) trait Kernel {
     type Output;
     fn run<F: PartOfEight>(self) -> Self::Output;
+}
+
+/// A [`Kernel`] with eight numbers at once.
+struct ByEight<K>(K);
+
+impl<K: Kernel> lanes::Kernel for ByEight<K> {
+    type Output = K::Output;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) -> K::Output {
+        self.0.run::<F8<L>>()
+    }
 }
 
 /// How many numbers to compute with at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Width {
     Four,
-    #[cfg(target_arch = "x86_64")]
-    Eight(avx2::Avx2),
+    Eight(Choice),
 }
 
 impl Width {
     /// The most that this processor has instructions for.
     #[inline]
     pub fn best() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = avx2::Avx2::detect() {
-            return Self::Eight(avx2);
-        }
-        Self::Four
+        let best = Choice::best();
+        if best.is_vector() { Self::Eight(best) } else { Self::Four }
     }
 
     #[inline(always)]
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             Self::Four => kernel.run::<Vec4>(),
-            #[cfg(target_arch = "x86_64")]
-            Self::Eight(avx2) => avx2.run(kernel),
+            Self::Eight(choice) => choice.run(ByEight(kernel)),
         }
     }
 }
@@ -367,6 +457,7 @@ mod tests {
             };
             let best = bits(Width::best());
             assert_eq!(best, bits(Width::Four), "{pairs:?}");
+            assert_eq!(best, bits(Width::Eight(Choice::SCALAR)), "{pairs:?}");
             for (k, (a, b)) in pairs.into_iter().enumerate() {
                 let expected = [a + b, a - b, a * b, a / b, -a, Real::min(a, b), Real::max(a, b), Real::sqrt(a)];
                 for (which, expected) in expected.into_iter().enumerate() {

@@ -12,7 +12,7 @@
 #![doc = include_str!("../docs/errors.svg")]
 #![doc = include_str!("../docs/thresholds.svg")]
 #![doc = include_str!("../docs/methods.svg")]
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 
 mod bounds; // box and cone of a cluster
 mod build;

@@ -1,6 +1,6 @@
 //! Scenes, rays, photons and direct light: what there is to see in a frame, and where it was in the one before.
 #![doc = include_str!("../README.md")]
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 
 pub mod scene;
 

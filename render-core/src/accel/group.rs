@@ -1,11 +1,11 @@
 //! A tree of triangles that move as one, and what a ray meets in it.
 
 use super::cut_outs::CutOuts;
-use super::lanes::{LANES, Lanes};
 use super::ray::Direction;
 use super::tree::{Costs, Tree, Visit};
 use super::triangles::{BLOCK, Block, Leaf};
 use glam::Vec3A;
+use lanes::{LANES, Lanes};
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2_from_tris, triangle::Triangle};
 use std::{sync::Arc, time::Duration};
 

@@ -10,7 +10,6 @@
 mod cut_outs;
 mod geometry;
 mod group;
-pub(crate) mod lanes;
 mod packet;
 mod query;
 mod ray;
@@ -159,7 +158,7 @@ impl Accelerator {
 
     /// The same scene without vector instructions: what these are tested and measured against.
     pub fn without_vector_instructions(mut self) -> Self {
-        self.lanes = lanes::Choice::Scalar;
+        self.lanes = lanes::Choice::SCALAR;
         self
     }
 

@@ -6,12 +6,12 @@
 //! tested for all rows that enter their leaf.
 
 use super::group::{Group, Met, NO_TRIANGLE};
-use super::lanes::{LANES, Lanes};
 use super::query::PacketRay;
 use super::ray::{LEAST_COMPONENT, LENGTHENING, Octant};
 use super::tree::{Kind, Stack, Tree, farthest_first};
 use super::triangles::meet;
 use glam::Vec3A;
+use lanes::{LANES, Lanes};
 
 /// As many rays as walk together at most.
 pub const PACKET: usize = 64;

@@ -1,12 +1,12 @@
 //! Rays through both levels: the tree over the groups, and in each the group's own.
 
 use super::group::{Group, Met, NO_TRIANGLE};
-use super::lanes::{Kernel, Lanes};
 use super::packet::{Entered, PACKET, Packet, Triangles, VisitTogether};
 use super::ray::{Direction, Octant};
 use super::tree::Visit;
 use super::{Accelerator, Placed};
 use glam::Vec3A;
+use lanes::{Kernel, Lanes};
 
 /// What a ray met, and in which group.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -13,12 +13,12 @@
 
 use super::Accelerator;
 use super::group::Group;
-use super::lanes::{Kernel, LANES, Lanes};
 use super::packet::{PACKET, ROWS};
 use super::ray::{LEAST_COMPONENT, Octant};
 use super::tree::{Kind, Stack, Tree};
 use super::triangles::{Leaf, meet};
 use glam::{Affine3A, Vec3A};
+use lanes::{Kernel, LANES, Lanes};
 use std::f32::consts::TAU;
 
 /// Planes around the axis of a shaft.

@@ -1,8 +1,8 @@
 //! Triangles, four to a block, and their meeting with rays.
 
-use super::lanes::{LANES, Lanes};
 use super::ray::Direction;
 use glam::Vec3A;
+use lanes::{LANES, Lanes};
 
 /// Triangles of a block.
 pub(super) const BLOCK: usize = LANES / 2;

@@ -4,8 +4,8 @@ use super::Vec3A;
 use super::picture::{Picture, Shown};
 use super::record::{Record, Site};
 use super::spacing::radius_in_view;
-use crate::accel::lanes::{Choice, Kernel, LANES, Lanes};
 use crate::{Busy, MACROBLOCK};
+use lanes::{Choice, Kernel, LANES, Lanes};
 use rayon::prelude::*;
 
 /// 1 − cos of the largest angle between the normals of a record and of a pixel that uses it: 37°.

@@ -13,9 +13,9 @@ mod build;
 
 pub(super) use build::Costs;
 
-use super::lanes::{LANES, Lanes};
 use super::ray::Direction;
 use glam::Vec3A;
+use lanes::{LANES, Lanes};
 
 /// Eight boxes and what is in them.
 #[derive(Clone, Debug)]

@@ -1,0 +1,173 @@
+//! Sixteen samples one by one: for other processors, and the definition that SSE2 is tested against.
+
+use crate::samples::{Differences, Samples, Sum};
+
+/// Sixteen samples.
+#[derive(Clone, Copy, Debug)]
+pub struct Bytes([u8; 16]);
+
+impl Bytes {
+    /// Sixteen samples from memory.
+    #[inline(always)]
+    #[must_use]
+    pub fn load(samples: &[u8; 16]) -> Self {
+        Self(*samples)
+    }
+
+    /// Eight samples, and eight more.
+    #[inline(always)]
+    #[must_use]
+    pub fn new(low: [u8; 8], high: [u8; 8]) -> Self {
+        Self(std::array::from_fn(|i| if i < 8 { low[i] } else { high[i - 8] }))
+    }
+
+    /// The first eight samples, and the last.
+    #[inline(always)]
+    #[must_use]
+    pub fn halves(self) -> [[u8; 8]; 2] {
+        std::array::from_fn(|half| std::array::from_fn(|i| self.0[8 * half + i]))
+    }
+
+    /// Differences of the first eight samples, and of the last.
+    #[inline(always)]
+    #[must_use]
+    pub fn minus(self, other: Self) -> [Words; 2] {
+        let at = |i: usize| i16::from(self.0[i]) - i16::from(other.0[i]);
+        std::array::from_fn(|half| Words(std::array::from_fn(|i| at(8 * half + i))))
+    }
+}
+
+impl Samples for Bytes {
+    const COUNT: usize = 16;
+
+    type Absolute = Absolute;
+    type Squared = Squared;
+
+    #[inline(always)]
+    fn mean(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| ((u16::from(self.0[i]) + u16::from(other.0[i]) + 1) >> 1) as u8))
+    }
+
+    #[inline(always)]
+    fn mean_of_four(bytes: [Self; 4]) -> Self {
+        Self(std::array::from_fn(|i| ((bytes.iter().map(|bytes| u16::from(bytes.0[i])).sum::<u16>() + 2) >> 2) as u8))
+    }
+
+    #[inline(always)]
+    fn absolute(self, other: Self) -> Absolute {
+        let at = |i: usize| i16::from(self.0[i].abs_diff(other.0[i]));
+        Absolute(Words(std::array::from_fn(|i| at(i) + at(i + 8))))
+    }
+
+    #[inline(always)]
+    fn squared(self, other: Self) -> [Squared; 2] {
+        let [first, last] = self.minus(other);
+        [first.squares(), last.squares()]
+    }
+}
+
+/// Eight numbers of 16 bits, with sign.
+#[derive(Clone, Copy, Debug)]
+pub struct Words([i16; 8]);
+
+impl Words {
+    /// Σ a·b over all lanes.
+    #[inline(always)]
+    #[must_use]
+    pub fn dot(self, other: Self) -> i32 {
+        self.0.iter().zip(other.0).map(|(&a, b)| i32::from(a) * i32::from(b)).sum()
+    }
+
+    /// The same number eight times.
+    #[inline(always)]
+    #[must_use]
+    pub fn splat(value: i16) -> Self {
+        Self([value; 8])
+    }
+
+    /// Σ a², spread over the lanes in some way.
+    #[inline(always)]
+    #[must_use]
+    pub fn squares(self) -> Squared {
+        Squared(self.dot(self) as u32)
+    }
+}
+
+/// Sums of 32 bits.
+#[derive(Clone, Copy, Debug)]
+pub struct Squared(u32);
+
+impl Sum for Squared {
+    #[inline(always)]
+    fn zero() -> Self {
+        Self(0)
+    }
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        Self(self.0.wrapping_add(other.0))
+    }
+
+    #[inline(always)]
+    fn total(self) -> u32 {
+        self.0
+    }
+}
+
+/// Sums of absolute differences in words without sign.
+#[derive(Clone, Copy, Debug)]
+pub struct Absolute(Words);
+
+impl Sum for Absolute {
+    #[inline(always)]
+    fn zero() -> Self {
+        Self(Words::zero())
+    }
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        Self(self.0.plus(other.0))
+    }
+
+    #[inline(always)]
+    fn total(self) -> u32 {
+        self.0.dot(Words::splat(1)) as u32
+    }
+}
+
+impl Differences for Words {
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::splat(0)
+    }
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i].wrapping_add(other.0[i])))
+    }
+
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i].wrapping_sub(other.0[i])))
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(self.0.map(i16::wrapping_abs))
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i].max(other.0[i])))
+    }
+
+    #[inline(always)]
+    fn sums(self) -> [i32; 2] {
+        [self.dot(Self::splat(1)), 0]
+    }
+
+    #[inline(always)]
+    fn transposed(rows: [Self; 8]) -> [Self; 8] {
+        std::array::from_fn(|x| Self(std::array::from_fn(|y| rows[y].0[x])))
+    }
+}

@@ -1,0 +1,17 @@
+#![doc = include_str!("../README.md")]
+#![deny(unsafe_code)]
+
+#[cfg(target_arch = "x86_64")]
+mod avx2; // by vector instructions
+mod bytes; // sixteen samples, on any processor
+mod choice; // which instructions there are
+mod eight; // the operations
+#[cfg(test)]
+mod random;
+mod samples; // of pictures: blocks in a plane
+mod scalar; // the twin
+
+pub use crate::bytes::{Bytes, Words};
+pub use crate::choice::{Choice, Kernel};
+pub use crate::eight::{LANES, Lanes};
+pub use crate::samples::{Differences, Samples, Sum, Window, WindowMut};
