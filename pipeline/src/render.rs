@@ -6,7 +6,7 @@ use crate::feedback_loop::{Parts, Run, Start, couple};
 use crate::film::{Display, Masking, Video};
 use crate::plan::{Plan, Stage};
 use crate::renderer::{Preparation, Shading};
-use crate::report::Report;
+use crate::report::{Ending, Report};
 use crate::settings::Settings;
 use render_core::scene::Scene;
 use std::path::Path;
@@ -65,7 +65,8 @@ impl<'a> Render<'a> {
         let Self { scene, settings, plan, parts, start, begin } = self;
         let reports = couple(parts, start, run)?;
         let interrupted = run.stop.load(Ordering::Relaxed) && (reports.len() as u32) < settings.frames;
-        Ok(Report::new(scene, settings, plan.steps(), reports, interrupted, begin.elapsed().as_secs_f64()))
+        let ending = Ending { interrupted, wall_seconds: begin.elapsed().as_secs_f64() };
+        Ok(Report::new(scene, settings, plan.steps(), reports, ending))
     }
 }
 

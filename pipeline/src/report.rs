@@ -220,16 +220,19 @@ impl Seconds {
     }
 }
 
+/// How a run ended.
+#[derive(Clone, Copy, Debug)]
+pub struct Ending {
+    /// Whether the user ended it early.
+    pub interrupted: bool,
+    /// Wall-clock time from its beginning \[s\].
+    pub wall_seconds: f64,
+}
+
 impl Report {
-    /// A report of `frames`, made in `wall_seconds`.
-    pub fn new(
-        scene: &Scene,
-        settings: &Settings,
-        plan: &[Step],
-        frames: Vec<FrameReport>,
-        interrupted: bool,
-        wall_seconds: f64,
-    ) -> Self {
+    /// A report of `frames`.
+    pub fn new(scene: &Scene, settings: &Settings, plan: &[Step], frames: Vec<FrameReport>, ending: Ending) -> Self {
+        let Ending { interrupted, wall_seconds } = ending;
         let count = frames.len().max(1) as f64;
         let mean = |f: &dyn Fn(&FrameReport) -> f64| frames.iter().map(f).sum::<f64>() / count;
         let psnrs: Vec<f64> = frames.iter().filter_map(|frame| frame.psnr_y).collect();

@@ -4,7 +4,7 @@ use crate::command_line::progress;
 use anyhow::{Context, Result};
 use clap::Args;
 use pipeline::Options;
-use pipeline::laboratory::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method};
+use pipeline::laboratory::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method, Source};
 use pipeline::settings::Size;
 use render_core::scene;
 use std::path::PathBuf;
@@ -85,7 +85,7 @@ pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
         methods: if methods.is_empty() { METHODS.iter().collect() } else { methods },
     };
     let line = progress::of_long_work(quiet);
-    let result = sweep.run(&path, &scene, &folder, stop, |progress| {
+    let result = sweep.run(Source { path: &path, scene: &scene }, &folder, stop, |progress| {
         line.set_length(progress.all);
         line.set_position(progress.done);
         line.set_message(progress.doing.clone());

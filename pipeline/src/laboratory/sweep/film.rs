@@ -86,17 +86,22 @@ pub fn settings_for(path: &Path, scene: &Scene, options: &Options, exposure: Opt
     Ok(settings)
 }
 
-/// Renders into files below `workspace`.
+/// What films are made of, and where.
+#[derive(Clone, Copy)]
+pub struct Workshop<'a> {
+    pub scene: &'a Scene,
+    /// Folders of films are made in it.
+    pub folder: &'a Path,
+    /// Ends the work when it is set.
+    pub stop: &'a AtomicBool,
+}
+
+/// Renders into files.
 ///
 /// # Errors
 /// What [`crate::render`] says, or that `stop` was set.
-pub fn render(
-    scene: &Scene,
-    settings: Settings,
-    workspace: &Path,
-    stop: &AtomicBool,
-    mut each: impl FnMut() + Send,
-) -> Result<Film> {
+pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut() + Send) -> Result<Film> {
+    let Workshop { scene, folder: workspace, stop } = workshop;
     let folder = folder_in(workspace)?;
     let video = folder.path().join("film.m2v");
     let with_files = Settings {
@@ -132,19 +137,18 @@ fn read_frame(path: &Path, n: u32, picture: plane::Picture) -> Result<FilmFrame>
     })
 }
 
-/// Renders by `spp` paths through the centre of each pixel; motion is that of `like`, a film of the same scene.
+/// Renders by `spp` paths through the center of each pixel; motion is that of `like`, a film of the same scene.
 ///
 /// # Errors
 /// `stop` was set, or the disk is full.
 pub fn by_paths(
-    scene: &Scene,
+    workshop: Workshop<'_>,
     settings: Settings,
     spp: u32,
     like: &Film,
-    workspace: &Path,
-    stop: &AtomicBool,
     mut each: impl FnMut(),
 ) -> Result<Film> {
+    let Workshop { scene, folder: workspace, stop } = workshop;
     let folder = folder_in(workspace)?;
     let mut pictures = Y4m::create(&uncompressed(folder.path()), &settings)?;
     let mut reports = Vec::new();
@@ -200,15 +204,13 @@ fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, motion: Option<&Plane<[f
 /// See [`render`] and [`by_paths`].
 pub fn by_method(
     method: &Method,
-    scene: &Scene,
+    workshop: Workshop<'_>,
     settings: Settings,
     reference: &Film,
-    workspace: &Path,
-    stop: &AtomicBool,
     each: impl FnMut() + Send,
 ) -> Result<Film> {
     match method.way {
-        Way::Film(_) => render(scene, settings, workspace, stop, each),
-        Way::Paths(spp) => by_paths(scene, settings, spp, reference, workspace, stop, each),
+        Way::Film(_) => render(workshop, settings, each),
+        Way::Paths(spp) => by_paths(workshop, settings, spp, reference, each),
     }
 }

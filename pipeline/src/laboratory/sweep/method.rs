@@ -33,24 +33,28 @@ pub struct Method {
 ///
 /// Without the cache every pixel has its own cut, and nothing else is done for it: no compensation, as in \[Herzog08\].
 pub const METHODS: &[Method] = &[
-    film("lightcuts", "2 %", false, false, 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
-    film("paper", "κ = 1", false, true, 3, |w| masking(w).kappa = Some(1.0)),
-    film("paper-calibrated", "κ = 1, 99 % within", false, true, 2, |w| {
+    film("lightcuts", "2 %", 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
+    film("paper", "κ = 1", 3, |w| masking(w).kappa = Some(1.0)).steered(),
+    film("paper-calibrated", "κ = 1, 99 % within", 2, |w| {
         masking(w).kappa = Some(1.0);
         w.within = Some(0.99);
-    }),
-    film("perceptual", "κ = {κ}", false, true, 0, |w| _ = masking(w)),
-    film("calibrated", "calibrated", false, true, 4, |w| masking(w).stopping = Some(Stopping::Calibrated)),
-    film("codec", "codec", false, true, 5, |w| w.thresholds = Some(Thresholds::Codec)),
-    film("codec-calibrated", "codec, calibrated", false, true, 7, |w| {
+    })
+    .steered(),
+    film("perceptual", "κ = {κ}", 0, |w| _ = masking(w)).steered(),
+    film("calibrated", "calibrated", 4, |w| masking(w).stopping = Some(Stopping::Calibrated)).steered(),
+    film("codec", "codec", 5, |w| w.thresholds = Some(Thresholds::Codec)).steered(),
+    film("codec-calibrated", "codec, calibrated", 7, |w| {
         w.thresholds = Some(Thresholds::Codec);
         w.stopping = Some(Stopping::Calibrated);
-    }),
-    film("lightcuts-cache", "2 %, cache", true, false, 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
-    film("paper-cache", "κ = 1, cache", true, true, 3, |w| masking(w).kappa = Some(1.0)),
-    film("perceptual-cache", "κ = {κ}, cache", true, true, 0, |w| _ = masking(w)),
-    film("calibrated-cache", "calibrated, cache", true, true, 4, |w| masking(w).stopping = Some(Stopping::Calibrated)),
-    film("codec-cache", "codec, cache", true, true, 5, |w| w.thresholds = Some(Thresholds::Codec)),
+    })
+    .steered(),
+    film("lightcuts-cache", "2 %, cache", 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))).cached(),
+    film("paper-cache", "κ = 1, cache", 3, |w| masking(w).kappa = Some(1.0)).cached().steered(),
+    film("perceptual-cache", "κ = {κ}, cache", 0, |w| _ = masking(w)).cached().steered(),
+    film("calibrated-cache", "calibrated, cache", 4, |w| masking(w).stopping = Some(Stopping::Calibrated))
+        .cached()
+        .steered(),
+    film("codec-cache", "codec, cache", 5, |w| w.thresholds = Some(Thresholds::Codec)).cached().steered(),
     paths("paths-4", "4 paths", 4),
     paths("paths-16", "16 paths", 16),
     paths("paths-64", "64 paths", 64),
@@ -62,15 +66,9 @@ fn masking(options: &mut Options) -> &mut Options {
     options
 }
 
-const fn film(
-    name: &'static str,
-    label: &'static str,
-    cache: bool,
-    steered: bool,
-    color: usize,
-    change: fn(&mut Options),
-) -> Method {
-    Method { name, label, way: Way::Film(change), cache, steered, color }
+/// A film without cache, for which the quantiser changes nothing.
+const fn film(name: &'static str, label: &'static str, color: usize, change: fn(&mut Options)) -> Method {
+    Method { name, label, way: Way::Film(change), cache: false, steered: false, color }
 }
 
 const fn paths(name: &'static str, label: &'static str, spp: u32) -> Method {
@@ -78,6 +76,14 @@ const fn paths(name: &'static str, label: &'static str, spp: u32) -> Method {
 }
 
 impl Method {
+    const fn cached(self) -> Self {
+        Self { cache: true, ..self }
+    }
+
+    const fn steered(self) -> Self {
+        Self { steered: true, ..self }
+    }
+
     /// The method called `name`.
     ///
     /// # Errors

@@ -29,7 +29,7 @@ use crate::error::{Error, Result};
 use crate::laboratory::compare::Picture;
 use crate::settings::Size;
 use figures::mean_seconds;
-use film::{Film, settings_for};
+use film::{Film, Workshop, settings_for};
 use measurement::{Measured, Wanted, measured};
 use method::{REFERENCE_WEIGHT, reference_options};
 use plane::Plane;
@@ -58,6 +58,15 @@ pub const DEFAULT_QSCALES: [u32; 5] = [2, 8, 16, 32, 48];
 
 /// Pictures of the clip on the page, at most: it is played again and again.
 const CLIP_FRAMES: usize = 50;
+
+/// What a sweep renders.
+#[derive(Clone, Copy)]
+pub struct Source<'a> {
+    /// The scene file, as it stands in reports.
+    pub path: &'a Path,
+    /// The scene itself.
+    pub scene: &'a Scene,
+}
 
 /// How far a sweep is.
 #[derive(Clone, Debug)]
@@ -90,13 +99,13 @@ impl Sweep {
     /// Settings that fit nothing, a disk that is full, a decoder that shows other pictures, or `stop`.
     pub fn run(
         &self,
-        path: &Path,
-        scene: &Scene,
+        source: Source<'_>,
         workspace: &Path,
         stop: &AtomicBool,
         mut progress: impl FnMut(&Progress) + Send,
     ) -> Result<Swept> {
         let begin = Instant::now();
+        let Source { path, scene } = source;
         let methods = self.methods_with_baselines();
         let mut qscales = self.qscales.clone();
         qscales.sort_unstable();
@@ -117,8 +126,8 @@ impl Sweep {
             .map_err(Error::file(workspace, "cannot be written to"))?;
         let mut work = Work::new(qscales.len() as u64, &methods, plain.frames.into(), &mut progress);
         let common = Options { frames: Some(plain.frames), ..common };
-        let place = Place { path, scene, folder: folder.path(), stop };
-        let References { films, exposure } = place.references(&methods, &common, &mut work)?;
+        let workshop = Workshop { scene, folder: folder.path(), stop };
+        let References { films, exposure } = References::render(path, workshop, &methods, &common, &mut work)?;
         let of_all = films.iter().rev().flatten().next().ok_or_else(|| missing("there are no methods"))?;
 
         let middle = qscales[qscales.len() / 2];
@@ -140,7 +149,7 @@ impl Sweep {
                     let settings = settings_for(path, scene, &method.options(&options), exposure)?;
                     let doing = format!("{} at {qscale}", figures::label(method, &settings));
                     let step = work.begin(doing, method.weight());
-                    kept = Some(film::by_method(method, scene, settings, truth, folder.path(), stop, step)?);
+                    kept = Some(film::by_method(method, workshop, settings, truth, step)?);
                 }
                 if stop.load(Ordering::Relaxed) {
                     return Err(Error::Interrupted);
@@ -189,15 +198,6 @@ impl Sweep {
     }
 }
 
-/// Where a sweep works, and on what.
-#[derive(Clone, Copy)]
-struct Place<'a> {
-    path: &'a Path,
-    scene: &'a Scene,
-    folder: &'a Path,
-    stop: &'a AtomicBool,
-}
-
 /// What all methods are laid beside.
 struct References {
     /// Every light without compensation, and with it, where a method asks for it.
@@ -206,17 +206,22 @@ struct References {
     exposure: Option<f32>,
 }
 
-impl Place<'_> {
-    fn references(&self, methods: &[&Method], common: &Options, work: &mut Work<'_>) -> Result<References> {
-        let Self { path, scene, folder, stop } = *self;
+impl References {
+    fn render(
+        path: &Path,
+        workshop: Workshop<'_>,
+        methods: &[&Method],
+        common: &Options,
+        work: &mut Work<'_>,
+    ) -> Result<Self> {
         let mut exposure = None;
         let mut films: [Option<Film>; 2] = [None, None];
         for compensates in [true, false].into_iter().filter(|&c| methods.iter().any(|m| m.compensates() == c)) {
             let options = reference_options(common, compensates);
-            let settings = settings_for(path, scene, &options, exposure)?;
+            let settings = settings_for(path, workshop.scene, &options, exposure)?;
             let doing = format!("every light{}", if compensates { "" } else { ", uncompensated" });
             let step = work.begin(doing, REFERENCE_WEIGHT);
-            let mut film = film::render(scene, settings, folder, stop, step)?;
+            let mut film = film::render(workshop, settings, step)?;
             if exposure.is_none() {
                 exposure = Some(exposure_of(&film)?);
             }
@@ -224,7 +229,7 @@ impl Place<'_> {
             film.settings.auto_exposure = false;
             films[usize::from(compensates)] = Some(film);
         }
-        Ok(References { films, exposure })
+        Ok(Self { films, exposure })
     }
 }
 

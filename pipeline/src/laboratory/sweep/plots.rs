@@ -16,33 +16,21 @@ pub struct Plot {
 
 /// Everything that is drawn of `outcome`, the most telling first.
 pub fn plots(outcome: &Outcome) -> Vec<Plot> {
-    let plot = |name: &str, drawn: LinePlot, caption: &str| Plot {
-        name: name.into(),
-        svg: drawn.draw(),
-        caption: caption.into(),
-    };
+    let mut plots = against_time(outcome);
+    plots.extend(against_baselines(outcome));
+    plots.extend(of_each_method(outcome));
+    plots.extend(histograms(outcome));
+    plots
+}
+
+/// Quality against CPU time, for all methods.
+fn against_time(outcome: &Outcome) -> Vec<Plot> {
     let all = |_: &Run| true;
-    let steered = |run: &Run| run.kappa.is_some();
     let seconds = |run: &Run| run.seconds.total;
     let psnr = |run: &Run| run.decoded.psnr_y.unwrap_or(f64::NAN);
-    let qscale = |run: &Run| f64::from(run.qscale);
     let rendered = |run: &Run| run.rendered.relative_mse;
-    let speedup = |run: &Run| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.speedup_indirect);
-    let lost = |run: &Run| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.psnr_difference);
-    let bits = |run: &Run| 100.0 * (run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.bits_ratio) - 1.0);
-    let unequal = |run: &Run| run.against_baseline.as_ref().is_some_and(|beside| !beside.equal_quality);
-    let never = |_: &Run| false;
-    let axes = |title: &str, x: (&str, bool), y: (&str, bool), series, level| LinePlot {
-        title: title.into(),
-        x_label: x.0.into(),
-        y_label: y.0.into(),
-        x_log: x.1,
-        y_log: y.1,
-        series,
-        level,
-    };
     let time = ("CPU s a frame", true);
-    let mut plots = vec![
+    vec![
         plot(
             "decoded_psnr",
             axes(
@@ -65,6 +53,17 @@ pub fn plots(outcome: &Outcome) -> Vec<Plot> {
             ),
             "Linear light against the reference. What the renderer saves here, the codec hides above.",
         ),
+    ]
+}
+
+/// The steered methods against fixed thresholds of 2 %, by quantiser.
+fn against_baselines(outcome: &Outcome) -> Vec<Plot> {
+    let steered = |run: &Run| run.kappa.is_some();
+    let speedup = |run: &Run| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.speedup_indirect);
+    let lost = |run: &Run| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.psnr_difference);
+    let bits = |run: &Run| 100.0 * (run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.bits_ratio) - 1.0);
+    let unequal = |run: &Run| run.against_baseline.as_ref().is_some_and(|beside| !beside.equal_quality);
+    vec![
         plot(
             "speedup",
             axes(
@@ -98,6 +97,12 @@ pub fn plots(outcome: &Outcome) -> Vec<Plot> {
             ),
             "Coarser light is grainier, and grain takes bits. Equal is up to 1 %, if PSNR and flicker are equal, too.",
         ),
+    ]
+}
+
+/// Cut sizes and errors of each method, by quantiser.
+fn of_each_method(outcome: &Outcome) -> Vec<Plot> {
+    vec![
         plot(
             "cut_size",
             axes(
@@ -120,9 +125,24 @@ pub fn plots(outcome: &Outcome) -> Vec<Plot> {
             ),
             "Against the uncompressed reference, of 255 code values; as figure 6a of the paper.",
         ),
-    ];
-    plots.extend(histograms(outcome));
-    plots
+    ]
+}
+
+fn plot(name: &str, drawn: LinePlot, caption: &str) -> Plot {
+    Plot { name: name.into(), svg: drawn.draw(), caption: caption.into() }
+}
+
+/// A plot with two axes, each by its label and whether it is logarithmic.
+fn axes(title: &str, x: (&str, bool), y: (&str, bool), series: Vec<Series>, level: Option<(f64, String)>) -> LinePlot {
+    LinePlot { title: title.into(), x_label: x.0.into(), y_label: y.0.into(), x_log: x.1, y_log: y.1, series, level }
+}
+
+fn qscale(run: &Run) -> f64 {
+    f64::from(run.qscale)
+}
+
+fn never(_: &Run) -> bool {
+    false
 }
 
 /// A line for each method, through its quantisers.
@@ -155,7 +175,6 @@ fn rmse_lines(outcome: &Outcome) -> Vec<Series> {
     let cached = !outcome.runs.iter().any(|run| run.lightcuts && !run.cache);
     let wanted = move |run: &Run| run.lightcuts && run.cache == cached;
     let rmse = |psnr: Option<f64>| psnr.map_or(0.0, |psnr| 255.0 * 10f64.powf(-psnr / 20.0));
-    let qscale = |run: &Run| f64::from(run.qscale);
     let mut series = lines(outcome, wanted, qscale, |run| rmse(run.rendered.psnr_y), |_| false);
     series
         .iter_mut()
