@@ -23,8 +23,9 @@ const SWAP_RATIO: f32 = 0.7;
 /// (`examples/drift.rs`).
 const REBUILD_GROWTH: f64 = 10.0;
 
-/// What an update did, and how well the old clusters fit the new intensities.
+/// Changes of an update, and how well the old clusters fit the new intensities.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct UpdateStats {
     /// Nodes that now take their representative from the other child.
     pub swapped: usize,
@@ -41,7 +42,8 @@ pub struct UpdateStats {
 }
 
 impl UpdateStats {
-    /// Whether cuts have grown so much that a new tree serves better: a cost growth of 10 and more, from which cuts are up to a tenth larger than in a new tree.
+    /// Whether a new tree serves better: at a cost growth of 10 and more, where cuts are up to a tenth larger than in a new
+    /// tree.
     #[must_use]
     pub fn rebuild_pays(&self) -> bool {
         self.cost_growth >= REBUILD_GROWTH

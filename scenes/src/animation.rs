@@ -42,11 +42,13 @@ pub struct Path {
 
 impl Path {
     /// A path through the keys; it starts and ends with the speed of its first and last stretch.
+    #[must_use]
     pub fn new(keys: &[(f32, Vec3)]) -> Self {
         Self::with_ends(keys, false)
     }
 
     /// A closed path: the last key equals the first, and the speed is continuous there.
+    #[must_use]
     pub fn closed(keys: &[(f32, Vec3)]) -> Self {
         Self::with_ends(keys, true)
     }
@@ -64,6 +66,7 @@ impl Path {
     }
 
     /// The position at a time, held before the first and after the last key.
+    #[must_use]
     pub fn at(&self, time: f32) -> Vec3 {
         let last = self.keys.len() - 1;
         if time <= self.keys[0].0 {
@@ -85,6 +88,7 @@ impl Path {
     }
 
     /// The path as translation keys.
+    #[must_use]
     pub fn translation(&self) -> Keys {
         let mut values = Vec::new();
         for ((_, p), t) in self.keys.iter().zip(&self.tangents) {
@@ -122,6 +126,7 @@ pub fn rotation(duration: f32, rate: f32, f: impl Fn(f32) -> Quat) -> Keys {
 }
 
 /// The rotation of a glTF camera (looking along -z) that looks from `eye` at `target`.
+#[must_use]
 pub fn look_at(eye: Vec3, target: Vec3) -> Quat {
     let back = (eye - target).normalize();
     let right = Vec3::Y.cross(back).normalize();

@@ -22,6 +22,7 @@ fn half_arch(point: f32, share: f32) -> (Vec2, Vec2) {
 
 /// Points of an arch from its left foot over the crown to its right foot, `steps` on each side, with
 /// the normals that point into the opening. A pointed crown comes twice, once for each side.
+#[must_use]
 pub fn arch_points(half: f32, rise: f32, point: f32, steps: usize) -> Vec<(Vec2, Vec2)> {
     let side = |sign: f32, k: usize| {
         let (p, d) = half_arch(point, k as f32 / steps as f32);
@@ -35,6 +36,7 @@ pub fn arch_points(half: f32, rise: f32, point: f32, steps: usize) -> Vec<(Vec2,
 }
 
 /// The rise of an arch of true circular arcs.
+#[must_use]
 pub fn natural_rise(half: f32, point: f32) -> f32 {
     half * (1.0 + 2.0 * point).sqrt()
 }
@@ -52,11 +54,13 @@ pub struct Plane {
 
 impl Plane {
     /// The point at a position along the wall, a height, and a distance before it.
+    #[must_use]
     pub fn at(&self, s: f32, y: f32, out: f32) -> Vec3 {
         self.origin + self.along * s + Vec3::Y * y + self.out * out
     }
 
     /// The other face of a wall that is this thick.
+    #[must_use]
     pub fn behind(&self, thickness: f32) -> Plane {
         Plane { origin: self.origin - self.out * thickness, along: self.along, out: -self.out }
     }
@@ -74,8 +78,9 @@ impl Plane {
         mesh.quad_uv(p.map(|(s, y)| self.at(s, y, out)), uv);
     }
 
-    /// A raised field with slanted edges: `inset` wide, from `low` to `high` before the wall.
-    pub fn field(&self, mesh: &mut Mesh, s: [f32; 2], y: [f32; 2], inset: f32, low: f32, high: f32) {
+    /// A raised field with slanted edges over positions `s` and heights `y`: `inset` wide, from `low` to `high` before the
+    /// wall.
+    pub fn field(&self, mesh: &mut Mesh, [s, y]: [[f32; 2]; 2], inset: f32, [low, high]: [f32; 2]) {
         let outer = [(s[0], y[0]), (s[1], y[0]), (s[1], y[1]), (s[0], y[1])].map(|(s, y)| self.at(s, y, low));
         let (a, b) = ([s[0] + inset, s[1] - inset], [y[0] + inset, y[1] - inset]);
         let inner = [(a[0], b[0]), (a[1], b[0]), (a[1], b[1]), (a[0], b[1])].map(|(s, y)| self.at(s, y, high));
@@ -111,6 +116,7 @@ pub struct Opening {
 
 impl Opening {
     /// The height of the crown.
+    #[must_use]
     pub fn crown(&self) -> f32 {
         self.spring + natural_rise(self.half, self.point)
     }
@@ -154,26 +160,28 @@ impl Opening {
         }
     }
 
-    /// A band round the arch; the profile is (distance from the opening's edge, distance before the
-    /// wall), from the outer edge inwards. With `jambs` it goes down to the sill.
-    pub fn archivolt(&self, mesh: &mut Mesh, plane: &Plane, profile: &[Vec2], steps: usize, jambs: bool) {
-        let frame = |(p, n): &(Vec2, Vec2)| Frame {
-            origin: plane.at(p.x, p.y, 0.0),
-            x: -(plane.along * n.x + Vec3::Y * n.y),
-            y: plane.out,
-        };
-        let mut frames: Vec<Frame> = self.curve(steps).iter().map(frame).collect();
-        if jambs {
-            frames.insert(0, frame(&(vec2(self.centre - self.half, self.sill), Vec2::X)));
-            frames.push(frame(&(vec2(self.centre + self.half, self.sill), Vec2::NEG_X)));
-        }
+    /// A band round the arch. The profile is (distance from the opening's edge, distance before the wall), from the outer
+    /// edge inwards.
+    pub fn archivolt(&self, mesh: &mut Mesh, plane: &Plane, profile: &[Vec2], steps: usize) {
+        let frames: Vec<Frame> = self.curve(steps).iter().map(|point| edge_frame(plane, point)).collect();
         sweep(mesh, &frames, profile);
         close_ends(mesh, &frames, profile);
     }
 
-    /// A pane that fills the opening, `depth` behind the plane; `uv` gives the texture coordinate of
-    /// a point of the pane whose width is -1..1 and height 0..1.
-    pub fn pane(&self, mesh: &mut Mesh, plane: &Plane, depth: f32, steps: usize, uv: impl Fn(f32, f32) -> Vec2) {
+    /// An [`archivolt`](Self::archivolt) with jambs: the band goes down to the sill.
+    pub fn archivolt_with_jambs(&self, mesh: &mut Mesh, plane: &Plane, profile: &[Vec2], steps: usize) {
+        let mut points = self.curve(steps);
+        points.insert(0, (vec2(self.centre - self.half, self.sill), Vec2::X));
+        points.push((vec2(self.centre + self.half, self.sill), Vec2::NEG_X));
+        let frames: Vec<Frame> = points.iter().map(|point| edge_frame(plane, point)).collect();
+        sweep(mesh, &frames, profile);
+        close_ends(mesh, &frames, profile);
+    }
+
+    /// Fills the opening with a pane; `uv` gives the texture coordinate of a point of the pane whose width is -1..1 and
+    /// height 0..1.
+    pub fn pane(&self, mesh: &mut Mesh, plane: &Plane, pane: Pane, uv: impl Fn(f32, f32) -> Vec2) {
+        let Pane { depth, steps } = pane;
         let height = self.crown() - self.sill;
         let corner = |x: f32, y: f32| Vertex {
             position: plane.at(x, y, -depth),
@@ -191,8 +199,22 @@ impl Opening {
     }
 }
 
+/// A pane of an [`Opening`].
+#[derive(Clone, Copy, Debug)]
+pub struct Pane {
+    /// Distance behind the plane of the wall.
+    pub depth: f32,
+    /// Pieces of each side of its arch.
+    pub steps: usize,
+}
+
+/// Frame of a profile at a point of an opening's edge, with the normal there into the opening.
+fn edge_frame(plane: &Plane, (p, n): &(Vec2, Vec2)) -> Frame {
+    Frame { origin: plane.at(p.x, p.y, 0.0), x: -(plane.along * n.x + Vec3::Y * n.y), y: plane.out }
+}
+
 /// One face of a wall with openings (sorted along it): positions `s`, heights `y`.
-pub fn wall(mesh: &mut Mesh, plane: &Plane, s: [f32; 2], y: [f32; 2], openings: &[Opening], steps: usize) {
+pub fn wall(mesh: &mut Mesh, plane: &Plane, [s, y]: [[f32; 2]; 2], openings: &[Opening], steps: usize) {
     let mut face = |p: [Vec2; 4]| {
         mesh.quad_facing(p.map(|p| plane.at(p.x, p.y, 0.0)), plane.out);
     };
@@ -220,15 +242,7 @@ pub fn wall(mesh: &mut Mesh, plane: &Plane, s: [f32; 2], y: [f32; 2], openings: 
 
 /// Half a web of a groin vault, seen from below: level lines run outwards from the groin between
 /// `centre` and `corner` to the wall, whose middle is `middle` (x and z each).
-pub fn half_web(
-    mesh: &mut Mesh,
-    centre: Vec2,
-    middle: Vec2,
-    corner: Vec2,
-    spring: f32,
-    arch: (f32, f32),
-    steps: usize,
-) {
+pub fn half_web(mesh: &mut Mesh, [centre, middle, corner]: [Vec2; 3], spring: f32, arch: (f32, f32), steps: usize) {
     let (rise, point) = arch;
     let (out, side) = (middle - centre, corner - middle);
     let width = side.length();
@@ -248,13 +262,13 @@ pub fn half_web(
 }
 
 /// A groin vault over the rectangle from `min` to `max` (x and z), seen from below.
-pub fn groin_vault(mesh: &mut Mesh, min: Vec2, max: Vec2, spring: f32, arch: (f32, f32), steps: usize) {
+pub fn groin_vault(mesh: &mut Mesh, [min, max]: [Vec2; 2], spring: f32, arch: (f32, f32), steps: usize) {
     let centre = (min + max) / 2.0;
     let half = (max - min) / 2.0;
     for (u, v) in [(Vec2::X, Vec2::Y), (Vec2::Y, Vec2::X), (Vec2::NEG_X, Vec2::Y), (Vec2::NEG_Y, Vec2::X)] {
         let middle = centre + u * half;
         for sign in [-1.0, 1.0] {
-            half_web(mesh, centre, middle, middle + v * half * sign, spring, arch, steps);
+            half_web(mesh, [centre, middle, middle + v * half * sign], spring, arch, steps);
         }
     }
 }
@@ -271,7 +285,7 @@ pub struct RibSection {
 }
 
 /// A rib along the arch from `a` over the crown to `b`, both at the height of the springing.
-pub fn rib(mesh: &mut Mesh, a: Vec3, b: Vec3, arch: (f32, f32), section: RibSection, steps: usize) {
+pub fn rib(mesh: &mut Mesh, [a, b]: [Vec3; 2], arch: (f32, f32), section: RibSection, steps: usize) {
     let axis = (b - a).normalize();
     let side = axis.cross(Vec3::Y);
     let mut points = arch_points(a.distance(b) / 2.0, arch.0, arch.1, steps);

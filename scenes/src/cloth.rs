@@ -9,6 +9,7 @@ use crate::noise::{fractal, mix, smoothstep, value};
 use crate::texture::Texture;
 
 /// A dyed cloth with a woven diaper of a lighter thread.
+#[must_use]
 pub fn brocade(size: usize, dye: Vec3, thread: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         let p = vec2(u, v) * 2.0;
@@ -22,7 +23,7 @@ pub fn brocade(size: usize, dye: Vec3, thread: Vec3, seed: u32) -> Texture {
         let flower = smoothstep(0.02, -0.01, c.length() - petal) * smoothstep(0.03, 0.05, c.length());
         let ink = band.max(flower);
         let weft = value(u, v, 180, 180, seed) - 0.5;
-        let wear = fractal(u, v, 4, 4, 4, seed + 3) - 0.5;
+        let wear = fractal([u, v], [4, 4], 4, seed + 3) - 0.5;
         dye.lerp(thread, 0.8 * ink) * (1.0 + 0.25 * weft + 0.3 * wear)
     })
 }

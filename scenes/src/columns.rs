@@ -11,6 +11,7 @@ use crate::shapes::{arc, chain, lathe};
 /// A round column with attic base and leafy capital, its foot at the origin.
 /// `radius` is that of the shaft's foot, `height` reaches the top of the abacus. A slender one, of fewer
 /// than 20 `segments`, gets a plain cushion for a capital instead.
+#[must_use]
 pub fn column(trim: MaterialId, shaft: MaterialId, radius: f32, height: f32, segments: usize) -> Model {
     let r = radius;
     let mut model = Model::new();
@@ -107,6 +108,7 @@ pub fn baluster(mesh: &mut Mesh, height: f32, segments: usize) {
 }
 
 /// The profile of an urn of unit height, open at the top.
+#[must_use]
 pub fn urn() -> Vec<Vec2> {
     chain(&[
         &[vec2(0.20, 0.0), vec2(0.20, 0.05), vec2(0.17, 0.08), vec2(0.07, 0.14), vec2(0.06, 0.2), vec2(0.10, 0.24)],
@@ -117,6 +119,7 @@ pub fn urn() -> Vec<Vec2> {
 }
 
 /// The profile of a crowning cornice: how far it stands out and how high it is, from its foot.
+#[must_use]
 pub fn cornice(out: f32, height: f32) -> Vec<Vec2> {
     let (o, h) = (out, height);
     chain(&[
@@ -135,6 +138,7 @@ pub fn cornice(out: f32, height: f32) -> Vec<Vec2> {
 }
 
 /// The profile of a flat band with a small moulding above and below.
+#[must_use]
 pub fn band(out: f32, height: f32) -> Vec<Vec2> {
     let (o, h) = (out, height);
     vec![
@@ -149,6 +153,7 @@ pub fn band(out: f32, height: f32) -> Vec<Vec2> {
 }
 
 /// The profile of an archivolt `width` broad, for [`crate::arches::Opening::archivolt`].
+#[must_use]
 pub fn archivolt(width: f32, out: f32) -> Vec<Vec2> {
     let (w, o) = (width, out);
     vec![

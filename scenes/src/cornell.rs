@@ -9,7 +9,7 @@ use std::f32::consts::TAU;
 use glam::{Quat, Vec3, vec3};
 
 use crate::animation::{Path, look_at, rotation};
-use crate::glb::{Material, Model, Scene};
+use crate::glb::{Material, MaterialId, Model, Scene};
 use crate::mesh::{Mesh, Vertex};
 use crate::patterns::{damask, linen, marble, plaster};
 use crate::wood::herringbone;
@@ -102,6 +102,17 @@ pub fn published() -> Scene {
     scene
 }
 
+/// Materials of the room.
+struct Room {
+    red: MaterialId,
+    green: MaterialId,
+    plaster: MaterialId,
+    oak: MaterialId,
+    frame: MaterialId,
+    skirting: MaterialId,
+    lamp: MaterialId,
+}
+
 /// The scene.
 pub fn build() -> Scene {
     let mut scene = Scene::new("cornell");
@@ -115,7 +126,27 @@ pub fn build() -> Scene {
     let frame = scene.plain("frame", vec3(0.45, 0.38, 0.26));
     let skirting = scene.plain("skirting", vec3(0.62, 0.60, 0.56));
     let lamp = scene.material(Material::glowing("lamp", EMISSION));
+    add_room(&mut scene, &Room { red, green, plaster, oak, frame, skirting, lamp });
+    add_blocks(&mut scene, linen, stone);
 
+    // From the published viewpoint, a little nearer so that the walls' edges stay outside the
+    // picture, gently in and to the side.
+    let walk = Path::new(&[
+        (0.0, at(278.0, 273.0, -755.0)),
+        (DURATION / 3.0, at(290.0, 279.0, -735.0)),
+        (DURATION / 1.5, at(304.0, 285.0, -705.0)),
+        (DURATION, at(300.0, 283.0, -675.0)),
+    ]);
+    let view = |t: f32| look_at(walk.at(t), at(278.0, 268.0, 280.0));
+    let camera = scene.camera(39.3f32.to_radians(), walk.at(0.0), view(0.0));
+    scene.animate(camera, walk.translation());
+    scene.animate(camera, rotation(DURATION, 25.0, view));
+    scene
+}
+
+/// Walls, floor and ceiling, and the lamp in its frame.
+fn add_room(scene: &mut Scene, materials: &Room) {
+    let &Room { red, green, plaster, oak, frame, skirting, lamp } = materials;
     let mut room = Model::new();
     let (floor, ceiling) = (FLOOR.map(point), CEILING.map(point));
     let [fl, fr, br, bl] = floor;
@@ -153,7 +184,10 @@ pub fn build() -> Scene {
     }
     scene.show("room", room);
     scene.show("lamp", panel);
+}
 
+/// Both blocks, in motion.
+fn add_blocks(scene: &mut Scene, linen: MaterialId, stone: MaterialId) {
     let (mesh, home) = block(SHORT_BLOCK, 165.0);
     let mut model = Model::new();
     *model.of(linen) = mesh;
@@ -177,18 +211,4 @@ pub fn build() -> Scene {
     let tall = scene.node("tall block", Some(tall), home, Quat::IDENTITY);
     // A quarter turn a second: what a display stand does.
     scene.animate(tall, rotation(DURATION, 8.0, |t| Quat::from_rotation_y(TAU * t / DURATION)));
-
-    // From the published viewpoint, a little nearer so that the walls' edges stay outside the
-    // picture, gently in and to the side.
-    let walk = Path::new(&[
-        (0.0, at(278.0, 273.0, -755.0)),
-        (DURATION / 3.0, at(290.0, 279.0, -735.0)),
-        (DURATION / 1.5, at(304.0, 285.0, -705.0)),
-        (DURATION, at(300.0, 283.0, -675.0)),
-    ]);
-    let view = |t: f32| look_at(walk.at(t), at(278.0, 268.0, 280.0));
-    let camera = scene.camera(39.3f32.to_radians(), walk.at(0.0), view(0.0));
-    scene.animate(camera, walk.translation());
-    scene.animate(camera, rotation(DURATION, 25.0, view));
-    scene
 }

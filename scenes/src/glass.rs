@@ -9,13 +9,14 @@ use crate::texture::Texture;
 
 /// The tone of one piece of glass: uneven thickness and weathering.
 fn piece(u: f32, v: f32, seed: u32) -> f32 {
-    mix(0.78, 1.15, fractal(u, v, 24, 24, 3, seed)) * mix(0.85, 1.05, fractal(u, v, 3, 5, 3, seed + 4))
+    mix(0.78, 1.15, fractal([u, v], [24, 24], 3, seed)) * mix(0.85, 1.05, fractal([u, v], [3, 5], 3, seed + 4))
 }
 
 const LEAD: Vec3 = vec3(0.006, 0.006, 0.007);
 
 /// Pale lozenge glazing in two lights with a coloured border, for windows `aspect` times as high as
 /// wide. The picture covers the whole opening.
+#[must_use]
 pub fn grisaille(size: usize, aspect: f32, warm: Vec3, border: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         // Each light is half the width.
@@ -59,6 +60,7 @@ pub fn grisaille(size: usize, aspect: f32, warm: Vec3, border: Vec3, seed: u32) 
 }
 
 /// Rich glass: a column of quatrefoil scenes on a blue and ruby ground.
+#[must_use]
 pub fn medallions(size: usize, aspect: f32, seed: u32) -> Texture {
     let ground = [vec3(0.015, 0.085, 0.52), vec3(0.46, 0.022, 0.012)];
     let figure = [
@@ -128,6 +130,7 @@ pub fn medallions(size: usize, aspect: f32, seed: u32) -> Texture {
 }
 
 /// A rose: rings of petals about the middle of the picture.
+#[must_use]
 pub fn rose(size: usize, seed: u32) -> Texture {
     let inks = [vec3(0.62, 0.07, 0.05), vec3(0.06, 0.16, 0.62), vec3(0.85, 0.58, 0.12), vec3(0.12, 0.40, 0.18)];
     Texture::new(size, |u, v| {

@@ -44,16 +44,19 @@ pub struct Material {
 
 impl Material {
     /// A plain colour.
+    #[must_use]
     pub fn plain(name: &'static str, color: Vec3) -> Self {
         Self { name, color, texture: None, tile: Vec2::ONE, emission: Vec3::ZERO, emission_texture: None, sheet: false }
     }
 
     /// A picture that repeats every `tile` metres.
+    #[must_use]
     pub fn textured(name: &'static str, texture: TextureId, tile: f32) -> Self {
         Self { texture: Some(texture), tile: Vec2::splat(tile), ..Self::plain(name, Vec3::ONE) }
     }
 
     /// A light source with a dark surface.
+    #[must_use]
     pub fn glowing(name: &'static str, emission: Vec3) -> Self {
         Self { emission, ..Self::plain(name, Vec3::splat(0.2)) }
     }
@@ -65,6 +68,7 @@ pub struct Model(BTreeMap<MaterialId, Mesh>);
 
 impl Model {
     /// An empty model.
+    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -120,6 +124,7 @@ pub struct Scene {
 
 impl Scene {
     /// An empty scene.
+    #[must_use]
     pub fn new(name: &'static str) -> Self {
         Self {
             name,
@@ -218,6 +223,7 @@ impl Scene {
     }
 
     /// The number of triangles shown, each as often as a node shows it.
+    #[must_use]
     pub fn triangles(&self) -> usize {
         let of = |m: usize| self.meshes[m].1.0.values().map(Mesh::triangles).sum::<usize>();
         self.nodes.iter().filter_map(|n| n.mesh).map(of).sum()

@@ -25,7 +25,7 @@ use glb::Scene;
 use toml::Settings;
 
 /// A scene that ships with the project.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Shipped {
     /// The name of its folder and files.
     pub name: &'static str,

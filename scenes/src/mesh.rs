@@ -27,6 +27,7 @@ pub struct Mesh {
 
 /// Texture coordinates of a flat face: metres along the horizontal and down the slope, so that
 /// courses of stone stay level and neighbouring faces of one plane continue each other.
+#[must_use]
 pub fn planar_uv(position: Vec3, normal: Vec3) -> Vec2 {
     if normal.y.abs() > 0.75 {
         return vec2(position.x, position.z);
@@ -55,11 +56,13 @@ pub enum Side {
 
 impl Mesh {
     /// An empty mesh.
+    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
     /// The number of triangles.
+    #[must_use]
     pub fn triangles(&self) -> usize {
         self.indices.len() / 3
     }

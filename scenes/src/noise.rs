@@ -1,6 +1,7 @@
 //! Periodic noise and hashing: everything a procedural texture that repeats needs.
 
 /// A hash of three integers to 0..1.
+#[must_use]
 pub fn hash(x: i32, y: i32, seed: u32) -> f32 {
     let mut h =
         (x as u32).wrapping_mul(0x8da6_b343) ^ (y as u32).wrapping_mul(0xd816_3841) ^ seed.wrapping_mul(0xcb1a_b31f);
@@ -13,17 +14,20 @@ pub fn hash(x: i32, y: i32, seed: u32) -> f32 {
 }
 
 /// The usual smooth step between two edges.
+#[must_use]
 pub fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
 /// Linear interpolation.
+#[must_use]
 pub fn mix(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
 
 /// Value noise over the unit square that repeats, with `nx` × `ny` cells; 0..1.
+#[must_use]
 pub fn value(u: f32, v: f32, nx: i32, ny: i32, seed: u32) -> f32 {
     let (x, y) = (u * nx as f32, v * ny as f32);
     let (x0, y0) = (x.floor(), y.floor());
@@ -34,7 +38,8 @@ pub fn value(u: f32, v: f32, nx: i32, ny: i32, seed: u32) -> f32 {
 }
 
 /// Several octaves of value noise, each twice as fine and half as strong; 0..1, mean near ½.
-pub fn fractal(u: f32, v: f32, nx: i32, ny: i32, octaves: u32, seed: u32) -> f32 {
+#[must_use]
+pub fn fractal([u, v]: [f32; 2], [nx, ny]: [i32; 2], octaves: u32, seed: u32) -> f32 {
     let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
     for octave in 0..octaves {
         sum += weight * value(u, v, nx << octave, ny << octave, seed + octave * 101);

@@ -8,11 +8,12 @@ use crate::noise::{fractal, mix, smoothstep, value};
 use crate::texture::Texture;
 
 /// Fine plaster: faint clouds and trowel marks around a mean reflectance.
+#[must_use]
 pub fn plaster(size: usize, mean: Vec3, contrast: f32, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
-        let clouds = fractal(u, v, 3, 3, 5, seed);
+        let clouds = fractal([u, v], [3, 3], 5, seed);
         let grain = value(u, v, 160, 160, seed + 50);
-        let strokes = fractal(u + 0.03 * clouds, v, 6, 40, 3, seed + 70);
+        let strokes = fractal([u + 0.03 * clouds, v], [6, 40], 3, seed + 70);
         Vec3::splat(1.0 + contrast * (1.2 * (clouds - 0.5) + 0.35 * (grain - 0.5) + 0.5 * (strokes - 0.5)))
     })
     .with_mean(mean)
@@ -28,9 +29,10 @@ fn weave(u: f32, v: f32, threads: i32, seed: u32) -> f32 {
 }
 
 /// Linen: a weave with slubs.
+#[must_use]
 pub fn linen(size: usize, mean: Vec3, threads: i32, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
-        let slub = fractal(u, v, 4, 60, 3, seed) + fractal(u, v, 60, 4, 3, seed + 9) - 1.0;
+        let slub = fractal([u, v], [4, 60], 3, seed) + fractal([u, v], [60, 4], 3, seed + 9) - 1.0;
         Vec3::splat(1.0 + 0.22 * (weave(u, v, threads, seed) - 0.5) + 0.25 * slub)
     })
     .with_mean(mean)
@@ -68,6 +70,7 @@ fn damask_motif(p: Vec2) -> f32 {
 }
 
 /// Damask: palmettes in half-drop repeat inside an ogee lattice, woven, around a mean reflectance.
+#[must_use]
 pub fn damask(size: usize, mean: Vec3, contrast: f32) -> Texture {
     Texture::new(size, |u, v| {
         // Two cells of the repeat: one at the corner, one dropped by half both ways.
@@ -97,14 +100,15 @@ pub fn damask(size: usize, mean: Vec3, contrast: f32) -> Texture {
 }
 
 /// Veined marble.
+#[must_use]
 pub fn marble(size: usize, base: Vec3, vein: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
-        let warp = vec2(fractal(u, v, 3, 3, 5, seed), fractal(u, v, 3, 3, 5, seed + 33)) - 0.5;
+        let warp = vec2(fractal([u, v], [3, 3], 5, seed), fractal([u, v], [3, 3], 5, seed + 33)) - 0.5;
         let (wu, wv) = (u + 0.22 * warp.x, v + 0.22 * warp.y);
         let ridge = |n: f32| 1.0 - (2.0 * n - 1.0).abs();
-        let strong = ridge(fractal(wu, wv, 2, 2, 4, seed + 5)).powf(14.0);
-        let fine = ridge(fractal(wu + 0.3, wv, 5, 5, 3, seed + 8)).powf(18.0);
-        let clouds = fractal(wu, wv, 4, 4, 4, seed + 13) - 0.5;
+        let strong = ridge(fractal([wu, wv], [2, 2], 4, seed + 5)).powf(14.0);
+        let fine = ridge(fractal([wu + 0.3, wv], [5, 5], 3, seed + 8)).powf(18.0);
+        let clouds = fractal([wu, wv], [4, 4], 4, seed + 13) - 0.5;
         let t = (0.75 * strong + 0.35 * fine).min(1.0);
         base.lerp(vein, t) * (1.0 + 0.14 * clouds)
     })

@@ -14,19 +14,21 @@ fn segment(p: Vec2, a: Vec2, b: Vec2) -> f32 {
 }
 
 /// A landscape in layers: a low sun over hills that fade with distance.
+#[must_use]
 pub fn landscape(size: usize, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         let sky = vec3(0.78, 0.50, 0.28).lerp(vec3(0.20, 0.38, 0.62), smoothstep(0.6, 0.0, v));
-        let cloud = smoothstep(0.5, 0.75, fractal(u, v * 2.0, 3, 6, 5, seed)) * smoothstep(0.6, 0.2, v);
+        let cloud = smoothstep(0.5, 0.75, fractal([u, v * 2.0], [3, 6], 5, seed)) * smoothstep(0.6, 0.2, v);
         let mut c = sky.lerp(vec3(0.85, 0.72, 0.60), 0.7 * cloud);
         let sun = vec2(u - 0.62, v - 0.40).length();
         c = c.lerp(vec3(0.95, 0.80, 0.45), smoothstep(0.065, 0.055, sun));
         for k in 0..5 {
             let k = k as f32;
-            let line = 0.45 + 0.11 * k + 0.10 * (fractal(u, 0.1 + 0.2 * k, 3 + k as i32, 8, 4, seed + k as u32) - 0.5);
+            let line =
+                0.45 + 0.11 * k + 0.10 * (fractal([u, 0.1 + 0.2 * k], [3 + k as i32, 8], 4, seed + k as u32) - 0.5);
             let near = k / 4.0;
             let hill = vec3(0.42, 0.42, 0.50).lerp(vec3(0.07, 0.11, 0.06), near);
-            let hill = hill * mix(0.85, 1.2, fractal(u, v, 12, 30, 3, seed + 9));
+            let hill = hill * mix(0.85, 1.2, fractal([u, v], [12, 30], 3, seed + 9));
             c = c.lerp(hill, smoothstep(line, line + 0.006, v));
         }
         // Brush strokes.
@@ -35,6 +37,7 @@ pub fn landscape(size: usize, seed: u32) -> Texture {
 }
 
 /// Overlapping discs and bands of flat colour.
+#[must_use]
 pub fn abstract_picture(size: usize, seed: u32) -> Texture {
     let inks = [
         vec3(0.70, 0.12, 0.07),
@@ -58,15 +61,16 @@ pub fn abstract_picture(size: usize, seed: u32) -> Texture {
             };
             c = c.lerp(c.lerp(c * ink * 1.6, 0.35).lerp(ink, 0.65), smoothstep(0.004, -0.004, inside));
         }
-        c * (1.0 + 0.12 * (fractal(u, v, 30, 30, 3, seed) - 0.5))
+        c * (1.0 + 0.12 * (fractal([u, v], [30, 30], 3, seed) - 0.5))
     })
 }
 
 /// A whiteboard after a meeting: axes, a falling curve and a rising one, boxes and lines of writing.
+#[must_use]
 pub fn whiteboard(size: usize) -> Texture {
     Texture::new(size, |u, v| {
         let p = vec2(u * 2.0, v);
-        let mut c = vec3(0.80, 0.81, 0.82) * (1.0 - 0.05 * fractal(u, v, 4, 4, 4, 3));
+        let mut c = vec3(0.80, 0.81, 0.82) * (1.0 - 0.05 * fractal([u, v], [4, 4], 4, 3));
         let mut draw = |d: f32, ink: Vec3| c = c.lerp(ink, 0.9 * smoothstep(0.0065, 0.0035, d));
         let (black, blue, red, green) =
             (vec3(0.03, 0.03, 0.04), vec3(0.03, 0.07, 0.35), vec3(0.50, 0.03, 0.03), vec3(0.03, 0.25, 0.08));
@@ -117,6 +121,7 @@ pub fn whiteboard(size: usize) -> Texture {
 }
 
 /// Carpet tiles of cut pile with a broken line pattern.
+#[must_use]
 pub fn carpet(size: usize, base: Vec3, accent: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         let (x, y) = ((u * 2.0).floor() as i32, (v * 2.0).floor() as i32);
@@ -124,7 +129,7 @@ pub fn carpet(size: usize, base: Vec3, accent: Vec3, seed: u32) -> Texture {
         let (s, t) = if (x + y) % 2 == 0 { (u, v) } else { (v, u) };
         let line = (s * 64.0).floor() as i32;
         let run = smoothstep(0.52, 0.60, value(t + hash(line, 1, seed), 0.5, 14, 2, seed + line as u32));
-        let pile = 0.7 * hash((u * 512.0) as i32, (v * 512.0) as i32, seed) + 0.3 * fractal(u, v, 8, 8, 3, seed);
+        let pile = 0.7 * hash((u * 512.0) as i32, (v * 512.0) as i32, seed) + 0.3 * fractal([u, v], [8, 8], 3, seed);
         let stripe = run * if hash(line, 2, seed) > 0.45 { 0.75 } else { 0.15 };
         let edge = (u * 2.0).fract().min((v * 2.0).fract());
         base.lerp(accent, stripe) * mix(0.70, 1.30, pile) * mix(0.82, 1.0, smoothstep(0.0, 0.008, edge))

@@ -32,6 +32,7 @@ fn profile_normals(profile: &[Vec2]) -> Vec<[Vec2; 2]> {
 }
 
 /// Points of an arc in a profile, both ends included; angles in degrees.
+#[must_use]
 pub fn arc(centre: Vec2, radius: f32, from: f32, to: f32, steps: usize) -> Vec<Vec2> {
     (0..=steps)
         .map(|i| {
@@ -42,6 +43,7 @@ pub fn arc(centre: Vec2, radius: f32, from: f32, to: f32, steps: usize) -> Vec<V
 }
 
 /// A profile put together from pieces, without doubled points.
+#[must_use]
 pub fn chain(pieces: &[&[Vec2]]) -> Vec<Vec2> {
     let mut out: Vec<Vec2> = Vec::new();
     for p in pieces.iter().flat_map(|p| p.iter()) {
@@ -222,7 +224,7 @@ pub fn bar(mesh: &mut Mesh, a: Vec3, b: Vec3, radius: f32, segments: usize) {
 }
 
 /// A ring about `axis` of round section.
-pub fn ring(mesh: &mut Mesh, centre: Vec3, axis: Vec3, radius: f32, thickness: f32, segments: usize) {
+pub fn ring(mesh: &mut Mesh, centre: Vec3, axis: Vec3, [radius, thickness]: [f32; 2], segments: usize) {
     let x = axis.normalize().any_orthonormal_vector();
     let y = axis.normalize().cross(x);
     let frames: Vec<Frame> = (0..=segments)

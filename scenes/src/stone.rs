@@ -7,13 +7,14 @@ use crate::texture::Texture;
 
 /// A tone around 1 with pits and clouds, what a dressed stone face looks like.
 fn stone_face(u: f32, v: f32, seed: u32) -> f32 {
-    let clouds = fractal(u, v, 4, 4, 5, seed) - 0.5;
+    let clouds = fractal([u, v], [4, 4], 5, seed) - 0.5;
     let grain = value(u, v, 220, 220, seed + 31) - 0.5;
-    let pits = smoothstep(0.80, 0.92, fractal(u, v, 40, 60, 2, seed + 57));
+    let pits = smoothstep(0.80, 0.92, fractal([u, v], [40, 60], 2, seed + 57));
     1.0 + 0.34 * clouds + 0.10 * grain - 0.22 * pits
 }
 
 /// Coursed ashlar: `courses` rows in the repeat, blocks of uneven length and tone.
+#[must_use]
 pub fn ashlar(size: usize, mean: Vec3, courses: usize, contrast: f32, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         let row = (v * courses as f32).floor();
@@ -35,7 +36,7 @@ pub fn ashlar(size: usize, mean: Vec3, courses: usize, contrast: f32, seed: u32)
         // Distances to the joints in units of the course height.
         let wide = courses as f32 / blocks as f32;
         let edge = (left.min(right) * wide).min(local_v).min(1.0 - local_v);
-        let worn = 0.02 * (fractal(u, v, 30, 30, 2, seed + 3) - 0.5);
+        let worn = 0.02 * (fractal([u, v], [30, 30], 2, seed + 3) - 0.5);
         let joint = smoothstep(0.012, 0.045, edge + worn);
         let block = id * 7 + k.rem_euclid(blocks);
         let tone = 1.0 + contrast * (hash(block, 2, seed) - 0.5);
@@ -47,11 +48,13 @@ pub fn ashlar(size: usize, mean: Vec3, courses: usize, contrast: f32, seed: u32)
 }
 
 /// Stone without joints, for columns and mouldings.
+#[must_use]
 pub fn plain_stone(size: usize, mean: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| Vec3::splat(stone_face(u, v, seed))).with_mean(mean)
 }
 
 /// Square slabs, `n` × `n` in the repeat, in two stones as on a chessboard.
+#[must_use]
 pub fn checker(size: usize, light: Vec3, dark: Vec3, n: usize, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         let p = vec2(u, v) * n as f32;
@@ -60,14 +63,15 @@ pub fn checker(size: usize, light: Vec3, dark: Vec3, n: usize, seed: u32) -> Tex
         let (x, y) = (cell.x as i32, cell.y as i32);
         let base = if (x + y) % 2 == 0 { light } else { dark };
         let joint = smoothstep(0.006, 0.018, f.x.min(1.0 - f.x).min(f.y).min(1.0 - f.y));
-        let warp = fractal(u, v, 5, 5, 4, seed + 2);
-        let vein = 1.0 - (2.0 * fractal(u + 0.2 * warp, v + hash(x, y, 5), 6, 6, 3, seed) - 1.0).abs();
+        let warp = fractal([u, v], [5, 5], 4, seed + 2);
+        let vein = 1.0 - (2.0 * fractal([u + 0.2 * warp, v + hash(x, y, 5)], [6, 6], 3, seed) - 1.0).abs();
         let tone = mix(0.85, 1.12, hash(x, y, seed)) * (1.0 - 0.22 * vein.powf(10.0));
         base * (tone * mix(0.55, 1.0, joint) * mix(0.9, 1.1, stone_face(u, v, seed + 9) - 0.5))
     })
 }
 
 /// Paving of octagons with small dark squares between their corners, `n` × `n` in the repeat.
+#[must_use]
 pub fn octagons(size: usize, light: Vec3, dark: Vec3, n: usize, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
         let p = vec2(u, v) * n as f32;
@@ -90,6 +94,7 @@ pub fn octagons(size: usize, light: Vec3, dark: Vec3, n: usize, seed: u32) -> Te
 }
 
 /// Leaves seen as a dense hedge.
+#[must_use]
 pub fn leaves(size: usize, mean: Vec3, seed: u32) -> Texture {
     const N: i32 = 22;
     Texture::new(size, |u, v| {

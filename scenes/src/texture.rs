@@ -30,6 +30,7 @@ impl Texture {
     }
 
     /// The mean over all pixels.
+    #[must_use]
     pub fn mean(&self) -> Vec3 {
         // Summed in double precision: a million terms lose digits otherwise.
         let mut sum = glam::DVec3::ZERO;
@@ -40,6 +41,7 @@ impl Texture {
     }
 
     /// The same pattern scaled so that its mean is the given reflectance.
+    #[must_use]
     pub fn with_mean(mut self, mean: Vec3) -> Self {
         let scale = mean / self.mean();
         for p in &mut self.pixels {
@@ -49,6 +51,10 @@ impl Texture {
     }
 
     /// The picture as a JPEG in sRGB.
+    ///
+    /// # Panics
+    /// If the picture has no pixel, or more than 65 535 on a side.
+    #[must_use]
     pub fn jpeg(&self, quality: u8) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(self.pixels.len() * 3);
         for p in &self.pixels {
@@ -63,11 +69,13 @@ impl Texture {
 }
 
 /// The sRGB transfer curve, linear to encoded.
+#[must_use]
 pub fn srgb(x: f32) -> f32 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
 /// A linear colour from the encoded one that picture editors show.
+#[must_use]
 pub fn from_srgb(r: u8, g: u8, b: u8) -> Vec3 {
     Vec3::new(r as f32, g as f32, b as f32).map(|c| {
         let c = c / 255.0;

@@ -28,6 +28,7 @@ pub struct Settings {
 
 impl Settings {
     /// The text of the file.
+    #[must_use]
     pub fn to_toml(&self) -> String {
         let mut s = format!("[tone_mapping]\noperator = \"filmic\"\nexposure = {:?}\n", self.exposure);
         if let Some(sky) = self.sky {

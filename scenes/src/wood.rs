@@ -10,16 +10,17 @@ fn grain(along: f32, across: f32, seed: u32) -> f32 {
     let shift = hash(seed as i32, 3, 77) * 17.0;
     let (s, t) = ((along * 0.02 + shift).rem_euclid(1.0), (across * 0.05 + shift).rem_euclid(1.0));
     // Rings cut at a slant: bands across the board that wander along it.
-    let wander = fractal(s, t, 24, 20, 3, seed);
+    let wander = fractal([s, t], [24, 20], 3, seed);
     let rings = ((across * 2.2 + wander * 3.4 + shift) * std::f32::consts::TAU).sin();
     let pores = value(s, t, 60, 900, seed + 5);
     1.0 + 0.10 * rings + 0.16 * (pores - 0.5) + 0.25 * (wander - 0.5)
 }
 
 /// Straight veneer without joints; the grain runs along v.
+#[must_use]
 pub fn veneer(size: usize, mean: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| {
-        let wander = fractal(u, v, 5, 2, 4, seed);
+        let wander = fractal([u, v], [5, 2], 4, seed);
         let rings = ((u * 14.0 + wander * 2.2).fract() - 0.5).abs() * 2.0;
         let rings = if rings.is_nan() { 0.0 } else { smoothstep(0.0, 1.0, rings) };
         let pores = value(u, v, 300, 14, seed + 5);
@@ -31,6 +32,7 @@ pub fn veneer(size: usize, mean: Vec3, seed: u32) -> Texture {
 }
 
 /// Herringbone parquet, `n` blocks of `1 : 4` in the repeat; n must be a multiple of 4.
+#[must_use]
 pub fn herringbone(size: usize, mean: Vec3, n: usize, seed: u32) -> Texture {
     const LENGTH: i32 = 4;
     Texture::new(size, |u, v| {

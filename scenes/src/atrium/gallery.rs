@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3, vec2, vec3};
 
 use super::{COURT, CourtSide, EAVES, OUTER, Stones, UPPER, round, sides};
-use crate::arches::{Opening, wall};
+use crate::arches::{Opening, Pane, wall};
 use crate::columns::{archivolt, baluster, column, cornice, urn};
 use crate::glb::{Model, Scene};
 use crate::shapes::{lathe, moulding};
@@ -76,13 +76,13 @@ fn arches(model: &mut Model, stones: &Stones, side: &CourtSide) {
         })
         .collect();
     let plane = &side.plane;
-    wall(model.of(stones.ashlar), plane, [-side.half, side.half], [SPRING, EAVES], &openings, 6);
+    wall(model.of(stones.ashlar), plane, [[-side.half, side.half], [SPRING, EAVES]], &openings, 6);
     let inner = plane.behind(THIN);
     let s = [-side.half - THIN, side.half + THIN];
-    wall(model.of(stones.ochre), &inner, s, [SPRING, EAVES - 0.12], &openings, 6);
+    wall(model.of(stones.ochre), &inner, [s, [SPRING, EAVES - 0.12]], &openings, 6);
     for o in &openings {
         o.reveal(model.of(stones.trim), plane, THIN, 6);
-        o.archivolt(model.of(stones.trim), plane, &archivolt(0.15, 0.05), 6, false);
+        o.archivolt(model.of(stones.trim), plane, &archivolt(0.15, 0.05), 6);
     }
     // Pedestals under the small columns, plinth and rail of the balustrade between them.
     let trim = model.of(stones.trim);
@@ -111,11 +111,11 @@ fn back_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
         })
         .collect();
     let s = [-side.outer_half, side.outer_half];
-    wall(model.of(stones.ochre), plane, s, [UPPER, EAVES], &doors, 10);
+    wall(model.of(stones.ochre), plane, [s, [UPPER, EAVES]], &doors, 10);
     for o in &doors {
         o.reveal(model.of(stones.trim), plane, 0.16, 10);
-        o.archivolt(model.of(stones.trim), plane, &archivolt(0.16, 0.05), 5, true);
-        o.pane(model.of(stones.door), plane, 0.14, 10, |x, y| vec2(0.5 * x, -2.6 * y));
+        o.archivolt_with_jambs(model.of(stones.trim), plane, &archivolt(0.16, 0.05), 5);
+        o.pane(model.of(stones.door), plane, Pane { depth: 0.14, steps: 10 }, |x, y| vec2(0.5 * x, -2.6 * y));
     }
     let line = [plane.at(-side.outer_half, SPRING, 0.0), plane.at(side.outer_half, SPRING, 0.0)];
     moulding(model.of(stones.trim), &line, false, &crate::columns::band(0.05, 0.14));

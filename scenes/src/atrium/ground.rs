@@ -3,7 +3,7 @@
 use glam::{Quat, Vec2, Vec3, vec2, vec3};
 
 use super::{COURT, CourtSide, OUTER, Stones, THICK, UPPER, round, sides};
-use crate::arches::{Opening, RibSection, groin_vault, rib, wall};
+use crate::arches::{Opening, Pane, RibSection, groin_vault, rib, wall};
 use crate::columns::{archivolt, band, column, cornice};
 use crate::glb::{Model, Scene};
 use crate::mesh::Side;
@@ -80,13 +80,13 @@ fn floors(model: &mut Model, stones: &Stones) {
 fn arcade(model: &mut Model, stones: &Stones, side: &CourtSide) {
     let openings = arches(side);
     let s = [-side.half, side.half];
-    wall(model.of(stones.ashlar), &side.plane, s, [SPRING, UPPER], &openings, 10);
+    wall(model.of(stones.ashlar), &side.plane, [s, [SPRING, UPPER]], &openings, 10);
     let inner = side.plane.behind(THICK);
     let s = [-side.half - THICK, side.half + THICK];
-    wall(model.of(stones.plaster), &inner, s, [SPRING, UPPER], &openings, 10);
+    wall(model.of(stones.plaster), &inner, [s, [SPRING, UPPER]], &openings, 10);
     for o in &openings {
         o.reveal(model.of(stones.trim), &side.plane, THICK, 10);
-        o.archivolt(model.of(stones.trim), &side.plane, &archivolt(0.26, 0.07), 10, false);
+        o.archivolt(model.of(stones.trim), &side.plane, &archivolt(0.26, 0.07), 10);
         // A keystone that carries the string course.
         let key = [[o.centre - 0.11, o.centre + 0.11], [o.crown() - 0.03, o.crown() + 0.42]];
         side.plane.block(model.of(stones.trim), key[0], key[1], [0.0, 0.10]);
@@ -138,11 +138,11 @@ fn outer_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
             point: 0.0,
         })
         .collect();
-    wall(model.of(stones.ashlar), plane, s, [0.0, UPPER], &doors, 12);
+    wall(model.of(stones.ashlar), plane, [s, [0.0, UPPER]], &doors, 12);
     for o in &doors {
         o.reveal(model.of(stones.trim), plane, 0.22, 12);
-        o.archivolt(model.of(stones.trim), plane, &archivolt(0.20, 0.06), 12, true);
-        o.pane(model.of(stones.door), plane, 0.2, 12, |x, y| vec2(0.62 * x, -2.6 * y));
+        o.archivolt_with_jambs(model.of(stones.trim), plane, &archivolt(0.20, 0.06), 12);
+        o.pane(model.of(stones.door), plane, Pane { depth: 0.2, steps: 12 }, |x, y| vec2(0.62 * x, -2.6 * y));
         door_leaves(model, stones, side, o);
     }
     // Pilasters carry the vaults where columns stand opposite.
@@ -230,10 +230,10 @@ fn vaults(model: &mut Model, stones: &Stones) {
         }
     }
     for [min, max] in bays {
-        groin_vault(model.of(stones.plaster), min, max, SPRING, (RISE, 0.0), 10);
+        groin_vault(model.of(stones.plaster), [min, max], SPRING, (RISE, 0.0), 10);
     }
     let mut transverse = |a: Vec3, b: Vec3| {
-        rib(model.of(stones.trim), a, b, (RISE - 0.01, 0.0), RibSection { width: 0.42, depth: 0.11, half: false }, 7);
+        rib(model.of(stones.trim), [a, b], (RISE - 0.01, 0.0), RibSection { width: 0.42, depth: 0.11, half: false }, 7);
     };
     for z in [-1.0, 1.0] {
         for &x in &xs {

@@ -87,6 +87,7 @@ fn round(half: [f32; 2], y: f32) -> [Vec3; 4] {
 }
 
 /// The scene.
+#[must_use]
 pub fn build() -> Scene {
     let mut scene = Scene::new("atrium");
     let sand = vec3(0.55, 0.44, 0.305);

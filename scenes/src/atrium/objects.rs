@@ -107,15 +107,15 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
     let centre = foot + vec3(0.0, 2.55, 0.0);
     let mut outer = Model::new();
     bar(outer.of(bronze), vec3(0.0, -0.68, 0.0), vec3(0.0, 0.72, 0.0), 0.022, 8);
-    ring(outer.of(bronze), Vec3::ZERO, Vec3::Z, 0.62, 0.028, 30);
-    ring(outer.of(brass), Vec3::ZERO, vec3(0.0, 0.92, 0.39), 0.58, 0.035, 30);
+    ring(outer.of(bronze), Vec3::ZERO, Vec3::Z, [0.62, 0.028], 30);
+    ring(outer.of(brass), Vec3::ZERO, vec3(0.0, 0.92, 0.39), [0.58, 0.035], 30);
     ball(outer.of(brass), vec3(0.0, 0.74, 0.0), 0.05, 12);
     let outer = scene.mesh("armillary", outer);
     let outer = scene.node("armillary", Some(outer), centre, Quat::IDENTITY);
     scene.animate(outer, rotation(DURATION, 6.0, |t| Quat::from_rotation_y(TAU * t / DURATION)));
     let mut inner = Model::new();
-    ring(inner.of(bronze), Vec3::ZERO, Vec3::X, 0.50, 0.024, 28);
-    ring(inner.of(bronze), Vec3::ZERO, Vec3::Y, 0.47, 0.022, 28);
+    ring(inner.of(bronze), Vec3::ZERO, Vec3::X, [0.50, 0.024], 28);
+    ring(inner.of(bronze), Vec3::ZERO, Vec3::Y, [0.47, 0.022], 28);
     ball(inner.of(brass), Vec3::ZERO, 0.17, 24);
     let inner = scene.mesh("armillary rings", inner);
     let inner = scene.node("armillary rings", Some(inner), Vec3::ZERO, Quat::IDENTITY);
@@ -185,7 +185,7 @@ pub(super) fn lamps(scene: &mut Scene, bronze: MaterialId, brass: MaterialId) {
         &[vec2(0.20, -0.64), vec2(0.20, -0.61), vec2(0.14, -0.60), vec2(0.05, -0.50), vec2(0.0, -0.47)],
     ]);
     lathe(lamp.of(bronze), Vec3::ZERO, &body, 16, 1.0);
-    ring(lamp.of(brass), vec3(0.0, -0.72, 0.0), Vec3::Y, 0.195, 0.012, 16);
+    ring(lamp.of(brass), vec3(0.0, -0.72, 0.0), Vec3::Y, [0.195, 0.012], 16);
     bar(lamp.of(bronze), vec3(0.0, -0.48, 0.0), vec3(0.0, 0.04, 0.0), 0.009, 6);
     let lamp = scene.mesh("lamp", lamp);
     let all = sides();

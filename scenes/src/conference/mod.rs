@@ -50,6 +50,7 @@ struct Finish {
 }
 
 /// The scene.
+#[must_use]
 pub fn build() -> Scene {
     let mut scene = Scene::new("conference");
     let glow = |scene: &mut Scene, name, color: Vec3| scene.material(Material::glowing(name, color));

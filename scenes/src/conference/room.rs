@@ -139,7 +139,7 @@ fn panelling(room: &mut Model, f: &Finish, plane: &Plane, s: [f32; 2], count: us
     let width = (s[1] - s[0]) / count as f32;
     for i in 0..count {
         let a = s[0] + width * i as f32;
-        plane.field(room.of(f.walnut), [a + 0.07, a + width - 0.07], [0.22, DADO - 0.09], 0.05, 0.003, 0.022);
+        plane.field(room.of(f.walnut), [[a + 0.07, a + width - 0.07], [0.22, DADO - 0.09]], 0.05, [0.003, 0.022]);
     }
 }
 
@@ -151,7 +151,7 @@ fn door_with_frame(room: &mut Model, f: &Finish, plane: &Plane, s: [f32; 2]) {
     plane.rectangle(wood, s, [0.0, 2.15], -0.03);
     for (y0, y1) in [(0.15, 0.95), (1.10, 2.02)] {
         for (a, b) in [(s[0] + 0.10, s[0] + 0.51), (s[1] - 0.51, s[1] - 0.10)] {
-            plane.field(wood, [a, b], [y0, y1], 0.05, -0.027, -0.008);
+            plane.field(wood, [[a, b], [y0, y1]], 0.05, [-0.027, -0.008]);
         }
     }
     let knob = plane.at(s[0] + 0.06, 1.03, 0.0);

@@ -133,7 +133,7 @@ fn runner(model: &mut Model, stones: &Stones) {
 /// An iron wheel of twelve candles on four chains.
 fn chandelier(model: &mut Model, stones: &Stones) {
     for (r, y) in [(1.05, 0.0), (1.05, 0.12), (0.35, 0.55)] {
-        ring(model.of(stones.iron), vec3(0.0, y, 0.0), Vec3::Y, r, 0.022, 36);
+        ring(model.of(stones.iron), vec3(0.0, y, 0.0), Vec3::Y, [r, 0.022], 36);
     }
     for i in 0..12 {
         let (sin, cos) = (TAU * i as f32 / 12.0).sin_cos();

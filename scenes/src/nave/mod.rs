@@ -74,6 +74,7 @@ fn apse_corners() -> [Vec2; 4] {
 }
 
 /// The scene.
+#[must_use]
 pub fn build() -> Scene {
     let mut scene = Scene::new("nave");
     let glass = |scene: &mut Scene, name: &'static str, radiance: f32, texture: &Texture| {

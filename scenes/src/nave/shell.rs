@@ -6,7 +6,7 @@ use glam::{Quat, Vec2, Vec3, vec2, vec3};
 
 use super::windows::{aisle_windows, apse_window, clerestory_windows};
 use super::{AISLE, APSE, BAY, BAYS, CHANCEL, HIGH, HIGH_SPRING, LOW, LOW_SPRING, NAVE, Stones, THICK, apse_corners};
-use crate::arches::{Opening, Plane, RibSection, groin_vault, half_web, rib, wall};
+use crate::arches::{Opening, Pane, Plane, RibSection, groin_vault, half_web, rib, wall};
 use crate::columns::archivolt;
 use crate::glb::{Model, Scene};
 use crate::mesh::Mesh;
@@ -225,16 +225,16 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
     let blind = blind_arcade(&plane, BAYS + 1);
     let windows = clerestory_windows(&plane);
     let whole = stretch(&plane, 0.0, all);
-    wall(model.of(stones.ashlar), &plane, stretch(&plane, 0.0, nave), [LOW_SPRING, TRIFORIUM[0]], &arches, 12);
-    wall(model.of(stones.ashlar), &plane, stretch(&plane, nave, all), [0.0, TRIFORIUM[0]], &[], 1);
-    wall(model.of(stones.ashlar), &plane, whole, TRIFORIUM, &blind, 5);
-    wall(model.of(stones.ashlar), &plane, whole, [TRIFORIUM[1], TOP], &windows, 10);
+    wall(model.of(stones.ashlar), &plane, [stretch(&plane, 0.0, nave), [LOW_SPRING, TRIFORIUM[0]]], &arches, 12);
+    wall(model.of(stones.ashlar), &plane, [stretch(&plane, nave, all), [0.0, TRIFORIUM[0]]], &[], 1);
+    wall(model.of(stones.ashlar), &plane, [whole, TRIFORIUM], &blind, 5);
+    wall(model.of(stones.ashlar), &plane, [whole, [TRIFORIUM[1], TOP]], &windows, 10);
     let back = plane.behind(THICK);
-    wall(model.of(stones.ashlar), &back, stretch(&plane, 0.0, nave), [LOW_SPRING, AISLE_TOP], &arches, 12);
+    wall(model.of(stones.ashlar), &back, [stretch(&plane, 0.0, nave), [LOW_SPRING, AISLE_TOP]], &arches, 12);
     for o in &arches {
         o.reveal(model.of(stones.trim), &plane, THICK, 12);
-        o.archivolt(model.of(stones.trim), &plane, &archivolt(0.32, 0.09), 12, false);
-        o.archivolt(model.of(stones.trim), &back, &archivolt(0.24, 0.06), 12, false);
+        o.archivolt(model.of(stones.trim), &plane, &archivolt(0.32, 0.09), 12);
+        o.archivolt(model.of(stones.trim), &back, &archivolt(0.24, 0.06), 12);
         // A second order inside the arch, narrower than the wall.
         let inner = Opening { half: o.half - 0.005, ..*o };
         let order = [
@@ -245,7 +245,7 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
             vec2(-0.13, -0.42),
             vec2(0.0, -0.46),
         ];
-        inner.archivolt(model.of(stones.trim), &plane, &order, 12, false);
+        inner.archivolt(model.of(stones.trim), &plane, &order, 12);
     }
     for o in &blind {
         o.reveal(model.of(stones.trim), &plane, 0.24, 5);
@@ -254,9 +254,8 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
             &plane,
             &[vec2(0.09, 0.0), vec2(0.09, 0.03), vec2(0.03, 0.05), vec2(0.0, 0.02), vec2(0.0, -0.01)],
             5,
-            false,
         );
-        o.pane(model.of(stones.web), &plane, 0.22, 5, |x, y| vec2(0.4 * x, -1.2 * y));
+        o.pane(model.of(stones.web), &plane, Pane { depth: 0.22, steps: 5 }, |x, y| vec2(0.4 * x, -1.2 * y));
     }
     // Little shafts between the blind arches.
     let shaft =
@@ -279,7 +278,7 @@ fn aisle_side(model: &mut Model, stones: &Stones, side: f32) {
     let plane = aisle_wall(side);
     let nave = BAY * BAYS as f32;
     let span = stretch(&plane, 0.0, nave);
-    wall(model.of(stones.ashlar), &plane, span, [0.0, AISLE_TOP], &aisle_windows(&plane), 8);
+    wall(model.of(stones.ashlar), &plane, [span, [0.0, AISLE_TOP]], &aisle_windows(&plane), 8);
     let string = [vec2(0.0, -0.04), vec2(0.05, 0.0), vec2(0.08, 0.03), vec2(0.08, 0.08), vec2(0.0, 0.14)];
     let ends = |y: f32| [plane.at(span[0], y, 0.0), plane.at(span[1], y, 0.0)];
     moulding(model.of(stones.trim), &ends(1.62), false, &string);
@@ -295,18 +294,18 @@ fn aisle_side(model: &mut Model, stones: &Stones, side: f32) {
 fn west_wall(model: &mut Model, stones: &Stones) {
     let plane = Plane { origin: Vec3::ZERO, along: Vec3::NEG_X, out: Vec3::NEG_Z };
     let door = Opening { centre: 0.0, half: 1.1, sill: 0.0, spring: 2.6, point: 0.7 };
-    wall(model.of(stones.ashlar), &plane, [-AISLE, AISLE], [0.0, AISLE_TOP], &[door], 10);
-    wall(model.of(stones.ashlar), &plane, [-NAVE, NAVE], [AISLE_TOP, TOP], &[], 1);
+    wall(model.of(stones.ashlar), &plane, [[-AISLE, AISLE], [0.0, AISLE_TOP]], &[door], 10);
+    wall(model.of(stones.ashlar), &plane, [[-NAVE, NAVE], [AISLE_TOP, TOP]], &[], 1);
     door.reveal(model.of(stones.trim), &plane, 0.4, 10);
-    door.archivolt(model.of(stones.trim), &plane, &archivolt(0.4, 0.12), 10, true);
-    door.pane(model.of(stones.oak), &plane, 0.36, 10, |x, y| vec2(1.1 * x, -4.0 * y));
+    door.archivolt_with_jambs(model.of(stones.trim), &plane, &archivolt(0.4, 0.12), 10);
+    door.pane(model.of(stones.oak), &plane, Pane { depth: 0.36, steps: 10 }, |x, y| vec2(1.1 * x, -4.0 * y));
 }
 
 fn apse(model: &mut Model, stones: &Stones) {
     for i in 0..3 {
         let plane = apse_wall(i);
         let window = apse_window();
-        wall(model.of(stones.ashlar), &plane, [0.0, NAVE], [0.0, TOP], &[window], 12);
+        wall(model.of(stones.ashlar), &plane, [[0.0, NAVE], [0.0, TOP]], &[window], 12);
     }
     let corners = apse_corners().map(|p| vec3(p.x, 2.7, p.y));
     let string = [vec2(0.0, -0.05), vec2(0.06, 0.0), vec2(0.10, 0.03), vec2(0.10, 0.10), vec2(0.0, 0.17)];
@@ -328,28 +327,28 @@ fn high_vault(model: &mut Model, stones: &Stones) {
     };
     for i in 0..=BAYS {
         let (a, b) = (-BAY * i as f32, -BAY * (i as f32 + 1.0));
-        groin_vault(model.of(stones.web), vec2(-NAVE, b), vec2(NAVE, a), HIGH_SPRING, HIGH, 16);
+        groin_vault(model.of(stones.web), [vec2(-NAVE, b), vec2(NAVE, a)], HIGH_SPRING, HIGH, 16);
         let corner = |x: f32, z: f32| vec3(x * NAVE, HIGH_SPRING, z);
-        rib(model.of(stones.trim), corner(-1.0, a), corner(1.0, b), HIGH, section, 12);
-        rib(model.of(stones.trim), corner(-1.0, b), corner(1.0, a), HIGH, section, 12);
+        rib(model.of(stones.trim), [corner(-1.0, a), corner(1.0, b)], HIGH, section, 12);
+        rib(model.of(stones.trim), [corner(-1.0, b), corner(1.0, a)], HIGH, section, 12);
         boss(model, vec3(0.0, HIGH_SPRING + HIGH.0, (a + b) / 2.0));
     }
     for i in 0..=BAYS + 1 {
         let z = -BAY * i as f32;
         let wide = RibSection { width: 0.46, depth: 0.27, half: false };
-        rib(model.of(stones.trim), vec3(-NAVE, HIGH_SPRING, z), vec3(NAVE, HIGH_SPRING, z), HIGH, wide, 14);
+        rib(model.of(stones.trim), [vec3(-NAVE, HIGH_SPRING, z), vec3(NAVE, HIGH_SPRING, z)], HIGH, wide, 14);
     }
     let corners = apse_corners();
     for i in 0..3 {
         let (p, q) = (corners[i], corners[i + 1]);
         for corner in [p, q] {
-            half_web(model.of(stones.web), APSE, (p + q) / 2.0, corner, HIGH_SPRING, HIGH, 16);
+            half_web(model.of(stones.web), [APSE, (p + q) / 2.0, corner], HIGH_SPRING, HIGH, 16);
         }
     }
     for p in &corners[1..3] {
         let a = vec3(p.x, HIGH_SPRING, p.y);
         let b = vec3(2.0 * APSE.x - p.x, HIGH_SPRING, 2.0 * APSE.y - p.y);
-        rib(model.of(stones.trim), a, b, HIGH, RibSection { half: true, ..section }, 12);
+        rib(model.of(stones.trim), [a, b], HIGH, RibSection { half: true, ..section }, 12);
     }
     boss(model, vec3(APSE.x, HIGH_SPRING + HIGH.0 - 0.08, APSE.y));
 }
@@ -360,16 +359,16 @@ fn low_vaults(model: &mut Model, stones: &Stones) {
         let (x0, x1) = (side * inner, side * AISLE);
         for i in 0..BAYS {
             let (a, b) = (-BAY * i as f32, -BAY * (i as f32 + 1.0));
-            groin_vault(model.of(stones.web), vec2(x0.min(x1), b), vec2(x0.max(x1), a), LOW_SPRING, LOW, 12);
+            groin_vault(model.of(stones.web), [vec2(x0.min(x1), b), vec2(x0.max(x1), a)], LOW_SPRING, LOW, 12);
             let section = RibSection { width: 0.22, depth: 0.15, half: false };
             let corner = |x: f32, z: f32| vec3(x, LOW_SPRING, z);
-            rib(model.of(stones.trim), corner(x0, a), corner(x1, b), LOW, section, 9);
-            rib(model.of(stones.trim), corner(x0, b), corner(x1, a), LOW, section, 9);
+            rib(model.of(stones.trim), [corner(x0, a), corner(x1, b)], LOW, section, 9);
+            rib(model.of(stones.trim), [corner(x0, b), corner(x1, a)], LOW, section, 9);
         }
         for i in 0..=BAYS {
             let z = -BAY * i as f32;
             let section = RibSection { width: 0.40, depth: 0.20, half: false };
-            rib(model.of(stones.trim), vec3(x0, LOW_SPRING, z), vec3(x1, LOW_SPRING, z), LOW, section, 10);
+            rib(model.of(stones.trim), [vec3(x0, LOW_SPRING, z), vec3(x1, LOW_SPRING, z)], LOW, section, 10);
         }
     }
 }

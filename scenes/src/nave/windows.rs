@@ -6,9 +6,10 @@ use glam::{Vec3, vec2, vec3};
 
 use super::shell::{aisle_wall, along, apse_wall, nave_wall, sorted};
 use super::{BAY, BAYS, NAVE, Stones};
-use crate::arches::{Opening, Plane};
+use crate::arches::{Opening, Pane, Plane};
 use crate::columns::archivolt;
-use crate::glb::{MaterialId, Model, Scene};
+use crate::glb::{Model, Scene};
+use crate::mesh::Mesh;
 use crate::shapes::{Frame, arc, ring, sweep};
 
 /// How far the glass lies behind the wall's face.
@@ -50,25 +51,25 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     for side in [-1.0, 1.0] {
         let plane = nave_wall(side);
         for o in clerestory_windows(&plane) {
-            window(&mut glass, &mut tracery, stones, stones.high_glass, &plane, &o);
+            window(glass.of(stones.high_glass), &mut tracery, stones, &plane, &o);
         }
         let plane = aisle_wall(side);
         for o in aisle_windows(&plane) {
-            window(&mut glass, &mut tracery, stones, stones.aisle_glass, &plane, &o);
+            window(glass.of(stones.aisle_glass), &mut tracery, stones, &plane, &o);
         }
     }
     for i in 0..3 {
-        window(&mut glass, &mut tracery, stones, stones.apse_glass, &apse_wall(i), &apse_window());
+        window(glass.of(stones.apse_glass), &mut tracery, stones, &apse_wall(i), &apse_window());
     }
     rose_window(&mut glass, &mut tracery, stones);
     scene.show("tracery", tracery);
     scene.show("glass", glass);
 }
 
-fn window(glass: &mut Model, tracery: &mut Model, stones: &Stones, pane: MaterialId, plane: &Plane, o: &Opening) {
+fn window(glass: &mut Mesh, tracery: &mut Model, stones: &Stones, plane: &Plane, o: &Opening) {
     o.reveal(tracery.of(stones.trim), plane, DEPTH, 10);
-    o.archivolt(tracery.of(stones.trim), plane, &archivolt(0.20, 0.06), 10, true);
-    o.pane(glass.of(pane), plane, DEPTH - 0.01, 10, |x, y| vec2(0.5 + 0.5 * x, 1.0 - y));
+    o.archivolt_with_jambs(tracery.of(stones.trim), plane, &archivolt(0.20, 0.06), 10);
+    o.pane(glass, plane, Pane { depth: DEPTH - 0.01, steps: 10 }, |x, y| vec2(0.5 + 0.5 * x, 1.0 - y));
     // Two lights under pointed heads, a ring above them, all 12 cm before the glass.
     let face = Plane { origin: plane.origin - plane.out * (DEPTH - 0.10), ..*plane };
     let stone = tracery.of(stones.trim);
@@ -80,10 +81,10 @@ fn window(glass: &mut Model, tracery: &mut Model, stones: &Stones, pane: Materia
     let edge = [vec2(0.05, -d), vec2(0.05, 0.0), vec2(0.02, d), vec2(-0.02, d), vec2(-0.05, 0.0), vec2(-0.05, -d)];
     for sign in [-1.0, 1.0] {
         let light = Opening { centre: o.centre + sign * o.half / 2.0, half: o.half / 2.0, spring: low, ..*o };
-        light.archivolt(stone, &face, &edge, 7, false);
+        light.archivolt(stone, &face, &edge, 7);
     }
     let head = face.at(o.centre, o.spring + 0.80 * o.half, 0.0);
-    ring(stone, head, face.out, 0.36 * o.half, 0.05, 18);
+    ring(stone, head, face.out, [0.36 * o.half, 0.05], 18);
 }
 
 /// The round window above the west door, set on the wall in a heavy ring.
@@ -103,7 +104,7 @@ fn rose_window(glass: &mut Model, tracery: &mut Model, stones: &Stones) {
         mesh.face(middle, a, b);
     }
     for (r, t) in [(radius, 0.12), (radius + 0.25, 0.08), (radius * 0.5, 0.06), (radius * 0.25, 0.05)] {
-        ring(tracery.of(stones.trim), centre, Vec3::Z, r, t, 32);
+        ring(tracery.of(stones.trim), centre, Vec3::Z, [r, t], 32);
     }
     let section = arc(glam::Vec2::ZERO, 0.05, 0.0, 360.0, 6);
     for i in 0..12 {
