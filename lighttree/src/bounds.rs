@@ -83,7 +83,7 @@ impl<F: Real> Region<F> {
 
     /// Largest `axis · d` over the points d of the box \[m for a unit axis\].
     ///
-    /// Summed from the corner's own products and not from centre and half size: those cancel when a huge box
+    /// Summed from the corner's own products and not from center and half size: those cancel when a huge box
     /// begins close to the receiver, and a bound that rounds downward there is none.
     #[inline(always)]
     fn furthest_along(&self, axis: Vector3<F>) -> F {

@@ -212,7 +212,7 @@ pub(crate) struct Metrics {
     pub points: Metric,
     /// Of directional lights, on the unit sphere.
     pub directions: Metric,
-    /// What a distance of 1 on the unit sphere counts as beside distances in the scene \[m²\].
+    /// Square of the distance in the scene that a distance of 1 on the unit sphere counts as \[m²\].
     unit_length2: f32,
 }
 

@@ -1,4 +1,4 @@
-//! Calibrated stopping: how far cuts may be let go, by the errors that they turn out to have. (Ours; no paper has it.)
+//! Calibrated stopping: how far bounds may exceed thresholds, learned from measured errors. (Ours; no paper has it.)
 //!
 //! The bound of a cut holds for each of its clusters. What a pixel is wrong by is their sum, in which errors cancel where
 //! clusters are few and add up where they are many; the bound alone does not tell. So some pixels are *audited*: cut
@@ -12,7 +12,7 @@
 //!
 //! κ is one for each octave of ΔY / Y: from 2 % to more than half of the luminance, cuts go from hundreds of clusters to a
 //! dozen, and their errors with them. The first audits of an octave take κ down at once as far as they say: what a film
-//! begins with is a guess. An octave without audits yet is let go no farther than the next finer, for a film begins at 2 %.
+//! begins with is a guess. An octave without audits yet has at most the κ of the next finer one, for a film begins at 2 %.
 //!
 //! Audits are counted in buckets, integers whose sum does not depend on the order: any number of threads learns the same.
 
@@ -112,14 +112,14 @@ impl Default for Audits {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Learned {
-    /// 95 in a hundred are wrong by at most so many thresholds.
+    /// 95 % quantile of the errors \[thresholds\].
     pub error_p95: f64,
     /// Mean of κ over the audits.
     pub kappa: f64,
 }
 
 impl Audits {
-    /// An audit of this class found an error of so many thresholds.
+    /// Notes the error of an audit \[thresholds\] of this class.
     pub fn note(&self, class: usize, ratio: f32) {
         self.0[class][bucket(ratio)].fetch_add(1, Ordering::Relaxed);
     }
@@ -214,7 +214,7 @@ impl Counts {
         self.0.iter().sum()
     }
 
-    /// What this share of them stays below: the upper end of its bucket.
+    /// The error that this share of the audits stays below: the upper end of its bucket.
     fn quantile(&self, share: f64) -> f32 {
         let wanted = (f64::from(self.total()) * share).ceil() as u32;
         let mut sum = 0;
@@ -273,7 +273,7 @@ mod tests {
         }
     }
 
-    /// What a film begins with is taken back by one frame of audits, and let go step by step: errors of none may be those of
+    /// The first κ of a film falls by one frame of audits, and rises step by step: errors of none may be those of
     /// a film that begins in the dark.
     #[test]
     fn the_first_audits_are_followed_down_at_once() {

@@ -96,7 +96,7 @@ impl LightTree {
             at = if added[1] < added[0] { first + 1 } else { first };
             level += 1;
         }
-        // The leaf becomes a pair at the end of the nodes: still behind its parent.
+        // The leaf becomes a pair at the end of the nodes: still after its parent.
         let pair = self.nodes.len() as u32;
         let old = self.nodes[at];
         self.nodes.extend([old, leaf]);

@@ -36,7 +36,7 @@ const PAPER_MAX_SIZE: u32 = 1000;
 /// When a cut is fine enough. Either way it also ends at the largest size the [`Scratch`] allows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stop {
-    /// No cluster may be wrong by more than this luminance \[W·m⁻²·sr⁻¹\]; 0 asks for every light.
+    /// No cluster may be wrong by more than this luminance \[W·m⁻²·sr⁻¹\]; with 0 the cut holds every light.
     Absolute(f32),
     /// No cluster may be wrong by more than a fraction of the pixel's luminance: the paper's rule, with 2 %.
     Relative {
@@ -55,7 +55,7 @@ pub struct Cut {
     /// Clusters in the cut, single lights included; those that provably contribute nothing are not counted.
     /// At most what the [`Scratch`] allows, and one more where a tree holds directional and other lights.
     pub size: u32,
-    /// Calls of `visible`, at most one per light. An absolute cut asks for its own clusters only, a relative one, and
+    /// Calls of `visible`, at most one per light. An absolute cut traces rays for its own clusters only. A relative one, and
     /// one that reaches the largest size, also for clusters on its way that turn out dark and for halves it leaves again.
     pub shadow_rays: u32,
     /// Largest error bound of a cluster in the cut, as luminance \[W·m⁻²·sr⁻¹\].
@@ -100,7 +100,7 @@ pub struct Scratch {
     /// Shadow rays, `ray_count` of them, and room for those of the largest cut.
     rays: Vec<ShadowRay>,
     ray_count: usize,
-    /// What arrives by each of the `rays` if it is free; the fourth number is not zero.
+    /// Radiance that arrives by each of the `rays` if it is free; the fourth number is not zero.
     radiance: Vec<Vec4>,
     /// M · G of the light of each of the `rays`, where clusters are kept, and its node; the fourth number does not matter.
     terms: Vec<(Vec4, u32)>,
@@ -151,9 +151,9 @@ impl Scratch {
 }
 
 impl LightTree {
-    /// Light reflected at a receiver from all lights of the tree, to the accuracy that `stop` asks for.
+    /// Light reflected at a receiver from all lights of the tree, to the accuracy that `stop` demands.
     ///
-    /// `visible(light, index)` casts the shadow ray between the receiver's position and the light; it is asked only for
+    /// `visible(light, index)` traces the shadow ray between the receiver's position and the light; it is called only for
     /// lights that would contribute. The result depends on its arguments alone. Nothing is allocated once the scratch
     /// has served a cut in this tree.
     pub fn lightcut<R: Receiver>(
@@ -198,8 +198,8 @@ impl LightTree {
     }
 
     /// As [`LightTree::lightcut`], with the shadow rays handed over together: `visible(lights, rays)` sets
-    /// [`ShadowRay::visible`] of each ray, all of which start at the receiver. An absolute cut asks once, for all of its
-    /// rays; refinement best first has to know one before the next and asks for each alone.
+    /// [`ShadowRay::visible`] of each ray, all of which start at the receiver. An absolute cut calls it once, for all of its
+    /// rays; refinement best first has to know one before the next and hands over each alone.
     pub fn lightcut_batched<R: Receiver>(
         &self,
         receiver: &R,

@@ -8,7 +8,7 @@ use crate::tree::LightTree;
 
 /// Sum over all lights with the estimator of [`LightTree::lightcut`] \[W·m⁻²·sr⁻¹\], in `f64`.
 ///
-/// `visible` is asked, with the light and its index, for each light that would contribute.
+/// `visible` is called, with the light and its index, for each light that would contribute.
 pub fn exhaustive<R: Receiver>(
     lights: &[Light],
     geometry_term_bound: f32,

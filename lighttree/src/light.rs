@@ -1,4 +1,4 @@
-//! What is clustered: one point light, its geometric term and its unshadowed share of the light reflected at a receiver.
+//! The point light, element of all clusters: its geometry term and its unshadowed share of the light reflected at a receiver.
 
 use glam::{Vec3, Vec4};
 
@@ -77,7 +77,7 @@ impl Light {
     }
 }
 
-/// What had to be done to a light before it could enter a tree.
+/// Usability of a light that enters a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Fitness {
     Good,
@@ -98,7 +98,7 @@ pub(crate) fn accepted_intensity(intensity: Vec3) -> (Vec3, bool) {
 /// Value of [`Node::cone_cosine`](crate::tree::Node) and of [`Site::kind`] that marks directional lights, below any cosine.
 pub(crate) const DIRECTIONAL: f32 = -2.0;
 
-/// What an estimate reads of a light, or of four.
+/// Position and axis of a light, or of four: all that an estimate reads.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Site<F> {
     /// Position; the unit direction towards a directional light.
@@ -117,7 +117,7 @@ pub(crate) struct StoredSite {
     pub position: Vec3,
     pub kind: f32,
     pub axis: Vec3,
-    /// How long it takes to ask for its shadow at unit light: the light's number in the race of
+    /// Time until its shadow ray is traced, at unit light: the light's number in the race of
     /// [halves](crate::cut) \[W·m⁻²·sr⁻¹\]; 0 where there is none.
     pub delay: f32,
 }
@@ -180,7 +180,7 @@ pub(crate) fn unshadowed<F: Real, R: Receiver>(
     unshadowed_of::<false, F, R>(receiver, position, site, geometry_term_bound)
 }
 
-/// [`unshadowed`], to the same bits, of lights that are known to be `Cosine` if `COSINE`: nothing asks for their kind.
+/// [`unshadowed`], to the same bits, of lights that are known to be `Cosine` if `COSINE`: their kind is not looked at.
 #[inline(always)]
 pub(crate) fn unshadowed_of<const COSINE: bool, F: Real, R: Receiver>(
     receiver: &R,

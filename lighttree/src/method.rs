@@ -1,4 +1,4 @@
-//! Rivals of the cut, behind one call: every light, a cut whose representatives are drawn anew for each receiver, and
+//! Rivals of the cut, in one call: every light, a cut whose representatives are drawn anew for each receiver, and
 //! plain importance sampling of the tree.
 //!
 //! `[Yuksel19]` C. Yuksel: Stochastic lightcuts. High-Performance Graphics 2019.
@@ -36,7 +36,7 @@ pub enum Method {
     /// [`LightTree::lightcut`].
     Lightcut(Stop),
     /// The clusters of a cut, each by a light drawn for this receiver alone \[Yuksel19\]: errors become noise that
-    /// differs between streams, where the cut's own representatives are wrong alike for all neighbours.
+    /// differs between streams, where the cut's own representatives are wrong alike for all neighbors.
     Stochastic {
         /// Chooses the clusters. The thresholds bound errors of the clusters as they do for cuts.
         stop: Stop,
@@ -159,7 +159,7 @@ impl LightTree {
         (index, probability)
     }
 
-    /// What the light of a drawn leaf stands for; nothing, where the way ended in the dark.
+    /// Radiance that the light of a drawn leaf stands for; zero where the way ended in the dark.
     fn share<R: Receiver>(
         &self,
         receiver: &R,
@@ -221,7 +221,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(300))]
 
-        /// What is drawn from the roots is on average the sum over every light, however rarely one of them is drawn.
+        /// Light drawn from the roots is on average the sum over every light, however rarely one of them is drawn.
         #[test]
         fn drawn_lights_are_right_on_average(scene in testing::scene(1..40), shadow_seed: u64) {
             let tree = LightTree::build(&scene.lights, BuildParams::bounded_by(scene.geometry_term_bound).with_seed(scene.seed));

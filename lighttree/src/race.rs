@@ -23,7 +23,7 @@ fn arrival(seed: u64, light: u64, luminance: f32) -> f64 {
     -uniform(seed, light).ln() / f64::from(luminance).max(DARK)
 }
 
-/// A light's number in the [second race](crate::cut), of the halves of a cluster: which of them is asked for its shadow.
+/// A light's number in the [second race](crate::cut), of the halves of a cluster: the winner gets the shadow ray.
 /// Exponentially distributed, and independent of [`arrivals`].
 pub(crate) fn delay(seed: u64, light: u64) -> f32 {
     -uniform(seed ^ SECOND_RACE, light).ln() as f32

@@ -55,7 +55,7 @@ pub trait Receiver {
 
 /// Receivers that can be bounded together, for [`LightTree::lightcuts`](crate::LightTree::lightcuts).
 pub trait Bundled: Receiver + Sized {
-    /// What is known of all of them.
+    /// Bounds of all receivers together.
     type Bundle: ReflectBound;
 
     /// Bounds that hold for each of these receivers, of which there is one at least.

@@ -27,7 +27,7 @@ impl Sites {
     /// what points nowhere has its site nowhere.
     pub fn new(nodes: &[Node], lights: &[Light], seed: u64) -> Self {
         let mut sites = Self { pairs: vec![Pair([StoredSite::NOWHERE; 2]); nodes.len() / 2 + 1] };
-        // Children lie behind their parents.
+        // Children lie after their parents.
         for (index, node) in nodes.iter().enumerate().rev() {
             if node.is_leaf() {
                 *sites.slot(index) = Self::of_leaf(node, lights, seed);

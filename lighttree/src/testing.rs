@@ -69,7 +69,7 @@ fn unit() -> impl Strategy<Value = Vec3> {
     prop_oneof![2 => free, 1 => axes]
 }
 
-/// Reproducible numbers, for tests of so many cases that strategies would take most of the time (SplitMix64).
+/// Reproducible numbers, for tests of many cases, where strategies would take most of the time (SplitMix64).
 #[derive(Clone, Debug)]
 pub(crate) struct Random(pub u64);
 
@@ -87,7 +87,7 @@ impl Random {
         low + (high - low) * ((self.bits() >> 40) as f32 / (1u64 << 24) as f32)
     }
 
-    /// True once in so many times.
+    /// True once in this many times.
     pub fn once_in(&mut self, times: u64) -> bool {
         self.bits().is_multiple_of(times)
     }

@@ -99,7 +99,7 @@ pub(crate) fn sibling(child: usize) -> usize {
 pub struct LightTree {
     pub(crate) nodes: Vec<Node>,
     pub(crate) lights: Vec<Light>,
-    /// What estimates read of the representatives.
+    /// Sites of the representatives, which estimates read.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub(crate) sites: Sites,
     /// s² in G, see [`BuildParams`](crate::BuildParams).

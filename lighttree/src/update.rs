@@ -105,7 +105,7 @@ impl LightTree {
     /// New sums and representatives; `swap` decides from a node's chosen and its other child.
     fn sum_upward(&mut self, swap: impl Fn(&Node, &Node) -> bool) -> UpdateStats {
         let mut stats = UpdateStats::default();
-        // Children lie behind their parents.
+        // Children lie after their parents.
         for index in (0..self.nodes.len()).rev() {
             let mut node = self.nodes[index];
             if node.is_leaf() {

@@ -1,4 +1,4 @@
-//! What the codec really did to a picture, instead of what any codec might: tolerable errors from the steps, modes and
+//! Tolerable errors from the real coding of a picture, instead of that of any codec: from the steps, modes and
 //! losses of one encoder.
 //!
 //! An error of the renderer goes through the same quantiser as the picture does. Where a coefficient is written, its error
@@ -76,7 +76,7 @@ pub enum NextPicture {
     Predicted,
 }
 
-/// p_ij in raster order, sum 1: neighbours take nearly the same clusters, so that their errors are nearly the same.
+/// p_ij in raster order, sum 1: neighbors take nearly the same clusters, so that their errors are nearly the same.
 ///
 /// Of lightcuts on `cornell` at quantisers 2 to 48, 65 to 67 % of the energy is in the DC, 7 to 8 % in each of the two next,
 /// 1.3 % in the next on the diagonal; on `nave`, 46 to 58 %, 4 to 9 % and 1.5 to 2 %. This has 66, 9 and 1.4 %.
@@ -87,7 +87,7 @@ fn error_spectrum() -> [f32; 64] {
     p.map(|p| p / sum)
 }
 
-/// What is always left of a dead zone: without it, a block that is about to be sent would be asked to be exact, and its
+/// Least share of a dead zone that is left: without it, a block that is about to be sent would have to be exact, and its
 /// residual is not known better than by a part of the zone.
 const LEAST_MARGIN: f32 = 0.125;
 
@@ -103,7 +103,7 @@ pub(crate) struct CodedMasking {
     per_margin: [f32; 64],
 }
 
-/// What coding does to a block.
+/// Effect of the coding on a block.
 struct BlockLoss {
     /// Mean square error.
     d2: f32,
@@ -169,7 +169,7 @@ impl CodedMasking {
         self.loss(d, levels, &steps, 1.0)
     }
 
-    /// What an intra picture would do to a block with coefficients `c`.
+    /// Predicted loss of a block with coefficients `c` in an intra picture.
     fn predicted_intra_loss(&self, c: &[f32; 64], scale: f32) -> BlockLoss {
         let steps = self.intra_steps(scale);
         let is_written = |i: usize| i == 0 || c[i].abs() >= WORTH_A_LEVEL * steps[i];

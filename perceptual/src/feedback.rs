@@ -1,4 +1,4 @@
-//! The loop over frames: what was seen in frame t decides how exact frame t+1 has to be.
+//! The loop over frames: frame t decides how exact frame t+1 has to be.
 
 use crate::coded::{CodedMasking, CodedPicture, NextPicture, QuantiserSteps};
 use crate::predicted::PredictedCoding;
@@ -33,7 +33,7 @@ pub struct ObservedFrame<'a> {
     pub matches: Option<&'a Plane<u32>>,
 }
 
-/// What is expected of an encoder that has not coded a frame yet.
+/// Expected coding of a frame that the encoder has not coded yet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExpectedCoding {
     /// MPEG-2's quantiser_scale in force, 1…112.

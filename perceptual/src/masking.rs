@@ -1,4 +1,4 @@
-//! What the codec may do to a block unseen: luminance and contrast masking in the DCT domain.
+//! Luminance and contrast masking in the DCT domain: the invisible changes of a block.
 //!
 //! Watson's model \[Watson93\] with the intra matrix of MPEG-2 as base thresholds, as \[Herzog08, §5.1 and §5.2\] use it:
 //!

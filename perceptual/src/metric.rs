@@ -7,7 +7,7 @@
 use crate::NO_MATCH;
 use plane::Plane;
 
-/// A sample that consists of numbers: a single one, or the components of a colour.
+/// A sample that consists of numbers: a single one, or the components of a color.
 pub trait Components: Copy {
     /// The numbers.
     fn components(&self) -> &[f32];
@@ -97,7 +97,7 @@ pub fn flicker(pictures: [&Plane<u8>; 2], references: [&Plane<u8>; 2], matches: 
     sum / count.max(1) as f64
 }
 
-/// Root of the mean squared error, in the unit of the samples; colours: over all components.
+/// Root of the mean squared error, in the unit of the samples; colors: over all components.
 #[must_use]
 pub fn rmse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> f64 {
     mean(picture, reference, |a, b| (a - b).powi(2)).sqrt()
@@ -109,7 +109,7 @@ pub fn relative_mse<T: Components>(picture: &Plane<T>, reference: &Plane<T>) -> 
     mean(picture, reference, |a, b| (a - b).powi(2) / (b * b + RELATIVE_MSE_EPSILON))
 }
 
-/// Samples on each side of the centre of the window of [`ssim`].
+/// Samples on each side of the center of the window of [`ssim`].
 const RADIUS: usize = 5;
 /// Width of its Gaussian in samples \[Wang04, §III-C\].
 const SIGMA: f64 = 1.5;

@@ -182,7 +182,7 @@ mod tests {
         }
     }
 
-    /// What stays as it was is not sent again, and what comes into view is coded by itself.
+    /// Pixels that stay as they were are not sent again, and those that come into view are coded by themselves.
     #[test]
     fn still_parts_are_skipped_and_new_ones_are_intra() {
         let steps = QuantiserSteps::default();

@@ -12,7 +12,7 @@
 //! [`tolerable_error`] is eq. (4), [`blend`] is eq. (5); [`reproject`] fetches ΔY(t) along the motion into frame t+1.
 //!
 //! # Differs from the paper
-//! - **Colour.** Luma alone does not tell the luminance of a colour: the luma of a saturated colour decodes, as a grey, to
+//! - **Color.** Luma alone does not tell the luminance of a color: the luma of a saturated color decodes, as a grey, to
 //!   less than its luminance (never to more, for concave curves). With g(y′) the luminance of grey of luma y′, eq. (4) is
 //!   evaluated as `f · |g(ŷ′) − g(y′)|` with `f = Y / g(y′)`, kept within 1…1/0.0722. For a curve that is a power, where relative
 //!   changes of luma are relative changes of luminance, that is the right relative error; for grey it is eq. (4)
@@ -201,7 +201,7 @@ pub(crate) fn blend_within(
     Plane::from_vec(e.width(), e.height(), data)
 }
 
-/// What frame t+1 may be wrong by: ΔY(t) fetched along the motion.
+/// Thresholds of frame t+1: ΔY(t) reprojected along the motion.
 ///
 /// `matches` holds, for each pixel of frame t+1, the raster index of its match in frame t, or [`NO_MATCH`]; pixels without match
 /// get 2 % of their luminance.

@@ -6,7 +6,7 @@
 //! x = exposure · radiance            v = curve(x), 0…1, linear display light            display = transfer(v), 0…1
 //! ```
 //!
-//! The way back is needed by eq. (4) of \[Herzog08\]: what the codec may change in luma is asked for in luminance.
+//! The way back is needed by eq. (4) of \[Herzog08\]: a change of luma by the codec is needed as one of luminance.
 //! Sources: \[Reinhard02\] for the two Reinhard curves (eqs. 3 and 4 there, without local adaptation), \[Hable10\] for the filmic
 //! curve, IEC 61966-2-1 for sRGB.
 //!

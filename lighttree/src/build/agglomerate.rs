@@ -17,7 +17,7 @@
 //! # Differs from the papers
 //!
 //! * All pairs that are each other's cheapest partners are joined together, in rounds, over clusters in the order of the
-//!   search tree: neighbours search one after the other and find the tree in the cache, and a round's searches need not
+//!   search tree: neighbors search one after the other and find the tree in the cache, and a round's searches need not
 //!   know of each other. (With one heap for the exact order it took twice as long.) A cluster that lost its partner
 //!   searches again only when another one waits for it.
 //! * Omni and oriented lights share one tree (directional ones have their own). A cluster of both has a cone of all
@@ -25,7 +25,7 @@
 //!   lights alone.
 //! * c is the diagonal of the oriented lights' box: a far dome of omni lights must not make orientation dear.
 //! * I has a floor of [`LUMINANCE_FLOOR`](super::LUMINANCE_FLOOR) of the mean light, so that lights which are dark now
-//!   still find sensible neighbours; α² has one of [`COINCIDENCE`](super::COINCIDENCE)² of the scene's, so that coincident
+//!   still find sensible neighbors; α² has one of [`COINCIDENCE`](super::COINCIDENCE)² of the scene's, so that coincident
 //!   lights merge dimmest first, into a balanced tree. Neither touches intensities or representatives.
 //! * The search uses a static median-split tree that is made anew each time the clusters have become fewer by a quarter.
 
@@ -100,10 +100,10 @@ pub(super) struct Partner {
 
 const NOBODY: Partner = Partner { cost: f32::INFINITY, id: DEAD };
 
-/// What is known of each cluster, by its number.
+/// The clusters, by their numbers.
 struct Partners {
     of: Vec<Partner>,
-    /// What a cluster has become part of.
+    /// The cluster that each has become part of.
     heir: Vec<u32>,
     /// Whether a cluster is among those that search next.
     searches: Vec<bool>,

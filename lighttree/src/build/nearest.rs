@@ -24,7 +24,7 @@ pub(super) struct Neighborhood<'a> {
     alive: usize,
 }
 
-/// What the union with any cluster below has to cover at least.
+/// Least extent of the union with any cluster below.
 struct SearchNode {
     /// Largest `low`, smallest `high` of the boxes.
     low: Vec3A,
@@ -52,7 +52,7 @@ impl<'a> Neighborhood<'a> {
         this
     }
 
-    /// Those that are left, neighbours next to each other.
+    /// Those that are left, neighbors next to each other.
     pub fn alive(&self) -> impl Iterator<Item = u32> {
         self.slots.iter().map(|cluster| cluster.id).filter(|&id| id != DEAD)
     }

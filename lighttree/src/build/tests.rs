@@ -99,7 +99,7 @@ fn coincident_lights_make_a_balanced_tree() {
 }
 
 #[test]
-fn dark_lights_still_find_their_neighbours() {
+fn dark_lights_still_find_their_neighbors() {
     let lights: Vec<Light> = (0..64)
         .map(|k| Light {
             position: Vec3::new((k % 8) as f32, (k / 8) as f32, 0.0),
@@ -110,7 +110,7 @@ fn dark_lights_still_find_their_neighbours() {
     let tree = LightTree::build(&lights, params(0));
     assert_eq!(tree.validate(), Ok(()));
     let pairs = tree.nodes.iter().filter(|n| !n.is_leaf() && (n.high - n.low).length() < 1.01).count();
-    assert!(pairs >= 30, "{pairs} pairs of direct neighbours");
+    assert!(pairs >= 30, "{pairs} pairs of direct neighbors");
 }
 
 #[test]

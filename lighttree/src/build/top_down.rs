@@ -82,7 +82,7 @@ fn split(items: &mut [Item], merges: &mut [[u32; 2]], first_merge: u32, metric: 
     root
 }
 
-/// What is known of some lights together.
+/// Bounds and sum of some lights together.
 #[derive(Clone, Copy)]
 struct Group {
     low: Vec3A,

@@ -230,7 +230,7 @@ impl LightTree {
     }
 }
 
-/// What a cluster would send if its light were seen.
+/// The light of a cluster, visibility left out.
 struct Unshadowed {
     node: u32,
     light: u32,

@@ -1,4 +1,4 @@
-//! What each receiver of a bundle does with the clusters that it shares.
+//! The part of each receiver of a bundle in the clusters that it shares.
 //!
 //! Shared clusters are gathered once, by fours, in the order in which every receiver reads them. Each receiver of a group
 //! bounds the undecided ones for itself. Those within its threshold it takes from there like the common ones; below the

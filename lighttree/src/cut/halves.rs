@@ -1,8 +1,8 @@
 //! Estimates of clusters by their halves.
 //!
 //! The paper takes one light for a cluster, L = M · G · V · I. Its light without the shadow costs next to nothing beside
-//! a shadow ray, so two are asked for it, the representatives a and b of the cluster's children, and one of them for
-//! the shadow:
+//! a shadow ray, so two lights are evaluated, the representatives a and b of the cluster's children, and one
+//! shadow ray is traced:
 //!
 //! ```text
 //! L = V_k (M_a G_a I_a + M_b G_b I_b)        k is a with probability M_a G_a I_a / (M_a G_a I_a + M_b G_b I_b), else b
@@ -12,7 +12,7 @@
 //! below their bounds. It is resampling \[Talbot05\] of two candidates that are strata.
 //!
 //! k is decided by a second race, in which each light keeps its exponentially distributed number and runs as fast as
-//! what it stands for arrives at the receiver. So k is the same for neighbours, and stays in time.
+//! its light arrives at the receiver. So k is the same for neighbors, and stays in time.
 //!
 //! Measured on the lights, pixels and shadows of `scenes/`, 96×96 pixels, cuts of 20 % that are equal but for this; root
 //! mean square of the relative error over all pixels and 50 seeds:
@@ -50,7 +50,7 @@ pub(super) struct Halves {
     cosine: bool,
 }
 
-/// Of four clusters: the light that is asked for the shadow, and the radiance that arrives if it is seen.
+/// Of four clusters: the light of the shadow ray, and the radiance that arrives if it is seen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Estimates {
     pub lights: [u32; 4],
@@ -65,7 +65,7 @@ impl Halves {
         self.choose(&self.arriving::<F, R>(receiver, geometry_term_bound))
     }
 
-    /// What arrives of all eight halves if they are seen.
+    /// Radiance from all eight halves if they are seen.
     #[inline(always)]
     pub fn arriving<F: PartOfEight, R: Receiver>(&self, receiver: &R, geometry_term_bound: f32) -> Vector3<Eight> {
         let mut arriving = Vector3::ZERO;
@@ -130,7 +130,7 @@ fn unoccluded<F: Real, R: Receiver>(
     unit.times(intensity)
 }
 
-/// What an estimate reads of four nodes: one half of each of four clusters, or both of two.
+/// Sites and intensities of four nodes: one half of each of four clusters, or both of two.
 struct FourNodes {
     sites: Site<Vec4>,
     intensity: Vector3<Vec4>,
@@ -138,7 +138,7 @@ struct FourNodes {
 }
 
 impl LightTree {
-    /// What [`Halves::estimates`] needs of four clusters.
+    /// The halves of four clusters, for [`Halves::estimates`].
     #[inline(always)]
     pub(super) fn halves(&self, clusters: [u32; 4]) -> Halves {
         let [a, b, c, d] = clusters.map(|cluster| self.below(cluster as usize));

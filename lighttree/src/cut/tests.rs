@@ -133,7 +133,7 @@ fn build(scene: &Scene, builder: Builder) -> LightTree {
     )
 }
 
-/// 10⁵ cuts of all scales, at random thresholds and largest sizes, behind random shadows.
+/// 10⁵ cuts of all scales, at random thresholds and largest sizes, with random shadows.
 #[test]
 fn cuts_keep_their_promises() {
     let mut random = Random(7);
@@ -169,7 +169,7 @@ fn cuts_keep_their_promises() {
     assert!(refined > 50_000, "{refined} cuts of more than one cluster");
 }
 
-/// Bundles of neighbours and of strangers, by shared cuts: the promises of cuts made alone.
+/// Bundles of neighbors and of strangers, by shared cuts: the promises of cuts made alone.
 #[test]
 fn shared_cuts_keep_the_promises_of_each() {
     let mut random = Random(8);
@@ -223,7 +223,7 @@ fn shared_cuts_keep_the_promises_of_each() {
     assert!(saved > 2000, "{saved} bundles with fewer visits");
 }
 
-/// What arrives at a receiver of the halves of four clusters.
+/// Radiance at a receiver from the halves of four clusters.
 struct Arriving<'a, R>(&'a halves::Halves, &'a R, f32);
 
 impl<R: Receiver> Kernel for Arriving<'_, R> {

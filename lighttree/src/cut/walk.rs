@@ -12,7 +12,7 @@ use crate::lanes::Vector3;
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 
-/// Room in the queue for so many refined nodes per cluster of the largest cut. A cut without dark clusters refines one
+/// Room in the queue: refined nodes per cluster of the largest cut. A cut without dark clusters refines one
 /// node less than it has clusters; where this is not enough, refinement best first takes over.
 const QUEUE_PER_CLUSTER: usize = 4;
 

@@ -26,7 +26,7 @@ fn lights_below(tree: &LightTree, index: usize) -> Vec<usize> {
     [lights_below(tree, first), lights_below(tree, first + 1)].concat()
 }
 
-/// What the cluster could do at most, all facing each other; `strongest` is the material's largest M.
+/// Largest luminance from the cluster, all facing each other; `strongest` is the material's largest M.
 fn face_to_face(tree: &LightTree, node: &Node, from: Vec3, strongest: Vec3) -> f32 {
     let reflected = luminance(strongest * node.intensity);
     if node.is_directional() {
@@ -37,7 +37,7 @@ fn face_to_face(tree: &LightTree, node: &Node, from: Vec3, strongest: Vec3) -> f
 }
 
 /// Everything a cluster can give, and the difference of any two such values, stays below the bound: for the estimate, the
-/// truth behind random shadows, and the truth without any. Returns how many clusters were checked.
+/// truth with random shadows, and the truth without any. Returns how many clusters were checked.
 fn check<R: Receiver>(tree: &LightTree, receiver: &R, strongest: Vec3, shadows: u64) -> usize {
     let position = receiver.position();
     let clusters = tree.nodes.iter().enumerate().filter(|(index, _)| *index > 0 || !tree.is_joint());
