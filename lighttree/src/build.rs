@@ -15,9 +15,10 @@ use glam::Vec3A;
 
 use crate::bounds::Cone;
 use crate::light::{Emission, Fitness, Light, luminance};
+use crate::node::Node;
 use crate::race::arrivals;
 use crate::sites::Sites;
-use crate::tree::{LightTree, Node};
+use crate::tree::LightTree;
 use cluster::{Cluster, Metric};
 
 /// Ours: smallest weight of a light in the cost, in mean lights.

@@ -11,7 +11,8 @@ use glam::Vec3;
 use crate::bounds::Cone;
 use crate::build::{BuildParams, Builder, Metrics};
 use crate::light::{Fitness, Light, luminance};
-use crate::tree::{LightTree, Node};
+use crate::node::Node;
+use crate::tree::LightTree;
 
 /// Ours: a tree this much deeper than log₂ of its lights is built anew instead of grown further \[levels\].
 const DEEPEST: usize = 64;

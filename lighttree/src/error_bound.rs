@@ -15,8 +15,8 @@ use glam::{Vec3, Vec4};
 use crate::bounds::{DirectionCone, Region};
 use crate::lanes::{Real, Vector3};
 use crate::light::{LUMINANCE_WEIGHTS, transpose};
+use crate::node::Node;
 use crate::receiver::{Receiver, ReflectBound};
-use crate::tree::Node;
 
 /// Bounds of a cluster, or of four: all that an error bound reads.
 #[derive(Clone, Copy, Debug)]

@@ -25,6 +25,7 @@ mod gradient; // how irradiance changes with place and normal
 mod lanes; // one number, four or eight
 mod light; // what is clustered
 mod method; // rivals of the cut
+mod node; // a cluster
 mod race; // who represents a cluster
 mod rebuild; // a new tree, and the way to it
 mod receiver; // where light arrives
@@ -33,7 +34,7 @@ mod sites; // where the lights of clusters are
 mod store; // trees as bytes
 #[cfg(test)]
 mod testing; // random scenes
-mod tree; // nodes and their invariants
+mod tree; // nodes and their lights
 mod update; // new intensities
 mod validate; // checks of a whole tree
 

@@ -95,7 +95,7 @@ pub(crate) fn accepted_intensity(intensity: Vec3) -> (Vec3, bool) {
     (if usable { intensity } else { Vec3::ZERO }, usable)
 }
 
-/// Value of [`Node::cone_cosine`](crate::tree::Node) and of [`Site::kind`] that marks directional lights, below any cosine.
+/// Value of [`Node::cone_cosine`](crate::node::Node) and of [`Site::kind`] that marks directional lights, below any cosine.
 pub(crate) const DIRECTIONAL: f32 = -2.0;
 
 /// Position and axis of a light, or of four: all that an estimate reads.

@@ -7,8 +7,8 @@
 use glam::Vec4;
 
 use crate::light::{Light, Site, StoredSite};
+use crate::node::Node;
 use crate::race::delay;
-use crate::tree::Node;
 
 /// The site of each node's representative.
 #[derive(Clone, Debug, Default)]

@@ -4,8 +4,11 @@
 //! "LTRE"  version (u32)  length of the body (u64)  CRC-32 of the body (u32)  body (bincode)     all little-endian
 //! ```
 
-use crate::tree::Stored;
-use crate::{InvalidTree, LightTree};
+use crate::light::Light;
+use crate::node::Node;
+use crate::sites::Sites;
+use crate::tree::LightTree;
+use crate::validate::InvalidTree;
 
 const MAGIC: [u8; 4] = *b"LTRE";
 const VERSION: u32 = 2;
@@ -38,6 +41,44 @@ impl std::fmt::Display for StoreError {
 }
 
 impl std::error::Error for StoreError {}
+
+/// A tree as it is stored: nothing is checked yet.
+#[derive(serde::Deserialize)]
+pub(crate) struct Stored {
+    nodes: Vec<Node>,
+    lights: Vec<Light>,
+    geometry_term_bound: f32,
+    extents: Vec<f32>,
+    depth: usize,
+    cost_at_build: f64,
+    misplaced: Vec<u32>,
+    rejected: usize,
+    seed: u64,
+}
+
+impl TryFrom<Stored> for LightTree {
+    type Error = InvalidTree;
+
+    fn try_from(stored: Stored) -> Result<Self, InvalidTree> {
+        let Stored { nodes, lights, geometry_term_bound, extents, depth, cost_at_build, misplaced, rejected, seed } =
+            stored;
+        let sites = Sites::new(&nodes, &lights, seed);
+        let tree = Self {
+            nodes,
+            lights,
+            sites,
+            geometry_term_bound,
+            extents,
+            depth,
+            cost_at_build,
+            misplaced,
+            rejected,
+            seed,
+        };
+        tree.validate()?;
+        Ok(tree)
+    }
+}
 
 impl LightTree {
     /// The tree as bytes, for [`LightTree::from_bytes`].
@@ -95,7 +136,7 @@ impl LightTree {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BuildParams, Emission, Lambert, Light, Method, Scratch, Stop};
+    use crate::{BuildParams, Emission, Lambert, Method, Scratch, Stop};
     use glam::Vec3;
 
     fn tree() -> LightTree {

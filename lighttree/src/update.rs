@@ -12,8 +12,9 @@
 use glam::Vec3;
 
 use crate::light::{accepted_intensity, luminance};
+use crate::node::{Node, sibling};
 use crate::race::arrivals;
-use crate::tree::{LightTree, Node, sibling};
+use crate::tree::LightTree;
 
 /// C_I of \[Herzog08\]: the representative child may be this much dimmer than its sibling.
 const SWAP_RATIO: f32 = 0.7;

@@ -7,8 +7,9 @@ use std::fmt;
 
 use crate::build::SMALLEST_BOUND;
 use crate::light::{Emission, Fitness, StoredSite};
+use crate::node::Node;
 use crate::sites::Sites;
-use crate::tree::{LightTree, Node};
+use crate::tree::LightTree;
 
 /// Largest deviation of stored axes from unit length, and of sine and cosine from one angle: they are rounded to `f32`.
 const ROUNDING: f32 = 1e-3;

@@ -40,7 +40,10 @@ pub use crate::threshold_map::{
     tolerable_error_counted,
 };
 pub use crate::tonemap::{Display, Operator, OutOfRange, ToneMap, UnknownOperator};
-pub use crate::ycbcr::{LUMINANCE_WEIGHTS, WHITE_LUMA, YCbCr, luminance, luminance_plane, to_rgb8};
+pub use crate::ycbcr::{LUMINANCE_WEIGHTS, YCbCr, luminance, luminance_plane, to_rgb8};
+
+/// Luma of white in code values above black.
+pub const WHITE_LUMA: f32 = 219.0;
 
 /// `value` taken into `low…high`; NaN becomes `low`.
 #[inline]

@@ -8,15 +8,13 @@
 //! Chroma samples lie where MPEG-2 puts them (ISO/IEC 13818-2, 6.1.1.8): in line with every second luma column, half-way
 //! between two luma rows. They are filtered to that place with [1 2 1]/4 along the rows and [1 1]/2 across them.
 
-use crate::{ToneMap, table::EncodeTable};
+use crate::{ToneMap, WHITE_LUMA, table::EncodeTable};
 use plane::{Picture, Plane};
 use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Weights of red, green and blue in luminance and in luma (Rec. ITU-R BT.709).
 pub const LUMINANCE_WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
-/// Luma of white in code values above black.
-pub const WHITE_LUMA: f32 = 219.0;
 /// Code value of black.
 const BLACK: f32 = 16.0;
 /// Code values per unit of B′ − Y′ and of R′ − Y′.

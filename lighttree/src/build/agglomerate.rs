@@ -32,7 +32,7 @@
 use rayon::prelude::*;
 
 use super::cluster::{Cluster, Metric};
-use super::nearest::{DEAD, Neighborhood};
+use super::nearest::{DEAD, Neighborhood, Partner};
 use crate::bounds::Cone;
 
 /// Fewer searches than these are done before another thread wakes.
@@ -89,13 +89,6 @@ pub(super) fn agglomerate(leaves: Vec<Cluster>, metric: &Metric, first_merge: u3
         }
     }
     merges
-}
-
-/// A cluster's cheapest partner and the cost of joining it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Partner {
-    pub cost: f32,
-    pub id: u32,
 }
 
 const NOBODY: Partner = Partner { cost: f32::INFINITY, id: DEAD };

@@ -2,8 +2,14 @@
 
 use glam::Vec3A;
 
-use super::agglomerate::Partner;
 use super::cluster::{Cluster, Kind, Metric, union_cosine};
+
+/// A cluster's cheapest partner and the cost of joining it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Partner {
+    pub cost: f32,
+    pub id: u32,
+}
 
 /// Clusters per leaf of the search tree; 4 … 8 measured alike.
 const LEAF_SIZE: usize = 6;

@@ -7,8 +7,9 @@ use super::{Cluster, Cut, KeptCluster, Scratch, ShadowRay};
 use crate::error_bound::{ClusterBounds, error_bound};
 use crate::lanes::Vector3;
 use crate::light::{Light, luminance, unshadowed};
+use crate::node::sibling;
 use crate::receiver::Receiver;
-use crate::tree::{LightTree, sibling};
+use crate::tree::LightTree;
 
 /// The clusters of a growing cut, and a heap over those that can be refined.
 #[derive(Clone, Debug, Default)]

@@ -1,0 +1,103 @@
+//! Nodes of the tree, one cache line each.
+
+use glam::Vec3;
+
+use crate::bounds::Cone;
+use crate::light::{DIRECTIONAL, Light, StoredSite};
+
+/// A cluster of lights, one cache line.
+///
+/// Node 0 is the root; the two children of a node lie side by side, at an odd index and the even one after it,
+/// always after their parent. So a pass over the array from its end sees children before parents.
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[repr(C, align(64))]
+pub(crate) struct Node {
+    /// Box of positions; of the unit directions to them for directional lights.
+    pub low: Vec3,
+    /// Index of the child that hands its representative up; 0 marks a leaf.
+    pub representative_child: u32,
+    pub high: Vec3,
+    /// Index of the representative light; a leaf's only light.
+    pub representative: u32,
+    /// Cone of emission axes: axis, cosine and sine of its half-angle; the whole sphere has cosine −1, directional
+    /// lights have [`DIRECTIONAL`].
+    pub axis: Vec3,
+    pub cone_cosine: f32,
+    /// Sum of the lights' intensities.
+    pub intensity: Vec3,
+    pub cone_sine: f32,
+}
+
+impl Node {
+    /// A leaf without a light.
+    pub const BLANK: Self = Self {
+        low: Vec3::ZERO,
+        representative_child: 0,
+        high: Vec3::ZERO,
+        representative: 0,
+        axis: Vec3::Z,
+        cone_cosine: 1.0,
+        intensity: Vec3::ZERO,
+        cone_sine: 0.0,
+    };
+
+    #[inline]
+    pub fn is_leaf(&self) -> bool {
+        self.representative_child == 0
+    }
+
+    /// Index of the first child; the second follows it.
+    #[inline]
+    pub fn children(&self) -> usize {
+        first_of_pair(self.representative_child as usize)
+    }
+
+    /// Whether its lights are directional ones.
+    #[inline]
+    pub fn is_directional(&self) -> bool {
+        self.cone_cosine == DIRECTIONAL
+    }
+
+    /// Bounds of a single light.
+    pub fn set_light(&mut self, light: &Light) {
+        let site = StoredSite::new(light);
+        (self.low, self.high, self.intensity) = (site.position, site.position, light.intensity);
+        (self.axis, self.cone_cosine, self.cone_sine) = (site.axis, site.kind, 0.0);
+    }
+
+    pub fn set_cone(&mut self, cone: Cone) {
+        let (sine, cosine) = cone.half_angle.sin_cos();
+        self.axis = cone.axis.as_vec3();
+        self.cone_cosine = if cone.half_angle >= std::f64::consts::PI { -1.0 } else { cosine as f32 };
+        self.cone_sine = (sine as f32).max(0.0);
+    }
+}
+
+/// First index of the pair that holds this child.
+#[inline]
+pub(crate) fn first_of_pair(child: usize) -> usize {
+    (child - 1) | 1
+}
+
+/// The other child of the pair.
+#[inline]
+pub(crate) fn sibling(child: usize) -> usize {
+    ((child - 1) ^ 1) + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_node_is_a_cache_line() {
+        assert_eq!((size_of::<Node>(), align_of::<Node>()), (64, 64));
+    }
+
+    #[test]
+    fn pairs() {
+        assert_eq!([1, 2, 3, 4, 5].map(first_of_pair), [1, 1, 3, 3, 5]);
+        assert_eq!([1, 2, 3, 4].map(sibling), [2, 1, 4, 3]);
+    }
+}
