@@ -30,7 +30,6 @@ const KNOWN: &[(&str, &str, &str)] = &[
     ("render-core", "cache::spacing", "cache::tile"),
     ("render-core", "scene::deform", "scene::mesh"),
     ("render-core", "scene::sky", "scene::gltf_file"),
-    ("pipeline", "command_line::args", "command_line::commands"),
     ("pipeline", "feedback_loop", "film"),
     ("pipeline", "feedback_loop", "report"),
 ];

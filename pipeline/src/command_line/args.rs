@@ -2,15 +2,14 @@
 
 #[cfg(feature = "compare")]
 use super::commands::compare::Compare;
+use super::commands::plan::Plan;
 #[cfg(feature = "exr")]
 use super::commands::reference::Reference;
 use super::commands::render::Render;
 #[cfg(feature = "sweep")]
 use super::commands::sweep::Sweep;
 use super::examples;
-use clap::{Args, Parser, Subcommand};
-use pipeline::Options;
-use std::path::PathBuf;
+use clap::{Parser, Subcommand};
 
 /// Renders an animated glTF scene with global illumination into an MPEG-2 video.
 ///
@@ -71,39 +70,11 @@ pub enum Command {
     },
 }
 
-/// What is to be planned.
-#[derive(Args)]
-pub struct Plan {
-    /// The scene.
-    #[command(flatten)]
-    pub source: Source,
-    /// What and how.
-    #[command(flatten)]
-    pub options: Options,
-}
-
-/// The scene, and the file with further options.
-#[derive(Args)]
-pub struct Source {
-    /// A glTF 2.0 scene, .glb or .gltf; a TOML file of the same name beside it says what glTF cannot
-    #[arg(required_unless_present = "config")]
-    scene: Option<PathBuf>,
-    /// Take options from a TOML file, by their names here: qscale = 8, cache = "off"; what is typed overrides them
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
-}
-
-impl Source {
-    /// The scene's path. Without one [`config_file::parse`](super::config_file::parse) ends the program.
-    pub fn path(self) -> PathBuf {
-        self.scene.unwrap_or_default()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use clap::CommandFactory;
+    use pipeline::Options;
     use render_core::scene::Scene;
 
     /// The help of `render` names the values that [`Options::fill_in`] fills in.

@@ -4,7 +4,6 @@ use super::args::Arguments;
 use super::parts;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{ArgAction, ArgMatches, Command, CommandFactory, FromArgMatches};
-use pipeline::Options;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -130,19 +129,6 @@ fn distance(a: &str, b: &str) -> usize {
         }
     }
     row[b.len()]
-}
-
-/// The file that makes the same film, every option named. `options` are filled in, `more` are those of the program alone.
-///
-/// # Errors
-/// A path is no valid Unicode.
-pub fn text(scene: &Path, options: &Options, more: &[(&str, Option<String>)]) -> Result<String> {
-    let line = |key: &str, value: String| format!("{key} = {}\n", Value::String(value));
-    let mut text = line("scene", scene.display().to_string());
-    text.push_str(&toml::to_string(options)?);
-    let more = more.iter().filter_map(|(key, value)| Some(line(key, value.clone()?)));
-    text.extend(more);
-    Ok(text)
 }
 
 #[cfg(test)]

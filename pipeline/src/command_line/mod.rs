@@ -8,12 +8,16 @@ pub mod config_file;
 mod examples;
 mod log;
 mod parts;
+mod print_config;
 mod progress;
+mod source;
 #[cfg(feature = "trace")]
 mod trace;
 
 use anyhow::{Context, Result};
 use args::Command;
+#[cfg(feature = "shell")]
+use clap::CommandFactory;
 use std::ffi::OsString;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -39,9 +43,9 @@ pub fn run(typed: Vec<OsString>) -> Result<ExitCode> {
             commands::reference::run(arguments)
         }
         #[cfg(feature = "shell")]
-        Command::Completions { shell } => commands::shell::completions(shell),
+        Command::Completions { shell } => commands::shell::completions(args::Arguments::command(), shell),
         #[cfg(feature = "shell")]
-        Command::Man { command } => commands::shell::man(command.as_deref()),
+        Command::Man { command } => commands::shell::man(args::Arguments::command(), command.as_deref()),
         #[cfg(feature = "sweep")]
         Command::Sweep(arguments) => {
             use_threads(arguments.threads)?;

@@ -1,18 +1,30 @@
 //! `render2mpeg plan`.
 
-use crate::command_line::args::Plan as Arguments;
+use crate::command_line::source::Source;
 use anyhow::Result;
-use pipeline::{Plan, Settings};
+use clap::Args;
+use pipeline::{Options, Settings};
 use render_core::scene;
 use std::process::ExitCode;
 
+/// What is planned.
+#[derive(Args)]
+pub struct Plan {
+    /// The scene.
+    #[command(flatten)]
+    source: Source,
+    /// What and how.
+    #[command(flatten)]
+    options: Options,
+}
+
 /// Prints the plan.
-pub fn run(arguments: Arguments) -> Result<ExitCode> {
+pub fn run(arguments: Plan) -> Result<ExitCode> {
     let path = arguments.source.path();
     let scene = scene::load(&path)?;
     let settings = Settings::new(path, &scene, &arguments.options)?;
     settings.encoder_config()?;
-    say!("{}", Plan::new(&scene, &settings).table().trim_end());
+    say!("{}", pipeline::Plan::new(&scene, &settings).table().trim_end());
     scene.warnings.iter().for_each(|warning| say!("note: {warning}"));
     Ok(ExitCode::SUCCESS)
 }

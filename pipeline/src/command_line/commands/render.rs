@@ -1,8 +1,8 @@
 //! `render2mpeg render`.
 
-use crate::command_line::args::Source;
 use crate::command_line::log::Log;
-use crate::command_line::{INTERRUPTED, config_file, parts, progress, stop_on_interrupt};
+use crate::command_line::source::Source;
+use crate::command_line::{INTERRUPTED, parts, print_config, progress, stop_on_interrupt};
 use anyhow::{Context, Result};
 use clap::Args;
 use pipeline::feedback_loop::Run;
@@ -64,7 +64,7 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 /// Renders and reports.
 pub fn run(arguments: Render) -> Result<ExitCode> {
     let Render { source, mut options, report, html, resume, checkpoint, threads, trace, .. } = arguments;
-    let Render { print_config, json_progress, verbose, quiet, .. } = arguments;
+    let Render { print_config: only_print, json_progress, verbose, quiet, .. } = arguments;
     parts::need("html", html.is_some())?;
     parts::need("exr", options.exr.is_some() || !options.aov.is_empty())?;
     parts::need("trace", trace.is_some() || verbose > 0)?;
@@ -74,7 +74,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     // All that can be wrong with the settings or the places of the files is said before the first ray.
     settings.encoder_config()?;
     let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
-    if print_config {
+    if only_print {
         let more = [
             ("report", Some(report_path.display().to_string())),
             ("html", html.map(|path| path.display().to_string())),
@@ -82,7 +82,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
             ("trace", trace.map(|path| path.display().to_string())),
             ("threads", threads.map(|threads| threads.to_string())),
         ];
-        say!("{}", config_file::text(&settings.scene, &options, &more)?.trim_end());
+        say!("{}", print_config::text(&settings.scene, &options, &more)?.trim_end());
         return Ok(ExitCode::SUCCESS);
     }
     if let Some(folder) = &settings.exr {

@@ -1,29 +1,27 @@
 //! `render2mpeg completions` and `render2mpeg man`: what shells and manuals know of the options.
 
-use crate::command_line::args::Arguments;
 use anyhow::{Context, Result};
-use clap::CommandFactory;
+use clap::Command;
 use std::process::ExitCode;
 
-/// Prints what makes `shell` complete the options.
-pub fn completions(shell: clap_complete::Shell) -> Result<ExitCode> {
+/// Prints what makes `shell` complete the options of `program`.
+pub fn completions(mut program: Command, shell: clap_complete::Shell) -> Result<ExitCode> {
     let mut text = Vec::new();
-    clap_complete::generate(shell, &mut Arguments::command(), "render2mpeg", &mut text);
+    clap_complete::generate(shell, &mut program, "render2mpeg", &mut text);
     print_whole(&text);
     Ok(ExitCode::SUCCESS)
 }
 
-/// Prints the manual page of the program or of one of its commands.
+/// Prints the manual page of `program` or of one of its commands.
 ///
 /// # Errors
 /// There is no such command.
-pub fn man(command: Option<&str>) -> Result<ExitCode> {
-    print_whole(&page(command)?);
+pub fn man(program: Command, command: Option<&str>) -> Result<ExitCode> {
+    print_whole(&page(program, command)?);
     Ok(ExitCode::SUCCESS)
 }
 
-fn page(command: Option<&str>) -> Result<Vec<u8>> {
-    let mut program = Arguments::command();
+fn page(mut program: Command, command: Option<&str>) -> Result<Vec<u8>> {
     program.build();
     let page = match command {
         None => program,
