@@ -4,10 +4,10 @@
 use arbitrary::{Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
 use mpeg2enc::{
-    CoefficientTable, Config, Container, Effort, Picture, FrameRate, KnownMotion, Level, MotionField, Multiplexer, Packet,
+    CoefficientTable, Config, Container, Effort, Picture, FrameRate, KnownMotion, Level, Multiplexer, Packet,
     Rate, Standard,
 };
-use plane::Plane;
+use plane::{Correspondence, Plane};
 
 #[derive(Arbitrary, Debug)]
 struct Wishes {
@@ -96,14 +96,16 @@ fn frame(width: usize, height: usize, bytes: &[u8], number: usize) -> Picture {
 }
 
 /// Two bytes of the input for each component.
-fn motion_64ths(width: usize, height: usize, bytes: &[u8]) -> MotionField {
+fn motion_64ths(width: usize, height: usize, bytes: &[u8]) -> Correspondence {
     let at = |k: usize| match bytes {
         [] => 0,
         _ => i16::from_le_bytes([bytes[2 * k % bytes.len()], bytes[(2 * k + 1) % bytes.len()]]),
     };
-    MotionField::from_64ths(Plane::from_fn(width, height, |x, y| {
+    // The least value says that nothing corresponds.
+    let pixels = |k| Some(at(k)).filter(|&part| part != i16::MIN).map_or(f32::NAN, |part| f32::from(part) / 64.0);
+    Correspondence::from_motion(Plane::from_fn(width, height, |x, y| {
         let k = 2 * (y * width + x);
-        [at(k), at(k + 1)]
+        [pixels(k), pixels(k + 1)]
     }))
 }
 
@@ -119,7 +121,7 @@ fuzz_target!(|data: &[u8]| {
     let count = 1 + usize::from(wishes.frames % 12);
     let field = |width, height| match wishes.motion_64ths {
         true => Some(motion_64ths(width, height, bytes)),
-        false => wishes.motion.map(|motion| MotionField::new(Plane::filled(width, height, motion))),
+        false => wishes.motion.map(|motion| Correspondence::from_motion(Plane::filled(width, height, motion))),
     };
     let mut seen = 0;
     let mut take = |packets: Vec<Packet>| {

@@ -1,8 +1,8 @@
 //! Whole pictures of 512×512, panned: `cargo bench -p mpeg2enc`.
 
 use divan::{Bencher, counter::ItemsCount};
-use mpeg2enc::{Config, Encoder, FrameRate, MotionField, Picture};
-use plane::Plane;
+use mpeg2enc::{Config, Encoder, FrameRate, Picture};
+use plane::{Correspondence, Plane};
 
 const SIZE: usize = 512;
 
@@ -32,7 +32,7 @@ fn encoder(quantiser_scale: u32, gop: u32) -> Encoder {
         .expect("a valid configuration")
 }
 
-fn pictures(bencher: Bencher, quantiser_scale: u32, gop: u32, motion: Option<MotionField>) {
+fn pictures(bencher: Bencher, quantiser_scale: u32, gop: u32, motion: Option<Correspondence>) {
     let frames: Vec<Picture> = (0..16).map(frame).collect();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     bencher.counter(ItemsCount::new(frames.len())).bench(|| {
@@ -50,7 +50,7 @@ fn intra_pictures(bencher: Bencher, quantiser_scale: u32) {
 
 #[divan::bench(args = [4, 8, 32], sample_count = 5)]
 fn predicted_pictures_with_motion(bencher: Bencher, quantiser_scale: u32) {
-    let motion = MotionField::new(Plane::filled(SIZE, SIZE, [1.75, 0.0]));
+    let motion = Correspondence::from_motion(Plane::filled(SIZE, SIZE, [1.75, 0.0]));
     pictures(bencher, quantiser_scale, 132, Some(motion));
 }
 

@@ -9,10 +9,10 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Parser, ValueEnum};
 use mpeg2enc::{
-    CoefficientTable, Config, Container, Effort, FrameRate, KnownMotion, MotionField, Multiplexer, Packet, Passes,
-    Picture, Rate, Standard,
+    CoefficientTable, Config, Container, Effort, FrameRate, KnownMotion, Multiplexer, Packet, Passes, Picture, Rate,
+    Standard,
 };
-use plane::Plane;
+use plane::{Correspondence, Plane};
 use std::{
     fs::File,
     io::{BufRead, BufReader, BufWriter, Read, Write},
@@ -213,10 +213,10 @@ impl Clip {
     /// Gives `take` each frame, and what is known of its motion.
     fn for_each(mut self, mut take: impl FnMut(&Picture, KnownMotion) -> Result<()>) -> Result<()> {
         let (width, height, _) = self.format;
-        let (mut frame, mut fields) = (Picture::black(width, height), [None, None]);
+        let (mut frame, mut known) = (Picture::black(width, height), [None, None]);
         while read_frame(&mut self.input, &mut frame)? {
-            read_motion(&mut self.motion, &mut fields, (width, height))?;
-            take(&frame, KnownMotion { to_previous: fields[0].as_ref(), to_next: fields[1].as_ref() })?;
+            read_motion(&mut self.motion, &mut known, (width, height))?;
+            take(&frame, KnownMotion { to_previous: known[0].as_ref(), to_next: known[1].as_ref() })?;
         }
         Ok(())
     }
@@ -289,27 +289,31 @@ fn read_frame(input: &mut impl BufRead, frame: &mut Picture) -> Result<bool> {
     Ok(true)
 }
 
-/// The fields of the next frame, in the memory of the last ones. The first frame of a file has none before it, which its
+/// The motion of the next frame, given in 64ths of a pixel. The first frame of a file has none before it, which its
 /// zeros do not harm.
 fn read_motion(
     files: &mut [Option<File>; 2],
-    fields: &mut [Option<MotionField>; 2],
+    known: &mut [Option<Correspondence>; 2],
     (width, height): (usize, usize),
 ) -> Result<()> {
-    for (file, field) in files.iter_mut().zip(fields) {
+    for (file, known) in files.iter_mut().zip(known) {
         if let Some(file) = file {
-            let last = field.take().and_then(MotionField::into_64ths);
-            let mut motion = last.unwrap_or_else(|| Plane::filled(width, height, [0; 2]));
+            let mut motion = Plane::filled(width, height, [0i16; 2]);
             let components = motion.samples_mut().as_flattened_mut();
             file.read_exact(bytemuck::cast_slice_mut(components))
                 .context("a motion file has fewer frames than the clip")?;
             if cfg!(target_endian = "big") {
                 components.iter_mut().for_each(|component| *component = i16::from_le(*component));
             }
-            *field = Some(MotionField::from_64ths(motion));
+            *known = Some(Correspondence::from_motion(motion.map(in_pixels)));
         }
     }
     Ok(())
+}
+
+/// A vector of a motion file in pixels; a component of `i16::MIN` says that the pixel was not visible.
+fn in_pixels(vector_64ths: [i16; 2]) -> [f32; 2] {
+    if vector_64ths.contains(&i16::MIN) { [f32::NAN; 2] } else { vector_64ths.map(|part| f32::from(part) / 64.0) }
 }
 
 fn read_line(input: &mut impl BufRead) -> Result<String> {

@@ -1,9 +1,10 @@
 //! What to encode: plain values, checked once.
 
 use crate::{
-    CoefficientTable, Effort, Encoder, Level, LookaheadEncoder, MotionField, Picture, Rate, Standard,
+    CoefficientTable, Effort, Encoder, Level, LookaheadEncoder, Picture, Rate, Standard,
     quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
 };
+use plane::Correspondence;
 
 /// The largest distance of I pictures: no macroblock is predicted more than 131 times before it is coded intra again,
 /// so that the differences of inverse transforms, which the standard allows, do not add up without end.
@@ -419,11 +420,11 @@ impl Config {
         }
     }
 
-    pub(crate) fn check_input(&self, frame: &Picture, motion: Option<&MotionField>) {
+    pub(crate) fn check_input(&self, frame: &Picture, motion: Option<&Correspondence>) {
         let size = (self.width, self.height);
         assert_eq!((frame.width(), frame.height()), size, "a frame of another size than the encoder's");
         if let Some(motion) = motion {
-            assert_eq!((motion.width(), motion.height()), size, "a motion field of another size than the encoder's");
+            assert_eq!((motion.width(), motion.height()), size, "motion of another size than the encoder's");
         }
     }
 

@@ -1,13 +1,13 @@
 //! Pictures in, packets out, without delay: I and P.
 
 use crate::{
-    Config, ConfigError, MotionField, Picture, PictureType,
+    Config, ConfigError, Picture, PictureType,
     coder::{Coder, Direction, Job, Packet, sequence_end},
     config::quantiser_scale_code,
     header::{VBV_DELAY_VARIABLE, macroblock_counts},
-    motion::{CoarseSearch, HalfSample, quarter},
+    motion::{CoarseSearch, HalfSample, all_candidates, quarter},
 };
-use plane::Plane;
+use plane::{Correspondence, Plane};
 use std::sync::Arc;
 
 /// Encodes pictures one by one, each as soon as it comes in; made by [`Config::encoder`].
@@ -64,8 +64,8 @@ impl Encoder {
     /// It changes what is tried, never what is correct, and is not looked at for an I picture.
     ///
     /// # Panics
-    /// If frame or motion field have another size than the [`Config`].
-    pub fn push(&mut self, frame: &Picture, motion: Option<&MotionField>) -> Packet {
+    /// If frame or motion have another size than the [`Config`].
+    pub fn push(&mut self, frame: &Picture, motion: Option<&Correspondence>) -> Packet {
         let config = &self.coder.config;
         config.check_input(frame, motion);
         let (columns, rows) = macroblock_counts(config.width, config.height);
@@ -74,7 +74,7 @@ impl Encoder {
         let source = self.coder.whole(frame);
         let reference = self.state.reference.take().filter(|_| place_in_group != 0);
         let candidates = match motion.filter(|_| reference.is_some()) {
-            Some(field) => field.all_candidates(columns, rows),
+            Some(known) => all_candidates(known, columns, rows),
             None => Vec::new(),
         };
         let quarters: Option<[Plane<u8>; 2]> = reference

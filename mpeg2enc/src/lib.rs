@@ -3,13 +3,13 @@
 //! It writes ISO/IEC 13818-2:2000 Main Profile, or ISO/IEC 11172-2:1993 ([`Standard`]): progressive 4:2:0 pictures of 8 bits,
 //! I, P and B, at a constant quantiser or within a bit rate. A [`Multiplexer`] wraps them into program and transport streams.
 //! Make an [`Encoder`] by a [`Config`], give it each [`Picture`], and where pixels were before if that is known
-//! ([`MotionField`]); each frame gives a [`Packet`], whose reconstruction is what a decoder will show.
+//! ([`Correspondence`]); each frame gives a [`Packet`], whose reconstruction is what a decoder will show.
 //! A [`LookaheadEncoder`] waits for later frames first: it has B pictures, quality that follows what later pictures
 //! take over, and [`Rate`]s.
 //!
 //! ```
-//! use mpeg2enc::{Config, FrameRate, MotionField, Picture};
-//! use plane::Plane;
+//! use mpeg2enc::{Config, FrameRate, Picture};
+//! use plane::{Correspondence, Plane};
 //!
 //! let mut encoder = Config::new(64, 48, FrameRate::FPS_25).with_gop(12).with_quantiser_scale(6).encoder()?;
 //! let mut stream = Vec::new();
@@ -17,7 +17,7 @@
 //!     // A pattern that moves one pixel to the left in each frame: it was one pixel farther right before.
 //!     let luma = Plane::from_fn(64, 48, |x, y| (128.0 + 90.0 * ((x + time) as f32 * 0.4 + y as f32 * 0.1).sin()) as u8);
 //!     let frame = Picture::new(luma, Plane::filled(32, 24, 110), Plane::filled(32, 24, 140))?;
-//!     let motion = MotionField::new(Plane::filled(64, 48, [1.0, 0.0]));
+//!     let motion = Correspondence::from_motion(Plane::filled(64, 48, [1.0, 0.0]));
 //!     let packet = encoder.push(&frame, Some(&motion));
 //!     assert!(packet.psnr_y > 35.0);
 //!     stream.extend(packet.data);
@@ -84,7 +84,6 @@ pub use crate::{
     level::Level,
     lookahead::KnownMotion,
     lookahead_encoder::{LookaheadEncoder, LookaheadState},
-    motion::MotionField,
     picture::{MacroblockKind, PictureStatistics},
     quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
     rate::{Passes, Rate},
@@ -92,8 +91,8 @@ pub use crate::{
     vlc::CoefficientTable,
 };
 
-/// The picture that goes in and comes back.
-pub use plane::Picture;
+/// What goes in: pictures, which also come back, and where their pixels were.
+pub use plane::{Correspondence, Picture};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

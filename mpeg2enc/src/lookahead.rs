@@ -10,12 +10,12 @@ pub(crate) mod tree;
 pub(crate) mod weights;
 
 use crate::{
-    Effort, MotionField, Picture,
+    Effort, Picture,
     kernel::{self, Place},
-    motion::{Candidates, CoarseSearch, HalfSample, Range, Search, quarter},
+    motion::{Candidates, CoarseSearch, HalfSample, Range, Search, all_candidates, quarter},
     predict::place_of,
 };
-use plane::Plane;
+use plane::{Correspondence, Plane};
 use rayon::prelude::*;
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -26,9 +26,9 @@ use std::{
 #[derive(Clone, Copy, Debug, Default)]
 pub struct KnownMotion<'a> {
     /// Where each pixel was in the frame before.
-    pub to_previous: Option<&'a MotionField>,
+    pub to_previous: Option<&'a Correspondence>,
     /// Where each pixel will be in the frame after.
-    pub to_next: Option<&'a MotionField>,
+    pub to_next: Option<&'a Correspondence>,
 }
 
 /// A frame that waits.
@@ -126,7 +126,7 @@ impl Lookahead {
     pub fn push(&mut self, source: Arc<Picture>, motion: KnownMotion, weights: Option<Vec<u32>>) {
         let (columns, rows) = (source.width() / 16, source.height() / 16);
         let known = [motion.to_previous, motion.to_next]
-            .map(|field| field.map(|field| field.all_candidates(columns, rows).into()));
+            .map(|known| known.map(|known| all_candidates(known, columns, rows).into()));
         self.frames.push_back(Waiting {
             half: OnceLock::new(),
             quarter: OnceLock::new(),

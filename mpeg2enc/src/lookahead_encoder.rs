@@ -78,7 +78,7 @@ impl LookaheadEncoder {
     /// `motion` changes what is tried, never what is correct; without it, vectors are searched for.
     ///
     /// # Panics
-    /// If frame or motion fields have another size than the [`Config`].
+    /// If frame or motion have another size than the [`Config`].
     pub fn push(&mut self, frame: &Picture, motion: KnownMotion) -> Vec<Packet> {
         self.push_frame(frame, motion, None)
     }
@@ -87,7 +87,7 @@ impl LookaheadEncoder {
     /// They take the place of those of [`Config::with_adaptive_quantisation`].
     ///
     /// # Panics
-    /// If frame or motion fields have another size than the [`Config`], or `weights` is not a sample for each 16×16 samples of
+    /// If frame or motion have another size than the [`Config`], or `weights` is not a sample for each 16×16 samples of
     /// luma, what is begun counted as whole.
     pub fn push_weighted(&mut self, frame: &Picture, motion: KnownMotion, weights: &Plane<f32>) -> Vec<Packet> {
         let counts = macroblock_counts(self.config().width, self.config().height);

@@ -3,10 +3,9 @@
 mod coarse;
 mod field;
 
-pub use field::MotionField;
 pub(crate) use {
     coarse::{CoarseSearch, quarter},
-    field::Candidates,
+    field::{Candidates, all_candidates},
 };
 
 use crate::{
@@ -398,6 +397,7 @@ fn component_bits(delta: i32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use plane::Correspondence;
 
     #[test]
     fn f_codes_at_the_borders_of_their_reach() {
@@ -433,15 +433,15 @@ mod tests {
     fn a_pan_is_found_without_and_with_a_field() {
         for (x, y) in [(3.0, -2.0), (13.5, 7.0), (-24.0, 0.5)] {
             let (reference, source) = (moved(0.0, 0.0), moved(x, y));
-            let field = MotionField::new(Plane::filled(128, 96, [x as f32, y as f32]));
+            let known = Correspondence::from_motion(Plane::filled(128, 96, [x as f32, y as f32]));
             let quarters = [&source, &reference].map(|frame| quarter(frame.luma()));
-            for (field, effort) in
-                [(None, Effort::Fast), (Some(&field), Effort::Fast), (None, Effort::Best), (Some(&field), Effort::Best)]
+            for (given, effort) in
+                [(None, Effort::Fast), (Some(&known), Effort::Fast), (None, Effort::Best), (Some(&known), Effort::Best)]
             {
                 let estimate = Estimate {
                     source: &source,
                     reference: &reference,
-                    candidates: &field.map_or(Vec::new(), |field| field.all_candidates(8, 6)),
+                    candidates: &given.map_or(Vec::new(), |known| all_candidates(known, 8, 6)),
                     before: &[],
                     coarse: Some(CoarseSearch { source: &quarters[0], reference: &quarters[1] }),
                     quantiser_scale: 4,
@@ -454,7 +454,7 @@ mod tests {
                     let range = Range::new(reference.luma(), i % 8, i / 8, [7, 4]);
                     assert!(range.contains(vector));
                     if range.contains(truth) {
-                        assert_eq!(vector, truth, "macroblock {i}, with a field: {}", field.is_some());
+                        assert_eq!(vector, truth, "macroblock {i}, given: {}", given.is_some());
                     }
                 }
             }

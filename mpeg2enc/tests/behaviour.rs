@@ -3,8 +3,8 @@
 mod common;
 
 use common::*;
-use mpeg2enc::{MotionField, Packet, PictureType};
-use plane::Plane;
+use mpeg2enc::{Packet, PictureType};
+use plane::{Correspondence, Plane};
 use proptest::prelude::*;
 
 fn bits(packets: &[Packet]) -> u64 {
@@ -105,7 +105,7 @@ proptest! {
         seed in any::<u64>(), motion in prop::array::uniform2(any::<f32>()), gop in 1u32..5,
     ) {
         let mut encoder = config(width, height).with_quantiser_scale(scale).with_gop(gop).encoder().unwrap();
-        let field = MotionField::new(Plane::from_fn(width, height, |x, y| {
+        let field = Correspondence::from_motion(Plane::from_fn(width, height, |x, y| {
             if (x + y) % 3 == 0 { motion } else { [motion[0] / (x + 1) as f32, f32::NAN * (y % 2) as f32] }
         }));
         for i in 0..4 {

@@ -3,9 +3,9 @@
 use divan::{Bencher, black_box};
 use perceptual::{
     CodedPicture, DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, NextPicture, ObservedFrame, Operator,
-    QuantiserSteps, ToneMap, YCbCr, blend, luminance_plane, reproject, ssim, still_matches, tolerable_error,
+    QuantiserSteps, ToneMap, YCbCr, blend, luminance_plane, reproject, ssim, tolerable_error,
 };
-use plane::Plane;
+use plane::{Correspondence, Plane};
 
 fn main() {
     divan::main();
@@ -42,9 +42,9 @@ fn thresholds_of_a_frame(bencher: Bencher, quantiser_scale: f32) {
 #[divan::bench]
 fn feedback_of_a_frame(bencher: Bencher) {
     let (picture, luminance) = picture();
-    let still = still_matches(SIZE, SIZE);
+    let still = Correspondence::still(SIZE, SIZE);
     let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), DEFAULT_WEIGHT);
-    let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, matches: Some(&still) };
+    let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, known: Some(&still) };
     bencher.bench_local(|| feedback.observe(frame, 8.0).get(0, 0));
 }
 
@@ -52,7 +52,7 @@ fn feedback_of_a_frame(bencher: Bencher) {
 #[divan::bench(args = [NextPicture::Predicted, NextPicture::Intra { group: 15 }])]
 fn coded_feedback_of_a_frame(bencher: Bencher, next: NextPicture) {
     let (picture, luminance) = picture();
-    let still = still_matches(SIZE, SIZE);
+    let still = Correspondence::still(SIZE, SIZE);
     let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), DEFAULT_WEIGHT);
     let decoded = Plane::from_fn(SIZE, SIZE, |x, y| picture.picture.luma().get(x, y).saturating_add((x % 8) as u8));
     let (levels, macroblocks) = (Plane::filled(SIZE / 8, SIZE / 8, 7), SIZE / 16);
@@ -60,7 +60,7 @@ fn coded_feedback_of_a_frame(bencher: Bencher, next: NextPicture) {
     let scales = Plane::filled(macroblocks, macroblocks, 8);
     let coded = CodedPicture { decoded: &decoded, levels: &levels, intra: &intra, quantiser_scales: &scales };
     let steps = QuantiserSteps::default();
-    let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, matches: Some(&still) };
+    let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, known: Some(&still) };
     bencher.bench_local(|| feedback.observe_coded(frame, &steps, &coded, next).get(0, 0));
 }
 
@@ -68,10 +68,10 @@ fn coded_feedback_of_a_frame(bencher: Bencher, next: NextPicture) {
 #[divan::bench]
 fn predicted_feedback_of_a_frame(bencher: Bencher) {
     let (picture, luminance) = picture();
-    let still = still_matches(SIZE, SIZE);
+    let still = Correspondence::still(SIZE, SIZE);
     let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), DEFAULT_WEIGHT);
     let steps = QuantiserSteps::default();
-    let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, matches: Some(&still) };
+    let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, known: Some(&still) };
     let expected = ExpectedCoding { quantiser_scale: 8.0, begins_group: false };
     bencher.bench_local(|| feedback.observe_predicted(frame, &steps, expected, NextPicture::Predicted).get(0, 0));
 }
@@ -86,13 +86,13 @@ fn masking_of_a_frame(bencher: Bencher) {
 
 #[divan::bench]
 fn blending_thresholds(bencher: Bencher) {
-    let (e, still) = (Plane::filled(SIZE, SIZE, 0.01f32), still_matches(SIZE, SIZE));
+    let (e, still) = (Plane::filled(SIZE, SIZE, 0.01f32), Correspondence::still(SIZE, SIZE));
     bencher.bench(|| blend(&e, &e, &still, 0.5));
 }
 
 #[divan::bench]
 fn reprojecting_thresholds(bencher: Bencher) {
-    let (e, still) = (Plane::filled(SIZE, SIZE, 0.01f32), still_matches(SIZE, SIZE));
+    let (e, still) = (Plane::filled(SIZE, SIZE, 0.01f32), Correspondence::still(SIZE, SIZE));
     bencher.bench(|| reproject(&e, &still));
 }
 

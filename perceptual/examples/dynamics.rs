@@ -4,8 +4,8 @@
 
 mod plot;
 
-use perceptual::{Feedback, MaskingModel, ObservedFrame, ToneMap, WHITE_LUMA, still_matches};
-use plane::Plane;
+use perceptual::{Feedback, MaskingModel, ObservedFrame, ToneMap, WHITE_LUMA};
+use plane::{Correspondence, Plane};
 use plot::{BLUE, GREEN, GREY, Plot, RED};
 
 const SIDE: usize = 16;
@@ -16,7 +16,7 @@ const EVENT: usize = 10;
 /// Mean of ΔY by its value at the beginning, over frames whose brightness and quantiser_scale `input` gives. `taken` is the
 /// share of the thresholds that the renderer is wrong by, the other way in each frame.
 fn response(weight: f32, kappa: f32, taken: f32, input: impl Fn(usize) -> (f32, f32)) -> Vec<(f32, f32)> {
-    let still = still_matches(SIDE, SIDE);
+    let still = Correspondence::still(SIDE, SIDE);
     let tone_map = ToneMap::default();
     let mut feedback = Feedback::new(MaskingModel::default(), tone_map, weight).with_kappa(kappa);
     let mut means = Vec::new();
@@ -29,9 +29,8 @@ fn response(weight: f32, kappa: f32, taken: f32, input: impl Fn(usize) -> (f32, 
             (truth + if n % 2 == 0 { wrong } else { -wrong }).max(0.0)
         });
         let luma = luminance.map(|y| WHITE_LUMA * tone_map.encode(y));
-        let matches = (n > 0).then_some(&still);
-        let thresholds =
-            feedback.observe(ObservedFrame { luma: &luma, luminance: &luminance, matches }, quantiser_scale);
+        let known = (n > 0).then_some(&still);
+        let thresholds = feedback.observe(ObservedFrame { luma: &luma, luminance: &luminance, known }, quantiser_scale);
         means.push(thresholds.samples().iter().sum::<f32>() / (SIDE * SIDE) as f32);
     }
     let first = means[0];

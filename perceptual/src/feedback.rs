@@ -6,7 +6,7 @@ use crate::threshold_map::{
     LuminanceScale, ThresholdMap, TolerableError, blend_within, blockwise_error, pixelwise_error, reproject,
 };
 use crate::{MaskingModel, ToneMap};
-use plane::Plane;
+use plane::{Correspondence, Plane};
 
 /// Weight of the past in eq. (5), \[Herzog08, §5.2\].
 pub const DEFAULT_WEIGHT: f32 = 0.5;
@@ -28,9 +28,8 @@ pub struct ObservedFrame<'a> {
     pub luma: &'a Plane<f32>,
     /// Linear luminance of the same size.
     pub luminance: &'a Plane<f32>,
-    /// Raster index of each pixel in the frame observed before, as [`blend`](crate::blend) takes it; `None` where nothing is
-    /// known of that frame, as after a cut.
-    pub matches: Option<&'a Plane<u32>>,
+    /// Where each pixel was in the frame observed before; `None` where nothing is known of that frame, as after a cut.
+    pub known: Option<&'a Correspondence>,
 }
 
 /// Expected coding of a frame that the encoder has not coded yet.
@@ -47,18 +46,18 @@ pub struct ExpectedCoding {
 /// Frames are observed in display order. Equal inputs give equal thresholds, bit by bit, whatever the number of threads.
 ///
 /// ```
-/// use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ObservedFrame, ToneMap, YCbCr, luminance_plane, still_matches};
-/// use plane::Plane;
+/// use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ObservedFrame, ToneMap, YCbCr, luminance_plane};
+/// use plane::{Correspondence, Plane};
 ///
 /// let tone_map = ToneMap::default();
 /// let mut feedback = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT);
-/// let still = still_matches(32, 16);
+/// let still = Correspondence::still(32, 16);
 /// assert_eq!(feedback.thresholds_for_next(&still).get(3, 4), None, "2 % of luminance before anything was seen");
 ///
 /// let radiance = Plane::from_fn(32, 16, |x, _| [0.1 + 0.01 * x as f32; 3]);
 /// let picture = YCbCr::from_radiance(&radiance, &tone_map);
 /// let luminance = luminance_plane(&radiance);
-/// feedback.observe(ObservedFrame { luma: &picture.luma, luminance: &luminance, matches: None }, 8.0);
+/// feedback.observe(ObservedFrame { luma: &picture.luma, luminance: &luminance, known: None }, 8.0);
 /// assert!(feedback.thresholds_for_next(&still).get(3, 4).unwrap() >= 0.02 * 0.13);
 /// ```
 #[derive(Debug)]
@@ -105,10 +104,10 @@ impl Feedback {
     /// # Panics
     /// If the planes of `frame` differ in size.
     pub fn observe(&mut self, frame: ObservedFrame, quantiser_scale: f32) -> &Plane<f32> {
-        let ObservedFrame { luma, luminance, matches } = frame;
+        let ObservedFrame { luma, luminance, known } = frame;
         let distorted = self.model.worst_case_luma(luma, quantiser_scale);
         let e = pixelwise_error(luma, luminance, &distorted, self.kappa, &self.scale);
-        self.take_in(e, matches, self.weight, f32::INFINITY)
+        self.take_in(e, known, self.weight, f32::INFINITY)
     }
 
     /// Takes in frame t and returns ΔY(t), from how the encoder coded the frame and will code the next: eqs. (6) to (8).
@@ -141,36 +140,36 @@ impl Feedback {
         expected: ExpectedCoding,
         next: NextPicture,
     ) -> &Plane<f32> {
-        let matches = frame.matches.filter(|_| !expected.begins_group);
-        let coded = self.predicted.code(frame.luma, matches, expected.quantiser_scale, steps);
+        let known = frame.known.filter(|_| !expected.begins_group);
+        let coded = self.predicted.code(frame.luma, known, expected.quantiser_scale, steps);
         let tolerable = CodedMasking::new(steps.clone()).tolerable_luma(frame.luma, &coded, next);
         self.take_in_tolerable(frame, &tolerable, next)
     }
 
     fn take_in_tolerable(&mut self, frame: ObservedFrame, tolerable: &Plane<f32>, next: NextPicture) -> &Plane<f32> {
-        let ObservedFrame { luma, luminance, matches } = frame;
+        let ObservedFrame { luma, luminance, known } = frame;
         let e = blockwise_error(luma, luminance, tolerable, self.kappa, &self.scale);
         let weight = if matches!(next, NextPicture::Intra { .. }) { 0.0 } else { CODED_WEIGHT };
-        self.take_in(e, matches, weight, CODED_PAST_MAX)
+        self.take_in(e, known, weight, CODED_PAST_MAX)
     }
 
-    fn take_in(&mut self, e: TolerableError, matches: Option<&Plane<u32>>, weight: f32, most: f32) -> &Plane<f32> {
+    fn take_in(&mut self, e: TolerableError, known: Option<&Correspondence>, weight: f32, most: f32) -> &Plane<f32> {
         self.non_finite = e.non_finite;
         let size = (self.thresholds.width(), self.thresholds.height());
         let same_size = size == (e.error.width(), e.error.height());
-        self.thresholds = match matches {
-            Some(matches) if same_size => blend_within(&e.error, &self.thresholds, matches, weight, most),
+        self.thresholds = match known {
+            Some(known) if same_size => blend_within(&e.error, &self.thresholds, known, weight, most),
             _ => e.error,
         };
         &self.thresholds
     }
 
-    /// ΔY(t) fetched along the motion of frame t+1: `matches` says where each of its pixels was in the last observed frame.
+    /// ΔY(t) fetched along the motion of frame t+1: `known` says where each of its pixels was in the last observed frame.
     ///
     /// Before the first frame, 2 % of luminance everywhere.
     #[must_use]
-    pub fn thresholds_for_next(&self, matches: &Plane<u32>) -> ThresholdMap {
-        reproject(&self.thresholds, matches)
+    pub fn thresholds_for_next(&self, known: &Correspondence) -> ThresholdMap {
+        reproject(&self.thresholds, known)
     }
 
     /// ΔY of the last observed frame; an empty plane before the first.

@@ -36,8 +36,7 @@ pub use crate::masking::{
 };
 pub use crate::metric::{Components, flicker, mse, psnr, relative_mse, rmse, ssim};
 pub use crate::threshold_map::{
-    NO_MATCH, RELATIVE_FLOOR, ThresholdMap, TolerableError, blend, reproject, still_matches, tolerable_error,
-    tolerable_error_counted,
+    RELATIVE_FLOOR, ThresholdMap, TolerableError, blend, reproject, tolerable_error, tolerable_error_counted,
 };
 pub use crate::tonemap::{Display, Operator, OutOfRange, ToneMap, UnknownOperator};
 pub use crate::ycbcr::{LUMINANCE_WEIGHTS, YCbCr, luminance, luminance_plane, to_rgb8};

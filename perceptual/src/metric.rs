@@ -3,9 +3,7 @@
 //! All functions take the picture to be judged first and the reference second, and panic if they differ in size.
 //! Sums run in `f64`, in raster order. Errors of planes without samples are 0.
 
-#[cfg(doc)]
-use crate::NO_MATCH;
-use plane::Plane;
+use plane::{Correspondence, Plane};
 
 /// A sample that consists of numbers: a single one, or the components of a color.
 pub trait Components: Copy {
@@ -73,20 +71,20 @@ pub fn psnr(picture: &Plane<u8>, reference: &Plane<u8>) -> f64 {
 /// ```text
 /// (a_t(x) − a_{t−1}(x')) − (b_t(x) − b_{t−1}(x'))        over the pixels x that were at x' in the frame before
 /// ```
-/// `pictures` and `references` hold the frame and the one before; `matches` the raster index of x' for every pixel of the
-/// frame, or [`NO_MATCH`]. An error that stands still, or moves with what it is on, does not flicker. 0 without matches.
+/// `pictures` and `references` hold the frame and the one before; `known` the match x' of every pixel of the
+/// frame. An error that stands still, or moves with what it is on, does not flicker. 0 without matches.
 ///
 /// # Panics
 /// If the planes differ in size.
 #[must_use]
-pub fn flicker(pictures: [&Plane<u8>; 2], references: [&Plane<u8>; 2], matches: &Plane<u32>) -> f64 {
+pub fn flicker(pictures: [&Plane<u8>; 2], references: [&Plane<u8>; 2], known: &Correspondence) -> f64 {
     let [picture, picture_before] = pictures;
     let [reference, reference_before] = references;
     [picture_before, reference, reference_before].into_iter().for_each(|other| assert_same_size(picture, other));
-    let size = (matches.width(), matches.height());
+    let size = (known.width(), known.height());
     assert_eq!((picture.width(), picture.height()), size, "there must be a match for every pixel");
     let (mut sum, mut count) = (0.0, 0usize);
-    for (x, &before) in matches.samples().iter().enumerate() {
+    for (x, &before) in known.matches().samples().iter().enumerate() {
         let before = before as usize;
         if let (Some(&a), Some(&b)) = (picture_before.samples().get(before), reference_before.samples().get(before)) {
             let now = f64::from(picture.samples()[x]) - f64::from(reference.samples()[x]);

@@ -7,9 +7,9 @@
 //!
 //! B pictures are taken for P: they may be coarser than those, so this errs on the careful side.
 
+use crate::bounded;
 use crate::coded::{CodedPicture, QuantiserSteps};
-use crate::{NO_MATCH, bounded};
-use plane::{Plane, dct, idct};
+use plane::{Correspondence, NO_MATCH, Plane, dct, idct};
 use rayon::prelude::*;
 
 /// The stand-in, from picture to picture.
@@ -35,12 +35,12 @@ impl PredictedCoding {
         &self.decoded
     }
 
-    /// Codes a picture: `luma` in code values above black; `matches`, where each pixel was in the picture before, or none for
-    /// one that is coded by itself.
+    /// Codes a picture: `luma` in code values above black; `known`, where each pixel was in the picture before, or none for one
+    /// that is coded by itself.
     pub fn code(
         &mut self,
         luma: &Plane<f32>,
-        matches: Option<&Plane<u32>>,
+        known: Option<&Correspondence>,
         quantiser_scale: f32,
         steps: &QuantiserSteps,
     ) -> CodedPicture<'_> {
@@ -48,6 +48,7 @@ impl PredictedCoding {
         let (columns, rows) = luma.block_counts();
         let (across, down) = (width.div_ceil(16), height.div_ceil(16));
         let scale = bounded(quantiser_scale, 1.0, 112.0);
+        let matches = known.map(Correspondence::matches);
         // As a decoder holds it.
         let past = self.decoded.samples();
         let is_intra = |column: usize, row: usize| {
@@ -146,7 +147,6 @@ impl BlockCoder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::still_matches;
 
     fn grain(x: usize, y: usize, seed: usize) -> f32 {
         let h = (x * 7919 + y * 104_729 + seed * 1_299_709) ^ (x * y + seed);
@@ -161,16 +161,16 @@ mod tests {
         let second = Plane::from_fn(64, 48, |x, y| first.get(x, y) + 40.0 * grain(x / 2, y / 2, 3));
         for quantiser_scale in [2.0, 16.0, 62.0] {
             let mut coding = PredictedCoding::default();
-            for (picture, matches) in [(&first, None), (&second, Some(still_matches(64, 48)))] {
-                let coded = coding.code(picture, matches.as_ref(), quantiser_scale, &steps);
-                assert!(coded.intra.samples().iter().all(|&intra| intra == matches.is_none()));
+            for (picture, known) in [(&first, None), (&second, Some(Correspondence::still(64, 48)))] {
+                let coded = coding.code(picture, known.as_ref(), quantiser_scale, &steps);
+                assert!(coded.intra.samples().iter().all(|&intra| intra == known.is_none()));
                 for (column, row) in (0..6).flat_map(|row| (0..8).map(move |column| (column, row))) {
                     let (source, decoded) = (picture.block(column, row), coded.decoded.block(column, row));
                     let d = dct(&std::array::from_fn(|i| source[i] + 16.0 - f32::from(decoded[i])));
                     for (i, d) in d.iter().enumerate() {
                         let (matrix, dead_zone) =
-                            if matches.is_none() { (steps.intra_matrix, 0.5) } else { (steps.non_intra_matrix, 1.0) };
-                        let zone = match (matches.is_none(), i) {
+                            if known.is_none() { (steps.intra_matrix, 0.5) } else { (steps.non_intra_matrix, 1.0) };
+                        let zone = match (known.is_none(), i) {
                             (true, 0) => 4.0,
                             _ => dead_zone * f32::from(matrix[i]) * quantiser_scale / 16.0,
                         };
@@ -187,15 +187,15 @@ mod tests {
     fn still_parts_are_skipped_and_new_ones_are_intra() {
         let steps = QuantiserSteps::default();
         let picture = Plane::from_fn(48, 16, |x, y| 100.0 + 80.0 * grain(x / 2, y / 2, 4));
-        let mut matches = still_matches(48, 16);
+        let mut matches = Correspondence::still(48, 16).matches().clone();
         for (x, y) in (0..16).flat_map(|y| (32..48).map(move |x| (x, y))) {
             matches.set(x, y, NO_MATCH);
         }
         let mut coding = PredictedCoding::default();
         coding.code(&picture, None, 16.0, &steps);
         // What intra pictures round by half of a large step is worth a level of a smaller one.
-        let before = coding.code(&picture, Some(&still_matches(48, 16)), 16.0, &steps).decoded.clone();
-        let coded = coding.code(&picture, Some(&matches), 16.0, &steps);
+        let before = coding.code(&picture, Some(&Correspondence::still(48, 16)), 16.0, &steps).decoded.clone();
+        let coded = coding.code(&picture, Some(&Correspondence::from_matches(matches)), 16.0, &steps);
         assert_eq!(coded.intra.samples(), [false, false, true]);
         let sent = |column: usize| coded.levels.get(column, 0);
         assert!((0..4).all(|column| sent(column) == 0), "{:?}", coded.levels);
@@ -212,8 +212,9 @@ mod tests {
         luma.set(4, 3, f32::NEG_INFINITY);
         let mut coding = PredictedCoding::default();
         for quantiser_scale in [f32::NAN, 0.0, 1e9] {
-            for matches in [None, Some(still_matches(17, 9)), Some(Plane::filled(17, 9, 5))] {
-                let coded = coding.code(&luma, matches.as_ref(), quantiser_scale, &steps);
+            let to_one_place = Correspondence::from_matches(Plane::filled(17, 9, 5));
+            for known in [None, Some(Correspondence::still(17, 9)), Some(to_one_place)] {
+                let coded = coding.code(&luma, known.as_ref(), quantiser_scale, &steps);
                 assert_eq!((coded.decoded.width(), coded.intra.width(), coded.levels.width()), (17, 2, 3));
             }
         }

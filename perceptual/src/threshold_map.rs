@@ -21,13 +21,11 @@
 //! - Pixels whose luma or luminance is not finite count as black and are counted.
 
 use crate::{MaskingModel, ToneMap, WHITE_LUMA, bounded, table::LumaDecodeTable};
-use plane::Plane;
+use plane::{Correspondence, Plane};
 use rayon::prelude::*;
 
 /// The error that is tolerable everywhere, as a part of luminance: Weber's law at the visibility threshold, 2 % \[Herzog08, eq. 4\].
 pub const RELATIVE_FLOOR: f32 = 0.02;
-/// In a plane of matches: the pixel has no feasible match in the frame before.
-pub const NO_MATCH: u32 = u32::MAX;
 /// Largest luminance of a pixel relative to the grey of its luma: pure blue at a display gamma of 2.
 const LARGEST_COLOR_FACTOR: f32 = 1.0 / 0.0722;
 
@@ -172,24 +170,25 @@ fn pixel_errors(
 
 /// Eq. (5): this frame's errors `e` blended with ΔY(t−1).
 ///
-/// `matches` holds, for each pixel of frame t, the raster index of its match in frame t−1, or [`NO_MATCH`]; indices outside
-/// of `previous` count as no match. `w`, the weight of the past, is taken into 0…1.
+/// `known` holds, for each pixel of frame t, its match in frame t−1; indices outside of `previous` count as no match. `w`, the
+/// weight of the past, is taken into 0…1.
 ///
 /// # Panics
-/// If `e` and `matches` differ in size.
+/// If `e` and `known` differ in size.
 #[must_use]
-pub fn blend(e: &Plane<f32>, previous: &Plane<f32>, matches: &Plane<u32>, w: f32) -> Plane<f32> {
-    blend_within(e, previous, matches, w, f32::INFINITY)
+pub fn blend(e: &Plane<f32>, previous: &Plane<f32>, known: &Correspondence, w: f32) -> Plane<f32> {
+    blend_within(e, previous, known, w, f32::INFINITY)
 }
 
 /// [`blend`], where ΔY(t−1) counts as no more than `most` times e.
 pub(crate) fn blend_within(
     e: &Plane<f32>,
     previous: &Plane<f32>,
-    matches: &Plane<u32>,
+    known: &Correspondence,
     w: f32,
     most: f32,
 ) -> Plane<f32> {
+    let matches = known.matches();
     assert_same_size(e, matches);
     let w = bounded(w, 0.0, 1.0);
     let past = previous.samples();
@@ -203,20 +202,13 @@ pub(crate) fn blend_within(
 
 /// Thresholds of frame t+1: ΔY(t) reprojected along the motion.
 ///
-/// `matches` holds, for each pixel of frame t+1, the raster index of its match in frame t, or [`NO_MATCH`]; pixels without match
-/// get 2 % of their luminance.
+/// `known` holds, for each pixel of frame t+1, its match in frame t; pixels without match get 2 % of their luminance.
 #[must_use]
-pub fn reproject(previous: &Plane<f32>, matches: &Plane<u32>) -> ThresholdMap {
-    let past = previous.samples();
+pub fn reproject(previous: &Plane<f32>, known: &Correspondence) -> ThresholdMap {
+    let (past, matches) = (previous.samples(), known.matches());
     let pixel = |&index: &u32| past.get(index as usize).copied().map_or(RELATIVE, stored);
     let data = matches.samples().par_iter().with_min_len(4096).map(pixel).collect();
     ThresholdMap { absolute: Plane::from_vec(matches.width(), matches.height(), data) }
-}
-
-/// Matches of a picture in which nothing moves: every pixel is its own.
-#[must_use]
-pub fn still_matches(width: usize, height: usize) -> Plane<u32> {
-    Plane::from_fn(width, height, |x, y| u32::try_from(y * width + x).unwrap_or(NO_MATCH))
 }
 
 fn assert_same_size<A: Copy, B: Copy>(a: &Plane<A>, b: &Plane<B>) {

@@ -6,10 +6,8 @@
 //! ```
 //! `docs/stiff-and-extreme.md` has the analysis that these tests hold the code to.
 
-use perceptual::{
-    Feedback, MaskingModel, NO_MATCH, ObservedFrame, ToneMap, WHITE_LUMA, still_matches, tolerable_error,
-};
-use plane::Plane;
+use perceptual::{Feedback, MaskingModel, ObservedFrame, ToneMap, WHITE_LUMA, tolerable_error};
+use plane::{Correspondence, NO_MATCH, Plane};
 
 /// A single block, in a single thread: ten thousand frames take no time.
 const SIDE: usize = 8;
@@ -24,8 +22,8 @@ struct Frame {
 }
 
 impl Frame {
-    fn observed<'a>(&'a self, matches: Option<&'a Plane<u32>>) -> ObservedFrame<'a> {
-        ObservedFrame { luma: &self.luma, luminance: &self.luminance, matches }
+    fn observed<'a>(&'a self, known: Option<&'a Correspondence>) -> ObservedFrame<'a> {
+        ObservedFrame { luma: &self.luma, luminance: &self.luminance, known }
     }
 }
 
@@ -70,7 +68,7 @@ fn rounding(weight: f32) -> f64 {
 /// T under a sequence of (frame, quantiser_scale), one value for each.
 fn response(weight: f32, start: f32, inputs: impl Iterator<Item = (usize, f32)> + Send, frames: &[Frame]) -> Vec<f64> {
     alone(move || {
-        let (mut feedback, still) = (feedback(weight), still_matches(SIDE, SIDE));
+        let (mut feedback, still) = (feedback(weight), Correspondence::still(SIDE, SIDE));
         feedback.restore(Plane::filled(SIDE, SIDE, start));
         let next = |(which, scale): (usize, f32)| at(feedback.observe(frames[which].observed(Some(&still)), scale));
         inputs.map(next).collect()
@@ -198,14 +196,14 @@ fn noise_is_smoothed_as_a_filter_of_one_pole_does() {
 fn cuts_in_every_frame_leave_no_memory() {
     let frames = [lit(0.5), lit(3.0), lit(1e-6), lit(1e6)];
     let e: Vec<Plane<f32>> = frames.iter().map(|frame| e_of(frame, 8.0)).collect();
-    let nothing = Plane::filled(SIDE, SIDE, NO_MATCH);
+    let nothing = Correspondence::from_matches(Plane::filled(SIDE, SIDE, NO_MATCH));
     alone(|| {
         for weight in WEIGHTS {
             let mut feedback = feedback(weight);
             for n in 0..LONG {
                 let (frame, e) = (&frames[n * 7 % 4], &e[n * 7 % 4]);
-                let matches = (n % 2 == 0).then_some(&nothing);
-                assert!(feedback.observe(frame.observed(matches), 8.0) == e, "w = {weight}, frame {n}");
+                let known = (n % 2 == 0).then_some(&nothing);
+                assert!(feedback.observe(frame.observed(known), 8.0) == e, "w = {weight}, frame {n}");
             }
         }
     });
@@ -237,7 +235,7 @@ fn rendered(kind: Renderer, truth: f32, threshold: f32, pixel: usize, n: usize) 
 
 /// The loop closed, for so many frames from one threshold everywhere: lowest, mean and highest of the last thousand.
 fn band(kind: Renderer, (weight, kappa, scale): (f32, f32, f32), start: f32, frames: usize) -> [f64; 3] {
-    let still = still_matches(SIDE, SIDE);
+    let still = Correspondence::still(SIDE, SIDE);
     let mut feedback = feedback(weight).with_kappa(kappa);
     feedback.restore(Plane::filled(SIDE, SIDE, start));
     let (mut low, mut sum, mut high) = (f64::MAX, 0.0, 0.0f64);

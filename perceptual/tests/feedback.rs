@@ -1,10 +1,9 @@
 //! The loop over frames: steady state, no drift, cuts, flashes, broken frames, threads.
 
 use perceptual::{
-    DEFAULT_WEIGHT, Feedback, MaskingModel, NO_MATCH, ObservedFrame, ToneMap, YCbCr, luminance_plane, still_matches,
-    tolerable_error,
+    DEFAULT_WEIGHT, Feedback, MaskingModel, ObservedFrame, ToneMap, YCbCr, luminance_plane, tolerable_error,
 };
-use plane::Plane;
+use plane::{Correspondence, NO_MATCH, Plane};
 
 const WIDTH: usize = 19;
 const HEIGHT: usize = 10;
@@ -15,8 +14,8 @@ struct Frame {
 }
 
 impl Frame {
-    fn observed<'a>(&'a self, matches: Option<&'a Plane<u32>>) -> ObservedFrame<'a> {
-        ObservedFrame { luma: &self.luma, luminance: &self.luminance, matches }
+    fn observed<'a>(&'a self, known: Option<&'a Correspondence>) -> ObservedFrame<'a> {
+        ObservedFrame { luma: &self.luma, luminance: &self.luminance, known }
     }
 }
 
@@ -46,7 +45,7 @@ fn largest_ratio(a: &Plane<f32>, b: &Plane<f32>) -> f32 {
 
 #[test]
 fn ten_thousand_still_frames_settle_and_stay() {
-    let (still, bright, dim) = (still_matches(WIDTH, HEIGHT), frame(3.0), frame(0.5));
+    let (still, bright, dim) = (Correspondence::still(WIDTH, HEIGHT), frame(3.0), frame(0.5));
     let e = alone(&dim, 8.0);
     for weight in [0.0, 0.3, DEFAULT_WEIGHT, 0.9] {
         let mut feedback = feedback(weight);
@@ -66,7 +65,7 @@ fn ten_thousand_still_frames_settle_and_stay() {
 
 #[test]
 fn the_past_fades_by_its_weight() {
-    let (still, bright, dim) = (still_matches(WIDTH, HEIGHT), frame(3.0), frame(0.5));
+    let (still, bright, dim) = (Correspondence::still(WIDTH, HEIGHT), frame(3.0), frame(0.5));
     let mut feedback = feedback(0.5);
     let first = feedback.observe(bright.observed(None), 8.0).get(4, 4);
     let now = alone(&dim, 8.0).get(4, 4);
@@ -90,12 +89,12 @@ fn a_cut_forgets() {
     assert!((0..WIDTH).all(|x| map.get(x, 3).is_none()));
     // A picture of another size starts afresh.
     let small = frame_of(&Plane::filled(8, 8, [0.5; 3]));
-    assert_eq!(feedback.observe(small.observed(Some(&still_matches(8, 8))), 8.0), &alone(&small, 8.0));
+    assert_eq!(feedback.observe(small.observed(Some(&Correspondence::still(8, 8))), 8.0), &alone(&small, 8.0));
 }
 
 #[test]
 fn a_flashing_light_keeps_thresholds_between_its_two_states() {
-    let (still, on, off) = (still_matches(WIDTH, HEIGHT), frame(3.0), frame(0.01));
+    let (still, on, off) = (Correspondence::still(WIDTH, HEIGHT), frame(3.0), frame(0.01));
     let (high, low) = (alone(&on, 8.0), alone(&off, 8.0));
     let mut feedback = feedback(0.5);
     for t in 0..1000 {
@@ -111,7 +110,7 @@ fn a_flashing_light_keeps_thresholds_between_its_two_states() {
 
 #[test]
 fn a_broken_frame_passes() {
-    let (still, good) = (still_matches(WIDTH, HEIGHT), frame(1.0));
+    let (still, good) = (Correspondence::still(WIDTH, HEIGHT), frame(1.0));
     let mut broken = frame(1.0);
     broken.luma.set(3, 3, f32::NAN);
     broken.luminance.set(4, 3, f32::INFINITY);
@@ -131,7 +130,8 @@ fn thresholds_travel_with_the_picture() {
     let mut feedback = feedback(0.5);
     feedback.observe(first.observed(None), 8.0);
     // Everything moves by two pixels to the right; what comes in at the left was not seen before.
-    let moved = Plane::from_fn(WIDTH, HEIGHT, |x, y| if x < 2 { NO_MATCH } else { (y * WIDTH + x - 2) as u32 });
+    let two_to_the_left = |x: usize, y: usize| if x < 2 { NO_MATCH } else { (y * WIDTH + x - 2) as u32 };
+    let moved = Correspondence::from_matches(Plane::from_fn(WIDTH, HEIGHT, two_to_the_left));
     let map = feedback.thresholds_for_next(&moved);
     assert_eq!(map.get(1, 5), None);
     assert_eq!(map.get(9, 5), Some(feedback.thresholds().get(7, 5)));
@@ -139,7 +139,7 @@ fn thresholds_travel_with_the_picture() {
 
 #[test]
 fn a_film_can_be_continued() {
-    let (still, first, second) = (still_matches(WIDTH, HEIGHT), frame(1.0), frame(2.0));
+    let (still, first, second) = (Correspondence::still(WIDTH, HEIGHT), frame(1.0), frame(2.0));
     let (mut whole, mut continued) = (feedback(0.5), feedback(0.5));
     let saved = whole.observe(first.observed(None), 8.0).clone();
     continued.restore(saved);
@@ -158,7 +158,7 @@ fn the_number_of_threads_changes_nothing() {
             let frame = frame_of(&radiance);
             let mut feedback = feedback(0.5);
             feedback.observe(frame.observed(None), 5.0);
-            feedback.observe(frame.observed(Some(&still_matches(203, 151))), 9.0).clone()
+            feedback.observe(frame.observed(Some(&Correspondence::still(203, 151))), 9.0).clone()
         })
     };
     let one = run(1);
@@ -175,7 +175,7 @@ fn kappa_scales_what_masking_allows_down_to_the_floor() {
     let luminance = luminance_plane(&radiance);
     let observe = |kappa| {
         let mut feedback = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT).with_kappa(kappa);
-        feedback.observe(ObservedFrame { luma: &picture.luma, luminance: &luminance, matches: None }, 16.0).clone()
+        feedback.observe(ObservedFrame { luma: &picture.luma, luminance: &luminance, known: None }, 16.0).clone()
     };
     let (paper, half, none) = (observe(1.0), observe(0.5), observe(0.0));
     let mut scaled = 0;

@@ -1,7 +1,7 @@
 //! Picture metrics against closed forms and identities.
 
-use perceptual::{NO_MATCH, flicker, mse, psnr, relative_mse, rmse, ssim, still_matches};
-use plane::Plane;
+use perceptual::{flicker, mse, psnr, relative_mse, rmse, ssim};
+use plane::{Correspondence, NO_MATCH, Plane};
 use proptest::prelude::*;
 
 fn noise(width: usize, height: usize, seed: u32) -> Plane<u8> {
@@ -90,22 +90,23 @@ proptest! {
 #[test]
 fn only_errors_that_change_flicker() {
     let (reference, before) = (noise(16, 8, 3).map(|v| v / 2), noise(16, 8, 4).map(|v| v / 2));
-    let still = still_matches(16, 8);
+    let still = Correspondence::still(16, 8);
     let off_by = |plane: &Plane<u8>, error: u8| plane.map(|v| v + error);
-    let of = |now: u8, then: u8, matches: &Plane<u32>| {
-        flicker([&off_by(&reference, now), &off_by(&before, then)], [&reference, &before], matches)
+    let of = |now: u8, then: u8, known: &Correspondence| {
+        flicker([&off_by(&reference, now), &off_by(&before, then)], [&reference, &before], known)
     };
     assert_eq!(of(0, 0, &still), 0.0);
     assert_eq!(of(7, 7, &still), 0.0, "an error that stays");
     assert_eq!(of(7, 5, &still), 4.0);
     assert_eq!(of(0, 3, &still), 9.0);
-    assert_eq!(of(0, 3, &Plane::filled(16, 8, NO_MATCH)), 0.0, "nothing to compare with");
+    assert_eq!(of(0, 3, &Correspondence::from_matches(Plane::filled(16, 8, NO_MATCH))), 0.0, "nothing to compare with");
     // An error that goes with what it is on, one pixel to the right a frame.
     let error = Plane::from_fn(16, 8, |x, y| ((3 * x + 5 * y) % 11) as u8);
     let moved = Plane::from_fn(16, 8, |x, y| error.get_clamped(x as isize - 1, y as isize));
     let plus = |a: &Plane<u8>, b: &Plane<u8>| Plane::from_fn(16, 8, |x, y| a.get(x, y) + b.get(x, y));
     let (now, then) = (plus(&reference, &moved), plus(&before, &error));
-    let along = Plane::from_fn(16, 8, |x, y| if x > 0 { (16 * y + x - 1) as u32 } else { NO_MATCH });
+    let one_to_the_left = |x, y| if x > 0 { (16 * y + x - 1) as u32 } else { NO_MATCH };
+    let along = Correspondence::from_matches(Plane::from_fn(16, 8, one_to_the_left));
     assert_eq!(flicker([&now, &then], [&reference, &before], &along), 0.0);
     assert!(flicker([&now, &then], [&reference, &before], &still) > 5.0);
 }

@@ -1,10 +1,10 @@
 //! Equations (4) and (5) against a transcription in `f64`, and what thresholds promise.
 
 use perceptual::{
-    MaskingModel, NO_MATCH, Operator, ThresholdMap, ToneMap, YCbCr, blend, luminance_plane, reproject, still_matches,
-    tolerable_error, tolerable_error_counted,
+    MaskingModel, Operator, ThresholdMap, ToneMap, YCbCr, blend, luminance_plane, reproject, tolerable_error,
+    tolerable_error_counted,
 };
-use plane::Plane;
+use plane::{Correspondence, NO_MATCH, Plane};
 use proptest::prelude::*;
 
 fn radiance(width: usize, height: usize, seed: u32) -> Plane<[f32; 3]> {
@@ -57,11 +57,11 @@ proptest! {
         e in prop::collection::vec(1e-6f32..1e6, 24), previous in prop::collection::vec(1e-6f32..1e6, 24),
         matches in prop::collection::vec(prop_oneof![4 => 0u32..24, 1 => Just(NO_MATCH), 1 => 24u32..99], 24), w in 0.0f32..1.0,
     ) {
-        let blended = blend(
-            &Plane::from_vec(6, 4, e.clone()), &Plane::from_vec(6, 4, previous.clone()),
-            &Plane::from_vec(6, 4, matches.clone()), w,
-        );
-        let carried = reproject(&Plane::from_vec(6, 4, previous.clone()), &Plane::from_vec(6, 4, matches.clone()));
+        let no_motion = Plane::filled(6, 4, [0.0; 2]);
+        let known = Correspondence::new(no_motion, Plane::from_vec(6, 4, matches.clone())).unwrap();
+        let past = Plane::from_vec(6, 4, previous.clone());
+        let blended = blend(&Plane::from_vec(6, 4, e.clone()), &past, &known, w);
+        let carried = reproject(&past, &known);
         for i in 0..24 {
             let (now, w) = (f64::from(e[i]), f64::from(w));
             let past = previous.get(matches[i] as usize).copied();
@@ -187,6 +187,6 @@ fn maps_keep_what_is_known() {
     assert_eq!(read, [Some(0.5), None, None, None, None, Some(1e-30)]);
     assert_eq!(ThresholdMap::from_plane(map.plane()), map);
     assert_eq!(map.resolve(0, 0, 10.0), 0.5);
-    let still = reproject(&Plane::filled(3, 2, 0.25), &still_matches(3, 2));
+    let still = reproject(&Plane::filled(3, 2, 0.25), &Correspondence::still(3, 2));
     assert!((0..6).all(|i| still.get(i % 3, i / 3) == Some(0.25)));
 }

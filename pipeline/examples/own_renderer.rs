@@ -14,8 +14,7 @@ use pipeline::feedback_loop::observe::Observer;
 use pipeline::feedback_loop::parts::{LastThresholds, Prepare, Prepared, Shade, Shaded};
 use pipeline::feedback_loop::{Parts, Run, couple};
 use pipeline::film::{Display, Video};
-use plane::Plane;
-use render_core::{Correspondence, NO_MATCH};
+use plane::{Correspondence, NO_MATCH, Plane};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -62,12 +61,11 @@ impl Prepare for Motion {
                 (inside && on_disc == is_on_disc(was, then)).then_some((here, was))
             };
             let vector = |(here, was): ([f32; 2], [f32; 2])| [was[0] - here[0], was[1] - here[1]];
-            Arc::new(Correspondence {
-                motion: Plane::from_fn(width, height, |x, y| before(x, y).map_or([f32::NAN; 2], vector)),
-                matches: Plane::from_fn(width, height, |x, y| {
-                    before(x, y).map_or(NO_MATCH, |(_, was)| was[1] as u32 * width as u32 + was[0] as u32)
-                }),
-            })
+            let motion = Plane::from_fn(width, height, |x, y| before(x, y).map_or([0.0; 2], vector));
+            let matches = Plane::from_fn(width, height, |x, y| {
+                before(x, y).map_or(NO_MATCH, |(_, was)| was[1] as u32 * width as u32 + was[0] as u32)
+            });
+            Arc::new(Correspondence::new(motion, matches).expect("planes of one size"))
         });
         Some(Prepared { frame, correspondence: known, ..Prepared::default() })
     }

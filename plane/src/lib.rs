@@ -1,5 +1,5 @@
-//! Planes of samples, pictures, and the one orthonormal 8×8 DCT: what a renderer, a masking model and an MPEG-2 encoder
-//! share.
+//! Planes of samples, pictures, where their pixels were, and the one orthonormal 8×8 DCT: what a renderer, a masking model
+//! and an MPEG-2 encoder share.
 //!
 //! ```
 //! use plane::Plane;
@@ -12,11 +12,13 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod correspondence;
 mod dct;
 mod picture;
 mod plane;
 mod size_error;
 
+pub use crate::correspondence::{Correspondence, NO_MATCH};
 pub use crate::dct::{dct, dct_definition, idct, idct_definition};
 pub use crate::picture::Picture;
 pub use crate::plane::Plane;

@@ -8,7 +8,7 @@ use crate::accel::{Accelerator, Hit, PACKET};
 use crate::scene::{DeformedMesh, View};
 use crate::surface::Surfaces;
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
-use plane::Plane;
+use plane::{Correspondence, NO_MATCH, Plane};
 use rayon::prelude::*;
 pub(crate) use shown::shown;
 use std::sync::Arc;
@@ -207,54 +207,41 @@ fn see(
     }
 }
 
-/// Where the surface points of a picture were in another picture, usually the one before.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Correspondence {
-    /// `motion_px`: place in the other picture minus place in this one, pixels, x right, y down;
-    /// NaN where the point was not visible there.
-    pub motion: Plane<[f32; 2]>,
-    /// Raster index of the pixel of the other picture that shows the same surface, or [`NO_MATCH`].
-    pub matches: Plane<u32>,
-}
-
-/// [`Correspondence::matches`] of a pixel that was not visible.
-pub const NO_MATCH: u32 = u32::MAX;
-
 /// Two normals count as alike when the cosine between them is at least this: 25°, a smooth surface's turn within pixels.
 const ALIKE_COSINE: f32 = 0.9;
 /// Two points count as on the same surface when they are this near to its plane, in units of their depth.
 const ALIKE_DEPTH: f32 = 0.005;
 
-impl Correspondence {
-    /// Projects every point of `current` into `other`, carried along by the instance it sits on, and by its triangle where
-    /// that bends; adds the work to `busy`.
-    pub fn between(current: &GBuffer, other: &GBuffer, busy: &Busy) -> Self {
-        let (width, height) = (current.pixels.width(), current.pixels.height());
+impl GBuffer {
+    /// Where each pixel's surface point is in `other`: it goes there with the instance it sits on, and with its triangle
+    /// where that bends. Adds the work to `busy`.
+    #[must_use]
+    pub fn reproject(&self, other: &GBuffer, busy: &Busy) -> Correspondence {
+        let (width, height) = (self.pixels.width(), self.pixels.height());
         // Other world from current world; most instances stand still.
-        let carry: Vec<Affine3A> = current
+        let carry: Vec<Affine3A> = self
             .world
             .iter()
             .zip(&other.world)
             .map(|(now, then)| if now == then { Affine3A::IDENTITY } else { *then * now.inverse() })
             .collect();
-        let rows: Vec<(Vec<[f32; 2]>, Vec<u32>)> = (0..height)
-            .into_par_iter()
-            .map(|y| {
-                let find = |x| {
-                    let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                    match locate(current.pixels.get(x, y), current, &carry, other) {
-                        Some((place, index)) => ((place - centre).to_array(), index),
-                        None => ([f32::NAN; 2], NO_MATCH),
+        let mut motion = Plane::filled(width, height, [0.0; 2]);
+        let mut matches = Plane::filled(width, height, NO_MATCH);
+        let row_pixels = width.max(1);
+        let rows =
+            motion.samples_mut().par_chunks_mut(row_pixels).zip(matches.samples_mut().par_chunks_mut(row_pixels));
+        rows.enumerate().for_each(|(y, (motion, matches))| {
+            busy.measure(|| {
+                for x in 0..width {
+                    if let Some((place, index)) = locate(self.pixels.get(x, y), self, &carry, other) {
+                        let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                        motion[x] = (place - centre).to_array();
+                        matches[x] = index;
                     }
-                };
-                busy.measure(|| (0..width).map(find).unzip())
-            })
-            .collect();
-        let (motion, matches): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
-        Self {
-            motion: Plane::from_vec(width, height, motion.concat()),
-            matches: Plane::from_vec(width, height, matches.concat()),
-        }
+                }
+            });
+        });
+        Correspondence::new(motion, matches).expect("both planes have the size of the picture")
     }
 }
 

@@ -34,7 +34,7 @@ pub use emitter::{
 };
 pub use environment::Environment;
 pub use gather::{Directions, Gather, Surroundings};
-pub use gbuffer::{Correspondence, GBuffer, MACROBLOCK, NO_MATCH, NOTHING, PixelSurface};
+pub use gbuffer::{GBuffer, MACROBLOCK, NOTHING, PixelSurface};
 pub use path::{Estimate, PathOptions, PathTracer, PixelSampling};
 pub use photon::{Energies, Photons, Swept};
 pub use reconstruct::{reconstruct, sample_places};

@@ -8,7 +8,7 @@ use render_core::scene::{
     Camera, Channel, Influence, Interpolation, Mesh, MorphTarget, MorphedNode, Node, Projection, Scene, Skin, Skinning,
     Track,
 };
-use render_core::{Anchors, Busy, Correspondence, GBuffer, Geometry, NOTHING, PixelSurface, Surfaces, Units};
+use render_core::{Anchors, Busy, GBuffer, Geometry, NOTHING, PixelSurface, Surfaces, Units};
 
 const SIZE: usize = 128;
 const YFOV: f32 = 0.9;
@@ -84,14 +84,12 @@ fn focal() -> f32 {
 /// plane z = −3 at time 1 was at time 0; and how many vectors there were.
 fn worst_vector(scene: &Scene, then: impl Fn(&PixelSurface, Vec3) -> Vec3) -> (f32, usize) {
     let (before, now) = (seen(scene, 0.0), seen(scene, 1.0));
-    let correspondence = Correspondence::between(&now, &before, &Busy::default());
+    let correspondence = now.reproject(&before, &Busy::default());
     let (half, mut worst, mut count) = (SIZE as f32 / 2.0, 0.0f32, 0);
     for y in 0..SIZE {
         for x in 0..SIZE {
-            let (pixel, [dx, dy]) = (now.pixels.get(x, y), correspondence.motion.get(x, y));
-            if pixel.instance == NOTHING || dx.is_nan() {
-                continue;
-            }
+            let pixel = now.pixels.get(x, y);
+            let Some([dx, dy]) = correspondence.motion_of(x, y).filter(|_| pixel.instance != NOTHING) else { continue };
             let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let point = vec3((centre.x - half) / focal(), (half - centre.y) / focal(), -1.0) * 3.0;
             let was = then(&pixel, point);

@@ -4,8 +4,9 @@ mod common;
 
 use common::{add, material, quad, rest};
 use glam::{Quat, Vec2, Vec3, vec3};
+use plane::NO_MATCH;
 use render_core::scene::{Camera, Channel, Interpolation, Node, Projection, Scene, Track, Transform};
-use render_core::{Accelerator, Busy, Correspondence, GBuffer, Geometry, NO_MATCH, NOTHING, Surfaces};
+use render_core::{Accelerator, Busy, GBuffer, Geometry, NOTHING, Surfaces};
 
 const SIZE: usize = 128;
 const YFOV: f32 = 0.9;
@@ -57,17 +58,13 @@ fn pixel(place: Transform, p: Vec3) -> Vec2 {
 fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
     let scene = scene();
     let (before, now) = (seen(&scene, 0.0), seen(&scene, 1.0));
-    let correspondence = Correspondence::between(&now, &before, &Busy::default());
+    let correspondence = now.reproject(&before, &Busy::default());
     let camera =
         [rest(Vec3::ZERO), Transform { rotation: Quat::from_rotation_y(0.05), ..rest(vec3(0.13, 0.07, -0.2)) }];
     let (mut checked, mut board, mut worst) = (0, 0, 0.0f32);
     for y in 0..SIZE {
         for x in 0..SIZE {
-            let [dx, dy] = correspondence.motion.get(x, y);
-            if dx.is_nan() {
-                assert_eq!(correspondence.matches.get(x, y), NO_MATCH);
-                continue;
-            }
+            let Some([dx, dy]) = correspondence.motion_of(x, y) else { continue };
             // The ray of this pixel on paper, cut with the plane of what it sees.
             let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let focal = SIZE as f32 / 2.0 / (YFOV / 2.0).tan();
@@ -98,7 +95,7 @@ fn what_was_hidden_has_no_vector() {
     scene.channels.truncate(1);
     // The board slides right by 0.6 m: at its left border a strip of wall comes into view.
     scene.channels[0].track = Track::Translation(vec![vec3(0.0, 0.0, -3.0), vec3(0.6, 0.0, -3.0)]);
-    let correspondence = Correspondence::between(&seen(&scene, 1.0), &seen(&scene, 0.0), &Busy::default());
+    let correspondence = seen(&scene, 1.0).reproject(&seen(&scene, 0.0), &Busy::default());
     let focal = SIZE as f32 / 2.0 / (YFOV / 2.0).tan();
     let border = |left: f32| SIZE as f32 / 2.0 + focal * left / 3.0;
     let (was, is) = (border(-0.8), border(-0.2));
@@ -106,10 +103,10 @@ fn what_was_hidden_has_no_vector() {
     for x in 0..SIZE {
         let uncovered = (x as f32 + 1.0) > was + 1.5 && (x as f32) < is - 1.5;
         if uncovered {
-            assert_eq!(correspondence.matches.get(x, row), NO_MATCH, "column {x} was behind the board");
+            assert_eq!(correspondence.matches().get(x, row), NO_MATCH, "column {x} was behind the board");
         } else if (x as f32) < was - 2.0 {
             let index = (row * SIZE + x) as u32;
-            assert_eq!(correspondence.matches.get(x, row), index, "column {x} showed the same wall");
+            assert_eq!(correspondence.matches().get(x, row), index, "column {x} showed the same wall");
         }
     }
 }
@@ -119,9 +116,9 @@ fn at_rest_everything_is_its_own_match() {
     let mut scene = scene();
     scene.channels.clear();
     let frame = seen(&scene, 0.0);
-    let correspondence = Correspondence::between(&frame, &seen(&scene, 1.0), &Busy::default());
+    let correspondence = frame.reproject(&seen(&scene, 1.0), &Busy::default());
     for (index, (motion, &found)) in
-        correspondence.motion.samples().iter().zip(correspondence.matches.samples()).enumerate()
+        correspondence.motion().samples().iter().zip(correspondence.matches().samples()).enumerate()
     {
         assert_eq!(found, index as u32);
         assert!(motion.iter().all(|m| m.abs() < 1e-2), "{motion:?}");

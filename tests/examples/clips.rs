@@ -12,6 +12,7 @@
 use pipeline::feedback_loop::{Run, observe::OnFrame};
 use pipeline::settings::Size;
 use pipeline::{Options, Plan};
+use plane::NO_MATCH;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -47,13 +48,13 @@ fn write_clip(name: &str, base: &Path, size: Size, frames: u32) {
     let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
     pipeline::render(&scene, &settings, &plan, run).expect("the run succeeds");
     let mut bytes = Vec::new();
-    for motion in tests::motion(&scene, &settings) {
-        let Some(motion_px) = motion else {
+    for known in tests::correspondences(&scene, &settings) {
+        let Some(known) = known else {
             bytes.resize(bytes.len() + 4 * size.width * size.height, 0);
             continue;
         };
-        for &vector in motion_px.samples() {
-            let is_known = vector.iter().all(|component| component.abs() < 500.0); // false for NaN
+        for (&vector, &index) in known.motion().samples().iter().zip(known.matches().samples()) {
+            let is_known = index != NO_MATCH && vector.iter().all(|component| component.abs() < 500.0);
             let parts = vector.map(|component| if is_known { (64.0 * component).round() as i16 } else { i16::MIN });
             bytes.extend(parts.iter().flat_map(|part| part.to_le_bytes()));
         }

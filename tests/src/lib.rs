@@ -14,5 +14,5 @@ pub use glb::{Glb, Moving, Quad, checkered_room, furnace};
 pub use program::{
     Finished, Rendered, assert_fails, cornell, program, render, render2mpeg, shared_scenes, sorted_names,
 };
-pub use replay::{encode, load, motion, motion_fields};
+pub use replay::{correspondences, encode, load};
 pub use tools::{is_required, need};

@@ -6,9 +6,8 @@
 use mpeg2enc::{Config, Effort, Encoder, FrameRate, MacroblockKind};
 use perceptual::{
     CodedPicture, Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane,
-    still_matches,
 };
-use plane::Plane;
+use plane::{Correspondence, Plane};
 
 const WIDTH: usize = 48;
 const HEIGHT: usize = 32;
@@ -65,7 +64,7 @@ impl Loop {
 
     /// The next frame, lit so brightly; mean T by mean luminance after it.
     fn step(&mut self, brightness: f32) -> f64 {
-        let still = still_matches(WIDTH, HEIGHT);
+        let still = Correspondence::still(WIDTH, HEIGHT);
         let allowed = self.feedback.thresholds_for_next(&still);
         let radiance = Plane::from_fn(WIDTH, HEIGHT, |x, y| {
             let truth = brightness * scene(x, y);
@@ -85,8 +84,8 @@ impl Loop {
         };
         let luminance = luminance_plane(&radiance);
         let steps = QuantiserSteps::default();
-        let matches = (self.frame > 1).then_some(&still);
-        let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, matches };
+        let known = (self.frame > 1).then_some(&still);
+        let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, known };
         let thresholds = self.feedback.observe_coded(frame, &steps, &coded, next);
         assert!(thresholds.samples().iter().all(|t| t.is_finite() && *t >= 0.0));
         let sum = |plane: &Plane<f32>| plane.samples().iter().map(|&value| f64::from(value)).sum::<f64>();

@@ -51,7 +51,7 @@ fn mean_threshold(coded: &Coded, next: NextPicture) -> f64 {
     let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), 0.5);
     let Coded { frame, luminance, decoded, levels, intra, scales } = coded;
     let picture = CodedPicture { decoded, levels, intra, quantiser_scales: scales };
-    let observed = ObservedFrame { luma: &frame.luma, luminance, matches: None };
+    let observed = ObservedFrame { luma: &frame.luma, luminance, known: None };
     let thresholds = feedback.observe_coded(observed, &QuantiserSteps::default(), &picture, next);
     let relative = thresholds.samples().iter().zip(luminance.samples()).map(|(&t, &y)| f64::from(t / y));
     relative.sum::<f64>() / luminance.samples().len() as f64

@@ -1,7 +1,7 @@
 //! The loop with parts of one's own: thresholds, failures, checkpoints and reports.
 
 use mpeg2enc::{Config, Container, FrameRate};
-use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap, YCbCr, still_matches};
+use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap, YCbCr};
 use pipeline::error::Result;
 use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob};
 use pipeline::feedback_loop::observe::Observer;
@@ -9,8 +9,7 @@ use pipeline::feedback_loop::parts::{Coded, Displayed, Encode, LastThresholds, P
 use pipeline::feedback_loop::{Parts, Run, couple};
 use pipeline::film::{Display, Video};
 use pipeline::report::FrameReport;
-use plane::Plane;
-use render_core::Correspondence;
+use plane::{Correspondence, Plane};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -28,10 +27,7 @@ impl Prepare for Still {
     type Frame = u32;
 
     fn step(&mut self, index: u32) -> Option<Prepared<u32>> {
-        let correspondence = (index > 0).then(|| {
-            let motion = Plane::filled(SIZE.0, SIZE.1, [0.0; 2]);
-            Arc::new(Correspondence { motion, matches: still_matches(SIZE.0, SIZE.1) })
-        });
+        let correspondence = (index > 0).then(|| Arc::new(Correspondence::still(SIZE.0, SIZE.1)));
         (index < FRAMES).then(|| Prepared { frame: index, correspondence, ..Prepared::default() })
     }
 

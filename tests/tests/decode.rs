@@ -2,7 +2,7 @@
 
 use mpeg2enc::{Picture, psnr};
 use pipeline::Options;
-use tests::{cornell, decode_ffmpeg, decode_mpeg2dec, encode, load, motion_fields, read_y4m, render};
+use tests::{cornell, correspondences, decode_ffmpeg, decode_mpeg2dec, encode, load, read_y4m, render};
 
 const SIZE: (usize, usize) = (96, 96);
 const FRAMES: usize = 100;
@@ -41,7 +41,7 @@ fn a_rendered_film_is_shown_as_it_was_coded() {
         ..Options::default()
     };
     let (scene, settings) = load(&cornell(), options);
-    let (stream, packets) = encode(&settings, &source, &motion_fields(&scene, &settings));
+    let (stream, packets) = encode(&settings, &source, &correspondences(&scene, &settings));
     assert!(stream == rendered.stream, "pictures and motion determine the stream");
 
     let video = folder.path().join("film.m2v");

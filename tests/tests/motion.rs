@@ -1,11 +1,12 @@
 //! What the renderer knows of motion saves the encoder bits.
 
 use glam::{Vec3, vec3};
-use mpeg2enc::{MotionField, Packet, Picture, PictureType};
+use mpeg2enc::{Packet, Picture, PictureType};
 use pipeline::{Options, Settings};
-use plane::Plane;
+use plane::Correspondence;
 use std::path::Path;
-use tests::{Moving, checkered_room, cornell, encode, load, motion_fields, read_y4m, render};
+use std::sync::Arc;
+use tests::{Moving, checkered_room, cornell, correspondences, encode, load, read_y4m, render};
 
 const SIZE: (usize, usize) = (96, 96);
 const FRAMES: u32 = 12;
@@ -37,9 +38,9 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
     );
     let frames: Vec<Picture> = read_y4m(&folder.join(format!("{name}.y4m")), SIZE);
     let (scene, settings) = load(path, options);
-    let exact = motion_fields(&scene, &settings);
-    let still = MotionField::new(Plane::filled(SIZE.0, SIZE.1, [0.0; 2]));
-    let at = |qscale: u32, motion: &[Option<MotionField>]| {
+    let exact = correspondences(&scene, &settings);
+    let still = Arc::new(Correspondence::still(SIZE.0, SIZE.1));
+    let at = |qscale: u32, motion: &[Option<Arc<Correspondence>>]| {
         predicted(&encode(&Settings { qscale, ..settings.clone() }, &frames, motion).1)
     };
     let (exact_bits, quality) = at(8, &exact);

@@ -1,8 +1,8 @@
 //! Moving pictures made by formula, and the two decoders that judge a stream.
 #![allow(dead_code, reason = "each test program uses a part")]
 
-use mpeg2enc::{Config, FrameRate, KnownMotion, MotionField, Packet, Picture, PictureType, psnr};
-use plane::Plane;
+use mpeg2enc::{Config, FrameRate, KnownMotion, Packet, Picture, PictureType, psnr};
+use plane::{Correspondence, Plane};
 use std::{
     io::Write,
     path::PathBuf,
@@ -83,8 +83,8 @@ pub fn noise(width: usize, height: usize, seed: u64) -> Picture {
 }
 
 /// A field with one motion everywhere.
-pub fn uniform_motion(width: usize, height: usize, x: f32, y: f32) -> MotionField {
-    MotionField::new(Plane::filled(width, height, [x, y]))
+pub fn uniform_motion(width: usize, height: usize, x: f32, y: f32) -> Correspondence {
+    Correspondence::from_motion(Plane::filled(width, height, [x, y]))
 }
 
 /// Encodes frames without a motion field.
@@ -100,7 +100,7 @@ pub fn encode(config: Config, frames: impl Iterator<Item = Picture>) -> (Vec<u8>
 pub fn encode_ahead(
     config: Config,
     frames: impl Iterator<Item = Picture>,
-    motion: Option<&MotionField>,
+    motion: Option<&Correspondence>,
 ) -> (Vec<u8>, Vec<Packet>) {
     let mut encoder = config.lookahead_encoder().expect("a valid configuration");
     let known = KnownMotion { to_previous: motion, to_next: None };

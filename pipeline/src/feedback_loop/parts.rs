@@ -13,8 +13,7 @@ use super::figures::FrameFigures;
 use crate::error::Result;
 use mpeg2enc::PictureType;
 use perceptual::{Feedback, NextPicture, ObservedFrame, ThresholdMap, ToneMap, YCbCr, reproject};
-use plane::Plane;
-use render_core::Correspondence;
+use plane::{Correspondence, Plane};
 use std::sync::Arc;
 
 /// The first half of a renderer: everything that needs no thresholds. It works one frame ahead of the rest.
@@ -223,7 +222,7 @@ pub struct LuminanceThresholds {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LastThresholds<'a> {
     thresholds: Option<&'a LuminanceThresholds>,
-    matches: Option<&'a Plane<u32>>,
+    known: Option<&'a Correspondence>,
 }
 
 impl<'a> LastThresholds<'a> {
@@ -238,19 +237,15 @@ impl<'a> LastThresholds<'a> {
     /// # Panics
     /// If they are of another frame: the feedback is exactly one frame late.
     #[must_use]
-    pub fn new(
-        index: u32,
-        thresholds: Option<&'a LuminanceThresholds>,
-        correspondence: Option<&'a Correspondence>,
-    ) -> Self {
+    pub fn new(index: u32, thresholds: Option<&'a LuminanceThresholds>, known: Option<&'a Correspondence>) -> Self {
         assert!(thresholds.is_none_or(|thresholds| thresholds.of + 1 == index), "thresholds out of step");
-        Self { thresholds, matches: correspondence.map(|known| &known.matches) }
+        Self { thresholds, known }
     }
 
-    /// The same thresholds along other `matches`, where there are any.
+    /// The same thresholds along `other` motion, where any is known.
     #[must_use]
-    pub fn along(self, matches: &'a Plane<u32>) -> Self {
-        Self { matches: self.matches.map(|_| matches), ..self }
+    pub fn along(self, other: &'a Correspondence) -> Self {
+        Self { known: self.known.map(|_| other), ..self }
     }
 
     /// ΔY along the motion; 2 % of luminance everywhere, for a picture of `width` × `height`, where nothing is known.
@@ -266,15 +261,15 @@ impl<'a> LastThresholds<'a> {
     }
 
     fn reprojected(&self, plane: impl Fn(&LuminanceThresholds) -> &Plane<f32>) -> Option<ThresholdMap> {
-        Some(reproject(plane(self.thresholds?), self.matches?))
+        Some(reproject(plane(self.thresholds?), self.known?))
     }
 }
 
 impl Mask for Feedback {
     fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Plane<f32> {
-        let matches = displayed.correspondence.as_deref().map(|known| &known.matches);
+        let known = displayed.correspondence.as_deref();
         let (luma, luminance) = (&displayed.picture.luma, &*displayed.luminance);
-        self.observe(ObservedFrame { luma, luminance, matches }, coding.quantiser_scale).clone()
+        self.observe(ObservedFrame { luma, luminance, known }, coding.quantiser_scale).clone()
     }
 
     fn restore(&mut self, _state: &[u8], thresholds: &LuminanceThresholds) -> Result<()> {

@@ -10,8 +10,9 @@ use super::parts::{
 use super::threads::Stage;
 use crate::error::{Context, Result};
 use crate::film::display::Display;
+use plane::Correspondence;
 use rayon::ThreadPool;
-use render_core::{Busy, Correspondence};
+use render_core::Busy;
 use std::marker::PhantomData;
 use std::sync::Arc;
 

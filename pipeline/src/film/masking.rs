@@ -6,9 +6,8 @@ use crate::feedback_loop::parts::{Coding, CodingOutcome, Displayed, LuminanceThr
 use crate::settings::{Settings, Thresholds};
 use perceptual::{
     CodedPicture, DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, ToneMap,
-    still_matches,
 };
-use plane::Plane;
+use plane::{Correspondence, Plane};
 
 /// ΔY(t) of each frame t in display order, by the thresholds that the settings name.
 pub struct Masking {
@@ -55,8 +54,8 @@ impl Mask for Masking {
         let Self { thresholds, kappa, steps, feedback, last } = self;
         let feedback = feedback.get_or_insert_with(|| Self::begin(*kappa, displayed.tone_map, last.take()));
         let (luma, luminance) = (&displayed.picture.luma, &displayed.luminance);
-        let matches = displayed.correspondence.as_deref().map(|known| &known.matches);
-        let frame = ObservedFrame { luma, luminance, matches };
+        let known = displayed.correspondence.as_deref();
+        let frame = ObservedFrame { luma, luminance, known };
         let &Coding { quantiser_scale, ref outcome, begins_group, next } = coding;
         let delta = match (*thresholds, outcome) {
             (Thresholds::Uniform(share), _) => return luminance.map(|luminance| share * luminance),
@@ -66,9 +65,9 @@ impl Mask for Masking {
             }
             (Thresholds::Quantised, Some(CodingOutcome { decoded, .. })) => {
                 let quantised = decoded.map(|sample| f32::from(sample) - 16.0);
-                let still = still_matches(luma.width(), luma.height());
-                let matches = matches.map(|_| &still);
-                feedback.observe(ObservedFrame { luma: &quantised, luminance, matches }, quantiser_scale)
+                let still = Correspondence::still(luma.width(), luma.height());
+                let known = known.map(|_| &still);
+                feedback.observe(ObservedFrame { luma: &quantised, luminance, known }, quantiser_scale)
             }
             // The encoder has not coded the picture yet.
             (Thresholds::Codec, None) => {

@@ -4,11 +4,9 @@ use crate::error::{Error, Result};
 use crate::feedback_loop::checkpoint::{NONSENSE, decode, encode};
 use crate::feedback_loop::parts::{Coded, CodedFrame, Coding, CodingOutcome, Displayed, Encode};
 use crate::settings::Settings;
-use mpeg2enc::{
-    Container, Encoder, KnownMotion, LookaheadEncoder, MacroblockKind, MotionField, Multiplexer, Packet, Picture,
-};
+use mpeg2enc::{Container, Encoder, KnownMotion, LookaheadEncoder, MacroblockKind, Multiplexer, Packet, Picture};
 use perceptual::NextPicture;
-use render_core::Correspondence;
+use plane::Correspondence;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -45,7 +43,7 @@ struct Stream {
 #[derive(Serialize, Deserialize)]
 struct Waiting {
     picture: Arc<Picture>,
-    to_previous: Option<MotionField>,
+    to_previous: Option<Arc<Correspondence>>,
 }
 
 impl Video {
@@ -91,12 +89,12 @@ impl Video {
         })
     }
 
-    fn push(&mut self, waiting: Waiting, to_next: Option<MotionField>) -> Coded {
+    fn push(&mut self, waiting: Waiting, to_next: Option<&Correspondence>) -> Coded {
         let Waiting { picture, to_previous } = waiting;
-        let (previous, next) = (to_previous.as_ref(), to_next.as_ref());
+        let to_previous = to_previous.as_deref();
         let packets = match &mut self.coder {
-            Coder::Immediate(encoder) => vec![encoder.push(&picture, previous)],
-            Coder::Ahead(encoder) => encoder.push(&picture, KnownMotion { to_previous: previous, to_next: next }),
+            Coder::Immediate(encoder) => vec![encoder.push(&picture, to_previous)],
+            Coder::Ahead(encoder) => encoder.push(&picture, KnownMotion { to_previous, to_next }),
         };
         self.stream.wrap(packets)
     }
@@ -137,13 +135,11 @@ impl std::fmt::Debug for Video {
 impl Encode for Video {
     fn step(&mut self, displayed: &Displayed) -> Result<Coded> {
         let Displayed { index, picture, correspondence, forward, .. } = displayed;
-        let field = |known: &Correspondence| MotionField::new(known.motion.clone());
-        let to_previous = correspondence.as_deref().filter(|_| self.uses_motion).map(field);
+        let to_previous = correspondence.clone().filter(|_| self.uses_motion);
         let taken = Waiting { picture: picture.picture.clone(), to_previous };
         let mut coded = if self.waits {
-            let to_next = forward.as_deref().map(field);
             match self.waiting.replace(taken) {
-                Some(before) => self.push(before, to_next),
+                Some(before) => self.push(before, forward.as_deref()),
                 None => self.stream.wrap(Vec::new()),
             }
         } else {

@@ -8,10 +8,11 @@ use crate::plan::{Plan, Stage};
 use crate::settings::{Settings, Size};
 use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
+use plane::Correspondence;
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, Anchors, Busy, Correspondence, DirectLights, Emitters, GBuffer, Gather, Geometry, Photons, Surfaces,
-    Swept, Units, dome_lights,
+    Accelerator, Anchors, Busy, DirectLights, Emitters, GBuffer, Gather, Geometry, Photons, Surfaces, Swept, Units,
+    dome_lights,
 };
 use std::sync::Arc;
 
@@ -158,14 +159,14 @@ impl<'s> Work<'s> {
         };
         let correspondence = self.kept.as_ref().map(|before| match &before.of_itself {
             Some(known) if Arc::ptr_eq(&before.seen, &seen) => known.clone(),
-            _ => Arc::new(Correspondence::between(&seen, &before.seen, &busy)),
+            _ => Arc::new(seen.reproject(&before.seen, &busy)),
         });
         let is_still = self.kept.as_ref().is_some_and(|before| Arc::ptr_eq(&before.seen, &seen));
         let of_itself = correspondence.clone().filter(|_| is_still);
         // B pictures are predicted from both sides.
         let wants_forward = self.settings.motion && self.settings.bframes > 0;
         let before = self.kept.as_ref().filter(|_| wants_forward);
-        let forward = before.map(|before| Arc::new(Correspondence::between(&before.seen, &seen, &busy)));
+        let forward = before.map(|before| Arc::new(before.seen.reproject(&seen, &busy)));
         figures.visibility = busy.seconds();
 
         let kept = Kept { accelerator, direct, tree, gather, seen, of_itself };

@@ -6,7 +6,7 @@ use crate::film::display::Y4m;
 use crate::film::output::Output;
 use crate::laboratory::compare::{Picture, Pictures};
 use crate::settings::Settings;
-use mpeg2enc::{Encoder, MotionField};
+use mpeg2enc::Encoder;
 use render_core::Busy;
 use serde::Serialize;
 use std::fs::File;
@@ -69,11 +69,10 @@ impl Coder {
     /// # Errors
     /// Another stream than the driver wrote.
     pub fn push(&mut self, frame: &FilmFrame) -> Result<CodedFrame> {
-        let motion = frame.motion.as_ref().filter(|_| self.settings.motion);
-        let motion = motion.map(|known| MotionField::new(known.clone()));
+        let known = frame.known.as_ref().filter(|_| self.settings.motion);
         let busy = Busy::default();
         let Self { encoder, pool, .. } = self;
-        let packet = pool.install(|| busy.measure(|| encoder.push(&frame.picture, motion.as_ref())));
+        let packet = pool.install(|| busy.measure(|| encoder.push(&frame.picture, known)));
         self.sinks.take(&packet.data)?;
         let decoded = packet.reconstruction;
         if let Some(copy) = &mut self.sinks.copy {

@@ -11,7 +11,7 @@ use crate::renderer::reference;
 use crate::report::{FrameReport, process_cpu_seconds};
 use crate::settings::{Aov, Settings};
 use perceptual::YCbCr;
-use plane::Plane;
+use plane::{Correspondence, Plane};
 use render_core::scene::Scene;
 use render_core::{PathOptions, PixelSampling, image_file};
 use std::path::{Path, PathBuf};
@@ -25,8 +25,8 @@ pub struct FilmFrame {
     pub radiance: Plane<[f32; 3]>,
     /// As the encoder gets it.
     pub picture: plane::Picture,
-    /// Pixels to the same point in the frame before; not a number where it was not seen there. None in the first.
-    pub motion: Option<Plane<[f32; 2]>>,
+    /// Where the same points were in the frame before; none in the first.
+    pub known: Option<Correspondence>,
     /// Luminance that each pixel may be wrong by; 0 where 2 % of its own hold.
     pub thresholds: Plane<f32>,
     /// Clusters of each pixel's cut; with the cache, at the pixels of records.
@@ -131,7 +131,7 @@ fn read_frame(path: &Path, n: u32, picture: plane::Picture) -> Result<FilmFrame>
     Ok(FilmFrame {
         radiance: layers.colors("").ok_or_else(|| Error::content(path, ": no colours"))?,
         picture,
-        motion: (n > 0).then(|| Plane::from_vec(width, height, vectors)),
+        known: (n > 0).then(|| Correspondence::from_motion(Plane::from_vec(width, height, vectors))),
         thresholds: plane("threshold.Y")?,
         cut_sizes: plane("cut.size")?,
     })
@@ -166,7 +166,7 @@ pub fn by_paths(
         report.seconds.direct = process_cpu_seconds().zip(before).map_or(0.0, |(after, before)| after - before);
         (report.tree_swaps_share, report.threshold_mean_relative) = (0.0, 0.0);
         pictures.write(&YCbCr::from_radiance(&radiance, &settings.tone_map).picture)?;
-        write_frame(&linear(folder.path(), report.index), &radiance, known?.motion.as_ref())?;
+        write_frame(&linear(folder.path(), report.index), &radiance, known?.known.as_ref())?;
         reports.push(report);
         each();
     }
@@ -175,14 +175,12 @@ pub fn by_paths(
 }
 
 /// What [`read_frame`] reads, without thresholds and cuts.
-fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, motion: Option<&Plane<[f32; 2]>>) -> Result<()> {
+fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, known: Option<&Correspondence>) -> Result<()> {
     let (width, height) = (radiance.width(), radiance.height());
     let color = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
-    let vector = |c: usize| -> Vec<f32> {
-        let known = motion.map(|plane| plane.samples().iter().map(|vector| vector[c]).collect());
-        known.unwrap_or_else(|| vec![f32::NAN; width * height])
-    };
-    let is_known = vector(0).iter().map(|x| if x.is_finite() { 1.0 } else { 0.0 }).collect();
+    let motion = |index: usize| known.and_then(|known| known.motion_of(index % width, index / width));
+    let vector = |c: usize| (0..width * height).map(|index| motion(index).map_or(0.0, |vector| vector[c])).collect();
+    let is_known = (0..width * height).map(|index| if motion(index).is_some() { 1.0 } else { 0.0 }).collect();
     let nothing = vec![0.0; width * height];
     let channels = [
         ("R", color(0)),

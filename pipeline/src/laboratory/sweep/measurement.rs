@@ -8,8 +8,8 @@ use super::method::Method;
 use crate::error::{Error, Result};
 use crate::laboratory::compare::{Comparison, Picture, measure};
 use crate::settings::{Settings, Thresholds};
-use perceptual::{NO_MATCH, YCbCr, flicker, luminance, to_rgb8};
-use plane::Plane;
+use perceptual::{YCbCr, flicker, luminance, to_rgb8};
+use plane::{Correspondence, NO_MATCH, Plane};
 use std::path::Path;
 
 /// What is found of a film at a quantiser.
@@ -80,15 +80,16 @@ struct Flicker {
 impl Flicker {
     fn add(&mut self, frame: &FilmFrame, decoded: &plane::Picture, reference: &plane::Picture) {
         let now = [decoded.luma().clone(), reference.luma().clone()];
-        if let (Some(before), Some(motion)) = (&self.before, &frame.motion) {
-            let (width, height) = (motion.width(), motion.height());
+        if let (Some(before), Some(known)) = (&self.before, &frame.known) {
+            let (width, height) = (known.width(), known.height());
             let matches = Plane::from_fn(width, height, |x, y| {
-                let [dx, dy] = motion.get(x, y);
+                let Some([dx, dy]) = known.motion_of(x, y) else { return NO_MATCH };
                 let (from_x, from_y) = ((x as f32 + dx).round(), (y as f32 + dy).round());
                 let inside = from_x >= 0.0 && from_y >= 0.0 && from_x < width as f32 && from_y < height as f32;
                 if inside { (from_y as usize * width + from_x as usize) as u32 } else { NO_MATCH }
             });
-            self.squares += flicker([&now[0], &before[0]], [&now[1], &before[1]], &matches);
+            self.squares +=
+                flicker([&now[0], &before[0]], [&now[1], &before[1]], &Correspondence::from_matches(matches));
             self.frames += 1;
         }
         self.before = Some(now);

@@ -39,12 +39,12 @@ impl Known<'_> {
             Aov::Normal => triples("normal", ["X", "Y", "Z"], surface(|pixel| pixel.shading_normal)),
             Aov::Depth => single("depth.Z", pixels.samples().iter().map(|pixel| pixel.depth).collect()),
             Aov::Motion => {
-                let vectors: Vec<[f32; 2]> = match &prepared.correspondence {
-                    Some(correspondence) => correspondence.motion.samples().to_vec(),
-                    None => vec![[f32::NAN; 2]; width * height],
+                let known = prepared.correspondence.as_deref();
+                let motion = |index: usize| {
+                    let motion = known.and_then(|known| known.motion_of(index % width, index / width));
+                    motion.map_or([0.0; 3], |[x, y]| [x, y, 1.0])
                 };
-                let known = |[x, y]: [f32; 2]| if x.is_nan() || y.is_nan() { [0.0, 0.0, 0.0] } else { [x, y, 1.0] };
-                triples("motion", ["X", "Y", "A"], vectors.into_iter().map(known))
+                triples("motion", ["X", "Y", "A"], (0..width * height).map(motion))
             }
             Aov::Threshold => {
                 // Nothing where a pixel has no threshold of its own and 2 % of its luminance hold.

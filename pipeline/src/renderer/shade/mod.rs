@@ -20,8 +20,7 @@ use cache::Cache;
 use cuts::{Allowance, Figures, LightTransport};
 use glam::Vec3;
 use lighttree::{Calibration, LightTree};
-use perceptual::still_matches;
-use plane::Plane;
+use plane::{Correspondence, Plane};
 use render_core::{Accelerator, Busy, DirectLights, GBuffer, Gather, NOTHING, luminance, reconstruct, sample_places};
 use std::sync::Arc;
 
@@ -60,7 +59,7 @@ impl std::fmt::Debug for Shading<'_> {
 impl<'s> Shade<Frame<'s>> for Shading<'_> {
     fn step(&mut self, prepared: &PreparedFrame<'s>, thresholds: LastThresholds<'_>) -> Shaded {
         let Size { width, height } = self.settings.size;
-        let still = (self.settings.thresholds == Thresholds::Quantised).then(|| still_matches(width, height));
+        let still = (self.settings.thresholds == Thresholds::Quantised).then(|| Correspondence::still(width, height));
         let thresholds = still.iter().fold(thresholds, LastThresholds::along);
         let before = self.calibration.as_ref().and_then(|_| thresholds.luminance());
         let calibration = self.calibration.take();
