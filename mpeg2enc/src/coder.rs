@@ -231,6 +231,17 @@ impl Coder {
 }
 
 impl Packet {
+    /// What became of the picture, without a copy of its samples.
+    ///
+    /// # Panics
+    /// If a field was changed that tells of the macroblocks.
+    #[must_use]
+    pub fn coded(&self) -> plane::Coded {
+        let intra = self.macroblock_kinds.map(|kind| kind == MacroblockKind::Intra);
+        plane::Coded::new(self.reconstruction.clone(), self.luma_levels(), intra, self.quantiser_scales.clone())
+            .expect("planes of one picture")
+    }
+
     /// Which coefficients were written of each 8×8 block of luma: bit 8·v + u of a block's number is set where the level of
     /// the coefficient of frequency u across and v down is not zero, and for the DC of an intra block. Two blocks across and
     /// two down for every macroblock.

@@ -23,12 +23,16 @@ fn levels_are_told_in_raster_order_whatever_the_scan() {
     for (u, v) in [(1, 0), (0, 1), (3, 0), (2, 5), (7, 7), (0, 7)] {
         for alternate in [false, true] {
             let packets = code([wave(u, v)], alternate);
-            let levels = packets[0].luma_levels();
+            let coded = packets[0].coded();
+            let levels = coded.levels();
             assert_eq!((levels.width(), levels.height()), (8, 6));
             for &set in levels.samples() {
                 assert_eq!(set, 1 | 1 << (8 * v + u), "u {u}, v {v}, alternate {alternate}: {set:#x}");
             }
             assert!(packets[0].macroblock_kinds.samples().iter().all(|&kind| kind == MacroblockKind::Intra));
+            assert!(coded.intra().samples().iter().all(|&intra| intra));
+            assert!(std::sync::Arc::ptr_eq(coded.decoded(), &packets[0].reconstruction), "no copy");
+            assert_eq!(coded.quantiser_scales(), &packets[0].quantiser_scales);
         }
     }
 }

@@ -2,10 +2,11 @@
 
 use divan::{Bencher, black_box};
 use perceptual::{
-    CodedPicture, DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, NextPicture, ObservedFrame, Operator,
-    QuantiserSteps, ToneMap, YCbCr, blend, luminance_plane, reproject, ssim, tolerable_error,
+    DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, NextPicture, ObservedFrame, Operator, QuantiserSteps,
+    ToneMap, YCbCr, blend, luminance_plane, reproject, ssim, tolerable_error,
 };
-use plane::{Correspondence, Plane};
+use plane::{Coded, Correspondence, Picture, Plane};
+use std::sync::Arc;
 
 fn main() {
     divan::main();
@@ -58,7 +59,7 @@ fn coded_feedback_of_a_frame(bencher: Bencher, next: NextPicture) {
     let (levels, macroblocks) = (Plane::filled(SIZE / 8, SIZE / 8, 7), SIZE / 16);
     let intra = Plane::filled(macroblocks, macroblocks, false);
     let scales = Plane::filled(macroblocks, macroblocks, 8);
-    let coded = CodedPicture { decoded: &decoded, levels: &levels, intra: &intra, quantiser_scales: &scales };
+    let coded = Coded::new(Arc::new(Picture::gray(decoded)), levels, intra, scales).expect("planes of one picture");
     let steps = QuantiserSteps::default();
     let frame = ObservedFrame { luma: &picture.luma, luminance: &luminance, known: Some(&still) };
     bencher.bench_local(|| feedback.observe_coded(frame, &steps, &coded, next).get(0, 0));

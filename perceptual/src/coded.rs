@@ -30,7 +30,7 @@
 
 use crate::bounded;
 use crate::masking::DEFAULT_INTRA_MATRIX;
-use plane::{Plane, dct};
+use plane::{Coded, Plane, dct};
 use rayon::prelude::*;
 
 /// Steps that an encoder quantises with.
@@ -49,19 +49,6 @@ impl Default for QuantiserSteps {
     fn default() -> Self {
         Self { intra_matrix: DEFAULT_INTRA_MATRIX, non_intra_matrix: [16; 64], intra_dc_step: 8.0 }
     }
-}
-
-/// How a picture was coded.
-#[derive(Clone, Copy, Debug)]
-pub struct CodedPicture<'a> {
-    /// Luma as a decoder shows it, 16 for black.
-    pub decoded: &'a Plane<u8>,
-    /// Of each 8×8 block: bit 8·row + column is set where a level was written, and for the DC of intra blocks.
-    pub levels: &'a Plane<u64>,
-    /// Of each macroblock: whether it was coded by itself.
-    pub intra: &'a Plane<bool>,
-    /// Of each macroblock: quantiser_scale, 1…112.
-    pub quantiser_scales: &'a Plane<u8>,
 }
 
 /// How the next picture will be coded.
@@ -122,7 +109,7 @@ impl CodedMasking {
     /// e′ of every 8×8 block: the root mean square error of luma that it may have, in code values, finite and not negative.
     ///
     /// `luma` in code values above black, as it went to the encoder but before rounding.
-    pub fn tolerable_luma(&self, luma: &Plane<f32>, coded: &CodedPicture, next: NextPicture) -> Plane<f32> {
+    pub fn tolerable_luma(&self, luma: &Plane<f32>, coded: &Coded, next: NextPicture) -> Plane<f32> {
         let (columns, rows) = luma.block_counts();
         let losses: Vec<BlockLoss> = (0..columns * rows)
             .into_par_iter()
@@ -141,18 +128,18 @@ impl CodedMasking {
     fn block_loss(
         &self,
         luma: &Plane<f32>,
-        coded: &CodedPicture,
+        coded: &Coded,
         next: NextPicture,
         (column, row): (usize, usize),
     ) -> BlockLoss {
-        let (across, down) = (coded.intra.width().max(1) - 1, coded.intra.height().max(1) - 1);
+        let (across, down) = (coded.intra().width().max(1) - 1, coded.intra().height().max(1) - 1);
         let (x, y) = ((column / 2).min(across), (row / 2).min(down));
-        let scale = f32::from(coded.quantiser_scales.get(x, y)) / 16.0;
-        let was_intra = coded.intra.get(x, y);
+        let scale = f32::from(coded.quantiser_scales().get(x, y)) / 16.0;
+        let was_intra = coded.intra().get(x, y);
         let source = luma.block(column, row).map(|v| if v.is_finite() { v.clamp(-16.0, 239.0) } else { 0.0 });
-        let decoded = coded.decoded.block(column, row);
+        let decoded = coded.luma().block(column, row);
         let lost = dct(&std::array::from_fn(|i| source[i] + 16.0 - f32::from(decoded[i])));
-        let levels = coded.levels.get(column, row);
+        let levels = coded.levels().get(column, row);
         let predicted = self.predicted_loss(&lost, if was_intra { 0 } else { levels }, scale);
         let NextPicture::Intra { group } = next else { return predicted };
         let intra = if was_intra {
@@ -216,7 +203,16 @@ impl CodedMasking {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plane::{dct_definition, idct};
+    use plane::{Picture, dct_definition, idct};
+    use std::sync::Arc;
+
+    /// A picture of this decoded luma, with one mode and one quantiser_scale everywhere.
+    fn coded_as(decoded: &Plane<u8>, levels: &Plane<u64>, intra: bool, quantiser_scale: u8) -> Coded {
+        let (columns, rows) = (decoded.width().div_ceil(16), decoded.height().div_ceil(16));
+        let scales = Plane::filled(columns, rows, quantiser_scale);
+        let decoded = Arc::new(Picture::gray(decoded.clone()));
+        Coded::new(decoded, levels.clone(), Plane::filled(columns, rows, intra), scales).unwrap()
+    }
 
     /// Numbers from −½ to ½.
     fn random(state: &mut u32) -> f32 {
@@ -297,12 +293,7 @@ mod tests {
             let before = |x: usize, y: usize| source.get(x, y) * changed[y / 8 * 24 + x / 8];
             let base = Plane::from_fn(192, 192, |x, y| if intra { 0.0 } else { before(x, y) });
             let (decoded, levels) = coded(&source, &base, quantiser_scale, intra);
-            let picture = CodedPicture {
-                decoded: &decoded,
-                levels: &levels,
-                intra: &Plane::filled(12, 12, intra),
-                quantiser_scales: &Plane::filled(12, 12, quantiser_scale as u8),
-            };
+            let picture = coded_as(&decoded, &levels, intra, quantiser_scale as u8);
             let next = if intra { NextPicture::Intra { group: 1 } } else { NextPicture::Predicted };
             let tolerable = model.tolerable_luma(&source, &picture, next);
             let kappa = 0.5;
@@ -331,12 +322,7 @@ mod tests {
         let model = CodedMasking::new(QuantiserSteps::default());
         let source = photograph(4);
         let (decoded, levels) = coded(&source, &Plane::filled(32, 32, 0.0), 16.0, true);
-        let picture = CodedPicture {
-            decoded: &decoded,
-            levels: &levels,
-            intra: &Plane::filled(2, 2, true),
-            quantiser_scales: &Plane::filled(2, 2, 16),
-        };
+        let picture = coded_as(&decoded, &levels, true, 16);
         let tolerable = model.tolerable_luma(&source, &picture, NextPicture::Intra { group: 1 });
         let d_of = |k: usize| {
             let (s, c) = (source.block(k % 4, k / 4), decoded.block(k % 4, k / 4));
@@ -368,12 +354,7 @@ mod tests {
         let model = CodedMasking::new(QuantiserSteps::default());
         // Even grey: nothing but the DC is ever written.
         let (luma, decoded) = (Plane::filled(16, 16, 84.4f32), Plane::filled(16, 16, 100));
-        let picture = CodedPicture {
-            decoded: &decoded,
-            levels: &Plane::filled(2, 2, 1),
-            intra: &Plane::filled(1, 1, true),
-            quantiser_scales: &Plane::filled(1, 1, 112),
-        };
+        let picture = coded_as(&decoded, &Plane::filled(2, 2, 1), true, 112);
         let of = |group| model.tolerable_luma(&luma, &picture, NextPicture::Intra { group }).get(0, 0);
         // d_00 = 3.2 within a dead zone of 112.
         let stays = 1.0 - model.p[0] * (3.2f32 / 112.0).powi(2);
@@ -393,12 +374,7 @@ mod tests {
             [(1, 0, true), (112, u64::MAX, true), (1, u64::MAX, false), (112, 0, false), (0, 1, true)]
         {
             for decoded in [0, 116, 255] {
-                let picture = CodedPicture {
-                    decoded: &Plane::filled(20, 12, decoded),
-                    levels: &Plane::filled(4, 2, levels),
-                    intra: &Plane::filled(2, 1, intra),
-                    quantiser_scales: &Plane::filled(2, 1, scale),
-                };
+                let picture = coded_as(&Plane::filled(20, 12, decoded), &Plane::filled(4, 2, levels), intra, scale);
                 for next in [NextPicture::Intra { group: 132 }, NextPicture::Predicted] {
                     let tolerable = model.tolerable_luma(&luma, &picture, next);
                     assert!(tolerable.samples().iter().all(|e| (0.0..=219.0).contains(e)), "{scale} {levels} {next:?}");

@@ -1,12 +1,12 @@
 //! The loop over frames: frame t decides how exact frame t+1 has to be.
 
-use crate::coded::{CodedMasking, CodedPicture, NextPicture, QuantiserSteps};
+use crate::coded::{CodedMasking, NextPicture, QuantiserSteps};
 use crate::predicted::PredictedCoding;
 use crate::threshold_map::{
     LuminanceScale, ThresholdMap, TolerableError, blend_within, blockwise_error, pixelwise_error, reproject,
 };
 use crate::{MaskingModel, ToneMap};
-use plane::{Correspondence, Plane};
+use plane::{Coded, Correspondence, Plane};
 
 /// Weight of the past in eq. (5), \[Herzog08, §5.2\].
 pub const DEFAULT_WEIGHT: f32 = 0.5;
@@ -121,7 +121,7 @@ impl Feedback {
         &mut self,
         frame: ObservedFrame,
         steps: &QuantiserSteps,
-        coded: &CodedPicture,
+        coded: &Coded,
         next: NextPicture,
     ) -> &Plane<f32> {
         let tolerable = CodedMasking::new(steps.clone()).tolerable_luma(frame.luma, coded, next);

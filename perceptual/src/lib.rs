@@ -29,7 +29,7 @@ mod threshold_map;
 mod tonemap;
 mod ycbcr;
 
-pub use crate::coded::{CodedPicture, NextPicture, QuantiserSteps};
+pub use crate::coded::{NextPicture, QuantiserSteps};
 pub use crate::feedback::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, ObservedFrame};
 pub use crate::masking::{
     CONTRAST_MASKING_EXPONENT, DEFAULT_INTRA_MATRIX, LUMINANCE_MASKING_EXPONENT, MaskingModel, mean_dc,

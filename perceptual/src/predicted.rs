@@ -3,22 +3,21 @@
 //! A plain coder of luma stands in for it: I at the beginning of a group, else P, predicted from the picture before as the
 //! renderer knows that pixels have moved, at one quantiser_scale. Each coefficient is rounded to the nearest level in intra
 //! blocks and towards zero in predicted ones, as in ISO/IEC 13818-2, 7.4, with no more wit than that. Its result is a
-//! [`CodedPicture`]; the next picture is predicted from its decoded luma.
+//! [`Coded`]; the next picture is predicted from its decoded luma.
 //!
 //! B pictures are taken for P: they may be coarser than those, so this errs on the careful side.
 
 use crate::bounded;
-use crate::coded::{CodedPicture, QuantiserSteps};
-use plane::{Correspondence, NO_MATCH, Plane, dct, idct};
+use crate::coded::QuantiserSteps;
+use plane::{Coded, Correspondence, NO_MATCH, Picture, Plane, dct, idct};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// The stand-in, from picture to picture.
 #[derive(Debug, Default)]
 pub(crate) struct PredictedCoding {
-    decoded: Plane<u8>,
-    levels: Plane<u64>,
-    intra: Plane<bool>,
-    quantiser_scales: Plane<u8>,
+    /// The last picture, without color; empty before the first.
+    decoded: Arc<Picture>,
 }
 
 /// A block as it is decoded, and where it has levels.
@@ -27,12 +26,12 @@ type CodedBlock = ([u8; 64], u64);
 impl PredictedCoding {
     /// Continues after a picture that was decoded so.
     pub fn after(decoded: Plane<u8>) -> Self {
-        Self { decoded, ..Self::default() }
+        Self { decoded: Arc::new(Picture::gray(decoded)) }
     }
 
     /// Luma of the last picture, 16 for black; empty before the first.
     pub fn decoded(&self) -> &Plane<u8> {
-        &self.decoded
+        self.decoded.luma()
     }
 
     /// Codes a picture: `luma` in code values above black; `known`, where each pixel was in the picture before, or none for one
@@ -43,14 +42,14 @@ impl PredictedCoding {
         known: Option<&Correspondence>,
         quantiser_scale: f32,
         steps: &QuantiserSteps,
-    ) -> CodedPicture<'_> {
+    ) -> Coded {
         let (width, height) = (luma.width(), luma.height());
         let (columns, rows) = luma.block_counts();
         let (across, down) = (width.div_ceil(16), height.div_ceil(16));
         let scale = bounded(quantiser_scale, 1.0, 112.0);
         let matches = known.map(Correspondence::matches);
         // As a decoder holds it.
-        let past = self.decoded.samples();
+        let past = self.decoded.luma().samples();
         let is_intra = |column: usize, row: usize| {
             let Some(matches) = matches else { return true };
             let (left, right) = (16 * column, width.min(16 * column + 16));
@@ -79,23 +78,20 @@ impl PredictedCoding {
                 coder.code(&source, Some(&prediction))
             })
             .collect();
-        let mut decoded = std::mem::take(&mut self.decoded);
-        if (decoded.width(), decoded.height()) != (width, height) {
-            decoded = Plane::filled(width, height, 0);
+        if (self.decoded.width(), self.decoded.height()) != (width, height) {
+            self.decoded = Arc::new(Picture::black(width, height));
         }
-        for (y, row) in decoded.samples_mut().chunks_mut(width.max(1)).enumerate() {
+        // In place, unless someone still holds the last picture.
+        let [decoded, ..] = Arc::make_mut(&mut self.decoded).samples_mut();
+        for (y, row) in decoded.chunks_mut(width.max(1)).enumerate() {
             for (samples, block) in row.chunks_mut(8).zip(&blocks[y / 8 * columns..]) {
                 samples.copy_from_slice(&block.0[y % 8 * 8..][..samples.len()]);
             }
         }
-        *self = Self {
-            decoded,
-            levels: Plane::from_vec(columns, rows, blocks.iter().map(|block| block.1).collect()),
-            intra: Plane::from_vec(across, down, intra),
-            quantiser_scales: Plane::filled(across, down, scale.round() as u8),
-        };
-        let Self { decoded, levels, intra, quantiser_scales } = &*self;
-        CodedPicture { decoded, levels, intra, quantiser_scales }
+        let levels = Plane::from_vec(columns, rows, blocks.iter().map(|block| block.1).collect());
+        let intra = Plane::from_vec(across, down, intra);
+        let scales = Plane::filled(across, down, scale.round() as u8);
+        Coded::new(self.decoded.clone(), levels, intra, scales).expect("planes of one picture")
     }
 }
 
@@ -163,9 +159,9 @@ mod tests {
             let mut coding = PredictedCoding::default();
             for (picture, known) in [(&first, None), (&second, Some(Correspondence::still(64, 48)))] {
                 let coded = coding.code(picture, known.as_ref(), quantiser_scale, &steps);
-                assert!(coded.intra.samples().iter().all(|&intra| intra == known.is_none()));
+                assert!(coded.intra().samples().iter().all(|&intra| intra == known.is_none()));
                 for (column, row) in (0..6).flat_map(|row| (0..8).map(move |column| (column, row))) {
-                    let (source, decoded) = (picture.block(column, row), coded.decoded.block(column, row));
+                    let (source, decoded) = (picture.block(column, row), coded.luma().block(column, row));
                     let d = dct(&std::array::from_fn(|i| source[i] + 16.0 - f32::from(decoded[i])));
                     for (i, d) in d.iter().enumerate() {
                         let (matrix, dead_zone) =
@@ -194,13 +190,13 @@ mod tests {
         let mut coding = PredictedCoding::default();
         coding.code(&picture, None, 16.0, &steps);
         // What intra pictures round by half of a large step is worth a level of a smaller one.
-        let before = coding.code(&picture, Some(&Correspondence::still(48, 16)), 16.0, &steps).decoded.clone();
+        let before = coding.code(&picture, Some(&Correspondence::still(48, 16)), 16.0, &steps).luma().clone();
         let coded = coding.code(&picture, Some(&Correspondence::from_matches(matches)), 16.0, &steps);
-        assert_eq!(coded.intra.samples(), [false, false, true]);
-        let sent = |column: usize| coded.levels.get(column, 0);
-        assert!((0..4).all(|column| sent(column) == 0), "{:?}", coded.levels);
+        assert_eq!(coded.intra().samples(), [false, false, true]);
+        let sent = |column: usize| coded.levels().get(column, 0);
+        assert!((0..4).all(|column| sent(column) == 0), "{:?}", coded.levels());
         assert!((4..6).all(|column| sent(column) & 1 == 1));
-        let same = |x: usize, y: usize| coded.decoded.get(x, y) == before.get(x, y);
+        let same = |x: usize, y: usize| coded.luma().get(x, y) == before.get(x, y);
         assert!((0..16).all(|y| (0..32).all(|x| same(x, y))));
     }
 
@@ -215,9 +211,9 @@ mod tests {
             let to_one_place = Correspondence::from_matches(Plane::filled(17, 9, 5));
             for known in [None, Some(Correspondence::still(17, 9)), Some(to_one_place)] {
                 let coded = coding.code(&luma, known.as_ref(), quantiser_scale, &steps);
-                assert_eq!((coded.decoded.width(), coded.intra.width(), coded.levels.width()), (17, 2, 3));
+                assert_eq!((coded.luma().width(), coded.intra().width(), coded.levels().width()), (17, 2, 3));
             }
         }
-        assert_eq!(coding.code(&Plane::filled(0, 0, 0.0), None, 2.0, &steps).decoded.samples().len(), 0);
+        assert_eq!(coding.code(&Plane::filled(0, 0, 0.0), None, 2.0, &steps).luma().samples().len(), 0);
     }
 }

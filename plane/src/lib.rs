@@ -12,12 +12,14 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod coded;
 mod correspondence;
 mod dct;
 mod picture;
 mod plane;
 mod size_error;
 
+pub use crate::coded::Coded;
 pub use crate::correspondence::{Correspondence, NO_MATCH};
 pub use crate::dct::{dct, dct_definition, idct, idct_definition};
 pub use crate::picture::Picture;

@@ -3,10 +3,8 @@
 //!
 //! `docs/stiff-and-extreme.md` has the analysis; `perceptual/tests/dynamics.rs` does the same for masking alone.
 
-use mpeg2enc::{Config, Effort, Encoder, FrameRate, MacroblockKind};
-use perceptual::{
-    CodedPicture, Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane,
-};
+use mpeg2enc::{Config, Effort, Encoder, FrameRate};
+use perceptual::{Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
 use plane::{Correspondence, Plane};
 
 const WIDTH: usize = 48;
@@ -76,12 +74,7 @@ impl Loop {
         self.frame += 1;
         let begins_group = (self.frame as u32).is_multiple_of(GROUP);
         let next = if begins_group { NextPicture::Intra { group: GROUP } } else { NextPicture::Predicted };
-        let coded = CodedPicture {
-            decoded: packet.reconstruction.luma(),
-            levels: &packet.luma_levels(),
-            intra: &packet.macroblock_kinds.map(|kind| kind == MacroblockKind::Intra),
-            quantiser_scales: &packet.quantiser_scales,
-        };
+        let coded = packet.coded();
         let luminance = luminance_plane(&radiance);
         let steps = QuantiserSteps::default();
         let known = (self.frame > 1).then_some(&still);

@@ -1,10 +1,8 @@
 //! Thresholds from what the encoder really did, through the whole of the program and against the encoder itself.
 
-use mpeg2enc::{Config, FrameRate, MacroblockKind};
-use perceptual::{
-    CodedPicture, Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane,
-};
-use plane::Plane;
+use mpeg2enc::{Config, FrameRate};
+use perceptual::{Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
+use plane::{Coded, Plane};
 use tests::{cornell, decode_ffmpeg, render};
 
 /// Hills with texture: some blocks are smooth, some are not.
@@ -16,17 +14,14 @@ fn hills(time: f32) -> Plane<[f32; 3]> {
     })
 }
 
-struct Coded {
+struct CodedFrame {
     frame: YCbCr,
     luminance: Plane<f32>,
-    decoded: Plane<u8>,
-    levels: Plane<u64>,
-    intra: Plane<bool>,
-    scales: Plane<u8>,
+    coded: Coded,
 }
 
 /// Two pictures, the first intra and the second as `gop` has it.
-fn coded(quantiser_scale: u32, gop: u32) -> Vec<Coded> {
+fn coded(quantiser_scale: u32, gop: u32) -> Vec<CodedFrame> {
     let config = Config::new(128, 96, FrameRate::from_fps(25.0).unwrap());
     let mut encoder = config.with_gop(gop).with_quantiser_scale(quantiser_scale).encoder().unwrap();
     (0..2)
@@ -34,25 +29,17 @@ fn coded(quantiser_scale: u32, gop: u32) -> Vec<Coded> {
             let radiance = hills(time as f32);
             let frame = YCbCr::from_radiance(&radiance, &ToneMap::default());
             let packet = encoder.push(&frame.picture, None);
-            Coded {
-                luminance: luminance_plane(&radiance),
-                decoded: packet.reconstruction.luma().clone(),
-                levels: packet.luma_levels(),
-                intra: packet.macroblock_kinds.map(|kind| kind == MacroblockKind::Intra),
-                scales: packet.quantiser_scales.clone(),
-                frame,
-            }
+            CodedFrame { luminance: luminance_plane(&radiance), coded: packet.coded(), frame }
         })
         .collect()
 }
 
 /// Mean threshold by luminance after a picture.
-fn mean_threshold(coded: &Coded, next: NextPicture) -> f64 {
+fn mean_threshold(coded: &CodedFrame, next: NextPicture) -> f64 {
     let mut feedback = Feedback::new(MaskingModel::default(), ToneMap::default(), 0.5);
-    let Coded { frame, luminance, decoded, levels, intra, scales } = coded;
-    let picture = CodedPicture { decoded, levels, intra, quantiser_scales: scales };
+    let CodedFrame { frame, luminance, coded } = coded;
     let observed = ObservedFrame { luma: &frame.luma, luminance, known: None };
-    let thresholds = feedback.observe_coded(observed, &QuantiserSteps::default(), &picture, next);
+    let thresholds = feedback.observe_coded(observed, &QuantiserSteps::default(), coded, next);
     let relative = thresholds.samples().iter().zip(luminance.samples()).map(|(&t, &y)| f64::from(t / y));
     relative.sum::<f64>() / luminance.samples().len() as f64
 }

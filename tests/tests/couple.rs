@@ -5,7 +5,7 @@ use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap, YCbCr};
 use pipeline::error::Result;
 use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob};
 use pipeline::feedback_loop::observe::Observer;
-use pipeline::feedback_loop::parts::{Coded, Displayed, Encode, LastThresholds, Prepare, Prepared, Shade, Shaded};
+use pipeline::feedback_loop::parts::{Displayed, Encode, Encoded, LastThresholds, Prepare, Prepared, Shade, Shaded};
 use pipeline::feedback_loop::{Parts, Run, couple};
 use pipeline::film::{Display, Video};
 use pipeline::report::FrameReport;
@@ -144,14 +144,14 @@ fn a_renderer_gets_the_thresholds_of_the_frame_before() {
 struct Full(Video, u32);
 
 impl Encode for Full {
-    fn step(&mut self, displayed: &Displayed) -> Result<Coded> {
+    fn step(&mut self, displayed: &Displayed) -> Result<Encoded> {
         if displayed.index == self.1 {
             return Err(pipeline::error::Error::other("the disk is full"));
         }
         self.0.step(displayed)
     }
 
-    fn finish(self) -> Result<Coded> {
+    fn finish(self) -> Result<Encoded> {
         self.0.finish()
     }
 

@@ -3,7 +3,7 @@
 use super::checkpoint::{NONSENSE, decode, encode};
 use super::figures::FrameFigures;
 use super::observe::Observer;
-use super::parts::{Coded, Coding};
+use super::parts::{Coding, Encoded};
 use crate::error::{Error, Result};
 use crate::film::output::Output;
 use crate::report::FrameReport;
@@ -63,8 +63,8 @@ impl FilmLog {
     }
 
     /// Writes the bytes, and a line for each coded picture with the figures that waited for it.
-    pub fn hand_out(&mut self, coded: Coded, observer: &dyn Observer) -> Result<Coding> {
-        let Coded { bytes, pictures, coding } = coded;
+    pub fn hand_out(&mut self, coded: Encoded, observer: &dyn Observer) -> Result<Coding> {
+        let Encoded { bytes, pictures, coding } = coded;
         self.output.as_mut().map_or(Ok(()), |output| output.write(&bytes))?;
         observer.bytes(&bytes);
         for picture in &pictures {

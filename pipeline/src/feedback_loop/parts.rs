@@ -13,7 +13,7 @@ use super::figures::FrameFigures;
 use crate::error::Result;
 use mpeg2enc::PictureType;
 use perceptual::{Feedback, NextPicture, ObservedFrame, ThresholdMap, ToneMap, YCbCr, reproject};
-use plane::{Correspondence, Plane};
+use plane::{Coded, Correspondence, Plane};
 use std::sync::Arc;
 
 /// The first half of a renderer: everything that needs no thresholds. It works one frame ahead of the rest.
@@ -77,13 +77,13 @@ pub trait Encode: Send {
     ///
     /// # Errors
     /// The picture cannot be coded.
-    fn step(&mut self, displayed: &Displayed) -> Result<Coded>;
+    fn step(&mut self, displayed: &Displayed) -> Result<Encoded>;
 
     /// Encodes the pictures that wait, and ends the stream.
     ///
     /// # Errors
     /// A picture cannot be coded.
-    fn finish(self) -> Result<Coded>;
+    fn finish(self) -> Result<Encoded>;
 
     /// The state after the last step, for a checkpoint.
     fn state(&self) -> Vec<u8> {
@@ -143,7 +143,7 @@ pub struct Displayed {
 
 /// The result of a step of encoding.
 #[derive(Clone, Debug, Default)]
-pub struct Coded {
+pub struct Encoded {
     /// The next bytes of the file.
     pub bytes: Vec<u8>,
     /// The pictures that were coded, in the order of coding.
@@ -173,24 +173,11 @@ pub struct Coding {
     /// quantiser_scale of MPEG-2, the mean over the picture.
     pub quantiser_scale: f32,
     /// What became of the picture, where masking wants to know that.
-    pub outcome: Option<CodingOutcome>,
+    pub outcome: Option<Coded>,
     /// Whether the picture is an I picture.
     pub begins_group: bool,
     /// How the next picture will be coded.
     pub next: NextPicture,
-}
-
-/// What the encoder did to a picture.
-#[derive(Clone, Debug)]
-pub struct CodingOutcome {
-    /// Luma as a decoder shows it.
-    pub decoded: Plane<u8>,
-    /// For each 8×8 block of luma, the coefficients that were written: see [`mpeg2enc::Packet::luma_levels`].
-    pub levels: Plane<u64>,
-    /// For each macroblock: whether it is an intra macroblock.
-    pub intra: Plane<bool>,
-    /// For each macroblock: quantiser_scale.
-    pub quantiser_scales: Plane<u8>,
 }
 
 impl Coding {

@@ -2,11 +2,9 @@
 
 use crate::error::Result;
 use crate::feedback_loop::checkpoint::{decode, encode};
-use crate::feedback_loop::parts::{Coding, CodingOutcome, Displayed, LuminanceThresholds, Mask};
+use crate::feedback_loop::parts::{Coding, Displayed, LuminanceThresholds, Mask};
 use crate::settings::{Settings, Thresholds};
-use perceptual::{
-    CodedPicture, DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, ToneMap,
-};
+use perceptual::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, ToneMap};
 use plane::{Correspondence, Plane};
 
 /// ΔY(t) of each frame t in display order, by the thresholds that the settings name.
@@ -59,12 +57,9 @@ impl Mask for Masking {
         let &Coding { quantiser_scale, ref outcome, begins_group, next } = coding;
         let delta = match (*thresholds, outcome) {
             (Thresholds::Uniform(share), _) => return luminance.map(|luminance| share * luminance),
-            (Thresholds::Codec, Some(CodingOutcome { decoded, levels, intra, quantiser_scales })) => {
-                let coded = CodedPicture { decoded, levels, intra, quantiser_scales };
-                feedback.observe_coded(frame, steps, &coded, next)
-            }
-            (Thresholds::Quantised, Some(CodingOutcome { decoded, .. })) => {
-                let quantised = decoded.map(|sample| f32::from(sample) - 16.0);
+            (Thresholds::Codec, Some(coded)) => feedback.observe_coded(frame, steps, coded, next),
+            (Thresholds::Quantised, Some(coded)) => {
+                let quantised = coded.luma().map(|sample| f32::from(sample) - 16.0);
                 let still = Correspondence::still(luma.width(), luma.height());
                 let known = known.map(|_| &still);
                 feedback.observe(ObservedFrame { luma: &quantised, luminance, known }, quantiser_scale)

@@ -2,9 +2,9 @@
 
 use crate::error::{Error, Result};
 use crate::feedback_loop::checkpoint::{NONSENSE, decode, encode};
-use crate::feedback_loop::parts::{Coded, CodedFrame, Coding, CodingOutcome, Displayed, Encode};
+use crate::feedback_loop::parts::{CodedFrame, Coding, Displayed, Encode, Encoded};
 use crate::settings::Settings;
-use mpeg2enc::{Container, Encoder, KnownMotion, LookaheadEncoder, MacroblockKind, Multiplexer, Packet, Picture};
+use mpeg2enc::{Container, Encoder, KnownMotion, LookaheadEncoder, Multiplexer, Packet, Picture};
 use perceptual::NextPicture;
 use plane::Correspondence;
 use serde::{Deserialize, Serialize};
@@ -89,7 +89,7 @@ impl Video {
         })
     }
 
-    fn push(&mut self, waiting: Waiting, to_next: Option<&Correspondence>) -> Coded {
+    fn push(&mut self, waiting: Waiting, to_next: Option<&Correspondence>) -> Encoded {
         let Waiting { picture, to_previous } = waiting;
         let to_previous = to_previous.as_deref();
         let packets = match &mut self.coder {
@@ -102,16 +102,16 @@ impl Video {
 
 impl Stream {
     /// Puts packets into the file, and notes their quantiser.
-    fn wrap(&mut self, packets: Vec<Packet>) -> Coded {
+    fn wrap(&mut self, packets: Vec<Packet>) -> Encoded {
         let scales = packets.iter().map(|packet| {
             let scales = packet.quantiser_scales.samples();
             scales.iter().map(|&scale| u32::from(scale)).sum::<u32>() as f32 / scales.len() as f32
         });
         // The finest pictures are those that the others are predicted from.
         self.quantiser_scale = scales.reduce(f32::min).unwrap_or(self.quantiser_scale);
-        let outcome = packets.last().filter(|_| self.tells_outcome).map(outcome);
+        let outcome = packets.last().filter(|_| self.tells_outcome).map(Packet::coded);
         let mut coded =
-            Coded { coding: Coding { outcome, ..Coding::of_quantiser(self.quantiser_scale) }, ..Coded::default() };
+            Encoded { coding: Coding { outcome, ..Coding::of_quantiser(self.quantiser_scale) }, ..Encoded::default() };
         for packet in packets {
             coded.pictures.push(CodedFrame {
                 index: packet.display_index as u32,
@@ -133,7 +133,7 @@ impl std::fmt::Debug for Video {
 }
 
 impl Encode for Video {
-    fn step(&mut self, displayed: &Displayed) -> Result<Coded> {
+    fn step(&mut self, displayed: &Displayed) -> Result<Encoded> {
         let Displayed { index, picture, correspondence, forward, .. } = displayed;
         let to_previous = correspondence.clone().filter(|_| self.uses_motion);
         let taken = Waiting { picture: picture.picture.clone(), to_previous };
@@ -153,16 +153,16 @@ impl Encode for Video {
         Ok(coded)
     }
 
-    fn finish(mut self) -> Result<Coded> {
+    fn finish(mut self) -> Result<Encoded> {
         let last = self.waiting.take().map(|last| self.push(last, None)).unwrap_or_default();
         let (packets, end) = match self.coder {
             Coder::Immediate(encoder) => (Vec::new(), encoder.finish()),
             Coder::Ahead(encoder) => encoder.finish(),
         };
         let mut stream = self.stream;
-        let Coded { bytes, pictures, coding } = stream.wrap(packets);
+        let Encoded { bytes, pictures, coding } = stream.wrap(packets);
         let bytes = [last.bytes, bytes, stream.multiplexer.finish(&end)].concat();
-        Ok(Coded { bytes, pictures: [last.pictures, pictures].concat(), coding })
+        Ok(Encoded { bytes, pictures: [last.pictures, pictures].concat(), coding })
     }
 
     /// Everything that the next bytes depend on, besides settings and frames to come.
@@ -183,15 +183,5 @@ impl Encode for Video {
         }
         (self.stream.multiplexer, self.stream.quantiser_scale, self.waiting) = (multiplexer, quantiser_scale, waiting);
         Ok(())
-    }
-}
-
-/// What masking sees of a coded picture.
-fn outcome(packet: &Packet) -> CodingOutcome {
-    CodingOutcome {
-        decoded: packet.reconstruction.luma().clone(),
-        levels: packet.luma_levels(),
-        intra: packet.macroblock_kinds.map(|kind| kind == MacroblockKind::Intra),
-        quantiser_scales: packet.quantiser_scales.clone(),
     }
 }
