@@ -6,7 +6,7 @@ use crate::lanes::{Real, Vector3};
 use crate::receiver::Receiver;
 
 /// Weights of linear RGB (Rec. 709 primaries) in luminance; they sum to one, so luminance keeps the unit of its argument.
-pub const LUMINANCE_WEIGHTS: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
+pub const LUMINANCE_WEIGHTS: Vec3 = Vec3::from_array(plane::LUMINANCE_WEIGHTS);
 
 /// Luminance of a linear RGB quantity, in the quantity's own unit.
 #[inline]

@@ -1,10 +1,10 @@
 //! What to encode: plain values, checked once.
 
-use crate::{
-    CoefficientTable, Effort, Encoder, Level, LookaheadEncoder, Picture, Rate, Standard,
-    quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
+use crate::{CoefficientTable, Effort, Encoder, Level, LookaheadEncoder, Picture, Rate, Standard};
+use plane::{
+    Correspondence,
+    matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
 };
-use plane::Correspondence;
 
 /// The largest distance of I pictures: no macroblock is predicted more than 131 times before it is coded intra again,
 /// so that the differences of inverse transforms, which the standard allows, do not add up without end.

@@ -4,9 +4,10 @@ use crate::{
     Config, Level, Rate, Standard,
     bits::{BitSink, BitWriter},
     level::Limits,
-    quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX, QuantiserParameters},
+    quant::QuantiserParameters,
     scan::ZIGZAG,
 };
+use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 
 const PICTURE_START_CODE: u8 = 0x00;
 const SEQUENCE_HEADER_CODE: u8 = 0xb3;

@@ -85,7 +85,6 @@ pub use crate::{
     lookahead::KnownMotion,
     lookahead_encoder::{LookaheadEncoder, LookaheadState},
     picture::{MacroblockKind, PictureStatistics},
-    quant::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
     rate::{Passes, Rate},
     standard::Standard,
     vlc::CoefficientTable,
@@ -93,6 +92,8 @@ pub use crate::{
 
 /// What goes in: pictures, which also come back, and where their pixels were.
 pub use plane::{Correspondence, Picture};
+
+pub use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

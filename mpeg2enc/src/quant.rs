@@ -13,22 +13,6 @@ use crate::{
     vlc::{Codes, CoefficientTable, block_bits},
 };
 
-/// Default weighting matrix for intra blocks in raster order (6.3.11).
-#[rustfmt::skip]
-pub const DEFAULT_INTRA_MATRIX: [u8; 64] = [
-     8, 16, 19, 22, 26, 27, 29, 34,
-    16, 16, 22, 24, 27, 29, 34, 37,
-    19, 22, 26, 27, 29, 34, 34, 38,
-    22, 22, 26, 27, 29, 34, 37, 40,
-    22, 26, 27, 29, 32, 35, 40, 48,
-    26, 27, 29, 32, 35, 40, 48, 58,
-    26, 27, 29, 34, 38, 46, 56, 69,
-    27, 29, 35, 38, 46, 56, 69, 83,
-];
-
-/// Default weighting matrix for non-intra blocks (6.3.11).
-pub const DEFAULT_NON_INTRA_MATRIX: [u8; 64] = [16; 64];
-
 /// Quantised levels of one block.
 #[derive(Clone, Copy)]
 pub(crate) struct Block {

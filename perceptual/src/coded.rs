@@ -29,7 +29,7 @@
 //! does to a block follows from its coefficients; what a predicted picture does after an intra one is to leave what is there.
 
 use crate::bounded;
-use crate::masking::DEFAULT_INTRA_MATRIX;
+use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 use plane::{Coded, Plane, dct};
 use rayon::prelude::*;
 
@@ -47,7 +47,7 @@ pub struct QuantiserSteps {
 impl Default for QuantiserSteps {
     /// MPEG-2's default matrices and 8 bits for the DC.
     fn default() -> Self {
-        Self { intra_matrix: DEFAULT_INTRA_MATRIX, non_intra_matrix: [16; 64], intra_dc_step: 8.0 }
+        Self { intra_matrix: DEFAULT_INTRA_MATRIX, non_intra_matrix: DEFAULT_NON_INTRA_MATRIX, intra_dc_step: 8.0 }
     }
 }
 

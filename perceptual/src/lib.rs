@@ -31,15 +31,15 @@ mod ycbcr;
 
 pub use crate::coded::{NextPicture, QuantiserSteps};
 pub use crate::feedback::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, ObservedFrame};
-pub use crate::masking::{
-    CONTRAST_MASKING_EXPONENT, DEFAULT_INTRA_MATRIX, LUMINANCE_MASKING_EXPONENT, MaskingModel, mean_dc,
-};
+pub use crate::masking::{CONTRAST_MASKING_EXPONENT, LUMINANCE_MASKING_EXPONENT, MaskingModel, mean_dc};
 pub use crate::metric::{Components, flicker, mse, psnr, relative_mse, rmse, ssim};
 pub use crate::threshold_map::{
     RELATIVE_FLOOR, ThresholdMap, TolerableError, blend, reproject, tolerable_error, tolerable_error_counted,
 };
 pub use crate::tonemap::{Display, Operator, OutOfRange, ToneMap, UnknownOperator};
-pub use crate::ycbcr::{LUMINANCE_WEIGHTS, YCbCr, luminance, luminance_plane, to_rgb8};
+pub use crate::ycbcr::{YCbCr, luminance_plane, to_rgb8};
+pub use plane::matrices::DEFAULT_INTRA_MATRIX;
+pub use plane::{LUMINANCE_WEIGHTS, luminance};
 
 /// Luma of white in code values above black.
 pub const WHITE_LUMA: f32 = 219.0;

@@ -24,6 +24,7 @@
 //!   black picture stays finite and a black block keeps a threshold above zero. A black picture (c̄_00 = 0) has ratio 1 everywhere.
 
 use crate::bounded;
+use plane::matrices::DEFAULT_INTRA_MATRIX;
 use plane::{Plane, dct, idct};
 use rayon::prelude::*;
 
@@ -35,19 +36,6 @@ pub const CONTRAST_MASKING_EXPONENT: f32 = 0.7;
 const QUANTISER_SCALE_UNIT: f32 = 16.0;
 /// c̄_00 below this is a black picture: less than 2·10⁻⁴ code values on average.
 const BLACK_MEAN_DC: f32 = 1e-3;
-
-/// MPEG-2's default matrix for intra blocks in raster order (ISO/IEC 13818-2, 6.3.11).
-#[rustfmt::skip]
-pub const DEFAULT_INTRA_MATRIX: [u8; 64] = [
-     8, 16, 19, 22, 26, 27, 29, 34,
-    16, 16, 22, 24, 27, 29, 34, 37,
-    19, 22, 26, 27, 29, 34, 34, 38,
-    22, 22, 26, 27, 29, 34, 37, 40,
-    22, 26, 27, 29, 32, 35, 40, 48,
-    26, 27, 29, 32, 35, 40, 48, 58,
-    26, 27, 29, 34, 38, 46, 56, 69,
-    27, 29, 35, 38, 46, 56, 69, 83,
-];
 
 /// The numbers of the masking model.
 #[derive(Clone, Debug, PartialEq)]

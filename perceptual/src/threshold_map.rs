@@ -21,13 +21,13 @@
 //! - Pixels whose luma or luminance is not finite count as black and are counted.
 
 use crate::{MaskingModel, ToneMap, WHITE_LUMA, bounded, table::LumaDecodeTable};
-use plane::{Correspondence, Plane};
+use plane::{Correspondence, LUMINANCE_WEIGHTS, Plane};
 use rayon::prelude::*;
 
 /// The error that is tolerable everywhere, as a part of luminance: Weber's law at the visibility threshold, 2 % \[Herzog08, eq. 4\].
 pub const RELATIVE_FLOOR: f32 = 0.02;
 /// Largest luminance of a pixel relative to the grey of its luma: pure blue at a display gamma of 2.
-const LARGEST_COLOR_FACTOR: f32 = 1.0 / 0.0722;
+const LARGEST_COLOR_FACTOR: f32 = 1.0 / LUMINANCE_WEIGHTS[2];
 
 /// Eq. (4) for a picture.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,23 +9,15 @@
 //! between two luma rows. They are filtered to that place with [1 2 1]/4 along the rows and [1 1]/2 across them.
 
 use crate::{ToneMap, WHITE_LUMA, table::EncodeTable};
-use plane::{Picture, Plane};
+use plane::{LUMINANCE_WEIGHTS, Picture, Plane, luminance};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Weights of red, green and blue in luminance and in luma (Rec. ITU-R BT.709).
-pub const LUMINANCE_WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 /// Code value of black.
 const BLACK: f32 = 16.0;
 /// Code values per unit of B′ − Y′ and of R′ − Y′.
 const CB_SCALE: f32 = 224.0 / 1.8556;
 const CR_SCALE: f32 = 224.0 / 1.5748;
-
-/// Luminance of linear RGB, in the unit of its components.
-#[inline]
-pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    LUMINANCE_WEIGHTS[0] * r + LUMINANCE_WEIGHTS[1] * g + LUMINANCE_WEIGHTS[2] * b
-}
 
 /// Luminance of every pixel. Negative components count as 0, as in the tone map; a pixel that is not finite has luminance 0.
 pub fn luminance_plane(radiance: &Plane<[f32; 3]>) -> Plane<f32> {

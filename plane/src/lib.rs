@@ -15,6 +15,8 @@
 mod coded;
 mod correspondence;
 mod dct;
+mod luminance;
+pub mod matrices;
 mod picture;
 mod plane;
 mod size_error;
@@ -22,6 +24,7 @@ mod size_error;
 pub use crate::coded::Coded;
 pub use crate::correspondence::{Correspondence, NO_MATCH};
 pub use crate::dct::{dct, dct_definition, idct, idct_definition};
+pub use crate::luminance::{LUMINANCE_WEIGHTS, luminance};
 pub use crate::picture::Picture;
 pub use crate::plane::Plane;
 pub use crate::size_error::SizeError;

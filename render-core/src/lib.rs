@@ -42,10 +42,11 @@ pub use surface::{Surface, Surfaces};
 
 use glam::{Vec3, Vec3A};
 
-/// Rec.709 luminance of a linear RGB radiance, in the radiance's unit.
+/// [`plane::luminance`] of a linear RGB quantity, in the quantity's unit.
 #[inline]
+#[must_use]
 pub fn luminance(rgb: Vec3) -> f32 {
-    rgb.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+    plane::luminance(rgb.to_array())
 }
 
 /// How large the scene is, and what counts as nothing beside it.

@@ -17,7 +17,6 @@ const KNOWN: &[(&str, &str, &str)] = &[
     ("mpeg2enc", "config", "rate"),
     ("mpeg2enc", "standard", "config"),
     ("mpeg2enc", "vlc", "quant"),
-    ("mpeg2enc", "config", "quant"),
     ("mpeg2enc", "dct", "kernel"),
     ("mpeg2enc", "header", "rate"),
     ("mpeg2enc", "motion", "predict"),

@@ -46,11 +46,8 @@ impl Quantiser {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        dct,
-        quant::{DEFAULT_INTRA_MATRIX, QuantiserParameters},
-        vlc::CoefficientTable,
-    };
+    use crate::{dct, quant::QuantiserParameters, vlc::CoefficientTable};
+    use plane::matrices::DEFAULT_INTRA_MATRIX;
 
     /// Differences of samples that fall off with frequency, or do not.
     fn coefficients(state: &mut u32, flat: bool) -> [i32; 64] {

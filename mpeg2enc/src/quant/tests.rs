@@ -1,4 +1,5 @@
 use super::*;
+use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 
 fn quantiser(scale: u32) -> Quantiser {
     quantiser_of(Standard::Mpeg2, scale)
