@@ -7,6 +7,7 @@ use crate::threshold_map::{
 };
 use crate::{MaskingModel, ToneMap};
 use plane::{Coded, Correspondence, Plane};
+use std::sync::Arc;
 
 /// Weight of the past in eq. (5), \[Herzog08, §5.2\].
 pub const DEFAULT_WEIGHT: f32 = 0.5;
@@ -66,7 +67,7 @@ pub struct Feedback {
     scale: LuminanceScale,
     weight: f32,
     kappa: f32,
-    thresholds: Plane<f32>,
+    thresholds: Arc<Plane<f32>>,
     predicted: PredictedCoding,
     non_finite: usize,
 }
@@ -81,7 +82,7 @@ impl Feedback {
             scale,
             weight,
             kappa: 1.0,
-            thresholds: Plane::default(),
+            thresholds: Arc::default(),
             predicted: PredictedCoding::default(),
             non_finite: 0,
         }
@@ -157,10 +158,10 @@ impl Feedback {
         self.non_finite = e.non_finite;
         let size = (self.thresholds.width(), self.thresholds.height());
         let same_size = size == (e.error.width(), e.error.height());
-        self.thresholds = match known {
+        self.thresholds = Arc::new(match known {
             Some(known) if same_size => blend_within(&e.error, &self.thresholds, known, weight, most),
             _ => e.error,
-        };
+        });
         &self.thresholds
     }
 
@@ -174,7 +175,7 @@ impl Feedback {
 
     /// ΔY of the last observed frame; an empty plane before the first.
     #[must_use]
-    pub fn thresholds(&self) -> &Plane<f32> {
+    pub fn thresholds(&self) -> &Arc<Plane<f32>> {
         &self.thresholds
     }
 
@@ -193,14 +194,14 @@ impl Feedback {
 
     /// Forgets all frames.
     pub fn reset(&mut self) {
-        self.thresholds = Plane::default();
+        self.thresholds = Arc::default();
         self.predicted = PredictedCoding::default();
         self.non_finite = 0;
     }
 
     /// Puts back ΔY of the last observed frame, as [`Feedback::thresholds`] gave it: for continuing an interrupted film.
-    pub fn restore(&mut self, thresholds: Plane<f32>) {
-        self.thresholds = thresholds;
+    pub fn restore(&mut self, thresholds: impl Into<Arc<Plane<f32>>>) {
+        self.thresholds = thresholds.into();
     }
 
     /// Puts back what [`Feedback::predicted`] gave: for continuing an interrupted film whose coding is predicted.

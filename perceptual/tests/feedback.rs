@@ -57,7 +57,7 @@ fn ten_thousand_still_frames_settle_and_stay() {
                 settled = Some(thresholds.clone());
             }
         }
-        assert_eq!(Some(feedback.thresholds()), settled.as_ref(), "no drift at w = {weight}");
+        assert_eq!(Some(&**feedback.thresholds()), settled.as_ref(), "no drift at w = {weight}");
         let ratio = largest_ratio(feedback.thresholds(), &e);
         assert!(ratio < 1.0 + 1e-5, "w = {weight}: {ratio}");
     }

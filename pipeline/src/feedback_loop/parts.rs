@@ -57,7 +57,7 @@ pub trait Shade<F>: Send {
 /// A masking model: the error that nobody would see.
 pub trait Mask: Send {
     /// The luminance that each pixel of `displayed` may be wrong by \[W·m⁻²·sr⁻¹\], given how the picture was coded.
-    fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Plane<f32>;
+    fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Arc<Plane<f32>>;
 
     /// The state after the last step, for a checkpoint; the thresholds themselves are kept by the loop.
     fn state(&self) -> Vec<u8> {
@@ -253,14 +253,15 @@ impl<'a> LastThresholds<'a> {
 }
 
 impl Mask for Feedback {
-    fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Plane<f32> {
+    fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Arc<Plane<f32>> {
         let known = displayed.correspondence.as_deref();
         let (luma, luminance) = (&displayed.picture.luma, &*displayed.luminance);
-        self.observe(ObservedFrame { luma, luminance, known }, coding.quantiser_scale).clone()
+        self.observe(ObservedFrame { luma, luminance, known }, coding.quantiser_scale);
+        self.thresholds().clone()
     }
 
     fn restore(&mut self, _state: &[u8], thresholds: &LuminanceThresholds) -> Result<()> {
-        Feedback::restore(self, Plane::clone(&thresholds.delta));
+        Feedback::restore(self, thresholds.delta.clone());
         Ok(())
     }
 }

@@ -177,7 +177,7 @@ impl<M: Mask> Stage for Masking<'_, M> {
         let delta = pool.install(|| busy.measure(|| part.step(&displayed, &coding)));
         observer.thresholds(index, &delta);
         spent.push((index, busy.seconds()));
-        let known = LuminanceThresholds { of: index, delta: Arc::new(delta), luminance: displayed.luminance };
+        let known = LuminanceThresholds { of: index, delta, luminance: displayed.luminance };
         *thresholds = Some(known.clone());
         Ok(Some(known))
     }

@@ -6,6 +6,7 @@ use crate::feedback_loop::parts::{Coding, Displayed, LuminanceThresholds, Mask};
 use crate::settings::{Settings, Thresholds};
 use perceptual::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, ToneMap};
 use plane::{Correspondence, Plane};
+use std::sync::Arc;
 
 /// ΔY(t) of each frame t in display order, by the thresholds that the settings name.
 pub struct Masking {
@@ -15,7 +16,7 @@ pub struct Masking {
     /// Made with the first frame, which may set the exposure.
     feedback: Option<Feedback>,
     /// ΔY and predicted luma of the last frame, where a film is continued.
-    last: Option<(Plane<f32>, Plane<u8>)>,
+    last: Option<(Arc<Plane<f32>>, Plane<u8>)>,
 }
 
 impl Masking {
@@ -31,7 +32,7 @@ impl Masking {
         Ok(Self { thresholds: settings.thresholds, kappa: settings.kappa, steps, feedback: None, last: None })
     }
 
-    fn begin(kappa: f32, tone_map: ToneMap, last: Option<(Plane<f32>, Plane<u8>)>) -> Feedback {
+    fn begin(kappa: f32, tone_map: ToneMap, last: Option<(Arc<Plane<f32>>, Plane<u8>)>) -> Feedback {
         let mut feedback = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT).with_kappa(kappa);
         if let Some((delta, predicted)) = last {
             feedback.restore(delta);
@@ -48,15 +49,15 @@ impl std::fmt::Debug for Masking {
 }
 
 impl Mask for Masking {
-    fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Plane<f32> {
+    fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Arc<Plane<f32>> {
         let Self { thresholds, kappa, steps, feedback, last } = self;
         let feedback = feedback.get_or_insert_with(|| Self::begin(*kappa, displayed.tone_map, last.take()));
         let (luma, luminance) = (&displayed.picture.luma, &displayed.luminance);
         let known = displayed.correspondence.as_deref();
         let frame = ObservedFrame { luma, luminance, known };
         let &Coding { quantiser_scale, ref outcome, begins_group, next } = coding;
-        let delta = match (*thresholds, outcome) {
-            (Thresholds::Uniform(share), _) => return luminance.map(|luminance| share * luminance),
+        match (*thresholds, outcome) {
+            (Thresholds::Uniform(share), _) => return Arc::new(luminance.map(|luminance| share * luminance)),
             (Thresholds::Codec, Some(coded)) => feedback.observe_coded(frame, steps, coded, next),
             (Thresholds::Quantised, Some(coded)) => {
                 let quantised = coded.luma().map(|sample| f32::from(sample) - 16.0);
@@ -71,7 +72,7 @@ impl Mask for Masking {
             }
             _ => feedback.observe(frame, quantiser_scale),
         };
-        delta.clone()
+        feedback.thresholds().clone()
     }
 
     /// Luma of the last frame, where the loss of coding is predicted.
@@ -81,7 +82,7 @@ impl Mask for Masking {
 
     fn restore(&mut self, state: &[u8], thresholds: &LuminanceThresholds) -> Result<()> {
         let predicted: Option<Plane<u8>> = decode(state)?;
-        self.last = Some((Plane::clone(&thresholds.delta), predicted.unwrap_or_default()));
+        self.last = Some((thresholds.delta.clone(), predicted.unwrap_or_default()));
         Ok(())
     }
 }
