@@ -145,6 +145,7 @@ fn join(rows: [Lanes; 8]) -> [f32; 64] {
 /// assert!((coefficients[0] - 24.0).abs() < 1e-5);
 /// assert!(coefficients[1..].iter().all(|c| c.abs() < 1e-5));
 /// ```
+#[must_use]
 pub fn dct(samples: &[f32; 64]) -> [f32; 64] {
     join(rows_times(columns_forward(split(samples)), &BASIS_TRANSPOSED))
 }
@@ -152,6 +153,7 @@ pub fn dct(samples: &[f32; 64]) -> [f32; 64] {
 /// The samples of a block of coefficients: the inverse of [`dct`].
 ///
 /// Not rounded and not clipped; an encoder that must reproduce what decoders show has to round as the standard says.
+#[must_use]
 pub fn idct(coefficients: &[f32; 64]) -> [f32; 64] {
     join(columns_inverse(rows_times(split(coefficients), &BASIS)))
 }
@@ -163,6 +165,7 @@ fn basis_definition(u: usize, x: usize) -> f64 {
 }
 
 /// [`dct`] as the double sum that defines it, in `f64`. Slow; it is what the fast form is measured against.
+#[must_use]
 pub fn dct_definition(samples: &[f64; 64]) -> [f64; 64] {
     std::array::from_fn(|i| {
         let (u, v) = (i % 8, i / 8);
@@ -171,6 +174,7 @@ pub fn dct_definition(samples: &[f64; 64]) -> [f64; 64] {
 }
 
 /// [`idct`] as the double sum that defines it, in `f64`.
+#[must_use]
 pub fn idct_definition(coefficients: &[f64; 64]) -> [f64; 64] {
     std::array::from_fn(|k| {
         let (x, y) = (k % 8, k / 8);

@@ -11,7 +11,7 @@ pub struct Plane<T> {
     height: usize,
 }
 
-/// What a plane is read from.
+/// The serialized form of a plane, whose size is not checked yet.
 #[cfg(feature = "serde")]
 #[derive(serde::Deserialize)]
 struct Parts<T> {
@@ -34,11 +34,13 @@ impl<T> TryFrom<Parts<T>> for Plane<T> {
 
 impl<T: Copy> Plane<T> {
     /// A plane with every sample equal to `value`.
+    #[must_use]
     pub fn filled(width: usize, height: usize, value: T) -> Self {
         Self { data: vec![value; width * height], width, height }
     }
 
     /// A plane whose sample at column `x` and row `y` is `f(x, y)`.
+    #[must_use]
     pub fn from_fn(width: usize, height: usize, mut f: impl FnMut(usize, usize) -> T) -> Self {
         let mut data = Vec::with_capacity(width * height);
         for y in 0..height {
@@ -51,17 +53,20 @@ impl<T: Copy> Plane<T> {
     ///
     /// # Panics
     /// If `data.len() != width * height`.
+    #[must_use]
     pub fn from_vec(width: usize, height: usize, data: Vec<T>) -> Self {
         assert_eq!(data.len(), width * height, "a {width}x{height} plane needs exactly that many samples");
         Self { data, width, height }
     }
 
     /// Samples in a row.
+    #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
     /// Number of rows.
+    #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
@@ -71,12 +76,14 @@ impl<T: Copy> Plane<T> {
     /// # Panics
     /// Outside of the plane.
     #[inline]
+    #[must_use]
     pub fn get(&self, x: usize, y: usize) -> T {
         self.row(y)[x]
     }
 
     /// The sample nearest to column `x`, row `y`: outside of the plane the border repeats.
     #[inline]
+    #[must_use]
     pub fn get_clamped(&self, x: isize, y: isize) -> T {
         let x = x.clamp(0, self.width as isize - 1) as usize;
         let y = y.clamp(0, self.height as isize - 1) as usize;
@@ -93,13 +100,21 @@ impl<T: Copy> Plane<T> {
     }
 
     /// Row `y`, `width` samples.
+    ///
+    /// # Panics
+    /// Below the plane.
     #[inline]
+    #[must_use]
     pub fn row(&self, y: usize) -> &[T] {
         &self.data[y * self.width..][..self.width]
     }
 
     /// Row `y`, to be changed.
+    ///
+    /// # Panics
+    /// Below the plane.
     #[inline]
+    #[must_use]
     pub fn row_mut(&mut self, y: usize) -> &mut [T] {
         &mut self.data[y * self.width..][..self.width]
     }
@@ -110,21 +125,25 @@ impl<T: Copy> Plane<T> {
     }
 
     /// All samples in raster order.
+    #[must_use]
     pub fn samples(&self) -> &[T] {
         &self.data
     }
 
     /// All samples in raster order, to be changed: hand out `chunks_mut(width * rows)` to threads.
+    #[must_use]
     pub fn samples_mut(&mut self) -> &mut [T] {
         &mut self.data
     }
 
     /// A plane of the same size with `f` of every sample.
+    #[must_use]
     pub fn map<U: Copy>(&self, f: impl FnMut(T) -> U) -> Plane<U> {
         Plane { data: self.data.iter().copied().map(f).collect(), width: self.width, height: self.height }
     }
 
     /// The 8×8 block whose upper left sample is `(8 * column, 8 * row)`; beyond the plane the last row and column repeat.
+    #[must_use]
     pub fn block(&self, column: usize, row: usize) -> [T; 64] {
         let (left, top) = (8 * column, 8 * row);
         if left + 8 <= self.width && top + 8 <= self.height {
@@ -139,6 +158,7 @@ impl<T: Copy> Plane<T> {
     }
 
     /// Columns and rows of 8×8 blocks that cover the plane.
+    #[must_use]
     pub fn block_counts(&self) -> (usize, usize) {
         (self.width.div_ceil(8), self.height.div_ceil(8))
     }
