@@ -82,7 +82,7 @@ fn a_cut_forgets() {
     let mut feedback = feedback(0.5);
     feedback.observe(bright.observed(None), 8.0);
     assert_eq!(feedback.observe(dim.observed(None), 8.0), &alone(&dim, 8.0));
-    let nothing_matches = Plane::filled(WIDTH, HEIGHT, NO_MATCH);
+    let nothing_matches = Correspondence::from_matches(Plane::filled(WIDTH, HEIGHT, NO_MATCH));
     feedback.observe(bright.observed(None), 8.0);
     assert_eq!(feedback.observe(dim.observed(Some(&nothing_matches)), 8.0), &alone(&dim, 8.0));
     let map = feedback.thresholds_for_next(&nothing_matches);
