@@ -32,7 +32,7 @@ struct Wishes {
     bits_per_second: u32,
     buffer_bits: u32,
     container: u8,
-    immediate: bool,
+    lookahead: u8,
     frames: u8,
     motion: Option<[f32; 2]>,
     /// Motion in 64ths of a pixel, as files have it, from the input's bytes.
@@ -70,7 +70,8 @@ fn config(wishes: &Wishes) -> Option<Config> {
             0 => Rate::ConstantQuantiser,
             1 => Rate::Constant { bits_per_second, buffer_bits },
             _ => Rate::Capped { bits_per_second, buffer_bits },
-        });
+        })
+        .with_lookahead((wishes.lookahead % 32).into());
     if let Some(level) = wishes.level {
         config = config.with_level([Level::Low, Level::Main, Level::High1440, Level::High][usize::from(level % 4)]);
     }
@@ -131,21 +132,17 @@ fuzz_target!(|data: &[u8]| {
             multiplexer.push(packet);
         }
     };
-    if wishes.immediate {
-        let Ok(mut encoder) = config.encoder() else { return };
-        let field = field(width, height);
-        for n in 0..count {
-            take(vec![encoder.push(&frame(width, height, bytes, n), field.as_ref())]);
+    let Ok(mut encoder) = config.clone().encoder() else { return };
+    let field = field(width, height);
+    let motion = KnownMotion { to_previous: field.as_ref(), to_next: field.as_ref() };
+    for n in 0..count {
+        if n == count / 2 {
+            let state = encoder.state().clone();
+            encoder = config.clone().encoder().expect("it was made before");
+            encoder.restore(state).expect("its own state");
         }
-        encoder.finish();
-    } else {
-        let Ok(mut encoder) = config.lookahead_encoder() else { return };
-        let field = field(width, height);
-        let motion = KnownMotion { to_previous: field.as_ref(), to_next: field.as_ref() };
-        for n in 0..count {
-            take(encoder.push(&frame(width, height, bytes, n), motion));
-        }
-        take(encoder.finish().0);
+        take(encoder.push(&frame(width, height, bytes, n), motion));
     }
+    take(encoder.finish().packets);
     assert_eq!(seen, count, "a packet for each frame");
 });

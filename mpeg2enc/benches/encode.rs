@@ -38,7 +38,11 @@ fn pictures(bencher: Bencher, quantiser_scale: u32, gop: u32, motion: Option<Cor
     bencher.counter(ItemsCount::new(frames.len())).bench(|| {
         pool.install(|| {
             let mut encoder = encoder(quantiser_scale, gop);
-            frames.iter().map(|frame| encoder.push(frame, motion.as_ref()).bits).sum::<u64>()
+            frames
+                .iter()
+                .flat_map(|frame| encoder.push(frame, motion.as_ref().into()))
+                .map(|packet| packet.bits)
+                .sum::<u64>()
         })
     });
 }

@@ -116,6 +116,7 @@ fn encode(arguments: &Arguments) -> Result<()> {
         .with_quantiser_scale(arguments.qscale)
         .with_standard(if arguments.mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
         .with_gop(arguments.gop)
+        .with_lookahead(if arguments.zero_delay { 0 } else { Config::LOOKAHEAD_MAX })
         .with_b_pictures(if arguments.zero_delay { 0 } else { arguments.bframes })
         .with_closed_gop(arguments.closed)
         .with_scene_cuts(!arguments.no_scene_cuts)
@@ -177,18 +178,12 @@ fn encode_once(arguments: &Arguments, clip: Clip, config: Config) -> Result<Tota
         || File::create(&arguments.output).with_context(|| format!("{} cannot be written", arguments.output.display()));
     let sink =
         |file| Sink { file: BufWriter::new(file), multiplexer, verbose: arguments.verbose, totals: Totals::default() };
-    if arguments.zero_delay {
-        let mut encoder = config.encoder()?;
-        let mut output = sink(create()?);
-        clip.for_each(|frame, motion| output.take(encoder.push(frame, motion.to_previous)))?;
-        return output.finish(&encoder.finish());
-    }
-    let mut encoder = config.lookahead_encoder()?;
+    let mut encoder = config.encoder()?;
     let mut output = sink(create()?);
     clip.for_each(|frame, motion| encoder.push(frame, motion).into_iter().try_for_each(|packet| output.take(packet)))?;
-    let (packets, end) = encoder.finish();
-    packets.into_iter().try_for_each(|packet| output.take(packet))?;
-    output.finish(&end)
+    let finish = encoder.finish();
+    finish.packets.into_iter().try_for_each(|packet| output.take(packet))?;
+    output.finish(&finish.end)
 }
 
 /// The files that are encoded, from their first frames on.

@@ -101,16 +101,15 @@ pub(crate) struct Coder {
 }
 
 impl Coder {
-    /// `varies` says that macroblocks will have quantisers of their own: the table with finer steps is used then.
-    pub fn new(config: Config, varies: bool) -> Self {
-        let quantisers = Quantisers::new(parameters(&config, varies));
+    pub fn new(config: Config) -> Self {
+        let quantisers = Quantisers::new(parameters(&config));
         Self { config, quantisers, pool: Pool::default() }
     }
 
-    /// Uses another quantiser_scale for whole pictures; it was checked.
-    pub fn set_quantiser_scale(&mut self, quantiser_scale: u32) {
-        self.config.quantiser_scale = quantiser_scale;
-        let parameters = parameters(&self.config, false);
+    /// Uses other settings of quantisers, which were checked.
+    pub fn set_config(&mut self, config: Config) {
+        self.config = config;
+        let parameters = parameters(&self.config);
         if parameters != self.quantisers.parameters {
             self.quantisers = Quantisers::new(parameters);
         }
@@ -267,12 +266,13 @@ pub(crate) fn sequence_end() -> Vec<u8> {
     writer.into_bytes()
 }
 
-fn parameters(config: &Config, varies: bool) -> QuantiserParameters {
+/// An encoder that looks ahead varies quantisers: it uses the table with finer steps.
+fn parameters(config: &Config) -> QuantiserParameters {
     let code = quantiser_scale_code(config.quantiser_scale).expect("checked when it was set");
     let is_mpeg2 = config.standard == Standard::Mpeg2;
     QuantiserParameters {
         standard: config.standard,
-        q_scale_type: is_mpeg2 && (varies || code.q_scale_type),
+        q_scale_type: is_mpeg2 && (config.lookahead > 0 || code.q_scale_type),
         intra_dc_precision: config.intra_dc_precision,
         alternate_scan: config.alternate_scan,
         intra_table: if is_mpeg2 { config.intra_table } else { CoefficientTable::Zero },

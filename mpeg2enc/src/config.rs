@@ -1,10 +1,8 @@
 //! What to encode: plain values, checked once.
 
-use crate::{CoefficientTable, Effort, Encoder, Level, LookaheadEncoder, Picture, Rate, Standard};
-use plane::{
-    Correspondence,
-    matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX},
-};
+use crate::{CoefficientTable, Effort, Level, Rate, Standard};
+use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
+use std::hash::{Hash, Hasher};
 
 /// The largest distance of I pictures: no macroblock is predicted more than 131 times before it is coded intra again,
 /// so that the differences of inverse transforms, which the standard allows, do not add up without end.
@@ -42,11 +40,22 @@ pub enum ConfigError {
         /// The number asked for.
         pictures: u32,
     },
-    /// B pictures wait for later ones, which an encoder without delay cannot.
+    /// Look-ahead out of range.
+    #[error("a look-ahead of {frames} frames is not allowed; use 0 to {LOOKAHEAD_MAX}")]
+    Lookahead {
+        /// The number in the settings.
+        frames: u32,
+    },
+    /// B pictures wait for later ones, and so do bit rates and means of quantisers.
     #[error(
-        "B pictures, rate control and quantisers that are means need Config::lookahead_encoder: use it, or none of them"
+        "B pictures, bit rates and mean quantisers need a look-ahead: Config::with_lookahead of {least} frames at least, not {frames}"
     )]
-    NeedsLookahead,
+    NeedsLookahead {
+        /// The look-ahead in the settings.
+        frames: u32,
+        /// The least that is enough.
+        least: u32,
+    },
     /// No stream can state this rate and buffer.
     #[error(
         "{bits_per_second} bits a second with a buffer of {buffer_bits} bits are not possible; at most {rate_max} and {buffer_max} are at {level:?} Level, and the buffer holds 16384 bits or more"
@@ -125,7 +134,7 @@ pub enum ConfigError {
 /// assert!(FrameRate::from_fps(26.0).is_err());
 /// # Ok::<(), mpeg2enc::ConfigError>(())
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct FrameRate {
     code: u8,
 }
@@ -227,8 +236,8 @@ pub fn quantiser_scale_code(quantiser_scale: u32) -> Result<QuantiserScaleCode, 
     Err(ConfigError::QuantiserScale { value: quantiser_scale, nearest: scales[0], second: scales[1] })
 }
 
-/// Settings of an [`Encoder`]; [`Config::encoder`] checks them.
-#[derive(Clone, Debug, PartialEq)]
+/// Settings of an [`Encoder`](crate::Encoder); [`Config::validate`] checks them.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Config {
     pub(crate) width: usize,
     pub(crate) height: usize,
@@ -241,6 +250,7 @@ pub struct Config {
     pub(crate) intra_dc_precision: u32,
     pub(crate) level: Option<Level>,
     pub(crate) effort: Effort,
+    pub(crate) lookahead: u32,
     pub(crate) b_pictures: u32,
     pub(crate) closed_gop: bool,
     pub(crate) scene_cuts: bool,
@@ -255,11 +265,14 @@ pub struct Config {
 
 /// The most B pictures in a row: vectors would reach too far.
 pub(crate) const B_PICTURES_MAX: u32 = 7;
-/// Frames that [`LookaheadEncoder`] waits for: beyond a few dozen, what is inherited no longer changes.
-const LOOKAHEAD: usize = 30;
+/// The longest look-ahead: beyond a few dozen frames, what is inherited no longer changes.
+const LOOKAHEAD_MAX: u32 = 30;
 
 impl Config {
-    /// Pictures of this size, in luma samples: an I picture every 15, quantiser_scale 8, intra DC of 8 bits.
+    /// The most frames of [`Config::with_lookahead`].
+    pub const LOOKAHEAD_MAX: u32 = LOOKAHEAD_MAX;
+
+    /// Pictures of this size, in luma samples: an I picture every 15, quantiser_scale 8, intra DC of 8 bits, no look-ahead.
     ///
     /// Width and height go from 1 to 16383. A multiple of 4096 cannot be written as horizontal_size or vertical_size
     /// (6.3.3): it is coded as one sample more, which decoders that do not look at the display size will show.
@@ -275,6 +288,7 @@ impl Config {
             intra_dc_precision: 8,
             level: None,
             effort: Effort::default(),
+            lookahead: 0,
             b_pictures: 0,
             closed_gop: false,
             scene_cuts: true,
@@ -298,6 +312,12 @@ impl Config {
         Self { gop: pictures, ..self }
     }
 
+    /// Distance between I pictures.
+    #[must_use]
+    pub fn gop(&self) -> u32 {
+        self.gop
+    }
+
     /// Quantiser of every macroblock: 1 to 8, even values to 62, 64, multiples of 8 to 112.
     pub fn with_quantiser_scale(self, quantiser_scale: u32) -> Self {
         Self { quantiser_scale, mean_quantiser_x256: None, ..self }
@@ -305,7 +325,7 @@ impl Config {
 
     /// A quantiser between those that exist, from 1 to 112: each macroblock gets the nearest to what it would have, or, where they do
     /// not vary, each row of them one of the two around, so that their mean follows any fraction. Needs
-    /// [`Config::lookahead_encoder`]; what is beyond 1 to 112 is brought there.
+    /// [`Config::with_lookahead`]; what is beyond 1 to 112 is brought there.
     pub fn with_mean_quantiser_scale(self, quantiser_scale: f64) -> Self {
         // What is no number counts as the finest.
         let within = if quantiser_scale > 1.0 { quantiser_scale.min(112.0) } else { 1.0 };
@@ -334,7 +354,22 @@ impl Config {
         Self { effort, ..self }
     }
 
-    /// The most B pictures in a row, 0 to 7; more than 0 needs [`Config::lookahead_encoder`].
+    /// The most frames that wait for later ones before they are coded, 0 to 30.
+    ///
+    /// At 0 every frame is coded as it comes, as an I or P picture with one quantiser. A look-ahead allows B pictures, new
+    /// groups at scene cuts, quantisers that follow what later pictures inherit, means of quantisers, and bit rates. 30 frames
+    /// give the best quality. [`Effort::Fast`] at a constant quantiser waits only for as many as there are B pictures in a row.
+    pub fn with_lookahead(self, frames: u32) -> Self {
+        Self { lookahead: frames, ..self }
+    }
+
+    /// The most frames that wait for later ones before they are coded.
+    #[must_use]
+    pub fn lookahead(&self) -> u32 {
+        self.lookahead
+    }
+
+    /// The most B pictures in a row, 0 to 7; they need a [look-ahead](Config::with_lookahead) of as many frames.
     pub fn with_b_pictures(self, pictures: u32) -> Self {
         Self { b_pictures: pictures, ..self }
     }
@@ -344,18 +379,19 @@ impl Config {
         Self { closed_gop: closed, ..self }
     }
 
-    /// Whether [`LookaheadEncoder`] begins a group of pictures where a new scene begins. On unless switched off.
+    /// Whether an encoder that looks ahead begins a group of pictures where a new scene begins. On unless switched off.
     pub fn with_scene_cuts(self, scene_cuts: bool) -> Self {
         Self { scene_cuts, ..self }
     }
 
-    /// Whether [`LookaheadEncoder`] leaves the quantiser of I and P pictures the same everywhere.
+    /// Whether an encoder that looks ahead leaves the quantiser of I and P pictures the same everywhere; without a look-ahead
+    /// it always is.
     pub fn with_uniform_quantiser(self, uniform: bool) -> Self {
         Self { uniform_quantiser: uniform, ..self }
     }
 
-    /// Whether [`LookaheadEncoder`] makes quantisers finer where the picture is smooth and coarser where it is busy, which eyes
-    /// and SSIM prefer; PSNR falls. Off unless switched on.
+    /// Whether an encoder that looks ahead makes quantisers finer where the picture is smooth and coarser where it is busy,
+    /// which eyes and SSIM prefer; PSNR falls. Off unless switched on.
     pub fn with_adaptive_quantisation(self, adaptive: bool) -> Self {
         Self { adaptive_quantisation: adaptive, ..self }
     }
@@ -386,14 +422,14 @@ impl Config {
         self.intra_dc_precision
     }
 
-    /// How quantisers are chosen; all but [`Rate::ConstantQuantiser`] need [`Config::lookahead_encoder`].
+    /// How quantisers are chosen; all but [`Rate::ConstantQuantiser`] need a [look-ahead](Config::with_lookahead).
     pub fn with_rate(self, rate: Rate) -> Self {
         Self { rate, ..self }
     }
 
     /// May macroblocks have quantisers of their own?
     pub(crate) fn varies(&self) -> bool {
-        !self.uniform_quantiser
+        self.lookahead > 0 && !self.uniform_quantiser
     }
 
     /// Is the quantiser a mean of those that macroblocks have?
@@ -403,7 +439,7 @@ impl Config {
 
     /// Does quality follow what later pictures take over?
     pub(crate) fn uses_tree(&self) -> bool {
-        !self.uniform_quantiser && self.effort != Effort::Fast
+        self.varies() && self.effort != Effort::Fast
     }
 
     /// Are B pictures placed by content?
@@ -411,21 +447,21 @@ impl Config {
         self.effort != Effort::Fast
     }
 
-    /// Frames that are waited for. Within a rate, those tell what bits are left for: with two or three of them alone, an I picture among
-    /// these took all there were, and fast films at constant rates were 5 dB worse.
-    pub(crate) fn lookahead(&self) -> usize {
-        match self.effort {
-            Effort::Fast if self.rate == Rate::ConstantQuantiser => self.b_pictures as usize,
-            _ => LOOKAHEAD,
-        }
+    /// Frames that wait before one is coded. Within a rate they tell how bits will be spent: with two or three of them alone,
+    /// an I picture among these took all bits, and fast films at constant rates were 5 dB worse.
+    pub(crate) fn delay(&self) -> usize {
+        let needed = match self.effort {
+            Effort::Fast if self.rate == Rate::ConstantQuantiser => self.b_pictures,
+            _ => LOOKAHEAD_MAX,
+        };
+        needed.min(self.lookahead) as usize
     }
 
-    pub(crate) fn check_input(&self, frame: &Picture, motion: Option<&Correspondence>) {
-        let size = (self.width, self.height);
-        assert_eq!((frame.width(), frame.height()), size, "a frame of another size than the encoder's");
-        if let Some(motion) = motion {
-            assert_eq!((motion.width(), motion.height()), size, "motion of another size than the encoder's");
-        }
+    /// A number for all settings but the quantiser: other settings have another one.
+    pub(crate) fn fingerprint(&self) -> u64 {
+        let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+        Self { quantiser_scale: 0, mean_quantiser_x256: None, ..self.clone() }.hash(&mut hash);
+        hash.finish()
     }
 
     /// The level that the stream will state; beyond High Level, where none is right, it states High.
@@ -455,23 +491,11 @@ impl Config {
         })
     }
 
-    /// Checks everything and starts an encoder without delay: I and P pictures, one quantiser for all macroblocks.
-    pub fn encoder(self) -> Result<Encoder, ConfigError> {
-        if self.b_pictures > 0 || self.rate != Rate::ConstantQuantiser || self.mean_quantiser_x256.is_some() {
-            return Err(ConfigError::NeedsLookahead);
-        }
-        let config = Self { uniform_quantiser: true, ..self };
-        config.check()?;
-        Ok(Encoder::new(config))
-    }
-
-    /// Checks everything and starts an encoder that may wait for later frames: I, P and B pictures.
-    pub fn lookahead_encoder(self) -> Result<LookaheadEncoder, ConfigError> {
-        self.check()?;
-        Ok(LookaheadEncoder::new(self))
-    }
-
-    fn check(&self) -> Result<(), ConfigError> {
+    /// Checks all settings.
+    ///
+    /// # Errors
+    /// The first setting that the standard or the encoder does not have; the message says what is possible.
+    pub fn validate(&self) -> Result<(), ConfigError> {
         let (width, height, fps) = (self.width, self.height, self.frame_rate.fps());
         if !(1..=SIZE_MAX).contains(&width) || !(1..=SIZE_MAX).contains(&height) {
             return Err(ConfigError::Size { width, height });
@@ -491,6 +515,14 @@ impl Config {
         if self.b_pictures > B_PICTURES_MAX {
             return Err(ConfigError::BPictures { pictures: self.b_pictures });
         }
+        if self.lookahead > LOOKAHEAD_MAX {
+            return Err(ConfigError::Lookahead { frames: self.lookahead });
+        }
+        let plans = self.rate != Rate::ConstantQuantiser || self.mean_quantiser_x256.is_some();
+        let least = self.b_pictures.max(plans.into());
+        if self.lookahead < least {
+            return Err(ConfigError::NeedsLookahead { frames: self.lookahead, least });
+        }
         if let Rate::Constant { bits_per_second, buffer_bits } | Rate::Capped { bits_per_second, buffer_bits } =
             self.rate
         {
@@ -509,6 +541,21 @@ impl Config {
             }
         }
         Ok(())
+    }
+}
+
+/// The hash of Fowler, Noll and Vo (FNV-1a), which is the same in every build.
+struct Fnv(u64);
+
+impl Hasher for Fnv {
+    fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        }
+    }
+
+    fn finish(&self) -> u64 {
+        self.0
     }
 }
 

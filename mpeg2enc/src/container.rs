@@ -53,16 +53,18 @@ impl Container {
 /// quantiser that exceed what their level allows come late; files play all the same.
 ///
 /// ```
-/// use mpeg2enc::{Config, Container, FrameRate, Multiplexer, Picture};
+/// use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Picture};
 ///
 /// let config = Config::new(64, 48, FrameRate::FPS_25);
 /// let mut multiplexer = Multiplexer::new(Container::Program, &config);
 /// let mut encoder = config.encoder()?;
 /// let mut file = Vec::new();
 /// for _ in 0..3 {
-///     file.extend(multiplexer.push(encoder.push(&Picture::black(64, 48), None)));
+///     for packet in encoder.push(&Picture::black(64, 48), KnownMotion::default()) {
+///         file.extend(multiplexer.push(packet));
+///     }
 /// }
-/// file.extend(multiplexer.finish(&encoder.finish()));
+/// file.extend(multiplexer.finish(&encoder.finish().end));
 /// assert_eq!(file[..4], [0, 0, 1, 0xba]); // pack_start_code
 /// # Ok::<(), mpeg2enc::ConfigError>(())
 /// ```

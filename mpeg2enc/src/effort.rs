@@ -1,7 +1,7 @@
 //! How much is tried for few bits.
 
 /// How much computation a picture is worth.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Effort {
     /// Motion as it is given, the prediction that differs least, levels by rounding.
     Fast,

@@ -1,115 +1,199 @@
-//! Pictures in, packets out, without delay: I and P.
+//! Pictures in, packets out: at once, or after a look at later pictures.
+
+mod ahead;
+mod immediate;
 
 use crate::{
-    Config, ConfigError, Picture, PictureType,
-    coder::{Coder, Direction, Job, Packet, sequence_end},
+    Config, ConfigError, KnownMotion, Picture, RestoreError,
+    coder::{Coder, Packet, sequence_end},
     config::quantiser_scale_code,
-    header::{VBV_DELAY_VARIABLE, macroblock_counts},
-    motion::{CoarseSearch, HalfSample, all_candidates, quarter},
+    header::macroblock_counts,
+    lookahead::weights,
 };
+use ahead::Ahead;
+use immediate::Immediate;
 use plane::{Correspondence, Plane};
-use std::sync::Arc;
+use std::fmt;
 
-/// Encodes pictures one by one, each as soon as it comes in; made by [`Config::encoder`].
+/// Encodes pictures; made by [`Config::encoder`].
+///
+/// Without a look-ahead every frame gives its packet at once: I and P pictures, one quantiser for all macroblocks. With
+/// [`Config::with_lookahead`], packets come later and in the order of coding, which is that of the stream: a B picture
+/// follows the I or P picture that is shown after it. [`Packet::display_index`] says which frame a packet is.
 pub struct Encoder {
     coder: Coder,
     state: EncoderState,
 }
 
-/// What an [`Encoder`] carries from one picture to the next: with it, another one of the same settings goes on.
-#[derive(Clone, Default)]
+/// All that an [`Encoder`] carries from one picture to the next, waiting frames included.
+///
+/// [`Encoder::restore`] continues from it, in another process where the feature `serde` is on.
+#[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct EncoderState {
-    /// Pictures coded so far.
-    count: u64,
-    /// Reconstruction of the last picture, in whole macroblocks.
-    reference: Option<Arc<Picture>>,
-    /// Vectors of the last picture, or empty.
-    vectors: Vec<HalfSample>,
+    /// Of the settings, see [`Config::fingerprint`].
+    settings: u64,
+    mode: Mode,
+}
+
+#[derive(Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+enum Mode {
+    Immediate(Immediate),
+    Ahead(Box<Ahead>),
+}
+
+/// The end of a stream: what [`Encoder::finish`] gives.
+#[derive(Clone, Debug)]
+#[must_use = "the stream lacks these packets and its end"]
+#[non_exhaustive]
+pub struct Finish {
+    /// Pictures that waited, in the order of coding.
+    pub packets: Vec<Packet>,
+    /// The bytes after the last packet: sequence_end_code.
+    pub end: Vec<u8>,
+}
+
+impl Config {
+    /// Checks all settings and starts an encoder.
+    ///
+    /// # Errors
+    /// Those of [`Config::validate`].
+    pub fn encoder(self) -> Result<Encoder, ConfigError> {
+        self.validate()?;
+        Ok(Encoder::new(self))
+    }
 }
 
 impl Encoder {
-    pub(crate) fn new(config: Config) -> Self {
-        Self { coder: Coder::new(config, false), state: EncoderState::default() }
+    fn new(config: Config) -> Self {
+        let mode = match config.lookahead {
+            0 => Mode::Immediate(Immediate::default()),
+            _ => Mode::Ahead(Box::new(Ahead::new(&config))),
+        };
+        let state = EncoderState { settings: config.fingerprint(), mode };
+        Self { coder: Coder::new(config), state }
     }
 
     /// The settings it was made with.
+    #[must_use]
     pub fn config(&self) -> &Config {
         &self.coder.config
     }
 
-    /// All that the next packets depend on, besides settings and frames.
+    /// All that the next packets depend on, besides settings and frames to come.
+    #[must_use]
     pub fn state(&self) -> &EncoderState {
         &self.state
     }
 
-    /// Goes on where an encoder of the same settings was; the state of one with other settings gives a damaged stream or a
-    /// panic.
-    pub fn restore(&mut self, state: EncoderState) {
+    /// Continues where an encoder of the same settings was. Only quantiser_scale may differ.
+    ///
+    /// # Errors
+    /// The state is of an encoder with other settings, or contradicts itself. The encoder is as before then.
+    pub fn restore(&mut self, state: EncoderState) -> Result<(), RestoreError> {
+        if state.settings != self.state.settings {
+            return Err(RestoreError::OtherSettings);
+        }
+        match (&self.state.mode, &state.mode) {
+            (Mode::Immediate(_), Mode::Immediate(immediate)) => immediate.check(self.config())?,
+            (Mode::Ahead(_), Mode::Ahead(ahead)) => ahead.check(self.config())?,
+            _ => return Err(RestoreError::OtherSettings),
+        }
         self.state = state;
-    }
-
-    /// Uses another quantiser from the next picture on.
-    pub fn set_quantiser_scale(&mut self, quantiser_scale: u32) -> Result<(), ConfigError> {
-        quantiser_scale_code(quantiser_scale)?;
-        let config = self.config();
-        config.standard.check(&config.clone().with_quantiser_scale(quantiser_scale))?;
-        self.coder.set_quantiser_scale(quantiser_scale);
         Ok(())
     }
 
-    /// Encodes the next frame.
+    /// Uses another quantiser_scale from the next coded picture on, in place of a mean too.
     ///
-    /// `motion` tells where each pixel was in the frame before; without it, vectors are searched for.
-    /// It changes what is tried, never what is correct, and is not looked at for an I picture.
-    ///
-    /// # Panics
-    /// If frame or motion have another size than the [`Config`].
-    pub fn push(&mut self, frame: &Picture, motion: Option<&Correspondence>) -> Packet {
-        let config = &self.coder.config;
-        config.check_input(frame, motion);
-        let (columns, rows) = macroblock_counts(config.width, config.height);
-        let place_in_group = self.state.count % u64::from(config.gop);
-        let quantiser_scale = config.quantiser_scale;
-        let source = self.coder.whole(frame);
-        let reference = self.state.reference.take().filter(|_| place_in_group != 0);
-        let candidates = match motion.filter(|_| reference.is_some()) {
-            Some(known) => all_candidates(known, columns, rows),
-            None => Vec::new(),
-        };
-        let quarters: Option<[Plane<u8>; 2]> = reference
-            .as_ref()
-            .filter(|_| motion.is_none() || candidates.iter().any(|candidates| candidates.is_uncovered))
-            .map(|reference| [quarter(source.luma()), quarter(reference.luma())]);
-        let forward = reference.as_ref().map(|reference| Direction {
-            reference,
-            candidates: &candidates,
-            before: &self.state.vectors,
-            coarse: quarters.as_ref().map(|[source, reference]| CoarseSearch { source, reference }),
-        });
-        let coded = self.coder.code(&Job {
-            picture_type: if forward.is_some() { PictureType::P } else { PictureType::I },
-            display_index: self.state.count,
-            temporal_reference: place_in_group as u32,
-            vbv_delay: VBV_DELAY_VARIABLE,
-            source: &source,
-            directions: [forward, None],
-            quantiser_scale,
-            scales_x16: &vec![16 * quantiser_scale; columns * rows],
-        });
-        let mut packet = coded.packet;
-        if packet.picture_type == PictureType::I {
-            packet.prepend(self.coder.group_headers(self.state.count, true));
+    /// # Errors
+    /// The standard does not have this quantiser_scale.
+    pub fn set_quantiser_scale(&mut self, quantiser_scale: u32) -> Result<(), ConfigError> {
+        quantiser_scale_code(quantiser_scale)?;
+        let config = self.config().clone().with_quantiser_scale(quantiser_scale);
+        config.validate()?;
+        self.coder.set_config(config);
+        if let Mode::Ahead(ahead) = &mut self.state.mode {
+            ahead.set_quantiser(&self.coder.config);
         }
-        let [vectors, _] = coded.vectors;
-        self.state.vectors = vectors;
-        self.state.reference = coded.reference;
-        self.state.count += 1;
-        packet
+        Ok(())
     }
 
-    /// The end of the stream: sequence_end_code.
-    pub fn finish(self) -> Vec<u8> {
-        sequence_end()
+    /// Takes the next frame and gives the packets that can be coded now. Without a look-ahead that is one.
+    ///
+    /// `motion` changes what is tried, never what is correct. Without it, vectors are searched for.
+    ///
+    /// # Panics
+    /// If frame or motion fields have another size than the [`Config`].
+    #[must_use = "packets are the stream"]
+    pub fn push(&mut self, frame: &Picture, motion: KnownMotion) -> Vec<Packet> {
+        self.push_frame(frame, motion, None)
+    }
+
+    /// The same with a factor of quantiser_scale for every macroblock: below 1 where errors show, above 1 where they do not.
+    ///
+    /// The factors replace those of [`Config::with_adaptive_quantisation`]. They have no effect without a look-ahead or with
+    /// [`Config::with_uniform_quantiser`].
+    ///
+    /// # Panics
+    /// If frame or motion fields have another size than the [`Config`], or `weights` is not one sample for each 16×16 luma
+    /// samples, width and height rounded up.
+    #[must_use = "packets are the stream"]
+    pub fn push_weighted(&mut self, frame: &Picture, motion: KnownMotion, weights: &Plane<f32>) -> Vec<Packet> {
+        let counts = macroblock_counts(self.config().width, self.config().height);
+        assert_eq!((weights.width(), weights.height()), counts, "weights that are not one for each macroblock");
+        self.push_frame(frame, motion, Some(weights))
+    }
+
+    fn push_frame(&mut self, frame: &Picture, motion: KnownMotion, weights: Option<&Plane<f32>>) -> Vec<Packet> {
+        let KnownMotion { to_previous, to_next } = motion;
+        check_input(self.config(), frame, [to_previous, to_next]);
+        match &mut self.state.mode {
+            Mode::Immediate(immediate) => vec![immediate.push(&mut self.coder, frame, to_previous)],
+            Mode::Ahead(ahead) => ahead.push(&mut self.coder, frame, motion, weights.map(weights::given)),
+        }
+    }
+
+    /// Codes the waiting frames and ends the stream.
+    pub fn finish(mut self) -> Finish {
+        let packets = match &mut self.state.mode {
+            Mode::Immediate(_) => Vec::new(),
+            Mode::Ahead(ahead) => ahead.finish(&mut self.coder),
+        };
+        Finish { packets, end: sequence_end() }
+    }
+
+    /// Whether a frame, counted from 0 in display order, is the I picture of a group of pictures.
+    ///
+    /// Of frames that were pushed the answer is exact, scene cuts included. Groups of later frames are counted from the last
+    /// group that has begun: only a scene cut can begin another one earlier. `None` stands for frames before the last coded
+    /// I or P picture, whose packets tell.
+    #[must_use]
+    pub fn begins_group(&self, display_index: u64) -> Option<bool> {
+        let gop = self.config().gop;
+        match &self.state.mode {
+            Mode::Immediate(_) => Some(display_index.is_multiple_of(gop.into())),
+            Mode::Ahead(ahead) => ahead.begins_group(usize::try_from(display_index).ok()?, gop as usize),
+        }
+    }
+}
+
+fn check_input(config: &Config, frame: &Picture, fields: [Option<&Correspondence>; 2]) {
+    let size = (config.width, config.height);
+    assert_eq!((frame.width(), frame.height()), size, "a frame of another size than the encoder's");
+    for field in fields.into_iter().flatten() {
+        assert_eq!((field.width(), field.height()), size, "a motion field of another size than the encoder's");
+    }
+}
+
+impl fmt::Debug for Encoder {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.debug_struct("Encoder").field("config", self.config()).finish_non_exhaustive()
+    }
+}
+
+impl fmt::Debug for EncoderState {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.debug_struct("EncoderState").finish_non_exhaustive()
     }
 }

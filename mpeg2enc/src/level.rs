@@ -1,7 +1,7 @@
 //! Levels of Main Profile and their limits (clause 8).
 
 /// A level of Main Profile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Level {
     /// Low Level: up to 352×288 at 30 pictures a second.
     Low,

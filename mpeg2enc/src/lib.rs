@@ -4,11 +4,11 @@
 //! I, P and B, at a constant quantiser or within a bit rate. A [`Multiplexer`] wraps them into program and transport streams.
 //! Make an [`Encoder`] by a [`Config`], give it each [`Picture`], and where pixels were before if that is known
 //! ([`Correspondence`]); each frame gives a [`Packet`], whose reconstruction is what a decoder will show.
-//! A [`LookaheadEncoder`] waits for later frames first: it has B pictures, quality that follows what later pictures
-//! take over, and [`Rate`]s.
+//! With a look-ahead ([`Config::with_lookahead`]) it waits for later frames first: it has B pictures, quality that follows
+//! what later pictures inherit, and [`Rate`]s.
 //!
 //! ```
-//! use mpeg2enc::{Config, FrameRate, Picture};
+//! use mpeg2enc::{Config, FrameRate, KnownMotion, Picture};
 //! use plane::{Correspondence, Plane};
 //!
 //! let mut encoder = Config::new(64, 48, FrameRate::FPS_25).with_gop(12).with_quantiser_scale(6).encoder()?;
@@ -18,11 +18,12 @@
 //!     let luma = Plane::from_fn(64, 48, |x, y| (128.0 + 90.0 * ((x + time) as f32 * 0.4 + y as f32 * 0.1).sin()) as u8);
 //!     let frame = Picture::new(luma, Plane::filled(32, 24, 110), Plane::filled(32, 24, 140))?;
 //!     let motion = Correspondence::from_motion(Plane::filled(64, 48, [1.0, 0.0]));
-//!     let packet = encoder.push(&frame, Some(&motion));
-//!     assert!(packet.psnr_y > 35.0);
-//!     stream.extend(packet.data);
+//!     for packet in encoder.push(&frame, KnownMotion::from(&motion)) {
+//!         assert!(packet.psnr_y > 35.0);
+//!         stream.extend(packet.data);
+//!     }
 //! }
-//! stream.extend(encoder.finish());
+//! stream.extend(encoder.finish().end);
 //! assert_eq!(stream[..4], [0, 0, 1, 0xb3]); // sequence_header_code: the stream plays as an .m2v file
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -44,8 +45,8 @@ mod standard; // MPEG-1 or MPEG-2
 
 mod level; // limits of Main Profile
 
-mod encoder; // the way of a picture: without delay,
-mod lookahead_encoder; // and with
+mod encoder; // the way of a picture: at once, or after a look ahead
+mod restore; // and on from a state
 
 mod lookahead; // what waiting frames tell: types of pictures, quantisers
 
@@ -78,14 +79,14 @@ pub use crate::{
     config::{Config, ConfigError, FrameRate, QuantiserScaleCode, quantiser_scale_code},
     container::{Container, Multiplexer},
     effort::Effort,
-    encoder::{Encoder, EncoderState},
+    encoder::{Encoder, EncoderState, Finish},
     frame::psnr,
     header::PictureType,
     level::Level,
     lookahead::KnownMotion,
-    lookahead_encoder::{LookaheadEncoder, LookaheadState},
     picture::{MacroblockKind, PictureStatistics},
     rate::{Passes, Rate},
+    restore::RestoreError,
     standard::Standard,
     vlc::CoefficientTable,
 };

@@ -10,10 +10,12 @@ pub(crate) mod tree;
 pub(crate) mod weights;
 
 use crate::{
-    Effort, Picture,
+    Config, Effort, Picture, RestoreError,
+    header::macroblock_counts,
     kernel::{self, Place},
     motion::{Candidates, CoarseSearch, HalfSample, Range, Search, all_candidates, quarter},
     predict::place_of,
+    restore::{ensure, is_whole},
 };
 use plane::{Correspondence, Plane};
 use rayon::prelude::*;
@@ -22,7 +24,13 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-/// What the renderer knows of a frame's motion.
+/// Motion of a frame that the caller knows; nothing by default.
+///
+/// ```
+/// use mpeg2enc::KnownMotion;
+/// let field = plane::Correspondence::from_motion(plane::Plane::filled(64, 48, [1.0, 0.0]));
+/// assert!(KnownMotion::from(&field).to_previous.is_some());
+/// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct KnownMotion<'a> {
     /// Where each pixel was in the frame before.
@@ -47,8 +55,8 @@ pub(crate) struct Waiting {
     /// What every macroblock costs without a prediction.
     #[cfg_attr(feature = "serde", serde(skip))]
     intra_costs: OnceLock<Arc<[u32]>>,
-    /// Does a new scene begin here?
-    is_scene_cut: Option<bool>,
+    /// Whether this is the I picture of a group.
+    begins_group: bool,
     /// Factors of quantiser_scale in 256ths, where macroblocks do not count alike.
     pub weights: Option<Vec<u32>>,
     /// Of every macroblock, by distance of the reference frame.
@@ -58,12 +66,47 @@ pub(crate) struct Waiting {
 }
 
 impl Waiting {
+    /// Whether this is a frame of so many columns and rows of macroblocks, looked at by an encoder with these settings.
+    fn check(&self, config: &Config, counts: (usize, usize)) -> Result<(), RestoreError> {
+        let count = counts.0 * counts.1;
+        ensure(is_whole(&self.source, counts), "the size of a waiting frame")?;
+        let known = self.known.iter().flatten();
+        ensure(known.clone().all(|known| known.len() == count), "the number of given vectors")?;
+        ensure(known.flat_map(|known| known.iter()).all(Candidates::is_plausible), "given vectors")?;
+        let weights = self.weights.as_ref();
+        ensure(weights.is_none() || config.varies(), "weights")?;
+        ensure(
+            weights.is_none_or(|weights| weights.len() == count && weights.iter().all(weights::is_plausible)),
+            "weights",
+        )?;
+        let plausible = |found: &Match| found.vector.is_plausible() && found.cost <= COST_MAX;
+        let matches = |matches: &Arc<[Match]>| matches.len() == count && matches.iter().all(plausible);
+        ensure(self.matches.values().all(matches), "vectors between waiting frames")?;
+        let plausible = |found: &TwoSided| found.cost <= COST_MAX && found.shares.iter().all(|&share| share <= 2);
+        let two_sided = |found: &Arc<[TwoSided]>| found.len() == count && found.iter().all(plausible);
+        ensure(self.two_sided.values().all(two_sided), "predictions between waiting frames")
+    }
+
     fn half(&self) -> &Plane<u8> {
         self.half.get_or_init(|| halved(self.source.luma()))
     }
 
     fn quarter(&self) -> &Plane<u8> {
         self.quarter.get_or_init(|| quarter(self.source.luma()))
+    }
+}
+
+impl<'a> From<&'a Correspondence> for KnownMotion<'a> {
+    /// Where each pixel was in the frame before.
+    fn from(to_previous: &'a Correspondence) -> Self {
+        Self { to_previous: Some(to_previous), to_next: None }
+    }
+}
+
+impl<'a> From<Option<&'a Correspondence>> for KnownMotion<'a> {
+    /// Where each pixel was in the frame before, if it is known.
+    fn from(to_previous: Option<&'a Correspondence>) -> Self {
+        Self { to_previous, to_next: None }
     }
 }
 
@@ -92,6 +135,10 @@ const BLOCK: usize = 8;
 const SEARCH_QUANTISER_SCALE: u32 = 8;
 /// Mean difference a sample above which a block is looked for farther away.
 const POOR_MATCH: u32 = 6;
+/// More than any sum of differences of a block, transformed or not.
+const COST_MAX: u32 = 1 << 20;
+/// More frames than any film has.
+const MOST_FRAMES: usize = 1 << 30;
 /// Like the limits of High Level, at half the size: vectors are brought into the true range later.
 const REACH: [u32; 2] = [9, 8];
 
@@ -102,6 +149,8 @@ pub(crate) struct Lookahead {
     frames: VecDeque<Waiting>,
     /// Display index of the first of them.
     first: usize,
+    /// Display index of the last frame that begins a group.
+    last_group: usize,
     /// Is only what tells new scenes and begins vectors to be found?
     quick: bool,
     /// Do transformed differences count, which are nearer to bits, or plain ones?
@@ -110,7 +159,18 @@ pub(crate) struct Lookahead {
 
 impl Lookahead {
     pub fn new(effort: Effort) -> Self {
-        Self { frames: VecDeque::new(), first: 0, quick: effort == Effort::Fast, transformed: effort == Effort::Best }
+        Self {
+            frames: VecDeque::new(),
+            first: 0,
+            last_group: 0,
+            quick: effort == Effort::Fast,
+            transformed: effort == Effort::Best,
+        }
+    }
+
+    /// Display index of the first frame.
+    pub fn first(&self) -> usize {
+        self.first
     }
 
     /// One more than the display index of the last frame.
@@ -122,8 +182,8 @@ impl Lookahead {
         &self.frames[index - self.first]
     }
 
-    /// Takes the next frame, in whole macroblocks, and factors of quantiser_scale for them.
-    pub fn push(&mut self, source: Arc<Picture>, motion: KnownMotion, weights: Option<Vec<u32>>) {
+    /// Takes the next frame, in whole macroblocks, and factors of quantiser_scale for them; decides whether it begins a group.
+    pub fn push(&mut self, config: &Config, source: Arc<Picture>, motion: KnownMotion, weights: Option<Vec<u32>>) {
         let (columns, rows) = (source.width() / 16, source.height() / 16);
         let known = [motion.to_previous, motion.to_next]
             .map(|known| known.map(|known| all_candidates(known, columns, rows).into()));
@@ -131,13 +191,50 @@ impl Lookahead {
             half: OnceLock::new(),
             quarter: OnceLock::new(),
             intra_costs: OnceLock::new(),
-            is_scene_cut: None,
+            begins_group: false,
             weights,
             source,
             known,
             matches: BTreeMap::new(),
             two_sided: BTreeMap::new(),
         });
+        let index = self.end() - 1;
+        let is_due = index == 0 || index - self.last_group >= config.gop as usize;
+        if is_due || config.scene_cuts && self.is_scene_cut(index) {
+            self.last_group = index;
+            self.frames[index - self.first].begins_group = true;
+        }
+    }
+
+    /// Whether a frame is the I picture of a group, see [`Encoder::begins_group`](crate::Encoder::begins_group).
+    pub fn begins_group(&self, index: usize, gop: usize) -> Option<bool> {
+        if index >= self.end() {
+            return Some((index - self.last_group).is_multiple_of(gop));
+        }
+        let since_last_group = || (index >= self.last_group).then_some(index == self.last_group);
+        index.checked_sub(self.first).map_or_else(since_last_group, |place| Some(self.frames[place].begins_group))
+    }
+
+    /// Whether this is a look-ahead of an encoder with these settings.
+    pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
+        let fresh = Self::new(config.effort);
+        ensure((self.quick, self.transformed) == (fresh.quick, fresh.transformed), "the effort of the look-ahead")?;
+        ensure(self.first < MOST_FRAMES, "the number of frames")?;
+        ensure(self.first == 0 || !self.frames.is_empty(), "the waiting frames")?;
+        let counts = macroblock_counts(config.width, config.height);
+        self.frames.iter().try_for_each(|frame| frame.check(config, counts))?;
+        // Groups are as long as they may be at most.
+        let starts: Vec<usize> = (self.first..self.end()).filter(|&index| self.get(index).begins_group).collect();
+        let before = starts.first().map_or(self.last_group, |&first| first.saturating_sub(config.gop as usize));
+        let mut bounds = vec![before];
+        bounds.extend(&starts);
+        bounds.push(self.end().saturating_sub(1));
+        ensure(bounds.windows(2).all(|w| w[0] <= w[1] && w[1] - w[0] <= config.gop as usize), "groups")?;
+        let last = starts.last().copied().unwrap_or(self.last_group);
+        ensure(
+            self.last_group == last && (self.first > 0 || self.frames.is_empty() || starts.first() == Some(&0)),
+            "groups",
+        )
     }
 
     /// Forgets the frames before this one.

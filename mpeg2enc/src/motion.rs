@@ -30,6 +30,11 @@ impl HalfSample {
     pub fn offset(self, x: i32, y: i32) -> Self {
         Self { x: self.x + x, y: self.y + y }
     }
+
+    /// Whether the vector is no longer than sums of some vectors over the largest picture are.
+    pub fn is_plausible(&self) -> bool {
+        self.x.unsigned_abs().max(self.y.unsigned_abs()) <= 1 << 24
+    }
 }
 
 /// The vectors that a macroblock may have.

@@ -14,10 +14,10 @@ mod passes;
 
 pub use passes::Passes;
 
-use crate::{Config, PictureType, vbv::Buffer};
+use crate::{Config, PictureType, RestoreError, restore::ensure, vbv::Buffer};
 
 /// How quantisers are chosen.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Rate {
     /// By quantiser_scale alone; no bound on bits.
@@ -82,6 +82,9 @@ const LEVEL_SIXTEENTHS: i64 = 11;
 /// Part of the buffer that planning does not touch, in 16ths: foretold bits are never exact.
 const RESERVE_SIXTEENTHS: i64 = 1;
 
+/// More than c can be: 2³² bits at the coarsest quantiser, of the least cost.
+const MODEL_MAX: i64 = 1 << 48;
+
 /// Chooses quantisers, and keeps the buffer.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -110,6 +113,19 @@ impl RateControl {
             header_bits: HEADER_BITS_PER_MACROBLOCK * macroblocks as i64,
             models: FIRST_GUESS.map(|c| (c, false)),
         })
+    }
+
+    /// Uses the quantiser of changed settings.
+    pub fn set_quantiser(&mut self, config: &Config) {
+        self.quantiser_x16 = config.quantiser_x256() / 16;
+    }
+
+    /// Whether this follows from the one with which an encoder of the same settings begins.
+    pub fn check(&self, fresh: &Self) -> Result<(), RestoreError> {
+        let settings = |of: &Self| (of.rate, of.start, of.header_bits);
+        ensure(settings(self) == settings(fresh) && self.buffer.is_like(&fresh.buffer), "rate control")?;
+        ensure((FINEST_X16..=COARSEST_X16).contains(&self.quantiser_x16), "the quantiser of rate control")?;
+        ensure(self.models.iter().all(|(c, _)| (1..=MODEL_MAX).contains(c)), "the models of rate control")
     }
 
     /// Bits that a picture will take.

@@ -3,7 +3,7 @@
 use crate::{Config, ConfigError};
 
 /// The standard that a stream follows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Standard {
     /// ISO/IEC 11172-2: what small decoders in browsers play.

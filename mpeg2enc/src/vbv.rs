@@ -1,5 +1,8 @@
 //! The buffer of the video buffering verifier (Annex C): what a decoder must hold before a picture is due.
 
+/// Fewer bits than any film makes of a buffer.
+const FULLNESS_MIN: i64 = -(1 << 44);
+
 /// Fills at the bit rate; each picture is taken out whole when it is decoded.
 ///
 /// A frame period holds a whole number of bits only by chance, so all is counted in bits times the numerator of the
@@ -23,6 +26,13 @@ impl Buffer {
     pub fn new(bit_rate: i64, size: i64, frame_rate: (u32, u32), fullness: i64, pauses: bool) -> Self {
         let frame_rate = (i64::from(frame_rate.0), i64::from(frame_rate.1));
         Self { bit_rate, size, frame_rate, fullness: fullness * frame_rate.0, pauses }
+    }
+
+    /// Whether both are the same buffer, at any time of a film.
+    pub fn is_like(&self, other: &Self) -> bool {
+        let same = |of: &Self| (of.bit_rate, of.size, of.frame_rate, of.pauses);
+        // Pictures that are too large even with the coarsest quantiser leave less than nothing.
+        same(self) == same(other) && self.bits() <= self.size && self.bits() >= FULLNESS_MIN
     }
 
     /// Bits in the buffer just before the next picture is taken out.

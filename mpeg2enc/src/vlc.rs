@@ -17,7 +17,7 @@ use tables::{
 };
 
 /// Which table the coefficients of a block are coded with (Table 7-3).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CoefficientTable {
     /// Table B.14.
     Zero = 0,

@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use mpeg2enc::{Packet, PictureType};
+use mpeg2enc::{KnownMotion, Packet, PictureType};
 use plane::{Correspondence, Plane};
 use proptest::prelude::*;
 
@@ -20,7 +20,7 @@ fn exact_motion_saves_bits() {
     let with = |motion: [f32; 2]| {
         let mut encoder = config(width, height).with_gop(132).with_quantiser_scale(6).encoder().unwrap();
         let motion = uniform_motion(width, height, motion[0], motion[1]);
-        frames.iter().map(|frame| encoder.push(frame, Some(&motion))).collect::<Vec<_>>()
+        frames.iter().flat_map(|frame| encoder.push(frame, KnownMotion::from(&motion))).collect::<Vec<_>>()
     };
     let (exact, still) = (with(step.map(|s| s as f32)), with([0.0, 0.0]));
     let (_, searched) = encode(config(width, height).with_gop(132).with_quantiser_scale(6), frames.iter().cloned());
@@ -118,7 +118,8 @@ proptest! {
                     mpeg2enc::Picture::new(extreme(width, height), extreme(w, h), extreme(w, h)).unwrap()
                 }
             };
-            let packet = encoder.push(&frame, (i % 2 == 0).then_some(&field));
+            let packets = encoder.push(&frame, (i % 2 == 0).then_some(&field).into());
+            let [packet] = &packets[..] else { return Err(TestCaseError::fail("not one packet")) };
             prop_assert!(packet.bits > 0);
             let error = root_mean_square(frame.luma(), packet.reconstruction.luma());
             let told = 255.0 / 10f64.powf(packet.psnr_y / 20.0);

@@ -8,12 +8,12 @@ use std::process::{Command, Stdio};
 
 /// The packets of an encoder in the order of coding, and its sequence_end_code.
 fn packets(config: &Config, frames: usize) -> (Vec<Packet>, Vec<u8>) {
-    let mut encoder = config.clone().lookahead_encoder().expect("a valid configuration");
+    let mut encoder = config.clone().with_lookahead(Config::LOOKAHEAD_MAX).encoder().expect("a valid configuration");
     let mut packets: Vec<Packet> =
         (0..frames).flat_map(|time| encoder.push(&moving(96, 80, time), KnownMotion::default())).collect();
-    let (rest, end) = encoder.finish();
-    packets.extend(rest);
-    (packets, end)
+    let finish = encoder.finish();
+    packets.extend(finish.packets);
+    (packets, finish.end)
 }
 
 /// The file, and the elementary stream in it.

@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use mpeg2enc::Level;
+use mpeg2enc::{KnownMotion, Level};
 use plane::Plane;
 
 /// Least agreement that is asked for in a group of 15, dB: in each picture the integer transforms of both decoders
@@ -91,11 +91,11 @@ fn the_quantiser_may_change_between_pictures() {
     let mut packets = Vec::new();
     for (time, quantiser_scale) in [1, 62, 112, 7, 24, 2, 8, 5].into_iter().cycle().take(20).enumerate() {
         encoder.set_quantiser_scale(quantiser_scale).unwrap();
-        packets.push(encoder.push(&moving(80, 48, time), None));
+        packets.extend(encoder.push(&moving(80, 48, time), KnownMotion::default()));
     }
     assert!(encoder.set_quantiser_scale(9).is_err());
     let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
-    stream.extend(encoder.finish());
+    stream.extend(encoder.finish().end);
     check_decoders(&stream, &packets, AGREEMENT_DB);
 }
 
@@ -121,12 +121,12 @@ fn wide_vectors_at_every_level() {
             let (here, sign) = if time % 2 == 0 { (0.0, -1.0) } else { (1.0, 1.0) };
             let motion = uniform_motion(width, height, sign * x, sign * y);
             let frame = pan(width, height, here * f64::from(x), here * f64::from(y));
-            packets.push(encoder.push(&frame, Some(&motion)));
+            packets.extend(encoder.push(&frame, KnownMotion::from(&motion)));
         }
         let predicted: u32 = packets[1..].iter().map(|packet| packet.statistics.inter).sum();
         assert!(predicted > 40, "the vectors reach what can still be seen: {predicted} macroblocks");
         let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
-        stream.extend(encoder.finish());
+        stream.extend(encoder.finish().end);
         check_decoders(&stream, &packets, AGREEMENT_DB);
     }
 }

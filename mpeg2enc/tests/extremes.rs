@@ -97,9 +97,10 @@ fn vectors_beyond_the_picture() {
     ] {
         let mut encoder = config(width, height).with_gop(6).encoder().unwrap();
         let field = uniform_motion(width, height, motion[0], motion[1]);
-        let packets: Vec<_> = (0..6).map(|n| encoder.push(&moving(width, height, n), Some(&field))).collect();
+        let packets: Vec<_> =
+            (0..6).flat_map(|n| encoder.push(&moving(width, height, n), KnownMotion::from(&field))).collect();
         let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.clone()).collect();
-        stream.extend(encoder.finish());
+        stream.extend(encoder.finish().end);
         check(&stream, &packets, &format!("motion {motion:?}"));
     }
 }
@@ -127,9 +128,9 @@ fn streams_of_one_picture() {
 #[test]
 fn streams_of_no_picture() {
     let settings = config(16, 16).with_b_pictures(2);
-    let (packets, _) = settings.clone().lookahead_encoder().unwrap().finish();
-    assert!(packets.is_empty());
-    settings.with_b_pictures(0).encoder().unwrap().finish();
+    for settings in [settings.clone().with_lookahead(2), settings.with_b_pictures(0)] {
+        assert!(settings.encoder().unwrap().finish().packets.is_empty());
+    }
 }
 
 fn output_of(program: &str, arguments: &[&str]) -> String {
@@ -154,9 +155,11 @@ fn a_hundred_thousand_pictures_keep_their_times() {
         let mut file = Vec::new();
         for n in 0..COUNT {
             // Now and then something changes.
-            file.extend(multiplexer.push(encoder.push(&frames[n / 5000 % 2], Some(&still))));
+            for packet in encoder.push(&frames[n / 5000 % 2], KnownMotion::from(&still)) {
+                file.extend(multiplexer.push(packet));
+            }
         }
-        file.extend(multiplexer.finish(&encoder.finish()));
+        file.extend(multiplexer.finish(&encoder.finish().end));
         let path = std::env::temp_dir().join(format!("mpeg2enc-long-{}.{name}", std::process::id()));
         std::fs::write(&path, &file).unwrap();
         let arguments = ["-v", "error", "-select_streams", "v", "-show_entries", "packet=pts", "-of", "csv=p=0"];
@@ -191,13 +194,13 @@ fn buffers_at_their_edge() {
                 // Black, then noise, then black: nothing could be saved beforehand.
                 let frames = (0..40)
                     .map(|n| if n / 10 % 2 == 1 { noise(width, height, n) } else { Picture::black(width, height) });
-                let mut encoder = settings.lookahead_encoder().unwrap();
+                let mut encoder = settings.with_lookahead(Config::LOOKAHEAD_MAX).encoder().unwrap();
                 let mut packets: Vec<_> =
                     frames.flat_map(|frame| encoder.push(&frame, KnownMotion::default())).collect();
-                let (rest, end) = encoder.finish();
-                packets.extend(rest);
+                let finish = encoder.finish();
+                packets.extend(finish.packets);
                 let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.clone()).collect();
-                stream.extend(end);
+                stream.extend(finish.end);
                 let what = format!("{rate:?}, {b_pictures} B pictures");
                 never_runs_dry(&packets, rate, &what);
                 packets.sort_by_key(|packet| packet.display_index);
@@ -240,7 +243,7 @@ fn containers_of_impossible_rates() {
         for container in [Container::Elementary, Container::Program, Container::Transport] {
             Multiplexer::new(container, &settings);
         }
-        assert!(settings.lookahead_encoder().is_err());
+        assert!(settings.with_lookahead(Config::LOOKAHEAD_MAX).encoder().is_err());
     }
 }
 
@@ -248,14 +251,14 @@ fn containers_of_impossible_rates() {
 #[test]
 fn short_films_with_many_b_pictures() {
     for count in 1..=9 {
-        let mut encoder = config(32, 32).with_b_pictures(7).with_gop(132).lookahead_encoder().unwrap();
+        let mut encoder = config(32, 32).with_b_pictures(7).with_gop(132).with_lookahead(30).encoder().unwrap();
         let field = uniform_motion(32, 32, 0.5, -0.5);
         let known = KnownMotion { to_previous: Some(&field), to_next: Some(&field) };
         let mut packets: Vec<_> = (0..count).flat_map(|n| encoder.push(&moving(32, 32, n), known)).collect();
-        let (rest, end) = encoder.finish();
-        packets.extend(rest);
+        let finish = encoder.finish();
+        packets.extend(finish.packets);
         let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.clone()).collect();
-        stream.extend(end);
+        stream.extend(finish.end);
         packets.sort_by_key(|packet| packet.display_index);
         check(&stream, &packets, &format!("{count} frames"));
     }

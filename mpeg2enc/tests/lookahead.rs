@@ -3,7 +3,9 @@
 mod common;
 
 use common::*;
-use mpeg2enc::{CoefficientTable, Config, Effort, FrameRate, KnownMotion, Packet, Passes, PictureType, Rate};
+use mpeg2enc::{
+    CoefficientTable, Config, Effort, FrameRate, KnownMotion, Packet, Passes, PictureType, Rate, RestoreError,
+};
 use plane::Plane;
 
 /// A small generator: each call gives a number below `below`.
@@ -85,12 +87,12 @@ fn random_streams_are_understood() {
 #[test]
 fn pictures_come_in_the_order_of_coding() {
     let settings = config(64, 48).with_gop(6).with_b_pictures(2).with_effort(Effort::Fast);
-    let mut encoder = settings.lookahead_encoder().unwrap();
+    let mut encoder = settings.with_lookahead(Config::LOOKAHEAD_MAX).encoder().unwrap();
     let mut packets: Vec<Packet> = Vec::new();
     for time in 0..14 {
         packets.extend(encoder.push(&moving(64, 48, time), KnownMotion::default()));
     }
-    packets.extend(encoder.finish().0);
+    packets.extend(encoder.finish().packets);
     let order: String = packets.iter().map(|p| format!("{:?}{} ", p.picture_type, p.display_index)).collect();
     assert_eq!(order, "I0 P3 B1 B2 I6 B4 B5 P9 B7 B8 I12 B10 B11 P13 ");
 }
@@ -98,7 +100,7 @@ fn pictures_come_in_the_order_of_coding() {
 #[test]
 fn without_b_pictures_a_packet_follows_each_frame() {
     let settings = config(64, 48).with_effort(Effort::Fast);
-    let mut encoder = settings.lookahead_encoder().unwrap();
+    let mut encoder = settings.with_lookahead(Config::LOOKAHEAD_MAX).encoder().unwrap();
     for time in 0..5 {
         assert_eq!(encoder.push(&moving(64, 48, time), KnownMotion::default()).len(), 1);
     }
@@ -246,11 +248,13 @@ fn a_capped_rate_never_runs_dry() {
 #[test]
 fn a_rate_that_no_level_allows_is_an_error() {
     let rate = Rate::Constant { bits_per_second: 90_000_000, buffer_bits: 200_000 };
-    let message = config(176, 144).with_rate(rate).lookahead_encoder().err().expect("an error").to_string();
+    let message = config(176, 144).with_lookahead(30).with_rate(rate).encoder().err().expect("an error").to_string();
     assert!(message.contains("90000000") && message.contains("80000000"), "{message}");
     let message = config(176, 144).with_b_pictures(2).encoder().err().expect("an error").to_string();
-    assert!(message.contains("lookahead_encoder"), "{message}");
-    let message = config(176, 144).with_b_pictures(8).lookahead_encoder().err().expect("an error").to_string();
+    assert!(message.contains("with_lookahead of 2 frames at least, not 0"), "{message}");
+    let message = config(176, 144).with_lookahead(31).validate().expect_err("an error").to_string();
+    assert!(message.contains("0 to 30"), "{message}");
+    let message = config(176, 144).with_b_pictures(8).encoder().err().expect("an error").to_string();
     assert!(message.contains("0 to 7"), "{message}");
 }
 
@@ -259,19 +263,19 @@ fn weights_move_quantisers_and_bits() {
     let (width, height) = (96, 64);
     // Finer on the left, coarser on the right.
     let weights = Plane::from_fn(6, 4, |x, _| if x < 3 { 0.5 } else { 2.0 });
-    let mut encoder = config(width, height).with_quantiser_scale(16).lookahead_encoder().unwrap();
+    let mut encoder = config(width, height).with_quantiser_scale(16).with_lookahead(30).encoder().unwrap();
     let mut packets = Vec::new();
     for time in 0..6 {
         packets.extend(encoder.push_weighted(&moving(width, height, time), KnownMotion::default(), &weights));
     }
-    let (rest, end) = encoder.finish();
-    packets.extend(rest);
+    let finish = encoder.finish();
+    packets.extend(finish.packets);
     for packet in packets.iter().filter(|packet| packet.picture_type == PictureType::I) {
         let scales = &packet.quantiser_scales;
         assert!((0..4).all(|y| (0..3).all(|x| 2 * scales.get(x, y) < scales.get(x + 3, y))), "{scales:?}");
     }
     let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
-    stream.extend(end);
+    stream.extend(finish.end);
     check(&stream, &packets, "weights");
 }
 
@@ -328,5 +332,72 @@ fn a_constant_rate_costs_little_quality() {
             println!("{effort:?}, {b_pictures} B pictures, {kbps} kbit/s: {lost:.2} dB less than at constant quality");
             assert!(lost < 0.3, "{effort:?}, {b_pictures} B pictures, {kbps} kbit/s: {lost} dB");
         }
+    }
+}
+
+/// The moment a frame comes in, the encoder knows whether it begins a group; groups of later frames follow by counting.
+#[test]
+fn groups_are_known_before_they_are_coded() {
+    // moving() cuts at 60: the seventh frame, which is neither of two groups of four.
+    let (start, cut, count, gop) = (54, 6, 20, 4);
+    for (b_pictures, effort) in [(0, Effort::Balanced), (2, Effort::Fast), (2, Effort::Best)] {
+        let settings = config(96, 64).with_lookahead(30).with_gop(gop).with_b_pictures(b_pictures).with_effort(effort);
+        let mut encoder = settings.encoder().unwrap();
+        let mut packets: Vec<Packet> = Vec::new();
+        let (mut known, mut announced) = (Vec::new(), vec![encoder.begins_group(0)]);
+        for index in 0..count {
+            packets.extend(encoder.push(&moving(96, 64, start + index), KnownMotion::default()));
+            known.push(encoder.begins_group(index as u64));
+            announced.push(encoder.begins_group(index as u64 + 1));
+        }
+        packets.extend(encoder.finish().packets);
+        packets.sort_by_key(|packet| packet.display_index);
+        let coded: Vec<_> = packets.iter().map(|packet| Some(packet.picture_type == PictureType::I)).collect();
+        assert_eq!(known, coded, "{effort:?}, {b_pictures} B pictures");
+        assert_eq!(coded[cut], Some(true));
+        // Only the cut itself was not announced.
+        announced.pop();
+        announced[cut] = Some(true);
+        assert_eq!(announced, coded, "{effort:?}, {b_pictures} B pictures");
+    }
+    let encoder = config(96, 64).with_gop(gop).encoder().unwrap();
+    let groups: Vec<bool> = (0..9).map(|index| encoder.begins_group(index).unwrap()).collect();
+    assert_eq!(groups, [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|index| index % 4 == 0));
+}
+
+/// A stream that another encoder continues anywhere is the same; of other settings, an encoder takes no state.
+#[test]
+fn a_state_fits_its_settings_only() {
+    let frames: Vec<_> = (52..70).map(|time| moving(64, 48, time)).collect();
+    let constant = Rate::Constant { bits_per_second: 300_000, buffer_bits: 200_000 };
+    let ahead = config(64, 48).with_lookahead(5).with_b_pictures(2).with_gop(6);
+    let variants = [config(64, 48).with_gop(6), ahead.clone(), ahead.clone().with_rate(constant)];
+    for settings in &variants {
+        let others = [
+            settings.clone().with_gop(7),
+            settings.clone().with_effort(Effort::Best),
+            settings.clone().with_lookahead(settings.clone().encoder().unwrap().config().lookahead() + 1),
+        ];
+        let mut whole: Vec<u8> = Vec::new();
+        let (mut continued, mut encoder, mut other) =
+            (Vec::new(), settings.clone().encoder().unwrap(), settings.clone().encoder().unwrap());
+        for frame in &frames {
+            whole.extend(encoder.push(frame, KnownMotion::default()).into_iter().flat_map(|packet| packet.data));
+            let state = other.state().clone();
+            for settings in &others {
+                let error = settings.clone().encoder().unwrap().restore(state.clone()).unwrap_err();
+                assert_eq!(error, RestoreError::OtherSettings);
+            }
+            other = settings.clone().with_quantiser_scale(62).encoder().unwrap();
+            other.restore(state).unwrap();
+            other.set_quantiser_scale(8).unwrap();
+            continued.extend(other.push(frame, KnownMotion::default()).into_iter().flat_map(|packet| packet.data));
+        }
+        for (stream, encoder) in [(&mut whole, encoder), (&mut continued, other)] {
+            let finish = encoder.finish();
+            stream.extend(finish.packets.into_iter().flat_map(|packet| packet.data));
+            stream.extend(finish.end);
+        }
+        assert!(whole == continued, "{settings:?}");
     }
 }

@@ -32,13 +32,14 @@ fn code(frames: &[Picture], quantiser_scale: u32) -> Coded {
         .with_scene_cuts(false)
         .with_uniform_quantiser(true)
         .with_quantiser_scale(quantiser_scale)
-        .lookahead_encoder()
+        .with_lookahead(Config::LOOKAHEAD_MAX)
+        .encoder()
         .expect("a size and a quantiser of the standard");
     let mut packets = Vec::new();
     for frame in frames {
         packets.extend(encoder.push(frame, Default::default()));
     }
-    packets.extend(encoder.finish().0);
+    packets.extend(encoder.finish().packets);
     packets.sort_by_key(|packet| packet.display_index);
     let bits = packets.iter().map(|packet| packet.bits).sum();
     let pictures = packets.into_iter().map(|packet| (packet.picture_type, (*packet.reconstruction).clone())).collect();

@@ -11,7 +11,7 @@
 //! Printed for each quantiser: PSNR and bits of every film beside those of the 2 % film, and the largest share of luminance up
 //! to which decoded PSNR is no more than 0.1 dB below.
 
-use mpeg2enc::{Config, FrameRate, Picture, psnr};
+use mpeg2enc::{Config, FrameRate, KnownMotion, Picture, psnr};
 use std::path::Path;
 use tests::read_y4m;
 
@@ -25,7 +25,7 @@ fn coded(frames: &[Picture], truth: &[Picture], quantiser_scale: u32) -> (f64, f
     let mut encoder = config.with_quantiser_scale(quantiser_scale).encoder().expect("a size of the standard");
     let (mut error, mut bits) = (0.0, 0.0);
     for (frame, truth) in frames.iter().zip(truth) {
-        let packet = encoder.push(frame, None);
+        let packet = encoder.push(frame, KnownMotion::default()).remove(0);
         error += 10f64.powf(-psnr(packet.reconstruction.luma(), truth.luma()) / 10.0);
         bits += packet.bits as f64;
     }

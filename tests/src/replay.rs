@@ -33,8 +33,8 @@ pub fn encode(
     let config = settings.encoder_config().expect("a valid rate");
     let mut encoder = config.encoder().expect("a valid configuration");
     let packets: Vec<Packet> =
-        frames.iter().zip(motion).map(|(frame, motion)| encoder.push(frame, motion.as_deref())).collect();
+        frames.iter().zip(motion).flat_map(|(frame, motion)| encoder.push(frame, motion.as_deref().into())).collect();
     let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
-    stream.extend(encoder.finish());
+    stream.extend(encoder.finish().end);
     (stream, packets)
 }

@@ -3,7 +3,7 @@
 //!
 //! `docs/stiff-and-extreme.md` has the analysis; `perceptual/tests/dynamics.rs` does the same for masking alone.
 
-use mpeg2enc::{Config, Effort, Encoder, FrameRate};
+use mpeg2enc::{Config, Effort, Encoder, FrameRate, KnownMotion};
 use perceptual::{Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
 use plane::{Correspondence, Plane};
 
@@ -70,7 +70,7 @@ impl Loop {
             [(self.renderer)(self.frame, y * WIDTH + x, truth, threshold).max(0.0); 3]
         });
         let picture = YCbCr::from_radiance(&radiance, &ToneMap::default());
-        let packet = self.encoder.push(&picture.picture, None);
+        let packet = self.encoder.push(&picture.picture, KnownMotion::default()).remove(0);
         self.frame += 1;
         let begins_group = (self.frame as u32).is_multiple_of(GROUP);
         let next = if begins_group { NextPicture::Intra { group: GROUP } } else { NextPicture::Predicted };
@@ -174,7 +174,7 @@ fn whatever_light_and_quantiser_do_it_stays_in_its_band() {
 fn a_flash_is_forgotten() {
     for (name, renderer) in [("none", exact as Renderer), RENDERERS[0], RENDERERS[1], RENDERERS[2]] {
         let (mut calm, mut run) = (Loop::new(renderer, 32), Loop::new(renderer, 32));
-        // Frame 32 begins no group, and none of the ten behind it does.
+        // Picture 32 begins no group, and none of the ten behind it does.
         for frame in 0..44 {
             let (undisturbed, after) = (calm.step(1.0), run.step(if frame == 32 { 1e6 } else { 1.0 }));
             println!("{name}, frame {frame}: {after:.5}, undisturbed {undisturbed:.5}");

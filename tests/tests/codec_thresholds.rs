@@ -1,9 +1,13 @@
 //! Thresholds from what the encoder really did, through the whole of the program and against the encoder itself.
 
-use mpeg2enc::{Config, FrameRate};
+use mpeg2enc::{Config, FrameRate, KnownMotion, PictureType};
 use perceptual::{Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
+use pipeline::Options;
+use pipeline::feedback_loop::parts::{self, Displayed, Encode};
+use pipeline::film::Video;
 use plane::{Coded, Plane};
-use tests::{cornell, decode_ffmpeg, render};
+use std::sync::Arc;
+use tests::{cornell, decode_ffmpeg, load, render};
 
 /// Hills with texture: some blocks are smooth, some are not.
 fn hills(time: f32) -> Plane<[f32; 3]> {
@@ -28,7 +32,7 @@ fn coded(quantiser_scale: u32, gop: u32) -> Vec<CodedFrame> {
         .map(|time| {
             let radiance = hills(time as f32);
             let frame = YCbCr::from_radiance(&radiance, &ToneMap::default());
-            let packet = encoder.push(&frame.picture, None);
+            let packet = encoder.push(&frame.picture, KnownMotion::default()).remove(0);
             CodedFrame { luminance: luminance_plane(&radiance), coded: packet.coded(), frame }
         })
         .collect()
@@ -99,4 +103,47 @@ fn films_of_encoders_that_look_ahead() {
     let rate = mean(&film("rate", "--bitrate 150k --bframes 2"));
     assert!((0.02..0.5).contains(&rate), "{rate}");
     assert_eq!(decode_ffmpeg(&folder.path().join("rate.m2v"), (96, 96)).len(), 8);
+}
+
+/// The way back tells which frames begin groups, a scene cut included: of a film with a cut, B pictures and a bit rate all groups
+/// are announced one frame before, but for that of the cut, which no encoder knows of before it comes.
+#[test]
+fn thresholds_follow_the_groups_after_a_scene_cut() {
+    let (frames, gop, cut) = (30, 6, 14);
+    let options = Options {
+        frames: Some(frames),
+        size: "128x96".parse().ok(),
+        gop: Some(gop),
+        bitrate: "400k".parse().ok(),
+        bframes: Some(2),
+        ..Options::default()
+    };
+    let (_, settings) = load(&cornell(), options);
+    let mut video = Video::new(&settings).unwrap();
+    let (mut announced, mut pictures) = (Vec::new(), Vec::new());
+    for index in 0..frames {
+        // Tiles that hills do not predict.
+        let tile = |x: usize, y: usize| [0.02 + 0.005 * ((x / 3 * 7919 + y / 3 * 104_729) % 97) as f32; 3];
+        let radiance = if index < cut { hills(0.3 * index as f32) } else { Plane::from_fn(128, 96, tile) };
+        let tone_map = ToneMap::default();
+        let displayed = Displayed {
+            index,
+            picture: Arc::new(YCbCr::from_radiance(&radiance, &tone_map)),
+            luminance: Arc::new(luminance_plane(&radiance)),
+            tone_map,
+            correspondence: None,
+            forward: None,
+        };
+        let coded = video.step(&displayed).unwrap();
+        if index + 1 < frames && matches!(coded.coding.next, NextPicture::Intra { .. }) {
+            announced.push(index + 1);
+        }
+        pictures.extend(coded.pictures);
+    }
+    pictures.extend(video.finish().unwrap().pictures);
+    let is_intra = |picture: &&parts::CodedFrame| picture.picture_type == PictureType::I;
+    let mut intra: Vec<u32> = pictures.iter().filter(is_intra).map(|picture| picture.index).collect();
+    intra.sort_unstable();
+    assert_eq!(intra, [0, 6, 12, 14, 20, 26]);
+    assert_eq!(announced, [6, 12, 20, 26]);
 }

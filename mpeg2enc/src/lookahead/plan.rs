@@ -18,19 +18,20 @@ pub(crate) struct Span {
 const B_WEIGHT_SIXTEENTHS: u64 = 13;
 
 impl Lookahead {
-    /// The spans of all frames after the last anchor (display index, and that of the last I picture).
-    pub fn plan(&mut self, config: &Config, last: Option<(usize, usize)>) -> Vec<Span> {
+    /// The spans of all frames after the last anchor, whose display index is `last`.
+    pub fn plan(&mut self, config: &Config, last: Option<usize>) -> Vec<Span> {
         let end = self.end();
-        let Some((anchor, last_intra)) = last else {
+        let Some(anchor) = last else {
             let first = Span { anchor: 0, is_intra: true, b_pictures: 0 };
             let mut spans = vec![first];
             if end > 1 {
-                spans.extend(self.plan(config, Some((0, 0))));
+                spans.extend(self.plan(config, Some(0)));
             }
             return spans;
         };
         let count = end - anchor - 1;
-        let is_intra = self.intra_places(config, anchor, last_intra);
+        // By distance from `anchor`: frames that must be I pictures. The anchor itself is coded.
+        let is_intra: Vec<bool> = (anchor..end).map(|index| index > anchor && self.get(index).begins_group).collect();
         // The least cost of all frames up to each that may be an anchor, and the B pictures in front of it.
         let mut best = vec![(0u64, 0usize); count + 1];
         for j in 1..=count {
@@ -61,20 +62,6 @@ impl Lookahead {
         }
         spans.reverse();
         spans
-    }
-
-    /// By distance from `anchor`: frames that must be I pictures.
-    fn intra_places(&mut self, config: &Config, anchor: usize, mut last_intra: usize) -> Vec<bool> {
-        let mut places = vec![false];
-        for index in anchor + 1..self.end() {
-            let due = index - last_intra >= config.gop as usize;
-            let is_intra = due || config.scene_cuts && self.is_scene_cut(index);
-            if is_intra {
-                last_intra = index;
-            }
-            places.push(is_intra);
-        }
-        places
     }
 
     /// What the pictures of `spans` cost by themselves, in the order of coding.

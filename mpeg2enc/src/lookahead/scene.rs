@@ -16,14 +16,9 @@ const SAMPLED: usize = 7;
 impl Lookahead {
     /// Does the frame before predict so little of this one that it begins a new scene?
     pub fn is_scene_cut(&mut self, index: usize) -> bool {
-        if let Some(known) = self.get(index).is_scene_cut {
-            return known;
-        }
         let (predicted, total) =
             if self.quick { self.sampled_costs(index) } else { None }.unwrap_or_else(|| self.all_costs(index));
-        let is_scene_cut = predicted * 4 > total * SCENE_CUT_QUARTERS && total > 0;
-        self.frames[index - self.first].is_scene_cut = Some(is_scene_cut);
-        is_scene_cut
+        predicted * 4 > total * SCENE_CUT_QUARTERS && total > 0
     }
 
     /// What all macroblocks cost, predicted or not, and what they cost without a prediction.

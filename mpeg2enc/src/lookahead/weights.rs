@@ -15,6 +15,8 @@ const STRENGTH_256THS: i64 = 48;
 const FLOOR: u64 = 256;
 /// Limits of factors, in 256ths.
 const FACTORS: (u32, u32) = (128, 512);
+/// Limits of factors from a caller, in 256ths.
+const GIVEN: (u32, u32) = (16, 4096);
 
 /// Factors of quantiser_scale, in 256ths, of all macroblocks of a picture in raster order.
 pub(crate) fn by_activity(luma: &Plane<u8>) -> Vec<u32> {
@@ -33,9 +35,15 @@ pub(crate) fn by_activity(luma: &Plane<u8>) -> Vec<u32> {
 
 /// Factors as they came from a caller: 1 where they are not numbers.
 pub(crate) fn given(weights: &Plane<f32>) -> Vec<u32> {
-    let factor =
-        |&weight: &f32| if weight.is_nan() { 256 } else { (256.0 * weight).round().clamp(16.0, 4096.0) as u32 };
+    let factor = |&weight: &f32| {
+        if weight.is_nan() { 256 } else { (256.0 * weight).round().clamp(GIVEN.0 as f32, GIVEN.1 as f32) as u32 }
+    };
     weights.samples().iter().map(factor).collect()
+}
+
+/// Whether a factor in 256ths is one that an encoder makes.
+pub(crate) fn is_plausible(factor: &u32) -> bool {
+    (GIVEN.0..=GIVEN.1).contains(factor)
 }
 
 /// 64 times the variance of 64 samples.

@@ -24,6 +24,11 @@ impl Candidates {
         &self.vectors[..self.count]
     }
 
+    /// Whether there are no more vectors than fit, and none of them is too long.
+    pub fn is_plausible(&self) -> bool {
+        self.count <= CANDIDATES && self.vectors().iter().all(HalfSample::is_plausible)
+    }
+
     /// Adds a vector if it is new and there is room.
     pub fn add(&mut self, vector: HalfSample) {
         if self.count < CANDIDATES && !self.vectors().contains(&vector) {

@@ -39,10 +39,10 @@ impl Pass {
 /// let mut passes = Passes::new(300_000);
 /// let mut next = Some(8.0);
 /// while let Some(quantiser_scale) = next {
-///     let config = Config::new(64, 64, FrameRate::FPS_25).with_mean_quantiser_scale(quantiser_scale);
-///     let mut encoder = config.lookahead_encoder()?;
+///     let config = Config::new(64, 64, FrameRate::FPS_25).with_lookahead(30).with_mean_quantiser_scale(quantiser_scale);
+///     let mut encoder = config.encoder()?;
 ///     let mut bits: u64 = frames.iter().flat_map(|frame| encoder.push(frame, Default::default())).map(|p| p.bits).sum();
-///     bits += encoder.finish().0.iter().map(|packet| packet.bits).sum::<u64>();
+///     bits += encoder.finish().packets.iter().map(|packet| packet.bits).sum::<u64>();
 ///     next = passes.next(quantiser_scale, bits as f64 / 12.0 * 25.0);
 /// }
 /// # Ok::<(), mpeg2enc::ConfigError>(())

@@ -90,9 +90,9 @@ pub fn uniform_motion(width: usize, height: usize, x: f32, y: f32) -> Correspond
 /// Encodes frames without a motion field.
 pub fn encode(config: Config, frames: impl Iterator<Item = Picture>) -> (Vec<u8>, Vec<Packet>) {
     let mut encoder = config.encoder().expect("a valid configuration");
-    let packets: Vec<Packet> = frames.map(|frame| encoder.push(&frame, None)).collect();
+    let packets: Vec<Packet> = frames.flat_map(|frame| encoder.push(&frame, KnownMotion::default())).collect();
     let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
-    stream.extend(encoder.finish());
+    stream.extend(encoder.finish().end);
     (stream, packets)
 }
 
@@ -102,13 +102,13 @@ pub fn encode_ahead(
     frames: impl Iterator<Item = Picture>,
     motion: Option<&Correspondence>,
 ) -> (Vec<u8>, Vec<Packet>) {
-    let mut encoder = config.lookahead_encoder().expect("a valid configuration");
-    let known = KnownMotion { to_previous: motion, to_next: None };
+    let mut encoder = config.with_lookahead(Config::LOOKAHEAD_MAX).encoder().expect("a valid configuration");
+    let known = KnownMotion::from(motion);
     let mut packets: Vec<Packet> = frames.flat_map(|frame| encoder.push(&frame, known)).collect();
-    let (rest, end) = encoder.finish();
-    packets.extend(rest);
+    let finish = encoder.finish();
+    packets.extend(finish.packets);
     let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
-    stream.extend(end);
+    stream.extend(finish.end);
     packets.sort_by_key(|packet| packet.display_index);
     (stream, packets)
 }

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::feedback_loop::checkpoint::{NONSENSE, decode, encode};
 use crate::feedback_loop::parts::{CodedFrame, Coding, Displayed, Encode, Encoded};
 use crate::settings::Settings;
-use mpeg2enc::{Container, Encoder, KnownMotion, LookaheadEncoder, Multiplexer, Packet, Picture};
+use mpeg2enc::{Container, Encoder, Finish, KnownMotion, Multiplexer, Packet, Picture};
 use perceptual::NextPicture;
 use plane::Correspondence;
 use serde::{Deserialize, Serialize};
@@ -12,22 +12,13 @@ use std::sync::Arc;
 
 /// Pictures in, bytes of the file out.
 pub struct Video {
-    coder: Coder,
+    encoder: Encoder,
     stream: Stream,
-    /// Pictures from one I picture to the next.
-    gop: u32,
     /// Whether the renderer's motion is used.
     uses_motion: bool,
     /// Whether pictures wait for the motion into the next one, for B pictures.
     waits: bool,
     waiting: Option<Waiting>,
-}
-
-enum Coder {
-    /// Each frame as it comes: I and P pictures at a constant quantiser.
-    Immediate(Box<Encoder>),
-    /// Frames may wait for later ones: B pictures and bit rates.
-    Ahead(Box<LookaheadEncoder>),
 }
 
 /// The container, and what its packets tell.
@@ -54,18 +45,13 @@ impl Video {
     pub fn new(settings: &Settings) -> Result<Self> {
         let config = settings.encoder_config()?;
         let multiplexer = Multiplexer::new(settings.container(), &config);
-        let coder = match settings.looks_ahead() {
-            true => Coder::Ahead(Box::new(config.lookahead_encoder()?)),
-            false => Coder::Immediate(Box::new(config.encoder()?)),
-        };
         Ok(Self {
-            coder,
+            encoder: config.encoder()?,
             stream: Stream {
                 multiplexer,
                 quantiser_scale: settings.qscale as f32,
                 tells_outcome: settings.thresholds.follow_coding() && !settings.looks_ahead(),
             },
-            gop: settings.gop,
             uses_motion: settings.motion,
             waits: settings.bframes > 0,
             waiting: None,
@@ -77,11 +63,10 @@ impl Video {
     /// # Errors
     /// The standard does not have such a configuration.
     pub fn immediate(config: mpeg2enc::Config, container: Container, quantiser_scale: u32) -> Result<Self> {
-        let config = config.with_quantiser_scale(quantiser_scale);
+        let config = config.with_lookahead(0).with_quantiser_scale(quantiser_scale);
         let multiplexer = Multiplexer::new(container, &config);
         Ok(Self {
-            gop: u32::MAX,
-            coder: Coder::Immediate(Box::new(config.encoder()?)),
+            encoder: config.encoder()?,
             stream: Stream { multiplexer, quantiser_scale: quantiser_scale as f32, tells_outcome: false },
             uses_motion: true,
             waits: false,
@@ -91,11 +76,8 @@ impl Video {
 
     fn push(&mut self, waiting: Waiting, to_next: Option<&Correspondence>) -> Encoded {
         let Waiting { picture, to_previous } = waiting;
-        let to_previous = to_previous.as_deref();
-        let packets = match &mut self.coder {
-            Coder::Immediate(encoder) => vec![encoder.push(&picture, to_previous)],
-            Coder::Ahead(encoder) => encoder.push(&picture, KnownMotion { to_previous, to_next }),
-        };
+        let motion = KnownMotion { to_previous: to_previous.as_deref(), to_next };
+        let packets = self.encoder.push(&picture, motion);
         self.stream.wrap(packets)
     }
 }
@@ -145,20 +127,18 @@ impl Encode for Video {
         } else {
             self.push(taken, None)
         };
-        let begins_group = |index: u32| index.is_multiple_of(self.gop);
+        // As far as the encoder knows now: groups begin at scene cuts too.
+        let begins_group = |index: u32| self.encoder.begins_group(index.into()) == Some(true);
         coded.coding.begins_group = begins_group(*index);
         if begins_group(index + 1) {
-            coded.coding.next = NextPicture::Intra { group: self.gop };
+            coded.coding.next = NextPicture::Intra { group: self.encoder.config().gop() };
         }
         Ok(coded)
     }
 
     fn finish(mut self) -> Result<Encoded> {
         let last = self.waiting.take().map(|last| self.push(last, None)).unwrap_or_default();
-        let (packets, end) = match self.coder {
-            Coder::Immediate(encoder) => (Vec::new(), encoder.finish()),
-            Coder::Ahead(encoder) => encoder.finish(),
-        };
+        let Finish { packets, end, .. } = self.encoder.finish();
         let mut stream = self.stream;
         let Encoded { bytes, pictures, coding } = stream.wrap(packets);
         let bytes = [last.bytes, bytes, stream.multiplexer.finish(&end)].concat();
@@ -167,20 +147,12 @@ impl Encode for Video {
 
     /// Everything that the next bytes depend on, besides settings and frames to come.
     fn state(&self) -> Vec<u8> {
-        let (immediate, ahead) = match &self.coder {
-            Coder::Immediate(encoder) => (Some(encoder.state()), None),
-            Coder::Ahead(encoder) => (None, Some(encoder.state())),
-        };
-        encode(&(immediate, ahead, &self.stream.multiplexer, self.stream.quantiser_scale, &self.waiting))
+        encode(&(self.encoder.state(), &self.stream.multiplexer, self.stream.quantiser_scale, &self.waiting))
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<()> {
-        let (immediate, ahead, multiplexer, quantiser_scale, waiting) = decode(state)?;
-        match (&mut self.coder, immediate, ahead) {
-            (Coder::Immediate(encoder), Some(state), None) => encoder.restore(state),
-            (Coder::Ahead(encoder), None, Some(state)) => encoder.restore(state),
-            _ => return Err(Error::Checkpoint(NONSENSE.into())),
-        }
+        let (encoder, multiplexer, quantiser_scale, waiting) = decode(state)?;
+        self.encoder.restore(encoder).map_err(|_| Error::Checkpoint(NONSENSE.into()))?;
         (self.stream.multiplexer, self.stream.quantiser_scale, self.waiting) = (multiplexer, quantiser_scale, waiting);
         Ok(())
     }

@@ -128,6 +128,7 @@ impl Settings {
             .with_standard(if self.mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
             .with_gop(self.gop)
             .with_quantiser_scale(self.qscale)
+            .with_lookahead(if self.looks_ahead() { mpeg2enc::Config::LOOKAHEAD_MAX } else { 0 })
             .with_b_pictures(self.bframes)
             .with_rate(rate)
             .with_effort(match self.effort {
@@ -135,12 +136,7 @@ impl Settings {
                 Effort::Balanced => mpeg2enc::Effort::Balanced,
                 Effort::Best => mpeg2enc::Effort::Best,
             });
-        // Both check everything; what they would make is not needed here.
-        if self.looks_ahead() {
-            config.clone().lookahead_encoder()?;
-        } else {
-            config.clone().encoder()?;
-        }
+        config.validate()?;
         Ok(config)
     }
 }

@@ -47,7 +47,7 @@ impl Coder {
     pub fn new(film: &Film, qscale: u32) -> Result<Self> {
         let mut settings = film.settings.clone();
         settings.qscale = qscale;
-        let encoder = settings.encoder_config()?.encoder()?;
+        let encoder = settings.encoder_config()?.with_lookahead(0).encoder()?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("a thread cannot be started")?;
         let written = film.stream.as_ref().filter(|_| film.settings.qscale == qscale);
         let open = |path: &PathBuf| File::open(path).map_err(Error::file(path, "cannot be read"));
@@ -72,7 +72,8 @@ impl Coder {
         let known = frame.known.as_ref().filter(|_| self.settings.motion);
         let busy = Busy::default();
         let Self { encoder, pool, .. } = self;
-        let packet = pool.install(|| busy.measure(|| encoder.push(&frame.picture, known)));
+        let mut packets = pool.install(|| busy.measure(|| encoder.push(&frame.picture, known.into())));
+        let packet = packets.pop().ok_or_else(|| Error::Fault("a frame without a packet".into()))?;
         self.sinks.take(&packet.data)?;
         let decoded = packet.reconstruction;
         if let Some(copy) = &mut self.sinks.copy {
@@ -87,7 +88,7 @@ impl Coder {
     /// Another stream than the driver wrote, or another decoder shows other pictures.
     pub fn finish(self) -> Result<Option<DecoderCheck>> {
         let Self { encoder, mut sinks, .. } = self;
-        sinks.take(&encoder.finish())?;
+        sinks.take(&encoder.finish().end)?;
         if sinks.written.as_mut().is_some_and(|written| written.read(&mut [0]).map_or(true, |more| more > 0)) {
             return Err(Error::Fault(ANOTHER_STREAM.into()));
         }

@@ -1,0 +1,269 @@
+//! Each picture after a look at later ones: I, P and B, within a bit rate.
+
+use crate::{
+    Config, KnownMotion, Picture, PictureType, Rate, RestoreError,
+    coder::{Coded, Coder, Direction, Job, Packet},
+    config::spread_over_rows,
+    header::{VBV_DELAY_VARIABLE, macroblock_counts},
+    lookahead::{Lookahead, plan::Span, weights},
+    motion::Candidates,
+    rate::{RateControl, Upcoming},
+    restore::{ensure, is_whole},
+};
+use std::sync::Arc;
+
+/// What is carried from one picture to the next, waiting frames included.
+#[derive(Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Ahead {
+    lookahead: Lookahead,
+    rate: Option<RateControl>,
+    /// The last two I or P pictures.
+    anchors: [Option<Anchor>; 2],
+    /// Display index of the first picture of the group.
+    group_start: usize,
+}
+
+/// A coded I or P picture.
+#[derive(Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Anchor {
+    index: usize,
+    reconstruction: Arc<Picture>,
+}
+
+/// A picture whose turn it is to be coded.
+struct Turn<'a> {
+    /// Display index.
+    index: usize,
+    picture_type: PictureType,
+    /// Factors of quantiser_scale of all macroblocks, in 256ths.
+    factors: &'a [u32],
+    /// Headers in front of the picture.
+    headers: Vec<u8>,
+    /// This picture and the known ones after it, in the order of coding; empty where bits are not bounded.
+    upcoming: &'a [Upcoming],
+    /// No frame comes after those.
+    complete: bool,
+}
+
+impl Ahead {
+    pub fn new(config: &Config) -> Self {
+        let (columns, rows) = macroblock_counts(config.width, config.height);
+        Self {
+            rate: RateControl::new(config, columns * rows),
+            lookahead: Lookahead::new(config.effort),
+            anchors: [None, None],
+            group_start: 0,
+        }
+    }
+
+    /// Takes the next frame, and `weights` as factors of quantiser_scale in 256ths.
+    pub fn push(
+        &mut self,
+        coder: &mut Coder,
+        frame: &Picture,
+        motion: KnownMotion,
+        weights: Option<Vec<u32>>,
+    ) -> Vec<Packet> {
+        let source = coder.whole(frame);
+        let config = &coder.config;
+        let weights = weights
+            .or_else(|| config.adaptive_quantisation.then(|| weights::by_activity(source.luma())))
+            .filter(|_| config.varies());
+        self.lookahead.push(config, source, motion, weights);
+        self.code(coder, coder.config.delay())
+    }
+
+    /// Codes the frames that wait.
+    pub fn finish(&mut self, coder: &mut Coder) -> Vec<Packet> {
+        self.code(coder, 0)
+    }
+
+    /// See [`Encoder::begins_group`](crate::Encoder::begins_group).
+    pub fn begins_group(&self, index: usize, gop: usize) -> Option<bool> {
+        self.lookahead.begins_group(index, gop)
+    }
+
+    /// Takes over the quantiser of changed settings.
+    pub fn set_quantiser(&mut self, config: &Config) {
+        if let Some(rate) = &mut self.rate {
+            rate.set_quantiser(config);
+        }
+    }
+
+    /// Codes as long as more than `keep` frames wait.
+    fn code(&mut self, coder: &mut Coder, keep: usize) -> Vec<Packet> {
+        let mut packets = Vec::new();
+        loop {
+            let last = self.last_anchor();
+            if self.lookahead.end() <= next_after(last) + keep {
+                return packets;
+            }
+            let spans = self.lookahead.plan(&coder.config, last);
+            self.code_span(coder, &spans, keep == 0, &mut packets);
+            self.lookahead.drop_before(spans[0].anchor);
+        }
+    }
+
+    /// Display index of the last coded I or P picture.
+    fn last_anchor(&self) -> Option<usize> {
+        self.anchors[1].as_ref().map(|anchor| anchor.index)
+    }
+
+    /// Codes the first of `spans`: its anchor, then its B pictures. `complete` if no frame comes after them all.
+    fn code_span(&mut self, coder: &mut Coder, spans: &[Span], complete: bool, packets: &mut Vec<Packet>) {
+        let span = spans[0];
+        let last = self.last_anchor();
+        let count = self.lookahead.macroblocks();
+        let factors = match (coder.config.uses_tree(), span.is_intra && coder.config.varies()) {
+            (true, _) => self.lookahead.factors(last, spans),
+            (false, true) => vec![INTRA_FACTOR_256THS; count],
+            (false, false) => vec![256; count],
+        };
+        let upcoming = if self.rate.is_some() { self.lookahead.upcoming(last, spans) } else { Vec::new() };
+        let mut headers = Vec::new();
+        if span.is_intra {
+            self.group_start = span.anchor - span.b_pictures;
+            headers = coder.group_headers(self.group_start as u64, span.b_pictures == 0);
+        }
+        let picture_type = if span.is_intra { PictureType::I } else { PictureType::P };
+        let anchor =
+            Turn { index: span.anchor, picture_type, factors: &factors, headers, upcoming: &upcoming, complete };
+        let coded = self.code_within_rate(coder, anchor);
+        packets.push(coded.packet);
+        self.anchors.swap(0, 1);
+        self.anchors[1] = coded.reference.map(|reconstruction| Anchor { index: span.anchor, reconstruction });
+        let b_factors = vec![16 * B_SCALE_SIXTEENTHS; count];
+        for (i, index) in (span.anchor - span.b_pictures..span.anchor).enumerate() {
+            let turn = Turn {
+                index,
+                picture_type: PictureType::B,
+                factors: &b_factors,
+                headers: Vec::new(),
+                upcoming: upcoming.get(i + 1..).unwrap_or_default(),
+                complete,
+            };
+            packets.push(self.code_within_rate(coder, turn).packet);
+        }
+    }
+
+    /// Codes one picture with the quantiser that the rate allows, times its factors; again if it does not fit.
+    fn code_within_rate(&mut self, coder: &mut Coder, turn: Turn) -> Coded {
+        let wanted_x256 = coder.config.quantiser_x256();
+        let Some(mut rate) = self.rate.take() else {
+            let mut coded = self.code_picture(coder, &turn, wanted_x256, VBV_DELAY_VARIABLE);
+            coded.packet.prepend(turn.headers);
+            return coded;
+        };
+        let Turn { picture_type, upcoming, complete, .. } = turn;
+        let header_bits = 8 * turn.headers.len() as i64;
+        let vbv_delay = match coder.config.rate {
+            Rate::Constant { .. } => rate.buffer.delay(header_bits + 32), // picture_start_code has 32 bits
+            _ => VBV_DELAY_VARIABLE,
+        };
+        let mut base_x16 = rate.quantiser_x16(upcoming);
+        // Expensive pictures and the last ones are coded a second time if the prediction of their bits was far off.
+        let mut second_look =
+            !rate.knows(picture_type) || picture_type == PictureType::I || complete && upcoming.len() <= 4;
+        let mut coded = loop {
+            // The quantiser of the settings may lie between sixteenths.
+            let base_x256 = if base_x16 == wanted_x256 / 16 { wanted_x256 } else { 16 * base_x16 };
+            let coded = self.code_picture(coder, &turn, base_x256, vbv_delay);
+            let bits = coded.packet.bits as i64 + header_bits;
+            rate.learn(upcoming[0], base_x16, bits);
+            if second_look {
+                second_look = false;
+                let informed = rate.quantiser_x16(upcoming);
+                if informed.abs_diff(base_x16) * 16 > base_x16 {
+                    base_x16 = informed;
+                    continue;
+                }
+            }
+            match rate.coarser_after(base_x16, bits) {
+                Some(coarser) => base_x16 = coarser,
+                None => break coded,
+            }
+        };
+        coded.fill_to(rate.buffer.least() - header_bits);
+        coded.packet.prepend(turn.headers);
+        rate.buffer.take(coded.packet.bits as i64);
+        self.rate = Some(rate);
+        coded
+    }
+
+    /// Codes one picture; `base_x256` is quantiser_scale before factors, in 256ths.
+    fn code_picture(&mut self, coder: &mut Coder, turn: &Turn, base_x256: u32, vbv_delay: u32) -> Coded {
+        let &Turn { index, picture_type, factors, .. } = turn;
+        let columns = macroblock_counts(coder.config.width, coder.config.height).0;
+        // A factor that all macroblocks share would jump from one quantiser that exists to the next.
+        let spreads = coder.config.asks_for_a_mean() && factors.iter().all(|&factor| factor == factors[0]);
+        let q_scale_type = coder.q_scale_type();
+        let scale_x16 = |(i, factor): (usize, &u32)| {
+            let weight = self.lookahead.get(index).weights.as_ref().map_or(256, |weights| weights[i]);
+            let scale_x16 = (base_x256 * factor / 4096 * weight / 256).clamp(16, 112 * 16);
+            if spreads { spread_over_rows(q_scale_type, scale_x16, i / columns) } else { scale_x16 }
+        };
+        let scales_x16: Vec<u32> = factors.iter().enumerate().map(scale_x16).collect();
+        // Forward from the newest anchor in a P picture, from the one before in a B picture.
+        let references = match picture_type {
+            PictureType::I => [None, None],
+            PictureType::P => [self.anchors[1].as_ref(), None],
+            PictureType::B => [self.anchors[0].as_ref(), self.anchors[1].as_ref()],
+        };
+        let mut candidates: [Arc<[Candidates]>; 2] = Default::default();
+        for (s, reference) in references.iter().enumerate() {
+            if let Some(reference) = reference {
+                candidates[s] = self.lookahead.for_coding(index, reference.index as isize - index as isize);
+            }
+        }
+        let source = &self.lookahead.get(index).source;
+        coder.code(&Job {
+            picture_type,
+            display_index: index as u64,
+            temporal_reference: (index - self.group_start) as u32,
+            vbv_delay,
+            source,
+            directions: std::array::from_fn(|s| {
+                let reference = &references[s]?.reconstruction;
+                Some(Direction { reference, candidates: &candidates[s], before: &[], coarse: None })
+            }),
+            quantiser_scale: (base_x256 + 128) / 256,
+            scales_x16: &scales_x16,
+        })
+    }
+
+    /// Whether an encoder of these settings can continue from here.
+    pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
+        let counts = macroblock_counts(config.width, config.height);
+        self.lookahead.check(config)?;
+        let (first, end) = (self.lookahead.first(), self.lookahead.end());
+        let last = self.last_anchor();
+        ensure(last.unwrap_or(0) == first && (last.is_none() || first < end), "the last anchor")?;
+        ensure(end <= next_after(last) + config.delay(), "the number of waiting frames")?;
+        let before = self.anchors[0].as_ref().map(|anchor| anchor.index);
+        // The first anchor is the first frame.
+        ensure(before.is_some() == last.is_some_and(|last| last > 0), "the anchor before")?;
+        let distance = config.b_pictures as usize + 1;
+        ensure(before.is_none_or(|before| before < first && first - before <= distance), "the anchor before")?;
+        let whole = |anchor: &Anchor| is_whole(&anchor.reconstruction, counts);
+        ensure(self.anchors.iter().flatten().all(whole), "the size of an anchor")?;
+        let longest = (config.gop + config.b_pictures) as usize;
+        ensure(self.group_start <= first && first - self.group_start <= longest, "the beginning of the group")?;
+        let fresh = RateControl::new(config, counts.0 * counts.1);
+        ensure(self.rate.is_some() == fresh.is_some(), "rate control")?;
+        let rates = self.rate.iter().zip(fresh);
+        rates.map(|(rate, fresh)| rate.check(&fresh)).collect()
+    }
+}
+
+/// The frame after the last anchor.
+fn next_after(anchor: Option<usize>) -> usize {
+    anchor.map_or(0, |anchor| anchor + 1)
+}
+
+/// Finer quantisers of I pictures where no tree says it: other pictures inherit from them. Ours, tuned on the clips of
+/// README.md: with 190 moving ones take more bits, still ones less.
+const INTRA_FACTOR_256THS: u32 = 208;
+/// Coarser quantisers of B pictures: nothing is predicted from them. Ours, tuned on the clips of README.md.
+const B_SCALE_SIXTEENTHS: u32 = 18;

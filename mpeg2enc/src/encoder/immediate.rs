@@ -1,0 +1,78 @@
+//! Each picture as soon as it comes: I and P.
+
+use crate::{
+    Config, Picture, PictureType, RestoreError,
+    coder::{Coder, Direction, Job, Packet},
+    header::{VBV_DELAY_VARIABLE, macroblock_counts},
+    motion::{CoarseSearch, HalfSample, all_candidates, quarter},
+    restore::{ensure, is_whole},
+};
+use plane::{Correspondence, Plane};
+use std::sync::Arc;
+
+/// What is carried from one picture to the next.
+#[derive(Clone, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Immediate {
+    /// Pictures coded so far.
+    count: u64,
+    /// Reconstruction of the last picture, in whole macroblocks.
+    reference: Option<Arc<Picture>>,
+    /// Vectors of the last picture, or empty.
+    vectors: Vec<HalfSample>,
+}
+
+impl Immediate {
+    /// Codes the next frame; `motion` is not looked at for an I picture.
+    pub fn push(&mut self, coder: &mut Coder, frame: &Picture, motion: Option<&Correspondence>) -> Packet {
+        let config = &coder.config;
+        let (columns, rows) = macroblock_counts(config.width, config.height);
+        let place_in_group = self.count % u64::from(config.gop);
+        let quantiser_scale = config.quantiser_scale;
+        let source = coder.whole(frame);
+        let reference = self.reference.take().filter(|_| place_in_group != 0);
+        let candidates = match motion.filter(|_| reference.is_some()) {
+            Some(field) => all_candidates(field, columns, rows),
+            None => Vec::new(),
+        };
+        let quarters: Option<[Plane<u8>; 2]> = reference
+            .as_ref()
+            .filter(|_| motion.is_none() || candidates.iter().any(|candidates| candidates.is_uncovered))
+            .map(|reference| [quarter(source.luma()), quarter(reference.luma())]);
+        let forward = reference.as_ref().map(|reference| Direction {
+            reference,
+            candidates: &candidates,
+            before: &self.vectors,
+            coarse: quarters.as_ref().map(|[source, reference]| CoarseSearch { source, reference }),
+        });
+        let coded = coder.code(&Job {
+            picture_type: if forward.is_some() { PictureType::P } else { PictureType::I },
+            display_index: self.count,
+            temporal_reference: place_in_group as u32,
+            vbv_delay: VBV_DELAY_VARIABLE,
+            source: &source,
+            directions: [forward, None],
+            quantiser_scale,
+            scales_x16: &vec![16 * quantiser_scale; columns * rows],
+        });
+        let mut packet = coded.packet;
+        if packet.picture_type == PictureType::I {
+            packet.prepend(coder.group_headers(self.count, true));
+        }
+        let [vectors, _] = coded.vectors;
+        self.vectors = vectors;
+        self.reference = coded.reference;
+        self.count += 1;
+        packet
+    }
+
+    /// Whether an encoder of these settings can continue from here.
+    pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
+        let counts = macroblock_counts(config.width, config.height);
+        let reference = self.reference.as_ref();
+        ensure(reference.is_some() == (self.count > 0), "the reference picture")?;
+        ensure(reference.is_none_or(|reference| is_whole(reference, counts)), "the size of the reference picture")?;
+        let complete = self.vectors.is_empty() || self.vectors.len() == counts.0 * counts.1;
+        ensure(complete && self.vectors.iter().all(|vector| vector.is_plausible()), "vectors")
+    }
+}
