@@ -9,7 +9,8 @@ use plot::{BLUE, Plot, RED};
 use render_core::sampling::{concentric_disc, sobol_point};
 use render_core::scene::{Instance, Material, Mesh, Node, Scene, Transform};
 use render_core::{
-    Anchors, Bsdf, Busy, Directions, Emitters, Gather, Geometry, Lamps, Photons, Receiver, Surfaces, Units,
+    Anchors, Bsdf, Emitters, FinalGather, GatherDirections, Geometry, Photons, PosedScene, ShadingPoint, Surfaces,
+    Units,
 };
 use std::f64::consts::PI;
 
@@ -44,13 +45,14 @@ fn harmonic_means(heights: impl Iterator<Item = f32>) -> Vec<(f32, f32)> {
     let scene = plate();
     let pose = scene.pose(0.0);
     let (surfaces, units) = (Surfaces::new(&scene, &pose), Units::of(&scene));
-    let anchors = Anchors::spread(&scene, &surfaces, &units, 100, 0);
+    let anchors = Anchors::spread(&surfaces, &units, 100, 0);
     let accelerator = Geometry::new(&scene).place(&pose);
     let emitters = Emitters::new(&surfaces, &pose, &units);
     // No photons: what is far away is asked here, not how bright it is.
-    let energies = Photons::new(0, 0).trace(&accelerator, &surfaces, &emitters, &anchors, &units, &Busy::default());
-    let gather = Gather::new(&surfaces, &anchors, &energies, &units, Lamps::default(), vec![false]);
-    let directions = Directions::new(DIRECTIONS);
+    let anchor_flux =
+        Photons::new(0, 0).trace(PosedScene::new(&accelerator, &surfaces), &emitters, &anchors, &units).value;
+    let gather = FinalGather::new(&surfaces, &anchors, &anchor_flux, &units);
+    let directions = GatherDirections::new(DIRECTIONS);
     let cosines = (0..DIRECTIONS as u64).map(|i| {
         let p = concentric_disc(sobol_point(i)).as_dvec2();
         (1.0 - p.length_squared()).max(0.0).sqrt()
@@ -60,8 +62,8 @@ fn harmonic_means(heights: impl Iterator<Item = f32>) -> Vec<(f32, f32)> {
         let errors = (0..16).map(|k| {
             let height = height * (1.0 + k as f32 / 16.0);
             let receiver =
-                Receiver { position: Vec3A::Y * height, normal: Vec3A::NEG_Y, geometric_normal: Vec3A::NEG_Y };
-            let found = gather.look_around(&accelerator, &surfaces, &receiver, &directions, k);
+                ShadingPoint { position: Vec3A::Y * height, normal: Vec3A::NEG_Y, geometric_normal: Vec3A::NEG_Y };
+            let found = gather.gather(PosedScene::new(&accelerator, &surfaces), &receiver, &directions, k);
             roundings(found.harmonic_mean, f64::from(height) * DIRECTIONS as f64 / sum)
         });
         (height.log10(), errors.fold(0.0, f32::max).log10())

@@ -5,7 +5,7 @@
 //! ```
 
 use glam::{Vec3, Vec3A};
-use render_core::{Busy, GBuffer, Geometry, NOTHING, Surfaces, scene};
+use render_core::{GBuffer, Geometry, NOTHING, PosedScene, Surfaces, scene};
 use std::error::Error;
 use std::path::Path;
 
@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let view = scene.view(&pose, size, size);
     let accelerator = Geometry::new(&scene).place(&pose);
     let surfaces = Surfaces::new(&scene, &pose);
-    let seen = GBuffer::trace(&accelerator, &surfaces, &view, (size, size), &Busy::default());
+    let seen = GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (size, size)).value;
     let bytes: Vec<u8> = seen
         .pixels
         .samples()

@@ -25,9 +25,35 @@ impl Busy {
         result
     }
 
-    /// Sum so far.
+    /// Adds the CPU time of a result and unwraps it.
+    pub fn take<T>(&self, timed: Timed<T>) -> T {
+        self.nanoseconds.fetch_add((timed.seconds * 1e9).round() as u64, Ordering::Relaxed);
+        timed.value
+    }
+
+    /// Sum so far \[s\].
+    #[must_use]
     pub fn seconds(&self) -> f64 {
         self.nanoseconds.load(Ordering::Relaxed) as f64 * 1e-9
+    }
+}
+
+/// A result and the CPU time that it took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
+pub struct Timed<T> {
+    /// The result.
+    pub value: T,
+    /// CPU time of all threads that worked on it \[s\].
+    pub seconds: f64,
+}
+
+impl<T> Timed<T> {
+    /// Does `work`, which measures its pieces.
+    pub(crate) fn of(work: impl FnOnce(&Busy) -> T) -> Self {
+        let busy = Busy::default();
+        let value = work(&busy);
+        Self { value, seconds: busy.seconds() }
     }
 }
 

@@ -1,8 +1,7 @@
 //! Light that arrives straight from its source, with shadows.
 //!
-//! The points of a light that a pixel asks are the same for all pixels and frames: penumbras come out
-//! smooth and still, where random points would leave noise that the encoder pays for. And being the same, they send
-//! their rays to all pixels of a tile together.
+//! The sample points of a light are the same for all pixels and frames: penumbras come out smooth and still, where random
+//! points would leave noise that the encoder pays for. Shadow rays of a sample are traced to all pixels of a tile together.
 
 mod tile;
 
@@ -14,24 +13,23 @@ use crate::polygon::Polygon;
 use crate::sampling::sobol_point;
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3, Vec3A};
-use std::cell::Cell;
 use std::f32::consts::PI;
 use tile::Tile;
 
-/// Points of an area light, and how many are asked first: when these agree on all or nothing, and with them the corners of
-/// the light, so would the rest. Without the corners, where a penumbra begins is seen too late, and as a step.
+/// Sample points of an area light, and those that shadow rays are traced to first. The rest is skipped where these and the
+/// corners of the light agree. Without the corners a penumbra begins too late, and with a step.
 const AREA_SAMPLES: usize = 64;
 const FIRST_AREA_SAMPLES: usize = 16;
-/// How far in from the corner that is asked, in ways from the corner to the middle: what touches a lamp hides its border.
+/// Distance of corner samples from the corner, as a share of that to the middle: objects that touch a lamp hide its border.
 const INWARD: f32 = 0.05;
-/// Softening of a point of an area light, in units of its own share's: as small as keeps contact finite. With the full
-/// share a panel seen from its own width comes out 0.5 % dark, since its points already average over each other.
-const AREA_SOFTENING: f32 = 1.0 / 8.0;
-/// From so many receivers on it pays to find out first what can stand between them and a light.
+/// Bound of the geometry term of a sample of an area light, as a share of that of its own disc: it keeps contact finite. With
+/// the full disc a panel seen from its own width comes out 0.5 % dark, since its points already average over each other.
+const AREA_BOUND: f32 = 1.0 / 8.0;
+/// Least number of receivers for which a shaft to the light is worth its cost.
 const WORTH_A_SHAFT: usize = 8;
 /// A light of more pieces than this is summed over its points even where nothing hides it.
 const MOST_POLYGONS: usize = 4;
-/// The same for the disc of the sun, of which eight points of the border are asked first.
+/// The same for the disc of the sun; eight points of the border come before.
 const SUN_SAMPLES: usize = 32;
 const FIRST_SUN_SAMPLES: usize = 2;
 /// Points of the unit square that go to the border of a disc, an eighth of a turn apart.
@@ -45,21 +43,42 @@ const BORDER: [Vec2; 8] = [
     Vec2::new(1.0, 0.5),
     Vec2::new(0.0, 0.5),
 ];
-/// Carried anchors that together would give a receiver less than this share of its other direct light are not asked
-/// whether something hides them: it would not be seen.
-const UNASKED_SHARE: f32 = 1e-3;
+/// Shadow rays are skipped for dynamic anchors that in sum give a receiver less than this share of its other direct light.
+const UNSHADOWED_SHARE: f32 = 1e-3;
 
-/// What is asked for direct light at every pixel of a frame.
+/// Lights of a frame that are sampled with shadow rays at every pixel.
+#[derive(Debug)]
 pub struct DirectLights {
     areas: Vec<Area>,
     points: Vec<PointLight>,
     suns: Vec<Sun>,
-    carried: Vec<(Anchor, Vec3)>,
-    carried_softening: f32,
-    carried_apart: bool,
+    dynamic: Vec<(Anchor, Vec3)>,
+    dynamic_geometry_term_bound: f32,
+    dynamic_apart: bool,
+}
+
+/// Light and the shadow rays traced for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[must_use]
+pub struct Traced<T> {
+    /// Irradiance or radiance.
+    pub value: T,
+    /// Number of shadow rays.
+    pub shadow_rays: u64,
+}
+
+/// Dynamic anchors as lights of a frame.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct DynamicLights<'a> {
+    /// Each with its intensity along the normal \[W·sr⁻¹\].
+    pub anchors: &'a [(Anchor, Vec3)],
+    /// [`Anchors::dynamic_geometry_term_bound`] \[m²\].
+    pub geometry_term_bound: f32,
 }
 
 /// A glowing surface.
+#[derive(Debug)]
 struct Area {
     instance: u32,
     samples: Vec<AreaSample>,
@@ -72,6 +91,7 @@ struct Area {
 }
 
 /// The disc of a sun.
+#[derive(Debug)]
 struct Sun {
     irradiance: Vec3,
     towards: Vec3A,
@@ -81,7 +101,7 @@ struct Sun {
     border: [Vec3A; 8],
 }
 
-/// Where the lights are that each pixel asks for itself, by a point of each.
+/// One point of each light that is sampled at every pixel.
 #[derive(Clone, Debug, Default)]
 pub struct Lamps {
     /// \[m\]
@@ -91,7 +111,7 @@ pub struct Lamps {
 }
 
 impl Lamps {
-    /// Whether the point of any is seen from `position`, on a surface that faces along `normal`.
+    /// Whether any of the points is visible from `position`, on a surface that faces along `normal`.
     pub(crate) fn are_seen(&self, accelerator: &Accelerator, position: Vec3A, normal: Vec3A) -> bool {
         let sun = |&towards: &Vec3A| normal.dot(towards) > 0.0 && !accelerator.occluded_towards(position, towards);
         let point = |&lamp: &Vec3A| normal.dot(lamp - position) > 0.0 && !accelerator.occluded(position, lamp);
@@ -99,9 +119,9 @@ impl Lamps {
     }
 }
 
-/// A point that light arrives at.
+/// A surface point to be lit.
 #[derive(Clone, Copy, Debug)]
-pub struct Receiver {
+pub struct ShadingPoint {
     /// A little off the surface, metres.
     pub position: Vec3A,
     /// Unit normal to shade with.
@@ -111,16 +131,16 @@ pub struct Receiver {
 }
 
 impl DirectLights {
-    /// Prepares a frame. Of the glowing surfaces only those with a place in `areas` are asked here: the others
-    /// are somebody else's, lights of a tree.
+    /// Prepares a frame. `areas` are the indices in [`Emitters::areas`] of the glowing surfaces that are sampled here;
+    /// `dynamic_flux` is that of [`Anchors::dynamic`] \[W\].
     pub fn new(
         emitters: &Emitters,
         surfaces: &Surfaces,
         anchors: &Anchors,
-        carried_energy: &[Vec3],
+        dynamic_flux: &[Vec3],
         areas: &[usize],
     ) -> Self {
-        let carried = anchors.carried_in_world(surfaces).into_iter().zip(carried_energy);
+        let dynamic = anchors.dynamic_in_world(surfaces).into_iter().zip(dynamic_flux);
         Self {
             areas: areas.iter().map(|&place| Area::new(&emitters.areas[place], surfaces)).collect(),
             points: emitters.points.clone(),
@@ -135,48 +155,53 @@ impl DirectLights {
                     border: BORDER.map(|u| sun.direction(u)),
                 })
                 .collect(),
-            carried: carried
+            dynamic: dynamic
                 .filter(|(_, energy)| energy.max_element() > 0.0)
                 .map(|(anchor, energy)| (anchor, *energy / PI))
                 .collect(),
-            carried_softening: anchors.carried_softening(),
-            carried_apart: false,
+            dynamic_geometry_term_bound: anchors.dynamic_geometry_term_bound(),
+            dynamic_apart: false,
         }
     }
 
-    /// The same without the carried anchors, whose light somebody else adds: see [`DirectLights::carried`].
-    pub fn with_carried_apart(self) -> Self {
-        Self { carried_apart: true, ..self }
+    /// Leaves out the dynamic anchors: their light has to be added from [`DirectLights::dynamic`].
+    pub fn with_dynamic_apart(self) -> Self {
+        Self { dynamic_apart: true, ..self }
     }
 
-    /// The carried anchors that shine, each with its intensity along the normal \[W·sr⁻¹\], and the softening of all
-    /// \[m²\]. None unless they are left out here.
-    pub fn carried(&self) -> (&[(Anchor, Vec3)], f32) {
-        (if self.carried_apart { &self.carried } else { &[] }, self.carried_softening)
+    /// The dynamic anchors that shine, if they are left out here ([`DirectLights::with_dynamic_apart`]); none else.
+    pub fn dynamic(&self) -> DynamicLights<'_> {
+        DynamicLights {
+            anchors: if self.dynamic_apart { &self.dynamic } else { &[] },
+            geometry_term_bound: self.dynamic_geometry_term_bound,
+        }
     }
 
-    /// Irradiance \[W·m⁻²\] at `receiver`, linear RGB; adds the shadow rays it cost to `rays`.
-    pub fn irradiance(&self, accelerator: &Accelerator, receiver: &Receiver, rays: &Cell<u64>) -> Vec3 {
-        self.irradiance_tile(accelerator, std::slice::from_ref(receiver), rays)[0]
+    /// Irradiance \[W·m⁻²\] at `receiver`, linear RGB.
+    pub fn irradiance(&self, accelerator: &Accelerator, receiver: &ShadingPoint) -> Traced<Vec3> {
+        let Traced { value, shadow_rays } = self.irradiance_tile(accelerator, std::slice::from_ref(receiver));
+        Traced { value: value[0], shadow_rays }
     }
 
     /// As [`DirectLights::irradiance`], to the last bit, for each of the `receivers`; the nearer to each other they lie,
     /// the faster.
-    pub fn irradiance_tile(&self, accelerator: &Accelerator, receivers: &[Receiver], rays: &Cell<u64>) -> Vec<Vec3> {
+    pub fn irradiance_tile(&self, accelerator: &Accelerator, receivers: &[ShadingPoint]) -> Traced<Vec<Vec3>> {
         let mut sums = vec![Vec3::ZERO; receivers.len()];
+        let mut shadow_rays = 0;
         for (receivers, sums) in receivers.chunks(PACKET).zip(sums.chunks_mut(PACKET)) {
-            let tile = Tile::new(accelerator, receivers, rays);
+            let tile = Tile::new(accelerator, receivers);
             self.areas.iter().for_each(|area| tile.add_area(area, sums));
             self.points.iter().for_each(|point| tile.add_point(point, sums));
             self.suns.iter().for_each(|sun| tile.add_sun(sun, sums));
-            if !self.carried_apart {
-                self.add_carried(&tile, sums);
+            if !self.dynamic_apart {
+                self.add_dynamic(&tile, sums);
             }
+            shadow_rays += tile.shadow_rays();
         }
-        sums
+        Traced { value: sums, shadow_rays }
     }
 
-    /// A point of each glowing surface, point light and sun that is asked here.
+    /// A point of each glowing surface, point light and sun that is sampled here.
     pub fn lamps(&self) -> Lamps {
         let areas = self.areas.iter().filter_map(|area| area.positions.first().copied());
         Lamps {
@@ -185,24 +210,23 @@ impl DirectLights {
         }
     }
 
-    /// Whether this is a glowing surface that is asked here.
-    pub fn asks(&self, instance: u32) -> bool {
+    /// Whether `instance` is a glowing surface that is sampled here.
+    pub fn samples_instance(&self, instance: u32) -> bool {
         self.areas.iter().any(|area| area.instance == instance)
     }
 
-    /// Radiance that points and suns, and if asked for the `areas`, make a surface reflect that is no Lambert surface.
+    /// Radiance that a surface with a BRDF of its own reflects of points and suns, and of the areas if `areas` is set.
     ///
     /// `brdf(direction, half_angle)` is its BRDF \[sr⁻¹\] for light from a disc of `half_angle` radians around a direction. The
     /// sun is one disc, of which as much is seen as of its first points; an area light is a disc for each of its points.
     pub fn reflected(
         &self,
         accelerator: &Accelerator,
-        receiver: &Receiver,
+        receiver: &ShadingPoint,
         areas: bool,
         brdf: impl Fn(Vec3A, f32) -> Vec3,
-        rays: &Cell<u64>,
-    ) -> Vec3 {
-        let mut sum = Vec3::ZERO;
+    ) -> Traced<Vec3> {
+        let (mut sum, mut shadow_rays) = (Vec3::ZERO, 0);
         for light in &self.points {
             let (cos, r2) = receiver.cosine_to(light.position);
             let Some(towards) = (light.position - receiver.position).try_normalize().filter(|_| cos > 0.0) else {
@@ -210,13 +234,15 @@ impl DirectLights {
             };
             let given = brdf(towards, 0.0) * light.intensity_towards(receiver.position) * (cos / r2);
             if given != Vec3::ZERO {
-                rays.set(rays.get() + 1);
+                shadow_rays += 1;
                 let hidden = accelerator.occluded(receiver.position, light.position);
                 sum += if hidden { Vec3::ZERO } else { given };
             }
         }
         for sun in &self.suns {
-            sum += sun.reflected(accelerator, receiver, &brdf, rays);
+            let reflected = sun.reflected(accelerator, receiver, &brdf);
+            sum += reflected.value;
+            shadow_rays += reflected.shadow_rays;
         }
         for area in self.areas.iter().filter(|_| areas) {
             for samples in area.samples.chunks(PACKET) {
@@ -232,27 +258,27 @@ impl DirectLights {
                         ask |= u64::from(given[i] != Vec3::ZERO) << i;
                     }
                 }
-                rays.set(rays.get() + u64::from(ask.count_ones()));
+                shadow_rays += u64::from(ask.count_ones());
                 let hidden = accelerator.occluded_packet(receiver.position, &ends[..samples.len()], ask);
                 sum += bits(ask & !hidden).map(|i| given[i]).sum::<Vec3>();
             }
         }
-        sum
+        Traced { value: sum, shadow_rays }
     }
 
-    /// Adds what the carried anchors give.
-    fn add_carried(&self, tile: &Tile, sums: &mut [Vec3]) {
-        let mut unasked: [f32; PACKET] =
-            std::array::from_fn(|i| sums.get(i).map_or(0.0, |&sum| luminance(sum) * UNASKED_SHARE));
-        for (anchor, intensity) in &self.carried {
-            let terms = tile.terms(&Disc::of_anchor(anchor, self.carried_softening));
+    /// Adds what the dynamic anchors give.
+    fn add_dynamic(&self, tile: &Tile, sums: &mut [Vec3]) {
+        let mut unshadowed: [f32; PACKET] =
+            std::array::from_fn(|i| sums.get(i).map_or(0.0, |&sum| luminance(sum) * UNSHADOWED_SHARE));
+        for (anchor, intensity) in &self.dynamic {
+            let terms = tile.terms(&Disc::of_anchor(anchor, self.dynamic_geometry_term_bound));
             let mut ask = 0;
-            for (i, unasked) in unasked.iter_mut().enumerate().take(sums.len()) {
+            for (i, unshadowed) in unshadowed.iter_mut().enumerate().take(sums.len()) {
                 let y = luminance(*intensity * terms[i]);
-                if y > *unasked {
+                if y > *unshadowed {
                     ask |= 1 << i;
                 } else {
-                    *unasked -= y;
+                    *unshadowed -= y;
                 }
             }
             let hidden = tile.hidden_from(anchor.position, ask, None);
@@ -262,15 +288,15 @@ impl DirectLights {
         }
     }
 
-    /// How many lights a pixel asks: areas, points, suns and carried anchors.
+    /// Numbers of areas, points, suns and dynamic anchors.
     pub fn counts(&self) -> [usize; 4] {
-        [self.areas.len(), self.points.len(), self.suns.len(), self.carried.len()]
+        [self.areas.len(), self.points.len(), self.suns.len(), self.dynamic.len()]
     }
 }
 
-/// Irradiance from a disc that glows evenly, per intensity: `cos θ_light · cos θ / (r² + softening)` \[m⁻²\].
+/// Irradiance from a disc that glows evenly, per intensity: `cos θ_light · cos θ / (r² + bound)` \[m⁻²\].
 ///
-/// With softening = area / π this is exact on the disc's axis for a facing receiver, and finite at contact,
+/// With bound = area / π this is exact on the disc's axis for a facing receiver, and finite at contact,
 /// where the point light's 1/r² would not be. Zero from below the normal to shade with, and from below the triangle.
 #[inline(always)]
 fn disc_term(position: [f32; 3], [normal, geometric_normal]: [[f32; 3]; 2], disc: &Disc) -> f32 {
@@ -278,7 +304,7 @@ fn disc_term(position: [f32; 3], [normal, geometric_normal]: [[f32; 3]; 2], disc
     let way = [disc.position[0] - position[0], disc.position[1] - position[1], disc.position[2] - position[2]];
     let (r2, cos_light, cos) = (dot(way, way), -dot(disc.normal, way), dot(normal, way));
     // Both cosines still carry the length of `way`: divide by r² once more.
-    let term = cos_light * cos / (r2 * (r2 + disc.softening));
+    let term = cos_light * cos / (r2 * (r2 + disc.bound));
     // Without branches, so that many receivers are computed side by side.
     let shines = (cos_light > 0.0) & (cos > 0.0) & (dot(geometric_normal, way) > 0.0);
     if shines { term } else { 0.0 }
@@ -288,23 +314,23 @@ fn disc_term(position: [f32; 3], [normal, geometric_normal]: [[f32; 3]; 2], disc
 struct Disc {
     position: [f32; 3],
     normal: [f32; 3],
-    softening: f32,
+    bound: f32,
 }
 
 impl Disc {
-    /// On the surface itself: what touches a lamp may be nearer to it than its points are, and yet is before them.
+    /// On the surface itself: objects that touch a lamp may be nearer to it than its sample points.
     fn of_sample(sample: &AreaSample) -> Self {
-        let softening = AREA_SOFTENING * sample.area / PI;
+        let bound = AREA_BOUND * sample.area / PI;
         let position = sample.position - sample.normal * sample.offset;
-        Self { position: position.to_array(), normal: sample.normal.to_array(), softening }
+        Self { position: position.to_array(), normal: sample.normal.to_array(), bound }
     }
 
-    fn of_anchor(anchor: &Anchor, softening: f32) -> Self {
-        Self { position: anchor.position.to_array(), normal: anchor.normal.to_array(), softening }
+    fn of_anchor(anchor: &Anchor, bound: f32) -> Self {
+        Self { position: anchor.position.to_array(), normal: anchor.normal.to_array(), bound }
     }
 
     /// Irradiance at `receiver` per intensity \[m⁻²\].
-    fn term(&self, receiver: &Receiver) -> f32 {
+    fn term(&self, receiver: &ShadingPoint) -> f32 {
         let normals = [receiver.normal.to_array(), receiver.geometric_normal.to_array()];
         disc_term(receiver.position.to_array(), normals, self)
     }
@@ -325,18 +351,18 @@ impl Area {
         }
     }
 
-    /// What one of the samples gives while nothing hides it.
+    /// Unshadowed irradiance from one of the samples.
     #[inline]
-    fn unhidden_sample(&self, receiver: &Receiver, sample: &AreaSample) -> Vec3 {
+    fn unhidden_sample(&self, receiver: &ShadingPoint, sample: &AreaSample) -> Vec3 {
         sample.intensity * Disc::of_sample(sample).term(receiver)
     }
 
-    /// What the whole light gives while nothing hides it.
-    fn unhidden(&self, receiver: &Receiver) -> Vec3 {
+    /// Unshadowed irradiance from the whole light.
+    fn unhidden(&self, receiver: &ShadingPoint) -> Vec3 {
         if self.polygons.is_empty() {
             return self.samples.iter().map(|sample| self.unhidden_sample(receiver, sample)).sum();
         }
-        let Receiver { position, normal, geometric_normal } = *receiver;
+        let ShadingPoint { position, normal, geometric_normal } = *receiver;
         self.polygons.iter().map(|polygon| polygon.irradiance(position, normal, geometric_normal)).sum()
     }
 }
@@ -362,23 +388,21 @@ impl Sun {
     fn reflected(
         &self,
         accelerator: &Accelerator,
-        receiver: &Receiver,
+        receiver: &ShadingPoint,
         brdf: impl Fn(Vec3A, f32) -> Vec3,
-        rays: &Cell<u64>,
-    ) -> Vec3 {
+    ) -> Traced<Vec3> {
         let given =
             brdf(self.towards, self.angular_radius) * self.irradiance * receiver.normal.dot(self.towards).max(0.0);
         if given == Vec3::ZERO || receiver.geometric_normal.dot(self.towards) <= 0.0 {
-            return Vec3::ZERO;
+            return Traced { value: Vec3::ZERO, shadow_rays: 0 };
         }
         let first = &self.directions[..FIRST_SUN_SAMPLES];
-        rays.set(rays.get() + first.len() as u64);
         let seen = first.iter().filter(|&&towards| !accelerator.occluded_towards(receiver.position, towards));
-        given * (seen.count() as f32 / first.len() as f32)
+        Traced { value: given * (seen.count() as f32 / first.len() as f32), shadow_rays: first.len() as u64 }
     }
 }
 
-/// Places of the bits that are set.
+/// Indices of the bits that are set.
 fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let place = mask.trailing_zeros() as usize;
@@ -389,7 +413,7 @@ fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-impl Receiver {
+impl ShadingPoint {
     /// Cosine at the receiver and squared distance to `point`; 0 from below the surface.
     #[inline]
     fn cosine_to(&self, point: Vec3A) -> (f32, f32) {

@@ -101,7 +101,7 @@ pub struct Emitters {
 
 /// A photon on its way out.
 #[derive(Clone, Copy, Debug)]
-pub struct Emission {
+pub struct EmittedPhoton {
     /// Where it starts, a little off the surface.
     pub origin: Vec3A,
     /// Unit vector.
@@ -188,6 +188,12 @@ pub struct PhotonSource<'a> {
     radius: f32,
 }
 
+impl std::fmt::Debug for PhotonSource<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("PhotonSource").field("powers", &self.powers).finish_non_exhaustive()
+    }
+}
+
 impl PhotonSource<'_> {
     /// Radiant flux of each light \[W\].
     pub fn powers(&self) -> &[Vec3] {
@@ -195,7 +201,7 @@ impl PhotonSource<'_> {
     }
 
     /// Photon `index` of `count`.
-    pub fn emit(&self, surfaces: &Surfaces, seed: u64, index: u64, count: u64) -> Emission {
+    pub fn emit(&self, surfaces: &Surfaces, seed: u64, index: u64, count: u64) -> EmittedPhoton {
         let u = |dimension| halton(seed, index, dimension);
         let (light, probability, rest) = self.choice.pick(f64::from(u(0)));
         let from_moving = self.emitters.moving.get(light).copied().unwrap_or(false);
@@ -208,7 +214,7 @@ impl PhotonSource<'_> {
             let direction = cosine_hemisphere(sample.normal.into(), way);
             // Radiance · area · π is the flux; the point was chosen with density radiance/area-weighted.
             let flux = sample.intensity * std::f32::consts::PI * share;
-            return Emission {
+            return EmittedPhoton {
                 origin: sample.position,
                 direction: direction.into(),
                 flux,
@@ -232,7 +238,7 @@ impl PhotonSource<'_> {
             };
             let flux = point.intensity * (solid_angle * weight * share);
             let direction = direction.normalize().into();
-            return Emission { origin: point.position, direction, flux, from_moving, distant: false };
+            return EmittedPhoton { origin: point.position, direction, flux, from_moving, distant: false };
         }
         let light = light - e.points.len();
         let disc_area = std::f32::consts::PI * self.radius * self.radius;
@@ -247,7 +253,7 @@ impl PhotonSource<'_> {
         let (x, y) = frame(towards.into());
         let on_disc = concentric_disc(place) * self.radius;
         let origin = self.center + towards * (self.radius * 1.01) + Vec3A::from(x * on_disc.x + y * on_disc.y);
-        Emission { origin, direction: -towards, flux, from_moving, distant: true }
+        EmittedPhoton { origin, direction: -towards, flux, from_moving, distant: true }
     }
 }
 

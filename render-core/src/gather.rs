@@ -1,28 +1,27 @@
-//! Short looks around a point: how near the surroundings are, and the light that softening took from its virtual lights.
+//! Bias compensation by final gather: the light that bounding the geometry term takes from virtual lights close by.
 //!
-//! A virtual light is softened, `cos θ cos θ_l / (r² + s)` in place of `/ r²`, so that a single one cannot outshine its
-//! surroundings nearby. What that removes is light from close by \[Kollig04\]:
+//! The geometry term of a virtual light is bounded: `cos θ cos θ_l / (r² + s)` in place of `/ r²`. A single light cannot
+//! outshine its surroundings then, and light from close by is missing \[Kollig04\]:
 //!
 //! ```text
-//! E_removed(x) = ∫ L(y) cos θ · s / (r² + s) dω  ≈  π/N Σ L(yᵢ) · s / (rᵢ² + s)      for N cosine-distributed rays
-//!   s   softening, m²          r   distance from x to y, where the ray ends
-//!   L   radiance that the surfels around y stand for, plus what y emits where its glow is made of virtual lights too
+//! E(x) = ∫ L(y) cos θ · s / (r² + s) dω  ≈  π/N Σ L(yᵢ) · s / (rᵢ² + s)      for N cosine-distributed rays
+//!   s   bound of the geometry term, m²          r   distance from x to y, where the ray ends
+//!   L   radiance that the surfels around y stand for, plus emission of y where virtual lights stand for that too
 //! ```
 //!
 //! # Differs from the paper
-//! L(y) comes from the surfels around y, which feed the virtual lights too, and not from a path traced onward: what is given
-//! back is what was taken, no more, and a ray costs a look-up. Only in gaps that are narrower than surfels can tell are rays
-//! followed on (`gather/gap.rs`).
+//! L(y) comes from the surfels around y, which feed the virtual lights too, and not from a path traced onward. So the
+//! compensation is what was missing, no more, and a ray costs a look-up. Rays are followed on in gaps that are narrower than
+//! surfels resolve (`gather/gap.rs`).
 
 mod gap;
 
-use crate::Units;
-use crate::accel::Accelerator;
 use crate::anchor::{Anchors, Spot, SurfelMap};
-use crate::direct::{Lamps, Receiver};
-use crate::photon::Energies;
+use crate::direct::{Lamps, ShadingPoint};
+use crate::photon::AnchorFlux;
 use crate::sampling::{concentric_disc, frame, hash_unit, sobol_point};
 use crate::surface::{Interaction, Surface, Surfaces};
+use crate::{PosedScene, Units};
 use gap::Gaps;
 use glam::{Mat3A, Vec3, Vec3A};
 use std::f32::consts::PI;
@@ -31,47 +30,65 @@ use std::sync::Arc;
 /// How near a surface is whose light surfels do not tell from that of its surroundings, in sides of an anchor's share.
 ///
 /// Measured on `atrium` and `nave`: without following rays on, pictures by all lights are off by 2.8e-3 and 3.7e-3 of relative
-/// MSE; with 0.1 by 2.1e-3 and 3.2e-3, with 0.3 by 2.0e-3 and 3.0e-3, with 0.8 by 1.8e-3 and 2.8e-3. That was with anchors
-/// softened over one share; over eight, 0.4, 0.8 and 1.6 leave 1.39e-3, 1.31e-3, 1.25e-3 and 1.47e-3, 1.44e-3, 1.47e-3.
+/// MSE; with 0.1 by 2.1e-3 and 3.2e-3, with 0.3 by 2.0e-3 and 3.0e-3, with 0.8 by 1.8e-3 and 2.8e-3. That was with geometry
+/// terms bounded over one share; over eight, 0.4, 0.8 and 1.6 leave 1.39e-3, 1.31e-3, 1.25e-3 and 1.47e-3, 1.44e-3, 1.47e-3.
 const NEAR: f32 = 0.8;
-/// Rays that give back less than this share of what they see are not followed up: in sum not even half a per cent.
+/// Rays are dropped whose compensation is less than this share of the radiance they meet: below 0.5 % in sum.
 const LEAST_SHARE: f32 = 5e-4;
 
-/// What the virtual lights of a frame stand for, ready to be asked from anywhere.
-pub struct Gather {
+/// Final gather in one frame: the radiance that its virtual lights stand for, by surfels.
+pub struct FinalGather {
     fixed: Arc<SurfelMap>,
-    carried: SurfelMap,
-    /// Radiance around each fixed surfel, then around each carried one \[W·m⁻²·sr⁻¹\].
+    dynamic: SurfelMap,
+    /// Radiance around each fixed surfel, then around each dynamic one \[W·m⁻²·sr⁻¹\].
     radiance: Vec<Vec3>,
-    /// Softening of the fixed and of the carried anchors \[m²\].
-    softening: [f32; 2],
+    /// Bounds of the geometry terms of the fixed and of the dynamic anchors \[m²\].
+    bound: [f32; 2],
     gaps: Gaps,
     /// By instance.
     moving: Vec<bool>,
-    /// Instances whose own glow is made of virtual lights with the softening of the fixed anchors.
-    glow_softened: Vec<bool>,
+    /// Instances whose emission is represented by virtual lights with the bound of the fixed anchors.
+    virtual_emitters: Vec<bool>,
 }
 
-/// Directions of one look around: even over the disc below, cosine-distributed on the hemisphere above it.
-#[derive(Clone, Debug)]
-pub struct Directions(Vec<Vec3A>);
+impl std::fmt::Debug for FinalGather {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("FinalGather").field("surfels", &self.radiance.len()).finish_non_exhaustive()
+    }
+}
 
-/// What a look around found.
+/// Directions of one final gather: uniform over the disc below, cosine-distributed on the hemisphere above it.
+#[derive(Clone, Debug)]
+pub struct GatherDirections(Vec<Vec3A>);
+
+/// Result of a final gather at one point.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
-pub struct Surroundings {
-    /// Harmonic mean distance of what the rays met \[m\]; infinite where they met nothing.
+#[must_use]
+#[non_exhaustive]
+pub struct Gathered {
+    /// Harmonic mean distance of the hits \[m\]; infinite without hits.
     pub harmonic_mean: f32,
-    /// Distance to the nearest of it \[m\].
+    /// Distance to the nearest hit \[m\]; infinite without hits.
     pub nearest: f32,
     sources: Vec<Source>,
     emitted: Vec3,
     emitted_by_position: Mat3A,
 }
 
-/// A piece of surface nearby whose light was taken.
+/// Light that bounding the geometry term takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Compensation {
+    /// \[W·m⁻²\], linear RGB.
+    pub irradiance: Vec3,
+    /// Derivative by the position \[W·m⁻³\]: a column for each axis.
+    pub by_position: Mat3A,
+}
+
+/// A nearby surfel and its share in the compensation.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Source {
-    /// Place in [`Gather::radiance`].
+    /// Place in [`FinalGather::radiance`].
     surfel: u32,
     /// Irradiance per radiance.
     share: Vec3,
@@ -82,12 +99,12 @@ struct Source {
 /// Where a ray ended.
 struct Seen<'a> {
     surface: Interaction<'a>,
-    /// From the place before \[m\].
+    /// Length of its last segment \[m\].
     distance: f32,
 }
 
-impl Surroundings {
-    /// Adds light that does not come from virtual lights.
+impl Gathered {
+    /// Adds emission that virtual lights stand for.
     fn emit(&mut self, surface: &Interaction, source: &Source) {
         let radiance = surface.emission();
         if radiance == Vec3::ZERO {
@@ -99,7 +116,7 @@ impl Surroundings {
     }
 }
 
-impl Directions {
+impl GatherDirections {
     /// `count` directions; a power of two is the most even.
     pub fn new(count: usize) -> Self {
         let on_sphere = |i| {
@@ -110,47 +127,57 @@ impl Directions {
     }
 }
 
-impl Gather {
-    /// For the frame of `surfaces`, with the `energies` that its photons left. `glow_softened` says for each instance
-    /// whether its glow is made of virtual lights as soft as the fixed anchors, `lamps` where all other lights are.
-    pub fn new(
-        surfaces: &Surfaces,
-        anchors: &Anchors,
-        energies: &Energies,
-        units: &Units,
-        lamps: Lamps,
-        glow_softened: Vec<bool>,
-    ) -> Self {
+impl FinalGather {
+    /// For the frame of `surfaces`, with the flux that its photons left at surfels.
+    #[must_use]
+    pub fn new(surfaces: &Surfaces, anchors: &Anchors, anchor_flux: &AnchorFlux, units: &Units) -> Self {
         let scene = surfaces.scene();
         let fixed = anchors.surfels.fixed.clone();
-        let carried = anchors.surfels.carried_in_world(surfaces);
-        let mut radiance = fixed.radiance(&energies.surfels[0]);
-        radiance.extend(carried.radiance(&energies.surfels[1]));
+        let dynamic = anchors.surfels.dynamic_in_world(surfaces);
+        let mut radiance = fixed.radiance(&anchor_flux.surfels[0]);
+        radiance.extend(dynamic.radiance(&anchor_flux.surfels[1]));
         Self {
             fixed,
-            carried,
+            dynamic,
             radiance,
-            softening: [anchors.softening(true), anchors.carried_softening()],
-            gaps: Gaps { near: NEAR * anchors.area_share.sqrt(), epsilon: units.epsilon, lamps },
+            bound: [anchors.geometry_term_bound(true), anchors.dynamic_geometry_term_bound()],
+            gaps: Gaps { near: NEAR * anchors.area_share.sqrt(), epsilon: units.epsilon, lamps: Lamps::default() },
             moving: scene.moving_instances(),
-            glow_softened,
+            virtual_emitters: vec![false; scene.instances.len()],
         }
     }
 
-    /// Shoots the `directions` from `receiver`, turned about its normal by an angle that follows from `key`.
-    pub fn look_around(
+    /// With lights that surfels are lit by and that rays hardly ever meet; none when not stated.
+    #[must_use]
+    pub fn with_lamps(mut self, lamps: Lamps) -> Self {
+        self.gaps.lamps = lamps;
+        self
+    }
+
+    /// `virtual_emitters` says for each instance whether virtual lights with the bound of the fixed anchors stand for its
+    /// emission, which is compensated then; false for all when not stated.
+    ///
+    /// # Panics
+    /// If there is not one value for each instance.
+    #[must_use]
+    pub fn with_virtual_emitters(self, virtual_emitters: Vec<bool>) -> Self {
+        assert_eq!(virtual_emitters.len(), self.virtual_emitters.len(), "one value for each instance");
+        Self { virtual_emitters, ..self }
+    }
+
+    /// Traces rays in the `directions` from `receiver`, turned about its normal by an angle that follows from `key`.
+    pub fn gather(
         &self,
-        accelerator: &Accelerator,
-        surfaces: &Surfaces,
-        receiver: &Receiver,
-        directions: &Directions,
+        scene: PosedScene,
+        receiver: &ShadingPoint,
+        directions: &GatherDirections,
         key: u64,
-    ) -> Surroundings {
-        let Receiver { position, normal, geometric_normal } = *receiver;
+    ) -> Gathered {
+        let ShadingPoint { position, normal, geometric_normal } = *receiver;
         let (x, y) = frame(normal.into());
         let (sine, cosine) = (std::f32::consts::TAU * hash_unit(key, 0, 0)).sin_cos();
         let (x, y) = (Vec3A::from(x * cosine + y * sine), Vec3A::from(y * cosine - x * sine));
-        let mut found = Surroundings {
+        let mut found = Gathered {
             harmonic_mean: f32::INFINITY,
             nearest: f32::INFINITY,
             sources: Vec::new(),
@@ -166,71 +193,72 @@ impl Gather {
                 continue;
             }
             above += 1;
-            let Some(hit) = accelerator.closest(position, direction) else { continue };
+            let Some(hit) = scene.accelerator.closest(position, direction) else { continue };
             inverse_distances += 1.0 / hit.distance;
             found.nearest = found.nearest.min(hit.distance);
             let r2 = hit.distance * hit.distance;
-            let softening = self.softening[usize::from(self.moving[hit.instance as usize])];
-            let share = softening / (r2 + softening);
+            let bound = self.bound[usize::from(self.moving[hit.instance as usize])];
+            let share = bound / (r2 + bound);
             if share < LEAST_SHARE {
                 continue;
             }
             // Of a texture a ray sees what lies between it and its neighbours.
-            let width = (hit.distance * spread).min(softening.sqrt());
-            let surface = surfaces.meet(&hit, direction, width);
+            let width = (hit.distance * spread).min(bound.sqrt());
+            let surface = scene.surfaces.meet(&hit, direction, width);
             let way = direction * hit.distance;
             // ∇ ln of cos θ cos θ_l s / (r⁴ (r² + s)) along the surface, the element of the other surface held fixed; both
             // cosines carry the way's length.
             let towards = way.dot(surface.geometric_normal).min(-MIN_COSINE * hit.distance);
-            let falloff = way * (4.0 / r2 + 2.0 / (r2 + softening));
+            let falloff = way * (4.0 / r2 + 2.0 / (r2 + bound));
             let gradient = falloff - surface.geometric_normal / towards;
             let gradient = gradient - normal * gradient.dot(normal);
             let source = Source { surfel: 0, share: Vec3::splat(weight * share), by_position: gradient };
-            if self.glow_softened[hit.instance as usize] {
+            if self.virtual_emitters[hit.instance as usize] {
                 found.emit(&surface, &source);
             }
             let seen = Seen { surface, distance: hit.distance };
             let mut random = (0..).map(|k| hash_unit(key, above, k));
-            let (seen, source) = self.gaps.follow(accelerator, surfaces, seen, source, &mut random, &mut found);
+            let (seen, source) = self.gaps.follow(scene, (seen, source), &mut random, &mut found);
             self.take(&seen, source, &mut found);
         }
         found.harmonic_mean = above as f32 / inverse_distances;
         found
     }
 
-    /// Whether all that `found` took light from is there. What a look around found is; what was read from a file may not be.
-    pub fn knows(&self, found: &Surroundings) -> bool {
+    /// Whether this frame has every surfel that `found` refers to. Always true for results of this scene; results that were
+    /// read from a file may refer to others.
+    pub fn is_complete(&self, found: &Gathered) -> bool {
         found.sources.iter().all(|source| (source.surfel as usize) < self.radiance.len())
     }
 
-    /// How near a moving thing has to be for its own light to have lost much: from its anchors' softening \[m\].
-    pub fn reach_of_carried(&self) -> f32 {
-        if self.carried.len() == 0 { 0.0 } else { self.softening[1].sqrt() }
+    /// Distance below which the bound of the geometry term takes much of the light of dynamic anchors \[m\]; 0 without any.
+    pub fn dynamic_reach(&self) -> f32 {
+        if self.dynamic.len() == 0 { 0.0 } else { self.bound[1].sqrt() }
     }
 
-    /// Radiance that `surface` of `instance` reflects, as its surfels stand for it: from all light, to the accuracy of
-    /// their density \[W·m⁻²·sr⁻¹\].
-    pub fn radiance_around(&self, surface: &Surface, instance: u32) -> Vec3 {
-        let carried = self.moving[instance as usize];
-        let (surfels, first) = self.surfels(carried);
+    /// Radiance that `surface` of `instance` reflects of all light, by its surfels and as accurate as they are dense
+    /// \[W·m⁻²·sr⁻¹\].
+    pub fn surfel_radiance(&self, surface: &Surface, instance: u32) -> Vec3 {
+        let dynamic = self.moving[instance as usize];
+        let (surfels, first) = self.surfels(dynamic);
         let mut sum = Vec3::ZERO;
-        let spot = spot(surface.position, surface.geometric_normal, carried.then_some(instance));
+        let spot = spot(surface.position, surface.geometric_normal, dynamic.then_some(instance));
         surfels.splat(&spot, |surfel, weight| {
             sum += self.radiance[first + surfel] * weight;
         });
         sum
     }
 
-    /// Notes what `surface` gives back.
-    fn take(&self, seen: &Seen, source: Source, found: &mut Surroundings) {
+    /// Notes the surfel that stands for the surface of `seen`.
+    fn take(&self, seen: &Seen, source: Source, found: &mut Gathered) {
         let surface = &seen.surface;
         if surface.is_back() {
             return;
         }
-        let carried = self.moving[surface.instance as usize];
-        let (surfels, first) = self.surfels(carried);
+        let dynamic = self.moving[surface.instance as usize];
+        let (surfels, first) = self.surfels(dynamic);
         let mut nearest = (0, 0.0);
-        let spot = spot(surface.position, surface.geometric_normal, carried.then_some(surface.instance));
+        let spot = spot(surface.position, surface.geometric_normal, dynamic.then_some(surface.instance));
         surfels.splat(&spot, |surfel, weight| {
             if weight > nearest.1 {
                 nearest = (surfel, weight);
@@ -241,14 +269,14 @@ impl Gather {
         }
     }
 
-    /// Those of what moves or of what stands still, and the place of the first in `radiance`.
-    fn surfels(&self, carried: bool) -> (&SurfelMap, usize) {
-        if carried { (&self.carried, self.fixed.len()) } else { (&self.fixed, 0) }
+    /// The dynamic or the fixed surfels, and the index of the first of them in `radiance`.
+    fn surfels(&self, dynamic: bool) -> (&SurfelMap, usize) {
+        if dynamic { (&self.dynamic, self.fixed.len()) } else { (&self.fixed, 0) }
     }
 
-    /// Irradiance that softening took at the place of `found`, with this frame's energies \[W·m⁻²\], and its derivative by
-    /// the position: RGB per metre, a column for each axis.
-    pub fn removed_light(&self, found: &Surroundings) -> (Vec3, Mat3A) {
+    /// Bias compensation at the point of `found`, with the flux of this frame.
+    #[must_use]
+    pub fn compensation(&self, found: &Gathered) -> Compensation {
         let (mut sum, mut by_position) = (found.emitted, found.emitted_by_position);
         for source in &found.sources {
             let radiance = self.radiance[source.surfel as usize];
@@ -256,15 +284,14 @@ impl Gather {
             sum += light;
             by_position += outer(light, source.by_position);
         }
-        (sum, by_position)
+        Compensation { irradiance: sum, by_position }
     }
 }
 
-/// Cosine below which a surface is taken as seen at that cosine, where only derivatives are concerned: they would not be
-/// finite edge on.
+/// Least cosine at a hit that derivatives are computed with: edge on they would not be finite.
 const MIN_COSINE: f32 = 0.05;
 
-/// Where a surface stands among the surfels; of one instance alone, if that moves.
+/// A surface as surfels are looked up for it: among those of one instance alone, if that moves.
 fn spot(position: Vec3A, normal: Vec3A, instance: Option<u32>) -> Spot {
     Spot { position, normal, instance, came: None }
 }
@@ -303,15 +330,15 @@ mod tests {
     }
 
     /// The light removed at `receiver`, and its derivative, when every anchor stands for the same radiance.
-    fn removed(scene: &Scene, receiver: impl Fn(f32) -> Receiver, softening: &mut f32) -> Vec<(f32, Vec3A)> {
+    fn removed(scene: &Scene, receiver: impl Fn(f32) -> ShadingPoint, bound: &mut f32) -> Vec<(f32, Vec3A)> {
         let pose: Pose = scene.pose(0.0);
         let surfaces = Surfaces::new(scene, &pose);
-        let anchors = Anchors::spread(scene, &surfaces, &Units::of(scene), 4000, 0);
+        let anchors = Anchors::spread(&surfaces, &Units::of(scene), 4000, 0);
         let count = anchors.surfels.fixed.len();
         let area = anchors.area_share * anchors.fixed.len() as f32;
-        let energies = Energies {
+        let anchor_flux = AnchorFlux {
             fixed: Vec::new(),
-            carried: Vec::new(),
+            dynamic: Vec::new(),
             surfels: [vec![Vec3::splat(RADIANCE * PI * area / count as f32); count], Vec::new()],
             emitted: Vec3::ZERO,
             reflected: Vec3::ZERO,
@@ -319,20 +346,18 @@ mod tests {
             traced: 0,
         };
         let units = Units::of(scene);
-        let gather =
-            Gather::new(&surfaces, &anchors, &energies, &units, Lamps::default(), vec![false; scene.instances.len()]);
-        *softening = gather.softening[0];
+        let gather = FinalGather::new(&surfaces, &anchors, &anchor_flux, &units);
+        *bound = gather.bound[0];
         let accelerator = Geometry::new(scene).place(&pose);
-        let directions = Directions::new(4096);
+        let directions = GatherDirections::new(4096);
         let place = |step: f32| {
-            let found = gather.look_around(
-                &accelerator,
-                &surfaces,
-                &receiver(step * gather.softening[0].sqrt()),
+            let found = gather.gather(
+                PosedScene::new(&accelerator, &surfaces),
+                &receiver(step * gather.bound[0].sqrt()),
                 &directions,
                 7,
             );
-            let (light, slope) = gather.removed_light(&found);
+            let Compensation { irradiance: light, by_position: slope } = gather.compensation(&found);
             (light.x, Vec3A::new(slope.x_axis.x, slope.y_axis.x, slope.z_axis.x))
         };
         [1.0, 0.99, 1.01].map(place).to_vec()
@@ -342,13 +367,13 @@ mod tests {
     #[test]
     fn closed_form_above_a_floor() {
         let floor = squares(&[[Vec3::new(-20.0, 0.0, -20.0), Vec3::Z * 40.0, Vec3::X * 40.0]]);
-        let mut softening = 0.0;
-        let facing_down = |height: f32| Receiver {
+        let mut bound = 0.0;
+        let facing_down = |height: f32| ShadingPoint {
             position: Vec3A::new(0.3, height, 0.2),
             normal: Vec3A::NEG_Y,
             geometric_normal: Vec3A::NEG_Y,
         };
-        let (light, _) = removed(&floor, facing_down, &mut softening)[0];
+        let (light, _) = removed(&floor, facing_down, &mut bound)[0];
         // The height is √s.
         let expected = PI * RADIANCE * (1.0 - 2f32.ln());
         assert!((light / expected - 1.0).abs() < 0.01, "{light} in place of {expected}");
@@ -365,18 +390,21 @@ mod tests {
         let ceiling = [Vec3::new(-20.0, height, -20.0), across, along];
         let mut plates = squares(&[floor, ceiling]);
         plates.materials[0].base_color = Vec3::splat(ALBEDO);
-        let on_floor =
-            |_: f32| Receiver { position: Vec3A::new(0.3, 1e-3, 0.2), normal: Vec3A::Y, geometric_normal: Vec3A::Y };
-        let mut softening = 0.0;
-        let (light, _) = removed(&plates, on_floor, &mut softening)[0];
-        let near = NEAR * (PI * softening / SHARES).sqrt();
+        let on_floor = |_: f32| ShadingPoint {
+            position: Vec3A::new(0.3, 1e-3, 0.2),
+            normal: Vec3A::Y,
+            geometric_normal: Vec3A::Y,
+        };
+        let mut bound = 0.0;
+        let (light, _) = removed(&plates, on_floor, &mut bound)[0];
+        let near = NEAR * (PI * bound / SHARES).sqrt();
         let long = (height / near).powi(2);
         let caught = (0..gap::MOST_REFLECTIONS).fold(1.0, |later, _| long + (1.0 - long) * ALBEDO * later);
         // Over cos² θ, which is even for these rays.
         let steps = 10_000;
         let expected = (0..steps).map(|k| {
             let length = height / ((k as f32 + 0.5) / steps as f32).sqrt();
-            softening / (length * length + softening) * if length < near { caught } else { 1.0 }
+            bound / (length * length + bound) * if length < near { caught } else { 1.0 }
         });
         let expected = PI * RADIANCE * expected.sum::<f32>() / steps as f32;
         assert!((light / expected - 1.0).abs() < 0.05, "{light} in place of {expected}");
@@ -390,10 +418,10 @@ mod tests {
             [Vec3::new(0.0, 0.0, -20.0), Vec3::Y * 40.0, Vec3::Z * 40.0],
         ]);
         let on_floor =
-            |x: f32| Receiver { position: Vec3A::new(x, 1e-3, 0.0), normal: Vec3A::Y, geometric_normal: Vec3A::Y };
-        let mut softening = 0.0;
-        let found = removed(&corner, on_floor, &mut softening);
-        let difference = (found[2].0 - found[1].0) / (0.02 * softening.sqrt());
+            |x: f32| ShadingPoint { position: Vec3A::new(x, 1e-3, 0.0), normal: Vec3A::Y, geometric_normal: Vec3A::Y };
+        let mut bound = 0.0;
+        let found = removed(&corner, on_floor, &mut bound);
+        let difference = (found[2].0 - found[1].0) / (0.02 * bound.sqrt());
         let slope = found[0].1;
         assert!(difference < 0.0, "less light is lost farther away");
         assert!((slope.x / difference - 1.0).abs() < 0.1, "{slope} in place of {difference}");

@@ -3,10 +3,9 @@
 mod outline;
 mod shown;
 
-use crate::Busy;
-use crate::accel::{Accelerator, Hit, PACKET};
+use crate::accel::{Hit, PACKET};
 use crate::scene::{DeformedMesh, View};
-use crate::surface::Surfaces;
+use crate::{Busy, PosedScene, Timed};
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
 use plane::{Correspondence, NO_MATCH, Plane};
 use rayon::prelude::*;
@@ -58,26 +57,17 @@ pub struct GBuffer {
 }
 
 impl GBuffer {
-    /// Shoots a ray through the centre of every pixel, macroblock by macroblock; adds the work to `busy`.
-    pub fn trace(
-        accelerator: &Accelerator,
-        surfaces: &Surfaces,
-        view: &View,
-        size: (usize, usize),
-        busy: &Busy,
-    ) -> Self {
-        Self::trace_at(Vec2::splat(0.5), accelerator, surfaces, view, size, busy)
+    /// Traces a ray through the center of every pixel, for `size` = (width, height) \[pixels\].
+    pub fn trace(scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
+        Self::trace_at(Vec2::splat(0.5), scene, view, size)
     }
 
-    /// As [`GBuffer::trace`], through another `place` of every pixel: from its upper left corner, in 0…1.
-    pub fn trace_at(
-        place: Vec2,
-        accelerator: &Accelerator,
-        surfaces: &Surfaces,
-        view: &View,
-        (width, height): (usize, usize),
-        busy: &Busy,
-    ) -> Self {
+    /// As [`GBuffer::trace`], through the point of every pixel that is `offset` from its upper left corner, 0…1 each.
+    pub fn trace_at(offset: Vec2, scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
+        Timed::of(|busy| Self::traced(offset, scene, view, size, busy))
+    }
+
+    fn traced(offset: Vec2, scene: PosedScene, view: &View, (width, height): (usize, usize), busy: &Busy) -> Self {
         let mut pixels = Plane::filled(width, height, EMPTY);
         let strips = pixels.samples_mut().par_chunks_mut(MACROBLOCK * width);
         strips.enumerate().for_each(|(tile_row, strip)| {
@@ -90,13 +80,14 @@ impl GBuffer {
                             .map(|(x, y)| (x0 + x, y0 + y))
                             .filter(|&(x, y)| x < columns && y < rows)
                             .map(|(x, y)| (left + x, y));
-                        see_together(accelerator, surfaces, view, (top, place), places, |(x, y), pixel| {
+                        see_together(scene, view, (top, offset), places, |(x, y), pixel| {
                             strip[y * width + x] = pixel;
                         });
                     }
                 }
             });
         });
+        let surfaces = scene.surfaces;
         let world = (0..surfaces.scene().instances.len()).map(|instance| *surfaces.world(instance)).collect();
         Self { pixels, view: *view, world, deformed: surfaces.all_deformed().to_vec() }
     }
@@ -148,13 +139,12 @@ fn packet_places() -> impl Iterator<Item = (usize, usize)> {
     (0..PACKET).map(|i| (i / 8 % 2 * 4 + i % 4, i / 16 * 2 + i / 4 % 2))
 }
 
-/// Shoots the rays of a few pixels together, each through `place` of its pixel; their `y` counts from row `top` of the
-/// picture.
+/// Traces the rays of a few pixels together, each `offset` from the corner of its pixel; their `y` counts from row `top` of
+/// the picture.
 fn see_together(
-    accelerator: &Accelerator,
-    surfaces: &Surfaces,
+    scene: PosedScene,
     view: &View,
-    (top, place): (usize, Vec2),
+    (top, offset): (usize, Vec2),
     places: impl Iterator<Item = (usize, usize)>,
     mut set: impl FnMut((usize, usize), PixelSurface),
 ) {
@@ -162,35 +152,29 @@ fn see_together(
     let (mut origins, mut directions) = ([Vec3A::ZERO; PACKET], [Vec3A::ZERO; PACKET]);
     for (x, y) in places {
         pixels[count] = (x, y);
-        (origins[count], directions[count]) = view.ray(Vec2::new(x as f32, (top + y) as f32) + place);
+        (origins[count], directions[count]) = view.ray(Vec2::new(x as f32, (top + y) as f32) + offset);
         count += 1;
     }
     let mut hits = [None; PACKET];
     let origin = origins[0];
     if origins[..count].iter().all(|&other| other == origin) {
-        accelerator.closest_packet(origin, &directions[..count], &mut hits[..count]);
+        scene.accelerator.closest_packet(origin, &directions[..count], &mut hits[..count]);
     } else {
         // The parallel rays of an orthographic camera.
         for i in 0..count {
-            hits[i] = accelerator.closest(origins[i], directions[i]);
+            hits[i] = scene.accelerator.closest(origins[i], directions[i]);
         }
     }
     for i in 0..count {
-        set(pixels[i], see(hits[i], (origins[i], directions[i]), accelerator, surfaces, view));
+        set(pixels[i], see(hits[i], (origins[i], directions[i]), scene, view));
     }
 }
 
-fn see(
-    hit: Option<Hit>,
-    (origin, direction): (Vec3A, Vec3A),
-    accelerator: &Accelerator,
-    surfaces: &Surfaces,
-    view: &View,
-) -> PixelSurface {
+fn see(hit: Option<Hit>, (origin, direction): (Vec3A, Vec3A), scene: PosedScene, view: &View) -> PixelSurface {
     let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);
     let width = |hit: &Hit| view.pixel_width(depth(hit));
-    let Some((hit, surface)) = hit.and_then(|hit| shown(accelerator, surfaces, hit, (origin, direction), width)) else {
-        let sky = surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
+    let Some((hit, surface)) = hit.and_then(|hit| shown(scene, hit, (origin, direction), width)) else {
+        let sky = scene.surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
     };
     PixelSurface {
@@ -214,9 +198,12 @@ const ALIKE_DEPTH: f32 = 0.005;
 
 impl GBuffer {
     /// Where each pixel's surface point is in `other`: it goes there with the instance it sits on, and with its triangle
-    /// where that bends. Adds the work to `busy`.
-    #[must_use]
-    pub fn reproject(&self, other: &GBuffer, busy: &Busy) -> Correspondence {
+    /// where that bends.
+    pub fn reproject(&self, other: &GBuffer) -> Timed<Correspondence> {
+        Timed::of(|busy| self.reprojected(other, busy))
+    }
+
+    fn reprojected(&self, other: &GBuffer, busy: &Busy) -> Correspondence {
         let (width, height) = (self.pixels.width(), self.pixels.height());
         // Other world from current world; most instances stand still.
         let carry: Vec<Affine3A> = self

@@ -17,6 +17,7 @@ mod gbuffer;
 mod path;
 mod photon;
 mod polygon;
+mod posed_scene;
 mod reconstruct;
 mod surface;
 
@@ -24,20 +25,21 @@ pub mod image_file;
 pub mod sampling;
 
 pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
-pub use anchor::{Anchor, Anchors, CarriedAnchor};
+pub use anchor::{Anchor, Anchors, DynamicAnchor};
 pub use bsdf::{Bsdf, BsdfSample};
-pub use busy::Busy;
-pub use direct::{DirectLights, Lamps, Receiver};
+pub use busy::{Busy, Timed};
+pub use direct::{DirectLights, DynamicLights, Lamps, ShadingPoint, Traced};
 pub use emitter::{
-    AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, Emission, Emitters, PhotonSource, PointLight, SunLight,
+    AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, EmittedPhoton, Emitters, PhotonSource, PointLight, SunLight,
     dome_lights,
 };
 pub use environment::Environment;
-pub use gather::{Directions, Gather, Surroundings};
+pub use gather::{FinalGather, GatherDirections, Gathered};
 pub use gbuffer::{GBuffer, MACROBLOCK, NOTHING, PixelSurface};
-pub use path::{Estimate, PathOptions, PathTracer, PixelSampling};
-pub use photon::{Energies, Photons, Swept};
-pub use reconstruct::{reconstruct, sample_places};
+pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling};
+pub use photon::{AnchorFlux, Photons, SweptVolume};
+pub use posed_scene::PosedScene;
+pub use reconstruct::{reconstruct, sample_offsets};
 pub use surface::{Surface, Surfaces};
 
 use glam::{Vec3, Vec3A};

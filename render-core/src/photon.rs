@@ -1,45 +1,43 @@
-//! Photons walk from the lights through the scene and leave their energy at the surfels, which feed the anchors.
+//! Photons walk from the lights through the scene and leave their flux at surfels, which feed the anchors.
 //!
-//! The same Halton numbers are used for every frame: where nothing moves, the energies are the same to
-//! the last bit, and where something does, they change as little as the scene \[Herzog08, 4.1.1\].
+//! The same Halton numbers are used for every frame: where nothing moves, the flux is the same to the last bit, and where
+//! something does, it changes as little as the scene \[Herzog08, 4.1.1\].
 //!
-//! Energy is counted in whole quanta. Sums of integers do not depend on their order: not on the threads, and not on
+//! Flux is counted in whole quanta. Sums of integers do not depend on their order: not on the threads, and not on
 //! which photons are traced again. So the ways of all are traced once up to where anything that moves could meet them
-//! ([`Photons::keeping`]), and the bits are those of tracing them whole.
+//! ([`Photons::with_swept_volume`]), and the bits are those of tracing them whole.
 
 mod path;
 mod quanta;
 mod swept;
 
-pub use swept::Swept;
+pub use swept::SweptVolume;
 
-use crate::accel::Accelerator;
 use crate::anchor::{Anchors, SurfelMap};
 use crate::emitter::Emitters;
-use crate::surface::Surfaces;
-use crate::{Busy, Units};
+use crate::{Busy, PosedScene, Timed, Units};
 use glam::Vec3;
 use path::{LONGEST_PATH, Leg, Path, Walk};
 use quanta::{Left, Quantum, Sums};
 use rayon::prelude::*;
 
-/// What the photons of one frame left behind.
+/// Flux of the photons of one frame, by anchor and by surfel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Energies {
-    /// Flux that each fixed anchor shines with \[W\], linear RGB: what its surfels send farther than their neighbourhood.
+pub struct AnchorFlux {
+    /// Of each fixed anchor \[W\], linear RGB: the part of its surfels' flux that leaves their neighborhood.
     pub fixed: Vec<Vec3>,
-    /// The same for the carried anchors.
-    pub carried: Vec<Vec3>,
-    /// Flux that the surface around each fixed surfel sends back, then around each carried one \[W\].
+    /// The same for the dynamic anchors.
+    pub dynamic: Vec<Vec3>,
+    /// Reflected by the surface around each fixed surfel, then around each dynamic one \[W\].
     pub surfels: [Vec<Vec3>; 2],
-    /// What was emitted \[W\].
+    /// Emitted by the lights \[W\].
     pub emitted: Vec3,
-    /// What all photons together were sent back with \[W\]: the sum that the surfels hold, to the quantum.
+    /// Reflected by all surfaces \[W\]: the sum over the surfels, to the quantum.
     pub reflected: Vec3,
-    /// What left the scene, met surfaces from behind, or was sent back where there is no surfel \[W\].
+    /// Left the scene, met the back of a surface, or was reflected where there is no surfel \[W\].
     pub lost: Vec3,
-    /// Photons that were traced for this frame, whole or from where something may have moved into their way; what the
-    /// others leave was known.
+    /// Photons that were traced for this frame, whole or from where something may have moved into their way. The flux of all
+    /// others was known.
     pub traced: u64,
 }
 
@@ -49,18 +47,18 @@ pub struct Photons {
     count: u64,
     seed: u64,
     bounces: usize,
-    swept: Option<Swept>,
+    swept: Option<SweptVolume>,
     settled: Option<Settled>,
 }
 
-/// What is known of the ways of photons up to where they may meet what moves.
+/// Photon paths up to where they may meet moving things.
 #[derive(Clone, Debug)]
 struct Settled {
     /// Powers of the lights when they were traced: these decide which light a photon starts from.
     powers: Vec<Vec3>,
-    /// What no moving thing has a part in.
+    /// Flux of the segments that no moving thing can change.
     sums: Sums,
-    /// Where photons have to be traced on from in every frame.
+    /// Segments from which photons are traced on in every frame.
     others: Vec<Other>,
 }
 
@@ -88,28 +86,36 @@ impl Photons {
     }
 
     /// Photons are traced for the first frame only until they enter `swept`, the space that moving things pass through.
-    /// The caller promises that nothing that moves leaves that space in the frames to come, and that the anchors stay.
-    pub fn keeping(self, swept: Swept) -> Self {
+    /// Later frames need the same anchors, and nothing that moves may leave that space.
+    pub fn with_swept_volume(self, swept: SweptVolume) -> Self {
         Self { swept: Some(swept), ..self }
     }
 
-    /// Traces one frame; adds the work to `busy`. The same scene gives the same bits, for any number of threads and
-    /// whatever was kept.
+    /// Traces one frame. The same scene gives the same bits, for any number of threads and whatever was kept.
     pub fn trace(
         &mut self,
-        accelerator: &Accelerator,
-        surfaces: &Surfaces,
+        scene: PosedScene,
+        emitters: &Emitters,
+        anchors: &Anchors,
+        units: &Units,
+    ) -> Timed<AnchorFlux> {
+        Timed::of(|busy| self.traced(scene, emitters, anchors, units, busy))
+    }
+
+    fn traced(
+        &mut self,
+        PosedScene { accelerator, surfaces }: PosedScene,
         emitters: &Emitters,
         anchors: &Anchors,
         units: &Units,
         busy: &Busy,
-    ) -> Energies {
-        let carried = anchors.surfels.carried_in_world(surfaces);
-        let surfels: [&SurfelMap; 2] = [&anchors.surfels.fixed, &carried];
+    ) -> AnchorFlux {
+        let dynamic = anchors.surfels.dynamic_in_world(surfaces);
+        let surfels: [&SurfelMap; 2] = [&anchors.surfels.fixed, &dynamic];
         let empty = || Sums::new(surfels);
         let started = || (empty(), Left::default());
         let source = emitters.photons(surfaces.scene()).filter(|_| self.count > 0);
-        let Some(source) = source else { return empty().energies(Quantum::default(), 0, anchors, surfels) };
+        let Some(source) = source else { return empty().anchor_flux(Quantum::default(), 0, anchors, surfels) };
         let quantum = Quantum::of(source.powers());
         let walk = Walk {
             accelerator,
@@ -144,7 +150,7 @@ impl Photons {
                 (sums, left)
             });
             let sums = fold.map(|(sums, _)| sums).reduce(empty, Sums::plus).plus(settled.sums.clone());
-            return sums.energies(quantum, settled.others.len() as u64, anchors, surfels);
+            return sums.anchor_flux(quantum, settled.others.len() as u64, anchors, surfels);
         }
         let Some(swept) = &self.swept else {
             let fold = batches.fold(started, |(mut sums, mut left), place| {
@@ -161,7 +167,7 @@ impl Photons {
             return fold
                 .map(|(sums, _)| sums)
                 .reduce(empty, Sums::plus)
-                .energies(quantum, self.count, anchors, surfels);
+                .anchor_flux(quantum, self.count, anchors, surfels);
         };
         // The first frame with something to keep: photons that stay are summed apart from the others.
         let apart = || (empty(), empty(), Vec::new());
@@ -190,8 +196,8 @@ impl Photons {
             (stay, change, others)
         });
         let (stay, change, others) = fold.reduce(apart, |a, b| (a.0.plus(b.0), a.1.plus(b.1), [a.2, b.2].concat()));
-        let energies = stay.clone().plus(change).energies(quantum, self.count, anchors, surfels);
+        let anchor_flux = stay.clone().plus(change).anchor_flux(quantum, self.count, anchors, surfels);
         self.settled = Some(Settled { powers: source.powers().to_vec(), sums: stay, others });
-        energies
+        anchor_flux
     }
 }

@@ -14,7 +14,7 @@ const RADIUS: f32 = 1.5;
 
 /// Places of `count` samples in a pixel, from its upper left corner, in 0…1: one sample is the centre, more are the
 /// first points of a (0, 2)-sequence, each in the middle of its cell. Powers of two are centred on the pixel.
-pub fn sample_places(count: usize) -> Vec<Vec2> {
+pub fn sample_offsets(count: usize) -> Vec<Vec2> {
     let count = count.max(1);
     let half_cell = 0.5 / count.next_power_of_two() as f32;
     (0..count as u64).map(|index| sobol_point(index) + half_cell).collect()
@@ -87,7 +87,7 @@ mod tests {
 
     /// A picture given by a function of the place, as the samples see it.
     fn sampled(size: usize, count: usize, f: impl Fn(Vec2) -> f32) -> Plane<[f32; 3]> {
-        let places = sample_places(count);
+        let places = sample_offsets(count);
         let planes: Vec<_> = places
             .iter()
             .map(|&place| Plane::from_fn(size, size, |x, y| [f(Vec2::new(x as f32, y as f32) + place); 3]))
@@ -97,15 +97,15 @@ mod tests {
 
     #[test]
     fn one_sample_is_the_centre_and_the_picture() {
-        assert_eq!(sample_places(1), [Vec2::splat(0.5)]);
+        assert_eq!(sample_offsets(1), [Vec2::splat(0.5)]);
         let picture = Plane::from_fn(5, 4, |x, y| [x as f32, y as f32, 1.0]);
-        assert_eq!(reconstruct(std::slice::from_ref(&picture), &sample_places(1)), picture);
+        assert_eq!(reconstruct(std::slice::from_ref(&picture), &sample_offsets(1)), picture);
     }
 
     #[test]
     fn places_lie_in_the_pixel_and_around_its_centre() {
         for count in 1..=64 {
-            let places = sample_places(count);
+            let places = sample_offsets(count);
             assert_eq!(places.len(), count);
             assert!(places.iter().all(|p| p.min_element() >= 0.0 && p.max_element() <= 1.0), "{count}: {places:?}");
             let mean = places.iter().sum::<Vec2>() / count as f32;

@@ -43,6 +43,12 @@ pub struct Surfaces<'a> {
     deformed: Vec<Option<Arc<DeformedMesh>>>,
 }
 
+impl std::fmt::Debug for Surfaces<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("Surfaces").field("instances", &self.world.len()).finish_non_exhaustive()
+    }
+}
+
 /// The vertices of an instance, as its mesh has them or as they are bent.
 struct Shape<'a> {
     positions: &'a [Vec3],

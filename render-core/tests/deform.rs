@@ -8,7 +8,7 @@ use render_core::scene::{
     Camera, Channel, Influence, Interpolation, Mesh, MorphTarget, MorphedNode, Node, Projection, Scene, Skin, Skinning,
     Track,
 };
-use render_core::{Anchors, Busy, GBuffer, Geometry, NOTHING, PixelSurface, Surfaces, Units};
+use render_core::{Anchors, GBuffer, Geometry, NOTHING, PixelSurface, PosedScene, Surfaces, Units};
 
 const SIZE: usize = 128;
 const YFOV: f32 = 0.9;
@@ -73,7 +73,7 @@ fn seen(scene: &Scene, time: f32) -> GBuffer {
     let pose = scene.pose(time);
     let accelerator = Geometry::new(scene).place(&pose);
     let view = scene.view(&pose, SIZE, SIZE);
-    GBuffer::trace(&accelerator, &Surfaces::new(scene, &pose), &view, (SIZE, SIZE), &Busy::default())
+    GBuffer::trace(PosedScene::new(&accelerator, &Surfaces::new(scene, &pose)), &view, (SIZE, SIZE)).value
 }
 
 fn focal() -> f32 {
@@ -84,7 +84,7 @@ fn focal() -> f32 {
 /// plane z = −3 at time 1 was at time 0; and how many vectors there were.
 fn worst_vector(scene: &Scene, then: impl Fn(&PixelSurface, Vec3) -> Vec3) -> (f32, usize) {
     let (before, now) = (seen(scene, 0.0), seen(scene, 1.0));
-    let correspondence = now.reproject(&before, &Busy::default());
+    let correspondence = now.reproject(&before).value;
     let (half, mut worst, mut count) = (SIZE as f32 / 2.0, 0.0f32, 0);
     for y in 0..SIZE {
         for x in 0..SIZE {
@@ -154,13 +154,13 @@ fn anchors_stay_on_what_bends() {
     for scene in [arm(), leaning()] {
         let units = Units::of(&scene);
         let start = scene.pose(0.0);
-        let anchors = Anchors::spread(&scene, &Surfaces::new(&scene, &start), &units, 0, 200);
+        let anchors = Anchors::spread(&Surfaces::new(&scene, &start), &units, 0, 200);
         let pose = scene.pose(1.0);
         let surfaces = Surfaces::new(&scene, &pose);
         let accelerator = Geometry::new(&scene).place(&pose);
-        let carried = anchors.carried_in_world(&surfaces);
-        assert_eq!(carried.len(), 200);
-        for anchor in carried {
+        let dynamic = anchors.dynamic_in_world(&surfaces);
+        assert_eq!(dynamic.len(), 200);
+        for anchor in dynamic {
             let from = anchor.position + anchor.normal * 0.5;
             let hit = accelerator.closest(from, -anchor.normal).expect("a surface below the anchor");
             assert!((hit.distance - 0.5).abs() < 1e-3, "{} m above the surface", hit.distance - 0.5);

@@ -6,8 +6,7 @@ use common::{add, material, quad, rest, room};
 use glam::{Quat, Vec3, Vec3A, vec3};
 use render_core::sampling::hash_unit;
 use render_core::scene::{Channel, Interpolation, Node, PunctualKind, PunctualLight, Scene, Track, Transform};
-use render_core::{Accelerator, Anchors, DirectLights, Emitters, Geometry, Receiver, Surfaces, Units, luminance};
-use std::cell::Cell;
+use render_core::{Accelerator, Anchors, DirectLights, Emitters, Geometry, ShadingPoint, Surfaces, Units, luminance};
 
 /// A closed room with a panel under its ceiling, a box-like screen, and a small plate that moves and carries anchors.
 fn scene() -> Scene {
@@ -40,15 +39,15 @@ fn light(scene: &Scene) -> Lit<'_> {
     let surfaces = Surfaces::new(scene, &pose);
     let units = Units::of(scene);
     let emitters = Emitters::new(&surfaces, &pose, &units);
-    let anchors = Anchors::spread(scene, &surfaces, &units, 10, 12);
-    let energies = vec![Vec3::splat(0.02); anchors.carried.len()];
+    let anchors = Anchors::spread(&surfaces, &units, 10, 12);
+    let anchor_flux = vec![Vec3::splat(0.02); anchors.dynamic.len()];
     let all: Vec<usize> = (0..emitters.areas.len()).collect();
-    let direct = DirectLights::new(&emitters, &surfaces, &anchors, &energies, &all);
+    let direct = DirectLights::new(&emitters, &surfaces, &anchors, &anchor_flux, &all);
     Lit { scene, accelerator: Geometry::new(scene).place(&pose), direct, emitters }
 }
 
 /// Points on the walls, floor and ceiling, as a camera in the middle sees them.
-fn receivers(lit: &Lit, count: u64) -> Vec<Receiver> {
+fn receivers(lit: &Lit, count: u64) -> Vec<ShadingPoint> {
     let pose = lit.scene.pose(0.0);
     let surfaces = Surfaces::new(lit.scene, &pose);
     (0..count)
@@ -56,7 +55,7 @@ fn receivers(lit: &Lit, count: u64) -> Vec<Receiver> {
             let direction = Vec3A::new(hash_unit(1, k, 0) - 0.5, hash_unit(1, k, 1) - 0.5, hash_unit(1, k, 2) - 0.5);
             let direction = direction.try_normalize()?;
             let surface = surfaces.at(&lit.accelerator.closest(Vec3A::new(0.0, 0.3, 0.7), direction)?, direction, 0.0);
-            Some(Receiver {
+            Some(ShadingPoint {
                 position: surface.position + surface.geometric_normal * 1e-4,
                 normal: surface.shading_normal,
                 geometric_normal: surface.geometric_normal,
@@ -81,14 +80,15 @@ fn a_tile_is_lit_as_its_receivers_are_alone() {
     });
     let lit = light(&scene);
     let receivers = receivers(&lit, 200);
-    let rays = Cell::new(0);
-    let together = lit.direct.irradiance_tile(&lit.accelerator, &receivers, &rays);
-    let rays_alone = Cell::new(0);
-    for (receiver, e) in receivers.iter().zip(&together) {
-        assert_eq!(lit.direct.irradiance(&lit.accelerator, receiver, &rays_alone), *e);
+    let together = lit.direct.irradiance_tile(&lit.accelerator, &receivers);
+    let mut rays_alone = 0;
+    for (receiver, e) in receivers.iter().zip(&together.value) {
+        let alone = lit.direct.irradiance(&lit.accelerator, receiver);
+        assert_eq!(alone.value, *e);
+        rays_alone += alone.shadow_rays;
     }
-    assert_eq!(rays.get(), rays_alone.get());
-    assert!(lit.direct.irradiance_tile(&lit.accelerator, &[], &rays).is_empty());
+    assert_eq!(together.shadow_rays, rays_alone);
+    assert!(lit.direct.irradiance_tile(&lit.accelerator, &[]).value.is_empty());
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn penumbras_agree_with_a_thousand_points() {
     lit.direct = DirectLights::new(&lit.emitters, &surfaces, &Anchors::default(), &[], &[0]);
     let samples = lit.emitters.areas[0].samples(&surfaces, 1024);
     let receivers = receivers(&lit, 3000);
-    let found = lit.direct.irradiance_tile(&lit.accelerator, &receivers, &Cell::new(0));
+    let found = lit.direct.irradiance_tile(&lit.accelerator, &receivers).value;
     let (mut squares, mut sum, mut partial, mut worst) = (0.0, 0.0, 0, 0.0f32);
     let mean = found.iter().map(|&e| luminance(e)).sum::<f32>() / found.len() as f32;
     for (receiver, &e) in receivers.iter().zip(&found) {
@@ -155,14 +155,14 @@ fn what_touches_a_lamp_is_lit_by_it() {
     add(&mut scene, rest(Vec3::ZERO), panel, material(Vec3::ZERO, vec3(5.0, 4.0, 3.0)));
     let lit = light(&scene);
     for below in [1e-6, 2e-6, 4e-6, 8e-6, 1e-5, 1e-4] {
-        let receivers: Vec<Receiver> = (0..64)
-            .map(|k| Receiver {
+        let receivers: Vec<ShadingPoint> = (0..64)
+            .map(|k| ShadingPoint {
                 position: Vec3A::new(0.2 * hash_unit(2, k, 0) - 0.1, 0.5 - below, 2e-5),
                 normal: Vec3A::Z,
                 geometric_normal: Vec3A::Z,
             })
             .collect();
-        for light in lit.direct.irradiance_tile(&lit.accelerator, &receivers, &Cell::new(0)) {
+        for light in lit.direct.irradiance_tile(&lit.accelerator, &receivers).value {
             let expected = vec3(5.0, 4.0, 3.0) * std::f32::consts::PI / 2.0;
             assert!(light.abs_diff_eq(expected, 2e-3 * expected.x), "{below} m below: {light} in place of {expected}");
         }

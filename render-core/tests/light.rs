@@ -8,9 +8,9 @@ use render_core::scene::{
     Channel, Gradient, Interpolation, Material, Node, PunctualKind, PunctualLight, Scene, Track, Transform,
 };
 use render_core::{
-    Anchors, DirectLights, Emitters, Energies, Geometry, Photons, Receiver, Surfaces, Swept, Units, luminance,
+    AnchorFlux, Anchors, DirectLights, Emitters, Geometry, Photons, PosedScene, ShadingPoint, Surfaces, SweptVolume,
+    Units, luminance,
 };
-use std::cell::Cell;
 use std::f32::consts::{FRAC_PI_2, PI};
 
 /// Irradiance at `position` with normal +y, all glowing surfaces asked one by one.
@@ -21,8 +21,8 @@ fn irradiance(scene: &Scene, position: Vec3) -> Vec3 {
     let emitters = Emitters::new(&surfaces, &pose, &Units::of(scene));
     let all: Vec<usize> = (0..emitters.areas.len()).collect();
     let direct = DirectLights::new(&emitters, &surfaces, &Anchors::default(), &[], &all);
-    let receiver = Receiver { position: position.into(), normal: Vec3A::Y, geometric_normal: Vec3A::Y };
-    direct.irradiance(&accelerator, &receiver, &Cell::new(0))
+    let receiver = ShadingPoint { position: position.into(), normal: Vec3A::Y, geometric_normal: Vec3A::Y };
+    direct.irradiance(&accelerator, &receiver).value
 }
 
 /// Form factor from a point facing +y to a rectangle of sides `a`, `b` above it at `h`, one corner straight overhead
@@ -114,16 +114,16 @@ fn a_half_covered_panel_gives_half_its_light() {
     assert!((half / open - 0.5).abs() < 0.02, "{half} of {open}");
 }
 
-fn photons(scene: &Scene, count: u64) -> (Anchors, Energies) {
+fn photons(scene: &Scene, count: u64) -> (Anchors, AnchorFlux) {
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
     let accelerator = Geometry::new(scene).place(&pose);
     let units = Units::of(scene);
     let emitters = Emitters::new(&surfaces, &pose, &units);
-    let anchors = Anchors::spread(scene, &surfaces, &units, 600, 0);
-    let busy = render_core::Busy::default();
-    let energies = Photons::new(count, 3).trace(&accelerator, &surfaces, &emitters, &anchors, &units, &busy);
-    (anchors, energies)
+    let anchors = Anchors::spread(&surfaces, &units, 600, 0);
+    let anchor_flux =
+        Photons::new(count, 3).trace(PosedScene::new(&accelerator, &surfaces), &emitters, &anchors, &units).value;
+    (anchors, anchor_flux)
 }
 
 #[test]
@@ -131,19 +131,26 @@ fn in_a_furnace_the_reflected_flux_is_the_geometric_series() {
     for albedo in [0.2f32, 0.5, 0.8] {
         let mut scene = Scene::default();
         add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(albedo), vec3(1.0, 2.0, 0.5)));
-        let (anchors, energies) = photons(&scene, 40_000);
+        let (anchors, anchor_flux) = photons(&scene, 40_000);
         let area = 24.0;
-        assert!((energies.emitted.x / (PI * area) - 1.0).abs() < 1e-3, "power of the walls: {}", energies.emitted.x);
+        assert!(
+            (anchor_flux.emitted.x / (PI * area) - 1.0).abs() < 1e-3,
+            "power of the walls: {}",
+            anchor_flux.emitted.x
+        );
         let series = albedo / (1.0 - albedo);
-        let ratio = luminance(energies.reflected) / luminance(energies.emitted);
+        let ratio = luminance(anchor_flux.reflected) / luminance(anchor_flux.emitted);
         assert!((ratio / series - 1.0).abs() < 0.01, "albedo {albedo}: {ratio} instead of {series}");
-        let held: Vec3 = energies.fixed.iter().sum();
-        assert!((luminance(held) / luminance(energies.reflected) - 1.0).abs() < 1e-5, "anchors hold what photons left");
+        let held: Vec3 = anchor_flux.fixed.iter().sum();
+        assert!(
+            (luminance(held) / luminance(anchor_flux.reflected) - 1.0).abs() < 1e-5,
+            "anchors hold what photons left"
+        );
         // The room is closed, but a ray exactly through an edge may slip between the two triangles that share it.
-        assert!(luminance(energies.lost) < 1e-3 * luminance(energies.emitted), "{} lost", energies.lost);
+        assert!(luminance(anchor_flux.lost) < 1e-3 * luminance(anchor_flux.emitted), "{} lost", anchor_flux.lost);
         // Evenly lit, evenly held: no anchor may stand out.
         let mean = luminance(held) / anchors.fixed.len() as f32;
-        let spread = energies.fixed.iter().map(|&e| (luminance(e) / mean - 1.0).powi(2)).sum::<f32>() / 600.0;
+        let spread = anchor_flux.fixed.iter().map(|&e| (luminance(e) / mean - 1.0).powi(2)).sum::<f32>() / 600.0;
         assert!(spread.sqrt() < 0.35, "relative spread {}", spread.sqrt());
     }
 }
@@ -218,31 +225,32 @@ fn photons_that_stay_are_kept_and_no_bit_changes() {
     let scene = room_with_a_sliding_panel();
     let units = Units::of(&scene);
     let rest = scene.pose(0.0);
-    let anchors = Anchors::spread(&scene, &Surfaces::new(&scene, &rest), &units, 300, 12);
+    let anchors = Anchors::spread(&Surfaces::new(&scene, &rest), &units, 300, 12);
     let geometry = Geometry::new(&scene);
     let frames = || (0..5).map(|n| n as f32 / 4.0);
-    let busy = render_core::Busy::default();
     let mut all = Photons::new(30_000, 7);
-    let mut kept = Photons::new(30_000, 7).keeping(Swept::of(&scene, &units, frames()));
-    let mut energies: Vec<Energies> = Vec::new();
+    let mut kept = Photons::new(30_000, 7).with_swept_volume(SweptVolume::of(&scene, &units, frames()));
+    let mut anchor_flux: Vec<AnchorFlux> = Vec::new();
     for time in frames() {
         let pose = scene.pose(time);
         let surfaces = Surfaces::new(&scene, &pose);
         let accelerator = geometry.place(&pose);
         let emitters = Emitters::new(&surfaces, &pose, &units);
-        let trace = |photons: &mut Photons| photons.trace(&accelerator, &surfaces, &emitters, &anchors, &units, &busy);
+        let trace = |photons: &mut Photons| {
+            photons.trace(PosedScene::new(&accelerator, &surfaces), &emitters, &anchors, &units).value
+        };
         let (a, b) = (trace(&mut all), trace(&mut kept));
         assert_eq!(a.traced, 30_000);
         if time > 0.0 {
             assert!(b.traced > 1000 && b.traced < 24_000, "{} photons were traced again", b.traced);
         }
-        assert_eq!(Energies { traced: 0, ..a.clone() }, Energies { traced: 0, ..b });
-        energies.push(a);
+        assert_eq!(AnchorFlux { traced: 0, ..a.clone() }, AnchorFlux { traced: 0, ..b });
+        anchor_flux.push(a);
     }
-    assert!(energies.windows(2).all(|pair| pair[0].fixed != pair[1].fixed), "the panel throws a shadow that moves");
-    let held: Vec3 = energies[2].fixed.iter().chain(&energies[2].carried).sum();
-    assert!((luminance(held) / luminance(energies[2].reflected) - 1.0).abs() < 1e-5);
-    assert!(energies[2].carried.iter().any(|e| e.x > 0.0));
+    assert!(anchor_flux.windows(2).all(|pair| pair[0].fixed != pair[1].fixed), "the panel throws a shadow that moves");
+    let held: Vec3 = anchor_flux[2].fixed.iter().chain(&anchor_flux[2].dynamic).sum();
+    assert!((luminance(held) / luminance(anchor_flux[2].reflected) - 1.0).abs() < 1e-5);
+    assert!(anchor_flux[2].dynamic.iter().any(|e| e.x > 0.0));
 }
 
 /// Light that takes at most n reflections is the sum of the first n terms of the series.
@@ -254,14 +262,13 @@ fn paths_can_be_cut_short() {
     let surfaces = Surfaces::new(&scene, &pose);
     let units = Units::of(&scene);
     let emitters = Emitters::new(&surfaces, &pose, &units);
-    let anchors = Anchors::spread(&scene, &surfaces, &units, 100, 0);
+    let anchors = Anchors::spread(&surfaces, &units, 100, 0);
     let accelerator = Geometry::new(&scene).place(&pose);
-    let busy = render_core::Busy::default();
     for bounces in 0..4 {
         let mut photons = Photons::new(20_000, 1).with_bounces(bounces);
-        let energies = photons.trace(&accelerator, &surfaces, &emitters, &anchors, &units, &busy);
+        let anchor_flux = photons.trace(PosedScene::new(&accelerator, &surfaces), &emitters, &anchors, &units).value;
         let series: f32 = (1..=bounces as i32).map(|n| 0.5f32.powi(n)).sum();
-        let ratio = luminance(energies.reflected) / luminance(energies.emitted);
+        let ratio = luminance(anchor_flux.reflected) / luminance(anchor_flux.emitted);
         assert!((ratio - series).abs() < 0.01, "{bounces} bounces: {ratio} instead of {series}");
     }
 }
@@ -277,9 +284,9 @@ fn anchors_keep_out_of_covered_places() {
         let under = |p: Vec3A| p.x.abs() < 0.499 && p.z.abs() < 0.499 && p.y < -0.999;
         anchors.fixed.iter().filter(|anchor| under(anchor.position)).count()
     };
-    let everywhere = Anchors::spread(&scene, &surfaces, &units, 2000, 0);
+    let everywhere = Anchors::spread(&surfaces, &units, 2000, 0);
     assert!(covered(&everywhere) > 50, "the floor under the block is 1 of 29 m²");
-    let exposed = Anchors::spread_exposed(&scene, &surfaces, &Geometry::new(&scene), &units, 2000, 0);
+    let exposed = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, 2000, 0);
     assert_eq!(covered(&exposed), 0);
     assert!(exposed.fixed.len().abs_diff(2000) < 40, "{} anchors", exposed.fixed.len());
     assert!(
@@ -297,7 +304,7 @@ fn anchors_keep_out_of_covered_places() {
     }
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(&scene, &pose);
-    let moving = Anchors::spread_exposed(&scene, &surfaces, &Geometry::new(&scene), &units, 2000, 0);
+    let moving = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, 2000, 0);
     // Of 24 m² that stand still.
     assert!(covered(&moving).abs_diff(2000 / 24) < 15, "{} of 83 anchors under the block", covered(&moving));
 }

@@ -6,7 +6,7 @@ use common::{add, material, quad, rest};
 use glam::{Quat, Vec2, Vec3, vec3};
 use plane::NO_MATCH;
 use render_core::scene::{Camera, Channel, Interpolation, Node, Projection, Scene, Track, Transform};
-use render_core::{Accelerator, Busy, GBuffer, Geometry, NOTHING, Surfaces};
+use render_core::{Accelerator, GBuffer, Geometry, NOTHING, PosedScene, Surfaces};
 
 const SIZE: usize = 128;
 const YFOV: f32 = 0.9;
@@ -14,13 +14,8 @@ const YFOV: f32 = 0.9;
 fn seen(scene: &Scene, time: f32) -> GBuffer {
     let pose = scene.pose(time);
     let accelerator: Accelerator = Geometry::new(scene).place(&pose);
-    GBuffer::trace(
-        &accelerator,
-        &Surfaces::new(scene, &pose),
-        &scene.view(&pose, SIZE, SIZE),
-        (SIZE, SIZE),
-        &Busy::default(),
-    )
+    let (surfaces, view) = (Surfaces::new(scene, &pose), scene.view(&pose, SIZE, SIZE));
+    GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (SIZE, SIZE)).value
 }
 
 /// A wall at z = −6, a board in front of it that moves and turns, and a camera that moves and turns.
@@ -58,7 +53,7 @@ fn pixel(place: Transform, p: Vec3) -> Vec2 {
 fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
     let scene = scene();
     let (before, now) = (seen(&scene, 0.0), seen(&scene, 1.0));
-    let correspondence = now.reproject(&before, &Busy::default());
+    let correspondence = now.reproject(&before).value;
     let camera =
         [rest(Vec3::ZERO), Transform { rotation: Quat::from_rotation_y(0.05), ..rest(vec3(0.13, 0.07, -0.2)) }];
     let (mut checked, mut board, mut worst) = (0, 0, 0.0f32);
@@ -95,7 +90,7 @@ fn what_was_hidden_has_no_vector() {
     scene.channels.truncate(1);
     // The board slides right by 0.6 m: at its left border a strip of wall comes into view.
     scene.channels[0].track = Track::Translation(vec![vec3(0.0, 0.0, -3.0), vec3(0.6, 0.0, -3.0)]);
-    let correspondence = seen(&scene, 1.0).reproject(&seen(&scene, 0.0), &Busy::default());
+    let correspondence = seen(&scene, 1.0).reproject(&seen(&scene, 0.0)).value;
     let focal = SIZE as f32 / 2.0 / (YFOV / 2.0).tan();
     let border = |left: f32| SIZE as f32 / 2.0 + focal * left / 3.0;
     let (was, is) = (border(-0.8), border(-0.2));
@@ -116,7 +111,7 @@ fn at_rest_everything_is_its_own_match() {
     let mut scene = scene();
     scene.channels.clear();
     let frame = seen(&scene, 0.0);
-    let correspondence = frame.reproject(&seen(&scene, 1.0), &Busy::default());
+    let correspondence = frame.reproject(&seen(&scene, 1.0)).value;
     for (index, (motion, &found)) in
         correspondence.motion().samples().iter().zip(correspondence.matches().samples()).enumerate()
     {

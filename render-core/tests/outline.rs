@@ -6,7 +6,7 @@ use common::{add, material, quad, rest};
 use glam::{Quat, Vec2, Vec3, Vec3A, vec3};
 use render_core::scene::{Material, Mesh, Projection, Scene, View};
 use render_core::{
-    Busy, Emitters, GBuffer, Geometry, NOTHING, PathOptions, PathTracer, PixelSampling, Surfaces, Units,
+    Emitters, GBuffer, Geometry, NOTHING, PathOptions, PathTracer, PixelSampling, PosedScene, Surfaces, Units,
 };
 use std::f32::consts::TAU;
 
@@ -54,7 +54,7 @@ fn no_pixel_sees_the_far_side_of_a_closed_body() {
         add(&mut scene, place, column(), double_sided);
         let pose = scene.pose(0.0);
         let (surfaces, accelerator) = (Surfaces::new(&scene, &pose), Geometry::new(&scene).place(&pose));
-        let picture = GBuffer::trace(&accelerator, &surfaces, &view, (SIZE, SIZE), &Busy::default());
+        let picture = GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (SIZE, SIZE)).value;
         for pixel in picture.pixels.samples().iter().filter(|pixel| pixel.instance != NOTHING) {
             seen += 1;
             let outward = (Vec3A::from(pixel.position) - Vec3A::from(axis)).with_y(0.0);
@@ -82,7 +82,7 @@ fn the_back_of_a_single_sided_surface_is_not_shown() {
         }
         let pose = scene.pose(0.0);
         let (surfaces, accelerator) = (Surfaces::new(&scene, &pose), Geometry::new(&scene).place(&pose));
-        let picture = GBuffer::trace(&accelerator, &surfaces, &view, (SIZE, SIZE), &Busy::default());
+        let picture = GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (SIZE, SIZE)).value;
         let depth = 4.0 + expected as f32;
         for pixel in picture.pixels.samples() {
             assert_eq!(pixel.instance, expected);
@@ -90,8 +90,8 @@ fn the_back_of_a_single_sided_surface_is_not_shown() {
         }
         let units = Units::of(&scene);
         let emitters = Emitters::new(&surfaces, &pose, &units);
-        let tracer = PathTracer::new(&accelerator, &surfaces, &emitters, &units);
-        for pixel in [PixelSampling::Centre, PixelSampling::Area] {
+        let tracer = PathTracer::new(PosedScene::new(&accelerator, &surfaces), &emitters, &units);
+        for pixel in [PixelSampling::Center, PixelSampling::Area] {
             let options = PathOptions { samples: 4, max_bounces: Some(0), pixel, ..PathOptions::default() };
             let traced = tracer.render(&view, (8, 8), &options, |_, _| ());
             let glow = if expected == 1 { 2.0 } else { 3.0 };

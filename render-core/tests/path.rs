@@ -9,7 +9,8 @@ use render_core::scene::{
     Camera, Gradient, Material, Mesh, Node, Projection, PunctualKind, PunctualLight, Scene, Transform,
 };
 use render_core::{
-    Busy, Emitters, Environment, Estimate, GBuffer, Geometry, PathOptions, PathTracer, PixelSampling, Surfaces, Units,
+    Emitters, Environment, GBuffer, Geometry, PathEstimate, PathOptions, PathTracer, PixelSampling, PosedScene,
+    Surfaces, Units,
 };
 use std::f32::consts::FRAC_PI_2;
 
@@ -23,13 +24,13 @@ fn film(scene: &mut Scene, position: Vec3, rotation: Quat, projection: Projectio
     scene.cameras = vec![Camera { name: String::new(), node: scene.nodes.len() - 1, projection }];
 }
 
-fn render(scene: &Scene, size: usize, options: PathOptions) -> Estimate {
+fn render(scene: &Scene, size: usize, options: PathOptions) -> PathEstimate {
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
     let accelerator = Geometry::new(scene).place(&pose);
     let units = Units::of(scene);
     let emitters = Emitters::new(&surfaces, &pose, &units);
-    let tracer = PathTracer::new(&accelerator, &surfaces, &emitters, &units);
+    let tracer = PathTracer::new(PosedScene::new(&accelerator, &surfaces), &emitters, &units);
     tracer.render(&scene.view(&pose, size, size), (size, size), &options, |_, _| ())
 }
 
@@ -38,7 +39,7 @@ fn mean(plane: &Plane<[f32; 3]>) -> Vec3 {
 }
 
 /// Standard error of the mean over a picture.
-fn standard_error(estimate: &Estimate) -> Vec3 {
+fn standard_error(estimate: &PathEstimate) -> Vec3 {
     let count = estimate.variance_of_mean.samples().len() as f32;
     (mean(&estimate.variance_of_mean) / count).map(f32::sqrt)
 }
@@ -187,7 +188,7 @@ fn threads_do_not_change_a_bit_and_seeds_do() {
 #[test]
 fn the_variance_is_that_of_the_mean() {
     let scene = lamp_lit_room(1.0);
-    let runs: Vec<Estimate> =
+    let runs: Vec<PathEstimate> =
         (0..24).map(|seed| render(&scene, 12, PathOptions { samples: 32, seed, ..PathOptions::default() })).collect();
     let pixels = 12 * 12;
     let (mut told, mut found) = (0.0f64, 0.0f64);
@@ -205,12 +206,12 @@ fn the_variance_is_that_of_the_mean() {
 #[test]
 fn without_bounces_from_pixel_centres_it_is_what_primary_rays_see() {
     let scene = lamp_lit_room(1.0);
-    let options = PathOptions { samples: 1, max_bounces: Some(0), pixel: PixelSampling::Centre, seed: 1 };
+    let options = PathOptions { samples: 1, max_bounces: Some(0), pixel: PixelSampling::Center, seed: 1 };
     let estimate = render(&scene, 40, options);
     let pose = scene.pose(0.0);
     let view = scene.view(&pose, 40, 40);
     let accelerator = Geometry::new(&scene).place(&pose);
-    let seen = GBuffer::trace(&accelerator, &Surfaces::new(&scene, &pose), &view, (40, 40), &Busy::default());
+    let seen = GBuffer::trace(PosedScene::new(&accelerator, &Surfaces::new(&scene, &pose)), &view, (40, 40)).value;
     assert_eq!(estimate.mean, seen.pixels.map(|pixel| pixel.emission));
     assert!(mean(&estimate.mean).x > 0.0, "the lamp is in the picture");
     assert_eq!(estimate.variance_of_mean, Plane::filled(40, 40, [0.0; 3]));

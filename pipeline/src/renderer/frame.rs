@@ -1,7 +1,7 @@
 //! A frame up to where thresholds are needed: the scene in its pose, its lights, and the visible surfaces.
 
 use lighttree::LightTree;
-use render_core::{Accelerator, DirectLights, GBuffer, Gather, Surfaces};
+use render_core::{Accelerator, DirectLights, FinalGather, GBuffer, Surfaces};
 use std::sync::Arc;
 
 /// A prepared frame of a scene.
@@ -17,7 +17,7 @@ pub struct Frame<'s> {
     /// All other lights.
     pub tree: Arc<LightTree>,
     /// The surroundings of points, and the bias compensation of the tree's lights.
-    pub gather: Arc<Gather>,
+    pub gather: Arc<FinalGather>,
     /// The visible surface of each pixel.
     pub seen: Arc<GBuffer>,
     /// Offset of ray origins from their surface \[m\].

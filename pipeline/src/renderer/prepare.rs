@@ -11,8 +11,8 @@ use lighttree::{BuildParams, Emission, Light, LightTree};
 use plane::Correspondence;
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, Anchors, Busy, DirectLights, Emitters, GBuffer, Gather, Geometry, Photons, Surfaces, Swept, Units,
-    dome_lights,
+    Accelerator, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Photons,
+    PosedScene, Surfaces, SweptVolume, Timed, Units, dome_lights,
 };
 use std::sync::Arc;
 
@@ -96,7 +96,7 @@ struct Kept {
     accelerator: Arc<Accelerator>,
     direct: Arc<DirectLights>,
     tree: Arc<LightTree>,
-    gather: Arc<Gather>,
+    gather: Arc<FinalGather>,
     seen: Arc<GBuffer>,
     /// Where nothing moves in the picture, what is true of one frame is true of the next.
     of_itself: Option<Arc<Correspondence>>,
@@ -106,18 +106,18 @@ struct Kept {
 struct Lights {
     tree: Arc<LightTree>,
     direct: Arc<DirectLights>,
-    gather: Arc<Gather>,
+    gather: Arc<FinalGather>,
 }
 
 impl<'s> Work<'s> {
     fn new(scene: &'s Scene, settings: &'s Settings, plan: &'s Plan) -> Self {
         let units = Units::of(scene);
         let rest = scene.pose(0.0);
-        let carried = if plan.is_off(Stage::DynamicAnchors) { 0 } else { settings.moving_vpls };
+        let dynamic = if plan.is_off(Stage::DynamicAnchors) { 0 } else { settings.moving_vpls };
         let fixed = if plan.is_off(Stage::Photons) { 0 } else { settings.vpls };
         let geometry = Geometry::new(scene);
         let surfaces = Surfaces::new(scene, &rest);
-        let anchors = Anchors::spread_exposed(scene, &surfaces, &geometry, &units, fixed, carried);
+        let anchors = Anchors::spread_exposed(&surfaces, &geometry, &units, fixed, dynamic);
         let count = if plan.is_off(Stage::Photons) { 0 } else { settings.photons };
         let mut photons = Photons::new(count, settings.seed);
         if let Some(bounces) = settings.bounces {
@@ -126,7 +126,7 @@ impl<'s> Work<'s> {
         }
         if plan.is_on(Stage::KeptPhotons) {
             let times = (0..settings.frames).map(|n| settings.time(n));
-            photons = photons.keeping(Swept::of(scene, &units, times));
+            photons = photons.with_swept_volume(SweptVolume::of(scene, &units, times));
         }
         Self { scene, settings, plan, geometry, units, anchors, photons, tree: None, kept: None }
     }
@@ -154,19 +154,19 @@ impl<'s> Work<'s> {
             Some(kept) if !self.plan.runs(Stage::PrimaryRays, n) => kept.seen.clone(),
             _ => {
                 let view = self.scene.view(&pose, width, height);
-                Arc::new(GBuffer::trace(&accelerator, &surfaces, &view, (width, height), &busy))
+                Arc::new(busy.take(GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (width, height))))
             }
         };
         let correspondence = self.kept.as_ref().map(|before| match &before.of_itself {
             Some(known) if Arc::ptr_eq(&before.seen, &seen) => known.clone(),
-            _ => Arc::new(seen.reproject(&before.seen, &busy)),
+            _ => Arc::new(busy.take(seen.reproject(&before.seen))),
         });
         let is_still = self.kept.as_ref().is_some_and(|before| Arc::ptr_eq(&before.seen, &seen));
         let of_itself = correspondence.clone().filter(|_| is_still);
         // B pictures are predicted from both sides.
         let wants_forward = self.settings.motion && self.settings.bframes > 0;
         let before = self.kept.as_ref().filter(|_| wants_forward);
-        let forward = before.map(|before| Arc::new(before.seen.reproject(&seen, &busy)));
+        let forward = before.map(|before| Arc::new(busy.take(before.seen.reproject(&seen))));
         figures.visibility = busy.seconds();
 
         let kept = Kept { accelerator, direct, tree, gather, seen, of_itself };
@@ -184,7 +184,7 @@ impl<'s> Work<'s> {
         Prepared { frame, correspondence, forward, figures }
     }
 
-    /// The light tree and the direct lights of frame `n`, with the energies they have there.
+    /// The light tree and the direct lights of frame `n`, with their flux there.
     fn lights(
         &mut self,
         n: u32,
@@ -201,21 +201,21 @@ impl<'s> Work<'s> {
             let Kept { tree, direct, gather, .. } = kept;
             return Lights { tree: tree.clone(), direct: direct.clone(), gather: gather.clone() };
         }
-        let busy = Busy::default();
         let emitters = Emitters::new(surfaces, pose, &self.units);
-        let energies = self.photons.trace(accelerator, surfaces, &emitters, &self.anchors, &self.units, &busy);
-        figures.photons_traced = energies.traced;
-        figures.photons = busy.seconds();
+        let scene = PosedScene::new(accelerator, surfaces);
+        let Timed { value: anchor_flux, seconds } = self.photons.trace(scene, &emitters, &self.anchors, &self.units);
+        figures.photons_traced = anchor_flux.traced;
+        figures.photons = seconds;
 
         let busy = Busy::default();
         let sampled = self.sampled_areas(&emitters, surfaces);
-        let mut intensities: Vec<Vec3> = energies.fixed.iter().map(|&flux| flux / std::f32::consts::PI).collect();
+        let mut intensities: Vec<Vec3> = anchor_flux.fixed.iter().map(|&flux| flux / std::f32::consts::PI).collect();
         let tree = match self.kept.as_ref().map(|kept| &kept.tree).or(self.tree.as_ref()) {
             Some(before) => {
                 // Behind the anchors stand the lights that keep their energy: surfaces and sky.
                 intensities.extend(before.lights()[self.anchors.fixed.len()..].iter().map(|light| light.intensity));
                 let mut tree = before.clone();
-                // The same energies again are no news.
+                // The same flux again changes nothing.
                 if tree.lights().iter().map(|light| light.intensity).ne(intensities.iter().copied()) {
                     let update = busy.measure(|| Arc::make_mut(&mut tree).update_drawn(&intensities));
                     figures.tree_swaps_share = update.swapped_share;
@@ -229,22 +229,25 @@ impl<'s> Work<'s> {
                     intensity,
                 });
                 let lights: Vec<Light> = anchors.chain(self.lights_that_stay(&emitters, surfaces, &sampled)).collect();
-                let bound = self.anchors.softening(self.plan.is_on(Stage::Compensation));
+                let bound = self.anchors.geometry_term_bound(self.plan.is_on(Stage::Compensation));
                 let params = BuildParams::bounded_by(bound).with_seed(self.settings.seed);
                 Arc::new(busy.measure(|| LightTree::build(&lights, params)))
             }
         };
-        let mut direct = DirectLights::new(&emitters, surfaces, &self.anchors, &energies.carried, &sampled);
+        let mut direct = DirectLights::new(&emitters, surfaces, &self.anchors, &anchor_flux.dynamic, &sampled);
         if self.plan.is_on(Stage::Cache) {
             // Light that moving things send back is as smooth as all indirect light: records hold it too.
-            direct = direct.with_carried_apart();
+            direct = direct.with_dynamic_apart();
         }
-        let mut glow_softened = vec![false; self.scene.instances.len()];
+        let mut virtual_emitters = vec![false; self.scene.instances.len()];
         for place in (0..emitters.areas.len()).filter(|place| !sampled.contains(place)) {
-            glow_softened[emitters.areas[place].instance] = true;
+            virtual_emitters[emitters.areas[place].instance] = true;
         }
-        let gather = busy
-            .measure(|| Gather::new(surfaces, &self.anchors, &energies, &self.units, direct.lamps(), glow_softened));
+        let gather = busy.measure(|| {
+            FinalGather::new(surfaces, &self.anchors, &anchor_flux, &self.units)
+                .with_lamps(direct.lamps())
+                .with_virtual_emitters(virtual_emitters)
+        });
         figures.tree = busy.seconds();
         Lights { tree, direct: Arc::new(direct), gather: Arc::new(gather) }
     }

@@ -7,7 +7,7 @@ use crate::plan::Plan;
 use crate::settings::{Lighting, Settings, Size};
 use plane::Plane;
 use render_core::scene::Scene;
-use render_core::{Emitters, Geometry, PathOptions, PathTracer, Surfaces, Units};
+use render_core::{Emitters, Geometry, PathOptions, PathTracer, PosedScene, Surfaces, Units};
 
 /// How a reference is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +45,7 @@ pub fn by_paths(
     let emitters = Emitters::new(&surfaces, &pose, &units);
     let Size { width, height } = settings.size;
     let view = scene.view(&pose, width, height);
-    let tracer = PathTracer::new(&accelerator, &surfaces, &emitters, &units);
+    let tracer = PathTracer::new(PosedScene::new(&accelerator, &surfaces), &emitters, &units);
     let estimate = tracer.render(&view, (width, height), options, progress);
     Reference { radiance: estimate.mean, variance: Some(estimate.variance_of_mean) }
 }

@@ -21,6 +21,12 @@ pub struct Geometry {
     scale: f32,
 }
 
+impl std::fmt::Debug for Geometry {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("Geometry").field("trees", &self.parts.len()).finish_non_exhaustive()
+    }
+}
+
 /// What stands, moves or bends together.
 enum Part {
     /// In the scaled world.

@@ -54,6 +54,12 @@ pub struct Accelerator {
     lanes: lanes::Choice,
 }
 
+impl std::fmt::Debug for Accelerator {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("Accelerator").field("trees", &self.groups.len()).finish_non_exhaustive()
+    }
+}
+
 /// The boxes of groups are this much larger than what they hold, in units of the largest coordinate.
 const GROUP_SLACK: f32 = 1e-5;
 

@@ -36,6 +36,15 @@ pub struct Shaft {
     crowded: bool,
 }
 
+impl std::fmt::Debug for Shaft {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("Shaft")
+            .field("blocks", &self.blocks.len())
+            .field("crowded", &self.crowded)
+            .finish_non_exhaustive()
+    }
+}
+
 /// Triangles of a leaf.
 #[derive(Clone, Copy)]
 struct Listed {

@@ -7,7 +7,6 @@ use super::{Anchor, Anchors, Surfels};
 use crate::Units;
 use crate::accel::{Accelerator, Geometry};
 use crate::sampling::{cosine_hemisphere, hash_unit, sobol_point};
-use crate::scene::Scene;
 use crate::surface::Surfaces;
 use glam::Vec2;
 use rayon::prelude::*;
@@ -21,10 +20,10 @@ const ONE_IN: u64 = 8;
 /// between an anchor and the neighbours it shares energy with.
 const NEAR: f32 = 0.1;
 
-/// How far light gets from a place, by cosine-distributed rays.
+/// How far light gets from a point, by cosine-distributed rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Outlook {
-    /// Share of the rays that get farther than softening reaches: mean of r² / (r² + softening).
+    /// Share of the rays beyond the reach of the geometry term's bound s: mean of r² / (r² + s).
     pub openness: f32,
     /// Whether enough of them get out.
     pub exposed: bool,
@@ -61,16 +60,15 @@ impl Anchors {
     /// As [`Anchors::spread`], over the exposed parts of what stands still: as many of the `fixed` anchors as can be, each
     /// standing for the same share of them. Things that move cover nothing: where one stands now, light will fall later.
     pub fn spread_exposed(
-        scene: &Scene,
         surfaces: &Surfaces,
         geometry: &Geometry,
         units: &Units,
         fixed: usize,
-        carried: usize,
+        dynamic: usize,
     ) -> Self {
         let accelerator = &geometry.place_still();
         let spread = |fixed| {
-            let mut anchors = Self::without_surfels(scene, surfaces, units, fixed, carried);
+            let mut anchors = Self::without_surfels(surfaces, units, fixed, dynamic);
             let eye = Eye::of(&anchors, surfaces, accelerator, NEAR);
             let outlooks = eye.outlooks(&anchors.fixed);
             let exposed: Vec<_> = anchors.fixed.iter().zip(outlooks).filter(|(_, outlook)| outlook.exposed).collect();
@@ -95,8 +93,8 @@ pub(super) struct Eye<'a> {
     pub accelerator: &'a Accelerator,
     /// Side of an anchor's share \[m\].
     pub side: f32,
-    /// Softening of the anchors \[m²\].
-    pub softening: f32,
+    /// Bound of the anchors' geometry term \[m²\].
+    pub bound: f32,
     /// How far rays have to go to get out, in sides.
     pub near: f32,
 }
@@ -104,7 +102,7 @@ pub(super) struct Eye<'a> {
 impl<'a> Eye<'a> {
     /// Looks out as far as matters to `anchors`; a ray gets out that goes `near` sides of their share.
     pub fn of(anchors: &Anchors, surfaces: &'a Surfaces<'a>, accelerator: &'a Accelerator, near: f32) -> Self {
-        Self { surfaces, accelerator, side: anchors.area_share.sqrt(), softening: anchors.softening(true), near }
+        Self { surfaces, accelerator, side: anchors.area_share.sqrt(), bound: anchors.geometry_term_bound(true), near }
     }
 
     pub fn outlooks(&self, places: &[Anchor]) -> Vec<Outlook> {
@@ -126,7 +124,7 @@ impl<'a> Eye<'a> {
             };
             if reflects {
                 out += u64::from(length >= near);
-                openness += 1.0 / (1.0 + self.softening / (length * length));
+                openness += 1.0 / (1.0 + self.bound / (length * length));
                 found.lengths[Outlook::bin(length / radius)] += 1;
             }
         }

@@ -6,7 +6,7 @@
 //! ```text
 //! Φ_a = Σ Φ_j · o_j / o_a                    over the surfels j that belong to anchor a
 //! L_j = Σ w_jk Φ_k / (π Σ w_jk A_k)          radiance around surfel j, from the surfels k around it
-//!   o     share of the light that gets out of the neighbourhood: mean of r² / (r² + softening) over all directions
+//!   o     share of the light that gets out of the neighbourhood: mean of r² / (r² + s) over all directions, s the bound of the geometry term
 //!   w_jk  kernel            A_k  area that surfel k takes from, A Σ_i w_ik
 //! ```
 //!
@@ -15,7 +15,7 @@
 
 use super::exposure::{Eye, Outlook};
 use super::grid::{SplatScratch, Spot};
-use super::{Anchor, Anchors, CarriedAnchor, Grid, Patches};
+use super::{Anchor, Anchors, DynamicAnchor, Grid, Patches};
 use crate::Units;
 use crate::accel::Accelerator;
 use crate::surface::Surfaces;
@@ -37,9 +37,9 @@ const NEAR: f32 = 0.03;
 pub(crate) struct Surfels {
     /// Of what stands still.
     pub fixed: Arc<SurfelMap>,
-    carried: Vec<CarriedAnchor>,
-    carried_area_share: f32,
-    carried_owners: Vec<Owner>,
+    dynamic: Vec<DynamicAnchor>,
+    dynamic_area_share: f32,
+    dynamic_owners: Vec<Owner>,
 }
 
 /// Surfels at one time.
@@ -86,7 +86,7 @@ impl Surfels {
 
     /// Points over all that stands still; none without anchors.
     fn points(surfaces: &Surfaces, units: &Units, anchors: usize, area_share: f32) -> Vec<Anchor> {
-        let Some(patches) = Patches::of(surfaces.scene(), surfaces, false).filter(|_| anchors > 0) else {
+        let Some(patches) = Patches::of(surfaces, false).filter(|_| anchors > 0) else {
             return Vec::new();
         };
         let count = (PER_ANCHOR * patches.area() / area_share).round() as usize;
@@ -114,23 +114,23 @@ impl Surfels {
         let owners = points.par_iter().enumerate().map(|(j, point)| owner((j, point))).collect();
         let fixed = SurfelMap::new(&points, seen, owners, anchors.area_share / PER_ANCHOR, false);
 
-        let patches = Patches::of(surfaces.scene(), surfaces, true).filter(|_| !anchors.carried.is_empty());
-        let carried = patches
-            .map_or(Vec::new(), |patches| patches.spread((PER_ANCHOR * anchors.carried.len() as f32) as usize, units));
-        let grid = Grid::new(&anchors.carried_in_world(surfaces), &[], anchors.carried_area_share);
-        let owner = |point: &CarriedAnchor| {
+        let patches = Patches::of(surfaces, true).filter(|_| !anchors.dynamic.is_empty());
+        let dynamic = patches
+            .map_or(Vec::new(), |patches| patches.spread((PER_ANCHOR * anchors.dynamic.len() as f32) as usize, units));
+        let grid = Grid::new(&anchors.dynamic_in_world(surfaces), &[], anchors.dynamic_area_share);
+        let owner = |point: &DynamicAnchor| {
             let anchor = grid.best(&Spot::of(&point.in_world(surfaces), true), |_| 1.0);
             Owner { anchor: anchor.map(|a| a as u32), share: 1.0 }
         };
-        let carried_owners = carried.iter().map(owner).collect();
-        let carried_area_share = anchors.carried_area_share / PER_ANCHOR;
-        Self { fixed: Arc::new(fixed), carried, carried_area_share, carried_owners }
+        let dynamic_owners = dynamic.iter().map(owner).collect();
+        let dynamic_area_share = anchors.dynamic_area_share / PER_ANCHOR;
+        Self { fixed: Arc::new(fixed), dynamic, dynamic_area_share, dynamic_owners }
     }
 
     /// Those of what moves, at the pose that `surfaces` has.
-    pub fn carried_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
-        let points: Vec<Anchor> = self.carried.iter().map(|point| point.in_world(surfaces)).collect();
-        SurfelMap::new(&points, &[], self.carried_owners.clone(), self.carried_area_share, true)
+    pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
+        let points: Vec<Anchor> = self.dynamic.iter().map(|point| point.in_world(surfaces)).collect();
+        SurfelMap::new(&points, &[], self.dynamic_owners.clone(), self.dynamic_area_share, true)
     }
 }
 

@@ -8,7 +8,7 @@ use super::picture::Picture;
 use super::predict::predictions;
 use super::record::Record;
 use super::tile::{Tile, Tiles};
-use crate::{Busy, luminance};
+use crate::luminance;
 use rayon::prelude::*;
 
 /// Difference from its neighbours from which on a record is doubted, in tolerances.
@@ -52,7 +52,6 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     tiles: &Tiles,
     records: &[Record<R>],
     places: &[usize],
-    busy: &Busy,
 ) -> Vec<(usize, usize)> {
     let tolerances = Tolerances::of(tiles, records);
     let mut is_asked = vec![false; tiles.listed.len()];
@@ -63,7 +62,7 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     let mut candidates: Vec<u32> = asked.iter().flat_map(|&index| &tiles.all[index].candidates).copied().collect();
     candidates.sort_unstable();
     candidates.dedup();
-    let known = predictions(picture, tiles, records, candidates.par_iter().map(|&place| place as usize), busy);
+    let known = predictions(picture, tiles, records, candidates.par_iter().map(|&place| place as usize));
     let mut number = vec![0; tiles.listed.len()];
     (0..).zip(&candidates).for_each(|(k, &place)| number[place as usize] = k);
     let in_tile = |&index: &usize| {
@@ -91,6 +90,7 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
         }
         contradicted
     };
-    let pixels: Vec<Vec<(usize, usize)>> = asked.par_iter().map(|index| busy.measure(|| in_tile(index))).collect();
+    let pixels: Vec<Vec<(usize, usize)>> =
+        asked.par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
     pixels.concat()
 }

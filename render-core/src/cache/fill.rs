@@ -7,7 +7,6 @@ use super::record::{Illumination, Record, Site};
 use super::spacing::{clamp_to_neighbours, least_radius};
 use super::tile::{Tiles, weight_between};
 use super::{IrradianceCache, openness};
-use crate::Busy;
 use rayon::prelude::*;
 
 /// Steps of the lattices \[pixels\].
@@ -29,38 +28,37 @@ impl<R: Send + Sync> IrradianceCache<R> {
         tiles: &mut Tiles,
         carried: Vec<usize>,
         illumination: &I,
-        busy: &Busy,
     ) -> (usize, Vec<(Prediction, f32)>) {
         let (first, first_place) = (self.records.len(), tiles.listed.len());
         if !carried.is_empty() {
-            self.doubt(picture, tiles, &carried, busy);
-            tiles.list_again(picture, &self.records, 0, busy);
+            self.doubt(picture, tiles, &carried);
+            tiles.list_again(picture, &self.records, 0);
         }
         let mut bare = vec![true; tiles.all.len()];
         for doubts_left in (0..=DOUBTS).rev() {
             let place = tiles.listed.len();
-            self.cover(picture, tiles, &bare, illumination, busy);
+            self.cover(picture, tiles, &bare, illumination);
             if doubts_left == 0 || tiles.listed.len() == place {
                 break;
             }
             // The newest are not yet known to fit in.
-            self.doubt(picture, tiles, &Vec::from_iter(place..tiles.listed.len()), busy);
-            bare = tiles.list_again(picture, &self.records, place, busy);
+            self.doubt(picture, tiles, &Vec::from_iter(place..tiles.listed.len()));
+            bare = tiles.list_again(picture, &self.records, place);
         }
         let unsettled: Vec<usize> = carried.into_iter().chain(first_place..tiles.listed.len()).collect();
         if !unsettled.is_empty() {
-            let contradicted = contradicted_pixels(picture, tiles, &self.records, &unsettled, busy);
-            self.make(picture, tiles, contradicted, LEAST_SHARE, illumination, busy);
+            let contradicted = contradicted_pixels(picture, tiles, &self.records, &unsettled);
+            self.make(picture, tiles, contradicted, LEAST_SHARE, illumination);
             // What no pixel takes light from is not known in the next frame, where the same is to come out.
-            tiles.keep_used(picture, &self.records, first_place, busy);
+            tiles.keep_used(picture, &self.records, first_place);
         }
-        (self.records.len() - first, predictions(picture, tiles, &self.records, 0..tiles.listed.len(), busy))
+        (self.records.len() - first, predictions(picture, tiles, &self.records, 0..tiles.listed.len()))
     }
 
     /// Holds the records listed at these `places` against their neighbours.
-    pub(super) fn doubt(&mut self, picture: &Picture, tiles: &Tiles, places: &[usize], busy: &Busy) {
+    pub(super) fn doubt(&mut self, picture: &Picture, tiles: &Tiles, places: &[usize]) {
         let tolerances = Tolerances::of(tiles, &self.records);
-        let differences = predictions(picture, tiles, &self.records, places.par_iter().copied(), busy);
+        let differences = predictions(picture, tiles, &self.records, places.par_iter().copied());
         for (&place, (_, difference)) in places.iter().zip(differences) {
             let record = &mut self.records[tiles.listed[place] as usize];
             record.share = record.share.min(tolerances.share(record, difference));
@@ -77,11 +75,10 @@ impl<R: Send + Sync> IrradianceCache<R> {
         tiles: &mut Tiles,
         bare: &[bool],
         illumination: &I,
-        busy: &Busy,
     ) {
         for step in STEPS {
-            let pixels = bare_pixels(picture, tiles, bare, step, busy);
-            self.make(picture, tiles, pixels, 1.0, illumination, busy);
+            let pixels = bare_pixels(picture, tiles, bare, step);
+            self.make(picture, tiles, pixels, 1.0, illumination);
         }
     }
 
@@ -94,9 +91,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
         pixels: Vec<(usize, usize)>,
         share: f32,
         illumination: &I,
-        busy: &Busy,
     ) {
-        let sites = busy.measure(|| thinned(picture, pixels));
+        let sites = picture.busy.measure(|| thinned(picture, pixels));
         let before = self.records.len();
         let (frame, made) = (self.frame, self.made);
         let record = |scratch: &mut I::Scratch, site: &Site, number: u32| {
@@ -108,17 +104,19 @@ impl<R: Send + Sync> IrradianceCache<R> {
             .par_iter()
             .zip(made..made.wrapping_add(sites.len() as u32))
             .with_min_len(4)
-            .map_init(I::Scratch::default, |scratch, (site, number)| busy.measure(|| record(scratch, site, number)))
+            .map_init(I::Scratch::default, |scratch, (site, number)| {
+                picture.busy.measure(|| record(scratch, site, number))
+            })
             .collect();
         self.made = made.wrapping_add(new.len() as u32);
         self.records.extend(new);
-        busy.measure(|| clamp_to_neighbours(&mut self.records, before));
-        tiles.list(picture, &self.records, before..self.records.len(), busy);
+        picture.busy.measure(|| clamp_to_neighbours(&mut self.records, before));
+        tiles.list(picture, &self.records, before..self.records.len());
     }
 }
 
 /// Pixels of the lattice of this step that no record covers, in raster order of the tiles that may be `bare` and within them.
-fn bare_pixels(picture: &Picture, tiles: &Tiles, bare: &[bool], step: usize, busy: &Busy) -> Vec<(usize, usize)> {
+fn bare_pixels(picture: &Picture, tiles: &Tiles, bare: &[bool], step: usize) -> Vec<(usize, usize)> {
     let in_tile = |index: usize| {
         let mut pixels = Vec::new();
         if !bare[index] {
@@ -134,7 +132,7 @@ fn bare_pixels(picture: &Picture, tiles: &Tiles, bare: &[bool], step: usize, bus
         pixels
     };
     let pixels: Vec<Vec<(usize, usize)>> =
-        (0..tiles.all.len()).into_par_iter().map(|index| busy.measure(|| in_tile(index))).collect();
+        (0..tiles.all.len()).into_par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
     pixels.concat()
 }
 

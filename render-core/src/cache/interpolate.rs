@@ -3,7 +3,6 @@
 use super::picture::Picture;
 use super::predict::Prediction;
 use super::tile::Tiles;
-use crate::Busy;
 use glam::Vec3A;
 use plane::Plane;
 use rayon::prelude::*;
@@ -13,12 +12,11 @@ pub(super) fn picture(
     picture: &Picture,
     tiles: &Tiles,
     predictions: &[(Prediction, f32)],
-    busy: &Busy,
 ) -> (Plane<[f32; 3]>, Vec<usize>) {
     let (width, height) = picture.size();
     let lit: Vec<(Vec<[f32; 3]>, Vec<u32>)> = (0..tiles.all.len())
         .into_par_iter()
-        .map(|index| busy.measure(|| tile(picture, tiles, index, predictions)))
+        .map(|index| picture.busy.measure(|| tile(picture, tiles, index, predictions)))
         .collect();
     let mut plane = Plane::filled(width, height, [0.0; 3]);
     let mut used = Vec::new();

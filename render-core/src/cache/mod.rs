@@ -28,11 +28,11 @@ mod record;
 mod spacing;
 mod tile;
 
-pub use record::{Estimate, Illumination, Known, Site};
+pub use record::{Illumination, LastUpdate, LocalIrradiance, Site};
 pub use spacing::footprint;
 
-use crate::Busy;
 use crate::gbuffer::{GBuffer, NOTHING};
+use crate::{Busy, Timed};
 use glam::{Affine3A, Vec3A};
 use openness::Openness;
 use picture::{Picture, bare_site};
@@ -67,13 +67,22 @@ pub struct IrradianceCache<R> {
     openness: Openness,
 }
 
+impl<R> std::fmt::Debug for IrradianceCache<R> {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("IrradianceCache")
+            .field("records", &self.records.len())
+            .field("frame", &self.frame)
+            .finish_non_exhaustive()
+    }
+}
+
 /// What is different from the frame before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct News {
+pub struct Changes {
     /// The lights have other energies.
     pub light: bool,
     /// Something that blocks or reflects light has moved.
-    pub things: bool,
+    pub geometry: bool,
 }
 
 /// Irradiance of a picture, and what it took.
@@ -95,16 +104,25 @@ impl<R> Default for IrradianceCache<R> {
 }
 
 impl<R: Send + Sync> IrradianceCache<R> {
-    /// Lights the picture `seen`. `moving` says for each instance whether it ever moves; adds the work to `busy`.
+    /// Lights the picture `seen`. `moving` says for each instance whether it ever moves.
     ///
     /// The result depends on the arguments of this call and the calls before it, not on the number of threads.
     pub fn light<I: Illumination<Recipe = R>>(
         &mut self,
         seen: &GBuffer,
         moving: &[bool],
-        news: News,
+        changes: Changes,
         illumination: &I,
-        busy: &Busy,
+    ) -> Timed<CachedLight> {
+        Timed::of(|busy| self.lit(seen, moving, changes, (illumination, busy)))
+    }
+
+    fn lit<I: Illumination<Recipe = R>>(
+        &mut self,
+        seen: &GBuffer,
+        moving: &[bool],
+        changes: Changes,
+        (illumination, busy): (&I, &Busy),
     ) -> CachedLight {
         self.frame += 1;
         let bare = |x, y| bare_site(seen, moving, x, y);
@@ -112,17 +130,17 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let picture = Picture::new(seen, moving, &openness, busy);
         busy.measure(|| self.carry_along(seen));
         openness::renew(&mut self.records, seen, illumination, busy);
-        let mut tiles = Tiles::new(&picture, busy);
-        tiles.list(&picture, &self.records, 0..self.records.len(), busy);
+        let mut tiles = Tiles::new(&picture);
+        tiles.list(&picture, &self.records, 0..self.records.len());
         // What is hidden, or too far from every pixel, need not be known.
-        let needed = tiles.in_use(&picture, busy);
+        let needed = tiles.in_use(&picture);
         let carried: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].carried).collect();
-        let mut computed = self.bring_up_to_date(&needed, news, illumination, busy);
+        let mut computed = self.bring_up_to_date(&needed, changes, illumination, busy);
         tiles.clear();
-        tiles.list(&picture, &self.records, needed, busy);
-        let (made, predictions) = self.fill(&picture, &mut tiles, carried, illumination, busy);
+        tiles.list(&picture, &self.records, needed);
+        let (made, predictions) = self.fill(&picture, &mut tiles, carried, illumination);
         computed += made;
-        let (irradiance, used) = interpolate::picture(&picture, &tiles, &predictions, busy);
+        let (irradiance, used) = interpolate::picture(&picture, &tiles, &predictions);
         let in_use = used.len();
         for index in used {
             self.records[index].seen = self.frame;
@@ -139,17 +157,26 @@ impl<R: Send + Sync> IrradianceCache<R> {
         seen: &GBuffer,
         moving: &[bool],
         illumination: &I,
+    ) -> Timed<CachedLight> {
+        Timed::of(|busy| self.more_lit(seen, moving, illumination, busy))
+    }
+
+    fn more_lit<I: Illumination<Recipe = R>>(
+        &mut self,
+        seen: &GBuffer,
+        moving: &[bool],
+        illumination: &I,
         busy: &Busy,
     ) -> CachedLight {
         let bare = |x, y| bare_site(seen, moving, x, y);
         let openness = Openness::new(seen, bare, &Openness::default(), illumination, busy);
         let picture = Picture::new(seen, moving, &openness, busy);
-        let mut tiles = Tiles::new(&picture, busy);
+        let mut tiles = Tiles::new(&picture);
         // What this frame has not brought up to date is light of another.
         let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
-        tiles.list(&picture, &self.records, current, busy);
-        let (computed, predictions) = self.fill(&picture, &mut tiles, Vec::new(), illumination, busy);
-        let (irradiance, used) = interpolate::picture(&picture, &tiles, &predictions, busy);
+        tiles.list(&picture, &self.records, current);
+        let (computed, predictions) = self.fill(&picture, &mut tiles, Vec::new(), illumination);
+        let (irradiance, used) = interpolate::picture(&picture, &tiles, &predictions);
         let in_use = used.len();
         for index in used {
             self.records[index].seen = self.frame;
@@ -201,21 +228,21 @@ impl<R: Send + Sync> IrradianceCache<R> {
     fn bring_up_to_date<I: Illumination<Recipe = R>>(
         &mut self,
         needed: &[usize],
-        news: News,
+        changes: Changes,
         illumination: &I,
         busy: &Busy,
     ) -> usize {
         let (frame, changed_before) = (self.frame, self.changed);
-        if news.light || news.things {
+        if changes.light || changes.geometry {
             self.changed = frame;
         }
         let changed = self.changed;
         let mut wanted = vec![false; self.records.len()];
         needed.iter().for_each(|&index| wanted[index] = true);
         let bring = |scratch: &mut I::Scratch, record: &mut Record<R>| {
-            let turn = news.things && (record.number.wrapping_add(frame)).is_multiple_of(TURN);
+            let turn = changes.geometry && (record.number.wrapping_add(frame)).is_multiple_of(TURN);
             let kept_up = !record.carried && record.current >= changed_before;
-            let known = if kept_up { Known::LastFrame } else { Known::Earlier };
+            let known = if kept_up { LastUpdate::LastFrame } else { LastUpdate::Earlier };
             (record.current, record.carried) = (frame, false);
             if !turn && let Some(estimate) = illumination.relight(&record.site, &mut record.recipe, known) {
                 record.relit(estimate);

@@ -11,6 +11,8 @@ use std::ops::Range;
 /// The picture that is lit.
 pub(super) struct Picture<'a> {
     pub seen: &'a GBuffer,
+    /// Counts the work on it.
+    pub busy: &'a Busy,
     moving: &'a [bool],
     openness: &'a Openness,
     /// Of each macroblock in raster order, the pixels in raster order: a whole frame's sites are looked through several times,
@@ -52,8 +54,8 @@ impl From<&Site> for Shown {
 }
 
 impl<'a> Picture<'a> {
-    pub fn new(seen: &'a GBuffer, moving: &'a [bool], openness: &'a Openness, busy: &Busy) -> Self {
-        let mut picture = Self { seen, moving, openness, shown: Vec::new() };
+    pub fn new(seen: &'a GBuffer, moving: &'a [bool], openness: &'a Openness, busy: &'a Busy) -> Self {
+        let mut picture = Self { seen, busy, moving, openness, shown: Vec::new() };
         let mut shown = vec![Shown::NOTHING; picture.tiles() * MACROBLOCK * MACROBLOCK];
         shown.par_chunks_mut(MACROBLOCK * MACROBLOCK).enumerate().for_each(|(tile, shown)| {
             busy.measure(|| {

@@ -2,7 +2,7 @@
 //! faintest light to the brightest, and for neighbours that lie on a needle, where the fit has hardly anything to go by.
 
 use super::predict::Fit;
-use super::record::{Estimate, Record, Site};
+use super::record::{LocalIrradiance, Record, Site};
 use super::spacing::{pixel_width, radius};
 use super::tile::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE, weight_between};
 use crate::sampling::{hash_unit, uniform_sphere};
@@ -74,7 +74,7 @@ fn somewhere(random: &mut Random, radius: f32) -> Site {
 
 /// Light that differs by half from place to place, and derivatives that fit it no better; that by the position runs along the
 /// surface of `site`.
-fn estimate(random: &mut Random, site: &Site, light: f32, radius: f32) -> Estimate {
+fn estimate(random: &mut Random, site: &Site, light: f32, radius: f32) -> LocalIrradiance {
     let color = |random: &mut Random| {
         let color = Vec3::new(1.0 + 0.2 * random.unit(), 1.0, 0.7 + 0.3 * random.unit());
         Vec3A::from(color * light * random.signed())
@@ -86,7 +86,7 @@ fn estimate(random: &mut Random, site: &Site, light: f32, radius: f32) -> Estima
         Mat3A::from_cols(by_axis(0), by_axis(1), by_axis(2))
     };
     let (x, y) = crate::sampling::frame(site.normal.into());
-    Estimate {
+    LocalIrradiance {
         irradiance: Vec3::new(1.0, 0.9, 0.8) * (light * (1.0 + 0.5 * random.signed())),
         by_normal: slope([x.into(), site.normal], random) * 0.5,
         by_position: slope([x.into(), y.into()], random) * (0.5 / radius),
@@ -96,7 +96,7 @@ fn estimate(random: &mut Random, site: &Site, light: f32, radius: f32) -> Estima
     }
 }
 
-fn record(site: Site, estimate: Estimate, radius: f32) -> Record<()> {
+fn record(site: Site, estimate: LocalIrradiance, radius: f32) -> Record<()> {
     Record { radius, ..Record::new(site, 1.0, (estimate, ()), 0, 0) }
 }
 
@@ -149,7 +149,7 @@ fn radii_are_those_of_f64() {
     }
     println!("farthest from f64: {worst:.1e}");
     assert!(worst < 1e-6, "{worst:.1e}");
-    let dark = Estimate {
+    let dark = LocalIrradiance {
         irradiance: Vec3::ZERO,
         by_normal: Mat3A::ZERO,
         by_position: Mat3A::ZERO,
@@ -158,8 +158,8 @@ fn radii_are_those_of_f64() {
         tolerance: 0.0,
     };
     assert_eq!(radius(&dark), 3.0, "0/0 says nothing");
-    assert_eq!(radius(&Estimate { nearest: f32::INFINITY, ..dark }), f32::INFINITY);
-    assert_eq!(radius(&Estimate { harmonic_mean: 0.0, ..dark }), 0.0, "contact");
+    assert_eq!(radius(&LocalIrradiance { nearest: f32::INFINITY, ..dark }), f32::INFINITY);
+    assert_eq!(radius(&LocalIrradiance { harmonic_mean: 0.0, ..dark }), 0.0, "contact");
 }
 
 /// What a record predicts, in `f64`: the minimum at the head of `predict.rs`, by elimination instead of an inverse, with axes

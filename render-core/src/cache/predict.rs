@@ -17,7 +17,7 @@ use super::spacing::{pixel_width, radius_in_view, trust};
 use super::tile::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE, Tile, Tiles, weight};
 use crate::sampling::frame;
 use crate::scene::View;
-use crate::{Busy, MACROBLOCK, luminance};
+use crate::{MACROBLOCK, luminance};
 use glam::{Mat3A, Vec3, Vec3A};
 use rayon::prelude::*;
 
@@ -85,7 +85,6 @@ pub(super) fn predictions<R: Send + Sync>(
     tiles: &Tiles,
     records: &[Record<R>],
     places: impl IntoParallelIterator<Iter: IndexedParallelIterator<Item = usize>, Item = usize>,
-    busy: &Busy,
 ) -> Vec<(Prediction, f32)> {
     let of = |met: &mut Vec<u32>, place: usize| {
         let record = &records[tiles.listed[place] as usize];
@@ -103,7 +102,7 @@ pub(super) fn predictions<R: Send + Sync>(
     places
         .into_par_iter()
         .with_min_len(CHUNK)
-        .map_init(|| vec![u32::MAX; tiles.listed.len()], |met, place| busy.measure(|| of(met, place)))
+        .map_init(|| vec![u32::MAX; tiles.listed.len()], |met, place| picture.busy.measure(|| of(met, place)))
         .collect()
 }
 

@@ -31,7 +31,7 @@ impl Site {
 
 /// The light at a site.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Estimate {
+pub struct LocalIrradiance {
     /// \[W·m⁻²\], linear RGB.
     pub irradiance: Vec3,
     /// Derivative by the normal: a column for each axis.
@@ -54,11 +54,11 @@ pub trait Illumination: Sync {
     type Scratch: Default;
 
     /// The light at `site`, from nothing.
-    fn compute(&self, site: &Site, scratch: &mut Self::Scratch) -> (Estimate, Self::Recipe);
+    fn compute(&self, site: &Site, scratch: &mut Self::Scratch) -> (LocalIrradiance, Self::Recipe);
 
     /// The light at a `site` whose light was last known when `known` says; `None` when too much has changed near it, and it
     /// has to be computed.
-    fn relight(&self, site: &Site, recipe: &mut Self::Recipe, known: Known) -> Option<Estimate>;
+    fn relight(&self, site: &Site, recipe: &mut Self::Recipe, known: LastUpdate) -> Option<LocalIrradiance>;
 
     /// Mean of d / (d + `scale`) over cosine-distributed directions from `site`, in each of which something is d away:
     /// alike at places that are alike, so with directions that follow from the normal alone. `scale` is in metres.
@@ -74,7 +74,7 @@ pub trait Illumination: Sync {
 
 /// When the light of a record was last up to date.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Known {
+pub enum LastUpdate {
     /// In the frame before, at the same place: what moved since then is all that has changed.
     LastFrame,
     /// Longer ago, or at another place: anything may stand between it and a light.
@@ -85,7 +85,7 @@ pub enum Known {
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct Record<R> {
     pub site: Site,
-    pub estimate: Estimate,
+    pub estimate: LocalIrradiance,
     pub recipe: R,
     /// How far around it may be used, before the picture has a say \[m\].
     pub radius: f32,
@@ -106,7 +106,7 @@ pub(super) struct Record<R> {
 }
 
 impl<R> Record<R> {
-    pub fn new(site: Site, scale: f32, (estimate, recipe): (Estimate, R), number: u32, frame: u32) -> Self {
+    pub fn new(site: Site, scale: f32, (estimate, recipe): (LocalIrradiance, R), number: u32, frame: u32) -> Self {
         let radius = super::spacing::radius(&estimate);
         Self {
             site,
@@ -124,13 +124,13 @@ impl<R> Record<R> {
     }
 
     /// New light, and what else is known now of the surroundings. What neighbours knew of them holds on.
-    pub fn relit(&mut self, estimate: Estimate) {
+    pub fn relit(&mut self, estimate: LocalIrradiance) {
         self.radius = super::spacing::radius(&estimate).min(self.radius_by_neighbours);
         self.estimate = estimate;
     }
 
     /// Everything new but the place.
-    pub fn computed_afresh(&mut self, (estimate, recipe): (Estimate, R)) {
+    pub fn computed_afresh(&mut self, (estimate, recipe): (LocalIrradiance, R)) {
         self.relit(estimate);
         self.recipe = recipe;
     }

@@ -1,7 +1,7 @@
 //! How far around its place a record may be used.
 
 use super::picture::Picture;
-use super::record::{Estimate, Record, Site};
+use super::record::{LocalIrradiance, Record, Site};
 use super::tile::NORMAL_TOLERANCE;
 use crate::luminance;
 use crate::scene::View;
@@ -28,7 +28,7 @@ const BESIDE_WALLS: f32 = 4.0;
 const DOUBTED: f32 = 2.2;
 
 /// Radius that the surroundings allow \[m\].
-pub(super) fn radius(estimate: &Estimate) -> f32 {
+pub(super) fn radius(estimate: &LocalIrradiance) -> f32 {
     // NaN from 0/0 in the dark gives way to the other two.
     (BY_HARMONIC_MEAN * estimate.harmonic_mean)
         .min(BY_NEAREST * estimate.nearest)
@@ -38,7 +38,7 @@ pub(super) fn radius(estimate: &Estimate) -> f32 {
 /// How far the derivatives of a record are followed, 0…1, when the picture makes its `own` radius `radius`: so far that they
 /// change the irradiance by no more than they may. Where the picture keeps the radius up, they would promise light that is not
 /// there.
-pub(super) fn trust(estimate: &Estimate, own: f32, radius: f32) -> f32 {
+pub(super) fn trust(estimate: &LocalIrradiance, own: f32, radius: f32) -> f32 {
     let share = if radius > own { KEPT_UP_BY_GRADIENT } else { BY_GRADIENT };
     let most = share * luminance(estimate.irradiance);
     let change = (slope(&estimate.by_position) * radius).max(slope(&estimate.by_normal) * LARGEST_TURN);

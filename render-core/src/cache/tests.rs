@@ -11,8 +11,8 @@ const SIDE: usize = 64;
 const HEIGHT: f32 = 1.0;
 
 /// Grey light that a record takes to be the same all around, with everything `distance` away.
-fn even(irradiance: f32, distance: f32) -> Estimate {
-    Estimate {
+fn even(irradiance: f32, distance: f32) -> LocalIrradiance {
+    LocalIrradiance {
         irradiance: Vec3::splat(irradiance),
         by_normal: Mat3A::ZERO,
         by_position: Mat3A::ZERO,
@@ -73,7 +73,7 @@ impl Lamp {
         self.power.unwrap_or(1.0) * d.dot(normal).max(0.0) / d.length().powi(3)
     }
 
-    fn estimate(&self, site: &Site) -> Estimate {
+    fn estimate(&self, site: &Site) -> LocalIrradiance {
         let (d, power) = (Vec3A::Y * HEIGHT - site.position, self.power.unwrap_or(1.0));
         let lit = if self.wall && site.position.x > 0.0 { 0.0 } else { power };
         let r2 = d.length_squared();
@@ -81,7 +81,7 @@ impl Lamp {
         let by_position = (d * (3.0 * d.dot(site.normal) / r2) - site.normal) * (lit / (r2 * r2.sqrt()));
         let grey = |v: Vec3A| Mat3A::from_cols(Vec3A::splat(v.x), Vec3A::splat(v.y), Vec3A::splat(v.z));
         let wall = if self.wall { site.position.x.abs() } else { f32::INFINITY };
-        Estimate {
+        LocalIrradiance {
             irradiance: Vec3::splat(self.irradiance(site.position, site.normal)),
             by_normal: grey(by_normal),
             by_position: grey(by_position),
@@ -96,21 +96,21 @@ impl Illumination for Lamp {
     type Recipe = ();
     type Scratch = ();
 
-    fn compute(&self, site: &Site, (): &mut ()) -> (Estimate, ()) {
+    fn compute(&self, site: &Site, (): &mut ()) -> (LocalIrradiance, ()) {
         self.computed.fetch_add(1, Ordering::Relaxed);
         (self.estimate(site), ())
     }
 
-    fn relight(&self, site: &Site, (): &mut (), _: Known) -> Option<Estimate> {
+    fn relight(&self, site: &Site, (): &mut (), _: LastUpdate) -> Option<LocalIrradiance> {
         self.relit.fetch_add(1, Ordering::Relaxed);
         Some(self.estimate(site))
     }
 }
 
-const NO_NEWS: News = News { light: false, things: false };
+const NO_CHANGES: Changes = Changes { light: false, geometry: false };
 
-fn light(cache: &mut IrradianceCache<()>, seen: &GBuffer, news: News, lamp: &Lamp) -> CachedLight {
-    cache.light(seen, &[false, true], news, lamp, &Busy::default())
+fn light(cache: &mut IrradianceCache<()>, seen: &GBuffer, changes: Changes, lamp: &Lamp) -> CachedLight {
+    cache.light(seen, &[false, true], changes, lamp).value
 }
 
 /// Largest error of the picture, as a share of the lamp's closed form at its brightest.
@@ -128,7 +128,7 @@ fn largest_error(lit: &CachedLight, seen: &GBuffer, lamp: &Lamp) -> f32 {
 #[test]
 fn a_smooth_light_is_interpolated() {
     let (seen, lamp) = (floor(|_| ()), Lamp::default());
-    let lit = light(&mut IrradianceCache::default(), &seen, NO_NEWS, &lamp);
+    let lit = light(&mut IrradianceCache::default(), &seen, NO_CHANGES, &lamp);
     let error = largest_error(&lit, &seen, &lamp);
     println!("{} records for {} pixels, largest error {error:.4}", lit.computed, SIDE * SIDE);
     assert!(error < 0.05, "{error}");
@@ -143,11 +143,11 @@ fn turned_normals_are_exact() {
     let mut seen = floor(|_| ());
     let lamp = Lamp::default();
     let mut cache = IrradianceCache::default();
-    let flat = light(&mut cache, &seen, NO_NEWS, &lamp);
+    let flat = light(&mut cache, &seen, NO_CHANGES, &lamp);
     for pixel in seen.pixels.samples_mut() {
         pixel.shading_normal = Vec3A::new(0.1, 1.0, 0.05).normalize().to_array();
     }
-    let tilted = light(&mut cache, &seen, NO_NEWS, &lamp);
+    let tilted = light(&mut cache, &seen, NO_CHANGES, &lamp);
     assert!(tilted.computed * 4 < flat.computed, "{} records beside {}", tilted.computed, flat.computed);
     let (before, after) = (largest_error(&flat, &floor(|_| ()), &lamp), largest_error(&tilted, &seen, &lamp));
     assert!(after < before + 0.01, "{before} became {after}");
@@ -157,7 +157,7 @@ fn turned_normals_are_exact() {
 #[test]
 fn no_light_leaks_past_a_thin_wall() {
     let (seen, lamp) = (floor(|_| ()), Lamp { wall: true, ..Lamp::default() });
-    let lit = light(&mut IrradianceCache::default(), &seen, NO_NEWS, &lamp);
+    let lit = light(&mut IrradianceCache::default(), &seen, NO_CHANGES, &lamp);
     for (e, pixel) in lit.irradiance.samples().iter().zip(seen.pixels.samples()) {
         let x = pixel.position[0];
         // A pixel is 1/32 m wide.
@@ -181,16 +181,16 @@ fn other_surfaces_have_records_of_their_own() {
         impl Illumination for BySurface {
             type Recipe = ();
             type Scratch = ();
-            fn compute(&self, site: &Site, (): &mut ()) -> (Estimate, ()) {
+            fn compute(&self, site: &Site, (): &mut ()) -> (LocalIrradiance, ()) {
                 let other = site.position.y > 0.1 || site.normal.y < 0.0 || site.carrier == 1;
                 (even(if other { 100.0 } else { 1.0 }, 1.0), ())
             }
-            fn relight(&self, _: &Site, (): &mut (), _: Known) -> Option<Estimate> {
+            fn relight(&self, _: &Site, (): &mut (), _: LastUpdate) -> Option<LocalIrradiance> {
                 None
             }
         }
         let seen = floor(change);
-        let lit = IrradianceCache::default().light(&seen, &[false, true], NO_NEWS, &BySurface, &Busy::default());
+        let lit = IrradianceCache::default().light(&seen, &[false, true], NO_CHANGES, &BySurface).value;
         for (e, pixel) in lit.irradiance.samples().iter().zip(seen.pixels.samples()) {
             let expected = if pixel.position[0] > 0.0 { 100.0 } else { 1.0 };
             assert!((e[0] / expected - 1.0f32).abs() < 1e-5, "change {k}: {} in place of {expected}", e[0]);
@@ -217,11 +217,11 @@ impl Illumination for Groove {
     type Recipe = ();
     type Scratch = ();
 
-    fn compute(&self, site: &Site, (): &mut ()) -> (Estimate, ()) {
+    fn compute(&self, site: &Site, (): &mut ()) -> (LocalIrradiance, ()) {
         (even(if site.position.y < 0.0 { Self::LIGHT } else { 1.0 }, 1.0), ())
     }
 
-    fn relight(&self, _: &Site, (): &mut (), _: Known) -> Option<Estimate> {
+    fn relight(&self, _: &Site, (): &mut (), _: LastUpdate) -> Option<LocalIrradiance> {
         None
     }
 
@@ -240,7 +240,7 @@ fn a_groove_keeps_its_own_light() {
     }
     let wrong = |openness| {
         let groove = Groove { openness };
-        let lit = IrradianceCache::default().light(&seen, &[false, true], NO_NEWS, &groove, &Busy::default());
+        let lit = IrradianceCache::default().light(&seen, &[false, true], NO_CHANGES, &groove).value;
         let expected = |pixel: &PixelSurface| if Groove::has(pixel.position[0]) { Groove::LIGHT } else { 1.0 };
         let pairs = lit.irradiance.samples().iter().zip(seen.pixels.samples());
         pairs.filter(|(e, pixel)| (e[0] - expected(pixel)).abs() > 1e-5).count()
@@ -258,7 +258,7 @@ fn openness_follows_the_picture() {
     }
     let mut cache = IrradianceCache::default();
     let groove = Groove { openness: 0.5 };
-    cache.light(&seen, &[false, true], NO_NEWS, &groove, &Busy::default());
+    cache.light(&seen, &[false, true], NO_CHANGES, &groove).value;
     let openness = |cache: &IrradianceCache<()>| -> Vec<f32> {
         cache.records.iter().filter(|record| record.site.position.y < 0.0).map(|record| record.site.openness).collect()
     };
@@ -278,20 +278,20 @@ fn openness_follows_the_picture() {
 fn light_that_changes_is_followed_at_once() {
     let (seen, lamp) = (floor(|_| ()), Lamp::default());
     let mut cache = IrradianceCache::default();
-    let first = light(&mut cache, &seen, NO_NEWS, &lamp);
-    let again = light(&mut cache, &seen, NO_NEWS, &lamp);
+    let first = light(&mut cache, &seen, NO_CHANGES, &lamp);
+    let again = light(&mut cache, &seen, NO_CHANGES, &lamp);
     assert_eq!((again.computed, &again.irradiance), (0, &first.irradiance));
     let brighter = Lamp { power: Some(10.0), ..Lamp::default() };
-    let news = News { light: true, things: false };
-    let lit = light(&mut cache, &seen, news, &brighter);
+    let changes = Changes { light: true, geometry: false };
+    let lit = light(&mut cache, &seen, changes, &brighter);
     assert_eq!(lit.computed, 0);
     assert!(brighter.relit.load(Ordering::Relaxed) >= first.in_use);
     for (now, before) in lit.irradiance.samples().iter().zip(first.irradiance.samples()) {
         assert!((now[0] - 10.0 * before[0]).abs() < 1e-3 * before[0], "{} after {}", now[0], before[0]);
     }
     // While things move, every record is computed afresh within so many frames.
-    let news = News { light: true, things: true };
-    let computed: usize = (0..TURN).map(|_| light(&mut cache, &seen, news, &brighter).computed).sum();
+    let changes = Changes { light: true, geometry: true };
+    let computed: usize = (0..TURN).map(|_| light(&mut cache, &seen, changes, &brighter).computed).sum();
     assert_eq!(computed, cache.records.len());
 }
 
@@ -301,13 +301,13 @@ fn only_what_is_needed_is_brought_up_to_date() {
     let seen = floor(|_| ());
     let half = floor(|pixel| pixel.instance = NOTHING);
     let mut cache = IrradianceCache::default();
-    let all = light(&mut cache, &seen, NO_NEWS, &Lamp::default()).in_use;
-    let news = News { light: true, things: false };
+    let all = light(&mut cache, &seen, NO_CHANGES, &Lamp::default()).in_use;
+    let changes = Changes { light: true, geometry: false };
     let (dim, bright) = ([2.0, 4.0]).map(|power| Lamp { power: Some(power), ..Lamp::default() }).into();
-    let lit = light(&mut cache, &half, news, &dim);
+    let lit = light(&mut cache, &half, changes, &dim);
     assert_eq!((lit.computed, dim.relit.load(Ordering::Relaxed)), (0, lit.in_use));
     assert!(lit.in_use * 5 < all * 4, "{} of {all} records for half of the picture", lit.in_use);
-    let lit = light(&mut cache, &seen, news, &bright);
+    let lit = light(&mut cache, &seen, changes, &bright);
     assert_eq!((lit.computed, lit.in_use), (0, all));
     assert!(largest_error(&lit, &seen, &bright) < 0.05);
 }
@@ -318,17 +318,17 @@ fn records_grow_again() {
     let (seen, open) = (floor(|_| ()), Lamp::default());
     let walled = Lamp { wall: true, ..Lamp::default() };
     let mut cache = IrradianceCache::default();
-    light(&mut cache, &seen, NO_NEWS, &open);
+    light(&mut cache, &seen, NO_CHANGES, &open);
     let radii = |cache: &IrradianceCache<()>, count| -> Vec<f32> {
         cache.records[..count].iter().map(|record| record.radius).collect()
     };
     let count = cache.records.len();
     let before = radii(&cache, count);
-    let news = News { light: true, things: true };
-    light(&mut cache, &seen, news, &walled);
+    let changes = Changes { light: true, geometry: true };
+    light(&mut cache, &seen, changes, &walled);
     let shrunk = radii(&cache, count).iter().zip(&before).filter(|(now, before)| *now < before).count();
     assert!(shrunk * 4 > count, "{shrunk} of {count} records are near the wall");
-    light(&mut cache, &seen, news, &open);
+    light(&mut cache, &seen, changes, &open);
     assert_eq!(radii(&cache, count), before);
 }
 
@@ -338,14 +338,14 @@ fn records_are_carried() {
     let lamp = Lamp { tolerance: Some(0.02), ..Lamp::default() };
     let mut cache = IrradianceCache::default();
     let mut seen = floor(|pixel| pixel.instance = 1);
-    light(&mut cache, &seen, NO_NEWS, &lamp);
+    light(&mut cache, &seen, NO_CHANGES, &lamp);
     let before: Vec<Site> = cache.records.iter().map(|record| record.site).collect();
     let step = Vec3A::new(0.0, 0.5, 0.0);
     seen.world[1] = Affine3A::from_translation(step.into());
     for pixel in seen.pixels.samples_mut().iter_mut().filter(|pixel| pixel.instance == 1) {
         pixel.position = (Vec3A::from(pixel.position) + step).to_array();
     }
-    let lit = light(&mut cache, &seen, News { light: false, things: true }, &lamp);
+    let lit = light(&mut cache, &seen, Changes { light: false, geometry: true }, &lamp);
     for (before, record) in before.iter().zip(&cache.records) {
         let expected = before.position + if before.carrier == 1 { step } else { Vec3A::ZERO };
         assert_eq!(record.site.position, expected);
@@ -363,8 +363,8 @@ fn threads_do_not_matter() {
             let (seen, mut cache) = (floor(|pixel| pixel.instance = 1), IrradianceCache::default());
             let powers = [1.0, 1.0, 2.0];
             let frames = powers.map(|power| {
-                let news = News { light: true, things: power == 1.0 };
-                light(&mut cache, &seen, news, &Lamp { power: Some(power), ..Lamp::default() }).irradiance
+                let changes = Changes { light: true, geometry: power == 1.0 };
+                light(&mut cache, &seen, changes, &Lamp { power: Some(power), ..Lamp::default() }).irradiance
             });
             (frames, cache.records.len())
         })
@@ -380,10 +380,10 @@ fn unseen_records_are_forgotten() {
     let mut nothing = seen.clone();
     nothing.pixels.samples_mut().iter_mut().for_each(|pixel| pixel.instance = NOTHING);
     let mut cache = IrradianceCache::default();
-    light(&mut cache, &seen, NO_NEWS, &lamp);
-    (0..PATIENCE).for_each(|_| drop(light(&mut cache, &nothing, NO_NEWS, &lamp)));
+    light(&mut cache, &seen, NO_CHANGES, &lamp);
+    (0..PATIENCE).for_each(|_| drop(light(&mut cache, &nothing, NO_CHANGES, &lamp)));
     assert!(!cache.records.is_empty());
-    light(&mut cache, &nothing, NO_NEWS, &lamp);
+    light(&mut cache, &nothing, NO_CHANGES, &lamp);
     assert!(cache.records.is_empty());
 }
 
@@ -396,11 +396,11 @@ impl<F: Fn(f32) -> f32 + Sync> Illumination for Unforeseen<F> {
     type Recipe = ();
     type Scratch = ();
 
-    fn compute(&self, site: &Site, (): &mut ()) -> (Estimate, ()) {
+    fn compute(&self, site: &Site, (): &mut ()) -> (LocalIrradiance, ()) {
         (even((self.light)(site.position.x), 0.8), ())
     }
 
-    fn relight(&self, _: &Site, (): &mut (), _: Known) -> Option<Estimate> {
+    fn relight(&self, _: &Site, (): &mut (), _: LastUpdate) -> Option<LocalIrradiance> {
         None
     }
 }
@@ -412,7 +412,7 @@ fn neighbours_teach_slopes() {
     let light = |x: f32| 1.0 + 0.3 * x;
     let seen = floor(|_| ());
     let mut cache = IrradianceCache::default();
-    let lit = cache.light(&seen, &[false, true], NO_NEWS, &Unforeseen { light }, &Busy::default());
+    let lit = cache.light(&seen, &[false, true], NO_CHANGES, &Unforeseen { light }).value;
     let nearest = |pixel: &PixelSurface| {
         let distance = |record: &&Record<()>| record.site.position.distance_squared(pixel.position.into());
         let record = cache.records.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
@@ -435,7 +435,7 @@ fn records_crowd_where_they_are_contradicted() {
     let light = |x: f32| 1.5 + (x / 0.1).tanh() / 2.0;
     let seen = floor(|_| ());
     let mut cache = IrradianceCache::default();
-    let lit = cache.light(&seen, &[false, true], NO_NEWS, &Unforeseen { light }, &Busy::default());
+    let lit = cache.light(&seen, &[false, true], NO_CHANGES, &Unforeseen { light }).value;
     let at_step = cache.records.iter().filter(|record| record.site.position.x.abs() < 0.2).count();
     let beside = cache.records.iter().filter(|record| record.site.position.x.abs() > 0.6).count();
     assert!(2 * at_step > 3 * beside, "{at_step} records at the step, {beside} on twice as much floor beside it");

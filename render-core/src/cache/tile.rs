@@ -4,7 +4,7 @@ use super::Vec3A;
 use super::picture::{Picture, Shown};
 use super::record::{Record, Site};
 use super::spacing::radius_in_view;
-use crate::{Busy, MACROBLOCK};
+use crate::MACROBLOCK;
 use lanes::{Choice, Kernel, LANES, Lanes};
 use rayon::prelude::*;
 
@@ -259,7 +259,7 @@ pub(super) struct Tiles {
 
 impl Tiles {
     /// Tiles without records.
-    pub fn new(picture: &Picture, busy: &Busy) -> Self {
+    pub fn new(picture: &Picture) -> Self {
         let empty = |tile| {
             let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
             for position in picture.shown(tile).iter().filter(|shown| shown.is_something()).map(Shown::position) {
@@ -267,7 +267,7 @@ impl Tiles {
             }
             Tile { low, high, ..Tile::default() }
         };
-        let all = (0..picture.tiles()).into_par_iter().map(|tile| busy.measure(|| empty(tile))).collect();
+        let all = (0..picture.tiles()).into_par_iter().map(|tile| picture.busy.measure(|| empty(tile))).collect();
         Self { all, lanes: Choice::best(), listed: Vec::new() }
     }
 
@@ -286,7 +286,6 @@ impl Tiles {
         picture: &Picture,
         records: &[Record<R>],
         chosen: impl IntoIterator<Item = usize>,
-        busy: &Busy,
     ) {
         let first = self.listed.len();
         self.listed.extend(chosen.into_iter().map(|index| index as u32));
@@ -294,11 +293,11 @@ impl Tiles {
             let record = &records[index as usize];
             (&record.site, radius_in_view(record, picture))
         };
-        let spheres: Vec<(&Site, f32)> = busy.measure(|| self.listed[first..].iter().map(sphere).collect());
+        let spheres: Vec<(&Site, f32)> = picture.busy.measure(|| self.listed[first..].iter().map(sphere).collect());
         // A row of tiles first rules out what none of them needs.
         let across = picture.size().0.div_ceil(MACROBLOCK).max(1);
         self.all.par_chunks_mut(across.min(8)).for_each(|tiles| {
-            busy.measure(|| {
+            picture.busy.measure(|| {
                 let low = tiles.iter().fold(Vec3A::INFINITY, |low, tile| low.min(tile.low));
                 let high = tiles.iter().fold(Vec3A::NEG_INFINITY, |high, tile| high.max(tile.high));
                 let together = Tile { low, high, ..Tile::default() };
@@ -315,21 +314,15 @@ impl Tiles {
     }
 
     /// Lists the records from `place` on again, whose radii are others now. Returns for each tile whether it had any.
-    pub fn list_again<R: Sync + Send>(
-        &mut self,
-        picture: &Picture,
-        records: &[Record<R>],
-        place: usize,
-        busy: &Busy,
-    ) -> Vec<bool> {
+    pub fn list_again<R: Sync + Send>(&mut self, picture: &Picture, records: &[Record<R>], place: usize) -> Vec<bool> {
         let had: Vec<bool> = self.all.iter_mut().map(|tile| tile.forget_from(place)).collect();
         let again = self.listed.split_off(place);
-        self.list(picture, records, again.into_iter().map(|index| index as usize), busy);
+        self.list(picture, records, again.into_iter().map(|index| index as usize));
         had
     }
 
     /// Of the records listed from `place` on, keeps those that any pixel takes light from.
-    pub fn keep_used<R: Sync + Send>(&mut self, picture: &Picture, records: &[Record<R>], place: usize, busy: &Busy) {
+    pub fn keep_used<R: Sync + Send>(&mut self, picture: &Picture, records: &[Record<R>], place: usize) {
         let is_late = |&candidate: &u32| candidate as usize >= place;
         let in_tile = |index: usize| {
             let mut used = if self.all[index].candidates.last().is_some_and(is_late) {
@@ -341,18 +334,18 @@ impl Tiles {
             used
         };
         let used: Vec<Vec<u32>> =
-            (0..self.all.len()).into_par_iter().map(|index| busy.measure(|| in_tile(index))).collect();
+            (0..self.all.len()).into_par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
         let used = self.records(used.concat());
         self.all.iter_mut().for_each(|tile| _ = tile.forget_from(place));
         self.listed.truncate(place);
-        self.list(picture, records, used, busy);
+        self.list(picture, records, used);
     }
 
     /// Those of the listed records, ascending, that any pixel takes light from.
-    pub fn in_use(&self, picture: &Picture, busy: &Busy) -> Vec<usize> {
+    pub fn in_use(&self, picture: &Picture) -> Vec<usize> {
         let in_tile = |index: usize| self.all[index].candidates_in_use(self.lanes, picture.shown(index));
         let used: Vec<Vec<u32>> =
-            (0..self.all.len()).into_par_iter().map(|index| busy.measure(|| in_tile(index))).collect();
+            (0..self.all.len()).into_par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
         self.records(used.concat())
     }
 

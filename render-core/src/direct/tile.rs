@@ -1,12 +1,12 @@
-//! Receivers that are lit together: the same points of a light send their rays to all of them.
+//! Receivers that are lit together: shadow rays of a light sample are traced to all of them.
 
-use super::{Area, Disc, FIRST_AREA_SAMPLES, FIRST_SUN_SAMPLES, Receiver, Sun, WORTH_A_SHAFT, bits, disc_term};
+use super::{Area, Disc, FIRST_AREA_SAMPLES, FIRST_SUN_SAMPLES, ShadingPoint, Sun, WORTH_A_SHAFT, bits, disc_term};
 use crate::accel::{Accelerator, PACKET, Shaft};
 use crate::emitter::{AreaSample, PointLight};
 use glam::{Vec3, Vec3A};
 use std::cell::Cell;
 
-/// What the samples of a sun have told a receiver so far.
+/// Shadow rays of the samples of a sun at one receiver so far.
 #[derive(Clone, Copy, Default)]
 struct Votes {
     lit: bool,
@@ -28,12 +28,12 @@ impl Votes {
     }
 }
 
-/// What the samples of an area have told the receivers of a tile so far.
+/// Shadow rays of the samples of an area light at the receivers of a tile so far.
 struct TileVotes {
-    /// Receivers that saw any of the samples, and to which any was hidden, as bits.
+    /// Receivers to which any of the samples is visible, and to which any is hidden, as bits.
     lit: u64,
     dark: u64,
-    /// By colour and receiver, irradiance from the samples that were seen, and from all \[W·m⁻²\].
+    /// By color and receiver, irradiance from the visible samples, and from all \[W·m⁻²\].
     seen: [[f32; PACKET]; 3],
     all: [[f32; PACKET]; 3],
 }
@@ -54,12 +54,12 @@ const FACTORS: [[f32; 8]; 256] = {
 impl TileVotes {
     const NONE: Self = Self { lit: 0, dark: 0, seen: [[0.0; PACKET]; 3], all: [[0.0; PACKET]; 3] };
 
-    /// Adds a sample: `terms` times its intensity, 0 where it does not shine, for those receivers that were asked.
-    fn add(&mut self, intensity: Vec3, terms: &[f32; PACKET], asked: u64, hidden: u64) {
-        self.lit |= asked & !hidden;
-        self.dark |= asked & hidden;
+    /// Adds a sample: `terms` times its intensity, 0 where it does not shine, for the receivers in `traced`.
+    fn add(&mut self, intensity: Vec3, terms: &[f32; PACKET], traced: u64, hidden: u64) {
+        self.lit |= traced & !hidden;
+        self.dark |= traced & hidden;
         let (terms, _) = terms.as_chunks::<8>();
-        for (row, terms) in terms.iter().enumerate().filter(|(row, _)| asked >> (8 * row) & 0xff != 0) {
+        for (row, terms) in terms.iter().enumerate().filter(|(row, _)| traced >> (8 * row) & 0xff != 0) {
             let factors = &FACTORS[(hidden >> (8 * row)) as usize & 0xff];
             for (c, intensity) in intensity.to_array().into_iter().enumerate() {
                 let seen = &mut self.seen[c].as_chunks_mut::<8>().0[row];
@@ -86,25 +86,31 @@ impl TileVotes {
 /// Up to [`PACKET`] receivers that are lit together.
 pub(super) struct Tile<'a> {
     accelerator: &'a Accelerator,
-    receivers: &'a [Receiver],
+    receivers: &'a [ShadingPoint],
     positions: [Vec3A; PACKET],
     /// The same, and both normals, by axis.
     columns: [[[f32; PACKET]; 3]; 3],
-    rays: &'a Cell<u64>,
+    /// Shadow rays traced so far.
+    rays: Cell<u64>,
 }
 
 impl<'a> Tile<'a> {
-    pub(super) fn new(accelerator: &'a Accelerator, receivers: &'a [Receiver], rays: &'a Cell<u64>) -> Self {
+    pub(super) fn new(accelerator: &'a Accelerator, receivers: &'a [ShadingPoint]) -> Self {
         let mut columns = [[[0.0; PACKET]; 3]; 3];
         // Places without a receiver repeat the last.
         for i in 0..PACKET {
-            let Receiver { position, normal, geometric_normal } = receivers[i.min(receivers.len() - 1)];
+            let ShadingPoint { position, normal, geometric_normal } = receivers[i.min(receivers.len() - 1)];
             for (columns, v) in columns.iter_mut().zip([position, normal, geometric_normal]) {
                 columns.iter_mut().zip(v.to_array()).for_each(|(column, x)| column[i] = x);
             }
         }
         let positions = std::array::from_fn(|i| receivers.get(i).map_or(Vec3A::ZERO, |receiver| receiver.position));
-        Self { accelerator, receivers, positions, columns, rays }
+        Self { accelerator, receivers, positions, columns, rays: Cell::new(0) }
+    }
+
+    /// Shadow rays traced so far.
+    pub(super) fn shadow_rays(&self) -> u64 {
+        self.rays.get()
     }
 
     /// Irradiance from a disc at each receiver, per intensity \[m⁻²\].
@@ -118,7 +124,7 @@ impl<'a> Tile<'a> {
         terms
     }
 
-    /// What can stand between the receivers and a light's points, if that is worth finding out.
+    /// The shaft between the receivers and a light's points, if it is worth its cost.
     fn shaft(&self, light: &[Vec3A]) -> Option<Shaft> {
         let receivers = &self.positions[..self.receivers.len()];
         (receivers.len() >= WORTH_A_SHAFT && !light.is_empty()).then(|| self.accelerator.shaft(receivers, light))
@@ -129,8 +135,8 @@ impl<'a> Tile<'a> {
         u64::MAX >> (PACKET - self.receivers.len())
     }
 
-    /// Which of the receivers in `ask` do not see `light`, which lies in the `shaft`, if there is one. The rays go from the
-    /// light, which they have in common.
+    /// Those of the receivers in `ask` that `light` is hidden from. Its shadow rays start at the light, which they have in
+    /// common; it lies in the `shaft`, if there is one.
     pub(super) fn hidden_from(&self, light: Vec3A, ask: u64, shaft: Option<&Shaft>) -> u64 {
         if ask == 0 || shaft.is_some_and(Shaft::is_empty) {
             return 0;
@@ -142,31 +148,31 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// Adds what a glowing surface gives: exact where all of it is seen, else by the share of its samples that is seen,
-    /// each counted by what it would give.
+    /// Adds the irradiance from a glowing surface: exact where all of it is visible, else by the visible share of its samples,
+    /// each weighted by its unshadowed irradiance.
     pub(super) fn add_area(&self, area: &Area, sums: &mut [Vec3]) {
         let shaft = self.shaft(&area.positions);
         let mut votes = TileVotes::NONE;
-        let mut ask_samples = |samples: &[AreaSample], among: u64| {
+        let mut trace_samples = |samples: &[AreaSample], among: u64| {
             for sample in samples {
                 let terms = self.terms(&Disc::of_sample(sample));
-                let asked = among & shining(&terms);
-                let hidden = self.hidden_from(sample.position, asked, shaft.as_ref());
-                votes.add(sample.intensity, &terms, asked, hidden);
+                let traced = among & shining(&terms);
+                let hidden = self.hidden_from(sample.position, traced, shaft.as_ref());
+                votes.add(sample.intensity, &terms, traced, hidden);
             }
             among & !votes.agreed()
         };
         let (first, rest) = match &shaft {
-            // Where nothing can hide it, one sample that gives anything says as much as all.
+            // Where nothing can hide it, one sample that shines is enough.
             Some(shaft) if shaft.is_empty() => area.samples.split_at(1),
             _ => {
-                ask_samples(&area.corners, self.all());
+                trace_samples(&area.corners, self.all());
                 area.samples.split_at(FIRST_AREA_SAMPLES.min(area.samples.len()))
             }
         };
-        let undecided = ask_samples(first, self.all());
+        let undecided = trace_samples(first, self.all());
         if undecided != 0 {
-            ask_samples(rest, undecided);
+            trace_samples(rest, undecided);
         }
         for i in bits(votes.lit) {
             sums[i] += if votes.dark >> i & 1 == 0 {
@@ -174,7 +180,7 @@ impl<'a> Tile<'a> {
             } else if area.polygons.is_empty() {
                 TileVotes::of(&votes.seen, i)
             } else {
-                // Where a colour is missing in all samples, it is missing in the light.
+                // Where a color is missing in all samples, it is missing in the light.
                 let all = TileVotes::of(&votes.all, i).max(Vec3::splat(f32::MIN_POSITIVE));
                 area.unhidden(&self.receivers[i]) * (TileVotes::of(&votes.seen, i) / all)
             };
@@ -194,7 +200,7 @@ impl<'a> Tile<'a> {
         bits(ask & !hidden).for_each(|i| sums[i] += given[i]);
     }
 
-    /// Adds what a sun gives: it is all seen or not at all where its border and the first few of its points agree.
+    /// Adds the irradiance from a sun: all of it or none is visible where its border and the first few of its points agree.
     pub(super) fn add_sun(&self, sun: &Sun, sums: &mut [Vec3]) {
         let share = sun.irradiance / sun.directions.len() as f32;
         for (receiver, sum) in self.receivers.iter().zip(sums) {

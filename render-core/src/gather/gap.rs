@@ -11,11 +11,10 @@
 //! Whatever comes to y from beyond the gap, the surfels know; what comes from within it is found anew. Where radiance is the
 //! same everywhere, both are the same: ρ · (Lₑ + L) = L.
 
-use super::{Seen, Source, Surroundings};
-use crate::accel::Accelerator;
+use super::{Gathered, Seen, Source};
+use crate::PosedScene;
 use crate::direct::Lamps;
 use crate::sampling::cosine_hemisphere;
-use crate::surface::Surfaces;
 use glam::Vec2;
 
 /// Reflections in a gap that are followed.
@@ -36,12 +35,10 @@ impl Gaps {
     /// What glows on the way is noted in `found`.
     pub fn follow<'a>(
         &self,
-        accelerator: &Accelerator,
-        surfaces: &'a Surfaces,
-        mut seen: Seen<'a>,
-        mut source: Source,
+        PosedScene { accelerator, surfaces }: PosedScene<'a>,
+        (mut seen, mut source): (Seen<'a>, Source),
         random: &mut impl Iterator<Item = f32>,
-        found: &mut Surroundings,
+        found: &mut Gathered,
     ) -> (Seen<'a>, Source) {
         for _ in 0..MOST_REFLECTIONS {
             let Seen { surface, distance, .. } = &seen;

@@ -4,8 +4,9 @@
 //! equally far away, and rounding says which is first; of long triangles seen at a slant it says so within 1e-5 of the way.
 //! A pixel that took the far one would be lit from within the body: a black dot. A little farther in the two are apart.
 
-use crate::accel::{Accelerator, Hit};
-use crate::surface::{Surface, Surfaces};
+use crate::PosedScene;
+use crate::accel::Hit;
+use crate::surface::Surface;
 use glam::Vec3A;
 
 /// How far in the two sides are taken to be apart, in pixels; nearer to its border a back may be seen by rounding alone.
@@ -14,8 +15,7 @@ const INWARD: f32 = 0.1;
 /// The front that a ray should have met in place of `hit`, which is the back of `met`; `None` where that is no outline.
 /// `width` is that of a pixel there, metres.
 pub(super) fn front_beside(
-    accelerator: &Accelerator,
-    surfaces: &Surfaces,
+    PosedScene { accelerator, surfaces }: PosedScene,
     (hit, met): (&Hit, &Surface),
     (origin, direction): (Vec3A, Vec3A),
     width: f32,

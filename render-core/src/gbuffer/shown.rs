@@ -4,8 +4,9 @@
 //! into a room through its walls. Light meets them all the same: backs throw shadows and absorb.
 
 use super::outline::front_beside;
-use crate::accel::{Accelerator, Hit};
-use crate::surface::{Surface, Surfaces};
+use crate::PosedScene;
+use crate::accel::Hit;
+use crate::surface::Surface;
 use glam::Vec3A;
 
 /// Backs that a ray goes through; a ray that meets more ends at nothing.
@@ -17,24 +18,23 @@ const BEHIND: f32 = 1e-5;
 /// double-sided. `width` is that of a pixel at a hit, metres; 0 for sharp
 /// textures, and outlines as rays meet them.
 pub(crate) fn shown(
-    accelerator: &Accelerator,
-    surfaces: &Surfaces,
+    scene: PosedScene,
     mut hit: Hit,
     (origin, direction): (Vec3A, Vec3A),
     width: impl Fn(&Hit) -> f32,
 ) -> Option<(Hit, Surface)> {
     for _ in 0..MOST_BACKS {
         let width = width(&hit);
-        let surface = surfaces.at(&hit, direction, width);
+        let surface = scene.surfaces.at(&hit, direction, width);
         if surface.front {
             return Some((hit, surface));
         }
-        let beside = front_beside(accelerator, surfaces, (&hit, &surface), (origin, direction), width);
+        let beside = front_beside(scene, (&hit, &surface), (origin, direction), width);
         if beside.is_some() || surface.double_sided {
             return beside.or(Some((hit, surface)));
         }
         let behind = hit.distance * (1.0 + BEHIND);
-        let next = accelerator.closest(origin + direction * behind, direction)?;
+        let next = scene.accelerator.closest(origin + direction * behind, direction)?;
         hit = Hit { distance: behind + next.distance, ..next };
     }
     None

@@ -13,7 +13,7 @@ pub enum PixelSampling {
     /// All over it, with sharp textures: the picture converges to the mean radiance of each pixel's area.
     Area,
     /// At its centre, with textures blurred to its width: what a renderer with one ray a pixel shows.
-    Centre,
+    Center,
 }
 
 /// How a picture is computed.
@@ -38,7 +38,7 @@ impl Default for PathOptions {
 
 /// A picture with noise, and how much.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Estimate {
+pub struct PathEstimate {
     /// Linear RGB \[W·m⁻²·sr⁻¹\].
     pub mean: Plane<[f32; 3]>,
     /// Estimated variance of each mean, channel by channel; 0 from a single path. Pixels are independent of each other.
@@ -61,7 +61,7 @@ impl PathTracer<'_> {
         (width, height): (usize, usize),
         options: &PathOptions,
         progress: impl Fn(usize, usize) + Sync,
-    ) -> Estimate {
+    ) -> PathEstimate {
         let columns = width.div_ceil(TILE);
         let count = columns * height.div_ceil(TILE);
         let done = std::sync::atomic::AtomicUsize::new(0);
@@ -78,7 +78,7 @@ impl PathTracer<'_> {
             })
             .collect();
         let black = || Plane::filled(width, height, [0.0f32; 3]);
-        let mut estimate = Estimate { mean: black(), variance_of_mean: black() };
+        let mut estimate = PathEstimate { mean: black(), variance_of_mean: black() };
         for (tile, pixels) in tiles.iter().enumerate() {
             for ((x, y), [mean, variance]) in area(tile).zip(pixels) {
                 estimate.mean.set(x, y, mean.as_vec3().to_array());

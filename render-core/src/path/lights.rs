@@ -3,9 +3,9 @@
 use super::{Points, Vertex, power_heuristic};
 use crate::accel::{Accelerator, Hit};
 use crate::emitter::{Emitters, PointLight};
-use crate::luminance;
 use crate::sampling::Distribution;
 use crate::surface::{Surface, Surfaces};
+use crate::{PosedScene, luminance};
 use glam::{Vec3, Vec3A};
 
 /// What shines, ready to be sampled.
@@ -41,16 +41,11 @@ impl<'a> Lights<'a> {
     }
 
     /// Radiance that `vertex` sends back of light straight from its sources.
-    pub(super) fn gather(
-        &self,
-        accelerator: &Accelerator,
-        surfaces: &Surfaces,
-        vertex: &Vertex,
-        points: &mut Points,
-    ) -> Vec3 {
+    pub(super) fn gather(&self, scene: PosedScene, vertex: &Vertex, points: &mut Points) -> Vec3 {
+        let PosedScene { accelerator, surfaces } = scene;
         let mut sum = Vec3::ZERO;
         if self.choice.is_some() {
-            sum += self.surface_light(accelerator, surfaces, vertex, points);
+            sum += self.surface_light(scene, vertex, points);
         }
         if !self.emitters.points.is_empty() {
             sum += self.point_light(accelerator, vertex, points);
@@ -74,8 +69,7 @@ impl<'a> Lights<'a> {
 
     fn surface_light(
         &self,
-        accelerator: &Accelerator,
-        surfaces: &Surfaces,
+        PosedScene { accelerator, surfaces }: PosedScene,
         vertex: &Vertex,
         points: &mut Points,
     ) -> Vec3 {

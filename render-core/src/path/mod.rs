@@ -10,16 +10,16 @@
 mod film;
 mod lights;
 
-pub use film::{Estimate, PathOptions, PixelSampling};
+pub use film::{PathEstimate, PathOptions, PixelSampling};
 
-use crate::accel::{Accelerator, Hit};
+use crate::accel::Hit;
 use crate::bsdf::Bsdf;
 use crate::emitter::Emitters;
 use crate::gbuffer::shown;
 use crate::sampling::{frame, hash, owen_sobol_point};
 use crate::scene::View;
-use crate::surface::{Surface, Surfaces};
-use crate::{Units, luminance};
+use crate::surface::Surface;
+use crate::{PosedScene, Units, luminance};
 use glam::{Vec2, Vec3, Vec3A};
 use lights::Lights;
 
@@ -31,10 +31,15 @@ const HIGHEST_SURVIVAL: f32 = 0.99;
 
 /// A scene at one time, ready for paths.
 pub struct PathTracer<'a> {
-    accelerator: &'a Accelerator,
-    surfaces: &'a Surfaces<'a>,
+    scene: PosedScene<'a>,
     lights: Lights<'a>,
     epsilon: f32,
+}
+
+impl std::fmt::Debug for PathTracer<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("PathTracer").field("scene", &self.scene).finish_non_exhaustive()
+    }
 }
 
 /// The random numbers of one sample: pairs, each from a scrambled sequence of its own.
@@ -104,14 +109,10 @@ fn power_heuristic(a: f32, b: f32) -> f32 {
 }
 
 impl<'a> PathTracer<'a> {
-    /// For the scene that `surfaces` shows, with its rays in `accelerator` and its lights in `emitters`.
-    pub fn new(
-        accelerator: &'a Accelerator,
-        surfaces: &'a Surfaces<'a>,
-        emitters: &'a Emitters,
-        units: &Units,
-    ) -> Self {
-        Self { accelerator, surfaces, lights: Lights::new(surfaces, emitters, units.epsilon), epsilon: units.epsilon }
+    /// For a scene with its lights in `emitters`.
+    #[must_use]
+    pub fn new(scene: PosedScene<'a>, emitters: &'a Emitters, units: &Units) -> Self {
+        Self { scene, lights: Lights::new(scene.surfaces, emitters, units.epsilon), epsilon: units.epsilon }
     }
 
     /// Radiance \[W·m⁻²·sr⁻¹\] along one path of at most `max_bounces` reflections that starts at `pixel`.
@@ -121,17 +122,17 @@ impl<'a> PathTracer<'a> {
         // Density of the direction from the surface before; none at the camera, where light has no other way to be found.
         let mut drawn: Option<f32> = None;
         for bounce in 0.. {
-            let hit = self.accelerator.closest(origin, direction);
+            let hit = self.scene.accelerator.closest(origin, direction);
             let met = match drawn {
                 None => hit.and_then(|hit| {
                     let footprint = |hit: &Hit| self.footprint(view, origin + direction * hit.distance);
                     let width = |hit: &Hit| if sharp { 0.0 } else { footprint(hit) };
-                    shown(self.accelerator, self.surfaces, hit, (origin, direction), width)
+                    shown(self.scene, hit, (origin, direction), width)
                 }),
-                Some(_) => hit.map(|hit| (hit, self.surfaces.at(&hit, direction, 0.0))),
+                Some(_) => hit.map(|hit| (hit, self.scene.surfaces.at(&hit, direction, 0.0))),
             };
             let Some((hit, surface)) = met else {
-                if let Some(sky) = &self.surfaces.scene().sky {
+                if let Some(sky) = &self.scene.surfaces.scene().sky {
                     let weight = drawn.map_or(1.0, |pdf| power_heuristic(pdf, sky.pdf(direction.into())));
                     radiance += throughput * sky.radiance(direction.into()) * weight;
                 }
@@ -155,7 +156,7 @@ impl<'a> PathTracer<'a> {
             if vertex.bsdf.is_black() {
                 break;
             }
-            radiance += throughput * self.lights.gather(self.accelerator, self.surfaces, &vertex, points);
+            radiance += throughput * self.lights.gather(self.scene, &vertex, points);
 
             let (choice, way) = (points.next(), points.next());
             let Some(next) = vertex.bsdf.sample(vertex.outgoing, choice.x, way) else { break };

@@ -1,9 +1,9 @@
 //! The way of one photon: emission, reflections by roulette, end.
 
-use super::Swept;
+use super::SweptVolume;
 use crate::accel::Accelerator;
 use crate::anchor::Spot;
-use crate::emitter::{EMISSION_DIMENSIONS, Emission, PhotonSource};
+use crate::emitter::{EMISSION_DIMENSIONS, EmittedPhoton, PhotonSource};
 use crate::luminance;
 use crate::sampling::{cosine_hemisphere, halton};
 use crate::surface::Surfaces;
@@ -84,7 +84,7 @@ impl Walk<'_> {
     /// Follows photon `index` to its end; `each` is told where the segments begin.
     pub fn follow(&self, index: u32, path: &mut Path, each: impl FnMut(Leg)) {
         let start = self.source.emit(self.surfaces, self.seed, index.into(), self.count);
-        let Emission { origin, direction, flux, from_moving, distant } = start;
+        let EmittedPhoton { origin, direction, flux, from_moving, distant } = start;
         let leg = Leg { index, bounce: 0, distant, origin: origin.into(), direction: direction.into(), flux };
         self.follow_from(leg, path, each);
         (path.emitted, path.from_moving) = (flux, from_moving);
@@ -100,7 +100,7 @@ impl Walk<'_> {
             let (origin, direction, flux) = (Vec3A::from(leg.origin), Vec3A::from(leg.direction), leg.flux);
             let Some(hit) = self.accelerator.closest(origin, direction) else {
                 path.lost = flux;
-                path.end = Some(origin + direction * Swept::FAR);
+                path.end = Some(origin + direction * SweptVolume::FAR);
                 return;
             };
             let surface = self.surfaces.meet(&hit, direction, self.footprint);
@@ -144,7 +144,7 @@ impl Walk<'_> {
 impl Path {
     /// The first of its segments that anything that moves may ever stand in the way of, if there is one. `legs` are their
     /// beginnings.
-    pub fn first_met(&self, legs: &[Leg], swept: &Swept) -> Option<usize> {
+    pub fn first_met(&self, legs: &[Leg], swept: &SweptVolume) -> Option<usize> {
         let ends = self.reflections.iter().map(|reflection| reflection.position).chain(self.end);
         let meets = |(leg, end): (&Leg, Vec3A)| swept.is_entered(leg.origin.into(), end);
         let entered = legs.iter().zip(ends).position(meets);

@@ -1,6 +1,6 @@
 //! Energy in whole quanta, so that sums are the same in any order.
 
-use super::Energies;
+use super::AnchorFlux;
 use super::path::Path;
 use crate::anchor::{Anchors, SplatScratch, Spot, SurfelMap};
 use glam::{DVec3, Vec3};
@@ -62,7 +62,7 @@ impl Quanta {
 /// What some of the photons left.
 #[derive(Clone, Debug)]
 pub(super) struct Sums {
-    /// At the fixed and at the carried surfels, as [`SurfelMap::splat_all`] names them.
+    /// At the fixed and at the dynamic surfels, as [`SurfelMap::splat_all`] names them.
     held: [Vec<Quanta>; 2],
     emitted: Quanta,
     reflected: Quanta,
@@ -133,15 +133,21 @@ impl Sums {
     }
 
     /// In watts.
-    pub fn energies(&self, quantum: Quantum, traced: u64, anchors: &Anchors, surfels: [&SurfelMap; 2]) -> Energies {
+    pub fn anchor_flux(
+        &self,
+        quantum: Quantum,
+        traced: u64,
+        anchors: &Anchors,
+        surfels: [&SurfelMap; 2],
+    ) -> AnchorFlux {
         let watts = |kind: usize| -> Vec<Vec3> {
             surfels[kind].by_index(&self.held[kind]).into_iter().map(|q| quantum.watts(q)).collect()
         };
-        let [fixed, carried] = [watts(0), watts(1)];
-        Energies {
+        let [fixed, dynamic] = [watts(0), watts(1)];
+        AnchorFlux {
             fixed: surfels[0].anchor_flux(&fixed, anchors.fixed.len()),
-            carried: surfels[1].anchor_flux(&carried, anchors.carried.len()),
-            surfels: [fixed, carried],
+            dynamic: surfels[1].anchor_flux(&dynamic, anchors.dynamic.len()),
+            surfels: [fixed, dynamic],
             emitted: quantum.watts(self.emitted),
             reflected: quantum.watts(self.reflected),
             lost: quantum.watts(self.lost),

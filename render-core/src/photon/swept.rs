@@ -9,7 +9,7 @@ const SIDE: i32 = 64;
 
 /// A grid of cells over the scene, each known to be entered by something that moves or not.
 #[derive(Clone, Debug)]
-pub struct Swept {
+pub struct SweptVolume {
     low: Vec3A,
     /// Cells to the metre.
     density: f32,
@@ -17,7 +17,7 @@ pub struct Swept {
     rows: Vec<u64>,
 }
 
-impl Swept {
+impl SweptVolume {
     /// Where a segment ends that goes on for ever: farther than any scene, and finite \[m\].
     pub(crate) const FAR: f32 = 1e16;
 
@@ -149,7 +149,7 @@ mod tests {
     fn no_segment_through_a_box_is_missed() {
         let u = |a, b| hash_unit(5, a, b);
         for k in 0..2000 {
-            let mut swept = Swept::new(&units());
+            let mut swept = SweptVolume::new(&units());
             let low = units().center + Vec3A::new(u(k, 0), u(k, 1), u(k, 2)) * 4.0 - 2.5;
             let size = Vec3A::new(u(k, 3), u(k, 4), u(k, 5)) * 0.5;
             swept.add(low, low + size);
@@ -160,19 +160,19 @@ mod tests {
             }
             let (before, after) = (u(k, 11) * 20.0, u(k, 12) * 20.0);
             assert!(swept.is_entered(inside - direction * before, inside + direction * after));
-            assert!(swept.is_entered(inside - direction * before, inside + direction * Swept::FAR));
+            assert!(swept.is_entered(inside - direction * before, inside + direction * SweptVolume::FAR));
         }
     }
 
     #[test]
     fn what_passes_far_from_the_box_is_free() {
-        let mut swept = Swept::new(&units());
+        let mut swept = SweptVolume::new(&units());
         let center = units().center;
         swept.add(center - 0.5, center + 0.5);
         assert!(swept.share() > 0.0015 && swept.share() < 0.004, "{}", swept.share());
         let beside = center + Vec3A::new(0.0, 1.0, 0.0);
         assert!(!swept.is_entered(beside - Vec3A::X * 9.0, beside + Vec3A::X * 9.0));
-        assert!(!swept.is_entered(beside, beside + Vec3A::Y * Swept::FAR));
+        assert!(!swept.is_entered(beside, beside + Vec3A::Y * SweptVolume::FAR));
         assert!(!swept.is_entered(center + Vec3A::X * 9.0, center + Vec3A::X * 90.0));
         assert!(!swept.is_entered(beside, beside));
         assert!(swept.is_entered(center, center));

@@ -83,7 +83,7 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     let picture = match method {
         Method::AllLights => reference::by_all_lights(&scene, &settings, frame),
         Method::Path => {
-            let pixel = if centre { PixelSampling::Centre } else { PixelSampling::Area };
+            let pixel = if centre { PixelSampling::Center } else { PixelSampling::Area };
             let options = PathOptions { samples: spp, seed: settings.seed, max_bounces: bounces, pixel };
             let bar = progress::of_work(quiet);
             let picture = reference::by_paths(&scene, &settings, frame, &options, |done, all| {

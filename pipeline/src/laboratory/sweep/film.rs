@@ -158,7 +158,7 @@ pub fn by_paths(
         }
         // A seed for each frame: with one for all, noise would stand still and cost no bits.
         let seed = settings.seed.wrapping_add(u64::from(report.index) << 32);
-        let options = PathOptions { samples: spp, seed, max_bounces: settings.bounces, pixel: PixelSampling::Centre };
+        let options = PathOptions { samples: spp, seed, max_bounces: settings.bounces, pixel: PixelSampling::Center };
         let before = process_cpu_seconds();
         let radiance = reference::by_paths(scene, &settings, report.index, &options, |_, _| ()).radiance;
         let mut report = FrameReport { cut_size_mean: 0.0, cut_size_max: 0, shadow_rays: 0, ..report.clone() };

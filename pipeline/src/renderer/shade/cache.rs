@@ -11,9 +11,11 @@ use around::{Around, Place, places, standing, swept};
 use glam::{Mat3A, Vec3, Vec3A};
 use lighttree::{Calibration, Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
 use plane::Plane;
-use render_core::cache::{CachedLight, Estimate, Illumination, IrradianceCache, Known, News, Site, footprint};
+use render_core::cache::{
+    CachedLight, Changes, Illumination, IrradianceCache, LastUpdate, LocalIrradiance, Site, footprint,
+};
 use render_core::sampling::hash;
-use render_core::{Anchor, Busy, GBuffer, Hit, NOTHING, PACKET, PixelSurface, Receiver, Surroundings, luminance};
+use render_core::{Anchor, Busy, GBuffer, Gathered, Hit, NOTHING, PACKET, PixelSurface, ShadingPoint, luminance};
 use std::f32::consts::PI;
 
 /// A record answers for many pixels and its error is seen as a stain: its threshold is this share of theirs.
@@ -50,7 +52,7 @@ pub(super) struct Recipe {
     clusters: Box<[Cluster]>,
     /// Which of the clusters are seen: a bit for each, a word for each [`PACKET`] of them.
     visible: Box<[u64]>,
-    surroundings: Surroundings,
+    surroundings: Gathered,
     /// Whether something that moves stood near when the surroundings were looked at.
     near_moving: bool,
     /// Where the record was when the cut was made, and the way it faced.
@@ -69,10 +71,11 @@ impl Cache {
         let moving = scene.moving_instances();
         let places = places(scene, &moving, seen, &self.places);
         let lights = prepared.tree.lights().iter().map(|light| light.intensity);
-        let news = News { light: lights.clone().ne(self.intensities.iter().copied()), things: self.places != places };
+        let changes =
+            Changes { light: lights.clone().ne(self.intensities.iter().copied()), geometry: self.places != places };
         let illumination =
             Cuts { transport, swept: swept(&self.places, &places), standing: standing(&places), moving: &moving };
-        let lit = self.records.light(seen, &moving, news, &illumination, busy);
+        let lit = busy.take(self.records.light(seen, &moving, changes, &illumination));
         self.intensities = lights.collect();
         self.places = places;
         figures.cache_records = lit.in_use as u64;
@@ -84,7 +87,7 @@ impl Cache {
     pub fn light_more(&mut self, transport: &LightTransport, busy: &Busy, figures: &mut FrameFigures) -> Plane<Vec3> {
         let moving = transport.prepared.surfaces.scene().moving_instances();
         let illumination = Cuts { transport, swept: Vec::new(), standing: standing(&self.places), moving: &moving };
-        let lit = self.records.light_more(transport.seen, &moving, &illumination, busy);
+        let lit = busy.take(self.records.light_more(transport.seen, &moving, &illumination));
         figures.cache_records = figures.cache_records.max(lit.in_use as u64);
         figures.cache_new += lit.computed as u64;
         reflected(transport.seen, &lit)
@@ -106,7 +109,7 @@ impl Cache {
             (site.carrier == NOTHING || (site.carrier as usize) < scene.instances.len())
                 && recipe.clusters.iter().all(|cluster| (cluster.light as usize) < intensities.len())
                 && recipe.visible.len() == recipe.clusters.len().div_ceil(PACKET)
-                && done.gather.knows(&recipe.surroundings)
+                && done.gather.is_complete(&recipe.surroundings)
         };
         if !records.recipes().all(is_of_frame) {
             return Err(Error::Checkpoint(NONSENSE.into()));
@@ -144,7 +147,7 @@ impl Illumination for Cuts<'_> {
     /// For cuts, and for those of audits.
     type Scratch = (Scratch, Option<Scratch>);
 
-    fn compute(&self, site: &Site, (scratch, finer): &mut Self::Scratch) -> (Estimate, Recipe) {
+    fn compute(&self, site: &Site, (scratch, finer): &mut Self::Scratch) -> (LocalIrradiance, Recipe) {
         let Self { transport, .. } = self;
         let receiver = self.receiver(site);
         let surroundings = transport.look_around(&receiver, site.key);
@@ -192,7 +195,7 @@ impl Illumination for Cuts<'_> {
         (self.estimate(&receiver, &recipe), recipe)
     }
 
-    fn relight(&self, site: &Site, recipe: &mut Recipe, known: Known) -> Option<Estimate> {
+    fn relight(&self, site: &Site, recipe: &mut Recipe, known: LastUpdate) -> Option<LocalIrradiance> {
         let Recipe { position, normal, threshold, .. } = *recipe;
         let moved = site.position.distance(position) / recipe.surroundings.harmonic_mean;
         if moved > MOST_MOVED || site.normal.dot(normal) < LEAST_TURNED_COSINE {
@@ -203,8 +206,8 @@ impl Illumination for Cuts<'_> {
         }
         let receiver = self.receiver(site);
         let looks_again = match known {
-            Known::LastFrame => self.is_near(&self.swept, site),
-            Known::Earlier => recipe.near_moving || self.is_near(&self.standing, site),
+            LastUpdate::LastFrame => self.is_near(&self.swept, site),
+            LastUpdate::Earlier => recipe.near_moving || self.is_near(&self.standing, site),
         };
         if looks_again {
             recipe.surroundings = self.transport.look_around(&receiver, site.key);
@@ -213,7 +216,7 @@ impl Illumination for Cuts<'_> {
         let lights = self.transport.prepared.tree.lights();
         let may_have_changed = |cluster: &Cluster| {
             let lamp = lights[cluster.light as usize].position.into();
-            known == Known::Earlier || self.swept.iter().any(|swept| swept.is_crossed(receiver.position, lamp))
+            known == LastUpdate::Earlier || self.swept.iter().any(|swept| swept.is_crossed(receiver.position, lamp))
         };
         let mut rays = 0;
         for (clusters, visible) in recipe.packets() {
@@ -255,27 +258,31 @@ impl Recipe {
 }
 
 impl Cuts<'_> {
-    fn receiver(&self, site: &Site) -> Receiver {
+    fn receiver(&self, site: &Site) -> ShadingPoint {
         let Site { position, normal, geometric_normal, .. } = *site;
-        Receiver { position: position + geometric_normal * self.transport.prepared.epsilon, normal, geometric_normal }
+        ShadingPoint {
+            position: position + geometric_normal * self.transport.prepared.epsilon,
+            normal,
+            geometric_normal,
+        }
     }
 
     /// Whether any of these things is so near that its own light has lost much by softening; a record's own carrier, which is
     /// always as near as it is, does not count.
     fn is_near(&self, things: &[Around], site: &Site) -> bool {
-        let nearby = self.transport.prepared.gather.reach_of_carried();
+        let nearby = self.transport.prepared.gather.dynamic_reach();
         let near = |thing: &Around| thing.instance != site.carrier && thing.distance2(site.position) < nearby * nearby;
         things.iter().any(near)
     }
 
     /// Of the clusters whose bits are set in `ask`, those whose light arrives.
-    fn seen_lights(&self, receiver: &Receiver, clusters: &[Cluster], ask: u64) -> u64 {
+    fn seen_lights(&self, receiver: &ShadingPoint, clusters: &[Cluster], ask: u64) -> u64 {
         let lights = self.transport.prepared.tree.lights();
         self.transport.visible_among(receiver, clusters, |c| lights[c.light as usize].position.into(), ask)
     }
 
     /// The sum over the visible clusters with the intensities that they have now, and what softening took from it.
-    fn estimate(&self, receiver: &Receiver, recipe: &Recipe) -> Estimate {
+    fn estimate(&self, receiver: &ShadingPoint, recipe: &Recipe) -> LocalIrradiance {
         let tree = &self.transport.prepared.tree;
         let (position, normal) = (receiver.position.into(), receiver.normal.into());
         let (mut irradiance, mut by_normal, mut by_position) = (Vec3::ZERO, Mat3A::ZERO, Mat3A::ZERO);
@@ -287,17 +294,17 @@ impl Cuts<'_> {
             by_normal += outer(intensity, term.by_normal);
             by_position += outer(intensity, term.by_position);
         }
-        let (carried, geometry_term_bound) = self.transport.prepared.direct.carried();
+        let dynamic = self.transport.prepared.direct.dynamic();
         // What would give next to nothing counts as seen.
         let unasked = UNASKED_SHARE * luminance(irradiance);
         let mut rays = 0;
-        for anchors in carried.chunks(PACKET) {
+        for anchors in dynamic.anchors.chunks(PACKET) {
             let mut terms = [IrradianceTerm::default(); PACKET];
             let (mut ask, mut gives) = (0, 0);
             for (i, (anchor, intensity)) in anchors.iter().enumerate() {
                 let emission = Emission::Cosine(anchor.normal.into());
                 let lamp = Light { position: anchor.position.into(), emission, intensity: *intensity };
-                terms[i] = irradiance_term(position, normal, &lamp, geometry_term_bound);
+                terms[i] = irradiance_term(position, normal, &lamp, dynamic.geometry_term_bound);
                 gives |= u64::from(terms[i].value > 0.0) << i;
                 ask |= u64::from(luminance(*intensity * terms[i].value) > unasked) << i;
             }
@@ -311,18 +318,18 @@ impl Cuts<'_> {
             }
         }
         self.transport.figures.count_rays(rays);
-        let Surroundings { harmonic_mean, nearest, .. } = recipe.surroundings;
+        let Gathered { harmonic_mean, nearest, .. } = recipe.surroundings;
         if self.transport.compensates {
-            let (removed, slope) = self.transport.prepared.gather.removed_light(&recipe.surroundings);
-            irradiance += removed;
-            by_position += slope;
+            let missing = self.transport.prepared.gather.compensation(&recipe.surroundings);
+            irradiance += missing.irradiance;
+            by_position += missing.by_position;
         }
         let tolerance = recipe.threshold / FINENESS;
-        Estimate { irradiance, by_normal, by_position, harmonic_mean, nearest, tolerance }
+        LocalIrradiance { irradiance, by_normal, by_position, harmonic_mean, nearest, tolerance }
     }
 
     /// The part of [`Cuts::estimate`] that comes by the cut alone.
-    fn cut_irradiance(&self, receiver: &Receiver, recipe: &Recipe) -> Vec3 {
+    fn cut_irradiance(&self, receiver: &ShadingPoint, recipe: &Recipe) -> Vec3 {
         let tree = &self.transport.prepared.tree;
         let (position, normal) = (receiver.position.into(), receiver.normal.into());
         let of = |cluster: Cluster| {
@@ -354,7 +361,7 @@ impl Cuts<'_> {
 
     /// When the cut of a record ends: at the Gaussian average of the thresholds over its footprint \[Herzog08, 4.3\], made
     /// ones of irradiance by each pixel's reflectance.
-    fn stop(&self, site: &Site, surroundings: &Surroundings) -> Stop {
+    fn stop(&self, site: &Site, surroundings: &Gathered) -> Stop {
         let Self { transport, .. } = self;
         let seen = transport.seen;
         let relative =

@@ -9,7 +9,9 @@ use lighttree::{Audits, Calibration, Light, Scratch, Stop};
 use perceptual::ThresholdMap;
 use plane::Plane;
 use render_core::sampling::{concentric_disc, frame, sobol_point};
-use render_core::{Accelerator, Directions, GBuffer, Hit, PACKET, PixelSurface, Receiver, Surroundings, luminance};
+use render_core::{
+    Accelerator, GBuffer, GatherDirections, Gathered, Hit, PACKET, PixelSurface, PosedScene, ShadingPoint, luminance,
+};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Rays of a look around. With as many, films of `cornell` and `nave` at 256×256 came no less near to paths when anchors were
@@ -43,7 +45,7 @@ pub(super) struct LightTransport<'a> {
     /// Whether the light that softening takes is given back.
     pub compensates: bool,
     pub figures: &'a Figures,
-    directions: Directions,
+    directions: GatherDirections,
     /// Cosine-distributed about +z.
     feelers: [Vec3; FEELERS],
 }
@@ -58,7 +60,7 @@ impl<'a> LightTransport<'a> {
         figures: &'a Figures,
     ) -> Self {
         let all_lights = settings.lighting == Lighting::AllLights;
-        let directions = Directions::new(if all_lights { LOOKS_OF_ALL_LIGHTS } else { LOOKS });
+        let directions = GatherDirections::new(if all_lights { LOOKS_OF_ALL_LIGHTS } else { LOOKS });
         let feelers = std::array::from_fn(|i| {
             let p = concentric_disc(sobol_point(i as u64));
             p.extend((1.0 - p.length_squared()).max(0.0).sqrt())
@@ -68,12 +70,12 @@ impl<'a> LightTransport<'a> {
 
     /// Whether light from `lamp` arrives at `receiver`.
     #[inline]
-    pub fn visible(&self, receiver: &Receiver, lamp: &Light) -> bool {
+    pub fn visible(&self, receiver: &ShadingPoint, lamp: &Light) -> bool {
         sees(&self.prepared.accelerator, receiver, lamp)
     }
 
     /// Of the first [`PACKET`] `lamps` at most, each at its `place`, those whose bits are set in `ask` and whose light arrives.
-    pub fn visible_among<T>(&self, receiver: &Receiver, lamps: &[T], place: impl Fn(&T) -> Vec3A, ask: u64) -> u64 {
+    pub fn visible_among<T>(&self, receiver: &ShadingPoint, lamps: &[T], place: impl Fn(&T) -> Vec3A, ask: u64) -> u64 {
         if ask == 0 {
             return 0;
         }
@@ -87,14 +89,14 @@ impl<'a> LightTransport<'a> {
         ask & !self.prepared.accelerator.occluded_packet(receiver.position, &ends[..lamps.len()], ask)
     }
 
-    pub fn look_around(&self, receiver: &Receiver, key: u64) -> Surroundings {
+    pub fn look_around(&self, receiver: &ShadingPoint, key: u64) -> Gathered {
         let Frame { accelerator, surfaces, gather, .. } = self.prepared;
-        gather.look_around(accelerator, surfaces, receiver, &self.directions, key)
+        gather.gather(PosedScene::new(accelerator, surfaces), receiver, &self.directions, key)
     }
 
     /// Mean of d / (d + `scale`) for the distances d of what is around, 0 for what `encloses` the receiver; the same directions
     /// about the same normal.
-    pub fn openness(&self, receiver: &Receiver, scale: f32, encloses: impl Fn(&Hit, Vec3A) -> bool) -> f32 {
+    pub fn openness(&self, receiver: &ShadingPoint, scale: f32, encloses: impl Fn(&Hit, Vec3A) -> bool) -> f32 {
         let normal = Vec3::from(receiver.normal);
         let (x, y) = frame(normal);
         let (mut sum, mut count) = (0.0, 0);
@@ -198,21 +200,21 @@ fn is_audited((x, y): (usize, usize), width: usize, frame: u32, of_a_macroblock:
 
 /// Whether light from `lamp` arrives at `receiver`.
 #[inline]
-pub(super) fn sees(accelerator: &Accelerator, receiver: &Receiver, lamp: &Light) -> bool {
+pub(super) fn sees(accelerator: &Accelerator, receiver: &ShadingPoint, lamp: &Light) -> bool {
     let lamp = Vec3A::from(lamp.position);
     is_above(receiver, lamp) && !accelerator.occluded(receiver.position, lamp)
 }
 
 /// A light below the triangle's own plane is hidden by it, whatever the smooth normal says.
 #[inline]
-pub(super) fn is_above(receiver: &Receiver, lamp: Vec3A) -> bool {
+pub(super) fn is_above(receiver: &ShadingPoint, lamp: Vec3A) -> bool {
     receiver.geometric_normal.dot(lamp - receiver.position) > 0.0
 }
 
 /// The place of a pixel's surface where rays start.
-pub(super) fn receiver(pixel: &PixelSurface, epsilon: f32) -> Receiver {
+pub(super) fn receiver(pixel: &PixelSurface, epsilon: f32) -> ShadingPoint {
     let geometric_normal = Vec3A::from(pixel.geometric_normal);
-    Receiver {
+    ShadingPoint {
         position: Vec3A::from(pixel.position) + geometric_normal * epsilon,
         normal: pixel.shading_normal.into(),
         geometric_normal,

@@ -5,8 +5,7 @@ use super::macroblock::{by_macroblock, places};
 use crate::renderer::frame::Frame;
 use glam::Vec3;
 use plane::Plane;
-use render_core::{Busy, GBuffer, NOTHING, PixelSurface, Receiver};
-use std::cell::Cell;
+use render_core::{Busy, GBuffer, NOTHING, PixelSurface, ShadingPoint};
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -26,13 +25,12 @@ pub(super) fn light(prepared: &Frame, seen: &GBuffer, busy: &Busy) -> (Plane<Vec
             let mut reflects: Vec<usize> = (0..pixels.len()).filter(|&place| is_lit(&pixels[place])).collect();
             // Squares of 8 × 8 pixels lie closer together than rows.
             reflects.sort_by_key(|place| (place / width / 8, place % width / 8));
-            let receivers: Vec<Receiver> =
+            let receivers: Vec<ShadingPoint> =
                 reflects.iter().map(|&place| receiver(&pixels[place], prepared.epsilon)).collect();
-            let asked = Cell::new(0);
-            let irradiance = prepared.direct.irradiance_tile(&prepared.accelerator, &receivers, &asked);
-            rays.fetch_add(asked.get(), Ordering::Relaxed);
+            let irradiance = prepared.direct.irradiance_tile(&prepared.accelerator, &receivers);
+            rays.fetch_add(irradiance.shadow_rays, Ordering::Relaxed);
             let mut light: Vec<Vec3> = pixels.iter().map(|pixel| pixel.emission.into()).collect();
-            for (place, arriving) in reflects.into_iter().zip(irradiance) {
+            for (place, arriving) in reflects.into_iter().zip(irradiance.value) {
                 light[place] += Vec3::from(pixels[place].albedo) * arriving / PI;
             }
             light

@@ -29,7 +29,7 @@ use glam::{Vec2, Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
 use plane::Plane;
 use render_core::sampling::{frame, owen_sobol_point};
-use render_core::{Bsdf, Busy, GBuffer, NOTHING, PixelSurface, Receiver, Surface, luminance};
+use render_core::{Bsdf, Busy, GBuffer, NOTHING, PixelSurface, ShadingPoint, Surface, Traced, luminance};
 use std::cell::Cell;
 use std::f32::consts::PI;
 use std::sync::Mutex;
@@ -120,7 +120,7 @@ fn spread_sparks(sparks: &Plane<Vec3>, seen: &GBuffer, x: usize, y: usize) -> Ve
 
 /// A surface with a coat, or that may have one, seen from somewhere.
 struct Coated {
-    receiver: Receiver,
+    receiver: ShadingPoint,
     /// World space axes of the shading frame; z is the normal.
     axes: [Vec3; 3],
     /// Towards the viewer, in the shading frame.
@@ -142,7 +142,7 @@ impl Coated {
     }
 
     /// At `receiver`, for a ray that came in the unit `direction`.
-    fn new(receiver: Receiver, bsdf: Bsdf, roughness: f32, direction: Vec3A) -> Self {
+    fn new(receiver: ShadingPoint, bsdf: Bsdf, roughness: f32, direction: Vec3A) -> Self {
         let normal = Vec3::from(receiver.normal);
         let (x, y) = frame(normal);
         let axes = [x, y, normal];
@@ -153,7 +153,7 @@ impl Coated {
     fn of_surface(surface: &Surface, direction: Vec3A, epsilon: f32) -> Self {
         let &Surface { position, geometric_normal, shading_normal, albedo, specular, roughness, .. } = surface;
         let position = position + geometric_normal * epsilon;
-        let receiver = Receiver { position, normal: shading_normal, geometric_normal };
+        let receiver = ShadingPoint { position, normal: shading_normal, geometric_normal };
         Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, direction)
     }
 
@@ -249,7 +249,7 @@ impl Reflections<'_> {
         let brdf = |direction, half_angle| {
             coated.bsdf.evaluate_coat(coated.outgoing, into_frame(coated.axes, direction), half_angle)
         };
-        direct.reflected(accelerator, &coated.receiver, coated.is_rough(), brdf, &self.rays)
+        self.counted(direct.reflected(accelerator, &coated.receiver, coated.is_rough(), brdf))
     }
 
     /// Radiance that arrives at the coat from a unit `direction`. Textures are averaged over `spread` of the distance.
@@ -269,7 +269,7 @@ impl Reflections<'_> {
             let surface = surfaces.at(&hit, direction, spread * way);
             let unlit = scene.materials[scene.meshes[scene.instances[hit.instance as usize].mesh].material].unlit;
             // As for paths: what is unlit shines for the camera alone. Rough coats know the areas from their points.
-            let known = rough && direct.asks(hit.instance);
+            let known = rough && direct.samples_instance(hit.instance);
             if !unlit && !known {
                 sum += throughput * surface.emission;
             }
@@ -282,7 +282,7 @@ impl Reflections<'_> {
                 * match luminance(surface.albedo) {
                     // Photons know the base alone, and all of it.
                     base if blurred && base > 0.0 => {
-                        gather.radiance_around(&surface, hit.instance) * (luminance(albedo) / base).min(1.0)
+                        gather.surfel_radiance(&surface, hit.instance) * (luminance(albedo) / base).min(1.0)
                     }
                     _ => self.matte(&seen.receiver, albedo),
                 };
@@ -299,13 +299,19 @@ impl Reflections<'_> {
         sum
     }
 
+    /// Adds the shadow rays of a result and unwraps it.
+    fn counted<T>(&self, traced: Traced<T>) -> T {
+        self.rays.set(self.rays.get() + traced.shadow_rays);
+        traced.value
+    }
+
     /// Radiance that a matte surface at `receiver` reflects.
-    fn matte(&mut self, receiver: &Receiver, albedo: Vec3) -> Vec3 {
+    fn matte(&mut self, receiver: &ShadingPoint, albedo: Vec3) -> Vec3 {
         if albedo == Vec3::ZERO {
             return Vec3::ZERO;
         }
         let Frame { accelerator, direct, tree, .. } = self.prepared;
-        let light = albedo / PI * direct.irradiance(accelerator, receiver, &self.rays);
+        let light = albedo / PI * self.counted(direct.irradiance(accelerator, receiver));
         let lambert =
             Lambert { position: receiver.position.into(), normal: receiver.normal.into(), reflectance: albedo };
         let stop = Stop::Relative { fraction: LOOSE, known_luminance: luminance(light) };

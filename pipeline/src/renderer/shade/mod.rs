@@ -21,7 +21,9 @@ use cuts::{Allowance, Figures, LightTransport};
 use glam::Vec3;
 use lighttree::{Calibration, LightTree};
 use plane::{Correspondence, Plane};
-use render_core::{Accelerator, Busy, DirectLights, GBuffer, Gather, NOTHING, luminance, reconstruct, sample_places};
+use render_core::{
+    Accelerator, Busy, DirectLights, FinalGather, GBuffer, NOTHING, PosedScene, luminance, reconstruct, sample_offsets,
+};
 use std::sync::Arc;
 
 /// Share of the luminance that a pixel without a threshold may be wrong by \[Walter05\], \[Herzog08, 5.3\].
@@ -98,7 +100,7 @@ impl Shading<'_> {
         figures.audit_error_p95 = learned.as_ref().map(|learned| learned.error_p95);
         // Where cuts end by measured errors, their multiplier is the one that holds.
         figures.kappa = Some(learned.map_or(settings.kappa.into(), |learned| learned.kappa));
-        let places = sample_places(settings.samples as usize);
+        let places = sample_offsets(settings.samples as usize);
         let picture = |of: &dyn Fn(&Sample) -> Plane<[f32; 3]>| {
             let planes: Vec<Plane<[f32; 3]>> = lit.samples.iter().map(of).collect();
             reconstruct(&planes, &places)
@@ -120,13 +122,13 @@ impl Shading<'_> {
         let &mut Self { settings, plan, ref mut cache, .. } = self;
         let size = (settings.size.width, settings.size.height);
         let [visibility, direct_busy, indirect_busy] = [(); 3].map(|()| Busy::default());
-        let places = sample_places(settings.samples as usize);
+        let places = sample_offsets(settings.samples as usize);
         let mut samples: Vec<Sample> = Vec::new();
         for &place in &places {
             // The one sample of a pixel is that of the G-buffer.
             let own = (places.len() > 1).then(|| {
                 let Frame { accelerator, surfaces, seen, .. } = frame;
-                GBuffer::trace_at(place, accelerator, surfaces, &seen.view, size, &visibility)
+                visibility.take(GBuffer::trace_at(place, PosedScene::new(accelerator, surfaces), &seen.view, size))
             });
             let seen = own.as_ref().unwrap_or(&frame.seen);
             let coats = plan.is_on(Stage::Gloss).then(|| gloss::light(frame, seen, &direct_busy));
@@ -169,7 +171,7 @@ struct Still {
     accelerator: Arc<Accelerator>,
     lights: Arc<DirectLights>,
     tree: Arc<LightTree>,
-    gather: Arc<Gather>,
+    gather: Arc<FinalGather>,
     seen: Arc<GBuffer>,
     samples: Vec<Sample>,
     cache_records: u64,

@@ -12,7 +12,7 @@ use crate::settings::Lighting;
 use glam::{Vec3, Vec3A};
 use lighttree::{Calibration, Cut, Lambert, Light, Receivers, Scratch, Stop};
 use plane::Plane;
-use render_core::{Busy, NOTHING, Receiver};
+use render_core::{Busy, NOTHING, ShadingPoint};
 use std::cell::Cell;
 use std::f32::consts::PI;
 use std::ops::Range;
@@ -38,7 +38,7 @@ pub(super) fn light(transport: &LightTransport, busy: &Busy) -> Plane<Vec3> {
 struct Lit {
     x: usize,
     y: usize,
-    receiver: Receiver,
+    receiver: ShadingPoint,
     lambert: Lambert,
 }
 
@@ -163,5 +163,5 @@ fn compensation(transport: &LightTransport, lit: &Lit) -> Vec3 {
         return Vec3::ZERO;
     }
     let found = transport.look_around(&lit.receiver, (lit.y as u64) << 32 | lit.x as u64);
-    lit.lambert.reflectance / PI * transport.prepared.gather.removed_light(&found).0
+    lit.lambert.reflectance / PI * transport.prepared.gather.compensation(&found).irradiance
 }
