@@ -39,7 +39,7 @@ fn plate() -> Scene {
 
 const DIRECTIONS: usize = 256;
 
-/// Harmonic mean distance of what a look around from this height above the plate finds, against the same rays in `f64`: one
+/// Harmonic mean distance of a final gather from this height above the plate, against the same rays in `f64`: one
 /// whose cosine is z goes h/z far.
 fn harmonic_means(heights: impl Iterator<Item = f32>) -> Vec<(f32, f32)> {
     let scene = plate();
@@ -48,7 +48,7 @@ fn harmonic_means(heights: impl Iterator<Item = f32>) -> Vec<(f32, f32)> {
     let anchors = Anchors::spread(&surfaces, &units, 100, 0);
     let accelerator = Geometry::new(&scene).place(&pose);
     let emitters = Emitters::new(&surfaces, &pose, &units);
-    // No photons: what is far away is asked here, not how bright it is.
+    // No photons: distances are measured here, not brightness.
     let anchor_flux =
         Photons::new(0, 0).trace(PosedScene::new(&accelerator, &surfaces), &emitters, &anchors, &units).value;
     let gather = FinalGather::new(&surfaces, &anchors, &anchor_flux, &units);

@@ -93,9 +93,9 @@ pub struct Emitters {
     pub points: Vec<PointLight>,
     /// Directional lights.
     pub suns: Vec<SunLight>,
-    /// For each of these in turn, whether it moves; the sky behind them does not.
+    /// For each of these in turn, whether it moves; the sky after them does not.
     moving: Vec<bool>,
-    /// Centre and radius of a ball around the scene, for light from far away.
+    /// Center and radius of a ball around the scene, for light from far away.
     ball: (Vec3A, f32),
 }
 
@@ -151,7 +151,7 @@ impl Emitters {
         Self { areas, points, suns, moving, ball: (units.center, units.radius) }
     }
 
-    /// Starts photon `index` of `count`, the same every time it is asked for; `None` when nothing shines.
+    /// A source of photons, the same for the same lights; `None` when nothing shines.
     pub fn photons<'a>(&'a self, scene: &'a Scene) -> Option<PhotonSource<'a>> {
         let (center, radius) = self.ball;
         let disc = std::f32::consts::PI * radius * radius;
@@ -433,7 +433,7 @@ impl AreaLight {
 pub struct DomeLight {
     /// On the dome, metres.
     pub position: Vec3A,
-    /// Intensity \[W·sr⁻¹\] such that its irradiance at the scene's centre is that of its share of the sky.
+    /// Intensity \[W·sr⁻¹\] such that its irradiance at the scene's center is that of its share of the sky.
     pub intensity: Vec3,
 }
 

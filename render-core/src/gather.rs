@@ -202,7 +202,7 @@ impl FinalGather {
             if share < LEAST_SHARE {
                 continue;
             }
-            // Of a texture a ray sees what lies between it and its neighbours.
+            // Of a texture a ray sees what lies between it and its neighbors.
             let width = (hit.distance * spread).min(bound.sqrt());
             let surface = scene.surfaces.meet(&hit, direction, width);
             let way = direction * hit.distance;

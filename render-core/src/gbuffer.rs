@@ -221,8 +221,8 @@ impl GBuffer {
             busy.measure(|| {
                 for x in 0..width {
                     if let Some((place, index)) = locate(self.pixels.get(x, y), self, &carry, other) {
-                        let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                        motion[x] = (place - centre).to_array();
+                        let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                        motion[x] = (place - center).to_array();
                         matches[x] = index;
                     }
                 }

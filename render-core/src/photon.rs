@@ -122,7 +122,7 @@ impl Photons {
             surfaces,
             source: &source,
             moving: surfaces.scene().moving_instances(),
-            // An anchor sees its neighbourhood blurred: so do the photons that feed it.
+            // An anchor sees its neighborhood blurred: so do the photons that feed it.
             footprint: anchors.area_share.sqrt(),
             epsilon: units.epsilon,
             count: self.count,

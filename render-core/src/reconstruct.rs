@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// pixel grid's does.
 const RADIUS: f32 = 1.5;
 
-/// Places of `count` samples in a pixel, from its upper left corner, in 0…1: one sample is the centre, more are the
+/// Places of `count` samples in a pixel, from its upper left corner, in 0…1: one sample is the center, more are the
 /// first points of a (0, 2)-sequence, each in the middle of its cell. Powers of two are centred on the pixel.
 pub fn sample_offsets(count: usize) -> Vec<Vec2> {
     let count = count.max(1);
@@ -29,7 +29,7 @@ fn window(x: f32) -> f32 {
     0.35875 - 0.48829 * angle.cos() + 0.14128 * (2.0 * angle).cos() - 0.01168 * (3.0 * angle).cos()
 }
 
-/// A tap of the filter: which sample of which neighbour, and how much of it.
+/// A tap of the filter: which sample of which neighbor, and how much of it.
 struct Tap {
     sample: usize,
     column: isize,
@@ -39,7 +39,7 @@ struct Tap {
 
 /// The picture that `samples` make, each a plane of values at one of `places` in its pixel.
 ///
-/// A single sample in the centre is the picture itself. Weights sum to 1; at the border the outermost pixels repeat.
+/// A single sample in the center is the picture itself. Weights sum to 1; at the border the outermost pixels repeat.
 ///
 /// # Panics
 /// If there is not one plane for each place, or they differ in size.
@@ -96,14 +96,14 @@ mod tests {
     }
 
     #[test]
-    fn one_sample_is_the_centre_and_the_picture() {
+    fn one_sample_is_the_center_and_the_picture() {
         assert_eq!(sample_offsets(1), [Vec2::splat(0.5)]);
         let picture = Plane::from_fn(5, 4, |x, y| [x as f32, y as f32, 1.0]);
         assert_eq!(reconstruct(std::slice::from_ref(&picture), &sample_offsets(1)), picture);
     }
 
     #[test]
-    fn places_lie_in_the_pixel_and_around_its_centre() {
+    fn places_lie_in_the_pixel_and_around_its_center() {
         for count in 1..=64 {
             let places = sample_offsets(count);
             assert_eq!(places.len(), count);
@@ -122,10 +122,10 @@ mod tests {
             assert!(flat.samples().iter().all(|p| (p[0] - 3.0).abs() < 1e-5));
             let ramp = sampled(12, count, |p| 2.0 * p.x - p.y);
             for (x, y) in [(5, 5), (6, 4), (3, 8)] {
-                let centre = 2.0 * (x as f32 + 0.5) - (y as f32 + 0.5);
+                let center = 2.0 * (x as f32 + 0.5) - (y as f32 + 0.5);
                 assert!(
-                    (ramp.get(x, y)[0] - centre).abs() < 0.03,
-                    "{count} samples: {} for {centre}",
+                    (ramp.get(x, y)[0] - center).abs() < 0.03,
+                    "{count} samples: {} for {center}",
                     ramp.get(x, y)[0]
                 );
             }

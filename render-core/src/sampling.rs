@@ -87,7 +87,7 @@ pub fn hash_unit(seed: u64, a: u64, b: u64) -> f32 {
     (hash(seed, a, b) >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// 64 well-mixed bits (the finaliser of SplitMix64, Steele et al. 2014, over the keys in turn).
+/// 64 well-mixed bits (the finalizer of SplitMix64, Steele et al. 2014, over the keys in turn).
 pub fn hash(seed: u64, a: u64, b: u64) -> u64 {
     let mix = |mut z: u64| {
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -121,7 +121,7 @@ pub fn uniform_sphere(u: Vec2) -> Vec3 {
     Vec3::new(radius * angle.cos(), radius * angle.sin(), z)
 }
 
-/// A point of the unit disc, areas and neighbourhoods kept (Shirley & Chiu 1997).
+/// A point of the unit disc, areas and neighborhoods kept (Shirley & Chiu 1997).
 pub fn concentric_disc(u: Vec2) -> Vec2 {
     let p = u * 2.0 - 1.0;
     if p == Vec2::ZERO {

@@ -1,4 +1,4 @@
-//! A hit made into a surface: where it is, which way it faces, what colour it has.
+//! A hit made into a surface: where it is, which way it faces, what color it has.
 
 mod interaction;
 mod normal_map;
@@ -70,7 +70,7 @@ impl<'a> Surfaces<'a> {
         self.meet(hit, direction, width).surface()
     }
 
-    /// The same, of whose material nothing is looked up before it is asked for.
+    /// The same, with its material looked up on demand.
     pub(crate) fn meet(&self, hit: &Hit, direction: Vec3A, width: f32) -> Interaction<'_> {
         Interaction::new(self, hit, direction, width)
     }

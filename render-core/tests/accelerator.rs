@@ -228,7 +228,7 @@ fn awkward_rays(size: f32) -> Vec<(Vec3A, Vec3A)> {
     rays
 }
 
-/// Walls in the planes x, y, z = −1, −0.5 … 1: coplanar neighbours, each wall twice.
+/// Walls in the planes x, y, z = −1, −0.5 … 1: coplanar neighbors, each wall twice.
 fn lattice(size: f32) -> Mesh {
     let mut mesh = Mesh::default();
     for k in 0..15u32 {
@@ -358,7 +358,7 @@ fn within_a_shaft_rays_meet_what_they_meet_without() {
     }
 }
 
-/// Rays from as far as the sky's dome, 100 radii, end at a surface as surely as they begin there: cuts of neighbouring pixels
+/// Rays from as far as the sky's dome, 100 radii, end at a surface as surely as they begin there: cuts of neighboring pixels
 /// cast them from the light. (From 1000 radii, one in four and more would end below the surface.)
 #[test]
 fn rays_from_far_lights_end_above_the_surface() {

@@ -90,11 +90,11 @@ fn worst_vector(scene: &Scene, then: impl Fn(&PixelSurface, Vec3) -> Vec3) -> (f
         for x in 0..SIZE {
             let pixel = now.pixels.get(x, y);
             let Some([dx, dy]) = correspondence.motion_of(x, y).filter(|_| pixel.instance != NOTHING) else { continue };
-            let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-            let point = vec3((centre.x - half) / focal(), (half - centre.y) / focal(), -1.0) * 3.0;
+            let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let point = vec3((center.x - half) / focal(), (half - center.y) / focal(), -1.0) * 3.0;
             let was = then(&pixel, point);
             let place = Vec2::new(half + focal() * was.x / -was.z, half - focal() * was.y / -was.z);
-            worst = worst.max((centre + Vec2::new(dx, dy) - place).length());
+            worst = worst.max((center + Vec2::new(dx, dy) - place).length());
             count += 1;
         }
     }

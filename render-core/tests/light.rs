@@ -13,7 +13,7 @@ use render_core::{
 };
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// Irradiance at `position` with normal +y, all glowing surfaces asked one by one.
+/// Irradiance at `position` with normal +y, all glowing surfaces sampled one by one.
 fn irradiance(scene: &Scene, position: Vec3) -> Vec3 {
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
@@ -42,7 +42,7 @@ fn a_rectangle_lights_as_its_form_factor_says() {
         let expected = 4.0 * corner_form_factor(half, half, 2.0) * PI * 3.0;
         let found = irradiance(&scene, Vec3::ZERO);
         assert!((found.x / expected - 1.0).abs() < 0.005, "half side {half}: {} instead of {expected}", found.x);
-        assert!((found.y / found.x - 2.0 / 3.0).abs() < 1e-5, "colour is kept");
+        assert!((found.y / found.x - 2.0 / 3.0).abs() < 1e-5, "color is kept");
         // From behind it is dark.
         assert_eq!(irradiance(&scene, vec3(0.0, 3.0, 0.0)), Vec3::ZERO);
     }
@@ -198,7 +198,7 @@ fn threads_do_not_change_a_bit() {
     assert_eq!(with(1), with(3));
 }
 
-/// A lamp under the ceiling of a grey room, and a panel that slides through its middle for a second.
+/// A lamp under the ceiling of a gray room, and a panel that slides through its middle for a second.
 fn room_with_a_sliding_panel() -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.6), Vec3::ZERO));
@@ -273,7 +273,7 @@ fn paths_can_be_cut_short() {
     }
 }
 
-/// No anchor stands where light cannot leave, and those that are left are as many as asked for. What moves covers nothing: the
+/// No anchor stands where light cannot leave, and about the given number is left. What moves covers nothing: the
 /// floor that it leaves is lit.
 #[test]
 fn anchors_keep_out_of_covered_places() {

@@ -11,7 +11,7 @@ fn slot(texture: usize) -> TextureSlot {
     TextureSlot { texture, uv_set: 0, transform: None }
 }
 
-/// One colour everywhere.
+/// One color everywhere.
 fn plain(texel: [u8; 3], encoding: Encoding) -> Texture {
     let [r, g, b] = texel;
     Texture::with_encoding(2, 2, vec![[r, g, b, 255]; 4], [Wrap::Repeat; 2], encoding)

@@ -61,10 +61,10 @@ fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
         for x in 0..SIZE {
             let Some([dx, dy]) = correspondence.motion_of(x, y) else { continue };
             // The ray of this pixel on paper, cut with the plane of what it sees.
-            let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let focal = SIZE as f32 / 2.0 / (YFOV / 2.0).tan();
             let half = SIZE as f32 / 2.0;
-            let ray = camera[1].rotation * vec3((centre.x - half) / focal, (half - centre.y) / focal, -1.0);
+            let ray = camera[1].rotation * vec3((center.x - half) / focal, (half - center.y) / focal, -1.0);
             let on_board = now.pixels.get(x, y).instance == 1;
             let plane_z = if on_board { -3.0 } else { -6.0 };
             let p = camera[1].translation + ray * ((plane_z - camera[1].translation.z) / ray.z);
@@ -74,7 +74,7 @@ fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
             } else {
                 p
             };
-            let error = (centre + Vec2::new(dx, dy) - pixel(camera[0], then)).length();
+            let error = (center + Vec2::new(dx, dy) - pixel(camera[0], then)).length();
             worst = worst.max(error);
             checked += 1;
             board += usize::from(on_board);

@@ -28,7 +28,7 @@ fn column() -> Mesh {
     mesh
 }
 
-/// Columns are put where pixel centres see one of their outer edges, turned a little more each time.
+/// Columns are put where pixel centers see one of their outer edges, turned a little more each time.
 #[test]
 fn no_pixel_sees_the_far_side_of_a_closed_body() {
     let view = View::new(glam::Affine3A::IDENTITY, Projection::Perspective { yfov: 1.2 }, SIZE, SIZE);

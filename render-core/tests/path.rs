@@ -204,7 +204,7 @@ fn the_variance_is_that_of_the_mean() {
 }
 
 #[test]
-fn without_bounces_from_pixel_centres_it_is_what_primary_rays_see() {
+fn without_bounces_from_pixel_centers_it_is_what_primary_rays_see() {
     let scene = lamp_lit_room(1.0);
     let options = PathOptions { samples: 1, max_bounces: Some(0), pixel: PixelSampling::Center, seed: 1 };
     let estimate = render(&scene, 40, options);

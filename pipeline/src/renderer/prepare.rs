@@ -11,8 +11,8 @@ use lighttree::{BuildParams, Emission, Light, LightTree};
 use plane::Correspondence;
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Photons,
-    PosedScene, Surfaces, SweptVolume, Timed, Units, dome_lights,
+    Accelerator, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Photons, PosedScene, Surfaces,
+    SweptVolume, Timed, Units, dome_lights,
 };
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
 //! The trees that rays walk: everything that never moves is one, every moving instance has its own, built once; what changes
-//! its shape is built anew for each frame. Surfaces with holes stand in trees of their own, so that all others need not ask.
+//! its shape is built anew for each frame. Surfaces with holes stand in trees of their own, so that rays need not test all others for holes.
 
 use super::cut_outs::CutOuts;
 use super::group::Group;

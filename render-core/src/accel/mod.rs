@@ -45,7 +45,7 @@ pub struct Hit {
 
 /// The scene at one time, ready for rays.
 ///
-/// The same ray finds the same to the last bit, whether asked alone or in a packet, with vector instructions or without.
+/// The same ray has the same hit to the last bit, alone or in a packet, with vector instructions or without.
 pub struct Accelerator {
     groups: Vec<Placed>,
     /// Over the groups; its leaves are places in `groups`.
@@ -109,7 +109,7 @@ impl Accelerator {
     }
 
     /// As [`Accelerator::closest`] for each of the unit `directions` into its place of `hits`: much faster where
-    /// neighbours in the list go nearly the same way, [`PACKET`] of them at a time.
+    /// neighbors in the list go nearly the same way, [`PACKET`] of them at a time.
     pub fn closest_packet(&self, origin: Vec3A, directions: &[Vec3A], hits: &mut [Option<Hit>]) {
         assert_eq!(directions.len(), hits.len(), "a place for the hit of each direction");
         for (directions, hits) in directions.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
@@ -139,7 +139,7 @@ impl Accelerator {
     }
 
     /// As [`Accelerator::occluded`] for the segments from one point to many, of which there are at most [`PACKET`]:
-    /// bit i is set where `to[i]` is hidden. Those whose bit in `active` is 0 are not asked and count as free.
+    /// bit i is set where `to[i]` is hidden. Those whose bit in `active` is 0 are not traced and count as visible.
     ///
     /// One end of all segments must be the same, and that may be a light or what it lights.
     pub fn occluded_packet(&self, from: Vec3A, to: &[Vec3A], active: u64) -> u64 {

@@ -2,7 +2,7 @@
 //!
 //! Eight rays make a row, one register wide. A node's eight boxes are first held against the whole packet at once, by
 //! interval arithmetic on the inverse directions (Boulos, Wald & Shirley 2006); when the walk comes to one of the boxes,
-//! rows are asked, from the first that still was inside of the box above (Wald, Boulos & Shirley 2007). Triangles are
+//! rows are tested, from the first that still was inside of the box above (Wald, Boulos & Shirley 2007). Triangles are
 //! tested for all rows that enter their leaf.
 
 use super::group::{Group, Met, NO_TRIANGLE};
@@ -26,7 +26,7 @@ struct Row {
     inverse_near: [[f32; LANES]; 3],
     inverse_far: [[f32; LANES]; 3],
     shear: [[f32; LANES]; 2],
-    /// What a ray met so far, as in [`Met`]. A negative t: it need not be asked any more.
+    /// What a ray met so far, as in [`Met`]. A negative t: it need not be traced any more.
     t: [f32; LANES],
     /// Bits of an index.
     triangle: [f32; LANES],

@@ -128,7 +128,7 @@ const WORTH_A_PACKET: usize = 8;
 /// A ray of a packet.
 #[derive(Clone, Copy)]
 pub(super) struct PacketRay {
-    /// Which one it is for whoever asks.
+    /// Index of the ray for the caller.
     pub(super) index: usize,
     pub(super) direction: Vec3A,
     /// As far as it looks, and of triangles at just that distance only below this index.
@@ -224,7 +224,7 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
         }
         let origin = placed.local(self.origin, Vec3A::X).0;
         if placed.group.cut_outs.is_some() || !CLOSEST && count < WORTH_A_PACKET {
-            // Whether a hit counts is asked of each, and few are faster alone.
+            // Each hit is tested whether it counts, and few rays are faster alone.
             for ray in &local[..count] {
                 if let Some(met) = alone::<L, CLOSEST>(lanes, &placed.group, origin, ray) {
                     packet.set_limit(ray.index, met.t);

@@ -98,7 +98,7 @@ impl Kernel for Within<'_> {
         let Self { scene, blocks, from, to, active } = self;
         let start = lanes.splat3(from.to_array());
         let scale = lanes.splat(scene.scale);
-        // Segments that are still to be asked, eight to a row.
+        // Segments that are still to be traced, eight to a row.
         let mut asked: [u32; ROWS] = std::array::from_fn(|row| (active >> (row * LANES)) as u32 & EVERY_LANE);
         for blocks in blocks.chunk_by(|a, b| a.place == b.place) {
             let placed = &scene.groups[blocks[0].place];
@@ -402,7 +402,7 @@ impl Bounds {
 impl Hull {
     /// Around both sets.
     ///
-    /// A plane that touches both boxes has n = u + t d, where u is square to the axis d between their centres, such that the
+    /// A plane that touches both boxes has n = u + t d, where u is square to the axis d between their centers, such that the
     /// farthest corners a and b of the two boxes lie in it:
     ///
     /// ```text

@@ -1,6 +1,6 @@
 //! Which places of a surface light can leave at all, and how far it gets from there.
 //!
-//! Much of the area of a modelled scene is out of reach: the floor under a column, a wall behind its moulding, the outside
+//! Much of the area of a modeled scene is out of reach: the floor under a column, a wall behind its moulding, the outside
 //! of a shell. An anchor there would take its share of the energy that photons leave around it, and never give it back.
 
 use super::{Anchor, Anchors, Surfels};
@@ -17,7 +17,7 @@ const LOOKS: u64 = 32;
 /// A place is exposed if at least one in so many of them gets out.
 const ONE_IN: u64 = 8;
 /// A ray gets out if it goes at least this far, in units of the side of an anchor's share: it is nearer things that stand
-/// between an anchor and the neighbours it shares energy with.
+/// between an anchor and the neighbors it shares energy with.
 const NEAR: f32 = 0.1;
 
 /// How far light gets from a point, by cosine-distributed rays.
@@ -78,7 +78,7 @@ impl Anchors {
         };
         let mut first: (Self, Vec<Outlook>) = spread(fixed);
         if first.0.fixed.len() != fixed && !first.0.fixed.is_empty() {
-            // The share that is exposed is known now: so many more anchors, and about the number asked for remains.
+            // The share that is exposed is known now: so many more anchors, and about the given number remains.
             first = spread((fixed as f64 * fixed as f64 / first.0.fixed.len() as f64).round() as usize);
         }
         let (anchors, outlooks) = first;
@@ -87,7 +87,7 @@ impl Anchors {
     }
 }
 
-/// What looks around.
+/// Rays that measure how exposed a point is.
 pub(super) struct Eye<'a> {
     pub surfaces: &'a Surfaces<'a>,
     pub accelerator: &'a Accelerator,

@@ -225,7 +225,7 @@ impl Grid {
         });
     }
 
-    /// The points of a cell and of those beside it: the cells of a row lie behind each other, and so do their points.
+    /// The points of a cell and of those beside it: the cells of a row follow each other, and so do their points.
     #[inline]
     fn rows(&self, center: [usize; 3]) -> impl Iterator<Item = std::ops::Range<u32>> {
         let [xs, ys, zs] =

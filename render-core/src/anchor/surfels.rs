@@ -6,7 +6,7 @@
 //! ```text
 //! Φ_a = Σ Φ_j · o_j / o_a                    over the surfels j that belong to anchor a
 //! L_j = Σ w_jk Φ_k / (π Σ w_jk A_k)          radiance around surfel j, from the surfels k around it
-//!   o     share of the light that gets out of the neighbourhood: mean of r² / (r² + s) over all directions, s the bound of the geometry term
+//!   o     share of the light that gets out of the neighborhood: mean of r² / (r² + s) over all directions, s the bound of the geometry term
 //!   w_jk  kernel            A_k  area that surfel k takes from, A Σ_i w_ik
 //! ```
 //!

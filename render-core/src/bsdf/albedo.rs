@@ -67,7 +67,7 @@ fn integrate(ggx: Ggx, cos: f32) -> Albedo {
     Albedo { facing: share(facing), grazing: share(grazing) }
 }
 
-/// 2 ∫ albedo(μ) μ dμ of just what interpolation makes of the row: so lobes normalised with it send back what they promise.
+/// 2 ∫ albedo(μ) μ dμ of just what interpolation makes of the row: so lobes normalized with it send back what they promise.
 ///
 /// ```text
 /// μ = s²:  4 ∫ albedo s³ ds, linear in s from p at a to q at b:  4 (p (b m₃ − m₄) + q (m₄ − a m₃)) / (b − a)

@@ -1,4 +1,4 @@
-//! How a surface reflects: a Lambert base under a GGX coat, as glTF's metallic-roughness materials ask for.
+//! How a surface reflects: a Lambert base under a GGX coat, as glTF's metallic-roughness materials describe.
 //!
 //! ```text
 //! f = F·D·G₂ / (4 cos θ_o cos θ_i)                                            single scattering in the coat

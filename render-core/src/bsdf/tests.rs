@@ -153,7 +153,7 @@ fn the_smoothest_coat_is_a_finite_mirror() {
     }
 }
 
-/// The parts that a renderer may ask for one by one are the whole.
+/// The parts of the BSDF sum to the whole.
 #[test]
 fn coat_and_the_rest_make_the_whole() {
     let albedo = Vec3::new(0.2, 0.5, 0.8);

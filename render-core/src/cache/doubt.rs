@@ -1,6 +1,6 @@
-//! Which records to trust less, and which pixels ask for one of their own: where what is predicted is contradicted.
+//! Records to trust less and pixels that need one of their own: those where predictions are contradicted.
 //!
-//! A record that its neighbours differ from answers for less of what is around it, and what it gives up is given records anew.
+//! A record that its neighbors differ from answers for less of what is around it, and what it gives up is given records anew.
 //! At last, a pixel whose records predict different things for it gets one. So records crowd where irradiance changes as nobody
 //! foresaw, and are spared where it is smooth.
 
@@ -11,7 +11,7 @@ use super::tile::{Tile, Tiles};
 use crate::luminance;
 use rayon::prelude::*;
 
-/// Difference from its neighbours from which on a record is doubted, in tolerances.
+/// Difference from its neighbors from which on a record is doubted, in tolerances.
 const DOUBTED: f32 = 1.65;
 /// Root mean square of the differences between a pixel's predictions from which on it gets a record, in tolerances. In a
 /// simulation of `nave` the same number of records leaves 3 % more error without. On the scene itself, 1.55 and 2.0 for this and
@@ -39,7 +39,7 @@ impl Tolerances {
         record.estimate.tolerance + self.floor
     }
 
-    /// How much of its radius a record keeps when its neighbours differ by `difference` from what it predicts.
+    /// How much of its radius a record keeps when its neighbors differ by `difference` from what it predicts.
     pub fn share<R>(&self, record: &Record<R>, difference: f32) -> f32 {
         let allowed = DOUBTED * self.at(record);
         if difference > allowed { (allowed / difference).max(LEAST_SHARE) } else { 1.0 }

@@ -4,7 +4,7 @@ use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
 use super::picture::Picture;
 use super::predict::{Prediction, predictions};
 use super::record::{Illumination, Record, Site};
-use super::spacing::{clamp_to_neighbours, least_radius};
+use super::spacing::{clamp_to_neighbors, least_radius};
 use super::tile::{Tiles, weight_between};
 use super::{IrradianceCache, openness};
 use rayon::prelude::*;
@@ -14,9 +14,9 @@ const STEPS: [usize; 5] = [16, 8, 4, 2, 1];
 /// A pixel is covered when the weights of its records sum to at least this: one record reaches it at e = 0.67.
 const COVERED: f32 = 0.3;
 /// Pixels around a candidate in which another can cover it, at the least radius and seen face on.
-const NEIGHBOURHOOD: usize = 3;
+const NEIGHBORHOOD: usize = 3;
 
-/// Times that new records are held against their neighbours.
+/// Times that new records are held against their neighbors.
 const DOUBTS: usize = 3;
 
 impl<R: Send + Sync> IrradianceCache<R> {
@@ -55,7 +55,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         (self.records.len() - first, predictions(picture, tiles, &self.records, 0..tiles.listed.len()))
     }
 
-    /// Holds the records listed at these `places` against their neighbours.
+    /// Holds the records listed at these `places` against their neighbors.
     pub(super) fn doubt(&mut self, picture: &Picture, tiles: &Tiles, places: &[usize]) {
         let tolerances = Tolerances::of(tiles, &self.records);
         let differences = predictions(picture, tiles, &self.records, places.par_iter().copied());
@@ -67,8 +67,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
     /// Adds records until every pixel of the `bare` tiles is covered.
     ///
-    /// Each pass asks which pixels of its lattice the records of the passes before leave bare, and gives them records of
-    /// their own, but for those that a neighbour of the same pass is certain to cover. So the last pass leaves none.
+    /// Each pass finds the pixels of its lattice that the records of the passes before leave bare, and gives them records of
+    /// their own, but for those that a neighbor of the same pass is certain to cover. So the last pass leaves none.
     fn cover<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &Picture,
@@ -110,7 +110,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             .collect();
         self.made = made.wrapping_add(new.len() as u32);
         self.records.extend(new);
-        picture.busy.measure(|| clamp_to_neighbours(&mut self.records, before));
+        picture.busy.measure(|| clamp_to_neighbors(&mut self.records, before));
         tiles.list(picture, &self.records, before..self.records.len());
     }
 }
@@ -143,7 +143,7 @@ fn thinned(picture: &Picture, pixels: Vec<(usize, usize)>) -> Vec<Site> {
     let mut sites = Vec::new();
     for (x, y) in pixels {
         let Some(site) = picture.site(x, y) else { continue };
-        let around = |v: usize, end: usize| v.saturating_sub(NEIGHBOURHOOD)..(v + NEIGHBOURHOOD + 1).min(end);
+        let around = |v: usize, end: usize| v.saturating_sub(NEIGHBORHOOD)..(v + NEIGHBORHOOD + 1).min(end);
         let covered = around(y, height).any(|v| {
             around(x, width).filter(|&u| taken[v * width + u]).any(|u| {
                 let other = picture.site(u, v).expect("it was taken for having one");

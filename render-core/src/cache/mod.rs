@@ -1,8 +1,8 @@
 //! An irradiance cache: indirect light varies slowly over a surface, so it is computed at few places and interpolated
 //! between them, from pixel to pixel and from frame to frame.
 //!
-//! After \[Ward88\] and \[WardHeckbert92\] with the practice of \[Krivanek08\]; what lights a place is somebody else's
-//! knowledge, behind [`Illumination`].
+//! After \[Ward88\] and \[WardHeckbert92\] with the practice of \[Krivanek08\]; the light at a place comes from an
+//! [`Illumination`].
 //!
 //! A frame goes like this: records on moving things are carried along; the records that the picture needs are brought up
 //! to date; lattices of pixels, coarse to fine, are looked through for pixels that no record covers, and get one; records and
@@ -14,7 +14,7 @@
 //! * A record is made where the weights sum to less than a minimum, not where none is left. What a pass adds depends on
 //!   earlier passes alone, so the result does not depend on the number of threads.
 //! * A record serves places that are about as open as its own, by a few rays at each: see `openness.rs`.
-//! * Derivatives by the position are fitted to neighbouring records, where these know better: see `predict.rs`. What the fit
+//! * Derivatives by the position are fitted to neighboring records, where these know better: see `predict.rs`. What the fit
 //!   leaves decides how far a record is used: see `doubt.rs`.
 //! * The turn of the normal is accounted for exactly by the vector irradiance, as long as no light crosses the horizon.
 
@@ -45,7 +45,7 @@ use tile::Tiles;
 const PATIENCE: u32 = 50;
 /// Most records kept; beyond, those unseen for longest go first.
 const MOST_RECORDS: usize = 100_000;
-/// While things move, each record in view is computed afresh every so many frames, in turns.
+/// While things move, each record in view is computed afresh once in this number of frames, in turns.
 const TURN: u32 = 32;
 
 /// Records that a thread takes at a time.
@@ -76,10 +76,10 @@ impl<R> std::fmt::Debug for IrradianceCache<R> {
     }
 }
 
-/// What is different from the frame before.
+/// Changes since the frame before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Changes {
-    /// The lights have other energies.
+    /// The lights have other flux.
     pub light: bool,
     /// Something that blocks or reflects light has moved.
     pub geometry: bool,

@@ -7,7 +7,7 @@
 //! o(x) = mean of d / (d + D) over cosine-distributed rays, d long each      D  SCALE pixels
 //! ```
 //!
-//! runs from 0 in a crack to 1 in the open, smoothly. Places of different openness are no neighbours: see
+//! runs from 0 in a crack to 1 in the open, smoothly. Places of different openness are no neighbors: see
 //! `OPENNESS_TOLERANCE` in `tile.rs`. Where the picture shows nothing around a pixel that rises above its surface, it is taken
 //! as open, without a ray.
 

@@ -1,5 +1,5 @@
 //! Weights, radii, fits and interpolation of the cache against the same definitions in `f64`: from contact to 10⁶ m, from the
-//! faintest light to the brightest, and for neighbours that lie on a needle, where the fit has hardly anything to go by.
+//! faintest light to the brightest, and for neighbors that lie on a needle, where the fit has hardly anything to go by.
 
 use super::predict::Fit;
 use super::record::{LocalIrradiance, Record, Site};
@@ -177,7 +177,7 @@ struct Exact {
 }
 
 impl Exact {
-    fn new<'r>(record: &Record<()>, radius: f64, pixel: f64, neighbours: impl Iterator<Item = &'r Record<()>>) -> Self {
+    fn new<'r>(record: &Record<()>, radius: f64, pixel: f64, neighbors: impl Iterator<Item = &'r Record<()>>) -> Self {
         let Record { site, estimate, .. } = record;
         let light = luminance(estimate.irradiance.as_dvec3());
         let length = |m: &DMat3| DVec3::new(luminance(m.x_axis), luminance(m.y_axis), luminance(m.z_axis)).length();
@@ -203,15 +203,15 @@ impl Exact {
         let mut rows = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.5]];
         let mut right = [DVec3::ZERO; 3];
         let (mut weights, mut variance) = (0.0, 0.0);
-        for neighbour in neighbours {
-            let other = &neighbour.site;
+        for neighbor in neighbors {
+            let other = &neighbor.site;
             let way = wide(other.position) - exact.position;
             // All that may differ counts over the wider reach.
             let w = weight(site, radius * widened, tolerance * widened, other);
             let opener = (f64::from(other.openness) - exact.openness) / tolerance;
             let f = [way.dot(axes[0]) / radius, way.dot(axes[1]) / radius, opener];
             let alone = exact.irradiance + exact.by_normal * (wide(other.normal) - exact.normal);
-            let r = neighbour.estimate.irradiance.as_dvec3() - alone - own[0] * f[0] - own[1] * f[1];
+            let r = neighbor.estimate.irradiance.as_dvec3() - alone - own[0] * f[0] - own[1] * f[1];
             let taught = w * (1.0 - (luminance(r) / (0.7 * light)).powi(2)).max(0.0).powi(2);
             for i in 0..3 {
                 (0..3).for_each(|j| rows[i][j] += taught * f[i] * f[j]);
@@ -266,7 +266,7 @@ fn view(pixel: f32) -> View {
     View::new(above, Projection::Orthographic { ymag: 32.0 * pixel }, 64, 64)
 }
 
-/// Fits of up to sixty neighbours, all around or on a needle down to a millionth as thick as long, and what a pixel interpolates
+/// Fits of up to sixty neighbors, all around or on a needle down to a millionth as thick as long, and what a pixel interpolates
 /// from them.
 #[test]
 fn predictions_and_what_is_interpolated_are_those_of_f64() {

@@ -1,14 +1,14 @@
 //! What records predict around them.
 //!
 //! A record's own derivatives hold who sees whom fixed. Where things are near, irradiance changes mostly because they hide
-//! more or less of the rest, and its neighbours know better: their light fits
+//! more or less of the rest, and its neighbors know better: their light fits
 //!
 //! ```text
 //! E(x) = Eᵢ + (∂E/∂n)ᵢ (n − nᵢ) + b · (x − xᵢ) + c (o − oᵢ)          o  openness
-//!   b, c minimise  Σⱼ wⱼ |E(xⱼ) − Eⱼ|² + ρ |(b − bᵢ) R|² + σ |c t|²      bᵢ  the record's own derivative     R  its radius
+//!   b, c minimize  Σⱼ wⱼ |E(xⱼ) − Eⱼ|² + ρ |(b − bᵢ) R|² + σ |c t|²      bᵢ  the record's own derivative     R  its radius
 //! ```
 //!
-//! a ridge regression per record, along the surface; wⱼ is the weight that neighbour j would have for record i at some more
+//! a ridge regression per record, along the surface; wⱼ is the weight that neighbor j would have for record i at some more
 //! than its radius. What is left of the sum tells how far the record is to be trusted: see `doubt.rs`.
 
 use super::picture::{Picture, Shown};
@@ -21,7 +21,7 @@ use crate::{MACROBLOCK, luminance};
 use glam::{Mat3A, Vec3, Vec3A};
 use rayon::prelude::*;
 
-/// Neighbours count up to so many pixels away, but no nearer than the first number and no farther than the second times the
+/// Neighbors count up to so many pixels away, but no nearer than the first number and no farther than the second times the
 /// record's radius. In a simulation of `nave` 2 instead of 1.25 leaves 4 % less error and needs 4 % more records; on `cornell` it
 /// leaves half as much again.
 const ON_SCREEN: f32 = 12.0;
@@ -29,11 +29,11 @@ const BY_RADIUS: (f32, f32) = (1.25, 2.0);
 /// ρ and σ. Three times the first leaves 1 % less error of the simulated `nave`, with 4 % more records.
 const STIFFNESS: f32 = 0.1;
 const STIFFNESS_BY_OPENNESS: f32 = 0.5;
-/// Neighbours teach the less the more their light differs from what the record alone predicts, and nothing from this share of
+/// Neighbors teach the less the more their light differs from what the record alone predicts, and nothing from this share of
 /// its luminance on: they are across a border.
 const OTHER_LIGHT: f32 = 0.7;
 /// Difference at which a record learns half of what there is to learn, in tolerances: below, its own derivatives are better than
-/// the chords to its neighbours.
+/// the chords to its neighbors.
 const SETTLED: f32 = 0.5;
 /// Change of luminance over the radius that is followed at most, as a share of the luminance. In a simulation of
 /// `cornell` 0.4 left a quarter less error than no limit.
@@ -78,7 +78,7 @@ impl Prediction {
     }
 }
 
-/// What the records listed at these `places` predict, and by how much their neighbours differ from that: root mean square of
+/// What the records listed at these `places` predict, and by how much their neighbors differ from that: root mean square of
 /// the luminance \[W·m⁻²\].
 pub(super) fn predictions<R: Send + Sync>(
     picture: &Picture,
@@ -126,7 +126,7 @@ pub(super) struct Fit<'a, R> {
     record: &'a Record<R>,
     alone: Prediction,
     radius: f32,
-    /// How many radii away neighbours count.
+    /// How many radii away neighbors count.
     widened: f32,
     /// Axes along the surface.
     axes: [Vec3A; 2],
@@ -136,7 +136,7 @@ pub(super) struct Fit<'a, R> {
     square: Mat3A,
     /// Σ w f r, with r what the record alone leaves unexplained: a column for each of f.
     unexplained: Mat3A,
-    /// Σ w, and by luminance Σ w r², Σ w f fᵀ and Σ w f r, of all neighbours, from however different a light.
+    /// Σ w, and by luminance Σ w r², Σ w f fᵀ and Σ w f r, of all neighbors, from however different a light.
     weights: f32,
     variance: f32,
     all_square: Mat3A,
@@ -164,9 +164,9 @@ impl<'a, R> Fit<'a, R> {
         }
     }
 
-    pub fn add(&mut self, neighbour: &Record<R>) {
-        let (site, other) = (&self.record.site, &neighbour.site);
-        if std::ptr::eq(self.record, neighbour) || site.carrier != other.carrier {
+    pub fn add(&mut self, neighbor: &Record<R>) {
+        let (site, other) = (&self.record.site, &neighbor.site);
+        if std::ptr::eq(self.record, neighbor) || site.carrier != other.carrier {
             return;
         }
         let way = other.position - site.position;
@@ -183,7 +183,7 @@ impl<'a, R> Fit<'a, R> {
             return;
         }
         let f = Vec3A::new(way.dot(self.axes[0]) / self.radius, way.dot(self.axes[1]) / self.radius, opener);
-        let r = Vec3A::from(neighbour.estimate.irradiance)
+        let r = Vec3A::from(neighbor.estimate.irradiance)
             - self.alone.irradiance
             - self.alone.by_normal * (other.normal - site.normal)
             - (self.own[0] * f.x + self.own[1] * f.y);
@@ -199,14 +199,14 @@ impl<'a, R> Fit<'a, R> {
         self.all_unexplained += f * (w * light);
     }
 
-    /// The prediction, and by how much neighbours differ from it.
+    /// The prediction, and by how much neighbors differ from it.
     pub fn solve(self) -> (Prediction, f32) {
         let Self { alone, axes, own, square, unexplained, .. } = self;
         if self.weights == 0.0 {
             return (alone, 0.0);
         }
         let ridge = Vec3A::new(STIFFNESS, STIFFNESS, STIFFNESS_BY_OPENNESS);
-        // A record whose own derivatives say what its neighbours say has nothing to learn from them.
+        // A record whose own derivatives say what its neighbors say has nothing to learn from them.
         let variance = self.variance / self.weights;
         let settled = (SETTLED * self.record.estimate.tolerance).powi(2);
         let open_to_learn = variance / (variance + settled).max(f32::MIN_POSITIVE);

@@ -46,7 +46,7 @@ pub struct LocalIrradiance {
     pub tolerance: f32,
 }
 
-/// What knows the light at a place; asked from many threads at once.
+/// Source of the light at a site; called from many threads at once.
 pub trait Illumination: Sync {
     /// What is kept with a record so that it can be lit again for less than a new one.
     type Recipe: Send + Sync;
@@ -89,11 +89,11 @@ pub(super) struct Record<R> {
     pub recipe: R,
     /// How far around it may be used, before the picture has a say \[m\].
     pub radius: f32,
-    /// The most that its neighbours allowed when it was made \[m\].
-    pub radius_by_neighbours: f32,
-    /// How much of its radius remains, 0…1, since its neighbours contradict what it predicts (`doubt.rs`).
+    /// The most that its neighbors allowed when it was made \[m\].
+    pub radius_by_neighbors: f32,
+    /// How much of its radius remains, 0…1, since its neighbors contradict what it predicts (`doubt.rs`).
     pub share: f32,
-    /// What [`Illumination::openness`] was asked with \[m\].
+    /// `scale` of the last call of [`Illumination::openness`] \[m\].
     pub scale: f32,
     /// Which one it was ever made.
     pub number: u32,
@@ -113,7 +113,7 @@ impl<R> Record<R> {
             estimate,
             recipe,
             radius,
-            radius_by_neighbours: f32::INFINITY,
+            radius_by_neighbors: f32::INFINITY,
             share: 1.0,
             scale,
             number,
@@ -123,9 +123,9 @@ impl<R> Record<R> {
         }
     }
 
-    /// New light, and what else is known now of the surroundings. What neighbours knew of them holds on.
+    /// New light, and what else is known now of the surroundings. What neighbors knew of them holds on.
     pub fn relit(&mut self, estimate: LocalIrradiance) {
-        self.radius = super::spacing::radius(&estimate).min(self.radius_by_neighbours);
+        self.radius = super::spacing::radius(&estimate).min(self.radius_by_neighbors);
         self.estimate = estimate;
     }
 

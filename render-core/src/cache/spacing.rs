@@ -83,9 +83,9 @@ pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &Picture) -> f32 {
     (radius * record.share).max(radius.min(DOUBTED * pixel))
 }
 
-/// Neighbour clamping \[Krivanek08, section 4.3.2\]: what is near to one record is not much farther from the next, even if its
+/// Neighbor clamping \[Krivanek08, section 4.3.2\]: what is near to one record is not much farther from the next, even if its
 /// rays have missed it. Applied to the records from `first` on, against all.
-pub(super) fn clamp_to_neighbours<R>(records: &mut [Record<R>], first: usize) {
+pub(super) fn clamp_to_neighbors<R>(records: &mut [Record<R>], first: usize) {
     let places: Vec<(Vec3A, f32)> = records.iter().map(|r| (r.site.position, r.radius)).collect();
     for (index, record) in records.iter_mut().enumerate().skip(first) {
         let mut allowed = f32::INFINITY;
@@ -95,7 +95,7 @@ pub(super) fn clamp_to_neighbours<R>(records: &mut [Record<R>], first: usize) {
                 allowed = allowed.min(other_radius + position.distance(record.site.position));
             }
         }
-        record.radius_by_neighbours = allowed;
+        record.radius_by_neighbors = allowed;
         record.radius = record.radius.min(allowed);
     }
 }

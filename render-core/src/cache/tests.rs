@@ -249,7 +249,7 @@ fn a_groove_keeps_its_own_light() {
     assert!(wrong(1.0) > SIDE / 2, "the same without openness");
 }
 
-/// The openness of what is seen from far nearer than before is asked for again; that of open floor never is.
+/// The openness of what is seen from far nearer than before is computed again; that of open floor never is.
 #[test]
 fn openness_follows_the_picture() {
     let mut seen = floor(|_| ());
@@ -387,7 +387,7 @@ fn unseen_records_are_forgotten() {
     assert!(cache.records.is_empty());
 }
 
-/// Light that records cannot foresee: it changes along x by a law of their own neighbourhood alone.
+/// Light that records cannot foresee: it changes along x by a law of their own neighborhood alone.
 struct Unforeseen<F: Fn(f32) -> f32> {
     light: F,
 }
@@ -405,10 +405,10 @@ impl<F: Fn(f32) -> f32 + Sync> Illumination for Unforeseen<F> {
     }
 }
 
-/// Irradiance that rises evenly while every record says that it does not: neighbours tell its slope, and pixels come out three
+/// Irradiance that rises evenly while every record says that it does not: neighbors tell its slope, and pixels come out three
 /// times as near to it as by the light of the nearest record.
 #[test]
-fn neighbours_teach_slopes() {
+fn neighbors_teach_slopes() {
     let light = |x: f32| 1.0 + 0.3 * x;
     let seen = floor(|_| ());
     let mut cache = IrradianceCache::default();

@@ -1,6 +1,6 @@
 //! Light in gaps: between mouldings, behind a shutter, under a pot.
 //!
-//! What surfels hold is a mean over their neighbourhood. In a gap that is narrower, what a ray meets is darker than they say.
+//! What surfels hold is a mean over their neighborhood. In a gap that is narrower, what a ray meets is darker than they say.
 //! So a ray that ends close by goes on:
 //!
 //! ```text

@@ -70,7 +70,7 @@ impl Layers {
         self.channels.iter().find(|(own, _)| own == name).map(|(_, samples)| samples.as_slice())
     }
 
-    /// The channels `prefix` + R, G, B as colours.
+    /// The channels `prefix` + R, G, B as colors.
     pub fn colors(&self, prefix: &str) -> Option<Plane<[f32; 3]>> {
         let [r, g, b] = ["R", "G", "B"].map(|c| self.channel(&format!("{prefix}{c}")));
         let (r, g, b) = (r?, g?, b?);
@@ -106,10 +106,10 @@ fn check_size(path: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Reads the colour of an OpenEXR file.
+/// Reads the color of an OpenEXR file.
 ///
 /// # Errors
-/// Not an EXR file, no colour in it, or larger than 2²⁷ pixels; the message names the path.
+/// Not an EXR file, no color in it, or larger than 2²⁷ pixels; the message names the path.
 pub fn read_exr(path: &Path) -> Result<Plane<Vec3>, String> {
     let named = |error: String| format!("{}: {error}", path.display());
     check_size(path)?;

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 pub enum PixelSampling {
     /// All over it, with sharp textures: the picture converges to the mean radiance of each pixel's area.
     Area,
-    /// At its centre, with textures blurred to its width: what a renderer with one ray a pixel shows.
+    /// At its center, with textures blurred to its width: what a renderer with one ray a pixel shows.
     Center,
 }
 

@@ -1,4 +1,4 @@
-//! Light that a surface asks for: sampling of everything that shines, and with which density.
+//! Next event estimation: sampling of all lights, and its densities.
 
 use super::{Points, Vertex, power_heuristic};
 use crate::accel::{Accelerator, Hit};

@@ -1,7 +1,7 @@
 //! A path tracer that knows nothing of virtual lights: the truth that they are measured against.
 //!
 //! Paths start at the camera. At each surface one point of the glowing surfaces, one punctual light, every sun and one
-//! direction of the sky are asked for light, and the path goes on in a direction drawn from the BSDF; where both ways lead to
+//! direction of the sky are sampled with shadow rays, and the path goes on in a direction drawn from the BSDF; where both ways lead to
 //! the same light, they are weighted by the power heuristic \[Veach97, 9.2.4\]. Russian roulette ends paths without bias.
 //!
 //! What is seen is what the rest of the program shows: the sun's disc and punctual lights are never seen themselves, an unlit

@@ -24,7 +24,7 @@ pub enum Track {
     Rotation(Vec<Quat>),
     /// Factors.
     Scale(Vec<Vec3>),
-    /// Shares of the morph targets; for each key those of all targets, one behind the other.
+    /// Shares of the morph targets; for each key those of all targets, one after the other.
     Weights(Vec<f32>),
 }
 

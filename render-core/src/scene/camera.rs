@@ -28,7 +28,7 @@ pub struct Camera {
     pub projection: Projection,
 }
 
-/// A camera at one time, with a picture of one size. Pixels have their centres at `(x + 0.5, y + 0.5)`, y down.
+/// A camera at one time, with a picture of one size. Pixels have their centers at `(x + 0.5, y + 0.5)`, y down.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct View {
     world_from_camera: Affine3A,

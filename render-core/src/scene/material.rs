@@ -31,7 +31,7 @@ impl TextureSlot {
     }
 }
 
-/// What the opacity of a base colour means.
+/// What the opacity of a base color means.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alpha {
     /// Nothing.
@@ -66,7 +66,7 @@ pub struct Material {
     pub normal_texture: Option<(TextureSlot, f32)>,
     /// Linear RGB reflectance at normal incidence where the surface is not metal.
     pub dielectric_f0: Vec3,
-    /// Opacity, 0…1, times the opacity of the base colour's texture and of the vertices.
+    /// Opacity, 0…1, times the opacity of the base color's texture and of the vertices.
     pub opacity: f32,
     /// What the opacity means.
     pub alpha: Alpha,
@@ -76,7 +76,7 @@ pub struct Material {
     pub emission_texture: Option<TextureSlot>,
     /// Light leaves and arrives on both sides.
     pub double_sided: bool,
-    /// Shows its colour whatever the light; neither lit nor a light.
+    /// Shows its color whatever the light; neither lit nor a light.
     pub unlit: bool,
 }
 
@@ -106,7 +106,7 @@ impl Default for Material {
 const DIELECTRIC_F0: f32 = 0.04;
 
 impl Material {
-    /// Diffuse reflectance, and specular reflectance at normal incidence, for a base colour and metalness.
+    /// Diffuse reflectance, and specular reflectance at normal incidence, for a base color and metalness.
     ///
     /// A dielectric of roughness 1 counts as Lambert: its coat of 4 % would be spread over the whole hemisphere, and
     /// leaving it out keeps matte scenes free of glossy work.

@@ -16,7 +16,7 @@ pub struct Mesh {
     pub tangents: Vec<Vec4>,
     /// Texture coordinates, those of the sets that the material uses.
     pub uvs: [Vec<Vec2>; UV_SETS],
-    /// Linear RGB factor on the base colour, and factor on its opacity.
+    /// Linear RGB factor on the base color, and factor on its opacity.
     pub colors: Vec<Vec4>,
     /// Vertex indices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,

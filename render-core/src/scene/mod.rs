@@ -49,7 +49,16 @@ pub struct Transform {
     pub scale: Vec3,
 }
 
+impl Default for Transform {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
 impl Transform {
+    /// Leaves everything in place.
+    pub const IDENTITY: Self = Self { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
+
     /// The transform as an affine map.
     pub fn matrix(&self) -> Affine3A {
         Affine3A::from_scale_rotation_translation(self.scale, self.rotation, self.translation)
@@ -94,6 +103,20 @@ pub struct Scene {
     pub settings: SceneSettings,
     /// What was read but is not rendered, a line each, for the user.
     pub warnings: Vec<String>,
+}
+
+impl Scene {
+    /// A scene of one mesh at the origin, made of `material`, without lights. The mesh's own material index is replaced.
+    #[must_use]
+    pub fn of_mesh(mesh: Mesh, material: Material) -> Self {
+        Self {
+            nodes: vec![Node { name: String::new(), parent: None, rest: Transform::IDENTITY }],
+            meshes: vec![Mesh { material: 0, ..mesh }],
+            materials: vec![material],
+            instances: vec![Instance { node: 0, mesh: 0 }],
+            ..Self::default()
+        }
+    }
 }
 
 /// Where everything is at one time, and in what shape.

@@ -29,7 +29,7 @@ impl Gradient {
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         let (horizon, y) = (Vec3::from(self.horizon), direction.y);
         if y >= 0.0 {
-            // Clear skies brighten quickly towards the horizon: the root gives most of the dome to the zenith's colour.
+            // Clear skies brighten quickly towards the horizon: the root gives most of the dome to the zenith's color.
             horizon.lerp(self.zenith.into(), y.sqrt())
         } else {
             // A narrow band joins sky and ground, so that the border does not alias.
@@ -38,7 +38,7 @@ impl Gradient {
     }
 }
 
-/// The `[sky]` table: either colours, or an image.
+/// The `[sky]` table: either colors, or an image.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SkySettings {

@@ -17,7 +17,7 @@ pub enum Wrap {
 /// What the code values of an image stand for. Opacity is linear in both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
-    /// Colour along the sRGB curve.
+    /// Color along the sRGB curve.
     Srgb,
     /// Numbers: roughness, metalness, normals.
     Linear,
@@ -69,7 +69,7 @@ impl Encoding {
 }
 
 impl Texture {
-    /// An image of colours: as [`Texture::with_encoding`], in sRGB.
+    /// An image of colors: as [`Texture::with_encoding`], in sRGB.
     ///
     /// # Panics
     /// If the size is zero or the number of texels is not `width * height`.
@@ -119,7 +119,7 @@ impl Texture {
         (color.lerp(coarse_color, blend), alpha + (coarse_alpha - alpha) * blend)
     }
 
-    /// Mean linear colour.
+    /// Mean linear color.
     pub fn mean(&self) -> Vec3 {
         self.sample(Vec2::ZERO, f32::MAX).0
     }
@@ -127,8 +127,8 @@ impl Texture {
     fn bilinear(&self, level: usize, uv: Vec2) -> (Vec3, f32) {
         let level = &self.levels[level];
         let clamp = |c: f32, wrap: Wrap| if wrap == Wrap::Clamp { c.clamp(0.0, 1.0 - f32::EPSILON) } else { c };
-        let (columns, fx) = neighbours(clamp(uv.x, self.wrap[0]), level.width, self.wrap[0]);
-        let (rows, fy) = neighbours(clamp(uv.y, self.wrap[1]), level.height, self.wrap[1]);
+        let (columns, fx) = neighbors(clamp(uv.x, self.wrap[0]), level.width, self.wrap[0]);
+        let (rows, fy) = neighbors(clamp(uv.y, self.wrap[1]), level.height, self.wrap[1]);
         let to_linear = self.encoding.to_linear();
         let mut color = Vec3::ZERO;
         let mut alpha = 0.0;
@@ -146,9 +146,9 @@ impl Texture {
 
 /// The two of `n` texels in a row that coordinate `c` lies between, and how far it is from the first to the second.
 ///
-/// No division and no call: this is asked for every texture of every hit.
+/// No division and no call: this runs for every texture of every hit.
 #[inline]
-fn neighbours(c: f32, n: usize, wrap: Wrap) -> ([usize; 2], f32) {
+fn neighbors(c: f32, n: usize, wrap: Wrap) -> ([usize; 2], f32) {
     // NaN and infinity become 0: a broken coordinate shows a texel, not a crash.
     let c = if c.is_finite() { c } else { 0.0 };
     // Two periods: a mirrored texture repeats after both. From 2³¹ on all coordinates are even.
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn texel_centres_are_exact_and_tile() {
+    fn texel_centers_are_exact_and_tile() {
         let texture = checker();
         let (color, alpha) = texture.sample(Vec2::new(0.125, 0.125), 1.0);
         assert_eq!((color, alpha), (Vec3::ONE, 1.0));
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_are_those_of_the_definition() {
+    fn neighbors_are_those_of_the_definition() {
         let definition = |i: i64, n: i64, wrap: Wrap| match wrap {
             Wrap::Clamp => i.clamp(0, n - 1),
             Wrap::Repeat => i.rem_euclid(n),
@@ -253,7 +253,7 @@ mod tests {
                     let p = c.rem_euclid(2.0) * n as f32 - 0.5;
                     let first = p.floor();
                     let expected = [0, 1].map(|k| definition(first as i64 + k, n, wrap) as usize);
-                    assert_eq!(neighbours(c, n as usize, wrap), (expected, p - first), "{c} of {n}, {wrap:?}");
+                    assert_eq!(neighbors(c, n as usize, wrap), (expected, p - first), "{c} of {n}, {wrap:?}");
                 }
             }
         }

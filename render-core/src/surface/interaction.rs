@@ -1,4 +1,4 @@
-//! A hit on its triangle, of whose material only what is asked for is looked up: most of what a ray costs after its walk is
+//! A hit on its triangle, with its material looked up on demand: most of what a ray costs after its walk is
 //! textures and normals, and a photon that is absorbed needs neither a normal to go on from nor what glows where it ends.
 
 use super::site::Site;

@@ -40,7 +40,7 @@ impl Site<'_> {
         let [p, q, r] = self.coordinates(slot)?;
         let (d1, d2) = (q - p, r - p);
         let (e1, e2) = (self.corners[1] - self.corners[0], self.corners[2] - self.corners[0]);
-        // The gradients of position, but for the size of the determinant, which the normalisation takes out.
+        // The gradients of position, but for the size of the determinant, which the normalization takes out.
         let sign = d1.perp_dot(d2).signum();
         let along_u = (e1 * d2.y - e2 * d1.y) * sign;
         let along_v = (e2 * d1.x - e1 * d2.x) * sign;

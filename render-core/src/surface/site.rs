@@ -44,7 +44,7 @@ impl Site<'_> {
         slot.as_ref().and_then(|slot| self.look_up(slot)).map_or(Vec3::ONE, |(color, _)| color)
     }
 
-    /// Linear RGB, 0…1: factor, vertex colour and texture.
+    /// Linear RGB, 0…1: factor, vertex color and texture.
     pub(super) fn base_color(&self, material: &Material) -> Vec3 {
         let vertex = interpolate(&self.mesh.colors, self.indices, self.u, self.v).unwrap_or(Vec4::ONE).xyz();
         (material.base_color * vertex * self.color(&material.base_color_texture)).clamp(Vec3::ZERO, Vec3::ONE)

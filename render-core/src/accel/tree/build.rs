@@ -97,7 +97,7 @@ fn children(binary: &Bvh2, subtrees: &[Subtree], top: u32) -> Vec<u32> {
     let mut out = Vec::with_capacity(LANES);
     let subtree = &subtrees[top as usize];
     if subtree.leaf {
-        // Only a root can be asked as a node and yet be a leaf.
+        // Only a root can be visited as a node and yet be a leaf.
         out.push(top);
     } else {
         let first = binary.nodes[top as usize].first_index;
@@ -148,7 +148,7 @@ fn subtrees(binary: &Bvh2, costs: &Costs) -> Vec<Subtree> {
     let unknown =
         Subtree { primitives: 0, cost: [f32::INFINITY; LANES], first_share: [0; LANES], leaf: true, node_share: 1 };
     let mut subtrees = vec![unknown; binary.nodes.len()];
-    // Children stand behind their parents in the order: backwards they come first.
+    // Children come after their parents in the order: backwards they come first.
     for &index in order.iter().rev() {
         let node = &binary.nodes[index as usize];
         let area = node.aabb().half_area();

@@ -1,4 +1,4 @@
-//! Numbers out of accessors: any component type, normalised or not, interleaved or not, sparse or not.
+//! Numbers out of accessors: any component type, normalized or not, interleaved or not, sparse or not.
 //!
 //! Our own reader rather than the crate's: that one trusts strides and counts, and takes positions, normals and tangents
 //! for floats, which `KHR_mesh_quantization` allows to be bytes and shorts.
@@ -21,7 +21,7 @@ pub(super) struct Buffers {
     bytes: Vec<Vec<u8>>,
     /// Accessors that stand for zeros, whatever view they name.
     zeros: HashSet<usize>,
-    /// What is left of the allowance \[bytes\]; none once something was asked for that is more.
+    /// What is left of the allowance \[bytes\]; none once a request exceeded it.
     allowance: Cell<Option<usize>>,
 }
 
@@ -44,7 +44,7 @@ impl Buffers {
         self.bytes.get(view.buffer().index())?.get(view.offset()..end)
     }
 
-    /// Elements of `N` floats each; integers that count as normalised become 0…1 or −1…1 (glTF 2.0, 3.6.2.2), others keep
+    /// Elements of `N` floats each; integers that count as normalized become 0…1 or −1…1 (glTF 2.0, 3.6.2.2), others keep
     /// their value. `None` if the accessor has another number of components, or too few bytes.
     pub(super) fn floats<const N: usize>(&self, accessor: &Accessor) -> Option<Vec<[f32; N]>> {
         let scaled = |value: f32, most: f32| if accessor.normalized() { (value / most).max(-1.0) } else { value };

@@ -31,7 +31,7 @@ pub(super) fn decode(bytes: Vec<u8>) -> Result<Texels, String> {
     Ok((pixels.width() as usize, pixels.height() as usize, texels))
 }
 
-/// A picture with a surface in a wrong colour would look as if it were right.
+/// A picture with a surface in a wrong color would look as if it were right.
 #[cfg(not(feature = "textures"))]
 pub(super) fn decode(_: Vec<u8>) -> Result<Texels, String> {
     Err("this build reads no images on surfaces; build it with the feature textures".into())

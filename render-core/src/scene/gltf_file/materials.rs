@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 /// Index of refraction where a file gives none (`KHR_materials_ior`): F0 = 4 %.
 const DEFAULT_IOR: f32 = 1.5;
 
-/// All materials in the file's order, and behind them the default one for primitives without; what is left out of them, as
+/// All materials in the file's order, and after them the default one for primitives without; what is left out of them, as
 /// a line each.
 pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Vec<String>) {
     let mut left_out = [false; 3];

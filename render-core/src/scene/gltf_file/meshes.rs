@@ -106,7 +106,7 @@ impl Loader<'_> {
         let normals: Vec<Vec3> = attribute(get(Semantic::Normals), buffers, count, |n: [f32; 3]| {
             Vec3::from(n).try_normalize().unwrap_or(Vec3::Y)
         });
-        // Without normals, given tangents are to be ignored (glTF 2.0, 3.7.2.1); without a normal map nobody asks.
+        // Without normals, given tangents are to be ignored (glTF 2.0, 3.7.2.1); without a normal map they are not needed.
         let wants_tangents = look.normal_texture.is_some() && !normals.is_empty();
         let tangents = attribute(get(Semantic::Tangents).filter(|_| wants_tangents), buffers, count, Vec4::from_array);
         let uses = |set: usize| look.slots().any(|slot| slot.uv_set == set);

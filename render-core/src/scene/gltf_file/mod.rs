@@ -36,7 +36,7 @@ pub enum LoadError {
     /// The scene file itself is not there or cannot be read.
     #[error("{}: {error}; check the path and its permissions", path.display())]
     Open {
-        /// The file asked for.
+        /// The scene file.
         path: PathBuf,
         /// What the system said.
         error: std::io::Error,
@@ -103,7 +103,7 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
     Ok(scene)
 }
 
-/// The light that the `[sky]` table asks for.
+/// The environment of the `[sky]` table.
 fn load_sky(scene: &Path, settings: &SceneSettings) -> Result<Option<Environment>, LoadError> {
     let toml = SceneSettings::path_for(scene);
     let Some(sky) = &settings.sky else { return Ok(None) };

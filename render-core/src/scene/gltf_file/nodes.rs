@@ -74,7 +74,7 @@ impl Loader<'_> {
         };
         let color = Vec3::from(light.color()) * light.intensity();
         if !color.is_finite() || color.min_element() < 0.0 {
-            return self.bad(format!("light {} has an impossible colour or intensity", light.index()));
+            return self.bad(format!("light {} has an impossible color or intensity", light.index()));
         }
         if color.max_element() > STRONGEST {
             return self.bad(format!(

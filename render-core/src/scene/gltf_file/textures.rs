@@ -11,7 +11,7 @@ const MOST_TEXELS: usize = 1 << 29;
 
 impl Loader<'_> {
     /// Decodes the images that a material of a shown mesh uses, and renumbers the slots to match. An image that is both
-    /// colour and data is held twice: its mip levels differ.
+    /// color and data is held twice: its mip levels differ.
     pub(super) fn textures(
         &self,
         document: &gltf::Document,
