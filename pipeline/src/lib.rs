@@ -4,14 +4,18 @@
 
 pub mod error;
 pub mod feedback_loop;
+pub mod figures;
 pub mod film;
 pub mod laboratory;
+pub mod output;
+pub mod parts;
 pub mod renderer;
 pub mod report;
 pub mod settings;
 
 mod open;
 mod render;
+mod state;
 
 pub use error::{Error, Result};
 pub use open::Film;

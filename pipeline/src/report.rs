@@ -1,8 +1,8 @@
 //! What a run did and cost, as JSON. The names are kept stable; `schema` counts changes.
 
 use crate::error::{Context, Result};
-use crate::feedback_loop::figures::FrameFigures;
-use crate::feedback_loop::parts::CodedFrame;
+use crate::figures::FrameFigures;
+use crate::parts::CodedFrame;
 use crate::plan::Step;
 use crate::settings::Settings;
 use mpeg2enc::PictureType;
@@ -276,7 +276,7 @@ impl Report {
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let mut output = crate::film::output::Output::create(path)?;
+        let mut output = crate::output::Output::create(path)?;
         let mut text = serde_json::to_string_pretty(self).context("the report cannot be put into JSON")?;
         text.push('\n');
         output.write(text.as_bytes())?;

@@ -1,7 +1,7 @@
 //! The renderer's motion and the encoder, outside of the pipeline.
 
 use mpeg2enc::{Packet, Picture};
-use pipeline::feedback_loop::parts::Prepare;
+use pipeline::parts::Prepare;
 use pipeline::renderer::Preparation;
 use pipeline::{Options, Plan, Settings};
 use plane::Correspondence;

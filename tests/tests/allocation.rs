@@ -4,7 +4,7 @@
 //! lights are those of a stage that did not run; where it runs, they differ.
 
 use pipeline::feedback_loop::Run;
-use pipeline::feedback_loop::parts::Prepare;
+use pipeline::parts::Prepare;
 use pipeline::renderer::Preparation;
 use pipeline::{Options, Plan, Settings};
 use render_core::scene::Scene;

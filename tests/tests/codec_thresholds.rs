@@ -3,8 +3,8 @@
 use mpeg2enc::{Config, FrameRate, KnownMotion, PictureType};
 use perceptual::{Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
 use pipeline::Options;
-use pipeline::feedback_loop::parts::{self, Displayed, Encode};
 use pipeline::film::Video;
+use pipeline::parts::{self, Displayed, Encode};
 use plane::{Coded, Plane};
 use std::sync::Arc;
 use tests::{cornell, decode_ffmpeg, load, render};

@@ -1,8 +1,8 @@
 //! The loop from the encoder's quantiser back to the renderer's cuts, one frame later.
 
 use perceptual::{ToneMap, YCbCr, luminance_plane};
-use pipeline::feedback_loop::parts::{Coding, Displayed, LastThresholds, LuminanceThresholds, Mask, Prepare, Shade};
 use pipeline::film::Masking;
+use pipeline::parts::{Coding, Displayed, LastThresholds, LuminanceThresholds, Mask, Prepare, Shade};
 use pipeline::renderer::{Preparation, Shading};
 use pipeline::settings::Switch;
 use pipeline::{Options, Plan, Settings};

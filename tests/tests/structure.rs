@@ -27,8 +27,6 @@ const KNOWN: &[(&str, &str, &str)] = &[
     ("render-core", "cache::spacing", "cache::tile"),
     ("render-core", "scene::deform", "scene::mesh"),
     ("render-core", "scene::sky", "scene::gltf_file"),
-    ("pipeline", "feedback_loop", "film"),
-    ("pipeline", "feedback_loop", "report"),
 ];
 
 /// A module by the names on its path; the crate root has none.

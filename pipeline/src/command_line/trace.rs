@@ -3,7 +3,7 @@
 //! Every span that the stages open becomes a bar: "complete events" of the Trace Event Format.
 
 use anyhow::Result;
-use pipeline::film::output::Output;
+use pipeline::output::Output;
 use serde_json::{Value, json};
 use std::cell::Cell;
 use std::path::Path;

@@ -1,11 +1,11 @@
 //! The loop: parts on threads, joined by bounded channels, with the feedback edge from masking to shading.
 
 use super::observe::Observer;
-use super::parts::{Encode, LuminanceThresholds, Mask, Prepare, Shade};
 use super::stages::{Displaying, Encoding, Masking, Preparing, Shading};
 use super::start::{Parts, Start};
 use super::threads::{self, Stamped, stage, work};
 use crate::error::Result;
+use crate::parts::{Encode, LuminanceThresholds, Mask, Prepare, Shade};
 use crate::report::FrameReport;
 use crossbeam_channel::bounded;
 use std::sync::atomic::{AtomicBool, Ordering};

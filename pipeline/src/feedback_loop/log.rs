@@ -1,12 +1,12 @@
 //! The film as far as it is made: its bytes, and a line of the report for each coded picture.
 
-use super::checkpoint::{NONSENSE, decode, encode};
-use super::figures::FrameFigures;
 use super::observe::Observer;
-use super::parts::{Coding, Encoded};
 use crate::error::{Error, Result};
-use crate::film::output::Output;
+use crate::figures::FrameFigures;
+use crate::output::Output;
+use crate::parts::{Coding, Encoded};
 use crate::report::FrameReport;
+use crate::state::{NONSENSE, decode, encode};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -5,15 +5,13 @@
 //!                     ▲                                  │
 //!                     └── ΔY(n−1) along the motion ◄─────┘
 //! ```
-//! [`parts`] has the four parts as state machines, `driver` joins them by bounded channels, `threads` runs one stage on one
-//! thread, [`checkpoint`] continues interrupted films, [`observe`] shows what the stages make.
+//! `driver` joins the [`parts`](crate::parts) by bounded channels, `threads` runs one stage on one thread, [`checkpoint`]
+//! continues interrupted films, [`observe`] shows the results of the stages.
 
 pub mod checkpoint;
 mod driver;
-pub mod figures;
 mod log;
 pub mod observe;
-pub mod parts;
 mod stages;
 mod start;
 mod threads;

@@ -1,15 +1,16 @@
 //! The parts as stages of the loop: each with its spans, its CPU seconds, and the results that observers and the report see.
 
-use super::checkpoint::{Part, encode};
-use super::figures::FrameFigures;
+use super::checkpoint::Part;
 use super::log::FilmLog;
 use super::observe::Observer;
-use super::parts::{
-    Coding, Displayed, Encode, LastThresholds, LuminanceThresholds, Mask, Prepare, Prepared, Shade, Shaded,
-};
 use super::threads::Stage;
 use crate::error::{Context, Result};
+use crate::figures::FrameFigures;
 use crate::film::display::Display;
+use crate::parts::{
+    Coding, Displayed, Encode, LastThresholds, LuminanceThresholds, Mask, Prepare, Prepared, Shade, Shaded,
+};
+use crate::state::encode;
 use plane::Correspondence;
 use rayon::ThreadPool;
 use render_core::Busy;

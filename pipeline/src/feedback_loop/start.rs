@@ -1,10 +1,11 @@
 //! The parts of a film, and the frame that it begins or is continued with.
 
-use super::checkpoint::{Checkpoints, NONSENSE, Part, decode};
+use super::checkpoint::{Checkpoints, Part};
 use super::log::FilmLog;
-use super::parts::{Encode, LuminanceThresholds, Mask, Prepare, Shade};
 use crate::error::{Error, Result};
 use crate::film::display::Display;
+use crate::parts::{Encode, LuminanceThresholds, Mask, Prepare, Shade};
+use crate::state::{NONSENSE, decode};
 use plane::Plane;
 use std::path::Path;
 

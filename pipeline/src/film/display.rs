@@ -1,10 +1,10 @@
 //! Radiance into what a display shows: tone curve and Y′C_BC_R. Here light changes its unit to code values.
 
-use super::output::Output;
 use crate::error::{Error, Result};
-use crate::feedback_loop::checkpoint::{decode, encode};
-use crate::feedback_loop::parts::{Displayed, Layers, Shaded};
+use crate::output::Output;
+use crate::parts::{Displayed, Layers, Shaded};
 use crate::settings::{Settings, Size};
+use crate::state::{decode, encode};
 use perceptual::{ToneMap, YCbCr, luminance_plane};
 use plane::{Picture, Plane};
 use std::path::{Path, PathBuf};

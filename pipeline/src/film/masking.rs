@@ -1,9 +1,9 @@
 //! The masking model of a film: which error of the next frame nobody would see.
 
 use crate::error::Result;
-use crate::feedback_loop::checkpoint::{decode, encode};
-use crate::feedback_loop::parts::{Coding, Displayed, LuminanceThresholds, Mask};
+use crate::parts::{Coding, Displayed, LuminanceThresholds, Mask};
 use crate::settings::{Settings, Thresholds};
+use crate::state::{decode, encode};
 use perceptual::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, ToneMap};
 use plane::{Correspondence, Plane};
 use std::sync::Arc;

@@ -2,7 +2,6 @@
 
 pub mod display;
 mod masking;
-pub mod output;
 mod video;
 
 pub use display::Display;

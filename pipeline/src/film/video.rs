@@ -1,9 +1,9 @@
 //! The encoder of a film, with the container that its stream is wrapped into.
 
 use crate::error::{Error, Result};
-use crate::feedback_loop::checkpoint::{NONSENSE, decode, encode};
-use crate::feedback_loop::parts::{CodedFrame, Coding, Displayed, Encode, Encoded};
+use crate::parts::{CodedFrame, Coding, Displayed, Encode, Encoded};
 use crate::settings::Settings;
+use crate::state::{NONSENSE, decode, encode};
 use mpeg2enc::{Container, Encoder, Finish, KnownMotion, Multiplexer, Packet, Picture};
 use perceptual::NextPicture;
 use plane::Correspondence;

@@ -31,4 +31,4 @@ impl std::fmt::Debug for Frame<'_> {
 }
 
 /// A frame for [`Shading`](super::Shading), with its motion.
-pub type PreparedFrame<'s> = crate::feedback_loop::parts::Prepared<Frame<'s>>;
+pub type PreparedFrame<'s> = crate::parts::Prepared<Frame<'s>>;

@@ -2,8 +2,8 @@
 
 use super::frame::{Frame, PreparedFrame};
 use crate::error::{Error, Result};
-use crate::feedback_loop::figures::FrameFigures;
-use crate::feedback_loop::parts::{Prepare, Prepared};
+use crate::figures::FrameFigures;
+use crate::parts::{Prepare, Prepared};
 use crate::plan::{Plan, Stage};
 use crate::settings::{Settings, Size};
 use glam::Vec3;

@@ -2,7 +2,7 @@
 
 use super::{Preparation, Shading};
 use crate::error::{Error, Result};
-use crate::feedback_loop::parts::{LastThresholds, Shade};
+use crate::parts::{LastThresholds, Shade};
 use crate::plan::Plan;
 use crate::settings::{Lighting, Settings, Size};
 use plane::Plane;

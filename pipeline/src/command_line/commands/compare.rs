@@ -2,8 +2,8 @@
 
 use anyhow::Result;
 use clap::Args;
-use pipeline::film::output::Output;
 use pipeline::laboratory::compare::{self, Comparison, HEAT_MAP_RANGE, HeatMap, png_file};
+use pipeline::output::Output;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -3,7 +3,7 @@
 use crate::command_line::progress;
 use anyhow::Result;
 use clap::Args;
-use pipeline::film::output::Output;
+use pipeline::output::Output;
 use pipeline::renderer::reference::{self, Method};
 use pipeline::settings::Size;
 use pipeline::{Options, Settings};

@@ -8,7 +8,7 @@ use clap::Args;
 use pipeline::feedback_loop::Run;
 use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob};
 use pipeline::feedback_loop::observe::OnFrame;
-use pipeline::film::output::Output;
+use pipeline::output::Output;
 use pipeline::report::FrameReport;
 use pipeline::settings::CheckpointEvery;
 use pipeline::{Options, Plan, Render as Film, Report};

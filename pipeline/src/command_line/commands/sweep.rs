@@ -69,7 +69,7 @@ pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
     };
     std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     // A folder that cannot be written to is told of before the work, not after it.
-    drop(pipeline::film::output::Output::create(&folder.join("sweep.json"))?);
+    drop(pipeline::output::Output::create(&folder.join("sweep.json"))?);
     let sweep = pipeline::laboratory::sweep::Sweep {
         common: Options {
             frames: Some(frames.unwrap_or(DEFAULT_FRAMES)),

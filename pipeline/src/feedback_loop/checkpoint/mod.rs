@@ -14,9 +14,8 @@ mod file;
 mod job;
 
 use crate::error::{Error, Result};
-use crate::film::output::part_of;
+use crate::output::part_of;
 use file::Stored;
-pub(crate) use file::{decode, encode};
 pub use job::FilmJob;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -39,9 +38,6 @@ pub enum Part {
 }
 
 const PARTS: usize = 5;
-
-/// The message about states that no part of this film left.
-pub(crate) const NONSENSE: &str = "the checkpoint makes no sense: start anew, without --resume";
 
 /// States of one frame that are there already.
 type States = [Option<Vec<u8>>; PARTS];

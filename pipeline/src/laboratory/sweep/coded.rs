@@ -3,8 +3,8 @@
 use super::film::{Film, FilmFrame};
 use crate::error::{Context, Error, Result};
 use crate::film::display::Y4m;
-use crate::film::output::Output;
 use crate::laboratory::compare::{Picture, Pictures};
+use crate::output::Output;
 use crate::settings::Settings;
 use mpeg2enc::Encoder;
 use render_core::Busy;

@@ -113,7 +113,7 @@ pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut()
     };
     let plan = Plan::new(scene, &with_files);
     let observer = OnFrame::new(|_: &FrameReport| each());
-    let report = crate::render(scene, &with_files, &plan, Run { observer: &observer, stop, ..Run::default() })?;
+    let report = crate::render(scene, &with_files, &plan, Run { observer: &observer, stop })?;
     if report.summary.interrupted || stop.load(Ordering::Relaxed) {
         return Err(Error::Interrupted);
     }

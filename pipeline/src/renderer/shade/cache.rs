@@ -4,9 +4,9 @@ mod around;
 
 use super::cuts::LightTransport;
 use crate::error::{Error, Result};
-use crate::feedback_loop::checkpoint::NONSENSE;
-use crate::feedback_loop::figures::FrameFigures;
+use crate::figures::FrameFigures;
 use crate::renderer::frame::Frame;
+use crate::state::NONSENSE;
 use around::{Around, Place, places, standing, swept};
 use glam::{Mat3A, Vec3, Vec3A};
 use lighttree::{Calibration, Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};

@@ -1,7 +1,7 @@
 //! What a cut needs to know of a frame: who sees whom, and when to stop.
 
 use super::WITHOUT_THRESHOLD;
-use crate::feedback_loop::figures::FrameFigures;
+use crate::figures::FrameFigures;
 use crate::renderer::frame::Frame;
 use crate::settings::{Lighting, Settings, Thresholds};
 use glam::{Vec3, Vec3A};

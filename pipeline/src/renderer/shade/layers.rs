@@ -2,7 +2,7 @@
 
 use super::cache::Cache;
 use super::cuts::Figures;
-use crate::feedback_loop::parts::Layers;
+use crate::parts::Layers;
 use crate::renderer::frame::{Frame, PreparedFrame};
 use crate::settings::Aov;
 use perceptual::ThresholdMap;

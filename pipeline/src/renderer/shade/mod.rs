@@ -12,8 +12,8 @@ mod state;
 
 use super::frame::{Frame, PreparedFrame};
 use crate::error::Result;
-use crate::feedback_loop::figures::FrameFigures;
-use crate::feedback_loop::parts::{LastThresholds, Prepared, Shade, Shaded};
+use crate::figures::FrameFigures;
+use crate::parts::{LastThresholds, Prepared, Shade, Shaded};
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{Aov, Settings, Size, Stopping, Thresholds};
 use cache::Cache;

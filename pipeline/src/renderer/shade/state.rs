@@ -3,8 +3,8 @@
 use super::cache::{Cache, Recipe};
 use super::{Sample, Shading, Still};
 use crate::error::Result;
-use crate::feedback_loop::checkpoint::{decode, encode};
 use crate::renderer::frame::PreparedFrame;
+use crate::state::{decode, encode};
 use lighttree::Calibration;
 use render_core::cache::IrradianceCache;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! Coats in scenes whose pictures are known: in even light, before a lamp, and where there are none.
 
 use super::*;
-use crate::feedback_loop::parts::{LastThresholds, Shade};
+use crate::parts::{LastThresholds, Shade};
 use crate::plan::{self, Plan, State};
 use crate::renderer::{Preparation, Shading};
 use crate::settings::{Options, Settings, Size};

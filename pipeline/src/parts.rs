@@ -5,12 +5,12 @@
 //!               ▲                               │
 //!               └── ΔY(n−1), one frame late ◄───┘
 //! ```
-//! A part knows no channel, thread, checkpoint or observer: [`couple`](super::couple) joins them. A renderer, masking model or
+//! A part knows no channel, thread, checkpoint or observer: [`couple`](crate::feedback_loop::couple) joins them. A renderer, masking model or
 //! encoder of one's own implements one of these traits; [`perceptual::Feedback`] is a [`Mask`], [`Video`](crate::film::Video)
 //! an [`Encode`].
 
-use super::figures::FrameFigures;
 use crate::error::Result;
+use crate::figures::FrameFigures;
 use mpeg2enc::PictureType;
 use perceptual::{Feedback, NextPicture, ObservedFrame, ThresholdMap, ToneMap, YCbCr, reproject};
 use plane::{Coded, Correspondence, Plane};
