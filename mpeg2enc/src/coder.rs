@@ -3,23 +3,27 @@
 use crate::{
     CoefficientTable, Config, Picture, PictureStatistics, PictureType, Standard,
     bits::BitWriter,
-    config::quantiser_scale_code,
+    block::places,
     decide::Tools,
     effort::Effort,
     frame::{copy, psnr_of},
     header::{self, PictureHeader, macroblock_counts},
-    motion::{Candidates, CoarseSearch, Estimate, HalfSample, f_code},
+    motion::{Candidates, CoarseSearch, Estimate},
     picture::{CodedPicture, MacroblockKind, PictureCoder},
     pool::Pool,
     predict::References,
-    quant::{QuantiserParameters, Quantisers, places},
+    quant::{QuantiserParameters, Quantisers},
+    quantiser_scale::quantiser_scale_code,
     scan::{ALTERNATE, ZIGZAG},
+    vector::{HalfSample, f_code},
 };
 use plane::Plane;
 use std::sync::Arc;
 
 /// One coded picture.
 #[derive(Clone, Debug)]
+#[must_use = "packets are the stream"]
+#[non_exhaustive]
 pub struct Packet {
     /// Its part of the stream; an I picture's begins with sequence and group headers.
     pub data: Vec<u8>,
@@ -175,16 +179,15 @@ impl Coder {
             size: (self.config.width, self.config.height),
         };
         let (width, height) = (job.source.width(), job.source.height());
-        let (reconstruction, coded) = self.pool.filled(width, height, |out| picture.code(out));
-        self.pack(job, &header, reconstruction, coded, vectors)
+        let made = self.pool.filled(width, height, |out| picture.code(out));
+        self.pack(job, &header, made, vectors)
     }
 
     fn pack(
         &mut self,
         job: &Job,
         header: &PictureHeader,
-        whole: Arc<Picture>,
-        coded: CodedPicture,
+        (whole, coded): (Arc<Picture>, CodedPicture),
         vectors: [Vec<HalfSample>; 2],
     ) -> Coded {
         let mut writer = BitWriter::default();

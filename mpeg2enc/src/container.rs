@@ -3,18 +3,21 @@
 //!
 //! Numbers of clauses and tables in this module are those of that standard.
 
+mod clock;
 mod pes;
 mod program;
 mod schedule;
 mod transport;
 
 use crate::{Config, Packet};
-use pes::Times;
+use clock::Clock;
+use pes::Picture;
 use schedule::Schedule;
-use std::path::Path;
+use std::{fmt, path::Path};
 
 /// What a stream is wrapped into.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Container {
     /// Nothing: the video elementary stream itself, `.m2v`.
     #[default]
@@ -68,6 +71,7 @@ impl Container {
 /// assert_eq!(file[..4], [0, 0, 1, 0xba]); // pack_start_code
 /// # Ok::<(), mpeg2enc::ConfigError>(())
 /// ```
+#[must_use = "packets are wrapped by it"]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Multiplexer {
     wrapper: Wrapper,
@@ -82,42 +86,6 @@ enum Wrapper {
     Program(program::Writer),
     Transport(transport::Writer),
 }
-
-/// A picture's part of the elementary stream.
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Picture {
-    data: Vec<u8>,
-    times: Times,
-    /// Can a decoder begin here?
-    is_entry: bool,
-}
-
-/// When pictures are decoded and shown.
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Clock {
-    /// Numerator and denominator of the frame rate.
-    frame_rate: (u64, u64),
-    /// From the first byte to the first picture that is decoded, in units of 1/27 000 000 s.
-    start: u64,
-    /// Pictures decoded so far.
-    count: u64,
-    /// Frame periods by which pictures are shown later than they were decoded if none are in front of them: 1 where there
-    /// may be B pictures (low_delay, 13818-2 6.3.5).
-    reorder: u64,
-}
-
-impl Clock {
-    fn next(&mut self, display_index: u64) -> Times {
-        let (numerator, denominator) = self.frame_rate;
-        let at = |frames: u64| self.start + frames * CLOCK * denominator / numerator;
-        let times = Times { decoding: at(self.count), presentation: at(display_index + self.reorder) };
-        self.count += 1;
-        times
-    }
-}
-
-/// Units of the system clock in a second (2.4.2.1).
-const CLOCK: u64 = 27_000_000;
 
 impl Multiplexer {
     /// For the packets of an encoder with these settings.
@@ -167,5 +135,11 @@ impl Multiplexer {
             Wrapper::Program(writer) => writer.put(&picture),
             Wrapper::Transport(writer) => writer.put(&picture),
         }
+    }
+}
+
+impl fmt::Debug for Multiplexer {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.debug_struct("Multiplexer").finish_non_exhaustive()
     }
 }

@@ -8,13 +8,14 @@ pub(crate) mod in_place;
 mod quick;
 
 use crate::{
+    block::{Block, Kind},
     dct,
     header::PictureType,
     kernel,
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
-    motion::{HalfSample, Range},
     predict::{References, Samples, mean, predict, squared_errors},
-    quant::{Block, Kind, Quantiser, Quantisers, Rounding},
+    quant::{Quantiser, Quantisers, Rounding},
+    vector::{HalfSample, Range},
 };
 
 /// Price of a bit in squared errors: 0.23 times quantiser_scale², here with twice [`dct::COEFFICIENT_BITS`] fractional

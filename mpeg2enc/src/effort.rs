@@ -2,6 +2,7 @@
 
 /// How much computation a picture is worth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Effort {
     /// Motion as it is given, the prediction that differs least, levels by rounding.
     Fast,

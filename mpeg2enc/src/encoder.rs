@@ -6,9 +6,9 @@ mod immediate;
 use crate::{
     Config, ConfigError, KnownMotion, Picture, RestoreError,
     coder::{Coder, Packet, sequence_end},
-    config::quantiser_scale_code,
     header::macroblock_counts,
     lookahead::weights,
+    quantiser_scale::quantiser_scale_code,
 };
 use ahead::Ahead;
 use immediate::Immediate;
@@ -20,6 +20,7 @@ use std::fmt;
 /// Without a look-ahead every frame gives its packet at once: I and P pictures, one quantiser for all macroblocks. With
 /// [`Config::with_lookahead`], packets come later and in the order of coding, which is that of the stream: a B picture
 /// follows the I or P picture that is shown after it. [`Packet::display_index`] says which frame a packet is.
+#[must_use = "an encoder codes the frames that are pushed"]
 pub struct Encoder {
     coder: Coder,
     state: EncoderState,

@@ -38,8 +38,12 @@ mod kernel; // innermost loops, twice: plain and with vector instructions
 
 mod config; // what to encode
 mod effort; // how hard to try
+mod error; // what cannot be encoded
 mod frame; // copies of pictures and their errors
+mod frame_rate;
+mod limits; // the largest values of settings
 mod pool; // memory of pictures
+mod quantiser_scale;
 
 mod standard; // MPEG-1 or MPEG-2
 
@@ -53,16 +57,19 @@ mod lookahead; // what waiting frames tell: types of pictures, quantisers
 mod container; // streams with times
 
 mod coder; // one picture
-mod rate; // its quantiser, when bits are bounded
+mod rate; // bounds of bits
+mod rate_control; // the quantiser that keeps to them
 mod vbv; // the buffer of a decoder
 
-mod motion; // vectors: given, predicted, searched
+mod motion;
+mod vector; // vectors: given, predicted, searched
 
 mod picture; // slices
 
 mod decide; // intra, inter, skipped
 mod predict; // motion compensation
 
+mod block;
 mod dct;
 mod quant; // levels and back
 mod trellis; // which levels cost least
@@ -76,15 +83,18 @@ mod bits;
 
 pub use crate::{
     coder::Packet,
-    config::{Config, ConfigError, FrameRate, QuantiserScaleCode, quantiser_scale_code},
+    config::Config,
     container::{Container, Multiplexer},
     effort::Effort,
     encoder::{Encoder, EncoderState, Finish},
+    error::ConfigError,
     frame::psnr,
+    frame_rate::FrameRate,
     header::PictureType,
     level::Level,
-    lookahead::KnownMotion,
+    motion::KnownMotion,
     picture::{MacroblockKind, PictureStatistics},
+    quantiser_scale::{QuantiserScaleCode, quantiser_scale_code},
     rate::{Passes, Rate},
     restore::RestoreError,
     standard::Standard,

@@ -4,143 +4,32 @@
 //! a macroblock of the picture, is predicted from other frames, and how well from nothing.
 //! Types of pictures ([`plan`]) and quantisers ([`tree`]) are chosen from that, and vectors begin with what was found.
 
+mod block_search;
+mod cost;
 pub(crate) mod plan;
 mod scene;
 pub(crate) mod tree;
+mod waiting;
 pub(crate) mod weights;
 
 use crate::{
-    Config, Effort, Picture, RestoreError,
+    Config, Effort, KnownMotion, Picture, RestoreError,
     header::macroblock_counts,
-    kernel::{self, Place},
-    motion::{Candidates, CoarseSearch, HalfSample, Range, Search, all_candidates, quarter},
-    predict::place_of,
-    restore::{ensure, is_whole},
+    motion::{Candidates, all_candidates},
+    restore::ensure,
+    vector::HalfSample,
 };
-use plane::{Correspondence, Plane};
+use block_search::BlockSearch;
+use cost::{intra_costs, mean_cost};
 use rayon::prelude::*;
 use std::{
     collections::{BTreeMap, VecDeque},
     sync::{Arc, OnceLock},
 };
+use waiting::{Match, TwoSided, Waiting};
 
-/// Motion of a frame that the caller knows; nothing by default.
-///
-/// ```
-/// use mpeg2enc::KnownMotion;
-/// let field = plane::Correspondence::from_motion(plane::Plane::filled(64, 48, [1.0, 0.0]));
-/// assert!(KnownMotion::from(&field).to_previous.is_some());
-/// ```
-#[derive(Clone, Copy, Debug, Default)]
-pub struct KnownMotion<'a> {
-    /// Where each pixel was in the frame before.
-    pub to_previous: Option<&'a Correspondence>,
-    /// Where each pixel will be in the frame after.
-    pub to_next: Option<&'a Correspondence>,
-}
-
-/// A frame that waits.
-#[derive(Clone)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(crate) struct Waiting {
-    /// The frame in whole macroblocks.
-    pub source: Arc<Picture>,
-    /// Luma at half and at a quarter of the width and height, when they are looked at.
-    #[cfg_attr(feature = "serde", serde(skip))]
-    half: OnceLock<Plane<u8>>,
-    #[cfg_attr(feature = "serde", serde(skip))]
-    quarter: OnceLock<Plane<u8>>,
-    /// Candidates of every macroblock that were given: to the frame before and to the frame after.
-    known: [Option<Arc<[Candidates]>>; 2],
-    /// What every macroblock costs without a prediction.
-    #[cfg_attr(feature = "serde", serde(skip))]
-    intra_costs: OnceLock<Arc<[u32]>>,
-    /// Whether this is the I picture of a group.
-    begins_group: bool,
-    /// Factors of quantiser_scale in 256ths, where macroblocks do not count alike.
-    pub weights: Option<Vec<u32>>,
-    /// Of every macroblock, by distance of the reference frame.
-    matches: BTreeMap<isize, Arc<[Match]>>,
-    /// Of every macroblock as part of a B picture, by the distances of both reference frames.
-    two_sided: BTreeMap<(isize, isize), Arc<[TwoSided]>>,
-}
-
-impl Waiting {
-    /// Whether this is a frame of so many columns and rows of macroblocks, looked at by an encoder with these settings.
-    fn check(&self, config: &Config, counts: (usize, usize)) -> Result<(), RestoreError> {
-        let count = counts.0 * counts.1;
-        ensure(is_whole(&self.source, counts), "the size of a waiting frame")?;
-        let known = self.known.iter().flatten();
-        ensure(known.clone().all(|known| known.len() == count), "the number of given vectors")?;
-        ensure(known.flat_map(|known| known.iter()).all(Candidates::is_plausible), "given vectors")?;
-        let weights = self.weights.as_ref();
-        ensure(weights.is_none() || config.varies(), "weights")?;
-        ensure(
-            weights.is_none_or(|weights| weights.len() == count && weights.iter().all(weights::is_plausible)),
-            "weights",
-        )?;
-        let plausible = |found: &Match| found.vector.is_plausible() && found.cost <= COST_MAX;
-        let matches = |matches: &Arc<[Match]>| matches.len() == count && matches.iter().all(plausible);
-        ensure(self.matches.values().all(matches), "vectors between waiting frames")?;
-        let plausible = |found: &TwoSided| found.cost <= COST_MAX && found.shares.iter().all(|&share| share <= 2);
-        let two_sided = |found: &Arc<[TwoSided]>| found.len() == count && found.iter().all(plausible);
-        ensure(self.two_sided.values().all(two_sided), "predictions between waiting frames")
-    }
-
-    fn half(&self) -> &Plane<u8> {
-        self.half.get_or_init(|| halved(self.source.luma()))
-    }
-
-    fn quarter(&self) -> &Plane<u8> {
-        self.quarter.get_or_init(|| quarter(self.source.luma()))
-    }
-}
-
-impl<'a> From<&'a Correspondence> for KnownMotion<'a> {
-    /// Where each pixel was in the frame before.
-    fn from(to_previous: &'a Correspondence) -> Self {
-        Self { to_previous: Some(to_previous), to_next: None }
-    }
-}
-
-impl<'a> From<Option<&'a Correspondence>> for KnownMotion<'a> {
-    /// Where each pixel was in the frame before, if it is known.
-    fn from(to_previous: Option<&'a Correspondence>) -> Self {
-        Self { to_previous, to_next: None }
-    }
-}
-
-/// The best vector found for a block, and the difference that it leaves.
-#[derive(Clone, Copy)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(crate) struct Match {
-    /// In half samples of the half-size picture.
-    pub vector: HalfSample,
-    /// Sum of absolute differences, transformed or plain.
-    pub cost: u32,
-}
-
-/// The best of three predictions of a B picture.
-#[derive(Clone, Copy)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(crate) struct TwoSided {
-    pub cost: u32,
-    /// How much of it is forward and backward, in halves.
-    pub shares: [u32; 2],
-}
-
-/// Blocks of the half-size picture.
-const BLOCK: usize = 8;
-/// What a bit of a vector is worth here, as quantiser_scale of [`Search::new`]: that of middling quality.
-const SEARCH_QUANTISER_SCALE: u32 = 8;
-/// Mean difference a sample above which a block is looked for farther away.
-const POOR_MATCH: u32 = 6;
-/// More than any sum of differences of a block, transformed or not.
-const COST_MAX: u32 = 1 << 20;
 /// More frames than any film has.
 const MOST_FRAMES: usize = 1 << 30;
-/// Like the limits of High Level, at half the size: vectors are brought into the true range later.
-const REACH: [u32; 2] = [9, 8];
 
 /// Frames in display order, from the last coded reference frame on.
 #[derive(Clone)]
@@ -260,7 +149,7 @@ impl Lookahead {
         frame.intra_costs.get_or_init(|| intra_costs(frame.half(), self.transformed))
     }
 
-    /// Is the motion of this frame towards its neighbour given?
+    /// Is the motion of this frame towards its neighbor given?
     fn is_known(&self, index: usize, delta: isize) -> Option<&Arc<[Candidates]>> {
         self.get(index).known[usize::from(delta > 0)].as_ref()
     }
@@ -268,17 +157,17 @@ impl Lookahead {
     /// Vectors worth trying in each macroblock towards the frame `delta` away, in half samples of the picture.
     pub fn candidates(&mut self, index: usize, delta: isize) -> Arc<[Candidates]> {
         let step = delta.signum();
-        let neighbour = away(index, step);
+        let neighbor = away(index, step);
         let near = match self.is_known(index, step) {
             Some(known) => known.clone(),
-            None if step > 0 => self.reversed(neighbour),
+            None if step > 0 => self.reversed(neighbor),
             None => vec![Candidates::NONE; self.macroblocks()].into(),
         };
         if delta == step {
             return near;
         }
-        // Where this is in the neighbour, and from there on.
-        let (first, rest) = (self.matches(index, step), self.matches(neighbour, delta - step));
+        // Where this is in the neighbor, and from there on.
+        let (first, rest) = (self.matches(index, step), self.matches(neighbor, delta - step));
         let columns = self.columns();
         let rows = rest.len() / columns;
         near.iter()
@@ -334,6 +223,7 @@ impl Lookahead {
         let wide = delta.abs() == 1 && self.is_known(index, delta).is_none() && !turned_round;
         let (columns, transformed) = (self.columns(), self.transformed);
         let rows = candidates.len() / columns;
+        let search = &BlockSearch { frame, reference, wide, transformed };
         let matches: Arc<[Match]> = (0..rows)
             .into_par_iter()
             .flat_map_iter(|row| {
@@ -341,16 +231,7 @@ impl Lookahead {
                 let (candidates, before) = (&candidates, before.as_deref());
                 (0..columns).map(move |column| {
                     let i = row * columns + column;
-                    let found = best_match(
-                        frame,
-                        reference,
-                        (column, row),
-                        left,
-                        &candidates[i],
-                        before.map(|b| b[i].vector),
-                        wide,
-                        transformed,
-                    );
+                    let found = search.best((column, row), left, &candidates[i], before.map(|b| b[i].vector));
                     left = found.vector;
                     found
                 })
@@ -398,16 +279,16 @@ impl Lookahead {
     /// Vectors towards the frame `delta` away, as given from frame to frame and nothing else; `None` if they are not.
     fn chained(&mut self, index: usize, delta: isize) -> Option<Arc<[Candidates]>> {
         let step = delta.signum();
-        let neighbour = away(index, step);
+        let neighbor = away(index, step);
         let near = match self.is_known(index, step) {
             Some(known) => known.clone(),
-            None if step > 0 && self.is_known(neighbour, -1).is_some() => self.reversed(neighbour),
+            None if step > 0 && self.is_known(neighbor, -1).is_some() => self.reversed(neighbor),
             None => return None,
         };
         if delta == step {
             return Some(near);
         }
-        let rest = self.chained(neighbour, delta - step)?;
+        let rest = self.chained(neighbor, delta - step)?;
         let columns = self.columns();
         let rows = rest.len() / columns;
         let chained = near.iter().enumerate().map(|(i, near)| {
@@ -444,8 +325,8 @@ impl Lookahead {
                 }
                 let left = (i % columns > 0).then(|| i - 1);
                 let right = (i % columns + 1 < columns).then_some(i + 1);
-                for neighbour in [left, right, i.checked_sub(columns), Some(i + columns)].into_iter().flatten() {
-                    if let Some(found) = matches.get(neighbour) {
+                for neighbor in [left, right, i.checked_sub(columns), Some(i + columns)].into_iter().flatten() {
+                    if let Some(found) = matches.get(neighbor) {
                         out.add(full_size(found.vector));
                     }
                 }
@@ -470,101 +351,4 @@ fn landing(i: usize, vector: HalfSample, columns: usize, rows: usize) -> usize {
 
 fn full_size(vector: HalfSample) -> HalfSample {
     HalfSample { x: 2 * vector.x, y: 2 * vector.y }
-}
-
-#[expect(clippy::too_many_arguments, reason = "all that a vector can be foretold from")]
-fn best_match(
-    frame: &Waiting,
-    reference: &Waiting,
-    (column, row): (usize, usize),
-    left: HalfSample,
-    candidates: &Candidates,
-    before: Option<HalfSample>,
-    wide: bool,
-    transformed: bool,
-) -> Match {
-    let range = Range::of_block(reference.half(), BLOCK, column, row, REACH);
-    let mut search =
-        Search::<BLOCK>::new(frame.half(), reference.half(), (column, row), range, left, SEARCH_QUANTISER_SCALE);
-    search.try_vector(HalfSample::ZERO);
-    for vector in candidates.vectors() {
-        search.try_vector(HalfSample { x: (vector.x + 1) >> 1, y: (vector.y + 1) >> 1 });
-    }
-    if !candidates.one_motion && search.best_error > 0 {
-        search.try_vector(left);
-        if let Some(before) = before {
-            search.try_vector(before);
-        }
-        search.descend();
-        if wide && search.best_error > (BLOCK * BLOCK) as u32 * POOR_MATCH {
-            let coarse = CoarseSearch { source: frame.quarter(), reference: reference.quarter() }.search(column, row);
-            if search.try_vector(HalfSample { x: coarse.x / 2, y: coarse.y / 2 }) {
-                search.descend();
-            }
-        }
-    }
-    if transformed {
-        if !candidates.one_motion {
-            search.refine();
-        }
-        search.transform_differences();
-    }
-    Match { vector: search.best, cost: search.best_error }
-}
-
-/// Sum of absolute differences to the mean of two predictions, transformed or plain.
-fn mean_cost(
-    source: &Plane<u8>,
-    references: [&Plane<u8>; 2],
-    (column, row): (usize, usize),
-    vectors: [HalfSample; 2],
-    transformed: bool,
-) -> u32 {
-    let mut predicted = [[[0u8; BLOCK]; BLOCK]; 2];
-    for s in 0..2 {
-        let (x2, y2) = ((2 * BLOCK * column) as i32 + vectors[s].x, (2 * BLOCK * row) as i32 + vectors[s].y);
-        kernel::predict(place_of(references[s], x2, y2), &mut predicted[s]);
-    }
-    let mut mean = [[0; BLOCK]; BLOCK];
-    kernel::mean(predicted[0].as_flattened(), predicted[1].as_flattened(), mean.as_flattened_mut());
-    let place = place_of(source, (2 * BLOCK * column) as i32, (2 * BLOCK * row) as i32);
-    difference(place, whole(&mean), transformed)
-}
-
-/// Sum of absolute differences, transformed or plain.
-fn difference(source: Place, reference: Place, transformed: bool) -> u32 {
-    if transformed {
-        kernel::transformed_difference::<BLOCK>(source, reference)
-    } else {
-        kernel::absolute_difference::<BLOCK>(source, reference)
-    }
-}
-
-/// A prediction that was made already.
-fn whole(block: &[[u8; BLOCK]; BLOCK]) -> Place<'_> {
-    Place::whole(block.as_flattened(), BLOCK)
-}
-
-/// Sums of absolute differences of every block to its mean, transformed or plain.
-fn intra_costs(half: &Plane<u8>, transformed: bool) -> Arc<[u32]> {
-    let (columns, rows) = (half.width() / BLOCK, half.height() / BLOCK);
-    (0..columns * rows)
-        .map(|i| {
-            let block = half.block(i % columns, i / columns);
-            let sum: u32 = block.iter().map(|&sample| u32::from(sample)).sum();
-            let mean = [[((sum + 32) / 64) as u8; BLOCK]; BLOCK];
-            let source = Place::whole(&block, BLOCK);
-            difference(source, whole(&mean), transformed)
-        })
-        .collect()
-}
-
-/// Means of 2×2 samples.
-fn halved(plane: &Plane<u8>) -> Plane<u8> {
-    let (width, height) = (plane.width() / 2, plane.height() / 2);
-    let mut half = Plane::filled(width, height, 0);
-    for (y, row) in half.samples_mut().chunks_exact_mut(width).enumerate() {
-        kernel::means_of_four(plane.row(2 * y), plane.row(2 * y + 1), row);
-    }
-    half
 }

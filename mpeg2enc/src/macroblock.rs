@@ -2,9 +2,9 @@
 
 use crate::{
     bits::{BitCounter, BitSink},
+    block::Block,
     header::PictureType,
-    motion::HalfSample,
-    quant::Block,
+    vector::HalfSample,
     vlc::{self, Codes},
 };
 

@@ -3,7 +3,7 @@
 use crate::{
     Picture,
     bits::{BitSink, BitWriter},
-    config::nearest_code,
+    block::Kind,
     decide::{
         Decision, Tools, Workspace,
         in_place::{InPlace, RowMut},
@@ -13,14 +13,16 @@ use crate::{
     header::{PictureHeader, PictureType, put_slice_header},
     kernel,
     macroblock::{Mode, SliceParameters, SliceState},
-    motion::HalfSample,
     predict::{References, Samples, samples},
-    quant::{Kind, Quantisers},
+    quant::Quantisers,
+    quantiser_scale::nearest_code,
+    vector::HalfSample,
 };
 use rayon::prelude::*;
 
 /// What a picture's bits were spent on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct PictureStatistics {
     /// Macroblocks coded without a prediction.
     pub intra: u32,

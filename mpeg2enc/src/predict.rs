@@ -3,7 +3,7 @@
 use crate::{
     Picture,
     kernel::{self, Place},
-    motion::HalfSample,
+    vector::HalfSample,
 };
 use plane::Plane;
 

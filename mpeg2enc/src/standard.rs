@@ -1,7 +1,5 @@
 //! Which standard a stream follows.
 
-use crate::{Config, ConfigError};
-
 /// The standard that a stream follows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -32,23 +30,6 @@ impl Standard {
         match self {
             Self::Mpeg1 => 7,
             Self::Mpeg2 => 9,
-        }
-    }
-
-    /// Is all that is asked for in this standard?
-    pub(crate) fn check(self, config: &Config) -> Result<(), ConfigError> {
-        let missing = |what, remedy| Err(ConfigError::NotInMpeg1 { what, remedy });
-        match self {
-            Self::Mpeg2 => Ok(()),
-            Self::Mpeg1 if config.width > 4095 || config.height > 2800 => {
-                missing("pictures of this size", "width goes to 4095 and height to 2800")
-            }
-            Self::Mpeg1 if config.quantiser_scale > 62 || !config.quantiser_scale.is_multiple_of(2) => {
-                missing("such a quantiser_scale", "use an even one from 2 to 62")
-            }
-            Self::Mpeg1 if config.intra_dc_precision != 8 => missing("such an intra DC precision", "use 8 bits"),
-            Self::Mpeg1 if config.alternate_scan => missing("the alternate scan", "leave it out"),
-            Self::Mpeg1 => Ok(()),
         }
     }
 }

@@ -5,8 +5,8 @@
 //! from one non-zero level to the next; lengths are those of Tables B.14 and B.15 themselves.
 
 use crate::{
+    block::Kind,
     dct::COEFFICIENT_BITS,
-    quant::Kind,
     vlc::{Codes, coefficient_bits, end_of_block_bits, first_coefficient_bits},
 };
 

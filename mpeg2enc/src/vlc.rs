@@ -5,7 +5,7 @@ mod tables;
 use crate::{
     Standard,
     bits::{BitSink, Vlc},
-    quant::{Block, places},
+    block::{Block, places},
 };
 pub(crate) use tables::{
     B_INTRA, B_INTRA_QUANT, B_MOTION, B_MOTION_CODED, B_MOTION_CODED_QUANT, CODED_BLOCK_PATTERN, I_INTRA,

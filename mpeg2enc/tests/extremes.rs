@@ -241,7 +241,7 @@ fn containers_of_impossible_rates() {
     ] {
         let settings = config(16, 16).with_rate(rate);
         for container in [Container::Elementary, Container::Program, Container::Transport] {
-            Multiplexer::new(container, &settings);
+            let _ = Multiplexer::new(container, &settings);
         }
         assert!(settings.with_lookahead(Config::LOOKAHEAD_MAX).encoder().is_err());
     }

@@ -54,7 +54,7 @@ impl Film {
     /// [`Error::Options`], [`Error::Content`] or [`Error::Encoder`]: an option or a setting of the scene is out of its range.
     pub fn settings(&self) -> Result<Settings> {
         let settings = Settings::new(self.path.clone(), &self.scene, &self.options)?;
-        settings.encoder_config()?;
+        let _ = settings.encoder_config()?;
         Ok(settings)
     }
 
@@ -74,7 +74,7 @@ impl Film {
     pub fn render_with(&self, output: impl AsRef<Path>, run: Run<'_>) -> Result<Report> {
         let options = Options { output: Some(output.as_ref().to_owned()), ..self.options.clone() };
         let settings = Settings::new(self.path.clone(), &self.scene, &options)?;
-        settings.encoder_config()?;
+        let _ = settings.encoder_config()?;
         if let Some(folder) = &settings.exr {
             std::fs::create_dir_all(folder).map_err(Error::file(folder, "cannot be made"))?;
         }

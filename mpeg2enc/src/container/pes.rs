@@ -1,6 +1,6 @@
 //! Packets of an elementary stream (PES), which carry its times (2.4.3.6, 2.4.3.7).
 
-use super::CLOCK;
+use super::clock::{CLOCK, Times};
 use crate::bits::{BitSink, BitWriter};
 
 /// stream_id of video stream number 0 (Table 2-18).
@@ -8,12 +8,13 @@ pub(super) const VIDEO_STREAM: u8 = 0xe0;
 /// The clock of time stamps runs at 90 kHz.
 const STAMP: u64 = CLOCK / 90_000;
 
-/// When a picture is decoded and shown, in units of 1/27 000 000 s.
-#[derive(Clone, Copy)]
+/// A picture's part of the elementary stream.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct Times {
-    pub decoding: u64,
-    pub presentation: u64,
+pub(super) struct Picture {
+    pub data: Vec<u8>,
+    pub times: Times,
+    /// Can a decoder begin here?
+    pub is_entry: bool,
 }
 
 /// What the header of a PES packet says.

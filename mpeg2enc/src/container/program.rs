@@ -1,8 +1,8 @@
 //! Program streams: packs of one PES packet each (2.5.3).
 
 use super::{
-    CLOCK, Picture,
-    pes::{Header, VIDEO_STREAM, put_parts},
+    clock::CLOCK,
+    pes::{Header, Picture, VIDEO_STREAM, put_parts},
     schedule::Schedule,
 };
 use crate::bits::{BitSink, BitWriter};

@@ -1,6 +1,6 @@
 //! When bytes arrive at a decoder.
 
-use super::CLOCK;
+use super::clock::CLOCK;
 use crate::{Config, Rate, rate::starting_fullness};
 use std::collections::VecDeque;
 

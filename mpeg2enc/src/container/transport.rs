@@ -1,6 +1,10 @@
 //! Transport streams: packets of 188 bytes with one program of one video (2.4.3, 2.4.4).
 
-use super::{CLOCK, Picture, pes::Header, schedule::Schedule};
+use super::{
+    clock::CLOCK,
+    pes::{Header, Picture},
+    schedule::Schedule,
+};
 use crate::{
     Standard,
     bits::{BitSink, BitWriter},
@@ -38,6 +42,16 @@ struct Adaptation {
     clock: Option<u64>,
 }
 
+/// What a packet begins with.
+#[derive(Clone, Copy)]
+struct PacketHeader {
+    /// Packet identifier.
+    pid: u32,
+    /// Whether a picture or section begins here: payload_unit_start_indicator.
+    begins: bool,
+    adaptation: Adaptation,
+}
+
 impl Writer {
     pub fn new(schedule: Schedule, standard: Standard) -> Self {
         Self { schedule, standard, counters: [0; 3], tables_sent: None, clock_sent: None }
@@ -62,7 +76,8 @@ impl Writer {
             let clock = (begins || is_due(self.clock_sent, CLOCK_INTERVAL)).then_some(arrival);
             self.clock_sent = clock.or(self.clock_sent);
             let adaptation = Adaptation { random_access: begins && picture.is_entry, clock };
-            let taken = put_packet(&mut out, VIDEO_PID, begins, &mut self.counters[2], adaptation, rest);
+            let taken =
+                put_packet(&mut out, PacketHeader { pid: VIDEO_PID, begins, adaptation }, &mut self.counters[2], rest);
             // Only the elementary stream goes through the buffer.
             self.schedule.take(taken.saturating_sub(if begins { header } else { 0 }) as u64);
             (rest, begins) = (&rest[taken..], false);
@@ -114,16 +129,14 @@ fn put_section(out: &mut Vec<u8>, pid: u32, counter: &mut u32, table_id: u32, bo
     payload.extend(section);
     payload.extend(check);
     payload.resize(PACKET - 4, 0xff); // stuffing behind the section (2.4.4)
-    put_packet(out, pid, true, counter, Adaptation::default(), &payload);
+    put_packet(out, PacketHeader { pid, begins: true, adaptation: Adaptation::default() }, counter, &payload);
 }
 
 /// transport_packet() (2.4.3.2): as much of `payload` as there is room for. Gives how much that was.
 fn put_packet(
     out: &mut Vec<u8>,
-    pid: u32,
-    begins: bool,
+    PacketHeader { pid, begins, adaptation }: PacketHeader,
     counter: &mut u32,
-    adaptation: Adaptation,
     payload: &[u8],
 ) -> usize {
     let needed = match adaptation {
@@ -195,7 +208,12 @@ mod tests {
             ] {
                 let (mut out, mut counter) = (Vec::new(), 15);
                 let payload: Vec<u8> = (0..length).map(|i| i as u8).collect();
-                let taken = put_packet(&mut out, VIDEO_PID, true, &mut counter, adaptation, &payload);
+                let taken = put_packet(
+                    &mut out,
+                    PacketHeader { pid: VIDEO_PID, begins: true, adaptation },
+                    &mut counter,
+                    &payload,
+                );
                 assert_eq!((out.len(), counter), (PACKET, 0));
                 assert_eq!(out[PACKET - taken..], payload[..taken]);
                 assert!(taken == length || taken >= PACKET - 12);

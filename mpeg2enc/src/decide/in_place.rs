@@ -9,12 +9,14 @@ use super::{
     quick::{FINE, INTRA_BITS, VECTOR_BITS},
 };
 use crate::{
-    Picture, dct,
+    Picture,
+    block::Block,
+    dct,
     kernel::{self, Place},
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
-    motion::{HalfSample, Range},
     predict::place_of,
-    quant::{Block, Quantiser},
+    quant::Quantiser,
+    vector::{HalfSample, Range},
 };
 
 /// Rows of the three planes that belong to one row of macroblocks.

@@ -3,11 +3,11 @@
 use crate::{
     Config, KnownMotion, Picture, PictureType, Rate, RestoreError,
     coder::{Coded, Coder, Direction, Job, Packet},
-    config::spread_over_rows,
     header::{VBV_DELAY_VARIABLE, macroblock_counts},
     lookahead::{Lookahead, plan::Span, weights},
     motion::Candidates,
-    rate::{RateControl, Upcoming},
+    quantiser_scale::spread_over_rows,
+    rate_control::{RateControl, Upcoming},
     restore::{ensure, is_whole},
 };
 use std::sync::Arc;

@@ -4,8 +4,9 @@ use crate::{
     Config, Picture, PictureType, RestoreError,
     coder::{Coder, Direction, Job, Packet},
     header::{VBV_DELAY_VARIABLE, macroblock_counts},
-    motion::{CoarseSearch, HalfSample, all_candidates, quarter},
+    motion::{CoarseSearch, all_candidates, quarter},
     restore::{ensure, is_whole},
+    vector::HalfSample,
 };
 use plane::{Correspondence, Plane};
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! Which picture becomes I, P or B.
 
 use super::Lookahead;
-use crate::{Config, PictureType, rate::Upcoming};
+use crate::{Config, PictureType, rate_control::Upcoming};
 
 /// An I or P picture, and the B pictures in front of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

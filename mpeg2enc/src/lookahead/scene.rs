@@ -3,8 +3,8 @@
 use super::{Lookahead, away};
 use crate::{
     kernel::{self, Place},
-    motion::Range,
     predict::place_of,
+    vector::Range,
 };
 
 /// A frame of which the frame before predicts less than a quarter is a new scene.
@@ -40,7 +40,7 @@ impl Lookahead {
             let block: [[u8; 16]; 16] = std::array::from_fn(|y| {
                 source.row(16 * row + y)[16 * column..][..16].try_into().expect("a macroblock lies inside")
             });
-            let range = Range::new(reference, column, row, super::REACH);
+            let range = Range::new(reference, column, row, super::block_search::REACH);
             let vector = range.clamp(known[i].vectors().first().copied().unwrap_or_default());
             let place = place_of(reference, 32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
             let here = Place::whole(block.as_flattened(), 16);

@@ -13,7 +13,7 @@
 //! The factor of quantiser_scale is that of the y262 encoder, a root instead of a power of two, and all is integer.
 
 use super::{Lookahead, plan::Span};
-use crate::motion::HalfSample;
+use crate::vector::HalfSample;
 use std::collections::BTreeMap;
 
 /// How much the quantiser follows: factor = 1 / (1 + STRENGTH·(√(1 + inherited / intra) − 1)), in 256ths.

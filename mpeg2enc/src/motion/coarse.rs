@@ -1,7 +1,6 @@
 //! A wide search at a quarter of the resolution, for macroblocks whose motion nothing foretells.
 
-use super::HalfSample;
-use crate::{kernel, predict::place_of};
+use crate::{kernel, predict::place_of, vector::HalfSample};
 use plane::Plane;
 
 /// Both pictures at a quarter of the width and height.

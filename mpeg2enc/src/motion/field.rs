@@ -1,6 +1,6 @@
 //! Motion given from outside, pixel by pixel.
 
-use super::HalfSample;
+use crate::vector::HalfSample;
 use plane::{Correspondence, NO_MATCH};
 use rayon::prelude::*;
 

@@ -48,6 +48,7 @@ impl Pass {
 /// # Ok::<(), mpeg2enc::ConfigError>(())
 /// ```
 #[derive(Clone, Debug)]
+#[must_use = "passes tell the next quantiser"]
 pub struct Passes {
     bits_per_second: f64,
     done: Vec<Pass>,

@@ -23,7 +23,7 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     let path = arguments.source.path();
     let scene = scene::load(&path)?;
     let settings = Settings::new(path, &scene, &arguments.options)?;
-    settings.encoder_config()?;
+    let _ = settings.encoder_config()?;
     say!("{}", pipeline::Plan::new(&scene, &settings).table().trim_end());
     scene.warnings.iter().for_each(|warning| say!("note: {warning}"));
     Ok(ExitCode::SUCCESS)

@@ -72,7 +72,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     let scene = scene::load(&path)?;
     let settings = options.fill_in(path, &scene)?;
     // All that can be wrong with the settings or the places of the files is said before the first ray.
-    settings.encoder_config()?;
+    let _ = settings.encoder_config()?;
     let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
     if only_print {
         let more = [

@@ -1,0 +1,28 @@
+//! A number that tells settings apart.
+
+use super::Config;
+use std::hash::{Hash, Hasher};
+
+impl Config {
+    /// A number for all settings but the quantiser: other settings have another one.
+    pub(crate) fn fingerprint(&self) -> u64 {
+        let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+        Self { quantiser_scale: 0, mean_quantiser_x256: None, ..self.clone() }.hash(&mut hash);
+        hash.finish()
+    }
+}
+
+/// The hash of Fowler, Noll and Vo (FNV-1a), which is the same in every build.
+struct Fnv(u64);
+
+impl Hasher for Fnv {
+    fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        }
+    }
+
+    fn finish(&self) -> u64 {
+        self.0
+    }
+}

@@ -1,0 +1,106 @@
+//! Whether settings can be encoded.
+
+use super::Config;
+use crate::{
+    ConfigError, Level, Rate, Standard,
+    limits::{B_PICTURES_MAX, GROUP_MAX, LOOKAHEAD_MAX, SIZE_MAX},
+    quantiser_scale::quantiser_scale_code,
+};
+
+impl Config {
+    /// Checks all settings.
+    ///
+    /// # Errors
+    /// The first setting that the standard or the encoder does not have; the message says what is possible.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let (width, height, fps) = (self.width, self.height, self.frame_rate.fps());
+        if !(1..=SIZE_MAX).contains(&width) || !(1..=SIZE_MAX).contains(&height) {
+            return Err(ConfigError::Size { width, height });
+        }
+        if !(1..=GROUP_MAX).contains(&self.gop) {
+            return Err(ConfigError::GroupOfPictures { pictures: self.gop });
+        }
+        quantiser_scale_code(self.quantiser_scale)?;
+        check_standard(self)?;
+        if !(8..=11).contains(&self.intra_dc_precision) {
+            return Err(ConfigError::IntraDcPrecision { bits: self.intra_dc_precision });
+        }
+        if let Some(level) = self.level.filter(|level| !level.limits().hold(width, height, fps)) {
+            let lowest = Level::lowest(width, height, fps);
+            return Err(ConfigError::Level { level, width, height, fps, lowest });
+        }
+        if self.b_pictures > B_PICTURES_MAX {
+            return Err(ConfigError::BPictures { pictures: self.b_pictures });
+        }
+        if self.lookahead > LOOKAHEAD_MAX {
+            return Err(ConfigError::Lookahead { frames: self.lookahead });
+        }
+        let plans = self.rate != Rate::ConstantQuantiser || self.mean_quantiser_x256.is_some();
+        let least = self.b_pictures.max(plans.into());
+        if self.lookahead < least {
+            return Err(ConfigError::NeedsLookahead { frames: self.lookahead, least });
+        }
+        check_rate(self)?;
+        for (matrix, first) in [(&self.intra_matrix, Some(8)), (&self.non_intra_matrix, None)] {
+            let wrong = |&(place, &value): &(usize, &u8)| value == 0 || place == 0 && first.is_some_and(|f| f != value);
+            if let Some((place, &value)) = matrix.iter().enumerate().find(wrong) {
+                return Err(ConfigError::Matrix { place, value });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether the standard has these settings.
+fn check_standard(config: &Config) -> Result<(), ConfigError> {
+    let missing = |what, remedy| Err(ConfigError::NotInMpeg1 { what, remedy });
+    match config.standard {
+        Standard::Mpeg2 => Ok(()),
+        Standard::Mpeg1 if config.width > 4095 || config.height > 2800 => {
+            missing("pictures of this size", "width goes to 4095 and height to 2800")
+        }
+        Standard::Mpeg1 if config.quantiser_scale > 62 || !config.quantiser_scale.is_multiple_of(2) => {
+            missing("such a quantiser_scale", "use an even one from 2 to 62")
+        }
+        Standard::Mpeg1 if config.intra_dc_precision != 8 => missing("such an intra DC precision", "use 8 bits"),
+        Standard::Mpeg1 if config.alternate_scan => missing("the alternate scan", "leave it out"),
+        Standard::Mpeg1 => Ok(()),
+    }
+}
+
+/// Whether the level allows the bit rate and its buffer.
+fn check_rate(config: &Config) -> Result<(), ConfigError> {
+    if let Rate::Constant { bits_per_second, buffer_bits } | Rate::Capped { bits_per_second, buffer_bits } = config.rate
+    {
+        let limits = config.level().limits();
+        let (rate_max, buffer_max) = (limits.bits_per_second, 16_384 * limits.vbv_buffer_size);
+        let (rate, buffer) = config.rate.stated().expect("a bounded rate");
+        if rate == 0 || buffer == 0 || 400 * u64::from(rate) > rate_max || u64::from(buffer_bits) > buffer_max {
+            let level = config.level();
+            return Err(ConfigError::Rate { bits_per_second, buffer_bits, rate_max, buffer_max, level });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::FrameRate;
+
+    #[test]
+    fn errors_name_value_and_range() {
+        let config = || Config::new(64, 48, FrameRate::FPS_25);
+        let message = |config: Config| config.validate().err().expect("an error").to_string();
+        assert!(message(Config::new(0, 48, FrameRate::FPS_25)).contains("0x48"));
+        assert!(message(Config::new(64, 16384, FrameRate::FPS_25)).contains("1 to 16383"));
+        assert!(message(config().with_gop(0)).contains("1 to 132"));
+        assert!(message(config().with_gop(133)).contains("133"));
+        assert!(message(config().with_quantiser_scale(9)).contains("8 and 10"));
+        assert!(message(config().with_intra_dc_precision(12)).contains("8 to 11"));
+        let big = Config::new(1280, 720, FrameRate::FPS_25).with_level(Level::Main);
+        assert!(message(big).contains("High1440 Level or above"));
+        assert!(FrameRate::from_fps(12.5).unwrap_err().to_string().contains("23.976"));
+        assert!(FrameRate::from_fps(f64::NAN).is_err());
+    }
+}

@@ -1,0 +1,69 @@
+//! Vectors between waiting frames.
+
+use super::{
+    cost::BLOCK,
+    waiting::{Match, Waiting},
+};
+use crate::{
+    motion::{Candidates, CoarseSearch, Search},
+    vector::{HalfSample, Range},
+};
+
+/// What a bit of a vector is worth here, as quantiser_scale of [`Search::new`]: that of middling quality.
+const SEARCH_QUANTISER_SCALE: u32 = 8;
+/// Mean difference a sample above which a block is looked for farther away.
+const POOR_MATCH: u32 = 6;
+/// Like the limits of High Level, at half the size: vectors are brought into the true range later.
+pub(super) const REACH: [u32; 2] = [9, 8];
+
+/// The search for the blocks of one frame in another.
+pub(super) struct BlockSearch<'a> {
+    pub frame: &'a Waiting,
+    pub reference: &'a Waiting,
+    /// Whether poor matches are looked for farther away.
+    pub wide: bool,
+    /// Whether transformed differences count.
+    pub transformed: bool,
+}
+
+impl BlockSearch<'_> {
+    /// The best match of the block at `(column, row)`; `left` and `before` are vectors of the block on its left and of the
+    /// frame before.
+    pub fn best(
+        &self,
+        (column, row): (usize, usize),
+        left: HalfSample,
+        candidates: &Candidates,
+        before: Option<HalfSample>,
+    ) -> Match {
+        let &Self { frame, reference, wide, transformed } = self;
+        let range = Range::of_block(reference.half(), BLOCK, column, row, REACH);
+        let mut search =
+            Search::<BLOCK>::new([frame.half(), reference.half()], (column, row), range, left, SEARCH_QUANTISER_SCALE);
+        search.try_vector(HalfSample::ZERO);
+        for vector in candidates.vectors() {
+            search.try_vector(HalfSample { x: (vector.x + 1) >> 1, y: (vector.y + 1) >> 1 });
+        }
+        if !candidates.one_motion && search.best_error > 0 {
+            search.try_vector(left);
+            if let Some(before) = before {
+                search.try_vector(before);
+            }
+            search.descend();
+            if wide && search.best_error > (BLOCK * BLOCK) as u32 * POOR_MATCH {
+                let coarse =
+                    CoarseSearch { source: frame.quarter(), reference: reference.quarter() }.search(column, row);
+                if search.try_vector(HalfSample { x: coarse.x / 2, y: coarse.y / 2 }) {
+                    search.descend();
+                }
+            }
+        }
+        if transformed {
+            if !candidates.one_motion {
+                search.refine();
+            }
+            search.transform_differences();
+        }
+        Match { vector: search.best, cost: search.best_error }
+    }
+}

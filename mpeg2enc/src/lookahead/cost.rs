@@ -1,0 +1,69 @@
+//! Costs of blocks of the half-size picture.
+
+use crate::{
+    kernel::{self, Place},
+    predict::place_of,
+    vector::HalfSample,
+};
+use plane::Plane;
+use std::sync::Arc;
+
+/// Blocks of the half-size picture.
+pub(super) const BLOCK: usize = 8;
+
+/// Sum of absolute differences to the mean of two predictions, transformed or plain.
+pub(super) fn mean_cost(
+    source: &Plane<u8>,
+    references: [&Plane<u8>; 2],
+    (column, row): (usize, usize),
+    vectors: [HalfSample; 2],
+    transformed: bool,
+) -> u32 {
+    let mut predicted = [[[0u8; BLOCK]; BLOCK]; 2];
+    for s in 0..2 {
+        let (x2, y2) = ((2 * BLOCK * column) as i32 + vectors[s].x, (2 * BLOCK * row) as i32 + vectors[s].y);
+        kernel::predict(place_of(references[s], x2, y2), &mut predicted[s]);
+    }
+    let mut mean = [[0; BLOCK]; BLOCK];
+    kernel::mean(predicted[0].as_flattened(), predicted[1].as_flattened(), mean.as_flattened_mut());
+    let place = place_of(source, (2 * BLOCK * column) as i32, (2 * BLOCK * row) as i32);
+    difference(place, whole(&mean), transformed)
+}
+
+/// Sum of absolute differences, transformed or plain.
+fn difference(source: Place, reference: Place, transformed: bool) -> u32 {
+    if transformed {
+        kernel::transformed_difference::<BLOCK>(source, reference)
+    } else {
+        kernel::absolute_difference::<BLOCK>(source, reference)
+    }
+}
+
+/// A prediction that was made already.
+fn whole(block: &[[u8; BLOCK]; BLOCK]) -> Place<'_> {
+    Place::whole(block.as_flattened(), BLOCK)
+}
+
+/// Sums of absolute differences of every block to its mean, transformed or plain.
+pub(super) fn intra_costs(half: &Plane<u8>, transformed: bool) -> Arc<[u32]> {
+    let (columns, rows) = (half.width() / BLOCK, half.height() / BLOCK);
+    (0..columns * rows)
+        .map(|i| {
+            let block = half.block(i % columns, i / columns);
+            let sum: u32 = block.iter().map(|&sample| u32::from(sample)).sum();
+            let mean = [[((sum + 32) / 64) as u8; BLOCK]; BLOCK];
+            let source = Place::whole(&block, BLOCK);
+            difference(source, whole(&mean), transformed)
+        })
+        .collect()
+}
+
+/// Means of 2×2 samples.
+pub(super) fn halved(plane: &Plane<u8>) -> Plane<u8> {
+    let (width, height) = (plane.width() / 2, plane.height() / 2);
+    let mut half = Plane::filled(width, height, 0);
+    for (y, row) in half.samples_mut().chunks_exact_mut(width).enumerate() {
+        kernel::means_of_four(plane.row(2 * y), plane.row(2 * y + 1), row);
+    }
+    half
+}

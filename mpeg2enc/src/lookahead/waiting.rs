@@ -1,0 +1,93 @@
+//! A frame that waits, and what was measured of it.
+
+use super::{cost::halved, weights};
+use crate::{
+    Config, Picture, RestoreError,
+    motion::{Candidates, quarter},
+    restore::{ensure, is_whole},
+    vector::HalfSample,
+};
+use plane::Plane;
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, OnceLock},
+};
+
+/// More than any sum of differences of a block, transformed or not.
+const COST_MAX: u32 = 1 << 20;
+
+/// A frame that waits.
+#[derive(Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Waiting {
+    /// The frame in whole macroblocks.
+    pub source: Arc<Picture>,
+    /// Luma at half and at a quarter of the width and height, when they are looked at.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub half: OnceLock<Plane<u8>>,
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub quarter: OnceLock<Plane<u8>>,
+    /// Candidates of every macroblock that were given: to the frame before and to the frame after.
+    pub known: [Option<Arc<[Candidates]>>; 2],
+    /// What every macroblock costs without a prediction.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub intra_costs: OnceLock<Arc<[u32]>>,
+    /// Whether this is the I picture of a group.
+    pub begins_group: bool,
+    /// Factors of quantiser_scale in 256ths, where macroblocks do not count alike.
+    pub weights: Option<Vec<u32>>,
+    /// Of every macroblock, by distance of the reference frame.
+    pub matches: BTreeMap<isize, Arc<[Match]>>,
+    /// Of every macroblock as part of a B picture, by the distances of both reference frames.
+    pub two_sided: BTreeMap<(isize, isize), Arc<[TwoSided]>>,
+}
+
+impl Waiting {
+    /// Whether this is a frame of so many columns and rows of macroblocks, looked at by an encoder with these settings.
+    pub fn check(&self, config: &Config, counts: (usize, usize)) -> Result<(), RestoreError> {
+        let count = counts.0 * counts.1;
+        ensure(is_whole(&self.source, counts), "the size of a waiting frame")?;
+        let known = self.known.iter().flatten();
+        ensure(known.clone().all(|known| known.len() == count), "the number of given vectors")?;
+        ensure(known.flat_map(|known| known.iter()).all(Candidates::is_plausible), "given vectors")?;
+        let weights = self.weights.as_ref();
+        ensure(weights.is_none() || config.varies(), "weights")?;
+        ensure(
+            weights.is_none_or(|weights| weights.len() == count && weights.iter().all(weights::is_plausible)),
+            "weights",
+        )?;
+        let plausible = |found: &Match| found.vector.is_plausible() && found.cost <= COST_MAX;
+        let matches = |matches: &Arc<[Match]>| matches.len() == count && matches.iter().all(plausible);
+        ensure(self.matches.values().all(matches), "vectors between waiting frames")?;
+        let plausible = |found: &TwoSided| found.cost <= COST_MAX && found.shares.iter().all(|&share| share <= 2);
+        let two_sided = |found: &Arc<[TwoSided]>| found.len() == count && found.iter().all(plausible);
+        ensure(self.two_sided.values().all(two_sided), "predictions between waiting frames")
+    }
+
+    pub fn half(&self) -> &Plane<u8> {
+        self.half.get_or_init(|| halved(self.source.luma()))
+    }
+
+    pub fn quarter(&self) -> &Plane<u8> {
+        self.quarter.get_or_init(|| quarter(self.source.luma()))
+    }
+}
+
+/// The best vector found for a block, and the difference that it leaves.
+#[derive(Clone, Copy)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Match {
+    /// In half samples of the half-size picture.
+    pub vector: HalfSample,
+    /// Sum of absolute differences, transformed or plain.
+    pub cost: u32,
+}
+
+/// The best of three predictions of a B picture.
+#[derive(Clone, Copy)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct TwoSided {
+    pub cost: u32,
+    /// How much of it is forward and backward, in halves.
+    pub shares: [u32; 2],
+}

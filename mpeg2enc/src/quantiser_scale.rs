@@ -1,0 +1,106 @@
+//! quantiser_scale and its codes (7.4.2.2).
+
+use crate::ConfigError;
+
+/// quantiser_scale for quantiser_scale_code 1 to 31 with q_scale_type 1 (Table 7-6).
+#[rustfmt::skip]
+const NON_LINEAR: [u32; 31] = [
+    1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 18, 20, 22, 24, 28, 32, 36, 40, 44, 48, 52, 56, 64, 72, 80, 88, 96, 104, 112,
+];
+
+/// How a quantiser_scale is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QuantiserScaleCode {
+    /// False for the linear table (2, 4, … 62), true for the other (1 … 112).
+    pub q_scale_type: bool,
+    /// quantiser_scale_code, 1 to 31.
+    pub code: u8,
+}
+
+/// quantiser_scale of a code (Table 7-6).
+pub(crate) fn quantiser_scale_of(code: QuantiserScaleCode) -> u32 {
+    if code.q_scale_type { NON_LINEAR[usize::from(code.code) - 1] } else { 2 * u32::from(code.code) }
+}
+
+/// The quantiser_scale_code whose scale is nearest to one in sixteenths.
+pub(crate) fn nearest_code(q_scale_type: bool, scale_x16: u32) -> u8 {
+    let distance =
+        |&code: &u8| (16 * quantiser_scale_of(QuantiserScaleCode { q_scale_type, code })).abs_diff(scale_x16);
+    (1..=31).min_by_key(distance).expect("31 codes")
+}
+
+/// One of the two scales around `scale_x16`, also in sixteenths, such that over many rows their mean is that.
+pub(crate) fn spread_over_rows(q_scale_type: bool, scale_x16: u32, row: usize) -> u32 {
+    let scales = (1..=31).map(|code| 16 * quantiser_scale_of(QuantiserScaleCode { q_scale_type, code }));
+    let below = scales.clone().filter(|&scale| scale <= scale_x16).max();
+    let above = scales.filter(|&scale| scale >= scale_x16).min();
+    let (Some(below), Some(above)) = (below, above) else { return scale_x16 };
+    // Neighbors are far apart in this order: 0, 128, 64, 192, …
+    let order = u32::from((row as u8).reverse_bits());
+    if 256 * (scale_x16 - below) > order * (above - below) { above } else { below }
+}
+
+/// The code of a quantiser_scale (7.4.2.2, Table 7-6): even values to 62 by the linear table, others by the non-linear.
+///
+/// ```
+/// use mpeg2enc::quantiser_scale_code;
+/// assert_eq!(quantiser_scale_code(16)?.code, 8);
+/// assert!(quantiser_scale_code(7)?.q_scale_type);
+/// let message = quantiser_scale_code(113).unwrap_err().to_string();
+/// assert_eq!(message, "quantiser_scale 113 does not exist; nearest are 112 and 104");
+/// # Ok::<(), mpeg2enc::ConfigError>(())
+/// ```
+///
+/// # Errors
+/// Neither table has this value.
+pub fn quantiser_scale_code(quantiser_scale: u32) -> Result<QuantiserScaleCode, ConfigError> {
+    if (2..=62).contains(&quantiser_scale) && quantiser_scale.is_multiple_of(2) {
+        return Ok(QuantiserScaleCode { q_scale_type: false, code: (quantiser_scale / 2) as u8 });
+    }
+    if let Some(index) = NON_LINEAR.iter().position(|&scale| scale == quantiser_scale) {
+        return Ok(QuantiserScaleCode { q_scale_type: true, code: index as u8 + 1 });
+    }
+    let mut scales: Vec<u32> = NON_LINEAR.into_iter().chain((1..=31).map(|code| 2 * code)).collect();
+    scales.sort_unstable();
+    scales.dedup();
+    scales.sort_by_key(|scale| scale.abs_diff(quantiser_scale));
+    Err(ConfigError::QuantiserScale { value: quantiser_scale, nearest: scales[0], second: scales[1] })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_have_the_mean_that_was_asked_for() {
+        for q_scale_type in [false, true] {
+            for scale_x16 in 32..16 * 62 {
+                let rows: Vec<u32> = (0..256).map(|row| spread_over_rows(q_scale_type, scale_x16, row)).collect();
+                let mean = f64::from(rows.iter().sum::<u32>()) / 256.0;
+                assert!((mean - f64::from(scale_x16)).abs() <= 0.5, "{mean} for {scale_x16}");
+                // Each is a scale that exists, and no more than two are taken.
+                assert!(rows.iter().all(|&x16| x16 % 16 == 0 && spread_over_rows(q_scale_type, x16, 1) == x16));
+                assert!(rows.iter().max().unwrap() - rows.iter().min().unwrap() <= 16 * 8);
+            }
+        }
+        assert_eq!(spread_over_rows(true, 16 * 120, 3), 16 * 120, "beyond the last");
+    }
+
+    #[test]
+    fn every_code_gives_its_scale() {
+        for scale in 0..200 {
+            match quantiser_scale_code(scale) {
+                Ok(QuantiserScaleCode { q_scale_type: false, code }) => assert_eq!(2 * u32::from(code), scale),
+                Ok(QuantiserScaleCode { q_scale_type: true, code }) => {
+                    assert_eq!(NON_LINEAR[usize::from(code) - 1], scale)
+                }
+                Err(error) => {
+                    assert!(error.to_string().starts_with(&format!("quantiser_scale {scale} does not exist")))
+                }
+            }
+        }
+        let nearest = |scale| quantiser_scale_code(scale).unwrap_err().to_string();
+        assert!(nearest(0).ends_with("nearest are 1 and 2"));
+        assert!(nearest(63).ends_with("nearest are 62 and 64"));
+    }
+}

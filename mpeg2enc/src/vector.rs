@@ -1,0 +1,85 @@
+//! Vectors, and the range that a block may have them in.
+
+use plane::Plane;
+
+/// A vector in half luma samples, as coded (7.6.3): from a macroblock to its place in the reference picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct HalfSample {
+    pub x: i32,
+    pub y: i32,
+}
+
+impl HalfSample {
+    pub const ZERO: Self = Self { x: 0, y: 0 };
+
+    pub fn offset(self, x: i32, y: i32) -> Self {
+        Self { x: self.x + x, y: self.y + y }
+    }
+
+    /// Whether the vector is no longer than sums of some vectors over the largest picture are.
+    pub fn is_plausible(&self) -> bool {
+        self.x.unsigned_abs().max(self.y.unsigned_abs()) <= 1 << 24
+    }
+}
+
+/// The vectors that a macroblock may have.
+#[derive(Clone, Copy)]
+pub(crate) struct Range {
+    x: (i32, i32),
+    y: (i32, i32),
+}
+
+impl Range {
+    /// Of the macroblock at `(column, row)`.
+    pub fn new(reference: &Plane<u8>, column: usize, row: usize, f_code_max: [u32; 2]) -> Self {
+        Self::of_block(reference, 16, column, row, f_code_max)
+    }
+
+    /// Of a block of `block`² samples: inside of the reference picture (7.6.3.8), and within the reach of the largest
+    /// f_code of the level.
+    pub fn of_block(reference: &Plane<u8>, block: usize, column: usize, row: usize, f_code_max: [u32; 2]) -> Self {
+        let range = |size: usize, position: usize, f_code: u32| {
+            let reach = 16 << (f_code - 1);
+            let (first, last) = (-2 * position as i32, 2 * (size - block - position) as i32);
+            (first.max(-reach), last.min(reach - 1))
+        };
+        Self {
+            x: range(reference.width(), block * column, f_code_max[0]),
+            y: range(reference.height(), block * row, f_code_max[1]),
+        }
+    }
+
+    pub fn contains(&self, vector: HalfSample) -> bool {
+        (self.x.0..=self.x.1).contains(&vector.x) && (self.y.0..=self.y.1).contains(&vector.y)
+    }
+
+    /// Does the range hold all vectors up to `distance` away in each component?
+    pub fn contains_around(&self, vector: HalfSample, distance: i32) -> bool {
+        self.contains(vector.offset(-distance, -distance)) && self.contains(vector.offset(distance, distance))
+    }
+
+    pub fn clamp(&self, vector: HalfSample) -> HalfSample {
+        HalfSample { x: vector.x.clamp(self.x.0, self.x.1), y: vector.y.clamp(self.y.0, self.y.1) }
+    }
+}
+
+/// The smallest f_code whose reach holds every vector component (Table 7-8).
+pub(crate) fn f_code(components: impl Iterator<Item = i32>) -> u32 {
+    let (low, high) = components.fold((0, 0), |(low, high), c| (low.min(c), high.max(c)));
+    (1..).find(|f_code| -low <= 16 << (f_code - 1) && high < 16 << (f_code - 1)).expect("some reach is enough")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn f_codes_at_the_borders_of_their_reach() {
+        assert_eq!(f_code([].into_iter()), 1);
+        assert_eq!(f_code([-16, 15].into_iter()), 1);
+        assert_eq!(f_code([16].into_iter()), 2);
+        assert_eq!(f_code([-17].into_iter()), 2);
+        assert_eq!(f_code([-4096, 4095].into_iter()), 9);
+    }
+}
