@@ -228,12 +228,24 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
+    fn load_u32(self, x: &[u32; LANES]) -> __m256i {
+        instruction!(_mm256_loadu_si256(x.as_ptr().cast()))
+    }
+
+    #[inline(always)]
     fn load_u8(self, x: &[u8; LANES]) -> __m256i {
         instruction!(_mm256_cvtepu8_epi32(_mm_loadl_epi64(x.as_ptr().cast())))
     }
 
     #[inline(always)]
     fn store_i(self, x: __m256i) -> [i32; LANES] {
+        let mut out = [0; LANES];
+        instruction!(_mm256_storeu_si256(out.as_mut_ptr().cast(), x));
+        out
+    }
+
+    #[inline(always)]
+    fn store_u32(self, x: __m256i) -> [u32; LANES] {
         let mut out = [0; LANES];
         instruction!(_mm256_storeu_si256(out.as_mut_ptr().cast(), x));
         out

@@ -1,22 +1,9 @@
-//! Which instructions there are, and work that is compiled for them.
+//! Which instructions there are.
 
-use crate::Lanes;
+use crate::Kernel;
 #[cfg(target_arch = "x86_64")]
 use crate::avx2::Avx2;
 use crate::scalar::Scalar;
-
-/// Work that is written once for all kinds of [`Lanes`].
-///
-/// `run` and all that it calls with lanes are `#[inline(always)]`: they become part of a function that is compiled for
-/// the vector instructions, and are compiled for them with it. Closures cannot be marked so, and an instruction within
-/// one that is not inlined becomes a call. Hot kernels therefore take traits as visitors, and never map over lanes.
-pub trait Kernel {
-    /// Result of the work.
-    type Output;
-
-    /// Does the work with lanes of one kind.
-    fn run<L: Lanes>(self, lanes: L) -> Self::Output;
-}
 
 /// The instructions to use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -79,10 +79,14 @@ pub trait Lanes: Copy + Debug {
     fn splat_i(self, x: i32) -> Self::I;
     /// Lane i from place i.
     fn load_i(self, x: &[i32; LANES]) -> Self::I;
+    /// Lane i from place i, the bits as they are.
+    fn load_u32(self, x: &[u32; LANES]) -> Self::I;
     /// Lane i from place i, without sign.
     fn load_u8(self, x: &[u8; LANES]) -> Self::I;
     /// Lane i to place i.
     fn store_i(self, x: Self::I) -> [i32; LANES];
+    /// Lane i to place i, the bits as they are.
+    fn store_u32(self, x: Self::I) -> [u32; LANES];
     /// `a + b`
     fn add_i(self, a: Self::I, b: Self::I) -> Self::I;
     /// `a - b`
@@ -214,6 +218,8 @@ mod tests {
                 lanes.abs_i(a),
                 lanes.shift_right_i(a, self.1[0] as u32 % 32),
                 lanes.load_u8(&bytes),
+                lanes.load_u32(&self.1.map(|x| x as u32)),
+                lanes.load_u32(&lanes.store_u32(a)),
                 lanes.splat_i(self.0[1]),
                 lanes.to_bits(lanes.to_f(a)),
             ];

@@ -11,7 +11,7 @@ pub trait Samples: Memory + Copy + Debug {
     /// How many.
     const COUNT: usize;
 
-    /// Sums of absolute differences. Eight of them together do not overflow.
+    /// Sums of absolute differences. Those of 256 samples together do not overflow.
     type Absolute: Sum;
     /// Sums of squared differences.
     type Squared: Sum;

@@ -147,6 +147,11 @@ impl Lanes for Scalar {
     }
 
     #[inline(always)]
+    fn load_u32(self, x: &[u32; LANES]) -> Self::I {
+        from_fn(|i| x[i] as i32)
+    }
+
+    #[inline(always)]
     fn load_u8(self, x: &[u8; LANES]) -> Self::I {
         from_fn(|i| i32::from(x[i]))
     }
@@ -154,6 +159,11 @@ impl Lanes for Scalar {
     #[inline(always)]
     fn store_i(self, x: Self::I) -> [i32; LANES] {
         x
+    }
+
+    #[inline(always)]
+    fn store_u32(self, x: Self::I) -> [u32; LANES] {
+        from_fn(|i| x[i] as u32)
     }
 
     #[inline(always)]

@@ -10,6 +10,11 @@
 //! The inverse, which every decoder must agree with, has 28 and 14: far finer than IEEE 1180 asks for. Nearly all of its blocks
 //! go through a faster one of floats, which knows when it has the same.
 
+mod short; // the inverse in floats
+
+use lanes::Choice;
+use short::ShortInverse;
+
 /// round(cos(kπ/16) · 2^28) for k = 1 … 7.
 const COSINE: [i64; 8] =
     [1 << 28, 263_277_544, 248_002_024, 223_195_925, 189_812_531, 149_134_749, 102_725_802, 52_369_160];
@@ -83,70 +88,6 @@ fn inverse_1d(c: &[[i32; 8]; 8], shift: u32) -> [[i32; 8]; 8] {
     out
 }
 
-/// Half of [`COSINE`], as numbers of 24 bits.
-const FLOAT_COSINE: [f32; 8] = {
-    let mut float = [0.0; 8];
-    let mut k = 0;
-    while k < 8 {
-        float[k] = (COSINE[k] as f64 / (1u64 << (COSINE_BITS + 1)) as f64) as f32;
-        k += 1;
-    }
-    float
-};
-
-/// The one-dimensional inverse transform along the first index.
-#[inline(always)]
-fn inverse_short_1d(c: &[[f32; 8]; 8]) -> [[f32; 8]; 8] {
-    let [_, c1, c2, c3, c4, c5, c6, c7] = FLOAT_COSINE;
-    let mut out = [[0.0; 8]; 8];
-    for x in 0..8 {
-        let (p, m) = (c4 * (c[0][x] + c[4][x]), c4 * (c[0][x] - c[4][x]));
-        let (q, r) = (c2 * c[2][x] + c6 * c[6][x], c6 * c[2][x] - c2 * c[6][x]);
-        let (e0, e1, e2, e3) = (p + q, m + r, m - r, p - q);
-        let o0 = (c1 * c[1][x] + c3 * c[3][x]) + (c5 * c[5][x] + c7 * c[7][x]);
-        let o1 = (c3 * c[1][x] - c7 * c[3][x]) - (c1 * c[5][x] + c5 * c[7][x]);
-        let o2 = (c5 * c[1][x] - c1 * c[3][x]) + (c7 * c[5][x] + c3 * c[7][x]);
-        let o3 = (c7 * c[1][x] - c5 * c[3][x]) + (c3 * c[5][x] - c1 * c[7][x]);
-        out[0][x] = e0 + o0;
-        out[1][x] = e1 + o1;
-        out[2][x] = e2 + o2;
-        out[3][x] = e3 + o3;
-        out[4][x] = e3 - o3;
-        out[5][x] = e2 - o2;
-        out[6][x] = e1 - o1;
-        out[7][x] = e0 - o0;
-    }
-    out
-}
-
-/// How far [`inverse_1d`] twice may be from the truth: ½·Σ cos(kπ/16), 2.65, times half of the last place in the middle,
-/// and a little for 28 bits of cosines.
-const EXACT_ERROR: f32 = 1e-4;
-/// How far [`inverse_short_1d`] twice may be from the truth, by the sum of magnitudes: a coefficient is multiplied by no more
-/// than 1/4, and is rounded 6 times in a pass (cosine, product, four sums) by 2⁻²⁴ at most. That makes 1.8·10⁻⁷.
-const SHORT_ERROR: f32 = 2.2e-7;
-
-/// How far from a whole number a sample may be that is certain to be rounded to it, by the sum of magnitudes of coefficients.
-fn certain(magnitude: i32) -> f32 {
-    0.5 - EXACT_ERROR - SHORT_ERROR * magnitude as f32
-}
-
-/// What [`inverse`] gives, before it saturates, and whether that is certain.
-fn inverse_short(coefficients: &[i32; 64]) -> ([i32; 64], bool) {
-    let float = rows(coefficients).map(|row| row.map(|c| c as f32));
-    let bound = certain(coefficients.iter().map(|c| c.abs()).sum());
-    let out = inverse_short_1d(&transposed(&inverse_short_1d(&float)));
-    // The sum with 3·2²² has no bits left for a fraction.
-    const ROUNDING: f32 = 12_582_912.0;
-    let (mut rounded, mut farthest) = ([0; 64], 0.0f32);
-    for (rounded, &value) in rounded.iter_mut().zip(out.as_flattened()) {
-        let near = value + ROUNDING;
-        *rounded = near.to_bits() as i32 - ROUNDING.to_bits() as i32;
-        farthest = farthest.max((value - (near - ROUNDING)).abs());
-    }
-    (rounded, farthest < bound)
-}
-
 #[inline(always)]
 fn transposed<T: Copy + Default>(block: &[[T; 8]; 8]) -> [[T; 8]; 8] {
     let mut out = [[T::default(); 8]; 8];
@@ -200,23 +141,16 @@ vectorised! {
 /// What is far enough from the middle between two whole numbers is rounded from 24 bits, to what [`inverse`] gives; the
 /// rest, about one block of thirty, goes through that.
 #[inline]
-#[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
 pub(crate) fn inverse_onto(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
-    #[cfg(target_arch = "x86_64")]
-    if crate::kernel::has_avx2() {
-        // SAFETY: the processor has AVX2.
-        if !unsafe { crate::kernel::blocks::inverse_onto(coefficients, &FLOAT_COSINE, certain, predicted, out) } {
-            add(predicted, &inverse(coefficients), out);
-        }
-        return;
-    }
-    inverse_onto_plain(coefficients, predicted, out);
+    inverse_onto_with(Choice::best(), coefficients, predicted, out);
 }
 
-/// [`inverse_onto`] for any processor.
-fn inverse_onto_plain(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
-    let (rounded, is_certain) = inverse_short(coefficients);
-    add(predicted, &if is_certain { rounded } else { inverse(coefficients) }, out);
+/// [`inverse_onto`] by some instructions.
+#[inline(always)]
+fn inverse_onto_with(choice: Choice, coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
+    if !choice.run(ShortInverse { coefficients, predicted, out }) {
+        add(predicted, &inverse(coefficients), out);
+    }
 }
 
 fn add(predicted: &[u8; 64], added: &[i32; 64], out: &mut [u8; 64]) {
@@ -228,7 +162,10 @@ fn add(predicted: &[u8; 64], added: &[i32; 64], out: &mut [u8; 64]) {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{
+        short::{FLOAT_COSINE, certain},
+        *,
+    };
     use std::f64::consts::PI;
 
     fn basis(frequency: usize, position: usize) -> f64 {
@@ -320,6 +257,52 @@ mod tests {
         assert_eq!(inverse(&[0; 64]), [0; 64]);
     }
 
+    /// The one-dimensional inverse transform along the first index.
+    fn inverse_short_1d(c: &[[f32; 8]; 8]) -> [[f32; 8]; 8] {
+        let [_, c1, c2, c3, c4, c5, c6, c7] = FLOAT_COSINE;
+        let mut out = [[0.0; 8]; 8];
+        for x in 0..8 {
+            let (p, m) = (c4 * (c[0][x] + c[4][x]), c4 * (c[0][x] - c[4][x]));
+            let (q, r) = (c2 * c[2][x] + c6 * c[6][x], c6 * c[2][x] - c2 * c[6][x]);
+            let (e0, e1, e2, e3) = (p + q, m + r, m - r, p - q);
+            let o0 = (c1 * c[1][x] + c3 * c[3][x]) + (c5 * c[5][x] + c7 * c[7][x]);
+            let o1 = (c3 * c[1][x] - c7 * c[3][x]) - (c1 * c[5][x] + c5 * c[7][x]);
+            let o2 = (c5 * c[1][x] - c1 * c[3][x]) + (c7 * c[5][x] + c3 * c[7][x]);
+            let o3 = (c7 * c[1][x] - c5 * c[3][x]) + (c3 * c[5][x] - c1 * c[7][x]);
+            out[0][x] = e0 + o0;
+            out[1][x] = e1 + o1;
+            out[2][x] = e2 + o2;
+            out[3][x] = e3 + o3;
+            out[4][x] = e3 - o3;
+            out[5][x] = e2 - o2;
+            out[6][x] = e1 - o1;
+            out[7][x] = e0 - o0;
+        }
+        out
+    }
+
+    /// What [`inverse`] gives, before it saturates, and whether that is certain.
+    fn inverse_short(coefficients: &[i32; 64]) -> ([i32; 64], bool) {
+        let float = rows(coefficients).map(|row| row.map(|c| c as f32));
+        let bound = certain(coefficients.iter().map(|c| c.abs()).sum());
+        let out = inverse_short_1d(&transposed(&inverse_short_1d(&float)));
+        // The sum with 3·2²² has no bits left for a fraction.
+        const ROUNDING: f32 = 12_582_912.0;
+        let (mut rounded, mut farthest) = ([0; 64], 0.0f32);
+        for (rounded, &value) in rounded.iter_mut().zip(out.as_flattened()) {
+            let near = value + ROUNDING;
+            *rounded = near.to_bits() as i32 - ROUNDING.to_bits() as i32;
+            farthest = farthest.max((value - (near - ROUNDING)).abs());
+        }
+        (rounded, farthest < bound)
+    }
+
+    /// [`inverse_onto`] in numbers one by one.
+    fn inverse_onto_plain(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
+        let (rounded, is_certain) = inverse_short(coefficients);
+        add(predicted, &if is_certain { rounded } else { inverse(coefficients) }, out);
+    }
+
     #[test]
     fn both_ways_give_the_same() {
         let mut random = Random(3);
@@ -332,6 +315,9 @@ mod tests {
             inverse_onto(&coefficients.map(|c| c >> COEFFICIENT_BITS), &predicted, &mut x);
             inverse_onto_plain(&coefficients.map(|c| c >> COEFFICIENT_BITS), &predicted, &mut y);
             assert_eq!(x, y);
+            let mut z = [0; 64];
+            inverse_onto_with(Choice::SCALAR, &coefficients.map(|c| c >> COEFFICIENT_BITS), &predicted, &mut z);
+            assert_eq!(x, z);
         }
     }
 

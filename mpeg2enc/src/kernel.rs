@@ -1,35 +1,22 @@
 //! The innermost loops.
 //!
-//! All are compiled twice, for any processor and for those with AVX2. Those over bytes are made of [`lanes`], the others
-//! are plain loops over fixed sizes, of which the compiler makes vector instructions where it may: the source of both is the
-//! same, and so are the bits. What takes most of the time is made of other lanes ([`wide`]) where there is AVX2: differences,
-//! plain and transformed, and predictions with their errors.
+//! All are kernels of the crate [`lanes`]: compiled for AVX2 and for any processor, of one source and with the same bits.
+//! Differences, plain and transformed, and predictions with their errors are made of its samples, levels of its integers. The
+//! others are plain loops over fixed sizes, of which the compiler makes vector instructions where it may.
 //! Tests run every one both ways.
 
 mod absolute;
-#[cfg(target_arch = "x86_64")]
-pub(crate) mod blocks;
-mod lanes;
 mod levels;
 mod onto;
 mod predicted;
-#[cfg(target_arch = "x86_64")]
-mod wide;
+mod transformed;
 
 pub(crate) use absolute::{absolute_difference, absolute_differences};
-use lanes::{Bytes, Differences, Words};
+use lanes::{Bytes, Samples};
 pub(crate) use levels::{divide, restore};
 pub(crate) use onto::predict_onto;
-use predicted::{for_both, for_predicted};
-
-/// Can AVX2 be used? The answer is kept by the standard library: this is one load.
-#[inline(always)]
-pub(crate) fn has_avx2() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    return std::arch::is_x86_feature_detected!("avx2");
-    #[cfg(not(target_arch = "x86_64"))]
-    false
-}
+use predicted::for_predicted;
+pub(crate) use transformed::transformed_difference;
 
 /// Defines a function that runs its body with AVX2 where there is such, and `$plain` that does not.
 macro_rules! vectorised {
@@ -39,20 +26,22 @@ macro_rules! vectorised {
 
         $(#[$meta])*
         #[inline]
-        #[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
         pub(crate) fn $name $(<const $n: usize>)? ($($arg: $type),*) $(-> $out)? {
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx2")]
-                fn avx2 $(<const $n: usize>)? ($($arg: $type),*) $(-> $out)? {
+            /// The arguments.
+            struct Call<A $(, const $n: usize)?>(A);
+
+            #[allow(unused_parens, reason = "a function without a result has the result ()")]
+            impl $(<const $n: usize>)? lanes::Kernel for Call<($($type,)*) $(, $n)?> {
+                type Output = ($($out)?);
+
+                #[inline(always)]
+                fn run<L: lanes::Lanes>(self, _: L) -> Self::Output {
+                    let ($($arg,)*) = self.0;
                     $plain $(::<$n>)? ($($arg),*)
                 }
-                if $crate::kernel::has_avx2() {
-                    // SAFETY: the processor has AVX2.
-                    return unsafe { avx2 $(::<$n>)? ($($arg),*) };
-                }
             }
-            $plain $(::<$n>)? ($($arg),*)
+
+            lanes::Choice::best().run(Call::<_ $(, $n)?>(($($arg,)*)))
         }
     };
 }
@@ -77,7 +66,7 @@ impl<'a> Place<'a> {
 
 vectorised! {
     /// N rows of N predicted samples (7.6.4); N is 8 or 16.
-    fn predict, predict_plain<const N: usize>(place: Place, out: &mut [[u8; N]; N]) {
+    fn predict, predict_plain<const N: usize>(place: &Place<'_>, out: &mut [[u8; N]; N]) {
         let (out, _) = out.as_flattened_mut().as_chunks_mut::<8>();
         for_predicted::<N>(place, |i, bytes| [out[2 * i], out[2 * i + 1]] = bytes.halves());
     }
@@ -85,7 +74,7 @@ vectorised! {
 
 vectorised! {
     /// The four luma blocks of a predicted macroblock (7.6.4), upper before lower.
-    fn predict_blocks, predict_blocks_plain(place: Place, out: &mut [[u8; 64]; 4]) {
+    fn predict_blocks, predict_blocks_plain(place: &Place<'_>, out: &mut [[u8; 64]; 4]) {
         for_predicted::<16>(place, |y, bytes| {
             for (x, eight) in bytes.halves().into_iter().enumerate() {
                 out[2 * (y / 8) + x][8 * (y % 8)..][..8].copy_from_slice(&eight);
@@ -129,84 +118,6 @@ vectorised! {
         for ((upper, lower), out) in upper.iter().zip(lower).zip(out) {
             *out = ((u16::from(upper[0]) + u16::from(upper[1]) + u16::from(lower[0]) + u16::from(lower[1]) + 2) >> 2) as u8;
         }
-    }
-}
-
-/// Sum of absolute transformed differences of N×N samples to their prediction; N is 8 or 16.
-///
-/// Each block of 8×8 differences goes through a Hadamard transform; an eighth of the sum of magnitudes is taken:
-/// one coefficient of a flat difference d then counts 8·d, about as 64 plain differences spread over many
-/// coefficients do.
-#[inline]
-#[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
-pub(crate) fn transformed_difference<const N: usize>(source: Place, reference: Place) -> u32 {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        fn avx2<const N: usize>(source: Place, reference: Place) -> u32 {
-            if N == 8 {
-                return transformed_difference_plain::<N>(source, reference);
-            }
-            // SAFETY: so has the processor.
-            transformed_difference_wide::<N>(source, reference, unsafe { wide::Words::zero() })
-        }
-        if has_avx2() {
-            // SAFETY: the processor has AVX2.
-            return unsafe { avx2::<N>(source, reference) };
-        }
-    }
-    transformed_difference_plain::<N>(source, reference)
-}
-
-/// [`transformed_difference`] of two blocks at a time, for N of 16.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-fn transformed_difference_wide<const N: usize>(source: Place, reference: Place, zero: wide::Words) -> u32 {
-    let mut rows = [zero; 16];
-    for_both::<N>(source, reference, |i, source, predicted| rows[i] = zero.of(source, predicted));
-    let (upper, lower) = rows.split_at(8);
-    hadamard_sum::<wide::Words>(upper.try_into().expect("8 rows"))
-        + hadamard_sum::<wide::Words>(lower.try_into().expect("8 rows"))
-}
-
-/// [`transformed_difference`] for any processor, one block at a time.
-#[inline(always)]
-fn transformed_difference_plain<const N: usize>(source: Place, reference: Place) -> u32 {
-    let mut rows = [[Words::splat(0); 8]; 4];
-    for_both::<N>(source, reference, |i, source, predicted| {
-        let [low, high] = source.minus(predicted);
-        if N == 16 {
-            (rows[i / 8 * 2][i % 8], rows[i / 8 * 2 + 1][i % 8]) = (low, high);
-        } else {
-            (rows[0][2 * i], rows[0][2 * i + 1]) = (low, high);
-        }
-    });
-    rows[..N * N / 64].iter().map(|&block| hadamard_sum(block)).sum()
-}
-
-/// An eighth of the sum of magnitudes of transformed differences, each block's rounded.
-#[inline(always)]
-fn hadamard_sum<W: Differences>(mut rows: [W; 8]) -> u32 {
-    butterflies::<W, 4>(&mut rows);
-    butterflies::<W, 2>(&mut rows);
-    butterflies::<W, 1>(&mut rows);
-    let mut columns = W::transposed(rows);
-    butterflies::<W, 4>(&mut columns);
-    butterflies::<W, 2>(&mut columns);
-    // The last step is |x + y| + |x − y| = 2·max(|x|, |y|), which four times is more than 16 bits hold.
-    let [a, b, c, d, e, f, g, h] = columns;
-    let upper = a.abs().max(b.abs()).plus(c.abs().max(d.abs())).sums();
-    let lower = e.abs().max(f.abs()).plus(g.abs().max(h.abs())).sums();
-    let eighth = |block: usize| (2 * (upper[block] + lower[block]) as u32 + 4) >> 3;
-    eighth(0) + eighth(1)
-}
-
-/// Sums and differences of rows that lie this far apart: a third of an eight-point Hadamard transform.
-#[inline(always)]
-fn butterflies<W: Differences, const DISTANCE: usize>(rows: &mut [W; 8]) {
-    for k in 0..4 {
-        let i = k / DISTANCE * 2 * DISTANCE + k % DISTANCE;
-        (rows[i], rows[i + DISTANCE]) = (rows[i].plus(rows[i + DISTANCE]), rows[i].minus(rows[i + DISTANCE]));
     }
 }
 
@@ -257,6 +168,7 @@ mod tests {
         absolute::absolute_difference_plain,
         levels::{divide_plain, restore_plain},
         onto::predict_onto_plain,
+        transformed::transformed_difference_plain,
         *,
     };
 
@@ -303,7 +215,7 @@ mod tests {
                 let place = Place { samples: &samples[43..], stride: 40, half };
                 let truth = predicted::<N>(place);
                 let mut ours = [[0; N]; N];
-                predict(place, &mut ours);
+                predict(&place, &mut ours);
                 assert_eq!(ours, truth);
                 let pairs = source.as_flattened().iter().zip(truth.as_flattened());
                 let absolute: u32 = pairs.map(|(&a, &b)| u32::from(a.abs_diff(b))).sum();
@@ -359,6 +271,8 @@ mod tests {
             let (mut x, mut y) = ([0; 64], [0; 64]);
             let nonzero = divide(&values, &reciprocals, 1 << 20, 26, &mut x);
             assert!((0..64).all(|i| (nonzero >> i & 1 == 1) == (x[i] != 0)));
+            let level = |i: usize| (values[i].unsigned_abs() * reciprocals[i] + (1 << 20)) >> 26;
+            assert_eq!(x, std::array::from_fn(level));
             assert_eq!((nonzero, x), (divide_plain(&values, &reciprocals, 1 << 20, 26, &mut y), y));
             // Levels that belong to their coefficients, or squares would not fit.
             let weights: [i32; 64] = std::array::from_fn(|i| 16 * i32::from(b[i]) + 16);

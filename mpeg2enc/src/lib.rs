@@ -31,7 +31,7 @@
 //! All that reaches the stream is integer arithmetic over fixed slices: the same frames give the same bits on every
 //! processor and with any number of threads (those of the `rayon` pool that `push` is called in).
 //! Numbers of clauses and tables in this crate are those of the edition of 2000.
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 
 #[macro_use]
 mod kernel; // innermost loops, twice: plain and with vector instructions

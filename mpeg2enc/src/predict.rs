@@ -41,11 +41,11 @@ pub(crate) fn mean(a: &Samples, b: &Samples, out: &mut Samples) {
 pub(crate) fn predict(reference: &Picture, column: usize, row: usize, vector: HalfSample, out: &mut Samples) {
     let chroma = HalfSample { x: vector.x / 2, y: vector.y / 2 };
     let (x2, y2) = (32 * column as i32 + vector.x, 32 * row as i32 + vector.y);
-    kernel::predict_blocks(place_of(reference.luma(), x2, y2), out.first_chunk_mut().expect("six blocks"));
+    kernel::predict_blocks(&place_of(reference.luma(), x2, y2), out.first_chunk_mut().expect("six blocks"));
     let (x2, y2) = (16 * column as i32 + chroma.x, 16 * row as i32 + chroma.y);
     for (plane, out) in [reference.cb(), reference.cr()].into_iter().zip(&mut out[4..]) {
         let rows: &mut [[u8; 8]; 8] = out.as_chunks_mut().0.try_into().expect("8 rows");
-        kernel::predict(place_of(plane, x2, y2), rows);
+        kernel::predict(&place_of(plane, x2, y2), rows);
     }
 }
 

@@ -7,12 +7,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syn::visit::{self, Visit};
 
-const CRATES: [&str; 6] = ["plane", "lighttree", "perceptual", "mpeg2enc", "render-core", "pipeline"];
+const CRATES: [&str; 7] = ["lanes", "plane", "lighttree", "perceptual", "mpeg2enc", "render-core", "pipeline"];
 
 /// Imports without which there would be no circle, still to be removed: crate, importing module, imported module. The test also
 /// fails when one of these closes no circle any more, so that the list only shrinks.
 const KNOWN: &[(&str, &str, &str)] = &[
-    ("mpeg2enc", "dct", "kernel"),
     ("render-core", "environment", "scene"),
     ("render-core", "accel::packet", "accel::query"),
     ("render-core", "anchor::exposure", "anchor::surfels"),

@@ -2,55 +2,21 @@
 
 use super::{
     Place,
-    lanes::{Differences, Words},
-    predicted::for_both,
+    predicted::{Work, predicted, whole},
 };
-#[cfg(target_arch = "x86_64")]
-use super::{has_avx2, predicted, wide};
+use lanes::{Bytes, Choice, Kernel, Lanes, Samples, Sum, Window};
+use std::marker::PhantomData;
 
 /// Sum of absolute differences between N×N samples, at a whole position, and their prediction; N is 8 or 16.
 #[inline]
-#[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
 pub(crate) fn absolute_difference<const N: usize>(source: Place, reference: Place) -> u32 {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        fn avx2<const N: usize>(source: Place, reference: Place) -> u32 {
-            if N == 8 {
-                return absolute_difference_plain::<N>(source, reference);
-            }
-            // SAFETY: the processor has AVX2.
-            unsafe { absolute_difference_wide(source, reference, wide::Words::zero()) }
-        }
-        if has_avx2() {
-            // SAFETY: the processor has AVX2.
-            return unsafe { avx2::<N>(source, reference) };
-        }
-    }
-    absolute_difference_plain::<N>(source, reference)
-}
-
-/// [`absolute_difference`] of two rows of a macroblock at a time.
-///
-/// # Safety
-/// The processor has AVX2.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-#[allow(unsafe_code, reason = "for processors with AVX2")]
-unsafe fn absolute_difference_wide(source: Place, reference: Place, zero: wide::Words) -> u32 {
-    let mut sums = zero;
-    let add = |_, source: wide::Rows, predicted: wide::Rows| sums = sums.plus(source.difference(predicted));
-    // SAFETY: the caller's.
-    unsafe { predicted::for_both_groups::<16, 16, _>(source, reference, add) };
-    sums.total()
+    Choice::best().run(One::<N> { source: &source, reference: &reference })
 }
 
 /// [`absolute_difference`] for any processor.
-#[inline(always)]
+#[cfg(test)]
 pub(super) fn absolute_difference_plain<const N: usize>(source: Place, reference: Place) -> u32 {
-    let mut sums = Words::splat(0);
-    for_both::<N>(source, reference, |_, source, predicted| sums = sums.plus(source.difference(predicted)));
-    sums.dot(Words::splat(1)) as u32
+    Choice::SCALAR.run(One::<N> { source: &source, reference: &reference })
 }
 
 /// Sums of absolute differences between N×N samples, at a whole position, and each of four predictions; N is 8 or 16.
@@ -58,43 +24,88 @@ pub(super) fn absolute_difference_plain<const N: usize>(source: Place, reference
 /// The samples are read once, and the processor is asked once what it has: half of the time of four calls of
 /// [`absolute_difference`].
 #[inline]
-#[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
 pub(crate) fn absolute_differences<const N: usize>(source: Place, references: [Place; 4]) -> [u32; 4] {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        fn avx2<const N: usize>(source: Place, references: [Place; 4]) -> [u32; 4] {
-            if N == 8 {
-                return references.map(|reference| absolute_difference_plain::<N>(source, reference));
-            }
-            // SAFETY: the processor has AVX2.
-            unsafe { absolute_differences_wide(source, references, wide::Words::zero()) }
-        }
-        if has_avx2() {
-            // SAFETY: the processor has AVX2.
-            return unsafe { avx2::<N>(source, references) };
-        }
-    }
-    references.map(|reference| absolute_difference_plain::<N>(source, reference))
+    Choice::best().run(Four::<N> { source: &source, references: &references })
 }
 
-/// [`absolute_differences`] of a macroblock, which stays in eight registers.
-///
-/// # Safety
-/// The processor has AVX2.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-#[allow(unsafe_code, reason = "for processors with AVX2")]
-unsafe fn absolute_differences_wide(source: Place, references: [Place; 4], zero: wide::Words) -> [u32; 4] {
-    // SAFETY: the caller's.
-    let rows: [wide::Rows; 8] = unsafe { predicted::rows(source) };
-    let mut out = [0; 4];
-    for (reference, out) in references.iter().zip(&mut out) {
-        let mut sums = zero;
-        let add = |i: usize, predicted: wide::Rows| sums = sums.plus(rows[i].difference(predicted));
-        // SAFETY: the caller's.
-        unsafe { predicted::for_predicted_groups::<16, 16, _>(*reference, add) };
-        *out = sums.total();
+/// [`absolute_difference`]. A block of 8×8 is too small to gain by longer registers.
+struct One<'a, const N: usize> {
+    source: &'a Place<'a>,
+    reference: &'a Place<'a>,
+}
+
+impl<const N: usize> Kernel for One<'_, N> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) -> u32 {
+        let source = whole::<N, N>(self.source);
+        if N == 8 {
+            predicted::<N, N, _>(self.reference, ToWindow::<N, Bytes>(source, PhantomData))
+        } else {
+            predicted::<N, N, _>(self.reference, ToWindow::<N, L::Samples>(source, PhantomData))
+        }
     }
-    out
+}
+
+/// [`absolute_differences`].
+struct Four<'a, const N: usize> {
+    source: &'a Place<'a>,
+    references: &'a [Place<'a>; 4],
+}
+
+impl<const N: usize> Kernel for Four<'_, N> {
+    type Output = [u32; 4];
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) -> [u32; 4] {
+        if N == 8 { four::<N, Bytes>(self) } else { four::<N, L::Samples>(self) }
+    }
+}
+
+/// The sums of [`Four`]. A source of eight groups stays in registers.
+#[inline(always)]
+fn four<const N: usize, S: Samples>(Four { source, references }: Four<'_, N>) -> [u32; 4] {
+    let source = whole::<N, N>(source);
+    let mut groups = [source.group::<S>(0); 16];
+    for (i, group) in groups.iter_mut().enumerate().take(N * N / S::COUNT) {
+        *group = source.group(i);
+    }
+    let mut sums = [0; 4];
+    for (sum, reference) in sums.iter_mut().zip(references) {
+        *sum = predicted::<N, N, _>(reference, ToGroups(&groups));
+    }
+    sums
+}
+
+/// Difference to samples in memory.
+struct ToWindow<'a, const N: usize, S>(Window<'a, N, N, false, false>, PhantomData<S>);
+
+impl<const N: usize, S: Samples> Work<N, N> for ToWindow<'_, N, S> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn on<const H: bool, const V: bool>(self, predicted: Window<'_, N, N, H, V>) -> u32 {
+        let mut sum = S::Absolute::zero();
+        for i in 0..N * N / S::COUNT {
+            sum = sum.plus(self.0.group::<S>(i).absolute(predicted.group(i)));
+        }
+        sum.total()
+    }
+}
+
+/// Difference to groups of samples, as many as there are.
+struct ToGroups<'a, S>(&'a [S; 16]);
+
+impl<const N: usize, S: Samples> Work<N, N> for ToGroups<'_, S> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn on<const H: bool, const V: bool>(self, predicted: Window<'_, N, N, H, V>) -> u32 {
+        let mut sum = S::Absolute::zero();
+        for i in 0..N * N / S::COUNT {
+            sum = sum.plus(self.0[i].absolute(predicted.group(i)));
+        }
+        sum.total()
+    }
 }

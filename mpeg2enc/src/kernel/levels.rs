@@ -2,20 +2,15 @@
 
 use super::vectorised;
 use crate::dct::COEFFICIENT_BITS;
+use lanes::{Choice, Kernel, Lanes};
 
 /// `(|value|·reciprocal + zero) >> shift` of every value, and a bit for each that is not zero.
 #[inline]
-#[allow(unsafe_code, reason = "a function with AVX2 is called after a check that the processor has it")]
 pub(crate) fn divide(values: &[i32; 64], reciprocals: &[u32; 64], zero: u32, shift: u32, out: &mut [u32; 64]) -> u64 {
-    #[cfg(target_arch = "x86_64")]
-    if super::has_avx2() {
-        // SAFETY: the processor has AVX2.
-        return unsafe { super::blocks::divide(values, reciprocals, zero, shift, out) };
-    }
-    divide_plain(values, reciprocals, zero, shift, out)
+    Choice::best().run(Divide { values, reciprocals, zero, shift, out })
 }
-
 /// [`divide`] for any processor.
+#[cfg(test)]
 pub(super) fn divide_plain(
     values: &[i32; 64],
     reciprocals: &[u32; 64],
@@ -23,12 +18,36 @@ pub(super) fn divide_plain(
     shift: u32,
     out: &mut [u32; 64],
 ) -> u64 {
-    let mut nonzero = 0;
-    for i in 0..64 {
-        out[i] = (values[i].unsigned_abs() * reciprocals[i] + zero) >> shift;
-        nonzero |= u64::from(out[i] != 0) << i;
+    Choice::SCALAR.run(Divide { values, reciprocals, zero, shift, out })
+}
+
+/// [`divide`] of eight values at a time.
+struct Divide<'a> {
+    values: &'a [i32; 64],
+    reciprocals: &'a [u32; 64],
+    zero: u32,
+    shift: u32,
+    out: &'a mut [u32; 64],
+}
+
+impl Kernel for Divide<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> u64 {
+        let (zero, empty) = (lanes.splat_i(self.zero as i32), lanes.splat_i(0));
+        let (values, _) = self.values.as_chunks::<8>();
+        let (reciprocals, _) = self.reciprocals.as_chunks::<8>();
+        let (out, _) = self.out.as_chunks_mut::<8>();
+        let mut nonzero = 0;
+        for (i, ((values, reciprocals), out)) in values.iter().zip(reciprocals).zip(out).enumerate() {
+            let products = lanes.mul_i(lanes.abs_i(lanes.load_i(values)), lanes.load_u32(reciprocals));
+            let levels = lanes.shift_right_i(lanes.add_i(products, zero), self.shift);
+            *out = lanes.store_u32(levels);
+            nonzero |= u64::from(!lanes.bits(lanes.eq_i(levels, empty)) as u8) << (8 * i);
+        }
+        nonzero
     }
-    nonzero
 }
 
 /// The largest level of MPEG-2.

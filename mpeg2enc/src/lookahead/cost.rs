@@ -22,7 +22,7 @@ pub(super) fn mean_cost(
     let mut predicted = [[[0u8; BLOCK]; BLOCK]; 2];
     for s in 0..2 {
         let (x2, y2) = ((2 * BLOCK * column) as i32 + vectors[s].x, (2 * BLOCK * row) as i32 + vectors[s].y);
-        kernel::predict(place_of(references[s], x2, y2), &mut predicted[s]);
+        kernel::predict(&place_of(references[s], x2, y2), &mut predicted[s]);
     }
     let mut mean = [[0; BLOCK]; BLOCK];
     kernel::mean(predicted[0].as_flattened(), predicted[1].as_flattened(), mean.as_flattened_mut());

@@ -1,0 +1,99 @@
+//! The inverse transform in floats, which knows when it has the result of the exact one.
+
+use super::{COSINE, COSINE_BITS};
+use lanes::{Kernel, LANES, Lanes};
+
+/// Half of [`COSINE`], as numbers of 24 bits.
+pub(super) const FLOAT_COSINE: [f32; 8] = {
+    let mut float = [0.0; 8];
+    let mut k = 0;
+    while k < 8 {
+        float[k] = (COSINE[k] as f64 / (1u64 << (COSINE_BITS + 1)) as f64) as f32;
+        k += 1;
+    }
+    float
+};
+
+/// How far the exact transform twice may be from the truth: ½·Σ cos(kπ/16), 2.65, times half of the last place in the middle,
+/// and a little for 28 bits of cosines.
+const EXACT_ERROR: f32 = 1e-4;
+/// How far [`inverse_1d`] twice may be from the truth, by the sum of magnitudes: a coefficient is multiplied by no more
+/// than 1/4, and is rounded 6 times in a pass (cosine, product, four sums) by 2⁻²⁴ at most. That makes 1.8·10⁻⁷.
+const SHORT_ERROR: f32 = 2.2e-7;
+
+/// How far from a whole number a sample may be that is certain to be rounded to it, by the sum of magnitudes of coefficients.
+pub(super) fn certain(magnitude: i32) -> f32 {
+    0.5 - EXACT_ERROR - SHORT_ERROR * magnitude as f32
+}
+
+/// A prediction and what coefficients add to it, saturated, and whether rounding to the nearest is [`certain`]. If not, `out`
+/// is anything.
+pub(super) struct ShortInverse<'a> {
+    pub coefficients: &'a [i32; 64],
+    pub predicted: &'a [u8; 64],
+    pub out: &'a mut [u8; 64],
+}
+
+impl Kernel for ShortInverse<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> bool {
+        let (coefficients, _) = self.coefficients.as_chunks::<LANES>();
+        let (mut rows, mut magnitudes) = ([lanes.splat(0.0); LANES], lanes.splat_i(0));
+        for (row, coefficients) in rows.iter_mut().zip(coefficients) {
+            let coefficients = lanes.load_i(coefficients);
+            magnitudes = lanes.add_i(magnitudes, lanes.abs_i(coefficients));
+            *row = lanes.to_f(coefficients);
+        }
+        let rows = inverse_1d(lanes, lanes.transposed(inverse_1d(lanes, rows)));
+        // The sum with 3·2²² has no bits left for a fraction.
+        let rounding = lanes.splat(12_582_912.0);
+        let mut farthest = lanes.splat(0.0);
+        let mut sums = [lanes.splat_i(0); LANES];
+        let (predicted, _) = self.predicted.as_chunks::<LANES>();
+        for i in 0..LANES {
+            let near = lanes.add(rows[i], rounding);
+            let distance = lanes.abs(lanes.sub(rows[i], lanes.sub(near, rounding)));
+            farthest = lanes.max(farthest, distance);
+            let added = lanes.sub_i(lanes.to_bits(near), lanes.to_bits(rounding));
+            sums[i] = lanes.add_i(lanes.load_u8(&predicted[i]), added);
+        }
+        let (out, _) = self.out.as_chunks_mut::<{ 4 * LANES }>();
+        let [a, b, c, d, e, f, g, h] = sums;
+        (out[0], out[1]) = (lanes.to_u8([a, b, c, d]), lanes.to_u8([e, f, g, h]));
+        let bound = lanes.splat(certain(lanes.sum_i(magnitudes)));
+        lanes.bits(lanes.lt(farthest, bound)) == 0xff
+    }
+}
+
+/// One-dimensional inverse transforms of columns beside each other.
+#[inline(always)]
+fn inverse_1d<L: Lanes>(lanes: L, c: [L::F; LANES]) -> [L::F; LANES] {
+    let mut cosine = [lanes.splat(0.0); LANES];
+    for (wide, &cosine) in cosine.iter_mut().zip(&FLOAT_COSINE) {
+        *wide = lanes.splat(cosine);
+    }
+    // Products and sums of two, in the order of the operators.
+    macro_rules! times {
+        ($k:literal, $x:expr) => {
+            lanes.mul(cosine[$k], $x)
+        };
+    }
+    let (p, m) = (times!(4, lanes.add(c[0], c[4])), times!(4, lanes.sub(c[0], c[4])));
+    let q = lanes.add(times!(2, c[2]), times!(6, c[6]));
+    let r = lanes.sub(times!(6, c[2]), times!(2, c[6]));
+    let e = [lanes.add(p, q), lanes.add(m, r), lanes.sub(m, r), lanes.sub(p, q)];
+    let o = [
+        lanes.add(lanes.add(times!(1, c[1]), times!(3, c[3])), lanes.add(times!(5, c[5]), times!(7, c[7]))),
+        lanes.sub(lanes.sub(times!(3, c[1]), times!(7, c[3])), lanes.add(times!(1, c[5]), times!(5, c[7]))),
+        lanes.add(lanes.sub(times!(5, c[1]), times!(1, c[3])), lanes.add(times!(7, c[5]), times!(3, c[7]))),
+        lanes.add(lanes.sub(times!(7, c[1]), times!(5, c[3])), lanes.sub(times!(3, c[5]), times!(1, c[7]))),
+    ];
+    let mut out = c;
+    for k in 0..LANES / 2 {
+        out[k] = lanes.add(e[k], o[k]);
+        out[LANES - 1 - k] = lanes.sub(e[k], o[k]);
+    }
+    out
+}
