@@ -77,7 +77,6 @@ impl Encoder {
     }
 
     /// The settings it was made with.
-    #[must_use]
     pub fn config(&self) -> &Config {
         &self.coder.config
     }

@@ -248,13 +248,13 @@ fn a_capped_rate_never_runs_dry() {
 #[test]
 fn a_rate_that_no_level_allows_is_an_error() {
     let rate = Rate::Constant { bits_per_second: 90_000_000, buffer_bits: 200_000 };
-    let message = config(176, 144).with_lookahead(30).with_rate(rate).encoder().err().expect("an error").to_string();
+    let message = config(176, 144).with_lookahead(30).with_rate(rate).encoder().expect_err("an error").to_string();
     assert!(message.contains("90000000") && message.contains("80000000"), "{message}");
-    let message = config(176, 144).with_b_pictures(2).encoder().err().expect("an error").to_string();
+    let message = config(176, 144).with_b_pictures(2).encoder().expect_err("an error").to_string();
     assert!(message.contains("with_lookahead of 2 frames at least, not 0"), "{message}");
     let message = config(176, 144).with_lookahead(31).validate().expect_err("an error").to_string();
     assert!(message.contains("0 to 30"), "{message}");
-    let message = config(176, 144).with_b_pictures(8).encoder().err().expect("an error").to_string();
+    let message = config(176, 144).with_b_pictures(8).encoder().expect_err("an error").to_string();
     assert!(message.contains("0 to 7"), "{message}");
 }
 

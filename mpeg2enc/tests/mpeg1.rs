@@ -59,7 +59,7 @@ fn a_constant_rate_is_stated_and_kept() {
 
 #[test]
 fn what_it_does_not_have_is_an_error() {
-    let message = |config: Config| config.encoder().err().expect("an error").to_string();
+    let message = |config: Config| config.encoder().expect_err("an error").to_string();
     assert_eq!(
         message(mpeg1(64, 48).with_quantiser_scale(7)),
         "MPEG-1 does not have such a quantiser_scale: use an even one from 2 to 62"

@@ -91,7 +91,7 @@ mod tests {
     #[test]
     fn errors_name_value_and_range() {
         let config = || Config::new(64, 48, FrameRate::FPS_25);
-        let message = |config: Config| config.validate().err().expect("an error").to_string();
+        let message = |config: Config| config.validate().expect_err("an error").to_string();
         assert!(message(Config::new(0, 48, FrameRate::FPS_25)).contains("0x48"));
         assert!(message(Config::new(64, 16384, FrameRate::FPS_25)).contains("1 to 16383"));
         assert!(message(config().with_gop(0)).contains("1 to 132"));

@@ -252,8 +252,7 @@ impl Ahead {
         ensure(self.group_start <= first && first - self.group_start <= longest, "the beginning of the group")?;
         let fresh = RateControl::new(config, counts.0 * counts.1);
         ensure(self.rate.is_some() == fresh.is_some(), "rate control")?;
-        let rates = self.rate.iter().zip(fresh);
-        rates.map(|(rate, fresh)| rate.check(&fresh)).collect()
+        self.rate.iter().zip(fresh).try_for_each(|(rate, fresh)| rate.check(&fresh))
     }
 }
 

@@ -258,7 +258,7 @@ fn openness_follows_the_picture() {
     }
     let mut cache = IrradianceCache::default();
     let groove = Groove { openness: 0.5 };
-    cache.light(&seen, &[false, true], NO_CHANGES, &groove).value;
+    let _ = cache.light(&seen, &[false, true], NO_CHANGES, &groove);
     let openness = |cache: &IrradianceCache<()>| -> Vec<f32> {
         cache.records.iter().filter(|record| record.site.position.y < 0.0).map(|record| record.site.openness).collect()
     };
