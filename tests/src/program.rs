@@ -10,7 +10,8 @@ pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
         let mut cargo = Command::new(env!("CARGO"));
-        cargo.args(["build", "--package", "render2mpeg", "--bin", "render2mpeg", "--message-format", "json"]);
+        // Of the whole workspace: with the features of one package alone, its dependencies would be compiled once more.
+        cargo.args(["build", "--workspace", "--bin", "render2mpeg", "--message-format", "json"]);
         if !cfg!(debug_assertions) {
             cargo.arg("--release");
         }

@@ -136,6 +136,7 @@ impl Y4m {
         Ok(Self { path: path.into(), header, output: None })
     }
 
+    #[cfg(feature = "sweep")]
     pub(crate) fn create(path: &Path, settings: &Settings) -> Result<Self> {
         let mut file = Self::new(path, settings)?;
         file.begin()?;

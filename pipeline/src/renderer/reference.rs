@@ -1,6 +1,7 @@
 //! One frame as exactly as wanted, linear and uncompressed: what the fast ways are measured against.
 
 use super::{Preparation, Shading};
+#[cfg(feature = "exr")]
 use crate::error::{Error, Result};
 use crate::parts::{LastThresholds, Shade};
 use crate::plan::Plan;
