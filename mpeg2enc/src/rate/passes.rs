@@ -45,7 +45,7 @@ impl Pass {
 ///     bits += encoder.finish().packets.iter().map(|packet| packet.bits).sum::<u64>();
 ///     next = passes.next(quantiser_scale, bits as f64 / 12.0 * 25.0);
 /// }
-/// # Ok::<(), mpeg2enc::ConfigError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
 #[must_use = "passes tell the next quantiser"]
