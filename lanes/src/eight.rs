@@ -260,7 +260,7 @@ mod tests {
         }
     }
 
-    /// What C's `a < b ? a : b` gives, which the minimum and maximum of other processors do not.
+    /// Minimum and maximum follow C's `a < b ? a : b` for ±0 and NaN, whatever the processor's own instructions do.
     #[test]
     fn least_and_greatest_of_zeros_and_of_what_is_not_a_number() {
         struct Extremes(f32, f32);

@@ -233,7 +233,7 @@ impl Coder {
 }
 
 impl Packet {
-    /// What became of the picture, without a copy of its samples.
+    /// The coded picture as masking sees it. It shares the samples of the reconstruction.
     ///
     /// # Panics
     /// If a field was changed that tells of the macroblocks.

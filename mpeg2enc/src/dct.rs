@@ -281,7 +281,7 @@ mod tests {
         out
     }
 
-    /// What [`inverse`] gives, before it saturates, and whether that is certain.
+    /// The result of [`inverse`] before it saturates, and whether that is certain.
     fn inverse_short(coefficients: &[i32; 64]) -> ([i32; 64], bool) {
         let float = rows(coefficients).map(|row| row.map(|c| c as f32));
         let bound = certain(coefficients.iter().map(|c| c.abs()).sum());

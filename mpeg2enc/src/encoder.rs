@@ -32,7 +32,7 @@ pub struct Encoder {
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct EncoderState {
-    /// Of the settings, see [`Config::fingerprint`].
+    /// The [`Config::fingerprint`] of the settings.
     settings: u64,
     mode: Mode,
 }
@@ -59,7 +59,7 @@ impl Config {
     /// Checks all settings and starts an encoder.
     ///
     /// # Errors
-    /// Those of [`Config::validate`].
+    /// The settings are refused by [`Config::validate`].
     pub fn encoder(self) -> Result<Encoder, ConfigError> {
         self.validate()?;
         Ok(Encoder::new(self))

@@ -42,7 +42,7 @@ struct Adaptation {
     clock: Option<u64>,
 }
 
-/// What a packet begins with.
+/// The header of a transport packet.
 #[derive(Clone, Copy)]
 struct PacketHeader {
     /// Packet identifier.

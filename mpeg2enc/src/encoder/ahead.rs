@@ -12,7 +12,7 @@ use crate::{
 };
 use std::sync::Arc;
 
-/// What is carried from one picture to the next, waiting frames included.
+/// The state between two pictures, waiting frames included.
 #[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Ahead {

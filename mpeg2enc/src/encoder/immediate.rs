@@ -11,7 +11,7 @@ use crate::{
 use plane::{Correspondence, Plane};
 use std::sync::Arc;
 
-/// What is carried from one picture to the next.
+/// The state between two pictures.
 #[derive(Clone, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Immediate {
