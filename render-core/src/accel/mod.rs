@@ -24,7 +24,8 @@ pub use shaft::Shaft;
 use glam::{Affine3A, DVec3, Vec3A};
 use group::Group;
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2};
-use query::{Blocked, Closest, Found, PacketRay, Together};
+use packet::PacketRay;
+use query::{Blocked, Closest, Found, Together};
 use std::{sync::Arc, time::Duration};
 use tree::{Costs, Tree};
 

@@ -6,7 +6,6 @@
 //! tested for all rows that enter their leaf.
 
 use super::group::{Group, Met, NO_TRIANGLE};
-use super::query::PacketRay;
 use super::ray::{LEAST_COMPONENT, LENGTHENING, Octant};
 use super::tree::{Kind, Stack, Tree, farthest_first};
 use super::triangles::meet;
@@ -17,6 +16,22 @@ use lanes::{LANES, Lanes};
 pub const PACKET: usize = 64;
 
 pub(super) const ROWS: usize = PACKET / LANES;
+
+/// A ray of a packet.
+#[derive(Clone, Copy)]
+pub(super) struct PacketRay {
+    /// Index of the ray for the caller.
+    pub(super) index: usize,
+    pub(super) direction: Vec3A,
+    /// How far it goes, in lengths of its direction. Of triangles at just that distance, only those below the index `triangle`
+    /// count.
+    pub(super) limit: f32,
+    pub(super) triangle: u32,
+}
+
+impl PacketRay {
+    pub(super) const NONE: Self = Self { index: 0, direction: Vec3A::ZERO, limit: -1.0, triangle: 0 };
+}
 
 /// Eight rays side by side.
 #[derive(Clone, Copy)]

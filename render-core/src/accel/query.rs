@@ -1,7 +1,7 @@
 //! Rays through both levels: the tree over the groups, and in each the group's own.
 
 use super::group::{Group, Met, NO_TRIANGLE};
-use super::packet::{Entered, PACKET, Packet, Triangles, VisitTogether};
+use super::packet::{Entered, PACKET, Packet, PacketRay, Triangles, VisitTogether};
 use super::ray::{Direction, Octant};
 use super::tree::Visit;
 use super::{Accelerator, Placed};
@@ -124,21 +124,6 @@ impl Visit for AnyGroup<'_> {
 
 /// Fewer shadow rays than this go alone: to make a packet ready takes as long as some walks.
 const WORTH_A_PACKET: usize = 8;
-
-/// A ray of a packet.
-#[derive(Clone, Copy)]
-pub(super) struct PacketRay {
-    /// Index of the ray for the caller.
-    pub(super) index: usize,
-    pub(super) direction: Vec3A,
-    /// As far as it looks, and of triangles at just that distance only below this index.
-    pub(super) limit: f32,
-    pub(super) triangle: u32,
-}
-
-impl PacketRay {
-    pub(super) const NONE: Self = Self { index: 0, direction: Vec3A::ZERO, limit: -1.0, triangle: 0 };
-}
 
 /// Rays from one `origin` in scaled world space, at most [`PACKET`].
 ///

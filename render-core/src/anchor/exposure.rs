@@ -3,9 +3,8 @@
 //! Much of the area of a modeled scene is out of reach: the floor under a column, a wall behind its moulding, the outside
 //! of a shell. An anchor there would take its share of the energy that photons leave around it, and never give it back.
 
-use super::{Anchor, Anchors, Surfels};
-use crate::Units;
-use crate::accel::{Accelerator, Geometry};
+use super::{Anchor, Anchors};
+use crate::accel::Accelerator;
 use crate::sampling::{cosine_hemisphere, hash_unit, sobol_point};
 use crate::surface::Surfaces;
 use glam::Vec2;
@@ -16,9 +15,6 @@ use std::f32::consts::PI;
 const LOOKS: u64 = 32;
 /// A place is exposed if at least one in so many of them gets out.
 const ONE_IN: u64 = 8;
-/// A ray gets out if it goes at least this far, in units of the side of an anchor's share: it is nearer things that stand
-/// between an anchor and the neighbors it shares energy with.
-const NEAR: f32 = 0.1;
 
 /// How far light gets from a point, by cosine-distributed rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,37 +49,6 @@ impl Outlook {
     pub fn likelihood_of(&self, bin: usize) -> f32 {
         let about = &self.lengths[bin.saturating_sub(1)..(bin + 2).min(BINS)];
         about.iter().map(|&rays| f32::from(rays)).sum::<f32>() + UNLIKELY
-    }
-}
-
-impl Anchors {
-    /// As [`Anchors::spread`], over the exposed parts of what stands still: as many of the `fixed` anchors as can be, each
-    /// standing for the same share of them. Things that move cover nothing: where one stands now, light will fall later.
-    pub fn spread_exposed(
-        surfaces: &Surfaces,
-        geometry: &Geometry,
-        units: &Units,
-        fixed: usize,
-        dynamic: usize,
-    ) -> Self {
-        let accelerator = &geometry.place_still();
-        let spread = |fixed| {
-            let mut anchors = Self::without_surfels(surfaces, units, fixed, dynamic);
-            let eye = Eye::of(&anchors, surfaces, accelerator, NEAR);
-            let outlooks = eye.outlooks(&anchors.fixed);
-            let exposed: Vec<_> = anchors.fixed.iter().zip(outlooks).filter(|(_, outlook)| outlook.exposed).collect();
-            let (places, outlooks) = exposed.into_iter().map(|(anchor, outlook)| (*anchor, outlook)).unzip();
-            anchors.fixed = places;
-            (anchors, outlooks)
-        };
-        let mut first: (Self, Vec<Outlook>) = spread(fixed);
-        if first.0.fixed.len() != fixed && !first.0.fixed.is_empty() {
-            // The share that is exposed is known now: so many more anchors, and about the given number remains.
-            first = spread((fixed as f64 * fixed as f64 / first.0.fixed.len() as f64).round() as usize);
-        }
-        let (anchors, outlooks) = first;
-        let surfels = Surfels::of_exposed(&anchors, &outlooks, surfaces, accelerator, units);
-        Self { surfels, ..anchors }
     }
 }
 
