@@ -8,6 +8,7 @@
 //! # Differs from the paper
 //! * The size of the cells is a fixed share of the scene's, not a pixel's: a shadow ray knows of no pixel.
 
+use super::triangles::Owner;
 use crate::sampling::hash_unit;
 use crate::scene::{Alpha, Mesh, Pose, Scene, Texture, TextureSlot};
 use glam::{Vec2, Vec3, Vec3A};
@@ -37,7 +38,7 @@ struct Sheet {
 }
 
 impl CutOuts {
-    /// Looks for holes in all instances of `scene`; `None` if there is not one. `pose` tells how large things are.
+    /// Finds the holes in all instances of `scene`; `None` if there is not one. `pose` tells how large things are.
     pub(super) fn new(scene: &Scene, pose: &Pose, extent: f32) -> Option<Self> {
         let mut of_mesh: HashMap<usize, Option<Arc<Sheet>>> = HashMap::new();
         let sheets: Vec<Option<(Arc<Sheet>, f32)>> = (0..scene.instances.len())
@@ -63,9 +64,9 @@ impl CutOuts {
     }
 
     /// Whether the point of a triangle with barycentric weights `u` of the second and `v` of the third corner is there.
-    pub(super) fn opaque_at(&self, (instance, triangle): (u32, u32), u: f32, v: f32) -> bool {
-        let Some((sheet, cells)) = &self.sheets[instance as usize] else { return true };
-        sheet.opaque_at(triangle as usize, u, v, *cells)
+    pub(super) fn opaque_at(&self, owner: Owner, u: f32, v: f32) -> bool {
+        let Some((sheet, cells)) = &self.sheets[owner.instance as usize] else { return true };
+        sheet.opaque_at(owner.triangle as usize, u, v, *cells)
     }
 }
 

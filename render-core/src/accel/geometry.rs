@@ -3,6 +3,7 @@
 
 use super::cut_outs::CutOuts;
 use super::group::Group;
+use super::triangles::Owner;
 use super::{Accelerator, Placed};
 use crate::scene::{Mesh, Pose, Scene};
 use glam::{Affine3A, Vec3, Vec3A};
@@ -41,7 +42,7 @@ enum Part {
 #[derive(Default)]
 struct Soup {
     triangles: Vec<Triangle>,
-    owners: Vec<(u32, u32)>,
+    owners: Vec<Owner>,
 }
 
 impl Soup {
@@ -52,7 +53,7 @@ impl Soup {
             let area = (v1 - v0).cross(v2 - v0).length_squared();
             if area > 0.0 && area.is_finite() {
                 self.triangles.push(Triangle { v0, v1, v2 });
-                self.owners.push((instance as u32, t as u32));
+                self.owners.push(Owner { instance: instance as u32, triangle: t as u32 });
             }
         }
     }

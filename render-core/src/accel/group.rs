@@ -1,10 +1,9 @@
 //! A tree of triangles that move as one, and what a ray meets in it.
 
 use super::cut_outs::CutOuts;
-use super::ray::Direction;
+use super::ray::Ray;
 use super::tree::{Costs, Tree, Visit};
-use super::triangles::{BLOCK, Block, Leaf};
-use glam::Vec3A;
+use super::triangles::{BLOCK, Block, Leaf, Owner};
 use lanes::{LANES, Lanes};
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2_from_tris, triangle::Triangle};
 use std::{sync::Arc, time::Duration};
@@ -22,8 +21,8 @@ pub(super) struct Group {
     /// Its leaves are places in `blocks`, see [`Group::leaf`].
     pub(super) tree: Tree,
     pub(super) blocks: Vec<Block>,
-    /// (instance, triangle) of each triangle.
-    pub(super) owners: Vec<(u32, u32)>,
+    /// The place of each triangle in the scene.
+    pub(super) owners: Vec<Owner>,
     pub(super) bounds: Aabb,
     /// `None` if every triangle is there as a whole.
     pub(super) cut_outs: Option<Arc<CutOuts>>,
@@ -54,10 +53,10 @@ impl Met {
 pub(super) const NO_TRIANGLE: u32 = u32::MAX >> 1;
 
 impl Group {
-    /// Builds the tree. `owners` has (instance, triangle) for each of the `triangles`, all of them finite.
+    /// Builds the tree. `owners` are the places of the `triangles` in the scene, all of them finite.
     pub(super) fn new(
         triangles: &[Triangle],
-        owners: Vec<(u32, u32)>,
+        owners: Vec<Owner>,
         params: BvhBuildParams,
         cut_outs: Option<Arc<CutOuts>>,
     ) -> Self {
@@ -96,10 +95,10 @@ impl Group {
 
     /// The first triangle before `best`, holes passed through.
     #[inline(always)]
-    pub(super) fn closest<L: Lanes>(&self, lanes: L, origin: Vec3A, direction: &Direction, best: Met) -> Met {
+    pub(super) fn closest<L: Lanes>(&self, lanes: L, ray: &Ray, best: Met) -> Met {
         match &self.cut_outs {
-            None => self.closest_where(lanes, origin, direction, best, |_, _, _| true),
-            Some(cut_outs) => self.closest_where(lanes, origin, direction, best, |triangle, u, v| {
+            None => self.closest_where(lanes, ray, best, |_, _, _| true),
+            Some(cut_outs) => self.closest_where(lanes, ray, best, |triangle, u, v| {
                 cut_outs.opaque_at(self.owners[triangle as usize], u, v)
             }),
         }
@@ -107,10 +106,10 @@ impl Group {
 
     /// Whether any triangle is met before `limit`, holes passed through.
     #[inline(always)]
-    pub(super) fn blocks<L: Lanes>(&self, lanes: L, origin: Vec3A, direction: &Direction, limit: f32) -> bool {
+    pub(super) fn blocks<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32) -> bool {
         match &self.cut_outs {
-            None => self.blocks_where(lanes, origin, direction, limit, |_, _, _| true),
-            Some(cut_outs) => self.blocks_where(lanes, origin, direction, limit, |triangle, u, v| {
+            None => self.blocks_where(lanes, ray, limit, |_, _, _| true),
+            Some(cut_outs) => self.blocks_where(lanes, ray, limit, |triangle, u, v| {
                 cut_outs.opaque_at(self.owners[triangle as usize], u, v)
             }),
         }
@@ -118,39 +117,24 @@ impl Group {
 
     /// The first triangle before `best` that `accept` (index, u, v) lets count.
     #[inline(always)]
-    fn closest_where<L: Lanes>(
-        &self,
-        lanes: L,
-        origin: Vec3A,
-        direction: &Direction,
-        best: Met,
-        accept: impl Fn(u32, f32, f32) -> bool,
-    ) -> Met {
-        let mut visitor = ClosestOf { group: self, origin, direction, best, accept };
-        self.tree.walk(lanes, origin, direction, best.t, &mut visitor);
+    fn closest_where<L: Lanes>(&self, lanes: L, ray: &Ray, best: Met, accept: impl Fn(u32, f32, f32) -> bool) -> Met {
+        let mut visitor = ClosestOf { group: self, ray, best, accept };
+        self.tree.walk(lanes, ray, best.t, &mut visitor);
         visitor.best
     }
 
     /// Whether any triangle that `accept` (index, u, v) lets count is met before `limit`.
     #[inline(always)]
-    fn blocks_where<L: Lanes>(
-        &self,
-        lanes: L,
-        origin: Vec3A,
-        direction: &Direction,
-        limit: f32,
-        accept: impl Fn(u32, f32, f32) -> bool,
-    ) -> bool {
-        let mut visitor = AnyOf { group: self, origin, direction, accept, found: false };
-        self.tree.walk(lanes, origin, direction, limit, &mut visitor);
+    fn blocks_where<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32, accept: impl Fn(u32, f32, f32) -> bool) -> bool {
+        let mut visitor = AnyOf { group: self, ray, accept, found: false };
+        self.tree.walk(lanes, ray, limit, &mut visitor);
         visitor.found
     }
 }
 
 struct ClosestOf<'a, F> {
     group: &'a Group,
-    origin: Vec3A,
-    direction: &'a Direction,
+    ray: &'a Ray,
     best: Met,
     accept: F,
 }
@@ -159,7 +143,7 @@ impl<F: Fn(u32, f32, f32) -> bool> Visit for ClosestOf<'_, F> {
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32 {
         let leaf = self.group.leaf(content);
-        if let Some((mut bits, meeting)) = leaf.meet(lanes, self.origin, self.direction, (near, limit)) {
+        if let Some((mut bits, meeting)) = leaf.meet(lanes, self.ray, near, limit) {
             let (t, u, v) = (lanes.store(meeting.t), lanes.store(meeting.u), lanes.store(meeting.v));
             while bits != 0 {
                 let lane = bits.trailing_zeros() as usize & (LANES - 1);
@@ -177,8 +161,7 @@ impl<F: Fn(u32, f32, f32) -> bool> Visit for ClosestOf<'_, F> {
 
 struct AnyOf<'a, F> {
     group: &'a Group,
-    origin: Vec3A,
-    direction: &'a Direction,
+    ray: &'a Ray,
     accept: F,
     found: bool,
 }
@@ -187,7 +170,7 @@ impl<F: Fn(u32, f32, f32) -> bool> Visit for AnyOf<'_, F> {
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32 {
         let leaf = self.group.leaf(content);
-        if let Some((mut bits, meeting)) = leaf.meet(lanes, self.origin, self.direction, (near, limit)) {
+        if let Some((mut bits, meeting)) = leaf.meet(lanes, self.ray, near, limit) {
             let (u, v) = (lanes.store(meeting.u), lanes.store(meeting.v));
             while bits != 0 {
                 let lane = bits.trailing_zeros() as usize & (LANES - 1);

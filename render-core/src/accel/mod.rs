@@ -28,6 +28,7 @@ use packet::PacketRay;
 use query::{Blocked, Closest, Found, Together};
 use std::{sync::Arc, time::Duration};
 use tree::{Costs, Tree};
+use triangles::Owner;
 
 /// Where a ray meets a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -172,7 +173,7 @@ impl Accelerator {
     #[inline]
     fn hit(&self, Found { met, place }: Found) -> Option<Hit> {
         met.is_something().then(|| {
-            let (instance, triangle) = self.groups[place].group.owners[met.triangle as usize];
+            let Owner { instance, triangle } = self.groups[place].group.owners[met.triangle as usize];
             Hit { distance: met.t / self.scale, instance, triangle, u: met.u, v: met.v }
         })
     }
@@ -194,7 +195,7 @@ impl Accelerator {
                     let owner = placed.group.owners[index as usize];
                     let there = |cut_outs: &Arc<cut_outs::CutOuts>| cut_outs.opaque_at(owner, u as f32, v as f32);
                     if best.is_none_or(|(nearest, _)| t < nearest) && placed.group.cut_outs.as_ref().is_none_or(there) {
-                        let (instance, triangle) = owner;
+                        let Owner { instance, triangle } = owner;
                         let distance = (t / f64::from(self.scale)) as f32;
                         best = Some((t, Hit { distance, instance, triangle, u: u as f32, v: v as f32 }));
                     }

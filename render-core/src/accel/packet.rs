@@ -37,7 +37,7 @@ impl PacketRay {
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
 struct Row {
-    /// As in [`super::ray::Direction`].
+    /// As in [`super::ray::Ray`].
     inverse_near: [[f32; LANES]; 3],
     inverse_far: [[f32; LANES]; 3],
     shear: [[f32; LANES]; 2],
@@ -76,7 +76,7 @@ pub(super) struct Triangles<'a, const CLOSEST: bool>(pub(super) &'a Group);
 impl<const CLOSEST: bool> VisitTogether for Triangles<'_, CLOSEST> {
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered) {
-        if packet.meet_block::<L, CLOSEST>(lanes, self.0, (content, u32::MAX), entered) {
+        if packet.meet_block::<L, CLOSEST>(lanes, self.0, content, entered) {
             packet.measure(lanes);
         }
     }
@@ -256,22 +256,19 @@ impl Packet {
         }
     }
 
-    /// Holds `which` triangles of a leaf, as bits, against the rays that entered it; whether any ray's limit changed.
+    /// Holds the triangles of a leaf against the rays that entered it; whether any ray's limit changed.
     #[inline(always)]
     pub(super) fn meet_block<L: Lanes, const CLOSEST: bool>(
         &mut self,
         lanes: L,
         group: &Group,
-        (content, which): (u32, u32),
+        content: u32,
         entered: &Entered,
     ) -> bool {
         let leaf = group.leaf(content);
         let along = self.axes[2];
         let mut changed = false;
         for k in 0..leaf.count {
-            if which >> k & 1 == 0 {
-                continue;
-            }
             let (block, k) = leaf.place(k);
             let [x, y, z] = self.axes;
             let [a, b, c] = &block.corners;

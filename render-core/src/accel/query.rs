@@ -2,7 +2,7 @@
 
 use super::group::{Group, Met, NO_TRIANGLE};
 use super::packet::{Entered, PACKET, Packet, PacketRay, Triangles, VisitTogether};
-use super::ray::{Direction, Octant};
+use super::ray::{Octant, Ray};
 use super::tree::Visit;
 use super::{Accelerator, Placed};
 use glam::Vec3A;
@@ -48,13 +48,13 @@ impl Kernel for Closest<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> Found {
-        let Self { scene, origin, direction: along } = self;
-        let direction = Direction::new(along);
+        let Self { scene, origin, direction } = self;
+        let ray = Ray::new(origin, direction);
         if let Some(group) = scene.sole_group() {
-            return Found { met: group.closest(lanes, origin, &direction, Met::NOTHING), place: 0 };
+            return Found { met: group.closest(lanes, &ray, Met::NOTHING), place: 0 };
         }
-        let mut visitor = ClosestGroup { scene, origin, direction: along, found: Found::NOTHING };
-        scene.top.walk(lanes, origin, &direction, Met::NOTHING.t, &mut visitor);
+        let mut visitor = ClosestGroup { scene, origin, direction, found: Found::NOTHING };
+        scene.top.walk(lanes, &ray, Met::NOTHING.t, &mut visitor);
         visitor.found
     }
 }
@@ -73,7 +73,7 @@ impl Visit for ClosestGroup<'_> {
         let placed = &self.scene.groups[place];
         let (origin, direction) = placed.local(self.origin, self.direction);
         let to_beat = self.found.to_beat(place);
-        let met = placed.group.closest(lanes, origin, &Direction::new(direction), to_beat);
+        let met = placed.group.closest(lanes, &Ray::new(origin, direction), to_beat);
         if met != to_beat {
             self.found = Found { met, place };
         }
@@ -94,13 +94,13 @@ impl Kernel for Blocked<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> bool {
-        let Self { scene, origin, direction: along, limit } = self;
-        let direction = Direction::new(along);
+        let Self { scene, origin, direction, limit } = self;
+        let ray = Ray::new(origin, direction);
         if let Some(group) = scene.sole_group() {
-            return group.blocks(lanes, origin, &direction, limit);
+            return group.blocks(lanes, &ray, limit);
         }
-        let mut visitor = AnyGroup { scene, origin, direction: along, blocked: false };
-        scene.top.walk(lanes, origin, &direction, limit, &mut visitor);
+        let mut visitor = AnyGroup { scene, origin, direction, blocked: false };
+        scene.top.walk(lanes, &ray, limit, &mut visitor);
         visitor.blocked
     }
 }
@@ -117,7 +117,7 @@ impl Visit for AnyGroup<'_> {
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
         let placed = &self.scene.groups[content as usize];
         let (origin, direction) = placed.local(self.origin, self.direction);
-        self.blocked = placed.group.blocks(lanes, origin, &Direction::new(direction), limit);
+        self.blocked = placed.group.blocks(lanes, &Ray::new(origin, direction), limit);
         if self.blocked { -1.0 } else { limit }
     }
 }
@@ -239,16 +239,17 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
     }
 }
 
-/// What a ray of a packet meets in a group when it goes alone: the same.
+/// The triangle of a group that a ray of a packet meets when it goes alone: the same as in the packet.
 #[inline(always)]
 fn alone<L: Lanes, const CLOSEST: bool>(lanes: L, group: &Group, origin: Vec3A, ray: &PacketRay) -> Option<Met> {
-    let direction = Direction::new(ray.direction);
+    let PacketRay { limit, triangle, .. } = *ray;
+    let ray = Ray::new(origin, ray.direction);
     if CLOSEST {
-        let to_beat = Met { t: ray.limit, triangle: ray.triangle, ..Met::NOTHING };
-        let met = group.closest(lanes, origin, &direction, to_beat);
+        let to_beat = Met { t: limit, triangle, ..Met::NOTHING };
+        let met = group.closest(lanes, &ray, to_beat);
         (met != to_beat).then_some(met)
     } else {
-        group.blocks(lanes, origin, &direction, ray.limit).then_some(Met { t: -1.0, ..Met::NOTHING })
+        group.blocks(lanes, &ray, limit).then_some(Met { t: -1.0, ..Met::NOTHING })
     }
 }
 

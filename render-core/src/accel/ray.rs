@@ -1,4 +1,4 @@
-//! What a ray's direction comes to before the first box and the first triangle.
+//! Numbers of a ray that are computed once, before the first box and the first triangle.
 
 use glam::Vec3A;
 
@@ -59,8 +59,9 @@ impl Octant {
     }
 }
 
-/// A single ray's direction, made ready.
-pub(super) struct Direction {
+/// A single ray, made ready.
+pub(super) struct Ray {
+    pub(super) origin: Vec3A,
     /// 1 / component.
     pub(super) inverse_near: [f32; 3],
     /// The same times [`LENGTHENING`].
@@ -69,14 +70,14 @@ pub(super) struct Direction {
     pub(super) near_plane: [usize; 3],
     /// See [`Octant::axes`].
     pub(super) axes: [usize; 3],
-    /// What turns the direction into the last of `axes`, with length 1 (Woop, Benthin & Wald 2013): the slopes
+    /// Shear that turns the direction into the last of `axes`, with length 1 (Woop, Benthin & Wald 2013): the slopes
     /// of the first two axes over the last, and 1 / the last component.
     pub(super) shear: [f32; 3],
 }
 
-impl Direction {
+impl Ray {
     #[inline(always)]
-    pub(super) fn new(direction: Vec3A) -> Self {
+    pub(super) fn new(origin: Vec3A, direction: Vec3A) -> Self {
         let octant = Octant::of(direction);
         let components = direction.to_array();
         let inverse_near =
@@ -84,6 +85,7 @@ impl Direction {
         let axes = octant.axes();
         let along = inverse_near[axes[2]];
         Self {
+            origin,
             inverse_near,
             inverse_far: inverse_near.map(|x| x * LENGTHENING),
             near_plane: octant.near_planes(),

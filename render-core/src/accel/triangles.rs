@@ -1,11 +1,20 @@
 //! Triangles, four to a block, and their meeting with rays.
 
-use super::ray::Direction;
+use super::ray::Ray;
 use glam::Vec3A;
 use lanes::{LANES, Lanes};
 
 /// Triangles of a block.
 pub(super) const BLOCK: usize = LANES / 2;
+
+/// A triangle of the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Owner {
+    /// Index into [`crate::scene::Scene::instances`].
+    pub(super) instance: u32,
+    /// Index into the mesh's triangles.
+    pub(super) triangle: u32,
+}
 
 /// Half of what a leaf holds, which is what most hold: blocks of eight would be twice the memory for a ray to wait for.
 #[derive(Clone, Debug)]
@@ -57,7 +66,7 @@ pub(super) struct Meeting<L: Lanes> {
 
 /// The watertight test of Woop, Benthin & Wald (2013): no ray slips between triangles that share an edge or a corner.
 ///
-/// `corners` are relative to the ray's origin, in the order of [`Direction::axes`]; `shear` is [`Direction::shear`].
+/// `corners` are relative to the ray's origin, in the order of [`Ray::axes`]; `shear` is [`Ray::shear`].
 ///
 /// ```text
 /// A′ = (A_x − S_x A_z, A_y − S_y A_z)                        the ray becomes the origin of a plane
@@ -122,22 +131,16 @@ impl<'a> Leaf<'a> {
 
     /// Where one ray meets the leaf's triangles, at no less than `near` and at most `limit`: bits of the lanes that hold.
     #[inline(always)]
-    pub(super) fn meet<L: Lanes>(
-        &self,
-        lanes: L,
-        origin: Vec3A,
-        direction: &Direction,
-        (near, limit): (f32, f32),
-    ) -> Option<(u32, Meeting<L>)> {
-        let axes = direction.axes;
-        let from = origin.to_array();
+    pub(super) fn meet<L: Lanes>(&self, lanes: L, ray: &Ray, near: f32, limit: f32) -> Option<(u32, Meeting<L>)> {
+        let axes = ray.axes;
+        let from = ray.origin.to_array();
         let from = lanes.splat3([from[axes[0]], from[axes[1]], from[axes[2]]]);
         let corners = [
             lanes.sub3(self.column(lanes, 0, axes), from),
             lanes.sub3(self.column(lanes, 1, axes), from),
             lanes.sub3(self.column(lanes, 2, axes), from),
         ];
-        let mut meeting = meet(lanes, corners, lanes.splat3(direction.shear))?;
+        let mut meeting = meet(lanes, corners, lanes.splat3(ray.shear))?;
         let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
         meeting.t = lanes.max(meeting.t, lanes.splat(near));
         let bits = lanes.bits(lanes.and(ahead, lanes.le(meeting.t, lanes.splat(limit)))) & self.lanes();

@@ -13,8 +13,7 @@ mod build;
 
 pub(super) use build::Costs;
 
-use super::ray::Direction;
-use glam::Vec3A;
+use super::ray::Ray;
 use lanes::{LANES, Lanes};
 
 /// Eight boxes and what is in them.
@@ -133,24 +132,17 @@ impl Node {
 }
 
 impl Tree {
-    /// Takes the ray from `origin` to every leaf whose box it enters within `limit`, the nearer ones first.
+    /// Takes the ray to every leaf whose box it enters within `limit`, the nearer ones first.
     #[inline(always)]
-    pub(super) fn walk<L: Lanes>(
-        &self,
-        lanes: L,
-        origin: Vec3A,
-        direction: &Direction,
-        mut limit: f32,
-        visitor: &mut impl Visit,
-    ) {
-        let from = lanes.splat3(origin.to_array());
-        let inverse_near = lanes.splat3(direction.inverse_near);
-        let inverse_far = lanes.splat3(direction.inverse_far);
+    pub(super) fn walk<L: Lanes>(&self, lanes: L, ray: &Ray, mut limit: f32, visitor: &mut impl Visit) {
+        let from = lanes.splat3(ray.origin.to_array());
+        let inverse_near = lanes.splat3(ray.inverse_near);
+        let inverse_far = lanes.splat3(ray.inverse_far);
         let mut stack = Stack::<(u32, Child)>::new();
         let mut at = 0;
         loop {
             let node = &self.nodes[at];
-            let (near, far) = node.slabs(lanes, direction.near_plane);
+            let (near, far) = node.slabs(lanes, ray.near_plane);
             let near = lanes.greatest(lanes.mul3(lanes.sub3(near, from), inverse_near), lanes.splat(0.0));
             let far = lanes.least(lanes.mul3(lanes.sub3(far, from), inverse_far), lanes.splat(limit));
             let bits = lanes.bits(lanes.le(near, far));
