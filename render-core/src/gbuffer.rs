@@ -9,7 +9,6 @@ use crate::{Busy, PosedScene, Timed};
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
 use plane::{Correspondence, NO_MATCH, Plane};
 use rayon::prelude::*;
-pub(crate) use shown::shown;
 use std::sync::Arc;
 
 /// Side of the tiles that rays are shot in: an MPEG-2 macroblock.
@@ -41,6 +40,14 @@ pub struct PixelSurface {
     pub instance: u32,
     /// Index into the mesh's triangles.
     pub triangle: u32,
+}
+
+/// A ray from the camera.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CameraRay {
+    pub origin: Vec3A,
+    /// Unit vector.
+    pub direction: Vec3A,
 }
 
 /// One picture's worth of first hits.
@@ -79,9 +86,9 @@ impl GBuffer {
                         let places = packet_places()
                             .map(|(x, y)| (x0 + x, y0 + y))
                             .filter(|&(x, y)| x < columns && y < rows)
-                            .map(|(x, y)| (left + x, y));
-                        see_together(scene, view, (top, offset), places, |(x, y), pixel| {
-                            strip[y * width + x] = pixel;
+                            .map(|(x, y)| (left + x, top + y));
+                        see_together(scene, view, offset, places, |(x, y), pixel| {
+                            strip[(y - top) * width + x] = pixel;
                         });
                     }
                 }
@@ -139,12 +146,11 @@ fn packet_places() -> impl Iterator<Item = (usize, usize)> {
     (0..PACKET).map(|i| (i / 8 % 2 * 4 + i % 4, i / 16 * 2 + i / 4 % 2))
 }
 
-/// Traces the rays of a few pixels together, each `offset` from the corner of its pixel; their `y` counts from row `top` of
-/// the picture.
+/// Traces the rays of a few pixels together, each `offset` from the corner of its pixel.
 fn see_together(
     scene: PosedScene,
     view: &View,
-    (top, offset): (usize, Vec2),
+    offset: Vec2,
     places: impl Iterator<Item = (usize, usize)>,
     mut set: impl FnMut((usize, usize), PixelSurface),
 ) {
@@ -152,7 +158,7 @@ fn see_together(
     let (mut origins, mut directions) = ([Vec3A::ZERO; PACKET], [Vec3A::ZERO; PACKET]);
     for (x, y) in places {
         pixels[count] = (x, y);
-        (origins[count], directions[count]) = view.ray(Vec2::new(x as f32, (top + y) as f32) + offset);
+        (origins[count], directions[count]) = view.ray(Vec2::new(x as f32, y as f32) + offset);
         count += 1;
     }
     let mut hits = [None; PACKET];
@@ -166,14 +172,16 @@ fn see_together(
         }
     }
     for i in 0..count {
-        set(pixels[i], see(hits[i], (origins[i], directions[i]), scene, view));
+        let ray = CameraRay { origin: origins[i], direction: directions[i] };
+        set(pixels[i], see(hits[i], ray, scene, view));
     }
 }
 
-fn see(hit: Option<Hit>, (origin, direction): (Vec3A, Vec3A), scene: PosedScene, view: &View) -> PixelSurface {
+fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, view: &View) -> PixelSurface {
+    let CameraRay { origin, direction } = ray;
     let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);
     let width = |hit: &Hit| view.pixel_width(depth(hit));
-    let Some((hit, surface)) = hit.and_then(|hit| shown(scene, hit, (origin, direction), width)) else {
+    let Some((hit, surface)) = hit.and_then(|hit| ray.shown(scene, hit, width)) else {
         let sky = scene.surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
     };

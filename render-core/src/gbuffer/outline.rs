@@ -4,35 +4,40 @@
 //! equally far away, and rounding says which is first; of long triangles seen at a slant it says so within 1e-5 of the way.
 //! A pixel that took the far one would be lit from within the body: a black dot. A little farther in the two are apart.
 
+use super::CameraRay;
 use crate::PosedScene;
 use crate::accel::Hit;
 use crate::surface::Surface;
-use glam::Vec3A;
 
 /// How far in the two sides are taken to be apart, in pixels; nearer to its border a back may be seen by rounding alone.
 const INWARD: f32 = 0.1;
 
-/// The front that a ray should have met in place of `hit`, which is the back of `met`; `None` where that is no outline.
-/// `width` is that of a pixel there, metres.
-pub(super) fn front_beside(
-    PosedScene { accelerator, surfaces }: PosedScene,
-    (hit, met): (&Hit, &Surface),
-    (origin, direction): (Vec3A, Vec3A),
-    width: f32,
-) -> Option<(Hit, Surface)> {
-    let inward = INWARD * width;
-    let [a, b, c] = surfaces.corners(hit.instance as usize, hit.triangle as usize);
-    [[a, b, c], [b, c, a], [c, a, b]].into_iter().find_map(|[from, to, inner]| {
-        // Across the edge as the ray sees it, towards the third corner.
-        let across = direction.cross(to - from).try_normalize()?;
-        let across = if across.dot(inner - from) < 0.0 { -across } else { across };
-        if across.dot(met.position - from) > inward {
-            return None;
-        }
-        let hit = accelerator
-            .closest(origin + across * inward, direction)
-            .filter(|beside| beside.instance == hit.instance)?;
-        let surface = surfaces.at(&hit, direction, width);
-        surface.front.then_some((hit, surface))
-    })
+impl CameraRay {
+    /// The front that the ray should have met in place of `hit`, which is the back of `met`; `None` where that is no outline.
+    /// `width` is that of a pixel there, metres.
+    pub(super) fn front_beside(
+        self,
+        scene: PosedScene,
+        hit: &Hit,
+        met: &Surface,
+        width: f32,
+    ) -> Option<(Hit, Surface)> {
+        let Self { origin, direction } = self;
+        let PosedScene { accelerator, surfaces } = scene;
+        let inward = INWARD * width;
+        let [a, b, c] = surfaces.corners(hit.instance as usize, hit.triangle as usize);
+        [[a, b, c], [b, c, a], [c, a, b]].into_iter().find_map(|[from, to, inner]| {
+            // Across the edge as the ray sees it, towards the third corner.
+            let across = direction.cross(to - from).try_normalize()?;
+            let across = if across.dot(inner - from) < 0.0 { -across } else { across };
+            if across.dot(met.position - from) > inward {
+                return None;
+            }
+            let hit = accelerator
+                .closest(origin + across * inward, direction)
+                .filter(|beside| beside.instance == hit.instance)?;
+            let surface = surfaces.at(&hit, direction, width);
+            surface.front.then_some((hit, surface))
+        })
+    }
 }

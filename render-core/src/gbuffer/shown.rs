@@ -3,39 +3,35 @@
 //! glTF's materials are single-sided unless they say otherwise: their backs are not shown (glTF 2.0, 3.9.6), so that one looks
 //! into a room through its walls. Light meets them all the same: backs throw shadows and absorb.
 
-use super::outline::front_beside;
+use super::CameraRay;
 use crate::PosedScene;
 use crate::accel::Hit;
 use crate::surface::Surface;
-use glam::Vec3A;
 
 /// Backs that a ray goes through; a ray that meets more ends at nothing.
 const MOST_BACKS: usize = 256;
 /// Where a ray goes on behind a back, as a share of the way there: beyond the rounding of the hit.
 const BEHIND: f32 = 1e-5;
 
-/// What the ray from `origin` in the unit `direction` shows whose first hit is `hit`: the first front, or back of what is
-/// double-sided. `width` is that of a pixel at a hit, metres; 0 for sharp
-/// textures, and outlines as rays meet them.
-pub(crate) fn shown(
-    scene: PosedScene,
-    mut hit: Hit,
-    (origin, direction): (Vec3A, Vec3A),
-    width: impl Fn(&Hit) -> f32,
-) -> Option<(Hit, Surface)> {
-    for _ in 0..MOST_BACKS {
-        let width = width(&hit);
-        let surface = scene.surfaces.at(&hit, direction, width);
-        if surface.front {
-            return Some((hit, surface));
+impl CameraRay {
+    /// The surface that the ray shows whose first hit is `hit`: the first front, or the first back of a double-sided
+    /// surface. `width` is that of a pixel at a hit, metres; 0 for sharp textures, and outlines as rays meet them.
+    pub(crate) fn shown(self, scene: PosedScene, mut hit: Hit, width: impl Fn(&Hit) -> f32) -> Option<(Hit, Surface)> {
+        let Self { origin, direction } = self;
+        for _ in 0..MOST_BACKS {
+            let width = width(&hit);
+            let surface = scene.surfaces.at(&hit, direction, width);
+            if surface.front {
+                return Some((hit, surface));
+            }
+            let beside = self.front_beside(scene, &hit, &surface, width);
+            if beside.is_some() || surface.double_sided {
+                return beside.or(Some((hit, surface)));
+            }
+            let behind = hit.distance * (1.0 + BEHIND);
+            let next = scene.accelerator.closest(origin + direction * behind, direction)?;
+            hit = Hit { distance: behind + next.distance, ..next };
         }
-        let beside = front_beside(scene, (&hit, &surface), (origin, direction), width);
-        if beside.is_some() || surface.double_sided {
-            return beside.or(Some((hit, surface)));
-        }
-        let behind = hit.distance * (1.0 + BEHIND);
-        let next = scene.accelerator.closest(origin + direction * behind, direction)?;
-        hit = Hit { distance: behind + next.distance, ..next };
+        None
     }
-    None
 }

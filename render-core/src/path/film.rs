@@ -107,7 +107,7 @@ impl PathTracer<'_> {
                     let mut points = Points { key, index: i, dimension: 0 };
                     let place = points.next();
                     let place = corner + if sharp { place } else { Vec2::splat(0.5) };
-                    self.sample(view, place, sharp, options.max_bounces.unwrap_or(u32::MAX), &mut points).as_dvec3()
+                    self.sample(view, place, options, &mut points).as_dvec3()
                 })
                 .sum();
             (f64::from(size), sum)

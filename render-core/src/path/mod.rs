@@ -15,7 +15,7 @@ pub use film::{PathEstimate, PathOptions, PixelSampling};
 use crate::accel::Hit;
 use crate::bsdf::Bsdf;
 use crate::emitter::Emitters;
-use crate::gbuffer::shown;
+use crate::gbuffer::CameraRay;
 use crate::sampling::{frame, hash, owen_sobol_point};
 use crate::scene::View;
 use crate::surface::Surface;
@@ -115,8 +115,10 @@ impl<'a> PathTracer<'a> {
         Self { scene, lights: Lights::new(scene.surfaces, emitters, units.epsilon), epsilon: units.epsilon }
     }
 
-    /// Radiance \[W·m⁻²·sr⁻¹\] along one path of at most `max_bounces` reflections that starts at `pixel`.
-    fn sample(&self, view: &View, pixel: Vec2, sharp: bool, max_bounces: u32, points: &mut Points) -> Vec3 {
+    /// Radiance \[W·m⁻²·sr⁻¹\] along one path that starts at `pixel`.
+    fn sample(&self, view: &View, pixel: Vec2, options: &PathOptions, points: &mut Points) -> Vec3 {
+        let sharp = options.pixel == PixelSampling::Area;
+        let max_bounces = options.max_bounces.unwrap_or(u32::MAX);
         let (mut origin, mut direction) = view.ray(pixel);
         let (mut radiance, mut throughput) = (Vec3::ZERO, Vec3::ONE);
         // Density of the direction from the surface before; none at the camera, where light has no other way to be found.
@@ -127,7 +129,7 @@ impl<'a> PathTracer<'a> {
                 None => hit.and_then(|hit| {
                     let footprint = |hit: &Hit| self.footprint(view, origin + direction * hit.distance);
                     let width = |hit: &Hit| if sharp { 0.0 } else { footprint(hit) };
-                    shown(self.scene, hit, (origin, direction), width)
+                    CameraRay { origin, direction }.shown(self.scene, hit, width)
                 }),
                 Some(_) => hit.map(|hit| (hit, self.scene.surfaces.at(&hit, direction, 0.0))),
             };
