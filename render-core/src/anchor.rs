@@ -200,7 +200,7 @@ impl Patches {
     /// `count` points, evenly by area.
     fn spread(&self, count: usize, units: &Units) -> Vec<DynamicAnchor> {
         let point = |i: u64| {
-            let (patch, _, _) = self.choice.pick((i as f64 + 0.5) / count as f64);
+            let patch = self.choice.pick((i as f64 + 0.5) / count as f64).index;
             let (instance, t, front) = self.list[patch];
             let barycentric = triangle(Vec2::new(radical_inverse(2, i), radical_inverse(3, i)));
             DynamicAnchor { instance: instance as u32, triangle: t as u32, barycentric, front, offset: units.epsilon }

@@ -1,9 +1,9 @@
-//! What sends light out: surfaces, points, directions, the sky; as power, as photons, and as points to shade with.
+//! Emitters of light: surfaces, points, directions, the sky; as power, as photons, and as points to shade with.
 
 use crate::accel::Hit;
 use crate::polygon::Polygon;
 use crate::sampling::{
-    Distribution, concentric_disc, cosine_hemisphere, frame, halton, radical_inverse, sobol_point, triangle,
+    Distribution, Pick, concentric_disc, cosine_hemisphere, frame, halton, radical_inverse, sobol_point, triangle,
     uniform_sphere,
 };
 use crate::scene::{PunctualKind, PunctualLight, Scene, mesh_interpolate};
@@ -35,6 +35,19 @@ struct Patch {
     area: f32,
     /// Mean over the patch \[W·m⁻²·sr⁻¹\].
     emission: Vec3,
+}
+
+/// A point of a glowing surface, drawn at random.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LightPoint {
+    /// Index into the mesh's triangles.
+    pub triangle: usize,
+    /// Barycentric weight of the second corner.
+    pub u: f32,
+    /// Barycentric weight of the third corner.
+    pub v: f32,
+    /// Density over area with which it was drawn \[m⁻²\].
+    pub density: f32,
 }
 
 /// A point of a glowing surface that stands for a share of it.
@@ -203,12 +216,12 @@ impl PhotonSource<'_> {
     /// Photon `index` of `count`.
     pub fn emit(&self, surfaces: &Surfaces, seed: u64, index: u64, count: u64) -> EmittedPhoton {
         let u = |dimension| halton(seed, index, dimension);
-        let (light, probability, rest) = self.choice.pick(f64::from(u(0)));
+        let Pick { index: light, probability, rest } = self.choice.pick(f64::from(u(0)));
         let from_moving = self.emitters.moving.get(light).copied().unwrap_or(false);
         let share = 1.0 / (probability as f32 * count as f32);
         let (e, place, way) = (self.emitters, Vec2::new(u(1), u(2)), Vec2::new(u(3), u(4)));
         if let Some(area) = e.areas.get(light) {
-            let sample = area.sample(surfaces, rest, place, way.x, 0.0);
+            let sample = area.sample(surfaces, area.point(rest, place), way.x, 0.0);
             // The same number chose the side; what it has left over is as good as new.
             let way = if area.double_sided { Vec2::new((way.x * 2.0).fract(), way.y) } else { way };
             let direction = cosine_hemisphere(sample.normal.into(), way);
@@ -323,10 +336,10 @@ impl AreaLight {
         if self.double_sided { one_side * 2.0 } else { one_side }
     }
 
-    /// A point with density in proportion to emitted luminance, standing for the whole light. A texture is averaged over the
-    /// share `blur` of the light's area around it.
-    fn sample(&self, surfaces: &Surfaces, which: f64, place: Vec2, side: f32, blur: f32) -> AreaSample {
-        let (t, u, v, density) = self.point(which, place);
+    /// The sample at `point`, standing for the whole light. `side` (0…1) chooses one of two sides. A texture is averaged over
+    /// the share `blur` of the light's area around it.
+    fn sample(&self, surfaces: &Surfaces, point: LightPoint, side: f32, blur: f32) -> AreaSample {
+        let LightPoint { triangle: t, u, v, density } = point;
         let [a, b, c] = surfaces.corners(self.instance, t);
         let mirrored = if surfaces.world(self.instance).matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
         let sides = if self.double_sided { 2.0 } else { 1.0 };
@@ -359,20 +372,20 @@ impl AreaLight {
         self.patches.iter().map(polygon).collect()
     }
 
-    /// A point of the surface drawn about in proportion to emitted power: its triangle, the barycentric weights of the second and
-    /// third corner, and the density over area \[m⁻²\]. `which` chooses the piece, `place` the point on it.
-    pub(crate) fn point(&self, which: f64, place: Vec2) -> (usize, f32, f32, f32) {
-        let (index, probability, _) = self.choice.pick(which);
+    /// A point of the surface drawn about in proportion to emitted power. `which` chooses the piece, `place` the point on it.
+    pub(crate) fn point(&self, which: f64, place: Vec2) -> LightPoint {
+        let Pick { index, probability, .. } = self.choice.pick(which);
         let Patch { triangle: t, parallelogram, area, .. } = self.patches[index];
         let density = probability as f32 / area;
         if !parallelogram {
             let (u, v) = triangle(place);
-            return (t, u, v, density);
+            return LightPoint { triangle: t, u, v, density };
         }
         // Corner p, then `x` along the side from p to q and `y` along that from q to r: the triangles p q r and p r s
         // meet in the diagonal x = y.
         let Vec2 { x, y } = place;
-        if y <= x { (t, x - y, y, density) } else { (t + 1, x, y - x, density) }
+        let (triangle, u, v) = if y <= x { (t, x - y, y) } else { (t + 1, x, y - x) };
+        LightPoint { triangle, u, v, density }
     }
 
     /// For each triangle of the mesh, the density over area with which [`AreaLight::point`] draws from it \[m⁻²\].
@@ -418,8 +431,8 @@ impl AreaLight {
                 // Strata of power for the patch, in an order that has nothing to do with the place within it:
                 // any first few of the points are spread over the whole light.
                 let which = (f64::from(radical_inverse(3, i)) + 0.5 / count as f64).min(1.0);
-                let mut sample =
-                    self.sample(surfaces, which, sobol_point(i), radical_inverse(5, i), 1.0 / count as f32);
+                let point = self.point(which, sobol_point(i));
+                let mut sample = self.sample(surfaces, point, radical_inverse(5, i), 1.0 / count as f32);
                 sample.intensity /= count as f32;
                 sample.area /= count as f32;
                 sample

@@ -92,15 +92,15 @@ impl Environment {
 
     /// A unit vector towards the sky, drawn about in proportion to luminance, and its density \[sr⁻¹\]; `u` in the unit square.
     pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
-        let (row, row_share, v) = self.rows.pick(f64::from(u.y));
-        let columns = self.columns[row].as_ref().expect("only rows with light are picked");
-        let (column, column_share, w) = columns.pick(f64::from(u.x));
-        let (top, bottom) = (height(row, self.size[1]), height(row + 1, self.size[1]));
-        let y = top + (bottom - top) * v as f32;
-        let angle = TAU * (column as f32 + w as f32) / self.size[0] as f32;
+        let row = self.rows.pick(f64::from(u.y));
+        let columns = self.columns[row.index].as_ref().expect("only rows with light are picked");
+        let column = columns.pick(f64::from(u.x));
+        let (top, bottom) = (height(row.index, self.size[1]), height(row.index + 1, self.size[1]));
+        let y = top + (bottom - top) * row.rest as f32;
+        let angle = TAU * (column.index as f32 + column.rest as f32) / self.size[0] as f32;
         let sin = (1.0 - y * y).max(0.0).sqrt();
         let direction = self.to_world(Vec3::new(-sin * angle.sin(), y, sin * angle.cos()));
-        (direction, (row_share * column_share) as f32 / cell_solid_angle(self.size, row))
+        (direction, (row.probability * column.probability) as f32 / cell_solid_angle(self.size, row.index))
     }
 
     /// Density of [`Environment::sample`] \[sr⁻¹\].

@@ -139,6 +139,17 @@ pub fn triangle(u: Vec2) -> (f32, f32) {
     (root * (1.0 - u.y), root * u.y)
 }
 
+/// An index that a [`Distribution`] picked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pick {
+    /// The index.
+    pub index: usize,
+    /// Its probability.
+    pub probability: f64,
+    /// Position of the random number within the share of the index, 0…1: as good as a new one.
+    pub rest: f64,
+}
+
 /// Picks an index with probability in proportion to its weight.
 #[derive(Clone, Debug)]
 pub struct Distribution {
@@ -164,8 +175,8 @@ impl Distribution {
         *self.cumulative.last().expect("a distribution has weights")
     }
 
-    /// The index at `u` (0…1), its probability, and where within its share `u` lies, 0…1.
-    pub fn pick(&self, u: f64) -> (usize, f64, f64) {
+    /// Picks the index at `u` (0…1).
+    pub fn pick(&self, u: f64) -> Pick {
         let target = u * self.total();
         let mut index = self.cumulative.partition_point(|&c| c <= target).min(self.cumulative.len() - 1);
         // Rounding must never pick an entry of weight 0.
@@ -177,7 +188,8 @@ impl Distribution {
         }
         let before = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
         let share = self.share(index);
-        (index, share / self.total(), ((target - before) / share).clamp(0.0, 1.0))
+        let rest = ((target - before) / share).clamp(0.0, 1.0);
+        Pick { index, probability: share / self.total(), rest }
     }
 
     /// Probability of an index.
@@ -241,13 +253,13 @@ mod tests {
         let d = Distribution::new([1.0, 0.0, 3.0, f64::NAN, 4.0]).unwrap();
         let mut count = [0u32; 5];
         for i in 0..8000 {
-            let (index, probability, _) = d.pick((f64::from(i) + 0.5) / 8000.0);
+            let Pick { index, probability, .. } = d.pick((f64::from(i) + 0.5) / 8000.0);
             count[index] += 1;
             assert!((probability - [1.0, 0.0, 3.0, 0.0, 4.0][index] / 8.0).abs() < 1e-12);
         }
         assert_eq!(count, [1000, 0, 3000, 0, 4000]);
         assert!(Distribution::new([0.0, -1.0]).is_none());
-        assert_eq!(d.pick(1.0).0, 4);
+        assert_eq!(d.pick(1.0).index, 4);
     }
 
     #[test]

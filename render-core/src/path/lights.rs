@@ -2,13 +2,13 @@
 
 use super::{Points, Vertex, power_heuristic};
 use crate::accel::{Accelerator, Hit};
-use crate::emitter::{Emitters, PointLight};
-use crate::sampling::Distribution;
+use crate::emitter::{Emitters, LightPoint, PointLight};
+use crate::sampling::{Distribution, Pick};
 use crate::surface::{Surface, Surfaces};
 use crate::{PosedScene, luminance};
 use glam::{Vec3, Vec3A};
 
-/// What shines, ready to be sampled.
+/// All lights, ready to be sampled.
 pub(super) struct Lights<'a> {
     emitters: &'a Emitters,
     /// Among the glowing surfaces, by power.
@@ -74,11 +74,11 @@ impl<'a> Lights<'a> {
         points: &mut Points,
     ) -> Vec3 {
         let (which, place) = (points.next(), points.next());
-        let Some((light, share, rest)) = self.choice.as_ref().map(|choice| choice.pick(f64::from(which.x))) else {
+        let Some(pick) = self.choice.as_ref().map(|choice| choice.pick(f64::from(which.x))) else {
             return Vec3::ZERO;
         };
-        let light = &self.emitters.areas[light];
-        let (triangle, u, v, density) = light.point(rest, place);
+        let light = &self.emitters.areas[pick.index];
+        let LightPoint { triangle, u, v, density } = light.point(pick.rest, place);
         let [a, b, c] = surfaces.corners(light.instance, triangle);
         let way = a + (b - a) * u + (c - a) * v - vertex.position;
         let distance = way.length();
@@ -90,7 +90,7 @@ impl<'a> Lights<'a> {
         let hit = Hit { distance, instance: light.instance as u32, triangle: triangle as u32, u, v };
         let surface = surfaces.at(&hit, direction, 0.0);
         let cos = surface.geometric_normal.dot(direction).abs();
-        let pdf = share as f32 * density * distance * distance / cos;
+        let pdf = pick.probability as f32 * density * distance * distance / cos;
         if surface.emission == Vec3::ZERO || !pdf.is_finite() {
             return Vec3::ZERO;
         }
@@ -114,7 +114,7 @@ impl<'a> Lights<'a> {
         let Some(choice) = Distribution::new(lights.iter().map(|light| f64::from(luminance(unshadowed(light))))) else {
             return Vec3::ZERO;
         };
-        let (light, probability, _) = choice.pick(f64::from(which));
+        let Pick { index: light, probability, .. } = choice.pick(f64::from(which));
         if accelerator.occluded(vertex.position, lights[light].position) {
             return Vec3::ZERO;
         }
