@@ -96,11 +96,13 @@ struct Source {
     by_position: Vec3A,
 }
 
-/// Where a ray ended.
+/// The surface where a gather ray ended.
 struct Seen<'a> {
     surface: Interaction<'a>,
-    /// Length of its last segment \[m\].
+    /// Length of the last segment of the ray \[m\].
     distance: f32,
+    /// Share of the ray in the compensation, without its surfel.
+    source: Source,
 }
 
 impl Gathered {
@@ -216,10 +218,10 @@ impl FinalGather {
             if self.virtual_emitters[hit.instance as usize] {
                 found.emit(&surface, &source);
             }
-            let seen = Seen { surface, distance: hit.distance };
+            let seen = Seen { surface, distance: hit.distance, source };
             let mut random = (0..).map(|k| hash_unit(key, above, k));
-            let (seen, source) = self.gaps.follow(scene, (seen, source), &mut random, &mut found);
-            self.take(&seen, source, &mut found);
+            let seen = self.gaps.follow(scene, seen, &mut random, &mut found);
+            self.take(&seen, &mut found);
         }
         found.harmonic_mean = above as f32 / inverse_distances;
         found
@@ -250,8 +252,8 @@ impl FinalGather {
     }
 
     /// Notes the surfel that stands for the surface of `seen`.
-    fn take(&self, seen: &Seen, source: Source, found: &mut Gathered) {
-        let surface = &seen.surface;
+    fn take(&self, seen: &Seen, found: &mut Gathered) {
+        let Seen { surface, source, .. } = seen;
         if surface.is_back() {
             return;
         }
@@ -265,7 +267,7 @@ impl FinalGather {
             }
         });
         if nearest.1 > 0.0 {
-            found.sources.push(Source { surfel: (first + nearest.0) as u32, ..source });
+            found.sources.push(Source { surfel: (first + nearest.0) as u32, ..*source });
         }
     }
 

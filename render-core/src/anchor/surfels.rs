@@ -28,8 +28,8 @@ use std::sync::Arc;
 const PER_ANCHOR: f32 = 8.0;
 /// An anchor that lies deeper in a fold than a surfel that belongs to it shines at most this much more than that sends out.
 const MOST_RATIO: f32 = 2.0;
-/// How far a look has to go to get out of a surfel's own surroundings, in sides of an anchor's share: as for anchors, but
-/// for their finer share.
+/// Distance at which a ray has left the surroundings of a surfel, in sides of an anchor's share: as for anchors, but for the
+/// finer share of surfels.
 const NEAR: f32 = 0.03;
 
 /// The surfels of a scene.
@@ -65,7 +65,7 @@ impl Surfels {
     /// For the surfaces that `anchors` are spread over, all of them taken as open.
     pub fn of(anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
         let points = Self::points(surfaces, units, anchors.fixed.len(), anchors.area_share);
-        Self::assembled(anchors, points, &[], &[], surfaces, units)
+        Self::with_dynamic(Self::fixed(anchors, &points, &[], &[]), anchors, surfaces, units)
     }
 
     /// For the exposed parts of them; the `outlooks` are those of the fixed anchors.
@@ -81,7 +81,7 @@ impl Surfels {
         let seen = eye.outlooks(&points);
         let exposed = points.into_iter().zip(seen).filter(|(_, outlook)| outlook.exposed);
         let (points, seen): (Vec<Anchor>, Vec<Outlook>) = exposed.unzip();
-        Self::assembled(anchors, points, &seen, outlooks, surfaces, units)
+        Self::with_dynamic(Self::fixed(anchors, &points, &seen, outlooks), anchors, surfaces, units)
     }
 
     /// Points over all that stands still; none without anchors.
@@ -93,14 +93,8 @@ impl Surfels {
         patches.spread(count, units).iter().map(|point| point.in_world(surfaces)).collect()
     }
 
-    fn assembled(
-        anchors: &Anchors,
-        points: Vec<Anchor>,
-        seen: &[Outlook],
-        seen_by_anchors: &[Outlook],
-        surfaces: &Surfaces,
-        units: &Units,
-    ) -> Self {
+    /// Surfels at the fixed `points`, whose outlooks are `seen`; those of the anchors are `seen_by_anchors`.
+    fn fixed(anchors: &Anchors, points: &[Anchor], seen: &[Outlook], seen_by_anchors: &[Outlook]) -> SurfelMap {
         let grid = Grid::new(&anchors.fixed, &[], anchors.area_share);
         let openness = |outlooks: &[Outlook], i: usize| outlooks.get(i).map_or(1.0, |outlook| outlook.openness);
         let owner = |(j, point)| {
@@ -112,8 +106,11 @@ impl Surfels {
             Owner { anchor: anchor.map(|a| a as u32), share }
         };
         let owners = points.par_iter().enumerate().map(|(j, point)| owner((j, point))).collect();
-        let fixed = SurfelMap::new(&points, seen, owners, anchors.area_share / PER_ANCHOR, false);
+        SurfelMap::new(points, seen, owners, anchors.area_share / PER_ANCHOR, false)
+    }
 
+    /// The `fixed` surfels, and new ones on surfaces that move or bend.
+    fn with_dynamic(fixed: SurfelMap, anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
         let patches = Patches::of(surfaces, true).filter(|_| !anchors.dynamic.is_empty());
         let dynamic = patches
             .map_or(Vec::new(), |patches| patches.spread((PER_ANCHOR * anchors.dynamic.len() as f32) as usize, units));
@@ -127,7 +124,7 @@ impl Surfels {
         Self { fixed: Arc::new(fixed), dynamic, dynamic_area_share, dynamic_owners }
     }
 
-    /// Those of what moves, at the pose that `surfaces` has.
+    /// Surfels of moving surfaces, at the pose that `surfaces` has.
     pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
         let points: Vec<Anchor> = self.dynamic.iter().map(|point| point.in_world(surfaces)).collect();
         SurfelMap::new(&points, &[], self.dynamic_owners.clone(), self.dynamic_area_share, true)

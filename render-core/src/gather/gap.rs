@@ -11,7 +11,7 @@
 //! Whatever comes to y from beyond the gap, the surfels know; what comes from within it is found anew. Where radiance is the
 //! same everywhere, both are the same: ρ · (Lₑ + L) = L.
 
-use super::{Gathered, Seen, Source};
+use super::{Gathered, Seen};
 use crate::PosedScene;
 use crate::direct::Lamps;
 use crate::sampling::cosine_hemisphere;
@@ -31,17 +31,17 @@ pub(super) struct Gaps {
 }
 
 impl Gaps {
-    /// Follows a ray that ended at `seen` out of the gap that it is in: where it comes out, and what is left of its share.
+    /// Follows a ray that ended at `seen` out of the gap that it is in: where it comes out, with what is left of its share.
     /// What glows on the way is noted in `found`.
     pub fn follow<'a>(
         &self,
         PosedScene { accelerator, surfaces }: PosedScene<'a>,
-        (mut seen, mut source): (Seen<'a>, Source),
+        mut seen: Seen<'a>,
         random: &mut impl Iterator<Item = f32>,
         found: &mut Gathered,
-    ) -> (Seen<'a>, Source) {
+    ) -> Seen<'a> {
         for _ in 0..MOST_REFLECTIONS {
-            let Seen { surface, distance, .. } = &seen;
+            let Seen { surface, distance, source } = &mut seen;
             if *distance >= self.near || surface.is_back() {
                 break;
             }
@@ -59,9 +59,9 @@ impl Gaps {
             };
             source.share *= surface.albedo();
             let surface = surfaces.meet(&hit, direction, hit.distance);
-            found.emit(&surface, &source);
-            seen = Seen { surface, distance: hit.distance };
+            found.emit(&surface, source);
+            (seen.surface, seen.distance) = (surface, hit.distance);
         }
-        (seen, source)
+        seen
     }
 }
