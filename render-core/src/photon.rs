@@ -20,6 +20,7 @@ use glam::Vec3;
 use path::{LONGEST_PATH, Leg, Path, Walk};
 use quanta::{Left, Quantum, Sums};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Flux of the photons of one frame, by anchor and by surfel.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,110 +95,165 @@ impl Photons {
     /// Traces one frame. The same scene gives the same bits, for any number of threads and whatever was kept.
     pub fn trace(
         &mut self,
-        scene: PosedScene,
-        emitters: &Emitters,
-        anchors: &Anchors,
-        units: &Units,
-    ) -> Timed<AnchorFlux> {
-        Timed::of(|busy| self.traced(scene, emitters, anchors, units, busy))
-    }
-
-    fn traced(
-        &mut self,
         PosedScene { accelerator, surfaces }: PosedScene,
         emitters: &Emitters,
         anchors: &Anchors,
         units: &Units,
-        busy: &Busy,
-    ) -> AnchorFlux {
-        let dynamic = anchors.surfels.dynamic_in_world(surfaces);
-        let surfels: [&SurfelMap; 2] = [&anchors.surfels.fixed, &dynamic];
-        let empty = || Sums::new(surfels);
-        let started = || (empty(), Left::default());
-        let source = emitters.photons(surfaces.scene()).filter(|_| self.count > 0);
-        let Some(source) = source else { return empty().anchor_flux(Quantum::default(), 0, anchors, surfels) };
-        let quantum = Quantum::of(source.powers());
-        let walk = Walk {
-            accelerator,
-            surfaces,
-            source: &source,
-            moving: surfaces.scene().moving_instances(),
-            // An anchor sees its neighborhood blurred: so do the photons that feed it.
-            footprint: anchors.area_share.sqrt(),
-            epsilon: units.epsilon,
-            count: self.count,
-            seed: self.seed,
-            bounces: self.bounces,
-        };
-        let batches = (0..self.count.div_ceil(BATCH)).into_par_iter();
-        let batch = |batch: u64| batch * BATCH..((batch + 1) * BATCH).min(self.count);
+    ) -> Timed<AnchorFlux> {
+        Timed::of(|busy| {
+            let dynamic = anchors.surfels.dynamic_in_world(surfaces);
+            let surfels = [&anchors.surfels.fixed, &dynamic];
+            let source = emitters.photons(surfaces.scene()).filter(|_| self.count > 0);
+            let Some(source) = source else {
+                return Sums::new(surfels).anchor_flux(Quantum::default(), 0, anchors, surfels);
+            };
+            let walk = Walk {
+                accelerator,
+                surfaces,
+                source: &source,
+                moving: surfaces.scene().moving_instances(),
+                // An anchor sees its neighborhood blurred: so do the photons that feed it.
+                footprint: anchors.area_share.sqrt(),
+                epsilon: units.epsilon,
+                count: self.count,
+                seed: self.seed,
+                bounces: self.bounces,
+            };
+            let emission = Emission { walk, quantum: Quantum::of(source.powers()), surfels, busy };
+            let (sums, traced) = self.sums(&emission);
+            sums.anchor_flux(emission.quantum, traced, anchors, surfels)
+        })
+    }
 
+    /// Flux of all photons of a frame, and how many of them were traced for it.
+    fn sums(&mut self, emission: &Emission) -> (Sums, u64) {
+        let powers = emission.walk.source.powers();
         // With other powers photons start elsewhere: nothing that was kept holds.
-        if let Some(settled) = self.settled.as_ref().filter(|settled| settled.powers == source.powers()) {
-            let chunks = settled.others.par_chunks(BATCH as usize);
-            let fold = chunks.fold(started, |(mut sums, mut left), others| {
-                busy.measure(|| {
-                    let mut path = Path::default();
-                    for &other in others {
-                        match other {
-                            Other::Whole(index) => walk.follow(index, &mut path, |_| ()),
-                            Other::From(leg) => walk.follow_from(leg, &mut path, |_| ()),
-                        }
-                        sums.take(&path, quantum, &mut left, surfels);
-                    }
-                    sums.settle(&mut left, surfels, quantum);
-                });
-                (sums, left)
-            });
-            let sums = fold.map(|(sums, _)| sums).reduce(empty, Sums::plus).plus(settled.sums.clone());
-            return sums.anchor_flux(quantum, settled.others.len() as u64, anchors, surfels);
+        if let Some(settled) = self.settled.as_ref().filter(|settled| settled.powers == powers) {
+            let sums = emission.trace_others(&settled.others).plus(settled.sums.clone());
+            return (sums, settled.others.len() as u64);
         }
-        let Some(swept) = &self.swept else {
-            let fold = batches.fold(started, |(mut sums, mut left), place| {
-                busy.measure(|| {
-                    let mut path = Path::default();
-                    for index in batch(place) {
-                        walk.follow(index as u32, &mut path, |_| ());
-                        sums.take(&path, quantum, &mut left, surfels);
-                    }
-                    sums.settle(&mut left, surfels, quantum);
-                });
-                (sums, left)
-            });
-            return fold
-                .map(|(sums, _)| sums)
-                .reduce(empty, Sums::plus)
-                .anchor_flux(quantum, self.count, anchors, surfels);
-        };
+        let Some(swept) = &self.swept else { return (emission.trace_all(), self.count) };
         // The first frame with something to keep: photons that stay are summed apart from the others.
-        let apart = || (empty(), empty(), Vec::new());
-        let fold = batches.fold(apart, |(mut stay, mut change, mut others), place| {
-            busy.measure(|| {
+        let Parted { stay, change, others } = emission.trace_apart(swept);
+        let sums = stay.clone().plus(change);
+        self.settled = Some(Settled { powers: powers.to_vec(), sums: stay, others });
+        (sums, self.count)
+    }
+}
+
+/// The photons that the lights emit for one frame.
+struct Emission<'a> {
+    walk: Walk<'a>,
+    quantum: Quantum,
+    /// The fixed surfels, and the dynamic ones at the pose of the frame.
+    surfels: [&'a SurfelMap; 2],
+    busy: &'a Busy,
+}
+
+/// Flux of whole paths, apart from that of segments which moving things may change.
+struct Parted {
+    stay: Sums,
+    change: Sums,
+    /// Segments that `change` was traced from.
+    others: Vec<Other>,
+}
+
+impl Parted {
+    /// Both together.
+    fn plus(self, other: Self) -> Self {
+        Self {
+            stay: self.stay.plus(other.stay),
+            change: self.change.plus(other.change),
+            others: [self.others, other.others].concat(),
+        }
+    }
+}
+
+impl Emission<'_> {
+    fn no_sums(&self) -> Sums {
+        Sums::new(self.surfels)
+    }
+
+    /// Ranges of photons, one after the other.
+    fn batches(&self) -> impl ParallelIterator<Item = Range<u64>> {
+        let count = self.walk.count;
+        (0..count.div_ceil(BATCH)).into_par_iter().map(move |batch| batch * BATCH..((batch + 1) * BATCH).min(count))
+    }
+
+    fn take(&self, sums: &mut Sums, path: &Path, left: &mut Left) {
+        sums.take(path, self.quantum, left, self.surfels);
+    }
+
+    fn settle(&self, sums: &mut Sums, left: &mut Left) {
+        sums.settle(left, self.surfels, self.quantum);
+    }
+
+    /// Traces every photon whole.
+    fn trace_all(&self) -> Sums {
+        let started = || (self.no_sums(), Left::default());
+        let fold = self.batches().fold(started, |(mut sums, mut left), batch| {
+            self.busy.measure(|| {
+                let mut path = Path::default();
+                for index in batch {
+                    self.walk.follow(index as u32, &mut path, |_| ());
+                    self.take(&mut sums, &path, &mut left);
+                }
+                self.settle(&mut sums, &mut left);
+            });
+            (sums, left)
+        });
+        fold.map(|(sums, _)| sums).reduce(|| self.no_sums(), Sums::plus)
+    }
+
+    /// Traces the photons that moving things may meet, each from the segment where they first may.
+    fn trace_others(&self, others: &[Other]) -> Sums {
+        let started = || (self.no_sums(), Left::default());
+        let fold = others.par_chunks(BATCH as usize).fold(started, |(mut sums, mut left), others| {
+            self.busy.measure(|| {
+                let mut path = Path::default();
+                for &other in others {
+                    match other {
+                        Other::Whole(index) => self.walk.follow(index, &mut path, |_| ()),
+                        Other::From(leg) => self.walk.follow_from(leg, &mut path, |_| ()),
+                    }
+                    self.take(&mut sums, &path, &mut left);
+                }
+                self.settle(&mut sums, &mut left);
+            });
+            (sums, left)
+        });
+        fold.map(|(sums, _)| sums).reduce(|| self.no_sums(), Sums::plus)
+    }
+
+    /// Traces every photon, and parts its path where it first enters `swept`.
+    fn trace_apart(&self, swept: &SweptVolume) -> Parted {
+        let nothing = || Parted { stay: self.no_sums(), change: self.no_sums(), others: Vec::new() };
+        let fold = self.batches().fold(nothing, |mut parted, batch| {
+            let Parted { stay, change, others } = &mut parted;
+            self.busy.measure(|| {
                 let (mut left_to_stay, mut left_to_change) = (Left::default(), Left::default());
                 let (mut path, mut legs) = (Path::default(), Vec::new());
-                for index in batch(place) {
+                for index in batch {
                     let index = index as u32;
                     legs.clear();
-                    walk.follow(index, &mut path, |leg| legs.push(leg));
+                    self.walk.follow(index, &mut path, |leg| legs.push(leg));
                     if path.from_moving {
-                        change.take(&path, quantum, &mut left_to_change, surfels);
+                        self.take(change, &path, &mut left_to_change);
                         others.push(Other::Whole(index));
                         continue;
                     }
                     if let Some(segment) = path.first_met(&legs, swept) {
-                        change.take(&path.split_off(segment), quantum, &mut left_to_change, surfels);
+                        self.take(change, &path.split_off(segment), &mut left_to_change);
                         others.push(Other::From(legs[segment]));
                     }
-                    stay.take(&path, quantum, &mut left_to_stay, surfels);
+                    self.take(stay, &path, &mut left_to_stay);
                 }
-                change.settle(&mut left_to_change, surfels, quantum);
-                stay.settle(&mut left_to_stay, surfels, quantum);
+                self.settle(change, &mut left_to_change);
+                self.settle(stay, &mut left_to_stay);
             });
-            (stay, change, others)
+            parted
         });
-        let (stay, change, others) = fold.reduce(apart, |a, b| (a.0.plus(b.0), a.1.plus(b.1), [a.2, b.2].concat()));
-        let anchor_flux = stay.clone().plus(change).anchor_flux(quantum, self.count, anchors, surfels);
-        self.settled = Some(Settled { powers: source.powers().to_vec(), sums: stay, others });
-        anchor_flux
+        fold.reduce(nothing, Parted::plus)
     }
 }
