@@ -52,6 +52,14 @@ pub enum Method {
     },
 }
 
+/// A node that was drawn by importance: a leaf, or a node below which all is dark.
+#[derive(Clone, Copy, Debug)]
+struct Drawn {
+    node: usize,
+    /// Probability of drawing it.
+    probability: f64,
+}
+
 impl LightTree {
     /// Light reflected at a receiver, by the method of choice. [`Cut::size`] counts lights that stood for clusters;
     /// bounds are those of clusters where there are any.
@@ -125,9 +133,8 @@ impl LightTree {
         cut
     }
 
-    /// Goes down from a node by the number `draw` in 0 … 1, which is stretched again at each step: the node where the way
-    /// ends, a leaf or one below which all is dark, and the probability of getting there.
-    fn draw<R: Receiver>(&self, receiver: &R, node: usize, mut draw: f64, visited: &mut u32) -> (usize, f64) {
+    /// Goes down from a node by the number `draw` in 0 … 1, which is stretched again at each step.
+    fn draw<R: Receiver>(&self, receiver: &R, node: usize, mut draw: f64, visited: &mut u32) -> Drawn {
         let (mut index, mut probability) = (node, 1.0);
         while !self.nodes[index].is_leaf() {
             let first = self.nodes[index].children();
@@ -156,17 +163,18 @@ impl LightTree {
                 index = first + 1;
             }
         }
-        (index, probability)
+        Drawn { node: index, probability }
     }
 
     /// Radiance that the light of a drawn leaf stands for; zero where the way ended in the dark.
     fn share<R: Receiver>(
         &self,
         receiver: &R,
-        (node, probability): (usize, f64),
+        drawn: Drawn,
         visible: &mut impl FnMut(&Light, usize) -> bool,
         shadow_rays: &mut u32,
     ) -> DVec3 {
+        let Drawn { node, probability } = drawn;
         // Rounding may lead to a dark child after all, with probability zero.
         if !self.nodes[node].is_leaf() || probability == 0.0 {
             return DVec3::ZERO;
@@ -209,7 +217,7 @@ mod tests {
                 let (mut same, mut other) = (start, 1.0);
                 while (same + other) / 2.0 > same && (same + other) / 2.0 < other {
                     let middle = (same + other) / 2.0;
-                    if draw(middle).0 == drawn.0 { same = middle } else { other = middle }
+                    if draw(middle).node == drawn.node { same = middle } else { other = middle }
                 }
                 sum += (other - start) * self.share(receiver, drawn, &mut visible, &mut 0);
                 start = other;
