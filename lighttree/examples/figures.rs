@@ -144,11 +144,11 @@ fn errors(tree: &LightTree) -> [String; 2] {
         let (count, sum) = &mut found[((ratio / WIDTH + 30.0) as usize).min(59)];
         (*count, *sum) = (*count + 1, *sum + threshold);
     }
-    let centre = |k: usize| (k as f32 - 29.5) * WIDTH;
+    let center = |k: usize| (k as f32 - 29.5) * WIDTH;
     let bars = |value: &dyn Fn(u32, f32) -> f32| {
         [true, false].map(|inside| -> Vec<(f32, f32)> {
-            let of_kind = |k: &usize| (centre(*k).abs() < 1.0) == inside && found[*k].0 > 0;
-            (0..60).filter(of_kind).map(|k| (centre(k), value(found[k].0, found[k].1))).collect()
+            let of_kind = |k: &usize| (center(*k).abs() < 1.0) == inside && found[*k].0 > 0;
+            (0..60).filter(of_kind).map(|k| (center(k), value(found[k].0, found[k].1))).collect()
         })
     };
     let share = |count: u32| 100.0 * count as f32 / receivers.len() as f32;

@@ -24,7 +24,7 @@ const FRAMES: u32 = 50;
 const RADIUS: f32 = 40.0;
 
 /// Where the disc is in a frame \[pixels\].
-fn centre(frame: u32) -> [f32; 2] {
+fn center(frame: u32) -> [f32; 2] {
     let angle = frame as f32 * 0.12;
     [96.0 + 40.0 * angle.cos(), 64.0 + 20.0 * angle.sin()]
 }
@@ -51,7 +51,7 @@ impl Prepare for Motion {
         }
         let (width, height) = SIZE;
         let known = (frame > 0).then(|| {
-            let (now, then) = (centre(frame), centre(frame - 1));
+            let (now, then) = (center(frame), center(frame - 1));
             // Where the pixel's point was in the frame before, if it could be seen there.
             let before = |x: usize, y: usize| {
                 let here = [x as f32 + 0.5, y as f32 + 0.5];
@@ -88,7 +88,7 @@ impl Shade<u32> for Samples {
             loop {
                 // A Halton point of bases 2 and 3: the same for every pixel and frame.
                 let place = [x as f32 + radical_inverse(2, count as u32), y as f32 + radical_inverse(3, count as u32)];
-                let value = radiance(place, centre(frame));
+                let value = radiance(place, center(frame));
                 (sum, squares, count) = (sum + value, squares + value * value, count + 1.0);
                 let mean = sum / count;
                 let error = ((squares / count - mean * mean).max(0.0) / count).sqrt();

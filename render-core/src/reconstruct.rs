@@ -13,7 +13,7 @@ use rayon::prelude::*;
 const RADIUS: f32 = 1.5;
 
 /// Places of `count` samples in a pixel, from its upper left corner, in 0…1: one sample is the center, more are the
-/// first points of a (0, 2)-sequence, each in the middle of its cell. Powers of two are centred on the pixel.
+/// first points of a (0, 2)-sequence, each in the middle of its cell. Powers of two are centered on the pixel.
 pub fn sample_offsets(count: usize) -> Vec<Vec2> {
     let count = count.max(1);
     let half_cell = 0.5 / count.next_power_of_two() as f32;

@@ -7,7 +7,7 @@ use crate::shapes::{Frame, close_ends, sweep};
 
 /// Half of an arch, unit span and unit rise: the point and the derivative at an angle share.
 ///
-/// `point` is how far beyond the middle the arc's centre lies: 0 is a round arch, 1 an equilateral
+/// `point` is how far beyond the middle the arc's center lies: 0 is a round arch, 1 an equilateral
 /// pointed one.
 fn half_arch(point: f32, share: f32) -> (Vec2, Vec2) {
     let radius = 1.0 + point;
@@ -103,7 +103,7 @@ impl Plane {
 #[derive(Clone, Copy, Debug)]
 pub struct Opening {
     /// Position of its middle along the wall.
-    pub centre: f32,
+    pub center: f32,
     /// Half its width.
     pub half: f32,
     /// Height of its lower edge.
@@ -124,16 +124,16 @@ impl Opening {
     fn curve(&self, steps: usize) -> Vec<(Vec2, Vec2)> {
         let mut points = arch_points(self.half, natural_rise(self.half, self.point), self.point, steps);
         for (p, _) in &mut points {
-            *p += vec2(self.centre, self.spring);
+            *p += vec2(self.center, self.spring);
         }
         points
     }
 
     /// The inner faces of the opening, from the plane `depth` backwards.
     pub fn reveal(&self, mesh: &mut Mesh, plane: &Plane, depth: f32, steps: usize) {
-        let mut points = vec![(vec2(self.centre - self.half, self.sill), Vec2::X)];
+        let mut points = vec![(vec2(self.center - self.half, self.sill), Vec2::X)];
         if self.spring > self.sill {
-            points.push((vec2(self.centre - self.half, self.spring), Vec2::X));
+            points.push((vec2(self.center - self.half, self.spring), Vec2::X));
         }
         let curve = self.curve(steps);
         let mut frames = Vec::new();
@@ -144,10 +144,10 @@ impl Opening {
         };
         frames.extend(points.iter().map(frame));
         frames.extend(curve.iter().skip(if points.len() > 1 { 1 } else { 0 }).map(frame));
-        frames.push(frame(&(vec2(self.centre + self.half, self.sill), Vec2::NEG_X)));
+        frames.push(frame(&(vec2(self.center + self.half, self.sill), Vec2::NEG_X)));
         sweep(mesh, &frames, &[vec2(0.0, -depth), vec2(0.0, 0.0)]);
         if self.sill > 0.0 && self.spring > self.sill {
-            let (l, r) = (self.centre - self.half, self.centre + self.half);
+            let (l, r) = (self.center - self.half, self.center + self.half);
             mesh.quad_facing(
                 [
                     plane.at(l, self.sill, 0.0),
@@ -171,8 +171,8 @@ impl Opening {
     /// An [`archivolt`](Self::archivolt) with jambs: the band goes down to the sill.
     pub fn archivolt_with_jambs(&self, mesh: &mut Mesh, plane: &Plane, profile: &[Vec2], steps: usize) {
         let mut points = self.curve(steps);
-        points.insert(0, (vec2(self.centre - self.half, self.sill), Vec2::X));
-        points.push((vec2(self.centre + self.half, self.sill), Vec2::NEG_X));
+        points.insert(0, (vec2(self.center - self.half, self.sill), Vec2::X));
+        points.push((vec2(self.center + self.half, self.sill), Vec2::NEG_X));
         let frames: Vec<Frame> = points.iter().map(|point| edge_frame(plane, point)).collect();
         sweep(mesh, &frames, profile);
         close_ends(mesh, &frames, profile);
@@ -186,7 +186,7 @@ impl Opening {
         let corner = |x: f32, y: f32| Vertex {
             position: plane.at(x, y, -depth),
             normal: plane.out,
-            uv: uv((x - self.centre) / self.half, (y - self.sill) / height),
+            uv: uv((x - self.center) / self.half, (y - self.sill) / height),
         };
         let curve = self.curve(steps);
         for w in curve.windows(2) {
@@ -225,9 +225,9 @@ pub fn wall(mesh: &mut Mesh, plane: &Plane, [s, y]: [[f32; 2]; 2], openings: &[O
     };
     let mut from = s[0];
     for o in openings {
-        rectangle(from, o.centre - o.half, y[0], y[1]);
-        rectangle(o.centre - o.half, o.centre + o.half, y[0], o.sill);
-        from = o.centre + o.half;
+        rectangle(from, o.center - o.half, y[0], y[1]);
+        rectangle(o.center - o.half, o.center + o.half, y[0], o.sill);
+        from = o.center + o.half;
     }
     rectangle(from, s[1], y[0], y[1]);
     for o in openings {
@@ -241,16 +241,16 @@ pub fn wall(mesh: &mut Mesh, plane: &Plane, [s, y]: [[f32; 2]; 2], openings: &[O
 }
 
 /// Half a web of a groin vault, seen from below: level lines run outwards from the groin between
-/// `centre` and `corner` to the wall, whose middle is `middle` (x and z each).
-pub fn half_web(mesh: &mut Mesh, [centre, middle, corner]: [Vec2; 3], spring: f32, arch: (f32, f32), steps: usize) {
+/// `center` and `corner` to the wall, whose middle is `middle` (x and z each).
+pub fn half_web(mesh: &mut Mesh, [center, middle, corner]: [Vec2; 3], spring: f32, arch: (f32, f32), steps: usize) {
     let (rise, point) = arch;
-    let (out, side) = (middle - centre, corner - middle);
+    let (out, side) = (middle - center, corner - middle);
     let width = side.length();
     mesh.grid(steps, 1, |i, j| {
         let share = i as f32 / steps as f32;
         let (p, d) = half_arch(point, share);
         let along = if j == 0 { p.x } else { 1.0 };
-        let flat = centre + out * along + side * p.x;
+        let flat = center + out * along + side * p.x;
         let tangent = vec2(d.x * width, d.y * rise).normalize();
         let across = side / width * tangent.y;
         Vertex {
@@ -263,12 +263,12 @@ pub fn half_web(mesh: &mut Mesh, [centre, middle, corner]: [Vec2; 3], spring: f3
 
 /// A groin vault over the rectangle from `min` to `max` (x and z), seen from below.
 pub fn groin_vault(mesh: &mut Mesh, [min, max]: [Vec2; 2], spring: f32, arch: (f32, f32), steps: usize) {
-    let centre = (min + max) / 2.0;
+    let center = (min + max) / 2.0;
     let half = (max - min) / 2.0;
     for (u, v) in [(Vec2::X, Vec2::Y), (Vec2::Y, Vec2::X), (Vec2::NEG_X, Vec2::Y), (Vec2::NEG_Y, Vec2::X)] {
-        let middle = centre + u * half;
+        let middle = center + u * half;
         for sign in [-1.0, 1.0] {
-            half_web(mesh, [centre, middle, middle + v * half * sign], spring, arch, steps);
+            half_web(mesh, [center, middle, middle + v * half * sign], spring, arch, steps);
         }
     }
 }

@@ -43,9 +43,9 @@ fn at(x: f32, y: f32, z: f32) -> Vec3 {
 /// A block without its bottom about its own axis: the published corners of its top.
 fn block(corners: [[f32; 2]; 4], height: f32) -> (Mesh, Vec3) {
     let mut top = corners.map(|[x, z]| at(x, height, z));
-    let centre = top.iter().sum::<Vec3>() / 4.0;
-    let centre = vec3(centre.x, 0.0, centre.z);
-    top = top.map(|p| p - centre);
+    let center = top.iter().sum::<Vec3>() / 4.0;
+    let center = vec3(center.x, 0.0, center.z);
+    top = top.map(|p| p - center);
     let mut mesh = Mesh::new();
     mesh.quad_facing(top, Vec3::Y);
     for i in 0..4 {
@@ -53,7 +53,7 @@ fn block(corners: [[f32; 2]; 4], height: f32) -> (Mesh, Vec3) {
         let floor = |p: Vec3| vec3(p.x, 0.0, p.z);
         mesh.quad_facing([floor(a), floor(b), b, a], a + b - 2.0 * Vec3::Y * a.y);
     }
-    (mesh, centre)
+    (mesh, center)
 }
 
 /// A wall whose four corners need not lie in one plane exactly, divided so that the bend is even.

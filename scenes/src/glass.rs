@@ -90,8 +90,8 @@ pub fn medallions(size: usize, aspect: f32, seed: u32) -> Texture {
             for dy in -1..=1 {
                 for dx in -1..=1 {
                     let (cx, cy) = (q.x.floor() as i32 + dx, q.y.floor() as i32 + dy);
-                    let centre = vec2(cx as f32 + hash(cx, cy, seed), cy as f32 + hash(cx, cy, seed + 1));
-                    let d = q.distance(centre);
+                    let center = vec2(cx as f32 + hash(cx, cy, seed), cy as f32 + hash(cx, cy, seed + 1));
+                    let d = q.distance(center);
                     if d < best {
                         (second, best, id) = (best, d, hash(cx, cy, seed + 2));
                     } else if d < second {

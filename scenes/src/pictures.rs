@@ -51,8 +51,8 @@ pub fn abstract_picture(size: usize, seed: u32) -> Texture {
         for k in 0..9 {
             let key = |i: i32| hash(k, i, seed);
             let ink = inks[(k as usize + seed as usize) % 5];
-            let centre = vec2(mix(0.15, 0.85, key(1)), mix(0.15, 0.85, key(2)));
-            let p = vec2(u, v) - centre;
+            let center = vec2(mix(0.15, 0.85, key(1)), mix(0.15, 0.85, key(2)));
+            let p = vec2(u, v) - center;
             let inside = if k % 3 == 2 {
                 let (sin, cos) = (key(4) * TAU).sin_cos();
                 (p.x * cos + p.y * sin).abs() - mix(0.008, 0.03, key(3))

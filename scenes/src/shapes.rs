@@ -33,11 +33,11 @@ fn profile_normals(profile: &[Vec2]) -> Vec<[Vec2; 2]> {
 
 /// Points of an arc in a profile, both ends included; angles in degrees.
 #[must_use]
-pub fn arc(centre: Vec2, radius: f32, from: f32, to: f32, steps: usize) -> Vec<Vec2> {
+pub fn arc(center: Vec2, radius: f32, from: f32, to: f32, steps: usize) -> Vec<Vec2> {
     (0..=steps)
         .map(|i| {
             let a = (from + (to - from) * i as f32 / steps as f32).to_radians();
-            centre + radius * vec2(a.cos(), a.sin())
+            center + radius * vec2(a.cos(), a.sin())
         })
         .collect()
 }
@@ -54,9 +54,9 @@ pub fn chain(pieces: &[&[Vec2]]) -> Vec<Vec2> {
     out
 }
 
-/// A body turned about the vertical through `centre`; the profile is (radius, height), upwards.
+/// A body turned about the vertical through `center`; the profile is (radius, height), upwards.
 /// The texture goes round in `around` metres, best a whole number of repeats.
-pub fn lathe(mesh: &mut Mesh, centre: Vec3, profile: &[Vec2], segments: usize, around: f32) {
+pub fn lathe(mesh: &mut Mesh, center: Vec3, profile: &[Vec2], segments: usize, around: f32) {
     let normals = profile_normals(profile);
     let mut length = 0.0;
     for (w, n) in profile.windows(2).zip(&normals) {
@@ -65,7 +65,7 @@ pub fn lathe(mesh: &mut Mesh, centre: Vec3, profile: &[Vec2], segments: usize, a
             let (sin, cos) = (TAU * (i % segments) as f32 / segments as f32).sin_cos();
             let (p, m) = (w[j], n[j]);
             Vertex {
-                position: centre + vec3(p.x * cos, p.y, p.x * sin),
+                position: center + vec3(p.x * cos, p.y, p.x * sin),
                 normal: vec3(m.x * cos, m.y, m.x * sin),
                 uv: vec2(around * i as f32 / segments as f32, -(length + step * j as f32)),
             }
@@ -168,7 +168,7 @@ pub fn moulding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2
 
 /// A body of horizontal outline whose size follows a profile of (scale, height), upwards: bases,
 /// shafts and capitals of compound piers. The outline may run either way round the axis.
-pub fn loft(mesh: &mut Mesh, centre: Vec3, outline: &[Vec2], profile: &[Vec2]) {
+pub fn loft(mesh: &mut Mesh, center: Vec3, outline: &[Vec2], profile: &[Vec2]) {
     let n = outline.len();
     let edges: Vec<Vec2> = (0..n)
         .map(|i| {
@@ -191,7 +191,7 @@ pub fn loft(mesh: &mut Mesh, centre: Vec3, outline: &[Vec2], profile: &[Vec2]) {
                 let corner = corner * w[b].x;
                 let level = m[b].x.max(0.05);
                 Vertex {
-                    position: centre + vec3(corner.x, w[b].y, corner.y),
+                    position: center + vec3(corner.x, w[b].y, corner.y),
                     normal: vec3(normal.x * level, m[b].y, normal.y * level),
                     uv: vec2(around + width * a as f32, -(up + step * b as f32)),
                 }
@@ -204,14 +204,14 @@ pub fn loft(mesh: &mut Mesh, centre: Vec3, outline: &[Vec2], profile: &[Vec2]) {
 }
 
 /// A ball.
-pub fn ball(mesh: &mut Mesh, centre: Vec3, radius: f32, segments: usize) {
+pub fn ball(mesh: &mut Mesh, center: Vec3, radius: f32, segments: usize) {
     let profile: Vec<Vec2> = (0..=segments / 2)
         .map(|i| {
             let a = PI * (i as f32 / (segments / 2) as f32 - 0.5);
             radius * vec2(a.cos().max(0.0), a.sin())
         })
         .collect();
-    lathe(mesh, centre, &profile, segments, TAU * radius);
+    lathe(mesh, center, &profile, segments, TAU * radius);
 }
 
 /// A round bar from point to point, without its ends.
@@ -224,14 +224,14 @@ pub fn bar(mesh: &mut Mesh, a: Vec3, b: Vec3, radius: f32, segments: usize) {
 }
 
 /// A ring about `axis` of round section.
-pub fn ring(mesh: &mut Mesh, centre: Vec3, axis: Vec3, [radius, thickness]: [f32; 2], segments: usize) {
+pub fn ring(mesh: &mut Mesh, center: Vec3, axis: Vec3, [radius, thickness]: [f32; 2], segments: usize) {
     let x = axis.normalize().any_orthonormal_vector();
     let y = axis.normalize().cross(x);
     let frames: Vec<Frame> = (0..=segments)
         .map(|i| {
             let (sin, cos) = (TAU * (i % segments) as f32 / segments as f32).sin_cos();
             let out = x * cos + y * sin;
-            Frame { origin: centre + out * radius, x: out, y: axis.normalize() }
+            Frame { origin: center + out * radius, x: out, y: axis.normalize() }
         })
         .collect();
     sweep(mesh, &frames, &arc(Vec2::ZERO, thickness, 0.0, 360.0, 8));

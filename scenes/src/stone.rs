@@ -106,9 +106,9 @@ pub fn leaves(size: usize, mean: Vec3, seed: u32) -> Texture {
             for dx in -1..=1 {
                 let (x, y) = (cx + dx, cy + dy);
                 let key = |k: u32| hash(x.rem_euclid(N), y.rem_euclid(N), seed + k);
-                let centre = vec2(x as f32 + key(0), y as f32 + key(1));
+                let center = vec2(x as f32 + key(0), y as f32 + key(1));
                 let (sin, cos) = (key(2) * std::f32::consts::TAU).sin_cos();
-                let d: Vec2 = p - centre;
+                let d: Vec2 = p - center;
                 let d = vec2(d.x * cos + d.y * sin, (d.y * cos - d.x * sin) * 2.2);
                 let r = d.length();
                 if r < 0.85 && key(3) > top {

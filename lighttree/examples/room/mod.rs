@@ -59,10 +59,10 @@ pub fn room(count: usize) -> Vec<Light> {
 
 /// Does the ball leave the segment free?
 pub fn unblocked(from: Vec3, to: Vec3) -> bool {
-    let (centre, radius) = BALL;
+    let (center, radius) = BALL;
     let along = to - from;
-    let t = ((centre - from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
-    (from + along * t).distance_squared(centre) > radius * radius
+    let t = ((center - from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+    (from + along * t).distance_squared(center) > radius * radius
 }
 
 /// Points of the floor, in rows.

@@ -68,7 +68,7 @@ fn arches(model: &mut Model, stones: &Stones, side: &CourtSide) {
     let bay = side.half / side.bays as f32;
     let openings: Vec<Opening> = (0..2 * side.bays)
         .map(|i| Opening {
-            centre: -side.half + bay * (i as f32 + 0.5),
+            center: -side.half + bay * (i as f32 + 0.5),
             half: bay / 2.0 - 0.16,
             sill: SPRING,
             spring: SPRING,
@@ -103,7 +103,7 @@ fn back_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
     let bay = 2.0 * side.half / side.bays as f32;
     let doors: Vec<Opening> = (0..side.bays)
         .map(|i| Opening {
-            centre: -side.half + bay * (i as f32 + 0.5),
+            center: -side.half + bay * (i as f32 + 0.5),
             half: 0.5,
             sill: UPPER + 0.02,
             spring: UPPER + 2.1,

@@ -21,7 +21,7 @@ pub(super) fn arches(side: &CourtSide) -> Vec<Opening> {
     let bay = 2.0 * side.half / side.bays as f32;
     (0..side.bays)
         .map(|i| Opening {
-            centre: -side.half + bay * (i as f32 + 0.5),
+            center: -side.half + bay * (i as f32 + 0.5),
             half: bay / 2.0 - 0.29,
             sill: SPRING,
             spring: SPRING,
@@ -88,7 +88,7 @@ fn arcade(model: &mut Model, stones: &Stones, side: &CourtSide) {
         o.reveal(model.of(stones.trim), &side.plane, THICK, 10);
         o.archivolt(model.of(stones.trim), &side.plane, &archivolt(0.26, 0.07), 10);
         // A keystone that carries the string course.
-        let key = [[o.centre - 0.11, o.centre + 0.11], [o.crown() - 0.03, o.crown() + 0.42]];
+        let key = [[o.center - 0.11, o.center + 0.11], [o.crown() - 0.03, o.crown() + 0.42]];
         side.plane.block(model.of(stones.trim), key[0], key[1], [0.0, 0.10]);
         side.plane.block(
             model.of(stones.trim),
@@ -131,7 +131,7 @@ fn outer_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
     let doors: Vec<Opening> = (0..side.bays)
         .filter(|i| i % 3 == 1)
         .map(|i| Opening {
-            centre: -side.half + bay * (i as f32 + 0.5),
+            center: -side.half + bay * (i as f32 + 0.5),
             half: 0.62,
             sill: 0.0,
             spring: 2.0,
@@ -167,8 +167,8 @@ fn spans(doors: &[Opening], half: f32) -> Vec<[f32; 2]> {
     let mut out = Vec::new();
     let mut from = -half;
     for o in doors {
-        out.push([from, o.centre - o.half - 0.19]);
-        from = o.centre + o.half + 0.19;
+        out.push([from, o.center - o.half - 0.19]);
+        from = o.center + o.half + 0.19;
     }
     out.push([from, half]);
     out
@@ -179,13 +179,13 @@ fn door_leaves(model: &mut Model, stones: &Stones, side: &CourtSide, o: &Opening
     let mesh = model.of(stones.door);
     for sign in [-1.0, 1.0] {
         for (y0, y1) in [(0.14, 0.80), (0.92, 1.90)] {
-            let (a, b) = (o.centre + sign * 0.08, o.centre + sign * 0.52);
+            let (a, b) = (o.center + sign * 0.08, o.center + sign * 0.52);
             side.outer.block(mesh, [a.min(b), a.max(b)], [y0, y1], [-0.21, -0.165]);
-            let (a, b) = (o.centre + sign * 0.14, o.centre + sign * 0.46);
+            let (a, b) = (o.center + sign * 0.14, o.center + sign * 0.46);
             side.outer.block(mesh, [a.min(b), a.max(b)], [y0 + 0.06, y1 - 0.06], [-0.21, -0.15]);
         }
     }
-    side.outer.block(mesh, [o.centre - 0.025, o.centre + 0.025], [0.0, 2.55], [-0.21, -0.14]);
+    side.outer.block(mesh, [o.center - 0.025, o.center + 0.025], [0.0, 2.55], [-0.21, -0.14]);
 }
 
 fn corner_piers(model: &mut Model, stones: &Stones) {

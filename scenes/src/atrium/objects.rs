@@ -34,13 +34,13 @@ pub(super) fn drapes(scene: &mut Scene, cloths: &[MaterialId; 3], brass: Materia
         let o = super::ground::arches(side)[bay];
         let y = o.spring - 0.16;
         let edge = if half == 0 { -1.0 } else { 1.0 };
-        let a = side.plane.at(o.centre + edge * (o.half + 0.02), y, -0.25);
-        let b = side.plane.at(o.centre + edge * 0.06, y, -0.25);
+        let a = side.plane.at(o.center + edge * (o.half + 0.02), y, -0.25);
+        let b = side.plane.at(o.center + edge * 0.06, y, -0.25);
         let curtain = Curtain { a, b, drop: 2.95, folds: 6.0, depth: 0.05, gather: 0.62 };
         let color = cloths[[0, 0, 1, 1, 2, 2, 2, 0, 0, 1, 1][k]];
         curtain.add(model.of(color), 36, 9, k as u32);
         let (l, r) =
-            (side.plane.at(o.centre - o.half - 0.05, y, -0.25), side.plane.at(o.centre + o.half + 0.05, y, -0.25));
+            (side.plane.at(o.center - o.half - 0.05, y, -0.25), side.plane.at(o.center + o.half + 0.05, y, -0.25));
         if half == 0 || s == 3 {
             bar(model.of(brass), l, r, 0.016, 8);
         }
@@ -104,14 +104,14 @@ pub(super) fn fountain(scene: &mut Scene, stone: MaterialId, water: MaterialId, 
     lathe(model.of(stone), foot, &post, 16, 1.0);
     scene.show("fountain", model);
 
-    let centre = foot + vec3(0.0, 2.55, 0.0);
+    let center = foot + vec3(0.0, 2.55, 0.0);
     let mut outer = Model::new();
     bar(outer.of(bronze), vec3(0.0, -0.68, 0.0), vec3(0.0, 0.72, 0.0), 0.022, 8);
     ring(outer.of(bronze), Vec3::ZERO, Vec3::Z, [0.62, 0.028], 30);
     ring(outer.of(brass), Vec3::ZERO, vec3(0.0, 0.92, 0.39), [0.58, 0.035], 30);
     ball(outer.of(brass), vec3(0.0, 0.74, 0.0), 0.05, 12);
     let outer = scene.mesh("armillary", outer);
-    let outer = scene.node("armillary", Some(outer), centre, Quat::IDENTITY);
+    let outer = scene.node("armillary", Some(outer), center, Quat::IDENTITY);
     scene.animate(outer, rotation(DURATION, 6.0, |t| Quat::from_rotation_y(TAU * t / DURATION)));
     let mut inner = Model::new();
     ring(inner.of(bronze), Vec3::ZERO, Vec3::X, [0.50, 0.024], 28);
@@ -164,7 +164,7 @@ pub(super) fn pots(scene: &mut Scene, terracotta: MaterialId, hedge: MaterialId,
 }
 
 /// A ball of leaves, not quite even.
-fn bush(model: &mut Model, hedge: MaterialId, centre: Vec3, radius: f32, seed: u32) {
+fn bush(model: &mut Model, hedge: MaterialId, center: Vec3, radius: f32, seed: u32) {
     let p = seed as f32 * 1.9;
     model.of(hedge).surface(18, 10, vec2(TAU * radius, 3.1 * radius), |u, v| {
         let (sin, cos) = (TAU * u).sin_cos();
@@ -172,7 +172,7 @@ fn bush(model: &mut Model, hedge: MaterialId, centre: Vec3, radius: f32, seed: u
         let bump = 1.0
             + 0.03 * ((3.0 * TAU * u + p).sin() + (9.0 * v + p).sin()) * low
             + 0.02 * (8.0 * TAU * u + p).sin() * (17.0 * v).sin() * low;
-        centre + radius * bump * vec3(low * cos, -up, -low * sin)
+        center + radius * bump * vec3(low * cos, -up, -low * sin)
     });
 }
 
@@ -191,7 +191,7 @@ pub(super) fn lamps(scene: &mut Scene, bronze: MaterialId, brass: MaterialId) {
     let all = sides();
     for (k, &(s, bay)) in [(0, 2), (0, 5), (1, 3), (1, 6), (0, 3), (1, 4)].iter().enumerate() {
         let o = super::ground::arches(&all[s])[bay];
-        let hook = all[s].plane.at(o.centre, o.crown(), -0.25);
+        let hook = all[s].plane.at(o.center, o.crown(), -0.25);
         let node = scene.node("lamp", Some(lamp), hook, Quat::IDENTITY);
         if k < 2 {
             // A pendulum of about a metre: two seconds there and back.

@@ -179,7 +179,7 @@ pub(super) fn seats() -> Vec<(Vec3, f32)> {
 }
 
 /// A cushion: a box with rounded edges, `size` from end to end.
-fn cushion(mesh: &mut Mesh, centre: Vec3, size: Vec3, bend: impl Fn(Vec3) -> Vec3) {
+fn cushion(mesh: &mut Mesh, center: Vec3, size: Vec3, bend: impl Fn(Vec3) -> Vec3) {
     let (nu, nv) = (20, 10);
     // A superellipsoid: rounder than a box, flatter than a ball.
     let power = |x: f32, e: f32| x.signum() * x.abs().powf(e);
@@ -190,7 +190,7 @@ fn cushion(mesh: &mut Mesh, centre: Vec3, size: Vec3, bend: impl Fn(Vec3) -> Vec
             power(b.sin(), 0.4),
             -power(b.cos(), 0.4) * power(a.sin(), 0.35),
         );
-        centre + bend(p * size / 2.0)
+        center + bend(p * size / 2.0)
     });
 }
 

@@ -162,9 +162,9 @@ fn door_with_frame(room: &mut Model, f: &Finish, plane: &Plane, s: [f32; 2]) {
 /// Four windows with blinds half let down before the evening outside.
 fn window_wall(room: &mut Model, lamps: &mut Model, f: &Finish, plane: &Plane) {
     let (sill, head, half) = (DADO + 0.1, 2.75, 1.2);
-    let centres = [-5.15, -1.72, 1.72, 5.15];
+    let centers = [-5.15, -1.72, 1.72, 5.15];
     let mut from = -HALF[0];
-    for c in centres {
+    for c in centers {
         plane.rectangle(room.of(f.wall), [from, c - half], [DADO, CEILING], 0.0);
         plane.rectangle(room.of(f.wall), [c - half, c + half], [DADO, sill], 0.0);
         plane.rectangle(room.of(f.wall), [c - half, c + half], [head, CEILING], 0.0);

@@ -50,13 +50,13 @@ fn stretch(plane: &Plane, a: f32, b: f32) -> [f32; 2] {
 
 /// Sorts openings along their wall, as [`wall`] wants them.
 pub(super) fn sorted(mut openings: Vec<Opening>) -> Vec<Opening> {
-    openings.sort_by(|a, b| a.centre.total_cmp(&b.centre));
+    openings.sort_by(|a, b| a.center.total_cmp(&b.center));
     openings
 }
 
 fn arcade(plane: &Plane) -> Vec<Opening> {
     let one = |i: usize| Opening {
-        centre: along(plane, BAY * (i as f32 + 0.5)),
+        center: along(plane, BAY * (i as f32 + 0.5)),
         half: BAY / 2.0 - 0.55,
         sill: LOW_SPRING,
         spring: LOW_SPRING,
@@ -67,7 +67,7 @@ fn arcade(plane: &Plane) -> Vec<Opening> {
 
 fn blind_arcade(plane: &Plane, bays: usize) -> Vec<Opening> {
     let one = |i: usize| Opening {
-        centre: along(plane, BAY * (i / 4) as f32 + 1.0 + (i % 4) as f32),
+        center: along(plane, BAY * (i / 4) as f32 + 1.0 + (i % 4) as f32),
         half: 0.38,
         sill: 7.12,
         spring: 7.75,
@@ -261,9 +261,9 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
     let shaft =
         [vec2(0.085, 7.12), vec2(0.05, 7.18), vec2(0.045, 7.60), vec2(0.08, 7.70), vec2(0.08, 7.75), vec2(0.0, 7.75)];
     for w in blind.windows(2) {
-        let gap = w[1].centre - w[0].centre;
+        let gap = w[1].center - w[0].center;
         if gap < 1.2 {
-            let at = plane.at((w[0].centre + w[1].centre) / 2.0, 0.0, 0.0);
+            let at = plane.at((w[0].center + w[1].center) / 2.0, 0.0, 0.0);
             lathe(model.of(stones.trim), at, &shaft, 8, 0.3);
         }
     }
@@ -293,7 +293,7 @@ fn aisle_side(model: &mut Model, stones: &Stones, side: f32) {
 
 fn west_wall(model: &mut Model, stones: &Stones) {
     let plane = Plane { origin: Vec3::ZERO, along: Vec3::NEG_X, out: Vec3::NEG_Z };
-    let door = Opening { centre: 0.0, half: 1.1, sill: 0.0, spring: 2.6, point: 0.7 };
+    let door = Opening { center: 0.0, half: 1.1, sill: 0.0, spring: 2.6, point: 0.7 };
     wall(model.of(stones.ashlar), &plane, [[-AISLE, AISLE], [0.0, AISLE_TOP]], &[door], 10);
     wall(model.of(stones.ashlar), &plane, [[-NAVE, NAVE], [AISLE_TOP, TOP]], &[], 1);
     door.reveal(model.of(stones.trim), &plane, 0.4, 10);

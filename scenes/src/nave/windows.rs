@@ -18,7 +18,7 @@ const DEPTH: f32 = 0.42;
 /// The high windows of one side, the chancel's among them.
 pub(super) fn clerestory_windows(plane: &Plane) -> Vec<Opening> {
     let one = |i: usize| Opening {
-        centre: along(plane, BAY * (i as f32 + 0.5)),
+        center: along(plane, BAY * (i as f32 + 0.5)),
         half: 1.3,
         sill: 8.95,
         spring: 11.2,
@@ -30,7 +30,7 @@ pub(super) fn clerestory_windows(plane: &Plane) -> Vec<Opening> {
 /// The windows of one aisle.
 pub(super) fn aisle_windows(plane: &Plane) -> Vec<Opening> {
     let one = |i: usize| Opening {
-        centre: along(plane, BAY * (i as f32 + 0.5)),
+        center: along(plane, BAY * (i as f32 + 0.5)),
         half: 1.1,
         sill: 1.95,
         spring: 4.0,
@@ -41,7 +41,7 @@ pub(super) fn aisle_windows(plane: &Plane) -> Vec<Opening> {
 
 /// The window of each wall of the apse.
 pub(super) fn apse_window() -> Opening {
-    Opening { centre: NAVE / 2.0, half: 1.25, sill: 3.2, spring: 9.3, point: 0.8 }
+    Opening { center: NAVE / 2.0, half: 1.25, sill: 3.2, spring: 9.3, point: 0.8 }
 }
 
 /// Adds all windows.
@@ -75,27 +75,27 @@ fn window(glass: &mut Mesh, tracery: &mut Model, stones: &Stones, plane: &Plane,
     let stone = tracery.of(stones.trim);
     let (w, d) = (0.055, 0.07);
     let mullion = [vec2(w, -d), vec2(w, 0.0), vec2(0.4 * w, d), vec2(-0.4 * w, d), vec2(-w, 0.0), vec2(-w, -d)];
-    let upright = |y: f32| Frame { origin: face.at(o.centre, y, 0.0), x: -face.along, y: face.out };
+    let upright = |y: f32| Frame { origin: face.at(o.center, y, 0.0), x: -face.along, y: face.out };
     let low = o.spring - 0.1 * o.half;
     sweep(stone, &[upright(low + 0.55 * o.half), upright(o.sill)], &mullion);
     let edge = [vec2(0.05, -d), vec2(0.05, 0.0), vec2(0.02, d), vec2(-0.02, d), vec2(-0.05, 0.0), vec2(-0.05, -d)];
     for sign in [-1.0, 1.0] {
-        let light = Opening { centre: o.centre + sign * o.half / 2.0, half: o.half / 2.0, spring: low, ..*o };
+        let light = Opening { center: o.center + sign * o.half / 2.0, half: o.half / 2.0, spring: low, ..*o };
         light.archivolt(stone, &face, &edge, 7);
     }
-    let head = face.at(o.centre, o.spring + 0.80 * o.half, 0.0);
+    let head = face.at(o.center, o.spring + 0.80 * o.half, 0.0);
     ring(stone, head, face.out, [0.36 * o.half, 0.05], 18);
 }
 
 /// The round window above the west door, set on the wall in a heavy ring.
 fn rose_window(glass: &mut Model, tracery: &mut Model, stones: &Stones) {
-    let (centre, radius) = (vec3(0.0, 10.9, -0.03), 2.3);
+    let (center, radius) = (vec3(0.0, 10.9, -0.03), 2.3);
     let rim = |i: usize| {
         let (sin, cos) = (TAU * (i % 32) as f32 / 32.0).sin_cos();
-        (centre + radius * Vec3::new(cos, sin, 0.0), vec2(0.5 + 0.5 * cos, 0.5 - 0.5 * sin))
+        (center + radius * Vec3::new(cos, sin, 0.0), vec2(0.5 + 0.5 * cos, 0.5 - 0.5 * sin))
     };
     let mesh = glass.of(stones.rose_glass);
-    let middle = mesh.vertex(centre, Vec3::NEG_Z, vec2(0.5, 0.5));
+    let middle = mesh.vertex(center, Vec3::NEG_Z, vec2(0.5, 0.5));
     for i in 0..32 {
         let [a, b] = [i, i + 1].map(|k| {
             let (p, uv) = rim(k);
@@ -104,13 +104,13 @@ fn rose_window(glass: &mut Model, tracery: &mut Model, stones: &Stones) {
         mesh.face(middle, a, b);
     }
     for (r, t) in [(radius, 0.12), (radius + 0.25, 0.08), (radius * 0.5, 0.06), (radius * 0.25, 0.05)] {
-        ring(tracery.of(stones.trim), centre, Vec3::Z, [r, t], 32);
+        ring(tracery.of(stones.trim), center, Vec3::Z, [r, t], 32);
     }
     let section = arc(glam::Vec2::ZERO, 0.05, 0.0, 360.0, 6);
     for i in 0..12 {
         let (sin, cos) = (TAU * i as f32 / 12.0).sin_cos();
         let out = Vec3::new(cos, sin, 0.0);
-        let frame = |r: f32| Frame { origin: centre + out * r, x: Vec3::Z, y: out.cross(Vec3::Z) };
+        let frame = |r: f32| Frame { origin: center + out * r, x: Vec3::Z, y: out.cross(Vec3::Z) };
         sweep(tracery.of(stones.trim), &[frame(radius * 0.25), frame(radius)], &section);
     }
 }

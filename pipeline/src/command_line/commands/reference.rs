@@ -31,9 +31,9 @@ pub struct Reference {
     /// Most reflections of a path: 0 shows what glows, 1 direct light [default: all]
     #[arg(long, value_name = "N")]
     bounces: Option<u32>,
-    /// Start all paths at the centres of the pixels, as films are rendered, and not all over them
-    #[arg(long)]
-    centre: bool,
+    /// Start all paths at the centers of the pixels, as films are rendered, and not all over them
+    #[arg(long, alias = "centre")]
+    center: bool,
     /// Of the picture, in pixels [default: 512x512]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
@@ -66,7 +66,7 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
         method,
         spp,
         bounces,
-        centre,
+        center,
         size,
         seed,
         vpls,
@@ -83,7 +83,7 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     let picture = match method {
         Method::AllLights => reference::by_all_lights(&scene, &settings, frame),
         Method::Path => {
-            let pixel = if centre { PixelSampling::Center } else { PixelSampling::Area };
+            let pixel = if center { PixelSampling::Center } else { PixelSampling::Area };
             let options = PathOptions { samples: spp, seed: settings.seed, max_bounces: bounces, pixel };
             let bar = progress::of_work(quiet);
             let picture = reference::by_paths(&scene, &settings, frame, &options, |done, all| {

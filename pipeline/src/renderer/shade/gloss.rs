@@ -100,7 +100,7 @@ pub(super) fn light(prepared: &Frame, seen: &GBuffer, busy: &Busy) -> (Plane<Vec
 
 /// The share of a pixel in the `sparks` of the coats around it on the same instance.
 fn spread_sparks(sparks: &Plane<Vec3>, seen: &GBuffer, x: usize, y: usize) -> Vec3 {
-    let around = |centre: usize, end: usize| centre.saturating_sub(SPREAD)..(centre + SPREAD + 1).min(end);
+    let around = |center: usize, end: usize| center.saturating_sub(SPREAD)..(center + SPREAD + 1).min(end);
     let (columns, rows) = (around(x, sparks.width()), around(y, sparks.height()));
     let instance = seen.pixels.get(x, y).instance;
     let is_coat = |pixel: &PixelSurface| pixel.instance == instance && pixel.specular != [0.0; 3];
