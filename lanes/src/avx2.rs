@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 pub(crate) struct Avx2(());
 
 impl Avx2 {
-    /// Asks the processor at the first call.
+    /// Queries the processor at the first call.
     #[inline(always)]
     pub(crate) fn detect() -> Option<Self> {
         const UNKNOWN: u8 = 0;

@@ -1,6 +1,6 @@
 //! Sixteen samples at a time, and differences of theirs.
 //!
-//! On x86-64 these are the instructions that every such processor has, elsewhere plain loops. No processor has to be asked
+//! On x86-64 these are the instructions that every such processor has, elsewhere plain loops. No processor has to be queried
 //! first, so all of this is inlined where it is used.
 //!
 //! A compiler finds neither sums of differences of bytes nor transpositions in loops: with them, plain differences at half

@@ -1,4 +1,4 @@
-//! What a thousand frames of moving light do to a tree: a spot circles over walls of 10 000 lights, and cuts in the
+//! Cost of a tree over a thousand frames of moving light: a spot circles over walls of 10 000 lights, and cuts in the
 //! tree of the first frame, never rebuilt, are compared with cuts in a new one. Beside it the growth of the tree's cost.
 //!
 //! `cargo run --release -p lighttree --example drift`

@@ -146,7 +146,7 @@ fn peak_memory() -> u64 {
     line.split_whitespace().next().and_then(|number| number.parse::<u64>().ok()).unwrap_or(0) / 1024
 }
 
-/// What anybody would write who has no tree.
+/// The sum over all lights, as written without a tree.
 fn plain_loop(lights: &[Light], geometry_term_bound: f32, receiver: &Lambert) -> Vec3 {
     let mut radiance = Vec3::ZERO;
     for light in lights {

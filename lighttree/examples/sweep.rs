@@ -17,7 +17,7 @@ const LIGHTS: usize = 100_000;
 /// Times are the least of so many.
 const REPEATS: usize = 5;
 
-/// What it is called, and the method for a stream of random numbers.
+/// Name of a method, and the method for a stream of random numbers.
 type Setting = (String, Box<dyn Fn(u64) -> Method>);
 
 /// A method, and its colour in the diagram.

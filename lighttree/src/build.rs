@@ -209,9 +209,9 @@ fn is_directional(light: &Light) -> bool {
 /// The constants of the costs of both trees.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Metrics {
-    /// Of lights that have a place.
+    /// Metric of lights that have a place.
     pub points: Metric,
-    /// Of directional lights, on the unit sphere.
+    /// Metric of directional lights, on the unit sphere.
     pub directions: Metric,
     /// Square of the distance in the scene that a distance of 1 on the unit sphere counts as \[m²\].
     unit_length2: f32,

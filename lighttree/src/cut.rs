@@ -62,7 +62,7 @@ pub struct Cut {
     pub largest_bound: f32,
     /// Sum of all error bounds: the luminance of `radiance` is at most this far from the sum over every light.
     pub total_bound: f32,
-    /// Nodes that were looked at, for a bound or an estimate.
+    /// Nodes that were visited, for a bound or an estimate.
     pub nodes_visited: u32,
 }
 

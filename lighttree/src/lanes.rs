@@ -121,7 +121,7 @@ impl Real for Vec4 {
 #[repr(C, align(32))]
 pub(crate) struct Eight(pub [Vec4; 2]);
 
-/// What computes with [`Eight`]: all of them at once, or four by four.
+/// A type of numbers to compute with [`Eight`]: all of them at once, or four by four.
 pub(crate) trait PartOfEight: Real {
     /// How many fours it holds.
     const FOURS: usize;
@@ -328,7 +328,7 @@ impl Vector3<Vec4> {
         Self { x: of(|v| v.x), y: of(|v| v.y), z: of(|v| v.z) }
     }
 
-    /// The four vectors, each with the sum of its coordinates behind it: of what is not negative, zero only for zero.
+    /// The four vectors, each with the sum of its coordinates after it: zero only for zero where none is negative.
     #[inline(always)]
     pub(crate) fn rows(self) -> [Vec4; 4] {
         let m = Mat4::from_cols(self.x, self.y, self.z, self.x + self.y + self.z).transpose();

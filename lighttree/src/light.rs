@@ -123,7 +123,7 @@ pub(crate) struct StoredSite {
 }
 
 impl StoredSite {
-    /// Of no light.
+    /// The site of no light.
     pub const NOWHERE: Self = Self { position: Vec3::ZERO, kind: -1.0, axis: Vec3::Z, delay: 0.0 };
 
     pub fn new(light: &Light) -> Self {
@@ -180,7 +180,7 @@ pub(crate) fn unshadowed<F: Real, R: Receiver>(
     unshadowed_of::<false, F, R>(receiver, position, site, geometry_term_bound)
 }
 
-/// [`unshadowed`], to the same bits, of lights that are known to be `Cosine` if `COSINE`: their kind is not looked at.
+/// [`unshadowed`], to the same bits, of lights that are known to be `Cosine` if `COSINE`: their kind is not read.
 #[inline(always)]
 pub(crate) fn unshadowed_of<const COSINE: bool, F: Real, R: Receiver>(
     receiver: &R,

@@ -57,7 +57,7 @@ impl Sites {
         &self.pairs[pair].0[which]
     }
 
-    /// Of four nodes, side by side.
+    /// Sites of four nodes, side by side.
     #[inline(always)]
     pub fn four(&self, [a, b, c, d]: [usize; 4]) -> Site<Vec4> {
         StoredSite::four([self.of(a), self.of(b), self.of(c), self.of(d)])

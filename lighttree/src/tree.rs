@@ -31,7 +31,7 @@ pub struct LightTree {
     /// Lights that are dark for ever, in ascending order: removed, or without a usable position or axis.
     pub(crate) misplaced: Vec<u32>,
     pub(crate) rejected: usize,
-    /// Of the draws of representatives.
+    /// Seed of the draws of representatives.
     pub(crate) seed: u64,
 }
 

@@ -1,6 +1,6 @@
 //! Checks of a whole tree: each invariant that cuts and updates rely on.
 //!
-//! Trees that are read from outside pass through [`LightTree::validate`] before anything else looks at them. So a forged
+//! Trees that are read from outside pass through [`LightTree::validate`] before anything else reads them. So a forged
 //! tree gives an error, never a panic or an endless loop.
 
 use std::fmt;

@@ -1,4 +1,4 @@
-//! What a cut promises, against the sum over every light.
+//! Promises of a cut, against the sum over every light.
 
 use glam::Vec3;
 use lighttree::{
@@ -6,7 +6,7 @@ use lighttree::{
 };
 use proptest::prelude::*;
 
-/// Of the light that would arrive if all lights and the receiver faced each other: rounding of cosines near 90°.
+/// Share of the light that would arrive if all lights and the receiver faced each other: rounding of cosines near 90°.
 const ROUNDING: f32 = 2e-5;
 
 fn vector(range: f32) -> impl Strategy<Value = Vec3> {
@@ -203,7 +203,7 @@ fn few_lights() {
     assert_eq!(one.lightcut(&FLOOR, stop, |_, _| false, &mut scratch).radiance, Vec3::ZERO);
 }
 
-/// What reflects nothing, what is dark and what lies behind costs no estimate and no shadow ray.
+/// Black receivers, dark lights and lights behind the receiver cost no estimate and no shadow ray.
 #[test]
 fn nothing_is_cheap() {
     let lights: Vec<Light> = (0..100).map(|k| lamp(k as f32, 1.0)).collect();
@@ -283,7 +283,7 @@ fn receiver_on_a_light_sees_the_others() {
     assert!((cut.radiance.x - expected).abs() < 1e-5, "{cut:?}");
 }
 
-/// Of two lamps the one that fades hands its place to the other at 0.7 of it.
+/// A lamp that fades hands its place to another at 0.7 of the other's intensity.
 #[test]
 fn faded_representative_is_swapped() {
     let mut tree = LightTree::build(&[lamp(0.0, 1.0), lamp(1.0, 1.0)], PARAMS);

@@ -1,5 +1,5 @@
-//! What `f32` loses, against the same sums and kernels in `f64`: a million lights, whole cuts, and the singular ends of the
-//! geometric term (contact, grazing angles) and of the GGX lobe (no roughness).
+//! Loss of precision by `f32`, against the same sums and kernels in `f64`: a million lights, whole cuts, and the singular ends
+//! of the geometric term (contact, grazing angles) and of the GGX lobe (no roughness).
 
 use glam::{DVec3, Vec3};
 use lighttree::{BuildParams, Builder, Emission, Ggx, Lambert, Light, LightTree, Scratch, Stop, exhaustive};

@@ -65,7 +65,7 @@ pub enum NextPicture {
 
 /// p_ij in raster order, sum 1: neighbors take nearly the same clusters, so that their errors are nearly the same.
 ///
-/// Of lightcuts on `cornell` at quantisers 2 to 48, 65 to 67 % of the energy is in the DC, 7 to 8 % in each of the two next,
+/// For lightcuts on `cornell` at quantisers 2 to 48, 65 to 67 % of the energy is in the DC, 7 to 8 % in each of the two next,
 /// 1.3 % in the next on the diagonal; on `nave`, 46 to 58 %, 4 to 9 % and 1.5 to 2 %. This has 66, 9 and 1.4 %.
 fn error_spectrum() -> [f32; 64] {
     let along = |u: usize| 1.0 / (1.0 + 6.0 * (u * u) as f32);
@@ -238,7 +238,8 @@ mod tests {
         Plane::from_fn(8 * blocks, 8 * blocks, |x, y| all[y / 8 * blocks + x / 8][y % 8 * 8 + x % 8])
     }
 
-    /// Each coefficient to the nearest level (intra) or towards zero (others): what (7.4) gives back, and where it is not zero.
+    /// Each coefficient to the nearest level (intra) or towards zero (others): the value that (7.4) reconstructs, and whether it
+    /// is not zero.
     fn quantised(c: f32, step: f32, dead_zone: f32, is_dc: bool) -> (f32, bool) {
         let level = if is_dc { (c / step).round() } else { (c.abs() / step + 1.0 - dead_zone).floor() * c.signum() };
         // Levels that were cut off towards zero stand for the middle of what they came from.

@@ -52,7 +52,7 @@ const LUMA_SEGMENTS: usize = 4096;
 /// [`ToneMap::decode`] of `luma / 219`. Exact at the nodes; within 0.1 % from 1 to 218, within 0.6 % in the last code value below white,
 /// where the inverse of Reinhard's global curve is steep.
 pub(crate) struct LumaDecodeTable {
-    /// Of each segment, where it begins and how far it rises: one load for both.
+    /// For each segment, where it begins and how far it rises: one load for both.
     segments: Box<[[f32; 2]; LUMA_SEGMENTS]>,
 }
 

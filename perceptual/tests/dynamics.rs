@@ -60,7 +60,7 @@ fn at(plane: &Plane<f32>) -> f64 {
     f64::from(plane.get(PLACE.0, PLACE.1))
 }
 
-/// What rounding may leave: each frame rounds three times, and w carries it on.
+/// Largest error of rounding: each frame rounds three times, and w carries it on.
 fn rounding(weight: f32) -> f64 {
     3.0 * f64::from(f32::EPSILON) / (1.0 - f64::from(weight))
 }

@@ -1,9 +1,9 @@
-//! What an encoder did to a picture.
+//! The coding of a picture: levels, modes, quantiser scales and decoded luma.
 
 use crate::{Picture, Plane, SizeError};
 use std::sync::Arc;
 
-/// What an encoder did to a picture: as much as a masking model needs to tell which errors come through.
+/// The coding of a picture: as much as a masking model needs to tell which errors come through.
 ///
 /// A macroblock is 16×16 samples of luma, a block 8×8; those at the right and lower border may lie outside of the picture in
 /// part. Names are those of ISO/IEC 13818-2.
@@ -62,20 +62,20 @@ impl Coded {
         self.decoded.luma()
     }
 
-    /// Of every block of luma: bit 8·v + u is set where the level of the coefficient of frequency u across and v down is not
+    /// For every block of luma: bit 8·v + u is set where the level of the coefficient of frequency u across and v down is not
     /// zero, and for the DC of an intra block.
     #[must_use]
     pub fn levels(&self) -> &Plane<u64> {
         &self.levels
     }
 
-    /// Of every macroblock: whether it is coded without a prediction.
+    /// For every macroblock, whether it is coded without a prediction.
     #[must_use]
     pub fn intra(&self) -> &Plane<bool> {
         &self.intra
     }
 
-    /// Of every macroblock: quantiser_scale, 1 … 112.
+    /// For every macroblock, quantiser_scale, 1 … 112.
     #[must_use]
     pub fn quantiser_scales(&self) -> &Plane<u8> {
         &self.quantiser_scales

@@ -65,7 +65,7 @@ impl Svg {
 
 enum Shape {
     Line,
-    /// Of this width.
+    /// A plot of this width.
     Bars(f32),
 }
 

@@ -141,7 +141,7 @@ impl Partners {
         }
     }
 
-    /// Those that are each other's partners.
+    /// Pairs of clusters that are each other's partners.
     fn pairs(&self, neighborhood: &Neighborhood, pairs: &mut Vec<[u32; 2]>) {
         pairs.extend(neighborhood.alive().filter_map(|id| {
             let other = self.of[id as usize].id;

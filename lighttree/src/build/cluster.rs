@@ -110,7 +110,7 @@ impl Cluster {
 /// Cosine of the half-angle of the cone around `a`'s cone and another one, whose axis has cosine `cos_between` to a's
 /// and whose half half-angle is given; at most the cosine of `a`'s own cone.
 ///
-/// β = max(β_a, (β_a + β_b + θ)/2), θ between the axes, by addition theorems: this runs for each pair looked at.
+/// β = max(β_a, (β_a + β_b + θ)/2), θ between the axes, by addition theorems: this runs for each pair that is compared.
 /// (The other half of the maximum, β_b, is the caller's.)
 #[inline]
 pub(super) fn union_cosine(a: &Cluster, cos_between: f32, half_cosine: f32, half_sine: f32) -> f32 {

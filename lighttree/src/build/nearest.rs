@@ -13,7 +13,7 @@ pub(super) struct Partner {
 
 /// Clusters per leaf of the search tree; 4 … 8 measured alike.
 const LEAF_SIZE: usize = 6;
-/// Of the extent of axes (2 at most), how much counts as a length when the search tree splits, in c.
+/// Share of the extent of axes (2 at most) that counts as a length when the search tree splits, in c.
 /// Lights at right angles cost as much as a distance of about 0.3 c (β = 45°).
 const AXIS_SCALE: f32 = 0.3;
 /// No cluster.
@@ -58,7 +58,7 @@ impl<'a> Neighborhood<'a> {
         this
     }
 
-    /// Those that are left, neighbors next to each other.
+    /// Remaining clusters, neighbors next to each other.
     pub fn alive(&self) -> impl Iterator<Item = u32> {
         self.slots.iter().map(|cluster| cluster.id).filter(|&id| id != DEAD)
     }

@@ -6,7 +6,7 @@
 //! * *common*, if the bundle's bound is within every threshold (or it is a single light): part of every cut;
 //! * *refined*, if of four receivers at least three would refine it (cuts are 1 % larger than with all four, with a
 //!   quarter fewer visits; `examples/measure.rs`);
-//! * *undecided* otherwise: every receiver looks at it with its own bound, and takes it or goes on from there alone;
+//! * *undecided* otherwise: every receiver tests it with its own bound, and takes it or goes on from there alone;
 //! * *dark*, if the bundle's bound is zero.
 //!
 //! The walk goes on from the undecided clusters for each [group](super::group) of receivers, before it does for each alone.
@@ -45,7 +45,7 @@ pub(super) struct Shared {
 /// Shadow rays of a bundle.
 #[derive(Clone, Debug, Default)]
 struct ShadowRays {
-    /// Of one receiver after the other: the rays, the radiance that arrives by each if it is free, and where those of each
+    /// For one receiver after the other: the rays, the radiance that arrives by each if it is free, and where those of each
     /// receiver end.
     rays: Vec<ShadowRay>,
     radiance: Vec<Vec4>,
@@ -196,7 +196,7 @@ impl LightTree {
         let smallest = together.thresholds.iter().fold(f32::INFINITY, |a, &b| a.min(b)).max(0.0);
         let geometry_term_bound = Vec4::splat(self.geometry_term_bound);
         let mut cut = Cut::default();
-        let mut look = |indices: [usize; 4], count: usize, pending: &mut Vec<u32>| {
+        let mut visit = |indices: [usize; 4], count: usize, pending: &mut Vec<u32>| {
             let clusters = ClusterBounds::four(indices.map(|index| &self.nodes[index]));
             let of_bundle = error_bound_of_bundle(&bundle, corners, &clusters, geometry_term_bound).to_array();
             cut.nodes_visited += count as u32;
@@ -219,13 +219,13 @@ impl LightTree {
         };
         let mut fits = true;
         for four in from.chunks(4) {
-            fits = fits && look(padded(four).map(|index| index as usize), four.len(), pending);
+            fits = fits && visit(padded(four).map(|index| index as usize), four.len(), pending);
         }
         while fits && let Some(a) = pending.pop() {
             let a = self.nodes[a as usize].children();
             fits = match pending.pop().map(|b| self.nodes[b as usize].children()) {
-                Some(b) => look([a, a + 1, b, b + 1], 4, pending),
-                None => look([a, a + 1, a, a], 2, pending),
+                Some(b) => visit([a, a + 1, b, b + 1], 4, pending),
+                None => visit([a, a + 1, a, a], 2, pending),
             };
         }
         if !fits {

@@ -111,7 +111,7 @@ impl LightTree {
         );
     }
 
-    /// Every receiver of a group looks at the undecided clusters; they are gathered after the common ones.
+    /// Every receiver of a group visits the undecided clusters; they are gathered after the common ones.
     /// `begun` gets the part of its cut that each takes of them; their halves are counted with the first.
     pub(super) fn decide<R: Receiver>(&self, group: Receivers<R>, shares: &mut Shares, begun: &mut Vec<Cut>) {
         let Shares { undecided, fours, .. } = shares;

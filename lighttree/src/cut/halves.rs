@@ -50,7 +50,7 @@ pub(super) struct Halves {
     cosine: bool,
 }
 
-/// Of four clusters: the light of the shadow ray, and the radiance that arrives if it is seen.
+/// For four clusters: the light of the shadow ray, and the radiance that arrives if it is seen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Estimates {
     pub lights: [u32; 4],
@@ -189,7 +189,7 @@ impl LightTree {
     }
 
     /// Estimates of the nodes in `scratch.selected`: those that are not dark go to the end of `rays` and to `radiance`.
-    /// Returns how many nodes it looked at beyond those.
+    /// Returns how many nodes it visited beyond those.
     #[inline(always)]
     pub(super) fn estimate_halves<R: Receiver>(&self, receiver: &R, scratch: &mut Scratch) -> u32 {
         let selected = &scratch.selected[..scratch.selected_count];
@@ -231,13 +231,13 @@ pub(super) struct Arriving<'a> {
 }
 
 impl<'a> Arriving<'a> {
-    /// Behind the first `count`.
+    /// Appends after the first `count`.
     #[inline(always)]
     pub fn after(count: usize, rays: &'a mut [ShadowRay], radiance: &'a mut [Vec4]) -> Self {
         Self { rays, radiance, count }
     }
 
-    /// Those of four whose bits are set in `wanted`: by numbers, for branches would be guessed wrong too often.
+    /// Appends those of four whose bits are set in `wanted`: by numbers, for branches would be predicted wrong too often.
     #[inline(always)]
     pub fn push(&mut self, estimates: &Estimates, wanted: u32) {
         // Room for all four is checked once.

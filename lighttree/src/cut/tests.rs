@@ -110,7 +110,7 @@ fn scratch_is_reused() {
     }
 }
 
-/// Of the light that would arrive if all lights and the receiver faced each other: rounding of cosines near 90°.
+/// Share of the light that would arrive if all lights and the receiver faced each other: rounding of cosines near 90°.
 const ROUNDING: f32 = 1e-4;
 
 /// Luminance at a receiver of the given largest M that faces all lights while they all face it.

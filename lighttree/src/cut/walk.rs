@@ -67,11 +67,11 @@ impl<'a, R: Receiver> Walk<'a, R> {
         }
     }
 
-    /// Looks at one node or two.
+    /// Visits one node or two.
     #[inline(always)]
     pub fn start_at(&mut self, nodes: std::ops::Range<usize>) {
         let (first, last) = (nodes.start, nodes.end - 1);
-        self.look([first, last, first, first], nodes.len());
+        self.visit([first, last, first, first], nodes.len());
     }
 
     /// Begins with a node that is known to be refined; false if there is no room for more.
@@ -85,9 +85,9 @@ impl<'a, R: Receiver> Walk<'a, R> {
         room
     }
 
-    /// Looks at the first `count` of four nodes.
+    /// Visits the first `count` of four nodes.
     #[inline(always)]
-    fn look(&mut self, indices: [usize; 4], count: usize) {
+    fn visit(&mut self, indices: [usize; 4], count: usize) {
         let nodes = self.tree.four(indices);
         let geometry_term_bound = Vec4::splat(self.tree.geometry_term_bound);
         let bounds = error_bound(self.receiver, self.position, &ClusterBounds::four(nodes), geometry_term_bound);
@@ -133,10 +133,10 @@ impl<'a, R: Receiver> Walk<'a, R> {
             if self.head + 1 < self.tail {
                 let b = self.queue[self.head + 1] as usize;
                 self.head += 2;
-                self.look([a, a + 1, b, b + 1], 4);
+                self.visit([a, a + 1, b, b + 1], 4);
             } else {
                 self.head += 1;
-                self.look([a, a + 1, a, a], 2);
+                self.visit([a, a + 1, a, a], 2);
             }
         }
         *self.selected_count <= most
