@@ -1,4 +1,4 @@
-//! What a scene looks like under a lamp at the camera, without any light transport: to see what was loaded.
+//! A picture of a scene under a lamp at the camera, without any light transport: to see what was loaded.
 //!
 //! ```text
 //! cargo run --release -p render2mpeg-render-core --example preview -- scene.glb picture.png [seconds] [pixels]

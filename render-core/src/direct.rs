@@ -84,7 +84,7 @@ struct Area {
     samples: Vec<AreaSample>,
     /// Where it ends, where its shape is simple.
     corners: Vec<AreaSample>,
-    /// Of the samples and the corners.
+    /// Positions of the samples and the corners.
     positions: Vec<Vec3A>,
     /// Its shape, where that is simple enough for a closed form.
     polygons: Vec<Polygon>,

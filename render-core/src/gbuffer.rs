@@ -17,7 +17,7 @@ pub const MACROBLOCK: usize = 16;
 /// [`PixelSurface::instance`] of a pixel that sees no surface.
 pub const NOTHING: u32 = u32::MAX;
 
-/// What a pixel sees. Vectors are stored as plain triples: no padding.
+/// The first surface that a pixel sees. Vectors are stored as plain triples: no padding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelSurface {
     /// World space, metres; where nothing is seen, the unit direction of the ray.

@@ -25,7 +25,7 @@ use std::ops::Range;
 /// Flux of the photons of one frame, by anchor and by surfel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnchorFlux {
-    /// Of each fixed anchor \[W\], linear RGB: the part of its surfels' flux that leaves their neighborhood.
+    /// Flux of each fixed anchor \[W\], linear RGB: the part of its surfels' flux that leaves their neighborhood.
     pub fixed: Vec<Vec3>,
     /// The same for the dynamic anchors.
     pub dynamic: Vec<Vec3>,

@@ -114,7 +114,7 @@ mod tests {
         }
     }
 
-    /// What is even stays even, and a ramp stays the same ramp.
+    /// An even picture stays even, and a ramp stays the same ramp.
     #[test]
     fn constants_and_ramps_pass() {
         for count in [2, 4, 9, 16] {

@@ -327,7 +327,7 @@ fn a_single_triangle_is_met_where_it_is() {
     assert_eq!(accelerator.occluded_packet(Vec3A::Z, &[], u64::MAX), 0);
 }
 
-/// What a shaft lists is all that rays within it meet, at every scale and with things that move; and narrow ones are
+/// A shaft lists all that rays within it meet, at every scale and with things that move; and narrow ones are
 /// often found to be empty, rightly.
 #[test]
 fn within_a_shaft_rays_meet_what_they_meet_without() {

@@ -1,4 +1,4 @@
-//! What textures say about a surface, against values worked out on paper.
+//! Properties of surfaces from textures, against values worked out on paper.
 
 mod common;
 

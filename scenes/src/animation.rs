@@ -11,7 +11,7 @@ pub enum Interpolation {
     CubicSpline,
 }
 
-/// What a channel moves.
+/// The property that a channel moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Property {
     /// The node's translation.
@@ -23,7 +23,7 @@ pub enum Property {
 /// Keys of one property of one node.
 #[derive(Clone, Debug)]
 pub struct Keys {
-    /// What is moved.
+    /// The property that is moved.
     pub property: Property,
     /// How values between the keys follow.
     pub interpolation: Interpolation,

@@ -24,7 +24,7 @@ impl Writer {
         self.views.len() - 1
     }
 
-    /// Appends an accessor of floats, with its bounds where the format asks for them.
+    /// Appends an accessor of floats, with its bounds where the format requires them.
     pub(crate) fn floats(&mut self, data: &[f32], kind: &str, target: Option<u32>, bounds: bool) -> usize {
         let width = match kind {
             "SCALAR" => 1,

@@ -31,7 +31,7 @@ pub struct Shipped {
     pub name: &'static str,
     /// Makes the scene.
     pub build: fn() -> Scene,
-    /// What the file beside it says.
+    /// Text of the settings file beside it.
     pub settings: Settings,
 }
 

@@ -15,7 +15,7 @@ pub struct Sky {
     pub sun_diameter: f32,
 }
 
-/// What the settings file says.
+/// Contents of the settings file.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     /// Factor on radiance before the tone curve.

@@ -1,4 +1,4 @@
-//! What every shipped scene must hold: a well-formed file, and what its description promises.
+//! Checks of every shipped scene: a well-formed file that holds what its description promises.
 
 use std::collections::HashSet;
 use std::sync::LazyLock;

@@ -28,7 +28,7 @@ impl std::fmt::Debug for Geometry {
     }
 }
 
-/// What stands, moves or bends together.
+/// Triangles that stand, move or bend together.
 enum Part {
     /// In the scaled world.
     Fixed(Arc<Group>),

@@ -1,4 +1,4 @@
-//! What a ray meets: two levels of bounding volumes over the triangles of the scene.
+//! Ray queries: two levels of bounding volumes over the triangles of the scene.
 //!
 //! Everything that never moves is one tree in world space, built once; every moving instance has a tree of its own in its
 //! local space, built once too; what bends is built for each frame, and surfaces with holes stand apart. Over these stands

@@ -41,7 +41,7 @@ struct Row {
     inverse_near: [[f32; LANES]; 3],
     inverse_far: [[f32; LANES]; 3],
     shear: [[f32; LANES]; 2],
-    /// What a ray met so far, as in [`Met`]. A negative t: it need not be traced any more.
+    /// The nearest hit of each ray so far, as in [`Met`]. A negative t: the ray need not be traced any more.
     t: [f32; LANES],
     /// Bits of an index.
     triangle: [f32; LANES],
@@ -60,16 +60,16 @@ pub(super) struct Packet {
     /// Least and greatest 1 / component, and the same lengthened.
     near_range: [[f32; 3]; 2],
     far_range: [[f32; 3]; 2],
-    /// No ray looks farther than this.
+    /// Limit of the longest ray.
     farthest: f32,
 }
 
-/// What a [`Packet::walk`] is for.
+/// A visitor of the leaves of a [`Packet::walk`].
 pub(super) trait VisitTogether {
     fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered);
 }
 
-/// Looks for the first triangles of a group that the rays meet. Not `CLOSEST`: gives a negative limit to all rays that meet
+/// Finds the first triangles of a group that the rays meet. Not `CLOSEST`: gives a negative limit to all rays that meet
 /// any.
 pub(super) struct Triangles<'a, const CLOSEST: bool>(pub(super) &'a Group);
 
@@ -82,7 +82,7 @@ impl<const CLOSEST: bool> VisitTogether for Triangles<'_, CLOSEST> {
     }
 }
 
-/// Of the rays that a leaf's box is entered by: the ways to it, ∞ for rays that miss it; and the rows that have some.
+/// The rays that enter a leaf's box: the ways to it, ∞ for rays that miss it; and the rows that have some.
 pub(super) struct Entered {
     near: [[f32; LANES]; ROWS],
     rows: u32,
@@ -157,12 +157,12 @@ impl Packet {
         packet
     }
 
-    /// Sets how far ray `index` looks; [`Self::measure`] is to follow.
+    /// Sets the limit of ray `index`; [`Self::measure`] is to follow.
     pub(super) fn set_limit(&mut self, index: usize, t: f32) {
         self.rows[index / LANES].t[index % LANES] = t;
     }
 
-    /// Finds out anew how far the packet looks.
+    /// Updates the limit of the longest ray.
     #[inline(always)]
     pub(super) fn measure<L: Lanes>(&mut self, lanes: L) {
         let mut farthest = lanes.splat(-1.0);
@@ -172,7 +172,7 @@ impl Packet {
         self.farthest = lanes.store(farthest).into_iter().fold(-1.0, f32::max);
     }
 
-    /// What ray `index` met.
+    /// The nearest hit of ray `index`.
     pub(super) fn met(&self, index: usize) -> Met {
         let (row, lane) = (&self.rows[index / LANES], index % LANES);
         Met { t: row.t[lane], triangle: row.triangle[lane].to_bits(), u: row.u[lane], v: row.v[lane] }

@@ -8,7 +8,7 @@ use super::{Accelerator, Placed};
 use glam::Vec3A;
 use lanes::{Kernel, Lanes};
 
-/// What a ray met, and in which group.
+/// The triangle that a ray met, and its group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Found {
     pub(super) met: Met,
@@ -19,7 +19,7 @@ pub(super) struct Found {
 impl Found {
     pub(super) const NOTHING: Self = Self { met: Met::NOTHING, place: usize::MAX };
 
-    /// What group `place` must beat: of hits at one distance, the group that comes first wins.
+    /// The hit that group `place` must beat: of hits at one distance, the group that comes first wins.
     fn to_beat(self, place: usize) -> Met {
         Met { triangle: if place < self.place { NO_TRIANGLE } else { 0 }, ..self.met }
     }
@@ -259,7 +259,7 @@ pub(super) struct Octants<'a> {
     /// Which of them are left, as bits.
     left: u64,
     octants: [Octant; PACKET],
-    /// What was taken from a mixed lot last.
+    /// The rays that were taken from a mixed lot last.
     together: Vec<PacketRay>,
 }
 

@@ -109,7 +109,7 @@ fn slant<L: Lanes>(lanes: L, x: L::F, z: L::F, slope: L::F) -> L::F {
 }
 
 impl<'a> Leaf<'a> {
-    /// Of `count` triangles, from the first of `blocks` on.
+    /// A leaf of `count` triangles, from the first of `blocks` on.
     #[inline(always)]
     pub(super) fn new(blocks: &'a [Block], count: usize) -> Self {
         let low = &blocks[0];

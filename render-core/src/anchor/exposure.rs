@@ -1,7 +1,7 @@
-//! Which places of a surface light can leave at all, and how far it gets from there.
+//! Exposure: places of a surface that light can leave, and how far it gets from there.
 //!
 //! Much of the area of a modeled scene is out of reach: the floor under a column, a wall behind its moulding, the outside
-//! of a shell. An anchor there would take its share of the energy that photons leave around it, and never give it back.
+//! of a shell. An anchor there would take its share of the energy that photons leave around it, and lose that.
 
 use super::{Anchor, Anchors};
 use crate::accel::Accelerator;
@@ -11,8 +11,8 @@ use glam::Vec2;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// Rays that look out from a place.
-const LOOKS: u64 = 32;
+/// Rays from a place.
+const RAYS: u64 = 32;
 /// A place is exposed if at least one in so many of them gets out.
 const ONE_IN: u64 = 8;
 
@@ -33,7 +33,7 @@ const OCTAVES: f32 = 2.0;
 /// log₂ of the length from which on the second bin begins, in radii of a kernel of surfels: no surfel is exposed that does not
 /// see four times as far.
 const FIRST: f32 = -6.0;
-/// What a place gets of light that came as far as none of its rays go, in rays.
+/// Weight of light that came as far as none of the rays of a place go, in rays.
 const UNLIKELY: f32 = 0.125;
 
 impl Outlook {
@@ -65,7 +65,7 @@ pub(super) struct Eye<'a> {
 }
 
 impl<'a> Eye<'a> {
-    /// Looks out as far as matters to `anchors`; a ray gets out that goes `near` sides of their share.
+    /// Measures as far as matters to `anchors`; a ray gets out that goes `near` sides of their share.
     pub fn of(anchors: &Anchors, surfaces: &'a Surfaces<'a>, accelerator: &'a Accelerator, near: f32) -> Self {
         Self { surfaces, accelerator, side: anchors.area_share.sqrt(), bound: anchors.geometry_term_bound(true), near }
     }
@@ -74,13 +74,13 @@ impl<'a> Eye<'a> {
         places.par_iter().enumerate().map(|(index, place)| self.outlook(place, index as u64)).collect()
     }
 
-    /// The look from `place`, with rays turned by an angle that follows from `index`. What ends on a side that does not
+    /// The outlook from `place`, by rays turned by an angle that follows from `index`. What ends on a side that does not
     /// reflect is lost.
     fn outlook(&self, place: &Anchor, index: u64) -> Outlook {
         let (near, radius) = (self.near * self.side, self.side / PI.sqrt());
         let turn = hash_unit(index, 0, 0);
         let (mut found, mut out, mut openness) = (Outlook::default(), 0, 0.0);
-        for k in 0..LOOKS {
+        for k in 0..RAYS {
             let u = sobol_point(k);
             let direction = cosine_hemisphere(place.normal.into(), Vec2::new(u.x, (u.y + turn).fract())).into();
             let (length, reflects) = match self.accelerator.closest(place.position, direction) {
@@ -93,8 +93,8 @@ impl<'a> Eye<'a> {
                 found.lengths[Outlook::bin(length / radius)] += 1;
             }
         }
-        found.openness = openness / LOOKS as f32;
-        found.exposed = out * ONE_IN >= LOOKS;
+        found.openness = openness / RAYS as f32;
+        found.exposed = out * ONE_IN >= RAYS;
         found
     }
 }

@@ -1,4 +1,4 @@
-//! What is near a point of a surface, and on the same side of it.
+//! Anchors or surfels near a point of a surface, and on the same side of it.
 
 use super::Anchor;
 use super::exposure::Outlook;
@@ -8,7 +8,7 @@ use glam::Vec3A;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Grid {
     points: Vec<Anchor>,
-    /// How far each sees; empty where nobody looked.
+    /// How far light gets from each; empty where that was not measured.
     outlooks: Vec<Outlook>,
     /// Original index of each point.
     index: Vec<u32>,
@@ -31,7 +31,7 @@ pub(crate) struct Spot {
     pub came: Option<f32>,
 }
 
-/// What [`Grid::splat_all`] works with; kept from one call to the next for its memory.
+/// Working memory of [`Grid::splat_all`], kept from one call to the next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SplatScratch {
     /// Cell and index of each spot.
@@ -47,7 +47,7 @@ struct Around {
     position: [Vec<f32>; 3],
     normal: [Vec<f32>; 3],
     instance: Vec<u32>,
-    /// What the kernel gives each of them.
+    /// Weight of each in the kernel.
     weights: Vec<f32>,
 }
 
@@ -172,7 +172,7 @@ impl Grid {
         }
     }
 
-    /// Of values that stand as the points do here, one for each, those of the points in the order that they came in.
+    /// Sorts values, one for each point, from the order of the grid into the order that the points came in.
     pub fn by_index<T: Clone>(&self, by_place: &[T]) -> Vec<T> {
         let mut place = vec![0; self.index.len()];
         self.index.iter().enumerate().for_each(|(p, &index)| place[index as usize] = p);
@@ -188,7 +188,7 @@ impl Grid {
         }
     }
 
-    /// Of the points near `spot` that face like it, that with the largest product of kernel and `rating(point)`; else
+    /// The point near `spot` that faces like it and has the largest product of kernel and `rating(point)`; else
     /// the nearest that faces the same way.
     pub fn best(&self, spot: &Spot, rating: impl Fn(usize) -> f32) -> Option<usize> {
         let mut best = (0.0, None);

@@ -35,7 +35,7 @@ const NEAR: f32 = 0.03;
 /// The surfels of a scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Surfels {
-    /// Of what stands still.
+    /// Surfels of surfaces at rest.
     pub fixed: Arc<SurfelMap>,
     dynamic: Vec<DynamicAnchor>,
     dynamic_area_share: f32,
@@ -184,7 +184,7 @@ impl SurfelMap {
         self.grid.splat_all(spots, scratch, share);
     }
 
-    /// Of values that stand as [`SurfelMap::splat_all`] names surfels, those of the surfels in their order.
+    /// Sorts values from the indices of [`SurfelMap::splat_all`] into the order of the surfels.
     pub fn by_index<T: Clone>(&self, by_place: &[T]) -> Vec<T> {
         self.grid.by_index(by_place)
     }

@@ -10,8 +10,8 @@
 //!   G₂ height-correlated Smith         M  F_avg² E_avg / (1 − F_avg (1 − E_avg)): light that bounces in the coat on
 //! ```
 //!
-//! What the coat sends back and what it lets through to the base add up to what arrives, in each direction, so a white
-//! base is white under any coat, and a coat with F₀ = 1 at any roughness. Each term is symmetric in ω_o and ω_i.
+//! Light that the coat reflects and light that it transmits to the base add up to the arriving light, in each direction. A
+//! white base is white under any coat, and a coat with F₀ = 1 at any roughness. Each term is symmetric in ω_o and ω_i.
 //! Without a coat the whole is albedo/π.
 //!
 //! Directions are unit vectors in the frame of the shading normal, which is +z; all point away from the surface.
@@ -134,7 +134,7 @@ impl Bsdf {
         (wo.z > 0.0 && direction.z > 0.0).then_some(direction)
     }
 
-    /// What light from a direction of [`Bsdf::sample_coat`] counts: F·G₂/G₁, 0…1.
+    /// Weight of light from a direction of [`Bsdf::sample_coat`]: F·G₂/G₁, 0…1.
     pub fn coat_weight(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         self.coat
             .as_ref()
@@ -213,7 +213,7 @@ impl Coat {
         self.f0 * (1.0 - grazing) + Vec3::splat(grazing)
     }
 
-    /// What single scattering loses towards a direction, 1 − E, and what the coat lets through, 1 − C.
+    /// Loss of single scattering towards a direction, 1 − E, and transmission of the coat, 1 − C.
     fn left_over(&self, cos: f32) -> (f32, Vec3) {
         let albedo = self.albedos.at(cos);
         let lost = (1.0 - albedo.facing).max(0.0);

@@ -135,7 +135,7 @@ impl<'a> Tile<'a> {
         u64::MAX >> (PACKET - self.receivers.len())
     }
 
-    /// Those of the receivers in `ask` that `light` is hidden from. Its shadow rays start at the light, which they have in
+    /// Finds the receivers among `ask` that `light` is hidden from. Its shadow rays start at the light, which they have in
     /// common; it lies in the `shaft`, if there is one.
     pub(super) fn hidden_from(&self, light: Vec3A, ask: u64, shaft: Option<&Shaft>) -> u64 {
         if ask == 0 || shaft.is_some_and(Shaft::is_empty) {

@@ -1,6 +1,6 @@
 //! Light in gaps: between mouldings, behind a shutter, under a pot.
 //!
-//! What surfels hold is a mean over their neighborhood. In a gap that is narrower, what a ray meets is darker than they say.
+//! Surfels hold a mean over their neighborhood. In a gap that is narrower, surfaces are darker than the surfels say.
 //! So a ray that ends close by goes on:
 //!
 //! ```text
@@ -20,9 +20,9 @@ use glam::Vec2;
 /// Reflections in a gap that are followed.
 pub(super) const MOST_REFLECTIONS: usize = 8;
 
-/// What counts as a gap.
+/// Criteria of a gap.
 pub(super) struct Gaps {
-    /// What is nearer than this is in the same gap \[m\].
+    /// Surfaces nearer than this are in the same gap \[m\].
     pub near: f32,
     /// Rays start this far off their surface \[m\].
     pub epsilon: f32,
@@ -32,7 +32,7 @@ pub(super) struct Gaps {
 
 impl Gaps {
     /// Follows a ray that ended at `seen` out of the gap that it is in: where it comes out, with what is left of its share.
-    /// What glows on the way is noted in `found`.
+    /// Glowing surfaces on the way are noted in `found`.
     pub fn follow<'a>(
         &self,
         PosedScene { accelerator, surfaces }: PosedScene<'a>,

@@ -1,4 +1,4 @@
-//! Which surface a ray from the camera shows.
+//! The surface that a ray from the camera shows.
 //!
 //! glTF's materials are single-sided unless they say otherwise: their backs are not shown (glTF 2.0, 3.9.6), so that one looks
 //! into a room through its walls. Light meets them all the same: backs throw shadows and absorb.

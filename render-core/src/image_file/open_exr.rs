@@ -12,7 +12,7 @@ use std::path::Path;
 /// Writes linear Rec.709 RGB radiance, as [`write_layers`] does.
 ///
 /// # Errors
-/// What the file system said, with the path.
+/// The message of the file system, with the path.
 pub fn write_exr(path: &Path, radiance: &Plane<Vec3>) -> Result<(), String> {
     let channel = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect::<Vec<f32>>();
     let channels = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (name.to_owned(), channel(c))).collect();
@@ -28,7 +28,7 @@ pub fn write_exr(path: &Path, radiance: &Plane<Vec3>) -> Result<(), String> {
 /// If a list has not `width * height` samples.
 ///
 /// # Errors
-/// What the file system said, with the path.
+/// The message of the file system, with the path.
 pub fn write_layers(path: &Path, width: usize, height: usize, channels: Vec<(String, Vec<f32>)>) -> Result<(), String> {
     let channel = |(name, samples): (String, Vec<f32>)| {
         assert_eq!(samples.len(), width * height, "channel {name} of {width}x{height} pixels");

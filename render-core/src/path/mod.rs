@@ -4,7 +4,7 @@
 //! direction of the sky are sampled with shadow rays, and the path goes on in a direction drawn from the BSDF; where both ways lead to
 //! the same light, they are weighted by the power heuristic \[Veach97, 9.2.4\]. Russian roulette ends paths without bias.
 //!
-//! What is seen is what the rest of the program shows: the sun's disc and punctual lights are never seen themselves, an unlit
+//! Paths show what the rest of the program shows: the sun's disc and punctual lights are never seen themselves, an unlit
 //! surface shines for the camera alone, and the back of a single-sided surface is not shown, but absorbs light.
 
 mod film;

@@ -15,7 +15,7 @@ pub(super) const LONGEST_PATH: usize = 1024;
 /// Dimensions of a bounce: direction (2) and roulette (1).
 const BOUNCE_DIMENSIONS: usize = 3;
 
-/// What all photons of a frame have in common.
+/// The way of photons through one frame: scene, source and settings.
 pub(super) struct Walk<'a> {
     pub accelerator: &'a Accelerator,
     pub surfaces: &'a Surfaces<'a>,
@@ -69,10 +69,10 @@ pub(super) struct Leg {
 /// A photon's way, or the rest of one; kept from one photon to the next for its memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Path {
-    /// What its light emitted \[W\]; zero for the rest of a way.
+    /// Flux that its light emitted \[W\]; zero for the rest of a way.
     pub emitted: Vec3,
     pub reflections: Vec<Reflection>,
-    /// What left the scene or ended behind a surface \[W\].
+    /// Flux that left the scene or ended on the back of a surface \[W\].
     pub lost: Vec3,
     /// Started from a light that moves.
     pub from_moving: bool,

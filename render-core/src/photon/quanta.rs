@@ -59,7 +59,7 @@ impl Quanta {
     }
 }
 
-/// What some of the photons left.
+/// Flux of some of the photons.
 #[derive(Clone, Debug)]
 pub(super) struct Sums {
     /// At the fixed and at the dynamic surfels, as [`SurfelMap::splat_all`] names them.
@@ -69,15 +69,15 @@ pub(super) struct Sums {
     lost: Quanta,
 }
 
-/// What photons left at surfaces, and where, until it is shared out: at surfaces that stand still and at those that move.
+/// Flux that photons left at surfaces, until it is shared out: at surfaces that stand still and at those that move.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Left {
     kinds: [Vec<(Spot, Vec3)>; 2],
     scratch: SplatScratch,
 }
 
-/// What is put down before it is shared out: a batch of photons in a white room, each reflected thousands of times, would take
-/// gigabytes.
+/// Most reflections that are kept before they are shared out: a batch of photons in a white room, each reflected thousands of
+/// times, would take gigabytes.
 const MOST_LEFT: usize = 1 << 18;
 
 impl Sums {

@@ -12,7 +12,7 @@ pub(crate) struct Interaction<'a> {
     surfaces: &'a Surfaces<'a>,
     material: &'a Material,
     site: Site<'a>,
-    /// Of the ray.
+    /// Unit direction of the ray.
     direction: Vec3A,
     pub instance: u32,
     /// World space, metres.
@@ -203,7 +203,7 @@ mod tests {
         scene
     }
 
-    /// What is looked up piece by piece equals the whole surface, on every kind of material and on both sides.
+    /// Properties read one by one equal those of the whole surface, on every kind of material and on both sides.
     #[test]
     fn pieces_are_those_of_the_whole() {
         let scene = cube();

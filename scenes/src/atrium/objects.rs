@@ -1,4 +1,4 @@
-//! What stands, hangs and turns in the courtyard.
+//! Objects that stand, hang and turn in the courtyard.
 
 use std::f32::consts::TAU;
 

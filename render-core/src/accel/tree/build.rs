@@ -9,15 +9,15 @@ use obvhs::{aabb::Aabb, bvh2::Bvh2};
 
 /// Cost of a leaf of some number of primitives, in units of a node's.
 pub(in super::super) struct Costs {
-    /// Of a leaf as such.
+    /// Cost of a leaf as such.
     pub(in super::super) leaf: f32,
-    /// Of each primitive in it.
+    /// Cost of each primitive in it.
     pub(in super::super) primitive: f32,
     /// As many as a leaf holds at most.
     pub(in super::super) most: usize,
 }
 
-/// What is known about a subtree of the binary tree.
+/// Costs of a subtree of the binary tree.
 #[derive(Clone, Copy)]
 struct Subtree {
     primitives: u32,
@@ -27,7 +27,7 @@ struct Subtree {
     first_share: [u8; LANES],
     /// Whether, as one tree, it is a leaf.
     leaf: bool,
-    /// Of the eight places of its node: those that go to the first child.
+    /// How many of the eight places of its node go to the first child.
     node_share: u8,
 }
 

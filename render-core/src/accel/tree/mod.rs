@@ -5,7 +5,7 @@
 //! # What makes every walk find the same
 //!
 //! A walk alone, one in a packet, and one without vector instructions visit boxes in different orders, and skip what
-//! lies behind the nearest hit so far. They agree to the last bit because (a) a ray enters a box no later than any
+//! lies beyond the nearest hit so far. They agree to the last bit because (a) a ray enters a box no later than any
 //! box within it: subtracting, multiplying, minimum and maximum keep order when they round; (b) a hit counts as no
 //! nearer than its leaf's box is entered; (c) of equally near hits the one of the lower index wins.
 
@@ -34,7 +34,7 @@ pub(super) struct Child(u32);
 pub(super) enum Kind {
     /// Index of a node.
     Node(usize),
-    /// What the owner of the tree gave.
+    /// Content that the owner of the tree gave.
     Leaf(u32),
 }
 
@@ -53,7 +53,7 @@ pub(super) struct Tree {
     pub(super) nodes: Vec<Node>,
 }
 
-/// As many entries as a [`Stack`] has room for without asking the system for memory.
+/// As many entries as a [`Stack`] has room for without an allocation.
 const COMMON: usize = 32;
 
 /// Where walks keep what they have yet to visit: nearly always short, and never too short.
@@ -112,7 +112,7 @@ pub(super) fn farthest_first(mut bits: u32, near: &[f32; LANES]) -> ([u64; LANES
     (keys, count)
 }
 
-/// What a [`Tree::walk`] is for.
+/// A visitor of the leaves of a [`Tree::walk`].
 pub(super) trait Visit {
     /// Is given a leaf, the way to its box and the limit; answers with the limit from there on. A negative one ends
     /// the walk.
@@ -120,7 +120,7 @@ pub(super) trait Visit {
 }
 
 impl Node {
-    /// Those planes of the eight boxes that a ray meets first, and last.
+    /// The planes of the eight boxes that a ray meets first, and those that it meets last.
     #[inline(always)]
     pub(super) fn slabs<L: Lanes>(&self, lanes: L, near_plane: [usize; 3]) -> ([L::F; 3], [L::F; 3]) {
         let [x, y, z] = near_plane;
