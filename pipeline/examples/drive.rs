@@ -13,7 +13,7 @@ use plane::Plane;
 use std::path::PathBuf;
 use std::sync::mpsc::Sender;
 
-/// What is sent out of the stages' threads.
+/// Messages from the stages' threads.
 enum News {
     /// Frame, and mean luma in code values above black.
     Picture(u32, f64),

@@ -1,5 +1,5 @@
 //! A renderer of one's own in the loop: it knows nothing of scenes, lights or cuts, yet gives the encoder exact motion and
-//! works only as hard as the decoded picture asks for.
+//! works only as hard as the decoded picture requires.
 //!
 //! ```text
 //! cargo run --release -p render2mpeg --example own_renderer -- orbit.m2v

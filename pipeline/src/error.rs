@@ -31,7 +31,7 @@ pub enum Error {
     File {
         /// The file or folder.
         path: PathBuf,
-        /// What failed, after the name, and the remedy if there is one.
+        /// The failure, as text after the name, and the remedy if there is one.
         problem: String,
         /// The system's reason.
         source: io::Error,
@@ -41,7 +41,7 @@ pub enum Error {
     Content {
         /// The file or folder.
         path: PathBuf,
-        /// What is wrong with it, after the name and with its own punctuation.
+        /// The problem, as text after the name and with its own punctuation.
         problem: String,
         /// The reason, if another library told one.
         source: Option<Source>,
@@ -61,7 +61,7 @@ pub enum Error {
     /// Another error, and what was being done.
     #[error("{context}")]
     Context {
-        /// What was being done.
+        /// The action that failed.
         context: String,
         /// The reason.
         source: Source,

@@ -29,7 +29,7 @@ pub struct FrameFigures {
     pub cut_size_mean: f64,
     /// Largest of them.
     pub cut_size_max: u32,
-    /// Of direct light and cuts.
+    /// Shadow rays of direct light and cuts.
     pub shadow_rays: u64,
     /// Records of the irradiance cache that pixels took light from.
     pub cache_records: u64,
@@ -37,7 +37,7 @@ pub struct FrameFigures {
     pub cache_new: u64,
     /// Mean of threshold by luminance over the pixels that see a surface.
     pub threshold_mean_relative: f64,
-    /// Of the pixels that were checked, 95 in a hundred are wrong by at most so many thresholds; none if none was.
+    /// Error, in thresholds, that 95 in a hundred of the checked pixels keep within; none if none was checked.
     pub audit_error_p95: Option<f64>,
     /// Multiplier on the thresholds that cuts ended at, on average over these pixels.
     pub kappa: Option<f64>,

@@ -61,7 +61,7 @@ impl Film {
     /// Renders into a file, `.m2v`, `.mpg` or `.ts`, and reports what it took. Blocks until the film is finished.
     ///
     /// # Errors
-    /// Those of [`Film::settings`], an [`Error::File`] if the film cannot be written, and those of [`render`](crate::render).
+    /// Errors of [`Film::settings`], an [`Error::File`] if the film cannot be written, and errors of [`render`](crate::render).
     pub fn render_to(&self, output: impl AsRef<Path>) -> Result<Report> {
         self.render_with(output, Run::default())
     }
@@ -70,7 +70,7 @@ impl Film {
     /// begun once it is true, and the stream plays.
     ///
     /// # Errors
-    /// Those of [`Film::render_to`].
+    /// Errors of [`Film::render_to`].
     pub fn render_with(&self, output: impl AsRef<Path>, run: Run<'_>) -> Result<Report> {
         let options = Options { output: Some(output.as_ref().to_owned()), ..self.options.clone() };
         let settings = Settings::new(self.path.clone(), &self.scene, &options)?;

@@ -36,7 +36,7 @@ impl Output {
         Ok(Self { path: path.to_owned(), part, file, length: 0 })
     }
 
-    /// Opens what an earlier process has left of the file, and goes on behind its first `length` bytes.
+    /// Opens what an earlier process has left of the file, and goes on after its first `length` bytes.
     ///
     /// # Errors
     /// There is not as much of it, or it may not be written to.
@@ -91,7 +91,7 @@ impl Output {
     /// Gives the file its name.
     ///
     /// # Errors
-    /// What was written cannot be kept.
+    /// The written file cannot be kept.
     pub fn finish(mut self) -> Result<()> {
         let context = |error| Error::file(&self.path, "cannot be completed")(error);
         if let Some(part) = &self.part {

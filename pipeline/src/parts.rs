@@ -163,7 +163,7 @@ pub struct CodedFrame {
     pub bits: u64,
     /// quantiser_scale of the picture's settings.
     pub quantiser_scale: u32,
-    /// Of luma \[dB\]; infinite when nothing is lost.
+    /// PSNR of luma \[dB\]; infinite when nothing is lost.
     pub psnr_y: f64,
 }
 
@@ -172,7 +172,7 @@ pub struct CodedFrame {
 pub struct Coding {
     /// quantiser_scale of MPEG-2, the mean over the picture.
     pub quantiser_scale: f32,
-    /// What became of the picture, where masking wants to know that.
+    /// The coded picture, where masking needs it.
     pub outcome: Option<Coded>,
     /// Whether the picture is an I picture.
     pub begins_group: bool,

@@ -75,7 +75,7 @@ impl<'a> Render<'a> {
 /// The caller chooses the threads that rayon may use by installing a pool.
 ///
 /// # Errors
-/// Those of [`Render::new`], [`Render::write_to`] and [`Render::finish`].
+/// Errors of [`Render::new`], [`Render::write_to`] and [`Render::finish`].
 pub fn render(scene: &Scene, settings: &Settings, plan: &Plan, run: Run<'_>) -> Result<Report> {
     let checkpoints = Checkpoints::off();
     let mut film = Render::new(scene, settings, plan, &checkpoints)?;

@@ -1,4 +1,4 @@
-//! What a run did and cost, as JSON. The names are kept stable; `schema` counts changes.
+//! Results and costs of a run, as JSON. The names are kept stable; `schema` counts changes.
 
 use crate::error::{Context, Result};
 use crate::figures::FrameFigures;
@@ -17,11 +17,11 @@ pub struct Report {
     pub schema: u32,
     /// Version of the program.
     pub program: String,
-    /// What was rendered.
+    /// The rendered scene.
     pub scene: SceneReport,
     /// Every choice of the run, defaults filled in.
     pub settings: Settings,
-    /// What ran, and what was left out and why.
+    /// The stages that ran, the stages that were left out, and why.
     pub plan: Vec<Step>,
     /// One per frame.
     pub frames: Vec<FrameReport>,
@@ -29,7 +29,7 @@ pub struct Report {
     pub summary: Summary,
 }
 
-/// What was rendered.
+/// The rendered scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct SceneReport {
     /// The scene file.
@@ -42,7 +42,7 @@ pub struct SceneReport {
     pub textures: usize,
     /// Length of the animation \[s\].
     pub duration: f32,
-    /// What was read but not rendered.
+    /// Parts of the scene that were read but not rendered.
     pub warnings: Vec<String>,
 }
 
@@ -82,13 +82,13 @@ pub struct FrameReport {
     /// "I", "P" or "B".
     #[serde(deserialize_with = "picture_type")]
     pub picture_type: PictureTypeName,
-    /// Of the coded picture, headers included.
+    /// Size of the coded picture, headers included.
     pub bits: u64,
     /// quantiser_scale.
     pub qscale: u32,
-    /// Of the coded luma against the uncoded \[dB\]; null when they are equal.
+    /// PSNR of the coded luma against the uncoded \[dB\]; null when they are equal.
     pub psnr_y: Option<f64>,
-    /// Of the stages.
+    /// CPU seconds of the stages.
     pub seconds: Seconds,
     /// Photons that were traced; what the others leave is known from the first frame.
     pub photons_traced: u64,
@@ -121,7 +121,7 @@ pub struct Summary {
     pub frames: u32,
     /// Whether the run was ended early by the user.
     pub interrupted: bool,
-    /// Of all pictures.
+    /// Size of all pictures.
     pub bits_total: u64,
     /// Mean.
     pub bits: f64,
@@ -141,7 +141,7 @@ pub struct Summary {
     pub tree_swaps_share: f64,
     /// By the clock, loading included \[s\].
     pub wall_seconds: f64,
-    /// Of all threads \[s\]; null where the system does not tell.
+    /// CPU time of all threads \[s\]; null where the system does not tell.
     pub cpu_seconds: Option<f64>,
     /// Most memory that was ever in use; null where the system does not tell.
     pub peak_memory_bytes: Option<u64>,
@@ -202,12 +202,12 @@ impl Seconds {
         [s.update, s.photons, s.tree, s.visibility, s.direct, s.indirect, s.tone_map, s.encode, s.thresholds]
     }
 
-    /// Of all parts.
+    /// Sum over all parts.
     pub(crate) fn sum(&self) -> f64 {
         self.parts().iter().sum()
     }
 
-    /// Of each part.
+    /// Mean of each part.
     pub(crate) fn mean<'a>(all: impl Iterator<Item = &'a Seconds> + Clone) -> Seconds {
         let count = all.clone().count().max(1) as f64;
         let mut sums = [0.0; 9];

@@ -13,7 +13,7 @@ pub(crate) fn encode(value: &impl Serialize) -> Vec<u8> {
     bincode::serde::encode_to_vec(value, CONFIG).expect("what stages carry can be encoded")
 }
 
-/// What [`encode`] made of a state.
+/// Decodes a state from the bytes of [`encode`].
 ///
 /// # Errors
 /// The bytes are of something else.

@@ -1,4 +1,4 @@
-//! What a scene does not need is left out, and that never changes a bit.
+//! Stages that a scene does not need are left out, and that never changes a bit.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};

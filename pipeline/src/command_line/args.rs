@@ -1,4 +1,4 @@
-//! What was typed.
+//! The arguments of the program.
 
 #[cfg(feature = "compare")]
 use super::commands::compare::Compare;
@@ -28,12 +28,12 @@ use clap::{Parser, Subcommand};
 Each command has examples of its own: render2mpeg render --help"
 )]
 pub struct Arguments {
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// What to do.
+/// The command.
 #[derive(Subcommand)]
 pub enum Command {
     /// Render a scene into a video.

@@ -11,7 +11,7 @@ use toml::{Table, Value};
 /// Options that say what the program does now, and not how a film is to be: no file has them.
 const NOT_IN_FILES: [&str; 7] = ["config", "print-config", "resume", "help", "verbose", "quiet", "json-progress"];
 
-/// What was typed, and below it what the file says that `--config` names. Wrong arguments end the program with a hint.
+/// Parses the arguments, with defaults from the file that `--config` names. Wrong arguments end the program with a hint.
 ///
 /// # Errors
 /// The file cannot be read, or has an option that does not exist or has no such value.

@@ -1,4 +1,4 @@
-//! What `--help` shows below the options: a line to type for each thing that people come for.
+//! Examples below the options of `--help`: a line to type for each purpose.
 
 pub const RENDER: &str = "Examples:
   render2mpeg render scene.glb -o film.m2v --size 1280x720 --frames 50 --qscale 16
@@ -66,7 +66,7 @@ mod tests {
             let lines: Vec<&str> = help.lines().filter(|line| line.starts_with("  render2mpeg ")).collect();
             assert!(!lines.is_empty(), "{name}: no example");
             for line in lines {
-                // Behind two spaces it says what it is for, and behind > or | the shell goes on.
+                // After two spaces stands the purpose, and after > or | the shell goes on.
                 let typed = line.trim().split("  ").next().unwrap().split(['>', '|']).next().unwrap();
                 assert!(typed.starts_with(&format!("render2mpeg {name}")), "{line}");
                 if let Err(error) = Arguments::try_parse_from(typed.split_whitespace()) {

@@ -1,4 +1,4 @@
-//! What the stages tell: lines for people (`-v`), bars for `--trace`.
+//! Events of the stages: lines for people (`-v`), bars for `--trace`.
 
 #[cfg(feature = "trace")]
 use super::trace::Trace;

@@ -20,13 +20,13 @@ const PARTS: [Part; 7] = [
     Part { feature: "shell", is_built: cfg!(feature = "shell"), commands: &["completions", "man"] },
 ];
 
-/// Says what is missing where something is asked for that needs `feature`.
+/// Names the missing part where something is requested that needs `feature`.
 ///
 /// # Errors
-/// It is `asked` for, and not built in.
-pub fn need(feature: &str, asked: bool) -> Result<()> {
+/// It is `requested`, and not built in.
+pub fn need(feature: &str, requested: bool) -> Result<()> {
     match PARTS.iter().find(|part| part.feature == feature && !part.is_built) {
-        Some(_) if asked => {
+        Some(_) if requested => {
             bail!("this build has no {feature}; build it with cargo build --release --features {feature}")
         }
         _ => Ok(()),
@@ -58,8 +58,8 @@ mod tests {
     fn what_is_missing_is_named_with_its_remedy() {
         for part in &PARTS {
             assert!(need(part.feature, false).is_ok());
-            for asked in [need(part.feature, true), part.commands.iter().try_for_each(|command| need_for(command))] {
-                match asked {
+            for needed in [need(part.feature, true), part.commands.iter().try_for_each(|command| need_for(command))] {
+                match needed {
                     Ok(()) => assert!(part.is_built || part.commands.is_empty(), "{}", part.feature),
                     Err(error) => {
                         assert!(!part.is_built && error.to_string().contains(&format!("--features {}", part.feature)));

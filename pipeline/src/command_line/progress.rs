@@ -1,4 +1,4 @@
-//! What a person at a terminal sees while the frames are made, and at the end.
+//! Progress at a terminal while the frames are made, and a summary at the end.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use pipeline::Settings;
@@ -67,7 +67,7 @@ impl JsonLines {
         Self { wanted }
     }
 
-    /// What is about to happen; `first` is the first frame that is still to be made.
+    /// Announces the run; `first` is the first frame that is still to be made.
     pub fn begin(&self, settings: &Settings, first: u32) {
         self.print(|| json!({ "event": "begin", "frames": settings.frames, "first_frame": first }));
     }

@@ -1,4 +1,4 @@
-//! What a run gives away while it goes on.
+//! Observers of a run while it goes on.
 
 use crate::report::FrameReport;
 use perceptual::YCbCr;

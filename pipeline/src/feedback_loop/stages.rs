@@ -152,7 +152,7 @@ impl<E: Encode> Stage for Encoding<'_, E> {
 
 pub(super) struct Masking<'a, M> {
     part: M,
-    /// Those of the last frame, for a checkpoint.
+    /// Thresholds of the last frame, for a checkpoint.
     thresholds: Option<LuminanceThresholds>,
     /// Frames, and the CPU seconds that masking them took.
     spent: &'a mut Vec<(u32, f64)>,

@@ -34,7 +34,7 @@ pub struct Start<'a> {
     pub(super) log: FilmLog,
 }
 
-/// What masking leaves in a checkpoint: its state, ΔY and luminance of the last frame, and its seconds so far.
+/// State of masking in a checkpoint: its own state, ΔY and luminance of the last frame, and its seconds so far.
 type MaskState = (Vec<u8>, Option<(Plane<f32>, Plane<f32>)>, Vec<(u32, f64)>);
 
 impl<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode> Parts<P, S, M, E> {

@@ -22,7 +22,7 @@ const DOME_LIGHTS: usize = 1024;
 const EMITTER_POINTS: f32 = 2048.0;
 /// The same for a single surface, at least and at most.
 const POINTS_OF_A_SURFACE: (f32, f32) = (16.0, 1024.0);
-/// More glowing surfaces than this are lights of the tree: asking each at every pixel would cost more than a cut.
+/// More glowing surfaces than this are lights of the tree: evaluating each at every pixel would cost more than a cut.
 const MOST_SAMPLED_SURFACES: usize = 8;
 /// A surface of more pieces than this, and larger than this share of the scene, is a crowd of lights, not one.
 const FEW_PATCHES: usize = 4;
@@ -78,7 +78,7 @@ impl<'s> Prepare for Preparation<'s> {
     }
 }
 
-/// What is kept from frame to frame.
+/// State that is kept from frame to frame.
 struct Work<'s> {
     scene: &'s Scene,
     settings: &'s Settings,
@@ -212,7 +212,7 @@ impl<'s> Work<'s> {
         let mut intensities: Vec<Vec3> = anchor_flux.fixed.iter().map(|&flux| flux / std::f32::consts::PI).collect();
         let tree = match self.kept.as_ref().map(|kept| &kept.tree).or(self.tree.as_ref()) {
             Some(before) => {
-                // Behind the anchors stand the lights that keep their energy: surfaces and sky.
+                // After the anchors stand the lights that keep their energy: surfaces and sky.
                 intensities.extend(before.lights()[self.anchors.fixed.len()..].iter().map(|light| light.intensity));
                 let mut tree = before.clone();
                 // The same flux again changes nothing.
@@ -252,7 +252,7 @@ impl<'s> Work<'s> {
         Lights { tree, direct: Arc::new(direct), gather: Arc::new(gather) }
     }
 
-    /// Places of the glowing surfaces that each pixel asks for itself: few and compact ones, and those that move.
+    /// Places of the glowing surfaces that each pixel samples for itself: few and compact ones, and those that move.
     fn sampled_areas(&self, emitters: &Emitters, surfaces: &Surfaces) -> Vec<usize> {
         let moving = self.scene.moving_instances();
         let moves = |place: usize| moving[emitters.areas[place].instance];

@@ -25,7 +25,7 @@ pub struct Settings {
     pub frames: u32,
     /// Pictures a second.
     pub fps: f64,
-    /// Of the picture.
+    /// Size of the picture.
     pub size: Size,
     /// The standard's quantiser_scale, 1…112.
     pub qscale: u32,
@@ -57,7 +57,7 @@ pub struct Settings {
     pub lighting: Lighting,
     /// Whether indirect light is cached on surfaces and interpolated.
     pub cache: bool,
-    /// Whether the light that softened virtual lights lose close by is given back.
+    /// Whether bias compensation restores the light that softened virtual lights lose close by.
     pub compensation: bool,
     /// Anchor lights on surfaces at rest.
     pub vpls: usize,
@@ -77,7 +77,7 @@ pub struct Settings {
     pub auto_exposure: bool,
     /// Folder for linear frames as OpenEXR, if wanted.
     pub exr: Option<PathBuf>,
-    /// What else of a frame goes into its OpenEXR file.
+    /// Further layers of a frame's OpenEXR file.
     pub aov: Vec<Aov>,
     /// File for the frames before compression, if wanted.
     pub y4m: Option<PathBuf>,
@@ -97,7 +97,7 @@ impl Settings {
         (f64::from(n) / self.fps) as f32
     }
 
-    /// What the video is wrapped into.
+    /// Container of the video.
     pub fn container(&self) -> Container {
         Container::of(&self.output).unwrap_or_default()
     }

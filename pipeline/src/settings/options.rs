@@ -1,4 +1,4 @@
-//! What may be chosen, by library, command line and file.
+//! Options, by library, command line and file.
 
 use super::values::{Aov, BitRate, Effort, Lighting, Size, Stopping, Switch, Thresholds, size_as_text};
 use serde::{Deserialize, Serialize, Serializer};
@@ -17,7 +17,7 @@ pub struct Options {
     /// Pictures a second: 23.976, 24, 25, 29.97, 30, 50, 59.94 or 60 [default: as the TOML file says, else 25]
     #[cfg_attr(feature = "command-line", arg(long))]
     pub fps: Option<f64>,
-    /// Of the picture, in pixels [default: 512x512]
+    /// Size of the picture, in pixels [default: 512x512]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "WxH"))]
     #[serde(with = "size_as_text", skip_serializing_if = "Option::is_none")]
     pub size: Option<Size>,
@@ -69,7 +69,7 @@ pub struct Options {
     /// Compute indirect light at few places and interpolate; off: a lightcut for each pixel [default: on]
     #[cfg_attr(feature = "command-line", arg(long, value_enum, value_name = "on|off", hide_possible_values = true))]
     pub cache: Option<Switch>,
-    /// Give back the light from close by that softened virtual lights lose [default: on]
+    /// Compensate the light from close by that softened virtual lights lose [default: on]
     #[cfg_attr(feature = "command-line", arg(long, value_enum, value_name = "on|off", hide_possible_values = true))]
     pub compensation: Option<Switch>,
     /// Anchor lights that carry the indirect light [default: 2000 for a box, up to 9000 for a building]
@@ -96,7 +96,7 @@ pub struct Options {
     /// Also write every frame as linear OpenEXR into this folder
     #[cfg_attr(feature = "command-line", arg(long, value_name = "DIR", hide = !cfg!(feature = "exr")))]
     pub exr: Option<PathBuf>,
-    /// What else goes into these files, as named layers: a list such as albedo,normal,depth
+    /// Further named layers of these files: a list such as albedo,normal,depth
     #[cfg_attr(
         feature = "command-line",
         arg(long, value_enum, value_delimiter = ',', value_name = "LIST", hide = !cfg!(feature = "exr"))

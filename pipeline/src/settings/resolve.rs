@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 const MOST_SAMPLES: u32 = 64;
 /// Photons for each anchor light: 3·10⁵ for 2000 in table 1 of \[Herzog08\].
 const PHOTONS_PER_ANCHOR: u64 = 150;
-/// Anchor lights on moving things, each asked at every record. With 24, two or three to a side of a block, `cornell`
+/// Anchor lights on moving things, each evaluated at every record. With 24, two or three to a side of a block, `cornell`
 /// is 1.6·10⁻³ off the path tracer's in relative MSE; with 96 it is 4.5·10⁻⁴, for 2 % more shadow rays.
 const MOVING_ANCHORS: usize = 96;
 

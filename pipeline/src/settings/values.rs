@@ -12,7 +12,7 @@ use std::time::Duration;
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Lighting {
-    /// A cut through the light tree for each pixel, as fine as its threshold asks for.
+    /// A cut through the light tree for each pixel, as fine as its threshold requires.
     Lightcuts,
     /// Every light at every pixel: slow, the reference that cuts are measured against.
     AllLights,
@@ -97,7 +97,7 @@ impl<'de> Deserialize<'de> for Switch {
     }
 }
 
-/// What else of a frame can be written into its OpenEXR file.
+/// A further layer of a frame's OpenEXR file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
@@ -133,7 +133,7 @@ pub enum Thresholds {
     Quantised,
     /// From what the encoder really did, or will do where it looks ahead, one frame later.
     Codec,
-    /// A share of the luminance that each pixel had one frame before: as far as thresholds can be let go if all are let go
+    /// A share of the luminance that each pixel had one frame before: as far as thresholds can rise if all rise
     /// alike, with all that is gained by knowing them beforehand.
     Uniform(f32),
     /// A fixed share of each pixel's luminance; 0.02 is the original Lightcuts.

@@ -7,10 +7,10 @@ use pipeline::output::Output;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// What is compared.
+/// Options of a comparison.
 #[derive(Args)]
 pub struct Compare {
-    /// What is to be judged: a picture (.exr, .png), a folder of pictures, or a video (.y4m; others through ffmpeg)
+    /// The picture to judge: a picture (.exr, .png), a folder of pictures, or a video (.y4m; others through ffmpeg)
     picture: PathBuf,
     /// The reference, of the same kind; if it tells its variance, its noise is taken off
     reference: PathBuf,

@@ -1,4 +1,4 @@
-//! What subcommands do, where that is more than a call of the library.
+//! The subcommands, where they are more than a call of the library.
 
 #[cfg(feature = "compare")]
 pub mod compare;

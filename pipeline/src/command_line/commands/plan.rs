@@ -7,13 +7,13 @@ use pipeline::{Options, Settings};
 use render_core::scene;
 use std::process::ExitCode;
 
-/// What is planned.
+/// Options of a plan.
 #[derive(Args)]
 pub struct Plan {
     /// The scene.
     #[command(flatten)]
     source: Source,
-    /// What and how.
+    /// Settings of the film.
     #[command(flatten)]
     options: Options,
 }

@@ -34,7 +34,7 @@ pub struct Reference {
     /// Start all paths at the centers of the pixels, as films are rendered, and not all over them
     #[arg(long, alias = "centre")]
     center: bool,
-    /// Of the picture, in pixels [default: 512x512]
+    /// Size of the picture, in pixels [default: 512x512]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
     /// Seed of paths and photons [default: 1]

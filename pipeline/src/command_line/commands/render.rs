@@ -17,13 +17,13 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// What to render, how, and where it goes.
+/// The scene, settings of its film, and the files to write.
 #[derive(Args)]
 pub struct Render {
     /// The scene.
     #[command(flatten)]
     source: Source,
-    /// What and how.
+    /// Settings of the film.
     #[command(flatten)]
     options: Options,
     /// Where the JSON report goes [default: beside the video, .report.json]
@@ -58,7 +58,7 @@ pub struct Render {
     quiet: bool,
 }
 
-/// Of a film killed after hours, a minute is to be made again.
+/// Interval of checkpoints: a film killed after hours loses a minute.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// Renders and reports.
@@ -124,7 +124,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     if !quiet {
         progress::summary(&report, &settings.output, &report_path);
         if report.summary.interrupted && every.is_some() {
-            tell!("ended early: the same command with --resume goes on behind the last frame");
+            tell!("ended early: the same command with --resume goes on after the last frame");
         }
         traced.into_iter().for_each(|line| tell!("trace:  {line}"));
     }

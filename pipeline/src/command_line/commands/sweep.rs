@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
-/// What is compared, and where the findings go.
+/// Methods to compare, and the folder for the findings.
 #[derive(Args)]
 pub struct Sweep {
     /// A glTF 2.0 scene, .glb or .gltf
@@ -29,7 +29,7 @@ pub struct Sweep {
     /// Pictures; the first, for which no thresholds are known, does not count [default: 5]
     #[arg(long, value_name = "N")]
     frames: Option<u32>,
-    /// Of the picture, in pixels [default: 144x144]
+    /// Size of the picture, in pixels [default: 144x144]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
     /// Pictures a second [default: as the TOML file says, else 25]

@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 use serde::Serialize;
 use std::path::Path;
 
-/// Of each picture of a sequence, and of all.
+/// Comparisons of each picture of a sequence, and of all.
 #[derive(Clone, Debug, Serialize)]
 pub struct SequenceComparison {
     /// One for each picture, in order.

@@ -15,7 +15,7 @@ pub enum Picture {
     Linear {
         /// R, G, B.
         radiance: Plane<[f32; 3]>,
-        /// Of the noise in it, where that is known.
+        /// Variance of the noise in it, where that is known.
         variance: Option<Plane<[f32; 3]>>,
     },
     /// R′G′B′ as a display takes it, sRGB.
@@ -29,7 +29,7 @@ pub enum Picture {
 pub struct View {
     /// Linear light; of displayed pictures, with white at 1.
     pub linear: Plane<[f32; 3]>,
-    /// Of the noise in `linear`.
+    /// Variance of the noise in `linear`.
     pub variance: Option<Plane<[f32; 3]>>,
     /// Luma as shown, 16…235.
     pub luma: Plane<u8>,

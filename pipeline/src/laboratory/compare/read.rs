@@ -11,7 +11,7 @@ use std::process::{Child, Command, Stdio};
 
 /// Largest side of a picture in a video, that of MPEG-2.
 const LARGEST_SIDE: usize = 16383;
-/// What ffmpeg is asked to read.
+/// Files that ffmpeg reads.
 const VIDEO_ENDINGS: [&str; 10] = ["m2v", "m1v", "mpg", "mpeg", "ts", "m2ts", "mp4", "mkv", "avi", "mov"];
 
 /// The pictures of a file or folder, one after the other.
@@ -24,7 +24,7 @@ pub struct Pictures {
 enum Source {
     Files(std::vec::IntoIter<PathBuf>),
     Y4m(Box<y4m::Decoder<Box<dyn Read>>>),
-    /// What ffmpeg sends; it is waited for at the end.
+    /// Pictures from ffmpeg; the process is waited for at the end.
     Ffmpeg(Box<y4m::Decoder<Box<dyn Read>>>, Child),
 }
 
@@ -128,7 +128,7 @@ const LONGEST_HEADER: usize = 1024;
 
 fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn Read>>> {
     let (header, input) = header_and_all(input).map_err(Error::file(path, "cannot be read"))?;
-    // The decoder multiplies them before it looks at its limits.
+    // The decoder multiplies them before it checks its limits.
     let sides = header.split(|&byte| byte == b' ').filter(|word| matches!(word.first(), Some(b'W' | b'H')));
     for side in sides.map(|word| String::from_utf8_lossy(&word[1..]).trim().to_owned()) {
         if !side.parse().is_ok_and(|side| (1..=LARGEST_SIDE).contains(&side)) {
@@ -187,7 +187,7 @@ fn ffmpeg(path: &Path) -> Result<Source> {
                 format!(": ffmpeg decodes it, and cannot be started ({error}); install ffmpeg, or compare .y4m videos");
             Error::content(path, problem)
         })?;
-    let output = child.stdout.take().expect("it was asked for");
+    let output = child.stdout.take().expect("it was requested");
     let decoder = y4m_decoder(path, Box::new(BufReader::new(output)));
     match decoder {
         Ok(decoder) => Ok(Source::Ffmpeg(Box::new(decoder), child)),

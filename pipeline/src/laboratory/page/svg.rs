@@ -11,7 +11,7 @@ pub struct Svg {
     body: String,
 }
 
-/// What classes look like in files; a page has its own rules for them.
+/// Style of the classes in files; a page has its own rules for them.
 const FILE_STYLE: &str = ".ink{fill:#1d2129}.soft{fill:#5a6270}.grid{stroke:#d9dde3}.axis{stroke:#7c8592}";
 
 /// Text as XML holds it.

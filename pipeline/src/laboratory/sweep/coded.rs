@@ -16,9 +16,9 @@ use std::sync::Arc;
 
 /// A coded picture.
 pub struct CodedFrame {
-    /// What a decoder shows.
+    /// The picture that a decoder shows.
     pub decoded: Arc<plane::Picture>,
-    /// Of the picture, headers included.
+    /// Size of the picture, headers included.
     pub bits: u64,
     /// CPU seconds.
     pub seconds: f64,
@@ -82,7 +82,7 @@ impl Coder {
         Ok(CodedFrame { decoded, bits: packet.bits, seconds: busy.seconds() })
     }
 
-    /// The end of the stream, and what another decoder makes of it where that was asked for and there is one.
+    /// The end of the stream, and the check by another decoder where that was requested and there is one.
     ///
     /// # Errors
     /// Another stream than the driver wrote, or another decoder shows other pictures.
@@ -139,7 +139,7 @@ impl Copy {
     }
 }
 
-/// What another decoder makes of a stream.
+/// A stream, checked by another decoder.
 #[derive(Clone, Debug, Serialize)]
 pub struct DecoderCheck {
     /// Which one.

@@ -1,4 +1,4 @@
-//! What a sweep finds out: one [`Run`] for each method and quantiser.
+//! Figures of a sweep: one [`Run`] for each method and quantiser.
 
 use super::coded::DecoderCheck;
 use super::histogram::ErrorHistogram;
@@ -31,18 +31,18 @@ pub struct Outcome {
     pub references: Vec<ReferenceCost>,
     /// One for each quantiser and method, methods together.
     pub runs: Vec<Run>,
-    /// What another decoder shows; null where there is none.
+    /// The check by another decoder; null where there is none.
     pub decoder_check: Option<DecoderCheck>,
     /// By the clock, everything \[s\].
     pub wall_seconds: f64,
 }
 
-/// What a reference took.
+/// Cost of a reference.
 #[derive(Clone, Debug, Serialize)]
 pub struct ReferenceCost {
     /// Whether light from close by is compensated.
     pub compensation: bool,
-    /// Of the stages, a frame.
+    /// CPU seconds of the stages, a frame.
     pub seconds: Seconds,
 }
 
@@ -69,7 +69,7 @@ pub struct Run {
     pub tree_swaps_share: f64,
     /// Clusters in a cut, over the cuts that were made.
     pub cut_size_mean: f64,
-    /// Of direct light and cuts, a frame.
+    /// Shadow rays of direct light and cuts, a frame.
     pub shadow_rays: f64,
     /// A frame.
     pub bits: f64,
@@ -119,7 +119,7 @@ pub struct Pictures {
     pub maps: Option<Maps>,
 }
 
-/// What steered the last frame of a film.
+/// Thresholds, cuts and errors of the last frame of a film.
 pub struct Maps {
     /// Threshold by luminance.
     pub relative_threshold: Plane<f32>,

@@ -37,7 +37,7 @@ pub struct FilmFrame {
 pub struct Film {
     /// Every choice.
     pub settings: Settings,
-    /// What the stages say; of paths, only the time in `direct`.
+    /// Reports of the stages; of paths, only the time in `direct`.
     pub reports: Vec<FrameReport>,
     /// The video as the run wrote it; paths write none.
     pub stream: Option<PathBuf>,
@@ -86,7 +86,7 @@ pub fn settings_for(path: &Path, scene: &Scene, options: &Options, exposure: Opt
     Ok(settings)
 }
 
-/// What films are made of, and where.
+/// The scene of films, and the folder where they are made.
 #[derive(Clone, Copy)]
 pub struct Workshop<'a> {
     pub scene: &'a Scene,
@@ -99,7 +99,7 @@ pub struct Workshop<'a> {
 /// Renders into files.
 ///
 /// # Errors
-/// What [`crate::render`] says, or that `stop` was set.
+/// Errors of [`crate::render`], or that `stop` was set.
 pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut() + Send) -> Result<Film> {
     let Workshop { scene, folder: workspace, stop } = workshop;
     let folder = folder_in(workspace)?;
@@ -174,7 +174,7 @@ pub fn by_paths(
     Ok(Film { settings, reports, stream: None, folder })
 }
 
-/// What [`read_frame`] reads, without thresholds and cuts.
+/// Writes a frame for [`read_frame`], without thresholds and cuts.
 fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, known: Option<&Correspondence>) -> Result<()> {
     let (width, height) = (radiance.width(), radiance.height());
     let color = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();

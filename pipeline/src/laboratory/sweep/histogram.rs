@@ -9,7 +9,7 @@ use serde::Serialize;
 const BINS: usize = 40;
 /// Ratio where the last bin ends; what lies above is counted apart.
 const HIGHEST: f64 = 2.0;
-/// Of more pixels than these, some are left out, evenly: all of a film would not fit.
+/// Most pixels that are taken; of more, some are left out, evenly: all of a film would not fit.
 const MOST_PIXELS: usize = 1 << 21;
 /// Pixels darker than this share of the picture's mean do not count: 0/0 says nothing.
 const DARK: f64 = 1e-4;
@@ -73,7 +73,7 @@ impl Ratios {
         }));
     }
 
-    /// What they say.
+    /// The histogram of the ratios.
     pub fn histogram(self) -> ErrorHistogram {
         ErrorHistogram::from_pairs(self.pairs)
     }

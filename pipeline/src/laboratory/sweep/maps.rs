@@ -1,4 +1,4 @@
-//! What steered a frame, as pictures: thresholds, cut sizes, errors (figures 4 and 8 of \[Herzog08\]).
+//! Maps of a frame, as pictures: thresholds, cut sizes, errors (figures 4 and 8 of \[Herzog08\]).
 
 use super::figures::Maps;
 use crate::laboratory::compare::HEAT_MAP_RANGE;
@@ -9,7 +9,7 @@ use plane::Plane;
 pub struct Scale {
     /// In files and on the page.
     pub name: &'static str,
-    /// What it shows.
+    /// Description for readers.
     pub about: &'static str,
     /// Dark and bright end.
     pub range: (f32, f32),

@@ -12,23 +12,23 @@ use perceptual::{YCbCr, flicker, luminance, to_rgb8};
 use plane::{Correspondence, NO_MATCH, Plane};
 use std::path::Path;
 
-/// What is found of a film at a quantiser.
+/// Findings of a film at a quantiser.
 pub struct Measured {
     /// The figures.
     pub run: Run,
     /// Its last frame.
     pub pictures: Pictures,
-    /// The first decoded pictures, as many as were asked for.
+    /// The first decoded pictures, as many as were requested.
     pub clip: Vec<Plane<[u8; 3]>>,
-    /// What another decoder says, where it was asked.
+    /// The check by another decoder, where it was requested.
     pub check: Option<DecoderCheck>,
 }
 
-/// What is wanted beyond the figures.
+/// Requests beyond the figures.
 pub struct Wanted<'a> {
     /// Decoded pictures from the beginning on.
     pub clip: usize,
-    /// Where another decoder's files may lie for a while, if it is to be asked.
+    /// Where another decoder's files may lie for a while, if its check is requested.
     pub check_below: Option<&'a Path>,
 }
 
@@ -101,7 +101,7 @@ impl Flicker {
     }
 }
 
-/// What is gathered over the frames that count.
+/// Sums over the frames that count.
 struct Sums {
     exposure: f32,
     rendered: Vec<Comparison>,
@@ -163,7 +163,7 @@ impl Sums {
     }
 }
 
-/// What steered `frame`, and how far it is from the reference.
+/// Thresholds and cuts of `frame`, and how far it is from the reference.
 fn maps_of(settings: &Settings, frame: &FilmFrame, truth: &FilmFrame) -> Maps {
     let share = match settings.thresholds {
         Thresholds::Fixed(share) => share,

@@ -95,7 +95,7 @@ impl Method {
         })
     }
 
-    /// What it is measured against for speed: fixed thresholds of 2 %, cached or not as it is; none for paths, which are
+    /// Its baseline for speed: fixed thresholds of 2 %, cached or not as it is; none for paths, which are
     /// not lightcuts.
     pub fn baseline(&self) -> Option<&'static Method> {
         let name = if self.cache { "lightcuts-cache" } else { "lightcuts" };

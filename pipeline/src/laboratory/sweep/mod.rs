@@ -1,5 +1,5 @@
 //! Error against run time: the same frames by several methods, through the encoder at several quantisers, all beside a
-//! reference that asks every light at every pixel.
+//! reference that evaluates every light at every pixel.
 //!
 //! Methods are rows of [`METHODS`]; what is found about each at each quantiser is a [`Run`]. The reference of methods
 //! without cache has no compensation, as they have none: what is left between the two is the cuts' own error.
@@ -38,10 +38,10 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// What to compare.
+/// Options of a sweep.
 #[derive(Clone, Debug)]
 pub struct Sweep {
-    /// What all methods have in common: frames, size, lights, seed.
+    /// Options that all methods have in common: frames, size, lights, seed.
     pub common: Options,
     /// The standard's quantiser_scale, one or more.
     pub qscales: Vec<u32>,
@@ -59,7 +59,7 @@ pub const DEFAULT_QSCALES: [u32; 5] = [2, 8, 16, 32, 48];
 /// Pictures of the clip on the page, at most: it is played again and again.
 const CLIP_FRAMES: usize = 50;
 
-/// What a sweep renders.
+/// The scene that a sweep renders.
 #[derive(Clone, Copy)]
 pub struct Source<'a> {
     /// The scene file, as it stands in reports.
@@ -75,7 +75,7 @@ pub struct Progress {
     pub done: u64,
     /// See `done`.
     pub all: u64,
-    /// What is going on.
+    /// The current step, in words.
     pub doing: String,
 }
 
@@ -198,11 +198,11 @@ impl Sweep {
     }
 }
 
-/// What all methods are laid beside.
+/// Reference films that all methods are compared with.
 struct References {
-    /// Every light without compensation, and with it, where a method asks for it.
+    /// Every light without compensation, and with it, where a method requires it.
     films: [Option<Film>; 2],
-    /// That of the first: a curve of its own would be a difference of its own.
+    /// Exposure of the first: a curve of its own would be a difference of its own.
     exposure: Option<f32>,
 }
 
@@ -262,7 +262,7 @@ impl<'a> Work<'a> {
         Self { done: 0, all: frames * (films + references * REFERENCE_WEIGHT), progress }
     }
 
-    /// What to call with each frame of a film.
+    /// Begins a film, and returns the function to call with each frame of it.
     fn begin(&mut self, doing: String, weight: u64) -> impl FnMut() + Send {
         (self.progress)(&Progress { done: self.done, all: self.all, doing: doing.clone() });
         move || {

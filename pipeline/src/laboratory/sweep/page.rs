@@ -44,7 +44,7 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
     ];
     let choices = choices(swept);
     let clip = clip(swept);
-    // The reference stands behind, and beside it what the clip shows.
+    // The reference stands last, and beside it the picture that the clip shows.
     let chosen = middle(&shown(swept)).map_or(0, |place| place + 1);
     render_template(
         "sweep.html",
@@ -113,7 +113,7 @@ fn middle(shown: &[(&Run, &Pictures)]) -> Option<usize> {
     shown.iter().rposition(|(run, _)| run.qscale == qscale)
 }
 
-/// What can be watched, as browsers play it.
+/// The clip of decoded pictures, as browsers play it.
 fn clip(swept: &Swept) -> Option<(String, String)> {
     let (place, pictures) = swept.clip.as_ref()?;
     let run = &swept.outcome.runs[*place];

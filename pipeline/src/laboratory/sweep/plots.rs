@@ -6,7 +6,7 @@ use crate::laboratory::page::{LinePlot, Series, StackedBars, Svg};
 
 /// A plot, the name of its files, and what it shows in words.
 pub struct Plot {
-    /// Of the files.
+    /// Name of the files.
     pub name: String,
     /// The drawing.
     pub svg: Svg,

@@ -105,7 +105,7 @@ impl Outcome {
         if mean > 0.0 { 0.5 * (most - least) / mean } else { 0.0 }
     }
 
-    /// What the figures say of each steered method: where coupling pays, and where it does not.
+    /// Findings on each steered method: where coupling pays, and where it does not.
     pub fn findings(&self) -> Vec<Finding> {
         let steered: Vec<&Run> = self.runs.iter().filter(|run| run.kappa.is_some()).collect();
         let notable = NOTABLE.max(1.0 + self.timing_spread());
@@ -113,10 +113,10 @@ impl Outcome {
     }
 }
 
-/// What a sweep says of a method.
+/// Finding on a method.
 #[derive(Serialize)]
 pub struct Finding {
-    /// Of the method.
+    /// Label of the method.
     pub label: String,
     /// A few sentences.
     pub text: String,

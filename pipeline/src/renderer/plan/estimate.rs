@@ -1,9 +1,9 @@
-//! What the stages of a frame would cost, before the first frame: work by the price of its unit.
+//! Estimated cost of the stages of a frame, before the first frame: work by the price of its unit.
 //!
 //! Prices are means over the shipped scenes, from reports of runs in which everything ran: seconds of the stages, in frames
 //! after the first, by the units below; `docs/plan.md` has the commands, and estimates beside what was measured. Only ratios
 //! matter here, and these differ little between processors. They differ more between scenes: light that is found by cuts
-//! costs what a scene's detail asks for, of which the number of triangles is a poor measure.
+//! costs what a scene's detail requires, of which the number of triangles is a poor measure.
 
 use super::stage::Stage;
 use crate::settings::{Lighting, Settings, Size};
@@ -11,30 +11,30 @@ use render_core::scene::Scene;
 
 /// Price of placing everything \[CPU s a frame\].
 const PLACING: f64 = 2.5e-5;
-/// Of following a photon.
+/// Price of following a photon.
 const PHOTON: f64 = 1.3e-6;
-/// Of a new energy in the light tree.
+/// Price of a new energy in the light tree.
 const LIGHT: f64 = 1.1e-7;
-/// Of finding what a pixel sees, and where that was in the frame before.
+/// Price of the first hit of a pixel, and of its place in the frame before.
 const PRIMARY_RAY: f64 = 3.3e-7;
-/// Of the light of a glowing surface at a pixel.
+/// Price of the light of a glowing surface at a pixel.
 const AREA_LIGHT: f64 = 4.7e-7;
-/// Of the light of a point or a sun at a pixel.
+/// Price of the light of a point or a sun at a pixel.
 const POINT_LIGHT: f64 = 8.8e-7;
-/// Of an anchor light on something that moves, at a pixel or at a record of the cache, of which there is one for some pixels.
+/// Price of an anchor light on something that moves, at a pixel or at a record of the cache. A record serves some pixels.
 const MOVING_ANCHOR: f64 = 1.8e-8;
 const PIXELS_OF_A_RECORD: f64 = 10.0;
-/// Of a pixel's indirect light by the cache, in a scene of one triangle; it grows with a power of their number.
+/// Price of a pixel's indirect light by the cache, in a scene of one triangle; it grows with a power of their number.
 const CACHED_PIXEL: f64 = 1.1e-7;
 const CACHED_DETAIL: f64 = 0.5;
 /// The same by a cut for every pixel.
 const CUT_PIXEL: f64 = 7.8e-7;
 const CUT_DETAIL: f64 = 0.4;
-/// Of a virtual light at a pixel, where every one is asked.
+/// Price of a virtual light at a pixel, where every one is evaluated.
 const LIGHT_AT_PIXEL: f64 = 1.0e-7;
 /// Part of cached indirect light that compensation is.
 const COMPENSATION: f64 = 0.03;
-/// Of the tone curve, of coding, and of masking at a pixel.
+/// Prices of the tone curve, of coding, and of masking at a pixel.
 const TONE_MAPPED_PIXEL: f64 = 1.3e-8;
 const CODED_PIXEL: f64 = 2.2e-8;
 const MASKED_PIXEL: f64 = 1.6e-8;
@@ -97,7 +97,7 @@ impl Costs {
         by_pixel * self.pixels
     }
 
-    /// Of what every film needs: the tone curve and the encoder.
+    /// Cost of the stages that every film needs: the tone curve and the encoder.
     pub(super) fn of_the_rest(&self) -> f64 {
         (TONE_MAPPED_PIXEL + CODED_PIXEL) * self.pixels
     }

@@ -1,4 +1,4 @@
-//! What a scene holds and what moves in it, as far as the plan depends on it.
+//! Facts that the plan depends on: contents of a scene, and motion in it.
 
 use crate::settings::Settings;
 use render_core::scene::{Alpha, Instance, Scene};

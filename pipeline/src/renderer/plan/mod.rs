@@ -1,4 +1,4 @@
-//! What a scene needs, and what is left out of it, and why: decided before the first frame.
+//! Stages that a scene needs, stages that are left out, and why: decided before the first frame.
 //!
 //! Leaving out never changes a bit of the output: what is left out would have computed the same again.
 

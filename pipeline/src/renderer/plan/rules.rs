@@ -40,7 +40,7 @@ const fn otherwise(state: State, reason: &'static str) -> Rule {
 
 const NO_REFLECTION: &str = "no surface reflects light";
 const NO_INDIRECT: &str = "there is no indirect light";
-const LEFT_OUT: &str = "left out, as asked";
+const LEFT_OUT: &str = "left out, as requested";
 
 /// The rules of each stage, in the order of [`Stage::ALL`]. The first rule that applies decides.
 const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
@@ -118,7 +118,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::Indirect,
         &[
             off(|f| !f.reflects, NO_REFLECTION),
-            on(|f| !f.cuts(), "every light at each pixel, as asked"),
+            on(|f| !f.cuts(), "every light at each pixel, as requested"),
             on(|f| f.settings.cache, "a lightcut for each record"),
             otherwise(State::On, "a lightcut for each pixel"),
         ],
@@ -145,7 +145,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::Masking,
         &[
             off(|f| !f.cuts(), "without cuts nothing stops at them"),
-            off(|f| matches!(f.settings.thresholds, Thresholds::Fixed(_)), "thresholds are fixed, as asked"),
+            off(|f| matches!(f.settings.thresholds, Thresholds::Fixed(_)), "thresholds are fixed, as requested"),
             on(
                 |f| matches!(f.settings.thresholds, Thresholds::Codec),
                 "what the encoder did steers the cuts of the next frame",
@@ -175,7 +175,7 @@ pub(super) fn decisions(facts: &Facts<'_>) -> Vec<Decision> {
             return Decision {
                 stage: *stage,
                 state: State::On,
-                reason: format!("{reason}; run all the same, as asked"),
+                reason: format!("{reason}; run all the same, as requested"),
             };
         }
         Decision { stage: *stage, state, reason }

@@ -1,4 +1,4 @@
-//! Cuts behind the irradiance cache: how a record is computed, and lit again from the clusters it remembers.
+//! Cuts for the irradiance cache: how a record is computed, and lit again from the clusters it remembers.
 
 mod around;
 
@@ -20,11 +20,11 @@ use std::f32::consts::PI;
 
 /// A record answers for many pixels and its error is seen as a stain: its threshold is this share of theirs.
 const FINENESS: f32 = 0.5;
-/// Reflectance below which a pixel asks for no finer irradiance: its own light hardly matters.
+/// Reflectance below which a pixel needs no finer irradiance: its own light hardly matters.
 const LEAST_REFLECTANCE: f32 = 0.05;
-/// An anchor on a moving thing that would add less than this share is not asked whether something hides it: two dozen
+/// An anchor on a moving thing that would add less than this share gets no shadow ray and counts as visible: two dozen
 /// of them together stay below half a per cent.
-const UNASKED_SHARE: f32 = 2e-4;
+const UNTRACED_SHARE: f32 = 2e-4;
 /// A cut is made anew when its thresholds have become tighter than this share of what it was made for.
 const TIGHTER: f32 = 0.5;
 /// A cut goes with its record over this share of the harmonic mean distance of what is around, and through this turn of 8°:
@@ -40,20 +40,20 @@ const FOOTPRINT_POINTS: i32 = 5;
 #[derive(Default)]
 pub(super) struct Cache {
     records: IrradianceCache<Recipe>,
-    /// Of the frame before.
+    /// Intensities of the lights in the frame before.
     intensities: Vec<Vec3>,
     /// Where the instances were in the frame before; none before the first.
     places: Vec<Option<Place>>,
 }
 
-/// What a record is made of.
+/// Cut and final gather of a record.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct Recipe {
     clusters: Box<[Cluster]>,
     /// Which of the clusters are seen: a bit for each, a word for each [`PACKET`] of them.
     visible: Box<[u64]>,
     surroundings: Gathered,
-    /// Whether something that moves stood near when the surroundings were looked at.
+    /// Whether something that moves stood near at the final gather.
     near_moving: bool,
     /// Where the record was when the cut was made, and the way it faced.
     position: Vec3A,
@@ -83,7 +83,7 @@ impl Cache {
         reflected(seen, &lit)
     }
 
-    /// The same for another picture of the frame that [`Cache::light`] was last asked for.
+    /// The same for another picture of the last frame that [`Cache::light`] lit.
     pub fn light_more(&mut self, transport: &LightTransport, busy: &Busy, figures: &mut FrameFigures) -> Plane<Vec3> {
         let moving = transport.prepared.surfaces.scene().moving_instances();
         let illumination = Cuts { transport, swept: Vec::new(), standing: standing(&self.places), moving: &moving };
@@ -93,12 +93,12 @@ impl Cache {
         reflected(transport.seen, &lit)
     }
 
-    /// What cannot be made again from the frame that it was last asked for.
+    /// State that does not follow from the last lit frame.
     pub fn carried(&self) -> &IrradianceCache<Recipe> {
         &self.records
     }
 
-    /// The cache behind frame `done`, from what it carried there.
+    /// The cache after frame `done`, from what it carried there.
     ///
     /// # Errors
     /// Records are of lights, surfels or instances that are not there.
@@ -150,7 +150,7 @@ impl Illumination for Cuts<'_> {
     fn compute(&self, site: &Site, (scratch, finer): &mut Self::Scratch) -> (LocalIrradiance, Recipe) {
         let Self { transport, .. } = self;
         let receiver = self.receiver(site);
-        let surroundings = transport.look_around(&receiver, site.key);
+        let surroundings = transport.final_gather(&receiver, site.key);
         let white = Lambert {
             position: receiver.position.into(),
             normal: receiver.normal.into(),
@@ -205,12 +205,12 @@ impl Illumination for Cuts<'_> {
             return None;
         }
         let receiver = self.receiver(site);
-        let looks_again = match known {
+        let gathers_again = match known {
             LastUpdate::LastFrame => self.is_near(&self.swept, site),
             LastUpdate::Earlier => recipe.near_moving || self.is_near(&self.standing, site),
         };
-        if looks_again {
-            recipe.surroundings = self.transport.look_around(&receiver, site.key);
+        if gathers_again {
+            recipe.surroundings = self.transport.final_gather(&receiver, site.key);
             recipe.near_moving = self.is_near(&self.standing, site);
         }
         let lights = self.transport.prepared.tree.lights();
@@ -275,7 +275,7 @@ impl Cuts<'_> {
         things.iter().any(near)
     }
 
-    /// Of the clusters whose bits are set in `ask`, those whose light arrives.
+    /// Finds, among the clusters whose bits are set in `ask`, those whose light arrives.
     fn seen_lights(&self, receiver: &ShadingPoint, clusters: &[Cluster], ask: u64) -> u64 {
         let lights = self.transport.prepared.tree.lights();
         self.transport.visible_among(receiver, clusters, |c| lights[c.light as usize].position.into(), ask)
@@ -296,7 +296,7 @@ impl Cuts<'_> {
         }
         let dynamic = self.transport.prepared.direct.dynamic();
         // What would give next to nothing counts as seen.
-        let unasked = UNASKED_SHARE * luminance(irradiance);
+        let untraced = UNTRACED_SHARE * luminance(irradiance);
         let mut rays = 0;
         for anchors in dynamic.anchors.chunks(PACKET) {
             let mut terms = [IrradianceTerm::default(); PACKET];
@@ -306,7 +306,7 @@ impl Cuts<'_> {
                 let lamp = Light { position: anchor.position.into(), emission, intensity: *intensity };
                 terms[i] = irradiance_term(position, normal, &lamp, dynamic.geometry_term_bound);
                 gives |= u64::from(terms[i].value > 0.0) << i;
-                ask |= u64::from(luminance(*intensity * terms[i].value) > unasked) << i;
+                ask |= u64::from(luminance(*intensity * terms[i].value) > untraced) << i;
             }
             rays += ask.count_ones();
             let place = |(anchor, _): &(Anchor, Vec3)| anchor.position;

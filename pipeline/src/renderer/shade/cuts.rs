@@ -1,4 +1,4 @@
-//! What a cut needs to know of a frame: who sees whom, and when to stop.
+//! Visibility and thresholds of a frame, as cuts need them.
 
 use super::WITHOUT_THRESHOLD;
 use crate::figures::FrameFigures;
@@ -14,35 +14,36 @@ use render_core::{
 };
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
-/// Rays of a look around. With as many, films of `cornell` and `nave` at 256×256 came no less near to paths when anchors were
+/// Rays of a final gather. With as many, films of `cornell` and `nave` at 256×256 came no less near to paths when anchors were
 /// softened over eight shares and more of the light was left to these rays.
-const LOOKS: usize = 64;
-/// The same where every light is asked: the noise of 64 would be a tenth of a reference's error, and its cost is small beside theirs.
-const LOOKS_OF_ALL_LIGHTS: usize = 256;
+const GATHER_RAYS: usize = 64;
+/// The same where every light is evaluated: the noise of 64 would be a tenth of a reference's error, and their cost is small
+/// beside that of the lights.
+const GATHER_RAYS_OF_ALL_LIGHTS: usize = 256;
 
 /// Rays that feel how open a pixel is. On `nave` 8 leave a tenth more error than 16 and need one record in a hundred more, 12 leave
 /// one in a hundred more; in a simulation, 32 leave 3 % less than 16.
 const FEELERS: usize = 16;
 
-/// What the pixels of a frame may be wrong by.
+/// Errors that the pixels of a frame may have.
 pub(super) struct Allowance {
     pub map: ThresholdMap,
     /// Luminance that the pixels had in the frame before, where they were seen there.
     pub before: Option<ThresholdMap>,
-    /// What errors turned out to be by now, if cuts are to end by that.
+    /// Errors measured so far, if cuts are to end by them.
     pub calibration: Option<Calibration>,
 }
 
-/// A frame whose indirect light is asked for, from many threads at once.
+/// A frame whose indirect light is computed, by many threads at once.
 pub(super) struct LightTransport<'a> {
     pub settings: &'a Settings,
     pub prepared: &'a Frame<'a>,
     pub allowance: &'a Allowance,
-    /// What is lit.
+    /// The surfaces that are lit.
     pub seen: &'a GBuffer,
     /// Radiance known before any cut.
     pub direct: &'a Plane<Vec3>,
-    /// Whether the light that softening takes is given back.
+    /// Whether there is bias compensation.
     pub compensates: bool,
     pub figures: &'a Figures,
     directions: GatherDirections,
@@ -60,7 +61,7 @@ impl<'a> LightTransport<'a> {
         figures: &'a Figures,
     ) -> Self {
         let all_lights = settings.lighting == Lighting::AllLights;
-        let directions = GatherDirections::new(if all_lights { LOOKS_OF_ALL_LIGHTS } else { LOOKS });
+        let directions = GatherDirections::new(if all_lights { GATHER_RAYS_OF_ALL_LIGHTS } else { GATHER_RAYS });
         let feelers = std::array::from_fn(|i| {
             let p = concentric_disc(sobol_point(i as u64));
             p.extend((1.0 - p.length_squared()).max(0.0).sqrt())
@@ -74,7 +75,7 @@ impl<'a> LightTransport<'a> {
         sees(&self.prepared.accelerator, receiver, lamp)
     }
 
-    /// Of the first [`PACKET`] `lamps` at most, each at its `place`, those whose bits are set in `ask` and whose light arrives.
+    /// Finds, among the first [`PACKET`] `lamps` whose bits are set in `ask`, those whose light arrives from their `place`.
     pub fn visible_among<T>(&self, receiver: &ShadingPoint, lamps: &[T], place: impl Fn(&T) -> Vec3A, ask: u64) -> u64 {
         if ask == 0 {
             return 0;
@@ -89,7 +90,8 @@ impl<'a> LightTransport<'a> {
         ask & !self.prepared.accelerator.occluded_packet(receiver.position, &ends[..lamps.len()], ask)
     }
 
-    pub fn look_around(&self, receiver: &ShadingPoint, key: u64) -> Gathered {
+    /// Final gather at `receiver`; `key` turns its rays.
+    pub fn final_gather(&self, receiver: &ShadingPoint, key: u64) -> Gathered {
         let Frame { accelerator, surfaces, gather, .. } = self.prepared;
         gather.gather(PosedScene::new(accelerator, surfaces), receiver, &self.directions, key)
     }
@@ -129,7 +131,7 @@ impl<'a> LightTransport<'a> {
         }
     }
 
-    /// What clusters of a pixel's cut may be wrong by if errors did not add up.
+    /// Error that each cluster of a pixel's cut may have if errors did not add up.
     pub fn stop_at_pixel(&self, x: usize, y: usize) -> Stop {
         let relative = || Stop::Relative {
             fraction: self.relative_threshold(),
@@ -259,7 +261,7 @@ impl Figures {
         self.rays.fetch_add(rays.into(), Ordering::Relaxed);
     }
 
-    /// Largest cut of each pixel; nothing unless it was asked for.
+    /// Largest cut of each pixel; nothing unless it was requested.
     pub fn sizes_by_pixel(&self) -> impl Iterator<Item = u32> {
         self.by_pixel.iter().map(|cell| cell.load(Ordering::Relaxed))
     }
@@ -279,13 +281,13 @@ mod tests {
     #[test]
     fn every_pixel_has_its_turn() {
         for of_a_macroblock in [1, 5] {
-            let mut asked = vec![0; 32 * 32];
+            let mut audits = vec![0; 32 * 32];
             for n in 0..256 {
-                for (i, asked) in asked.iter_mut().enumerate() {
-                    *asked += usize::from(is_audited((i % 32, i / 32), 32, n, of_a_macroblock));
+                for (i, audits) in audits.iter_mut().enumerate() {
+                    *audits += usize::from(is_audited((i % 32, i / 32), 32, n, of_a_macroblock));
                 }
             }
-            assert!(asked.iter().all(|&times| times == of_a_macroblock));
+            assert!(audits.iter().all(|&times| times == of_a_macroblock));
         }
     }
 }

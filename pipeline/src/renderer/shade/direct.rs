@@ -21,7 +21,7 @@ pub(super) fn light(prepared: &Frame, seen: &GBuffer, busy: &Busy) -> (Plane<Vec
         |(), columns, rows| {
             let width = columns.len();
             let pixels: Vec<PixelSurface> = places(columns, rows).map(|(x, y)| seen.pixels.get(x, y)).collect();
-            // What light falls on is asked together: the lights send their rays to all of it at once.
+            // Lit pixels are taken together: the lights send their rays to all of them at once.
             let mut reflects: Vec<usize> = (0..pixels.len()).filter(|&place| is_lit(&pixels[place])).collect();
             // Squares of 8 × 8 pixels lie closer together than rows.
             reflects.sort_by_key(|place| (place / width / 8, place % width / 8));

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! point and spot lights, the sun       their direction and a shadow ray
-//! glowing surfaces that pixels ask     from roughness 0.2 on by the points that direct light asks; below, by reflection rays
+//! glowing surfaces that pixels sample  from roughness 0.2 on by the points that direct light samples; below, by reflection rays
 //! everything else                      reflection rays: glowing surfaces of the light tree, the sky, whatever is lit
 //! ```
 //!
@@ -17,8 +17,8 @@
 //! ```
 //! A coat in even light is even, then, however few the rays.
 //!
-//! What a reflection shows is coarser than what the viewer sees directly. In coats of roughness 0.2 and above, the virtual lights
-//! around a point say what it reflects; in smoother ones it is lit by direct light and a loose cut. A coat that is seen in a
+//! A reflection is coarser than what the viewer sees directly. In coats of roughness 0.2 and above, the virtual lights
+//! around a point light it; in smoother ones it is lit by direct light and a loose cut. A coat that is seen in a
 //! coat shows its sources by their lobes, and of everything else what lies in the mirrored direction. Photons know no coats:
 //! light that metals throw on others is missing.
 
@@ -51,8 +51,8 @@ const BRIGHTEST: f32 = 2.0;
 /// How far, in pixels, with the weights of a tent.
 const SPREAD: usize = 10;
 
-/// `seen` with the albedo that is left under the coats, towards the viewer: what light that is not reflected by
-/// [`light`] asks for. Where there is no coat it stays the same.
+/// `seen` with the albedo that is left under the coats, towards the viewer, for all light that [`light`] does not reflect.
+/// Where there is no coat it stays the same.
 pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
     let pixels = seen.pixels.map(|pixel| match Coated::of_pixel(&pixel, seen, 0.0) {
         Some(coated) => PixelSurface { albedo: coated.bsdf.diffuse_albedo(coated.outgoing.z).into(), ..pixel },
@@ -130,7 +130,7 @@ struct Coated {
 }
 
 impl Coated {
-    /// What a pixel shows, if that has a coat; rays start `epsilon` metres off it.
+    /// The surface that a pixel sees, if it has a coat; rays start `epsilon` metres off it.
     fn of_pixel(pixel: &PixelSurface, seen: &GBuffer, epsilon: f32) -> Option<Self> {
         if pixel.instance == NOTHING || pixel.specular == [0.0; 3] {
             return None;
@@ -149,7 +149,7 @@ impl Coated {
         Self { receiver, axes, outgoing: into_frame(axes, -direction), bsdf, roughness }
     }
 
-    /// What a ray has met that came in the unit `direction`.
+    /// The surface that a ray has met which came in the unit `direction`.
     fn of_surface(surface: &Surface, direction: Vec3A, epsilon: f32) -> Self {
         let &Surface { position, geometric_normal, shading_normal, albedo, specular, roughness, .. } = surface;
         let position = position + geometric_normal * epsilon;
@@ -202,7 +202,7 @@ impl Points {
     }
 }
 
-/// What is asked for reflections, by one thread.
+/// Reflections computed by one thread.
 struct Reflections<'a> {
     prepared: &'a Frame<'a>,
     scratch: &'a mut Scratch,

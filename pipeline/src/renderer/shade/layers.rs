@@ -1,4 +1,4 @@
-//! What else a frame knows of its pixels, as channels of its OpenEXR file.
+//! Other properties of the pixels of a frame, as channels of its OpenEXR file.
 
 use super::cache::Cache;
 use super::cuts::Figures;

@@ -48,7 +48,7 @@ struct Block {
     scratch: Scratch,
     together: Vec<Lit>,
     positions: Vec<Vec3A>,
-    /// Of `together`: what their cuts were to end at, and where they end.
+    /// When the cut of each of `together` ends; then their thresholds, receivers and cuts.
     stops: Vec<Stop>,
     thresholds: Vec<f32>,
     lamberts: Vec<Lambert>,
@@ -135,7 +135,7 @@ fn lit(transport: &LightTransport, (x, y): (usize, usize)) -> Option<Lit> {
     })
 }
 
-/// Counts a cut, and sees how wrong it is where its pixel is asked.
+/// Counts a cut, and measures its error where its pixel is audited.
 fn finish(transport: &LightTransport, lit: &Lit, stop: Stop, cut: &Cut, scratch: &mut Scratch) {
     let &Lit { x, y, ref receiver, ref lambert } = lit;
     if transport.is_audited(x, y) {
@@ -148,20 +148,20 @@ fn finish(transport: &LightTransport, lit: &Lit, stop: Stop, cut: &Cut, scratch:
 
 fn all_lights(transport: &LightTransport, lit: &Lit) -> Vec3 {
     let tree = &transport.prepared.tree;
-    let asked = Cell::new(0);
+    let rays = Cell::new(0);
     let light = tree.exhaustive(&lit.lambert, |lamp, _| {
-        asked.set(asked.get() + 1);
+        rays.set(rays.get() + 1);
         transport.visible(&lit.receiver, lamp)
     });
-    transport.figures.count(tree.len() as u32, asked.get());
+    transport.figures.count(tree.len() as u32, rays.get());
     light
 }
 
-/// What softening took from light that comes from close by.
+/// Bias compensation: the light from close by that softening took.
 fn compensation(transport: &LightTransport, lit: &Lit) -> Vec3 {
     if !transport.compensates {
         return Vec3::ZERO;
     }
-    let found = transport.look_around(&lit.receiver, (lit.y as u64) << 32 | lit.x as u64);
+    let found = transport.final_gather(&lit.receiver, (lit.y as u64) << 32 | lit.x as u64);
     lit.lambert.reflectance / PI * transport.prepared.gather.compensation(&found).irradiance
 }

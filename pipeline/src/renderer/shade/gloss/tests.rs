@@ -48,7 +48,7 @@ impl Stage {
         self
     }
 
-    /// What coats reflect to each pixel, and the first hits.
+    /// Light that coats reflect to each pixel, and the first hits.
     fn reflected(&self) -> (Plane<Vec3>, GBuffer) {
         let (settings, plan) = self.settings();
         assert!(plan.is_on(plan::Stage::Gloss));
@@ -217,7 +217,7 @@ fn the_sun_is_seen_as_a_disc() {
     }
 }
 
-/// Where no coat is, nothing is asked for and nothing changes.
+/// Where no coat is, nothing is computed and nothing changes.
 #[test]
 fn matte_scenes_stay_as_they_are_to_the_last_bit() {
     let matte = Material { base_color: Vec3::new(0.7, 0.4, 0.2), ..Material::default() };
