@@ -1,4 +1,4 @@
-//! What the loop from encoder to renderer buys, as a table: perceptual thresholds, as the paper has them (κ = 1) and as
+//! Gain by the loop from encoder to renderer, as a table: perceptual thresholds, as the paper has them (κ = 1) and as
 //! is the default here, against the original Lightcuts (2 % of luminance), a cut for every pixel; all decoded and compared
 //! with the frames of an all-lights rendering before compression.
 //!

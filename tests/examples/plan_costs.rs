@@ -1,4 +1,4 @@
-//! What the plan's estimates are worth: for each scene, a run in which every stage runs for every frame, and beside the share
+//! Accuracy of the plan's estimates: for each scene, a run in which every stage runs for every frame, and beside the share
 //! of time that each stage took there what the plan says of it.
 //!
 //! ```sh

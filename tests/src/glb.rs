@@ -124,7 +124,7 @@ impl Glb {
     }
 }
 
-/// What moves in [`checkered_room`].
+/// The moving object of [`checkered_room`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Moving {
     /// Nothing at all.

@@ -1,4 +1,4 @@
-//! What the tests across the crates share: the program as a user starts it, two decoders that are not ours, and small scenes.
+//! Shared parts of the tests across crates: the program as a user starts it, two decoders that are not ours, and small scenes.
 //!
 //! The decoders are `ffmpeg` and `mpeg2dec`, which `.ci/run` installs. The program is built by the first test that starts it.
 #![forbid(unsafe_code)]

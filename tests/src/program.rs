@@ -27,7 +27,7 @@ pub fn program() -> &'static Path {
     })
 }
 
-/// What a process left behind.
+/// Exit code and output of a process.
 #[derive(Debug)]
 pub struct Finished {
     /// Exit code; none when a signal ended it.

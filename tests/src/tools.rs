@@ -8,7 +8,7 @@ pub fn is_required(tool: &str) -> bool {
     std::env::var(VARIABLE).is_ok_and(|list| list.split(',').any(|name| name.trim() == tool))
 }
 
-/// Gives back what was `found`. Where that is nothing, prints that a check is left out.
+/// Returns what was `found`. Where that is nothing, prints that a check is left out.
 ///
 /// Names in use: `ffmpeg`, `mpeg2dec`, `avx2`, `mitsuba`, `chromium`, `shared-scenes`. The decoders are needed in any case.
 ///

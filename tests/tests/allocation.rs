@@ -1,6 +1,6 @@
-//! What the plan leaves out takes no memory: bytes are counted as they are asked for.
+//! Stages that the plan leaves out take no memory: bytes are counted as they are requested.
 //!
-//! A stage that works on something asks for memory by its size. So bytes that are the same for any number of pixels, photons and
+//! A stage that works on something requests memory by its size. So bytes that are the same for any number of pixels, photons and
 //! lights are those of a stage that did not run; where it runs, they differ.
 
 use pipeline::feedback_loop::Run;
@@ -55,7 +55,7 @@ impl Job {
     }
 }
 
-/// Bytes that preparing a frame asks for, on average over frames after the first: what a longer film asks for more.
+/// Bytes that preparing a frame requests, on average over frames after the first: the surplus of a longer film.
 fn of_a_later_frame(room: &Glb, work: Work) -> usize {
     let of_film = |count: u32| {
         let Job { scene, settings, plan, _folder } = &Job::new(room, work, count);
@@ -78,10 +78,10 @@ fn of_a_run(room: &Glb, work: Work) -> usize {
 /// The bytes of one plane of floats of a small picture: less than this is no work on pixels.
 const A_PLANE: usize = 4 * LITTLE.side * LITTLE.side;
 
-/// One test, so that nothing else asks for memory meanwhile.
+/// One test, so that nothing else requests memory meanwhile.
 #[test]
 fn what_is_left_out_takes_no_memory() {
-    // Nothing moves: a later frame asks for nothing that grows with pixels, photons or lights.
+    // Nothing moves: a later frame requests nothing that grows with pixels, photons or lights.
     let still = checkered_room(Moving::Nothing);
     // Threads of the common pool are started before anything is counted.
     of_a_run(&still, LITTLE);

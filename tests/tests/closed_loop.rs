@@ -92,7 +92,7 @@ fn settled(frames: &[f64]) -> f64 {
     last.iter().sum::<f64>() / last.len() as f64
 }
 
-/// What does not change is coded alike in every group, and its thresholds are the same bits.
+/// A still picture is coded alike in every group, and its thresholds are the same bits.
 #[test]
 fn ten_thousand_still_frames_repeat_group_by_group() {
     for (quantiser_scale, frames) in [(2, 900), (112, 900), (32, 10_000)] {
@@ -174,7 +174,7 @@ fn whatever_light_and_quantiser_do_it_stays_in_its_band() {
 fn a_flash_is_forgotten() {
     for (name, renderer) in [("none", exact as Renderer), RENDERERS[0], RENDERERS[1], RENDERERS[2]] {
         let (mut calm, mut run) = (Loop::new(renderer, 32), Loop::new(renderer, 32));
-        // Picture 32 begins no group, and none of the ten behind it does.
+        // Picture 32 begins no group, and none of the ten after it does.
         for frame in 0..44 {
             let (undisturbed, after) = (calm.step(1.0), run.step(if frame == 32 { 1e6 } else { 1.0 }));
             println!("{name}, frame {frame}: {after:.5}, undisturbed {undisturbed:.5}");

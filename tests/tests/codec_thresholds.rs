@@ -48,7 +48,7 @@ fn mean_threshold(coded: &CodedFrame, next: NextPicture) -> f64 {
     relative.sum::<f64>() / luminance.samples().len() as f64
 }
 
-/// What an intra picture would do follows from a predicted one: thresholds come near those after a picture that the
+/// Losses of an intra picture follow from a predicted one: thresholds come near those after a picture that the
 /// encoder did code by itself.
 #[test]
 fn an_intra_picture_is_predicted() {
@@ -84,8 +84,8 @@ fn a_film_is_rendered_by_them() {
     assert!(mean(&codec, "cut_size_mean") < 0.8 * mean(&uniform, "cut_size_mean"));
 }
 
-/// Where the encoder looks ahead, its coding is predicted: about the thresholds that a film of the same quantiser has whose
-/// encoder was asked, at constant quantisers with B pictures and within a rate.
+/// Where the encoder looks ahead, its coding is predicted: about the thresholds of a film of the same quantiser whose
+/// coding is known, at constant quantisers with B pictures and within a rate.
 #[test]
 fn films_of_encoders_that_look_ahead() {
     let folder = tempfile::tempdir().unwrap();
@@ -94,7 +94,7 @@ fn films_of_encoders_that_look_ahead() {
     let mean = |film: &tests::Rendered| film.figures(&["threshold_mean_relative"])[2..].iter().sum::<f64>() / 6.0;
     // By how much predicted thresholds are above the others: as the README of `perceptual` says, in whole percent.
     for (quantiser_scale, above) in [(8, 0.01), (32, 0.18)] {
-        let known = mean(&film("asked", &format!("--qscale {quantiser_scale}")));
+        let known = mean(&film("known", &format!("--qscale {quantiser_scale}")));
         let predicted = mean(&film("predicted", &format!("--qscale {quantiser_scale} --bframes 2")));
         println!("quantiser_scale {quantiser_scale}: {known:.4} with the coding known, {predicted:.4} predicted");
         let found = predicted / known - 1.0;

@@ -1,4 +1,4 @@
-//! What goes wrong is said in one line, and nothing half-written is left.
+//! Errors are reported in one line, and nothing half-written is left.
 
 use serde_json::json;
 use std::path::Path;

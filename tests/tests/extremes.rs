@@ -15,7 +15,7 @@ use tests::{Glb, Moving, checkered_room, furnace};
 
 const SIDE: usize = 32;
 
-/// What is wanted of a film that is small and quick.
+/// Options of a film that is small and quick.
 fn small() -> Options {
     let size = format!("{SIDE}x{SIDE}").parse().ok();
     Options { frames: Some(2), size, vpls: Some(200), photons: Some(10_000), ..Options::default() }
@@ -312,7 +312,7 @@ fn lamps_beyond_range_are_refused() {
     }
 }
 
-/// What is no number in vertices, animations and cameras is refused with its place; where it does no harm, it is left out.
+/// Values that are no numbers in vertices, animations and cameras are refused with their place; harmless ones are left out.
 #[test]
 fn what_is_no_number_is_refused_or_left_out() {
     let room = || checkered_room(Moving::Camera);

@@ -1,4 +1,4 @@
-//! What breaks while a film is made: a stage that panics, a folder or reader that goes away, no more file handles. Nothing
+//! Faults while a film is made: a stage that panics, a folder or reader that goes away, no more file handles. Nothing
 //! hangs, a line says what happened, and the exit code is not 0.
 //!
 //! Full disks and devices are in `errors.rs`, signals in `interrupt.rs`.
@@ -178,7 +178,7 @@ fn a_reader_that_goes_away() {
     assert!(tolerant_frame_count(&prefix, (48, 48)) > 3, "what was read plays");
 }
 
-/// What is only printed may be read as far as one likes: `render2mpeg plan scene.glb | head -1`.
+/// Printed output may be read in part: `render2mpeg plan scene.glb | head -1`.
 #[test]
 fn readers_of_texts_may_go_away() {
     let folder = tempfile::tempdir().unwrap();

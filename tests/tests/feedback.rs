@@ -37,7 +37,7 @@ fn thresholds_open_after_the_first_frame_and_cuts_shrink() {
         assert!(shares(&middle)[frame] > 0.02, "frame {frame}: {:?}", shares(&middle));
         assert!(cuts(&middle)[frame] < cuts(&fixed)[frame], "frame {frame}: {:?}", cuts(&middle));
         assert!(shares(&coarse)[frame] > shares(&fine)[frame], "frame {frame}: a coarser quantiser hides more");
-        assert!(cuts(&coarse)[frame] <= cuts(&fine)[frame], "frame {frame}: and asks for less");
+        assert!(cuts(&coarse)[frame] <= cuts(&fine)[frame], "frame {frame}: and needs smaller cuts");
     }
 }
 
@@ -62,7 +62,7 @@ fn both_strategies_agree_where_little_is_lost() {
     assert_fails(folder.path(), &waiting, &["--thresholds quantised", "--thresholds codec"]);
 }
 
-/// A cut for each pixel and frame: what a threshold asks for shows at once.
+/// A cut for each pixel and frame: the effect of a threshold shows at once.
 fn per_pixel() -> Options {
     Options { cache: Some(Switch::Off), compensation: Some(Switch::Off), ..Options::default() }
 }

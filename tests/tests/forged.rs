@@ -28,9 +28,9 @@ struct Film {
     scene: Scene,
     settings: Settings,
     plan: Plan,
-    /// What checkpoints begin with: a magic number and the version.
+    /// Header of checkpoints: a magic number and the version.
     begin: [u8; 8],
-    /// The checkpoint behind the last frame but one.
+    /// The checkpoint after the last frame but one.
     stored: Stored,
 }
 
@@ -41,7 +41,7 @@ impl Film {
         let path = folder.path().join("scene.glb");
         checkered_room(Moving::Box).write(&path);
         let scene = scene::load(&path).unwrap();
-        // A film of two frames leaves what one of three has behind its second, but for its length.
+        // A film of two frames leaves what one of three has after its second, but for its length.
         let [short, long] = [2, 3].map(|frames| {
             let options = Options {
                 output: Some(folder.path().join("film.m2v")),
@@ -86,7 +86,7 @@ fn run(checkpoints: &Checkpoints, scene: &Scene, settings: &Settings, plan: &Pla
     film().map(|_| ()).map_err(|error: pipeline::error::Error| error.chain())
 }
 
-/// The records of a film with more lights: their cuts were looked up among lights that are not there.
+/// The records of a film with more lights: their cuts refer to lights that are not there.
 #[test]
 fn records_of_lights_that_are_not_there_are_refused() {
     let (few, many) = (Film::new(10), Film::new(300));
@@ -97,7 +97,7 @@ fn records_of_lights_that_are_not_there_are_refused() {
     assert!(error.contains("makes no sense") && error.lines().count() == 1, "{error}");
 }
 
-/// What no stage can read is refused before the film is cut to the length that it had.
+/// States that no stage can read are refused before the film is cut to the length that it had.
 #[test]
 fn a_part_that_cannot_be_read_leaves_the_film_as_it_is() {
     let film = Film::new(10);

@@ -76,7 +76,7 @@ fn ctrl_c_ends_the_stream_in_order() {
         film.wait_for_pictures();
         film.signal(signal);
         assert_eq!(film.wait().code(), Some(130));
-        // The film up to here, and what another run needs to go on behind it.
+        // The film up to here, and what another run needs to go on after it.
         assert_eq!(sorted_names(folder.path()), ["film.m2v", "film.m2v.checkpoint", "film.report.json"]);
         let report = std::fs::read(folder.path().join("film.report.json")).unwrap();
         let report: serde_json::Value = serde_json::from_slice(&report).unwrap();

@@ -21,7 +21,7 @@ fn scene_files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Those that cannot be read, and what the message must say.
+/// Files that cannot be read, and what the message must say.
 const REFUSED: [(&str, &str); 4] = [
     ("khronos-odd/BoxDraco/Box.gltf", "KHR_draco_mesh_compression"),
     ("khronos-odd/broken-MissingBin/BoxTextured.gltf", "BoxTextured0.bin"),
@@ -277,7 +277,7 @@ fn hostile_files_get_an_error_and_little_memory() {
     let mut nan = checkered_room(Moving::Camera);
     nan.bin[..4].copy_from_slice(&f32::NAN.to_le_bytes());
     let mut index = checkered_room(Moving::Camera);
-    // The indices of the first mesh lie behind its positions.
+    // The indices of the first mesh follow its positions.
     let place = index.json["bufferViews"][1]["byteOffset"].as_u64().unwrap() as usize;
     index.bin[place..place + 4].copy_from_slice(&u32::MAX.to_le_bytes());
     let mut deep = Glb::default();

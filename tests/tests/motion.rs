@@ -1,4 +1,4 @@
-//! What the renderer knows of motion saves the encoder bits.
+//! Motion known by the renderer saves the encoder bits.
 
 use glam::{Vec3, vec3};
 use mpeg2enc::{Packet, Picture, PictureType};
@@ -60,7 +60,7 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
 fn exact_vectors_cost_fewer_bits_than_none() {
     let folder = tempfile::tempdir().unwrap();
     let room = folder.path().join("room.glb");
-    // Faster than a look around zero reaches: 5 pixels from frame to frame.
+    // Faster than a search around zero reaches: 5 pixels from frame to frame.
     let mut fast = checkered_room(Moving::Nothing);
     let camera = fast.add_camera(Vec3::ZERO);
     fast.animate(camera, vec3(-2.0, 1.5, 4.5), vec3(6.0, 1.5, 4.5));

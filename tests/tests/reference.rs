@@ -93,7 +93,7 @@ fn a_sky_may_be_an_image() {
     let sky = plane::Plane::from_fn(32, 16, |_, _| Vec3::new(0.5, 1.0, 2.0));
     render_core::image_file::write_exr(&path("sky.exr"), &sky).unwrap();
     std::fs::write(path("room.toml"), "[sky]\nimage = \"sky.exr\"\nintensity = 2.0\nrotation = 45.0\n").unwrap();
-    // Behind the camera's room there is nothing but sky: with no light bounced, a picture of what glows shows it.
+    // Beyond the camera's room there is nothing but sky: with no light bounced, a picture of what glows shows it.
     std::fs::write(path("empty.glb"), tests::Glb::default().to_bytes()).unwrap();
     std::fs::copy(path("room.toml"), path("empty.toml")).unwrap();
     succeed(folder.path(), "reference empty.glb --size 16x16 --spp 16 -o sky-seen.exr --quiet");

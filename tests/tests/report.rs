@@ -10,7 +10,7 @@ fn figures_are_those_of_the_stream_and_the_process() {
     assert_eq!(report["schema"], 1);
     assert_eq!((&summary["frames"], &summary["interrupted"]), (&8.into(), &false.into()));
 
-    // All bits are in the stream; behind the last picture there is only sequence_end_code.
+    // All bits are in the stream; after the last picture there is only sequence_end_code.
     let bits: f64 = film.figures(&["bits"]).iter().sum();
     assert_eq!(bits, 8.0 * (film.stream.len() as f64 - 4.0));
     assert_eq!(summary["bits_total"].as_f64(), Some(bits));

@@ -99,7 +99,7 @@ fn killed_at_any_moment_it_goes_on_to_the_same_bits() {
 }
 
 #[test]
-fn ended_by_ctrl_c_it_goes_on_behind_its_last_frame() {
+fn ended_by_ctrl_c_it_goes_on_after_its_last_frame() {
     // Checkpoints of a minute: the one that counts is made at the end.
     let kinds = [
         (Moving::Box, "film.m2v", "--frames 60 --y4m film.y4m"),

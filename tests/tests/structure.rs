@@ -217,7 +217,7 @@ fn leads_back(edges: &Edges, (from, to): &(Module, Module)) -> bool {
     reached.contains(from)
 }
 
-/// What is to be said of the imports of a crate: circles, and known ones that are gone.
+/// Complaints about the imports of a crate: circles, and known ones that are gone.
 fn complaints(name: &str) -> Vec<String> {
     let mut files = BTreeMap::new();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name).join("src");

@@ -29,7 +29,7 @@ fn a_sweep_says_what_single_commands_say() {
     // Both baselines came along: five methods at two quantisers.
     assert_eq!(runs.len(), 10);
     let run = |method: &str, qscale: u64| {
-        runs.iter().find(|run| run["method"] == method && run["qscale"] == qscale).expect("it was asked for")
+        runs.iter().find(|run| run["method"] == method && run["qscale"] == qscale).expect("it was requested")
     };
     let number = |value: &Value| value.as_f64().expect("a number");
 
@@ -74,14 +74,14 @@ fn a_sweep_says_what_single_commands_say() {
     assert!(dark > 1000, "a plot without text: {dark} dark pixels");
 
     // Seven plots, and histograms of the two steered methods.
-    look_at(&folder.path().join("swept/sweep.html"), 9);
+    check_page(&folder.path().join("swept/sweep.html"), 9);
 }
 
 #[test]
 fn a_run_has_a_page() {
     let folder = folder_with_room();
     render(folder.path(), "film", &folder.path().join("room.glb"), &format!("{COMMON} --html film.html"));
-    look_at(&folder.path().join("film.html"), 6);
+    check_page(&folder.path().join("film.html"), 6);
 }
 
 #[test]
@@ -100,9 +100,9 @@ fn what_cannot_be_swept_is_said() {
 
 /// Opens a page in Chromium, in a wide window and as narrow as a phone: it shows so many plots, its scripts run to the end, the
 /// console stays silent, and nothing is wider than the window.
-fn look_at(page: &Path, plots: usize) {
+fn check_page(page: &Path, plots: usize) {
     let html = std::fs::read_to_string(page).unwrap();
-    assert!(!html.contains("http://") && !html.contains("https://"), "a page asks for nothing from elsewhere");
+    assert!(!html.contains("http://") && !html.contains("https://"), "a page loads nothing from elsewhere");
     let browser = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| starts(name));
     let Some(browser) = need("chromium", browser) else { return };
     // The page measures itself when all is loaded, and tells whoever shows it.

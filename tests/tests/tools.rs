@@ -1,4 +1,4 @@
-//! What `RENDER2MPEG_REQUIRE` says this machine has, it has.
+//! Tools that `RENDER2MPEG_REQUIRE` names are on this machine.
 
 use std::process::Command;
 use tests::need;

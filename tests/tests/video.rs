@@ -1,4 +1,4 @@
-//! What the encoder can do, asked for on the command line.
+//! Settings of the encoder, by the command line.
 
 use std::path::Path;
 use tests::{Rendered, cornell, decode_ffmpeg, decode_mpeg2dec, render, tolerant_frame_count};
@@ -84,5 +84,5 @@ fn a_bound_is_not_exceeded() {
     println!("{:.2} s of the rate without a bound, {:.2} s with it", seconds(&free), seconds(&bound));
     // A second of film, and the smallest buffer: 16384 bits.
     assert!(seconds(&free) > 1.82 && seconds(&bound) <= 1.82);
-    assert!(bound.figures(&["qscale"]).into_iter().all(|scale| scale >= 8.0), "never finer than asked for");
+    assert!(bound.figures(&["qscale"]).into_iter().all(|scale| scale >= 8.0), "never finer than requested");
 }
