@@ -26,6 +26,14 @@ impl Default for Glb {
     }
 }
 
+/// Element of an accessor.
+#[derive(Clone, Copy)]
+enum Element {
+    Index,
+    Number,
+    Vector,
+}
+
 impl Glb {
     fn push(&mut self, list: &str, value: Value) -> usize {
         let list = self.json[list].as_array_mut().expect("one of the lists");
@@ -33,8 +41,15 @@ impl Glb {
         list.len() - 1
     }
 
-    /// Adds numbers to the buffer: `kind` is SCALAR or VEC3, `component` glTF's number of the type.
-    fn accessor(&mut self, bytes: &[u8], count: usize, kind: &str, component: u32, bounds: Value) -> usize {
+    /// Adds `count` elements to the buffer.
+    fn accessor(&mut self, bytes: &[u8], count: usize, element: Element, bounds: Value) -> usize {
+        const UNSIGNED_INT: u32 = 5125;
+        const FLOAT: u32 = 5126;
+        let (kind, component) = match element {
+            Element::Index => ("SCALAR", UNSIGNED_INT),
+            Element::Number => ("SCALAR", FLOAT),
+            Element::Vector => ("VEC3", FLOAT),
+        };
         let view = json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len() });
         let view = self.push("bufferViews", view);
         self.bin.extend(bytes);
@@ -47,17 +62,15 @@ impl Glb {
 
     /// Adds a root node that shows `quads`, all of one reflectance and emission; returns its index.
     pub fn add(&mut self, quads: &[Quad], base_color: Vec3, emission: Vec3) -> usize {
-        const FLOAT: u32 = 5126;
-        const UNSIGNED_INT: u32 = 5125;
         let corners: Vec<Vec3> = quads.iter().flat_map(|[c, a, b]| [*c, *c + *a, *c + *a + *b, *c + *b]).collect();
         let low = corners.iter().fold(Vec3::INFINITY, |low, &corner| low.min(corner));
         let high = corners.iter().fold(Vec3::NEG_INFINITY, |high, &corner| high.max(corner));
         let bytes: Vec<u8> = corners.iter().flat_map(|c| c.to_array()).flat_map(f32::to_le_bytes).collect();
         let bounds = json!({ "min": low.to_array(), "max": high.to_array() });
-        let positions = self.accessor(&bytes, corners.len(), "VEC3", FLOAT, bounds);
+        let positions = self.accessor(&bytes, corners.len(), Element::Vector, bounds);
         let indices: Vec<u32> = (0..quads.len() as u32).flat_map(|q| [0, 1, 2, 0, 2, 3].map(|i| 4 * q + i)).collect();
         let bytes: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
-        let indices = self.accessor(&bytes, indices.len(), "SCALAR", UNSIGNED_INT, json!({}));
+        let indices = self.accessor(&bytes, indices.len(), Element::Index, json!({}));
         let strength = emission.max_element().max(1.0);
         let material = json!({
             "pbrMetallicRoughness": { "baseColorFactor": [base_color.x, base_color.y, base_color.z, 1.0], "metallicFactor": 0.0 },
@@ -86,11 +99,10 @@ impl Glb {
 
     /// Moves a node on a straight line for a second.
     pub fn animate(&mut self, node: usize, from: Vec3, to: Vec3) {
-        const FLOAT: u32 = 5126;
         let times: Vec<u8> = [0.0f32, 1.0].into_iter().flat_map(f32::to_le_bytes).collect();
-        let input = self.accessor(&times, 2, "SCALAR", FLOAT, json!({ "min": [0.0], "max": [1.0] }));
+        let input = self.accessor(&times, 2, Element::Number, json!({ "min": [0.0], "max": [1.0] }));
         let keys: Vec<u8> = [from, to].into_iter().flat_map(|key| key.to_array()).flat_map(f32::to_le_bytes).collect();
-        let output = self.accessor(&keys, 2, "VEC3", FLOAT, json!({}));
+        let output = self.accessor(&keys, 2, Element::Vector, json!({}));
         self.json["animations"] = json!([{
             "channels": [{ "sampler": 0, "target": { "node": node, "path": "translation" } }],
             "samplers": [{ "input": input, "output": output, "interpolation": "LINEAR" }]
