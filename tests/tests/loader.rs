@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
-use tests::{Glb, Moving, checkered_room, cornell, program, shared_scenes};
+use tests::{Glb, Hostile, Moving, Random, checkered_room, cornell, damaged, hostile_scenes, program, shared_scenes};
 
 fn scene_files(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap() {
@@ -259,106 +259,27 @@ fn skins_come_out_of_files() {
     }
 }
 
-/// A room with one value of its document replaced.
-fn room_with(pointer: &str, value: Value) -> Glb {
-    let mut glb = checkered_room(Moving::Camera);
-    let (parent, key) = pointer.rsplit_once('/').unwrap();
-    let parent = glb.json.pointer_mut(parent).unwrap_or_else(|| panic!("no {parent}"));
-    match parent {
-        Value::Array(list) => list[key.parse::<usize>().unwrap()] = value,
-        other => other[key] = value,
-    }
-    glb
-}
-
 #[test]
 fn hostile_files_get_an_error_and_little_memory() {
     let folder = tempfile::tempdir().unwrap();
-    let mut nan = checkered_room(Moving::Camera);
-    nan.bin[..4].copy_from_slice(&f32::NAN.to_le_bytes());
-    let mut index = checkered_room(Moving::Camera);
-    // The indices of the first mesh follow its positions.
-    let place = index.json["bufferViews"][1]["byteOffset"].as_u64().unwrap() as usize;
-    index.bin[place..place + 4].copy_from_slice(&u32::MAX.to_le_bytes());
-    let mut deep = Glb::default();
-    deep.json["nodes"] = json!((0..200_000).map(|node| json!({ "children": [node + 1] })).collect::<Vec<_>>());
-    deep.json["scenes"][0]["nodes"] = json!([0]);
-    let buffer = |uri: &str| room_with("/buffers", json!([{ "byteLength": 12, "uri": uri }]));
-    let cases = [
-        ("cycle", room_with("/nodes/0/children", json!([0]))),
-        ("longer-cycle", {
-            let mut glb = room_with("/nodes/0/children", json!([1]));
-            glb.json["nodes"][1]["children"] = json!([0]);
-            glb
-        }),
-        ("nan", nan),
-        ("index", index),
-        ("deep", deep),
-        ("node-out-of-range", room_with("/scenes/0/nodes", json!([99]))),
-        ("mesh-out-of-range", room_with("/nodes/0/mesh", json!(99))),
-        ("material-out-of-range", room_with("/meshes/0/primitives/0/material", json!(4_000_000_000u32))),
-        ("accessor-out-of-range", room_with("/meshes/0/primitives/0/indices", json!(99))),
-        ("view-out-of-range", room_with("/accessors/0/bufferView", json!(99))),
-        ("camera-out-of-range", room_with("/nodes/5/camera", json!(7))),
-        ("channel-out-of-range", room_with("/animations/0/channels/0/target/node", json!(99))),
-        ("sampler-out-of-range", room_with("/animations/0/channels/0/sampler", json!(99))),
-        ("negative-count", room_with("/accessors/0/count", json!(-1))),
-        ("huge-count", room_with("/accessors/0/count", json!(4_000_000_000u64))),
-        ("huger-count", room_with("/accessors/0/count", json!(u64::MAX))),
-        ("huge-indices", room_with("/accessors/1/count", json!(1u64 << 62))),
-        ("indices-beyond-view", room_with("/accessors/1/count", json!(1_000_000))),
-        ("wrong-type", room_with("/accessors/0/type", json!("VEC2"))),
-        ("wrong-component", room_with("/accessors/1/componentType", json!(5126))),
-        ("view-beyond-buffer", room_with("/bufferViews/0/byteLength", json!(1u64 << 40))),
-        ("offset-overflow", room_with("/bufferViews/0/byteOffset", json!(u64::MAX))),
-        ("accessor-offset", room_with("/accessors/0/byteOffset", json!(u64::MAX - 3))),
-        ("huge-stride", room_with("/bufferViews/0/byteStride", json!(u64::MAX))),
-        ("sparse", {
-            let part = json!({ "bufferView": 0, "byteOffset": 0, "componentType": 5125 });
-            let sparse = json!({ "count": 1u64 << 40, "indices": part, "values": { "bufferView": 0 } });
-            room_with("/accessors/0/sparse", sparse)
-        }),
-        ("sparse-alone", {
-            let part = json!({ "bufferView": 1, "byteOffset": 0, "componentType": 5125 });
-            let sparse = json!({ "count": 1, "indices": part, "values": { "bufferView": 0 } });
-            let mut glb = room_with("/accessors/0/sparse", sparse);
-            glb.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
-            glb.json["accessors"][0]["count"] = json!(4_000_000_000u64);
-            glb
-        }),
-        ("buffer-claims-more", room_with("/buffers", json!([{ "byteLength": 1u64 << 40 }]))),
-        ("parent-folder", buffer("../../etc/passwd")),
-        ("percent-parent-folder", buffer("%2e%2e/%2e%2e/etc/passwd")),
-        ("absolute", buffer("/etc/passwd")),
-        ("file-uri", buffer("file:///etc/passwd")),
-        ("http-uri", buffer("http://127.0.0.1/a.bin")),
-        ("data-garbage", buffer("data:application/octet-stream;base64,%%%%")),
-        ("data-plain", buffer("data:,hello")),
-        ("data-short", buffer("data:application/octet-stream;base64,AAAA")),
-        ("field-of-view", room_with("/cameras/0/perspective/yfov", json!(0.0))),
-        ("transform", room_with("/nodes/0/translation", json!([1e39, 0.0, 0.0]))),
-        ("beyond-f32", room_with("/nodes/0/scale", json!([1e38, 1e38, 1e38]))),
-        ("no-scenes", room_with("/scenes", json!([]))),
-        ("version", room_with("/asset", json!({}))),
-    ];
-    let wrong: Vec<String> = cases.iter().filter_map(|(name, glb)| not_refused(folder.path(), name, glb)).collect();
+    let cases = hostile_scenes();
+    let mut wrong = Vec::new();
+    for Hostile { name, bytes } in &cases {
+        let file = format!("{name}.glb");
+        std::fs::write(folder.path().join(&file), bytes).unwrap();
+        // 4 GB of addresses: room for threads, none for an allocation that a file only claims to need.
+        let script = "ulimit -v 4000000; exec \"$0\" plan \"$1\"";
+        let mut shell = Command::new("sh");
+        shell.args(["-c", script]).arg(program()).arg(&file).current_dir(folder.path()).stdin(Stdio::null());
+        let output = shell.output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr);
+        println!("{} {message}", output.status);
+        let one_line = message.lines().count() == 1 && message.starts_with("render2mpeg: ") && message.contains(&file);
+        if output.status.code() != Some(1) || !one_line || message.contains("root:") {
+            wrong.push(format!("{name}: {} {message}", output.status));
+        }
+    }
     assert!(wrong.is_empty(), "{} of {}: {wrong:#?}", wrong.len(), cases.len());
-}
-
-/// Plans a hostile scene with little memory; the outcome if that is no error of one line.
-fn not_refused(folder: &Path, name: &str, glb: &Glb) -> Option<String> {
-    let file = format!("{name}.glb");
-    glb.write(&folder.join(&file));
-    // 4 GB of addresses: room for threads, none for an allocation that a file only claims to need.
-    let script = "ulimit -v 4000000; exec \"$0\" plan \"$1\"";
-    let mut shell = Command::new("sh");
-    shell.args(["-c", script]).arg(program()).arg(&file).current_dir(folder).stdin(Stdio::null());
-    let output = shell.output().unwrap();
-    let message = String::from_utf8_lossy(&output.stderr);
-    println!("{} {message}", output.status);
-    let one_line = message.lines().count() == 1 && message.starts_with("render2mpeg: ") && message.contains(&file);
-    let refused = output.status.code() == Some(1) && one_line && !message.contains("root:");
-    (!refused).then(|| format!("{name}: {} {message}", output.status))
 }
 
 /// The header of a PNG file of this size, and nothing of what it promises (PNG, 11.2.1 and 5.3).
@@ -476,18 +397,6 @@ fn skins_skip_what_is_not_shown() {
     assert!((low.x - 9.0).abs() < 1e-5, "the square hangs from joint 1: {low}");
 }
 
-/// A cheap generator that is the same everywhere (xorshift).
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, end: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 % end as u64) as usize
-    }
-}
-
 /// Loads a damaged scene and renders a frame of it, if it can be loaded; true if so.
 fn survives(path: &Path, video: &Path) -> bool {
     let Ok(scene) = scene::load(path) else { return false };
@@ -513,23 +422,10 @@ fn flipped_bytes_never_panic() {
         let folder = tempfile::tempdir().unwrap();
         let (path, video) = (folder.path().join("scene.glb"), folder.path().join("film.m2v"));
         let whole = std::fs::read(cornell()).unwrap();
-        let json_length = u32::from_le_bytes(whole[12..16].try_into().unwrap()) as usize;
-        let mut random = Random(0x2545_f491_4f6c_dd1d);
+        let mut random = Random::new(0x2545_f491_4f6c_dd1d);
         let mut loaded = 0;
         for case in 0..300 {
-            let mut damaged = whole.clone();
-            let mut places = Vec::new();
-            for _ in 0..=random.below(3) {
-                // Mostly digits become other digits or signs: that keeps the JSON readable and leads further in.
-                let place = 20 + random.below(json_length);
-                let digit = (place..20 + json_length).find(|&place| damaged[place].is_ascii_digit());
-                let (place, byte) = match (random.below(8), digit) {
-                    (1.., Some(digit)) => (digit, b"0123456789-e.,"[random.below(14)]),
-                    _ => (place, random.below(256) as u8),
-                };
-                damaged[place] = byte;
-                places.push((place, byte));
-            }
+            let (damaged, places) = damaged(&whole, &mut random);
             std::fs::write(&path, &damaged).unwrap();
             // What leads to a panic, or to no end, is told last.
             println!("case {case}: {places:?}");

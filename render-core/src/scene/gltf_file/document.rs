@@ -20,6 +20,7 @@ impl Loader<'_> {
     /// Parses and validates, after looking at the required extensions ourselves: the crate refuses
     /// some that it can read, and does not name the one it minds.
     pub(super) fn document(&self, bytes: &[u8]) -> Result<(gltf::Document, Buffers), LoadError> {
+        self.check_header(bytes)?;
         let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).or_else(|error| {
             self.bad(format!("not a whole glTF file ({}); export or copy it again", one_line(&error.to_string())))
         })?;
@@ -37,6 +38,7 @@ impl Loader<'_> {
                 zeros.insert(index);
             }
         }
+        self.check_document(&root)?;
         let document = gltf::Document::from_json(root)
             .or_else(|error| self.bad(one_line(&error.to_string()).trim_end_matches(';')))?;
         let bytes = self.buffers(&document, blob)?;

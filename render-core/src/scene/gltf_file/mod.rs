@@ -1,7 +1,7 @@
 //! glTF 2.0 files into a [`Scene`]: one clear line when that cannot be.
 //!
-//! The `gltf` crate checks most of a document, but panics on some damaged ones and lets nodes form
-//! cycles; so it runs inside a guard, and the hierarchy is walked with an explicit stack.
+//! The `gltf` crate checks most of a document; `validate.rs` checks the rest of what it panics on. It lets nodes form cycles,
+//! so the hierarchy is walked with an explicit stack. Should a library panic all the same, [`load`] makes it an error.
 
 mod accessor;
 mod animations;
@@ -12,6 +12,7 @@ mod meshes;
 mod nodes;
 mod skins;
 mod textures;
+mod validate;
 
 use super::sky::SkySource;
 use super::{Gradient, Material, Scene, SceneSettings};
@@ -74,7 +75,7 @@ pub enum LoadError {
 /// Loads `path` (`.gltf` or `.glb`) and, if there is one, the TOML file of the same name beside it.
 ///
 /// # Errors
-/// See [`LoadError`]. No panic reaches the caller, whatever the file holds.
+/// See [`LoadError`]. No panic reaches the caller, whatever the file holds, and the process's panic hook is left alone.
 pub fn load(path: &Path) -> Result<Scene, LoadError> {
     let bytes = std::fs::read(path).map_err(|error| LoadError::Open { path: path.into(), error })?;
     let settings = load_settings(path)?;
@@ -177,22 +178,9 @@ fn malformed(path: &Path, what: impl Into<String>) -> LoadError {
     LoadError::Malformed { path: path.into(), what: what.into() }
 }
 
-/// Runs `f`; `None` if it panicked. The panic's own message is kept from the user's terminal.
+/// Runs `f`; `None` if it panicked. The last resort, for damage that no check foresees.
 fn guarded<T>(f: impl FnOnce() -> T) -> Option<T> {
-    thread_local!(static QUIET: std::cell::Cell<bool> = const { std::cell::Cell::new(false) });
-    static HOOK: std::sync::Once = std::sync::Once::new();
-    HOOK.call_once(|| {
-        let previous = std::panic::take_hook();
-        std::panic::set_hook(Box::new(move |info| {
-            if !QUIET.with(std::cell::Cell::get) {
-                previous(info);
-            }
-        }));
-    });
-    QUIET.with(|quiet| quiet.set(true));
-    let result = catch_unwind(AssertUnwindSafe(f)).ok();
-    QUIET.with(|quiet| quiet.set(false));
-    result
+    catch_unwind(AssertUnwindSafe(f)).ok()
 }
 
 /// Reads one file; the parts of the work stand in the modules beside this one.
