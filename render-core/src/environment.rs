@@ -1,8 +1,11 @@
 //! Light from far away: what arrives from each direction, and how to look where most of it comes from.
 
+mod gradient;
+
+pub use gradient::Gradient;
+
 use crate::luminance;
 use crate::sampling::Distribution;
-use crate::scene::Gradient;
 use glam::{Vec2, Vec3};
 use plane::Plane;
 use std::f32::consts::{PI, TAU};

@@ -1,20 +1,9 @@
 //! Meshes that bend: morph targets are mixed in first, then a skin's joints carry the vertices (glTF 2.0, 3.7.2.2 and 3.7.3).
 
-use super::{Mesh, Scene, Track, normal_matrix};
+use super::{Influence, Mesh, MorphTarget, Scene, Skinning, Track, normal_matrix};
 use glam::{Affine3A, Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 use std::sync::Arc;
-
-/// Displacements of the vertices of a mesh at full weight. Every list is as long as the mesh's positions, or empty.
-#[derive(Clone, Debug, Default)]
-pub struct MorphTarget {
-    /// Metres in local space.
-    pub positions: Vec<Vec3>,
-    /// Added to the normals.
-    pub normals: Vec<Vec3>,
-    /// Added to the tangents.
-    pub tangents: Vec<Vec3>,
-}
 
 /// A node whose mesh has morph targets.
 #[derive(Clone, Debug)]
@@ -32,26 +21,6 @@ pub struct Skin {
     pub joints: Vec<usize>,
     /// Joint from mesh when the skin was bound, at least one per joint.
     pub inverse_bind: Vec<Affine3A>,
-}
-
-/// A joint's pull on a vertex.
-#[derive(Clone, Copy, Debug)]
-pub struct Influence {
-    /// Index into [`Skin::joints`].
-    pub joint: u32,
-    /// Share, 0…1; those of a vertex sum to 1.
-    pub weight: f32,
-}
-
-/// How a mesh hangs from a skin.
-#[derive(Clone, Debug)]
-pub struct Skinning {
-    /// Index into [`Scene::skins`].
-    pub skin: usize,
-    /// Influences on each vertex.
-    pub per_vertex: usize,
-    /// Those of the first vertex, then those of the second …
-    pub influences: Vec<Influence>,
 }
 
 /// The vertices of a mesh at one time: in world space if a skin bends it, else in local space.

@@ -2,6 +2,10 @@
 
 use glam::Vec3;
 
+/// Strongest that any light may be \[W·sr⁻¹ or W·m⁻²·sr⁻¹\]: ten thousand million times the sun's surface. Sums over pixels, lights
+/// and photons, and their squares over what falls off with distance, stay inside of the range of `f32`.
+pub(super) const STRONGEST: f32 = 1e18;
+
 /// What shape of light leaves a point, or a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PunctualKind {

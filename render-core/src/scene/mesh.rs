@@ -1,6 +1,6 @@
-//! Triangles with one material.
+//! Triangles with one material, and what may bend them.
 
-use super::{MorphTarget, Skinning, UV_SETS};
+use super::UV_SETS;
 use glam::{Vec2, Vec3, Vec4};
 
 /// A triangle mesh in its own space. Every per-vertex list is as long as `positions` or empty.
@@ -34,6 +34,37 @@ impl Mesh {
     pub fn corners(&self, index: usize) -> [Vec3; 3] {
         self.triangles[index].map(|vertex| self.positions[vertex as usize])
     }
+}
+
+/// Displacements of the vertices of a mesh at full weight. Every list is as long as the mesh's positions, or empty.
+#[derive(Clone, Debug, Default)]
+pub struct MorphTarget {
+    /// Metres in local space.
+    pub positions: Vec<Vec3>,
+    /// Added to the normals.
+    pub normals: Vec<Vec3>,
+    /// Added to the tangents.
+    pub tangents: Vec<Vec3>,
+}
+
+/// A joint's pull on a vertex.
+#[derive(Clone, Copy, Debug)]
+pub struct Influence {
+    /// Index into [`Skin::joints`](super::Skin::joints).
+    pub joint: u32,
+    /// Share, 0…1; those of a vertex sum to 1.
+    pub weight: f32,
+}
+
+/// How a mesh hangs from a skin.
+#[derive(Clone, Debug)]
+pub struct Skinning {
+    /// Index into [`Scene::skins`](super::Scene::skins).
+    pub skin: usize,
+    /// Influences on each vertex.
+    pub per_vertex: usize,
+    /// Influences of the first vertex, then of the second …
+    pub influences: Vec<Influence>,
 }
 
 /// Value at barycentric `(u, v)` with weight `1 - u - v` on the first corner; `None` where the list is empty.

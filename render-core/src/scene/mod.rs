@@ -11,16 +11,17 @@ mod settings;
 mod sky;
 mod texture;
 
+pub use crate::environment::Gradient;
 pub use animation::{Channel, Interpolation, Track};
 pub use camera::{Camera, Projection, View};
-pub use deform::{DeformedMesh, Influence, MorphTarget, MorphedNode, Skin, Skinning};
+pub use deform::{DeformedMesh, MorphedNode, Skin};
 pub use gltf_file::{LoadError, load};
 pub use light::{PunctualKind, PunctualLight};
 pub use material::{Alpha, Material, TextureSlot, UV_SETS};
-pub use mesh::Mesh;
 pub(crate) use mesh::interpolate as mesh_interpolate;
+pub use mesh::{Influence, Mesh, MorphTarget, Skinning};
 pub use settings::SceneSettings;
-pub use sky::{Gradient, SkySettings};
+pub use sky::SkySettings;
 pub use texture::{Encoding, Texture, Wrap};
 
 use crate::environment::Environment;

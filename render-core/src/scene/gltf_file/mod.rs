@@ -14,6 +14,7 @@ mod skins;
 mod textures;
 mod validate;
 
+use super::light::STRONGEST;
 use super::sky::SkySource;
 use super::{Gradient, Material, Scene, SceneSettings};
 use crate::environment::Environment;
@@ -26,10 +27,6 @@ const FARTHEST: f32 = 1e15;
 
 /// Most triangles of all instances together: a small file may show one mesh many times over, and memory is taken for each.
 const MOST_TRIANGLES: usize = 1 << 27;
-
-/// Strongest that any light may be \[W·sr⁻¹ or W·m⁻²·sr⁻¹\]: ten thousand million times the sun's surface. Sums over pixels, lights
-/// and photons, and their squares over what falls off with distance, stay inside of the range of `f32`.
-pub(super) const STRONGEST: f32 = 1e18;
 
 /// Why a scene could not be read; the message names the file, the place and the remedy.
 #[derive(Debug, thiserror::Error)]

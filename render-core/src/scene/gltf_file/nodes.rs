@@ -1,6 +1,7 @@
 //! The hierarchy, with the cameras and lights that hang from it.
 
-use super::{LoadError, Loader, STRONGEST};
+use super::{LoadError, Loader};
+use crate::scene::light::STRONGEST;
 use crate::scene::{Camera, Node, Projection, PunctualKind, PunctualLight, Scene, Transform};
 use glam::{Quat, Vec3};
 use std::collections::HashMap;
