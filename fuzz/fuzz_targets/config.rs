@@ -19,6 +19,6 @@ fuzz_target!(|data: &[u8]| {
                 Err(error) => assert_eq!(error.chain().lines().count(), 1, "{}", error.chain()),
             }
         }
-        Err(message) => assert!(!message.contains('\n'), "{message}"),
+        Err(error) => assert!(!error.to_string().contains('\n'), "{error}"),
     }
 });

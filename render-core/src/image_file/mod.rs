@@ -1,8 +1,10 @@
 //! Linear pictures in files.
 
+mod error;
 #[cfg(feature = "exr")]
 mod open_exr;
 
+pub use error::ImageFileError;
 #[cfg(feature = "exr")]
 pub use open_exr::{Layers, read_exr, read_layers, write_exr, write_layers};
 
@@ -18,40 +20,45 @@ const MOST_PIXELS: usize = 1 << 27;
 ///
 /// # Errors
 /// Another ending, one that this build leaves out, or what is wrong with the file; the message names the path.
-pub fn read_radiance(path: &Path) -> Result<Plane<Vec3>, String> {
+pub fn read_radiance(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let named = |error: String| format!("{}: {error}", path.display());
     let needed = match ending.as_str() {
         "exr" if !cfg!(feature = "exr") => Some("exr"),
         "hdr" if !cfg!(feature = "textures") => Some("textures"),
         _ => None,
     };
     if let Some(feature) = needed {
-        return Err(named(format!("this build reads no .{ending}; build it with the feature {feature}")));
+        return Err(ImageFileError::LeftOut { path: path.into(), ending, feature });
     }
     match ending.as_str() {
         #[cfg(feature = "exr")]
         "exr" => read_exr(path),
         #[cfg(feature = "textures")]
         "hdr" => read_hdr(path),
-        _ => Err(named("radiances are read from .hdr and .exr files".into())),
+        _ => Err(ImageFileError::UnknownEnding { path: path.into() }),
     }
 }
 
 /// Reads a Radiance file.
 #[cfg(feature = "textures")]
-fn read_hdr(path: &Path) -> Result<Plane<Vec3>, String> {
-    let named = |error: String| format!("{}: {error}", path.display());
-    let file = std::fs::File::open(path).map_err(|error| named(error.to_string()))?;
-    let decoder =
-        image::codecs::hdr::HdrDecoder::new(std::io::BufReader::new(file)).map_err(|error| named(error.to_string()))?;
+fn read_hdr(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
+    let file = std::fs::File::open(path).map_err(ImageFileError::system(path))?;
+    let decoder = image::codecs::hdr::HdrDecoder::new(std::io::BufReader::new(file));
+    let decoder = decoder.map_err(ImageFileError::format(path))?;
     let (width, height) = (decoder.metadata().width as usize, decoder.metadata().height as usize);
-    if width.saturating_mul(height) > MOST_PIXELS {
-        return Err(named(format!("{width}x{height} pixels are more than this program takes")));
-    }
-    let picture = image::DynamicImage::from_decoder(decoder).map_err(|error| named(error.to_string()))?;
+    check_size(path, width, height)?;
+    let picture = image::DynamicImage::from_decoder(decoder).map_err(ImageFileError::format(path))?;
     let texels = picture.into_rgb32f().pixels().map(|pixel| Vec3::from(pixel.0)).collect();
     Ok(Plane::from_vec(width, height, texels))
+}
+
+/// Refuses headers that claim too much before memory is taken for them.
+#[cfg(any(feature = "exr", feature = "textures"))]
+fn check_size(path: &Path, width: usize, height: usize) -> Result<(), ImageFileError> {
+    if width.saturating_mul(height) > MOST_PIXELS {
+        return Err(ImageFileError::TooLarge { path: path.into(), width, height });
+    }
+    Ok(())
 }
 
 #[cfg(all(test, feature = "exr", feature = "textures"))]
@@ -73,7 +80,7 @@ mod tests {
         assert_eq!(read_radiance(&path("b.exr")).unwrap(), read);
         std::fs::write(path("c.hdr"), b"#?RADIANCE").unwrap();
         for name in ["c.hdr", "d.hdr", "e.png"] {
-            assert!(read_radiance(&path(name)).unwrap_err().contains(name));
+            assert!(read_radiance(&path(name)).unwrap_err().to_string().contains(name));
         }
     }
 }

@@ -8,6 +8,7 @@ mod light;
 mod material;
 mod mesh;
 mod settings;
+mod settings_error;
 mod sky;
 mod texture;
 
@@ -21,6 +22,7 @@ pub use material::{Alpha, Material, TextureSlot, UV_SETS};
 pub(crate) use mesh::interpolate as mesh_interpolate;
 pub use mesh::{Influence, Mesh, MorphTarget, Skinning};
 pub use settings::SceneSettings;
+pub use settings_error::SettingsError;
 pub use sky::SkySettings;
 pub use texture::{Encoding, Texture, Wrap};
 

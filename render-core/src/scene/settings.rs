@@ -1,5 +1,6 @@
 //! The TOML file beside a scene: what glTF cannot say.
 
+use super::settings_error::SettingsError;
 use super::sky::SkySettings;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -77,19 +78,21 @@ impl SceneSettings {
     ///
     /// # Errors
     /// Bad TOML, unknown keys, values out of range.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let settings: Self = toml::from_str(text).map_err(|error| error.to_string().trim_end().replace('\n', " "))?;
+    pub fn parse(text: &str) -> Result<Self, SettingsError> {
+        let one_line = |error: toml::de::Error| error.to_string().trim_end().replace('\n', " ");
+        let settings: Self = toml::from_str(text).map_err(|error| SettingsError::Toml(one_line(error)))?;
         if let Some(sky) = &settings.sky {
             sky.source()?;
         }
         if !(0.0..=90.0).contains(&settings.sun.angular_diameter) {
-            return Err(format!("[sun] angular_diameter {} must lie in 0..=90 degrees", settings.sun.angular_diameter));
+            let problem = format!("angular_diameter {} must lie in 0..=90 degrees", settings.sun.angular_diameter);
+            return Err(SettingsError::value("sun", problem));
         }
         if settings.video.frames == Some(0) {
-            return Err("[video] frames must be at least 1".into());
+            return Err(SettingsError::value("video", "frames must be at least 1"));
         }
         if settings.video.fps.is_some_and(|fps| !fps.is_finite() || fps <= 0.0) {
-            return Err("[video] fps must be positive".into());
+            return Err(SettingsError::value("video", "fps must be positive"));
         }
         Ok(settings)
     }
@@ -116,7 +119,7 @@ mod tests {
             ("[sky]\nzenith=[nan,0,0]\nhorizon=[0,0,0]", "sky"),
             ("[video", "video"),
         ] {
-            let message = SceneSettings::parse(text).unwrap_err();
+            let message = SceneSettings::parse(text).unwrap_err().to_string();
             assert!(message.contains(word) && !message.contains('\n'), "{message}");
         }
     }

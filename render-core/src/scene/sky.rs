@@ -1,6 +1,7 @@
 //! Light from all around as the TOML file describes it: a gradient from horizon to zenith, or an image.
 
 use super::light::STRONGEST;
+use super::settings_error::SettingsError;
 use crate::environment::Gradient;
 use serde::Deserialize;
 
@@ -30,31 +31,32 @@ pub(super) enum SkySource {
 }
 
 impl SkySettings {
-    /// What the table means; the message says what is wrong with it.
-    pub(super) fn source(&self) -> Result<SkySource, String> {
+    /// The meaning of the table, or what is wrong with it.
+    pub(super) fn source(&self) -> Result<SkySource, SettingsError> {
+        let refuse = |problem: String| Err(SettingsError::value("sky", problem));
         let intensity = self.intensity.unwrap_or(1.0);
         let rotation = self.rotation.unwrap_or(0.0);
         if !(intensity.is_finite() && intensity >= 0.0) {
-            return Err(format!("[sky] intensity {intensity} must be finite and not negative"));
+            return refuse(format!("intensity {intensity} must be finite and not negative"));
         }
         if !rotation.is_finite() {
-            return Err(format!("[sky] rotation {rotation} must be finite"));
+            return refuse(format!("rotation {rotation} must be finite"));
         }
         let colors = [self.zenith, self.horizon, self.ground];
         if let Some(file) = &self.image {
             if colors.iter().any(Option::is_some) {
-                return Err("[sky] image replaces zenith, horizon and ground; give one or the other".into());
+                return refuse("image replaces zenith, horizon and ground; give one or the other".into());
             }
             return Ok(SkySource::Image { file: file.clone(), intensity, rotation });
         }
         let (Some(zenith), Some(horizon)) = (self.zenith, self.horizon) else {
-            return Err("[sky] needs zenith and horizon, or an image".into());
+            return refuse("needs zenith and horizon, or an image".into());
         };
         if let Some(bad) = colors.iter().flatten().flatten().find(|r| !r.is_finite() || **r < 0.0) {
-            return Err(format!("[sky] radiance {bad} must be finite and not negative"));
+            return refuse(format!("radiance {bad} must be finite and not negative"));
         }
         if let Some(bad) = colors.iter().flatten().flatten().find(|r| **r * intensity > STRONGEST) {
-            return Err(format!("[sky] shines with {:e}; {STRONGEST:e} is the most", bad * intensity));
+            return refuse(format!("shines with {:e}; {STRONGEST:e} is the most", bad * intensity));
         }
         let scaled = |color: [f32; 3]| color.map(|c| c * intensity);
         Ok(SkySource::Gradient(Gradient {

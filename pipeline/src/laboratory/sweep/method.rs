@@ -75,6 +75,18 @@ const fn paths(name: &'static str, label: &'static str, spp: u32) -> Method {
     Method { name, label, way: Way::Paths(spp), cache: true, steered: false, color: 1 }
 }
 
+/// There is no method of this name; the message names all.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("\"{name}\" is not a method; there are {}", all_names())]
+pub struct UnknownMethod {
+    /// The name, as typed.
+    pub name: String,
+}
+
+fn all_names() -> String {
+    METHODS.iter().map(|method| method.name).collect::<Vec<_>>().join(", ")
+}
+
 impl Method {
     const fn cached(self) -> Self {
         Self { cache: true, ..self }
@@ -87,12 +99,9 @@ impl Method {
     /// The method called `name`.
     ///
     /// # Errors
-    /// There is none; the message names all.
-    pub fn named(name: &str) -> Result<&'static Method, String> {
-        METHODS.iter().find(|method| method.name == name).ok_or_else(|| {
-            let names: Vec<&str> = METHODS.iter().map(|method| method.name).collect();
-            format!("\"{name}\" is not a method; there are {}", names.join(", "))
-        })
+    /// There is none.
+    pub fn named(name: &str) -> Result<&'static Method, UnknownMethod> {
+        METHODS.iter().find(|method| method.name == name).ok_or_else(|| UnknownMethod { name: name.into() })
     }
 
     /// Its baseline for speed: fixed thresholds of 2 %, cached or not as it is; none for paths, which are
@@ -155,6 +164,6 @@ mod tests {
             assert_eq!(Method::named(method.name).unwrap().label, method.label);
             assert!(method.baseline().is_none_or(|base| base.cache == method.cache && !base.steered));
         }
-        assert!(Method::named("photons").unwrap_err().contains("perceptual-cache"));
+        assert!(Method::named("photons").unwrap_err().to_string().contains("perceptual-cache"));
     }
 }

@@ -22,7 +22,7 @@ mod write;
 pub use coded::DecoderCheck;
 pub use figures::{AgainstBaseline, Maps, Outcome, Pictures, ReferenceCost, Run};
 pub use histogram::ErrorHistogram;
-pub use method::{METHODS, Method, Way};
+pub use method::{METHODS, Method, UnknownMethod, Way};
 
 use crate::Options;
 use crate::error::{Error, Result};

@@ -105,7 +105,7 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
 fn load_sky(scene: &Path, settings: &SceneSettings) -> Result<Option<Environment>, LoadError> {
     let toml = SceneSettings::path_for(scene);
     let Some(sky) = &settings.sky else { return Ok(None) };
-    let source = sky.source().map_err(|what| malformed(&toml, what))?;
+    let source = sky.source().map_err(|error| malformed(&toml, error.to_string()))?;
     let (file, intensity, rotation) = match source {
         SkySource::Gradient(gradient) => return Ok(Environment::gradient(gradient)),
         SkySource::Image { file, intensity, rotation } => (file, intensity, rotation),
@@ -117,7 +117,7 @@ fn load_sky(scene: &Path, settings: &SceneSettings) -> Result<Option<Environment
         ));
     }
     let image = toml.parent().unwrap_or(Path::new("")).join(&file);
-    let texels = guarded(|| crate::image_file::read_radiance(&image))
+    let texels = guarded(|| crate::image_file::read_radiance(&image).map_err(|error| error.to_string()))
         .unwrap_or_else(|| Err(format!("{}: damaged image", image.display())))
         .map_err(|why| malformed(&toml, format!("[sky] image \"{file}\": {why}")))?;
     // Texels that are no numbers are black.
@@ -160,7 +160,7 @@ fn is_within_reach(scene: &Scene) -> bool {
 fn load_settings(scene: &Path) -> Result<SceneSettings, LoadError> {
     let path = SceneSettings::path_for(scene);
     match std::fs::read_to_string(&path) {
-        Ok(text) => SceneSettings::parse(&text).map_err(|what| malformed(&path, what)),
+        Ok(text) => SceneSettings::parse(&text).map_err(|error| malformed(&path, error.to_string())),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(SceneSettings::default()),
         Err(error) => Err(LoadError::Open { path, error }),
     }
