@@ -14,7 +14,7 @@ use crate::{
     kernel,
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
     predict::{References, Samples, mean, predict, squared_errors},
-    quant::{Quantiser, Quantisers, Rounding},
+    quant::{Quantiser, Quantisers, Rounding, Transformed},
     vector::{HalfSample, Range},
 };
 
@@ -162,6 +162,14 @@ struct Predictions {
     order: Vec<(Mode, u32, usize)>,
 }
 
+/// A prediction that is shown as it is.
+struct Uncoded {
+    cost: i64,
+    mode: Mode,
+    /// Place in [`Predictions::samples`].
+    index: usize,
+}
+
 impl Predictions {
     fn consider(&mut self, decision: &Decision, mode: Mode) {
         if self.order.iter().any(|entry| entry.0 == mode) || !decision.is_allowed(mode) {
@@ -209,14 +217,13 @@ impl Decision<'_> {
     }
 
     /// The cheapest of what is tried.
-    fn decide_by_trials(&self, [forward, backward]: [HalfSample; 2], work: &mut Workspace) {
+    fn decide_by_trials(&self, vectors: [HalfSample; 2], work: &mut Workspace) {
         work.predictions.order.clear();
         work.best.cost = i64::MAX;
-        let quantiser = self.quantisers.of(self.quantiser);
-        let skipped = self.state.skipped_mode(self.slice, self.column);
-        if let Some(mode) = skipped {
+        if let Some(mode) = self.state.skipped_mode(self.slice, self.column) {
             work.predictions.consider(self, mode);
             // What quantises to nothing and takes no bits cannot be beaten by much.
+            let quantiser = self.quantisers.of(self.quantiser);
             if let Some(&(_, _, index)) = work.predictions.order.first()
                 && work.predictions.errors[index]
                     .iter()
@@ -225,7 +232,32 @@ impl Decision<'_> {
                 return self.finish_uncoded(mode, index, work);
             }
         }
-        let predictions = &mut work.predictions;
+        self.consider_vectors(vectors, &mut work.predictions);
+        let uncoded = self.cheapest_uncoded(work);
+        let coded = self.cheapest_coded(work);
+        if let Some(uncoded) = &uncoded
+            && uncoded.cost <= work.best.cost
+        {
+            return self.finish_uncoded(uncoded.mode, uncoded.index, work);
+        }
+        if self.tools.quantiser_choice {
+            self.choose_quantiser(work);
+        }
+        self.finish(coded, work);
+        // Errors of coefficients are those of samples but for rounding: fine steps may change no sample at all.
+        if let Some(uncoded) = uncoded
+            && work.best.macroblock.mode != Mode::Intra
+        {
+            let bits_price = work.best.cost - work.best.macroblock.error();
+            let error = in_coefficients(squared_errors(self.source, &work.reconstruction).iter().sum());
+            if uncoded.cost <= error + bits_price {
+                self.finish_uncoded(uncoded.mode, uncoded.index, work);
+            }
+        }
+    }
+
+    /// Makes the predictions that the vectors found give, and those near them that take fewer bits.
+    fn consider_vectors(&self, [forward, backward]: [HalfSample; 2], predictions: &mut Predictions) {
         let [forward_prediction, backward_prediction] = self.state.motion_prediction;
         let near = |a: HalfSample, b: HalfSample| (a.x - b.x).abs().max((a.y - b.y).abs()) <= 2;
         match self.slice.picture_type {
@@ -254,16 +286,25 @@ impl Decision<'_> {
                 }
             }
         }
-        // The prediction and nothing else.
-        let mut uncoded: Option<(i64, Mode, usize)> = None;
+    }
+
+    /// The cheapest prediction with nothing else; none without predictions.
+    fn cheapest_uncoded(&self, work: &mut Workspace) -> Option<Uncoded> {
+        let mut cheapest: Option<Uncoded> = None;
         for &(mode, error, index) in &work.predictions.order {
             work.uncoded.mode = mode;
             let bits = self.state.count(self.slice, self.column, &work.uncoded);
             let cost = in_coefficients(error) + self.lambda * bits as i64;
-            if uncoded.is_none_or(|least| cost < least.0) {
-                uncoded = Some((cost, mode, index));
+            if cheapest.as_ref().is_none_or(|least| cost < least.cost) {
+                cheapest = Some(Uncoded { cost, mode, index });
             }
         }
+        cheapest
+    }
+
+    /// Codes the best predictions, and intra if they are poor; the cheapest stays in `work.best`. Returns the place of its
+    /// prediction.
+    fn cheapest_coded(&self, work: &mut Workspace) -> usize {
         let least = work.predictions.order.first().map(|entry| entry.1);
         let mut chosen = 0;
         for i in 0..work.predictions.order.len().min(self.tools.trials) {
@@ -281,25 +322,7 @@ impl Decision<'_> {
             self.try_intra(&mut work.other);
             work.keep_cheaper();
         }
-        if let Some((cost, mode, index)) = uncoded
-            && cost <= work.best.cost
-        {
-            return self.finish_uncoded(mode, index, work);
-        }
-        if self.tools.quantiser_choice {
-            self.choose_quantiser(work);
-        }
-        self.finish(chosen, work);
-        // Errors of coefficients foretell those of samples but for rounding: fine steps may change no sample at all.
-        if let Some((cost, mode, index)) = uncoded
-            && work.best.macroblock.mode != Mode::Intra
-        {
-            let bits_price = work.best.cost - work.best.macroblock.error();
-            let error = in_coefficients(squared_errors(self.source, &work.reconstruction).iter().sum());
-            if cost <= error + bits_price {
-                self.finish_uncoded(mode, index, work);
-            }
-        }
+        chosen
     }
 
     fn predict(&self, s: usize, vector: HalfSample, out: &mut Samples) {
@@ -343,7 +366,8 @@ impl Decision<'_> {
             let block = &mut trial.macroblock.blocks[i];
             if trial.is_transformed[i] {
                 trial.coefficients[i] = dct::forward_difference(source, predicted);
-                quantiser.quantise(&trial.coefficients[i], energy, Kind::Inter, self.rounding(), block);
+                let transformed = Transformed { coefficients: &trial.coefficients[i], energy };
+                quantiser.quantise(transformed, Kind::Inter, self.rounding(), block);
             } else {
                 block.clear();
                 block.error = energy;
@@ -361,7 +385,8 @@ impl Decision<'_> {
             // The samples' would not do: the square of the DC is so much larger that its rounding alone is an error.
             trial.energies[i] = trial.coefficients[i][1..].iter().map(|&c| c * c).sum::<i32>().into();
             let block = &mut trial.macroblock.blocks[i];
-            quantiser.quantise(&trial.coefficients[i], trial.energies[i], Kind::Intra, self.rounding(), block);
+            let transformed = Transformed { coefficients: &trial.coefficients[i], energy: trial.energies[i] };
+            quantiser.quantise(transformed, Kind::Intra, self.rounding(), block);
         }
         self.price(trial);
     }
@@ -379,7 +404,8 @@ impl Decision<'_> {
             for i in 0..6 {
                 let block = &mut trial.macroblock.blocks[i];
                 if is_transformed[i] {
-                    quantiser.quantise(&coefficients[i], energies[i], kind, self.rounding(), block);
+                    let transformed = Transformed { coefficients: &coefficients[i], energy: energies[i] };
+                    quantiser.quantise(transformed, kind, self.rounding(), block);
                 } else {
                     block.clear();
                     block.error = energies[i];

@@ -10,7 +10,7 @@ use crate::{
     dct, kernel,
     quantiser_scale::{QuantiserScaleCode, quantiser_scale_of},
     scan::{ALTERNATE, ZIGZAG},
-    trellis,
+    trellis::{self, BitPrice},
     vlc::{Codes, CoefficientTable, block_bits},
 };
 
@@ -118,6 +118,15 @@ pub(crate) enum Rounding {
     Trellis { lambda: i64 },
 }
 
+/// A block after its transform.
+#[derive(Clone, Copy)]
+pub(crate) struct Transformed<'a> {
+    /// As [`dct::forward`] gives them.
+    pub coefficients: &'a [i32; 64],
+    /// Sum of their squares, without that of the DC of an intra block: the error if all become zero.
+    pub energy: i64,
+}
+
 impl Quantiser {
     fn new(quantiser_scale: u32, parameters: &QuantiserParameters) -> Self {
         let scale = quantiser_scale as i32;
@@ -139,9 +148,9 @@ impl Quantiser {
         }
     }
 
-    /// Levels of coefficients as [`dct::forward`] gives them, which leave `energy` if all become zero: the sum of their
-    /// squares, without that of the DC of an intra block. They take the place of those of `block`.
-    pub fn quantise(&self, coefficients: &[i32; 64], energy: i64, kind: Kind, rounding: Rounding, block: &mut Block) {
+    /// Levels of the coefficients of a block. They take the place of those of `block`.
+    pub fn quantise(&self, transformed: Transformed, kind: Kind, rounding: Rounding, block: &mut Block) {
+        let Transformed { coefficients, energy } = transformed;
         let [intra_codes, inter_codes] = self.codes;
         let (weights, codes, zero_256ths) = match (kind, rounding) {
             (Kind::Intra, Rounding::Trellis { .. }) => (&self.intra, intra_codes, 128),
@@ -184,7 +193,7 @@ impl Quantiser {
                     (place, coefficients[i].abs(), (levels[i] as i32).min(level_max))
                 });
                 let save = |place: usize, level: i32| save(place, self.scan[place], level);
-                trellis::choose(candidates, kind, codes, lambda, restore, save);
+                trellis::choose(candidates, kind, BitPrice { codes, lambda }, restore, save);
             }
         }
         if kind == Kind::Intra {

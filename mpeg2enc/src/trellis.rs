@@ -22,16 +22,23 @@ struct Node {
     from: u8,
 }
 
+/// The cost of the bits of a level.
+#[derive(Clone, Copy)]
+pub(crate) struct BitPrice {
+    pub codes: Codes,
+    /// Of one bit, in squared errors with twice [`COEFFICIENT_BITS`] fractional bits.
+    pub lambda: i64,
+}
+
 /// Gives `keep` the places and levels of a block that stay, the last first.
 ///
 /// `nonzero` are places in transmission order, magnitudes of coefficients with [`COEFFICIENT_BITS`] fractional bits and
-/// their nearest levels, where these are not zero; `restore` is the inverse quantisation of a level at a place, `codes`
-/// and `lambda` say what bits cost. The DC coefficient of an intra block takes no part.
+/// their nearest levels, where these are not zero; `restore` is the inverse quantisation of a level at a place. The DC
+/// coefficient of an intra block takes no part.
 pub(crate) fn choose(
     nonzero: impl Iterator<Item = (usize, i32, i32)>,
     kind: Kind,
-    codes: Codes,
-    lambda: i64,
+    BitPrice { codes, lambda }: BitPrice,
     restore: impl Fn(usize, i32) -> i32,
     mut keep: impl FnMut(usize, i32),
 ) {
@@ -97,7 +104,7 @@ mod tests {
     ) -> [i32; 64] {
         let nonzero = (0..64).map(|i| (i, magnitudes[i], levels[i])).filter(|entry| entry.2 != 0);
         let mut out = [0; 64];
-        choose(nonzero, Kind::Inter, CODES, lambda, restore, |place, level| out[place] = level);
+        choose(nonzero, Kind::Inter, BitPrice { codes: CODES, lambda }, restore, |place, level| out[place] = level);
         out
     }
 

@@ -15,7 +15,7 @@ use crate::{
     kernel::{self, Place},
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
     predict::place_of,
-    quant::Quantiser,
+    quant::{Quantiser, Transformed},
     vector::{HalfSample, Range},
 };
 
@@ -91,7 +91,8 @@ impl InPlace<'_> {
         let energy = in_coefficients(error);
         let coefficients = dct::forward_difference(&source, &predicted);
         let (rounding, mut restored) = (self.tools.rounding(self.lambda), [0; 64]);
-        self.quantiser.quantise_predicted(&coefficients, energy, rounding, block, &mut restored);
+        let transformed = Transformed { coefficients: &coefficients, energy };
+        self.quantiser.quantise_predicted(transformed, rounding, block, &mut restored);
         let price = self.lambda * i64::from(block.bits);
         if !block.is_coded() || block.error + price >= energy {
             return false;

@@ -4,7 +4,7 @@
 //! Nothing is coded twice to compare. What is predicted poorly goes the long way, since it may have to be intra.
 
 use super::{Decision, Workspace, in_coefficients};
-use crate::{block::Block, dct, header::PictureType, kernel, macroblock::Mode, vector::HalfSample};
+use crate::{block::Block, dct, header::PictureType, kernel, macroblock::Mode, quant::Transformed, vector::HalfSample};
 
 /// Bits that an intra macroblock takes, or nearly so, on the clips of README.md: what differs less than these are worth is not
 /// intra.
@@ -54,7 +54,8 @@ impl Decision<'_> {
                 let coefficients = dct::forward_difference(source, predicted);
                 let energy = in_coefficients(error);
                 let mut restored = [0; 64];
-                quantiser.quantise_predicted(&coefficients, energy, self.rounding(), block, &mut restored);
+                let transformed = Transformed { coefficients: &coefficients, energy };
+                quantiser.quantise_predicted(transformed, self.rounding(), block, &mut restored);
                 let coded = &*block;
                 if coded.is_coded() && coded.error + self.lambda * i64::from(coded.bits) < energy {
                     dct::inverse_onto(&restored, predicted, &mut work.reconstruction[i]);

@@ -3,7 +3,7 @@
 //! What [`quantise`](Quantiser::quantise) and [`dequantise`](Quantiser::dequantise) do level by level is done to all of a block
 //! together here, whatever its levels are: they are the twins that tests hold this against.
 
-use super::{Block, Kind, Quantiser, Rounding, odd_sum, places};
+use super::{Block, Kind, Quantiser, Rounding, Transformed, odd_sum, places};
 use crate::{Standard, kernel, vlc::block_bits};
 
 impl Quantiser {
@@ -11,14 +11,14 @@ impl Quantiser {
     /// that is anything where nothing is coded.
     pub fn quantise_predicted(
         &self,
-        coefficients: &[i32; 64],
-        energy: i64,
+        transformed: Transformed,
         rounding: Rounding,
         block: &mut Block,
         restored: &mut [i32; 64],
     ) {
+        let Transformed { coefficients, energy } = transformed;
         if rounding != Rounding::DeadZone || self.standard != Standard::Mpeg2 {
-            self.quantise(coefficients, energy, Kind::Inter, rounding, block);
+            self.quantise(transformed, Kind::Inter, rounding, block);
             if block.is_coded() {
                 *restored = self.dequantise(block, Kind::Inter);
             }
@@ -88,14 +88,9 @@ mod tests {
                         let coefficients = coefficients(&mut state, case % 2 == 0);
                         let energy = coefficients.iter().map(|&c| i64::from(c).pow(2)).sum();
                         let (mut ours, mut twin, mut restored) = (Block::EMPTY, Block::EMPTY, [0; 64]);
-                        quantiser.quantise_predicted(
-                            &coefficients,
-                            energy,
-                            Rounding::DeadZone,
-                            &mut ours,
-                            &mut restored,
-                        );
-                        quantiser.quantise(&coefficients, energy, Kind::Inter, Rounding::DeadZone, &mut twin);
+                        let transformed = Transformed { coefficients: &coefficients, energy };
+                        quantiser.quantise_predicted(transformed, Rounding::DeadZone, &mut ours, &mut restored);
+                        quantiser.quantise(transformed, Kind::Inter, Rounding::DeadZone, &mut twin);
                         assert_eq!((ours.places, ours.bits, ours.error), (twin.places, twin.bits, twin.error));
                         assert!(places(ours.places).all(|place| ours.levels[place] == twin.levels[place]));
                         assert!(!ours.is_coded() || restored == quantiser.dequantise(&twin, Kind::Inter));

@@ -22,7 +22,7 @@ fn quantise(quantiser: &Quantiser, coefficients: &[i32; 64], kind: Kind, roundin
     let start = usize::from(kind == Kind::Intra);
     let energy = coefficients[start..].iter().map(|&c| i64::from(c).pow(2)).sum();
     let mut block = Block::EMPTY;
-    quantiser.quantise(coefficients, energy, kind, rounding, &mut block);
+    quantiser.quantise(Transformed { coefficients, energy }, kind, rounding, &mut block);
     block
 }
 
