@@ -62,7 +62,8 @@ impl std::fmt::Debug for FinalGather {
 pub struct GatherDirections(Vec<Vec3A>);
 
 /// Result of a final gather at one point.
-#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[must_use]
 #[non_exhaustive]
 pub struct Gathered {
@@ -86,7 +87,8 @@ pub struct Compensation {
 }
 
 /// A nearby surfel and its share in the compensation.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Source {
     /// Place in [`FinalGather::radiance`].
     surfel: u32,

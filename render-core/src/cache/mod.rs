@@ -53,8 +53,8 @@ const CHUNK: usize = 16;
 
 /// Records of light on surfaces, kept from frame to frame. `R` is what an [`Illumination`] keeps with each.
 ///
-/// Written and read back by serde, it goes on as if nothing had been in between.
-#[derive(serde::Serialize, serde::Deserialize)]
+/// With the feature `serde` it can be written and read back, and goes on as if nothing had been in between.
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct IrradianceCache<R> {
     records: Vec<Record<R>>,
     frame: u32,

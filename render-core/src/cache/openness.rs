@@ -44,7 +44,8 @@ const STILL_HOLDS: f32 = 1.0;
 const STILL_HOLDS_OFF_PLANE: f32 = 0.25;
 
 /// The openness of every pixel.
-#[derive(Default, serde::Serialize, serde::Deserialize)]
+#[derive(Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Openness {
     pixels: Plane<Felt>,
     /// How they were seen; none before the first picture.
@@ -52,7 +53,8 @@ pub(super) struct Openness {
 }
 
 /// What rays felt.
-#[derive(Clone, Copy, Debug, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Felt {
     /// Where, though perhaps for an earlier picture; NaN where nothing was looked for.
     position: [f32; 3],

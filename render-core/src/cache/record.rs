@@ -3,7 +3,8 @@
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
 /// A place on a surface.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Site {
     /// On the surface, world space \[m\].
     pub position: Vec3A,
@@ -30,7 +31,8 @@ impl Site {
 }
 
 /// The light at a site.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LocalIrradiance {
     /// \[W·m⁻²\], linear RGB.
     pub irradiance: Vec3,
@@ -82,7 +84,7 @@ pub enum LastUpdate {
 }
 
 /// A site with its light.
-#[derive(serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Record<R> {
     pub site: Site,
     pub estimate: LocalIrradiance,

@@ -3,7 +3,8 @@
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
 
 /// How a camera sees.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Projection {
     /// Vertical field of view in radians.
     Perspective {
@@ -29,7 +30,8 @@ pub struct Camera {
 }
 
 /// A camera at one time, with a picture of one size. Pixels have their centers at `(x + 0.5, y + 0.5)`, y down.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct View {
     world_from_camera: Affine3A,
     camera_from_world: Affine3A,
