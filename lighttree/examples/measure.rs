@@ -156,7 +156,7 @@ fn plain_loop(lights: &[Light], geometry_term_bound: f32, receiver: &Lambert) ->
         let emitted = match light.emission {
             Emission::Omni => 1.0,
             Emission::Cosine(axis) => -axis.dot(direction),
-            Emission::Directional(_) => continue,
+            _ => continue,
         };
         let received = receiver.normal.dot(direction);
         if emitted > 0.0 && received > 0.0 {

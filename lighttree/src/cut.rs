@@ -35,6 +35,7 @@ const PAPER_MAX_SIZE: u32 = 1000;
 
 /// When a cut is fine enough. Either way it also ends at the largest size the [`Scratch`] allows.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Stop {
     /// No cluster may be wrong by more than this luminance \[W·m⁻²·sr⁻¹\]; with 0 the cut holds every light.
     Absolute(f32),
@@ -47,8 +48,31 @@ pub enum Stop {
     },
 }
 
+impl Stop {
+    /// The most that a cluster may be wrong by where the cut finds a `luminance` \[W·m⁻²·sr⁻¹\].
+    #[must_use]
+    pub fn threshold_at(self, luminance: f32) -> f32 {
+        match self {
+            Self::Absolute(threshold) => threshold,
+            Self::Relative { fraction, known_luminance } => fraction * (known_luminance + luminance),
+        }
+    }
+
+    /// The same rule with `factor` times the threshold.
+    #[must_use]
+    pub fn scaled(self, factor: f32) -> Self {
+        match self {
+            Self::Absolute(threshold) => Self::Absolute(factor * threshold),
+            Self::Relative { fraction, known_luminance } => {
+                Self::Relative { fraction: factor * fraction, known_luminance }
+            }
+        }
+    }
+}
+
 /// The result of a cut at one receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Cut {
     /// Reflected radiance, linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Vec3,

@@ -25,6 +25,7 @@ pub(crate) const SMALLEST_DISTANCE2: f32 = 1e-30;
 /// How the intensity of a light depends on the direction it leaves in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum Emission {
     /// The same in all directions.
     Omni,

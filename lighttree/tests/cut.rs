@@ -104,10 +104,7 @@ proptest! {
             prop_assert!(error <= cut.total_bound * 1.0001 + slack, "error {error} of {truth}: {cut:?}");
             prop_assert!(cut.size <= max_size);
             prop_assert!(cut.largest_bound <= cut.total_bound * 1.0001);
-            let threshold = match stop {
-                Stop::Absolute(threshold) => threshold,
-                Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + luminance(cut.radiance)),
-            };
+            let threshold = stop.threshold_at(luminance(cut.radiance));
             prop_assert!(cut.largest_bound <= threshold * 1.0001 || cut.size == max_size, "{cut:?} {threshold}");
         }
     }
@@ -213,7 +210,8 @@ fn nothing_is_cheap() {
         let no_ray = |_: &Light, _| unreachable!("a shadow ray for nothing");
         tree.lightcut(&receiver, Stop::Absolute(0.0), no_ray, &mut scratch)
     };
-    let nothing = Cut { nodes_visited: 1, ..Cut::default() };
+    let mut nothing = Cut::default();
+    nothing.nodes_visited = 1;
     assert_eq!(cut(&tree, Lambert { reflectance: Vec3::ZERO, ..FLOOR }), nothing);
     assert_eq!(cut(&tree, Lambert { normal: Vec3::NEG_Z, ..FLOOR }), nothing);
     assert_eq!(cut(&tree, Lambert { position: Vec3::Z * 3.0, ..FLOOR }), nothing);

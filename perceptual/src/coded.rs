@@ -53,6 +53,7 @@ impl Default for QuantiserSteps {
 
 /// How the next picture will be coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum NextPicture {
     /// By itself, as the first of a group.
     Intra {

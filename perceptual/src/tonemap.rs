@@ -28,6 +28,7 @@ const SMALLEST_SLOPE_ARGUMENT: f64 = 1e-9;
 /// How linear light becomes display light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[non_exhaustive]
 pub enum Operator {
     /// Clip at 1, then the power `1 / gamma`. [`ToneMap::display`] is not consulted.
     Gamma,
@@ -92,6 +93,7 @@ impl FromStr for Operator {
 /// How display light becomes the display value, for the operators that leave it open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[non_exhaustive]
 pub enum Display {
     /// The piecewise curve of IEC 61966-2-1.
     #[default]

@@ -22,6 +22,7 @@ pub enum Method {
 
 /// A frame, and how far it can be trusted.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Reference {
     /// Linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Plane<[f32; 3]>,

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 /// Where in a pixel paths start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PixelSampling {
     /// All over it, with sharp textures: the picture converges to the mean radiance of each pixel's area.
     Area,
@@ -38,6 +39,7 @@ impl Default for PathOptions {
 
 /// A picture with noise, and how much.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct PathEstimate {
     /// Linear RGB \[W·m⁻²·sr⁻¹\].
     pub mean: Plane<[f32; 3]>,

@@ -5,6 +5,7 @@ use glam::{Affine3A, Vec2, Vec3, Vec3A};
 /// How a camera sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum Projection {
     /// Vertical field of view in radians.
     Perspective {

@@ -8,6 +8,7 @@ pub(super) const STRONGEST: f32 = 1e18;
 
 /// What shape of light leaves a point, or a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum PunctualKind {
     /// Parallel light along the node's −z; `color` is the irradiance \[W·m⁻²\] of a surface that faces it.
     Directional,

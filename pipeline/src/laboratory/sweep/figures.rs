@@ -18,6 +18,7 @@ const EQUAL_FLICKER: f64 = 0.1;
 
 /// A sweep's figures; means leave out frame 0, for which no thresholds are known.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Outcome {
     /// Version of the layout.
     pub schema: u32,

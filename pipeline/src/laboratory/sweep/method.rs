@@ -5,6 +5,7 @@ use crate::settings::{Lighting, Stopping, Switch, Thresholds};
 
 /// How a method makes its frames.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub enum Way {
     /// As films are rendered, with these differences from the defaults.
     Film(fn(&mut Options)),

@@ -70,6 +70,7 @@ pub struct Source<'a> {
 
 /// How far a sweep is.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Progress {
     /// Work done and work there is, in frames of the quickest method, estimated.
     pub done: u64,
@@ -80,6 +81,7 @@ pub struct Progress {
 }
 
 /// A finished sweep.
+#[non_exhaustive]
 pub struct Swept {
     /// The figures.
     pub outcome: Outcome,

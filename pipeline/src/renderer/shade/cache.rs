@@ -2,7 +2,7 @@
 
 mod around;
 
-use super::cuts::LightTransport;
+use super::cuts::{LightTransport, MadeCut};
 use crate::error::{Error, Result};
 use crate::figures::FrameFigures;
 use crate::renderer::frame::Frame;
@@ -169,10 +169,7 @@ impl Illumination for Cuts<'_> {
             visible[k / PACKET] |= u64::from(kept.transport != Vec3::ZERO) << (k % PACKET);
         }
         transport.figures.count(cut.size, cut.shadow_rays);
-        let threshold = match stop {
-            Stop::Absolute(threshold) => threshold,
-            Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + luminance(cut.radiance)),
-        };
+        let threshold = stop.threshold_at(luminance(cut.radiance));
         let mut recipe = Recipe {
             clusters,
             visible: visible.into(),
@@ -190,7 +187,8 @@ impl Illumination for Cuts<'_> {
         if self.is_audited(site) {
             let finer = finer.get_or_insert_with(|| Scratch::with_max_size(Calibration::LARGEST_CUT));
             let visible = |lamp: &Light, _| transport.visible(&receiver, lamp);
-            transport.audit(class, stop, self.cut_irradiance(&receiver, &recipe), &white, visible, finer);
+            let made = MadeCut { class, stop, radiance: self.cut_irradiance(&receiver, &recipe) };
+            transport.audit(made, &white, visible, finer);
         }
         (self.estimate(&receiver, &recipe), recipe)
     }

@@ -34,6 +34,15 @@ pub(super) struct Allowance {
     pub calibration: Option<Calibration>,
 }
 
+/// A cut that was made, to be compared with a finer one.
+pub(super) struct MadeCut {
+    /// Where it belongs in what is known of errors.
+    pub class: usize,
+    /// The error that it may have.
+    pub stop: Stop,
+    pub radiance: Vec3,
+}
+
 /// A frame whose indirect light is computed, by many threads at once.
 pub(super) struct LightTransport<'a> {
     pub settings: &'a Settings,
@@ -57,7 +66,6 @@ impl<'a> LightTransport<'a> {
         prepared: &'a Frame,
         allowance: &'a Allowance,
         (seen, direct): (&'a GBuffer, &'a Plane<Vec3>),
-        compensates: bool,
         figures: &'a Figures,
     ) -> Self {
         let all_lights = settings.lighting == Lighting::AllLights;
@@ -66,7 +74,12 @@ impl<'a> LightTransport<'a> {
             let p = concentric_disc(sobol_point(i as u64));
             p.extend((1.0 - p.length_squared()).max(0.0).sqrt())
         });
-        Self { settings, prepared, allowance, seen, direct, compensates, figures, directions, feelers }
+        Self { settings, prepared, allowance, seen, direct, compensates: false, figures, directions, feelers }
+    }
+
+    /// With the light that softening takes, or without.
+    pub fn with_compensation(self, compensates: bool) -> Self {
+        Self { compensates, ..self }
     }
 
     /// Whether light from `lamp` arrives at `receiver`.
@@ -153,13 +166,7 @@ impl<'a> LightTransport<'a> {
     /// When a cut of this class is let end, that was to be no more wrong than `stop` says.
     pub fn calibrated(&self, stop: Stop, class: usize) -> Stop {
         let Some(calibration) = &self.allowance.calibration else { return stop };
-        let kappa = calibration.kappa(class);
-        match stop {
-            Stop::Absolute(threshold) => Stop::Absolute(kappa * threshold),
-            Stop::Relative { fraction, known_luminance } => {
-                Stop::Relative { fraction: kappa * fraction, known_luminance }
-            }
-        }
+        stop.scaled(calibration.kappa(class))
     }
 
     /// Whether the cut of a pixel is made again to see how wrong it is.
@@ -169,22 +176,18 @@ impl<'a> LightTransport<'a> {
         calibration.is_some_and(|of| is_audited((x, y), width, self.prepared.index, of.audits_per_macroblock()))
     }
 
-    /// Notes how wrong a cut of this class is that found `radiance` for `receiver` where `stop` was what it may be wrong by.
+    /// Notes how wrong the cut is that was `made` for `receiver`.
     /// `scratch` allows cuts of [`Calibration::LARGEST_CUT`]: one that ends for its size alone would pass for the truth.
     pub fn audit<M: lighttree::Receiver>(
         &self,
-        class: usize,
-        stop: Stop,
-        radiance: Vec3,
+        made: MadeCut,
         receiver: &M,
         visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
     ) {
+        let MadeCut { class, stop, radiance } = made;
         let found = luminance(radiance);
-        let threshold = match stop {
-            Stop::Absolute(threshold) => threshold,
-            Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + found),
-        };
+        let threshold = stop.threshold_at(found);
         let fine = Stop::Absolute(Calibration::fine(threshold));
         let cut = self.prepared.tree.lightcut(receiver, fine, visible, scratch);
         self.figures.count_rays(cut.shadow_rays);

@@ -92,7 +92,7 @@ impl Shading<'_> {
         let known = self.still.take().filter(|still| still.is_of(frame));
         let lit = known.unwrap_or_else(|| self.light(frame, allowance, &counts, &mut figures));
         let Sample { direct, indirect } = &lit.samples[0];
-        let transport = LightTransport::new(settings, frame, allowance, (&frame.seen, direct), false, &counts);
+        let transport = LightTransport::new(settings, frame, allowance, (&frame.seen, direct), &counts);
         figures.threshold_mean_relative = transport.mean_relative_threshold(&sum(direct, indirect));
         figures.cache_records = lit.cache_records;
         counts.put_into(&mut figures);
@@ -141,7 +141,8 @@ impl Shading<'_> {
                 direct.samples_mut().iter_mut().zip(reflected.samples()).for_each(|(sum, &coat)| *sum += coat);
             }
             let compensates = plan.is_on(Stage::Compensation);
-            let transport = LightTransport::new(settings, frame, allowance, (seen, &direct), compensates, counts);
+            let transport =
+                LightTransport::new(settings, frame, allowance, (seen, &direct), counts).with_compensation(compensates);
             let indirect = match (plan.state(Stage::Indirect), cache.as_mut()) {
                 (State::Off, _) => Plane::filled(size.0, size.1, Vec3::ZERO),
                 (_, Some(cache)) if samples.is_empty() => cache.light(&transport, &indirect_busy, figures),

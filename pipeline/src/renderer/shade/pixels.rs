@@ -6,7 +6,7 @@
 //! where thresholds are 2 % too, that is 0.21 instead of 1.13 CPU s a frame of 256×256; 0.56 with thresholds known and
 //! pixels one by one, 0.49 with shared walks alone.
 
-use super::cuts::{LightTransport, is_above, receiver};
+use super::cuts::{LightTransport, MadeCut, is_above, receiver};
 use super::macroblock::by_macroblock;
 use crate::settings::Lighting;
 use glam::{Vec3, Vec3A};
@@ -140,7 +140,8 @@ fn finish(transport: &LightTransport, lit: &Lit, stop: Stop, cut: &Cut, scratch:
     let &Lit { x, y, ref receiver, ref lambert } = lit;
     if transport.is_audited(x, y) {
         let visible = |lamp: &Light, _: usize| transport.visible(receiver, lamp);
-        transport.audit(transport.class_at(x, y), stop, cut.radiance, lambert, visible, scratch);
+        let made = MadeCut { class: transport.class_at(x, y), stop, radiance: cut.radiance };
+        transport.audit(made, lambert, visible, scratch);
     }
     transport.figures.count(cut.size, cut.shadow_rays);
     transport.figures.note(y * transport.seen.pixels.width() + x, cut.size);

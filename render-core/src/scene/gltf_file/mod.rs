@@ -30,6 +30,7 @@ const MOST_TRIANGLES: usize = 1 << 27;
 
 /// Why a scene could not be read; the message names the file, the place and the remedy.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LoadError {
     /// The scene file itself is not there or cannot be read.
     #[error("{}: {error}; check the path and its permissions", path.display())]

@@ -60,8 +60,8 @@ fn what_something_has_moved_over_is_closed_in() {
         let direct = Plane::filled(16, 16, Vec3::ZERO);
         let allowance = Allowance { map: ThresholdMap::relative(16, 16), before: None, calibration: None };
         let figures = Figures::default();
-        let transport =
-            LightTransport::new(&settings, &prepared, &allowance, (&prepared.seen, &direct), true, &figures);
+        let transport = LightTransport::new(&settings, &prepared, &allowance, (&prepared.seen, &direct), &figures)
+            .with_compensation(true);
         let cuts = Cuts { transport: &transport, swept: Vec::new(), standing: Vec::new(), moving: &moving };
         let site = Site {
             position: Vec3A::X * x,
