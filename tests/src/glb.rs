@@ -16,6 +16,38 @@ pub struct Glb {
     pub bin: Vec<u8>,
 }
 
+/// Numbers as an accessor describes them.
+struct Numbers {
+    /// As they lie in the buffer.
+    bytes: Vec<u8>,
+    /// Elements.
+    count: usize,
+    /// Type of an element: SCALAR or VEC3.
+    kind: &'static str,
+    /// glTF's number of the type of a component.
+    component: u32,
+}
+
+impl Numbers {
+    const FLOAT: u32 = 5126;
+    const UNSIGNED_INT: u32 = 5125;
+
+    fn floats(list: &[f32]) -> Self {
+        let bytes = list.iter().flat_map(|number| number.to_le_bytes()).collect();
+        Self { bytes, count: list.len(), kind: "SCALAR", component: Self::FLOAT }
+    }
+
+    fn vectors(list: &[Vec3]) -> Self {
+        let bytes = list.iter().flat_map(|vector| vector.to_array()).flat_map(f32::to_le_bytes).collect();
+        Self { bytes, count: list.len(), kind: "VEC3", component: Self::FLOAT }
+    }
+
+    fn integers(list: &[u32]) -> Self {
+        let bytes = list.iter().flat_map(|number| number.to_le_bytes()).collect();
+        Self { bytes, count: list.len(), kind: "SCALAR", component: Self::UNSIGNED_INT }
+    }
+}
+
 impl Default for Glb {
     fn default() -> Self {
         let json = json!({
@@ -26,14 +58,6 @@ impl Default for Glb {
     }
 }
 
-/// Element of an accessor.
-#[derive(Clone, Copy)]
-enum Element {
-    Index,
-    Number,
-    Vector,
-}
-
 impl Glb {
     fn push(&mut self, list: &str, value: Value) -> usize {
         let list = self.json[list].as_array_mut().expect("one of the lists");
@@ -41,15 +65,9 @@ impl Glb {
         list.len() - 1
     }
 
-    /// Adds `count` elements to the buffer.
-    fn accessor(&mut self, bytes: &[u8], count: usize, element: Element, bounds: Value) -> usize {
-        const UNSIGNED_INT: u32 = 5125;
-        const FLOAT: u32 = 5126;
-        let (kind, component) = match element {
-            Element::Index => ("SCALAR", UNSIGNED_INT),
-            Element::Number => ("SCALAR", FLOAT),
-            Element::Vector => ("VEC3", FLOAT),
-        };
+    /// Adds numbers to the buffer; `bounds` holds the accessor's min and max, if it has them.
+    fn accessor(&mut self, numbers: Numbers, bounds: Value) -> usize {
+        let Numbers { bytes, count, kind, component } = numbers;
         let view = json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len() });
         let view = self.push("bufferViews", view);
         self.bin.extend(bytes);
@@ -65,12 +83,10 @@ impl Glb {
         let corners: Vec<Vec3> = quads.iter().flat_map(|[c, a, b]| [*c, *c + *a, *c + *a + *b, *c + *b]).collect();
         let low = corners.iter().fold(Vec3::INFINITY, |low, &corner| low.min(corner));
         let high = corners.iter().fold(Vec3::NEG_INFINITY, |high, &corner| high.max(corner));
-        let bytes: Vec<u8> = corners.iter().flat_map(|c| c.to_array()).flat_map(f32::to_le_bytes).collect();
         let bounds = json!({ "min": low.to_array(), "max": high.to_array() });
-        let positions = self.accessor(&bytes, corners.len(), Element::Vector, bounds);
+        let positions = self.accessor(Numbers::vectors(&corners), bounds);
         let indices: Vec<u32> = (0..quads.len() as u32).flat_map(|q| [0, 1, 2, 0, 2, 3].map(|i| 4 * q + i)).collect();
-        let bytes: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
-        let indices = self.accessor(&bytes, indices.len(), Element::Index, json!({}));
+        let indices = self.accessor(Numbers::integers(&indices), json!({}));
         let strength = emission.max_element().max(1.0);
         let material = json!({
             "pbrMetallicRoughness": { "baseColorFactor": [base_color.x, base_color.y, base_color.z, 1.0], "metallicFactor": 0.0 },
@@ -99,10 +115,8 @@ impl Glb {
 
     /// Moves a node on a straight line for a second.
     pub fn animate(&mut self, node: usize, from: Vec3, to: Vec3) {
-        let times: Vec<u8> = [0.0f32, 1.0].into_iter().flat_map(f32::to_le_bytes).collect();
-        let input = self.accessor(&times, 2, Element::Number, json!({ "min": [0.0], "max": [1.0] }));
-        let keys: Vec<u8> = [from, to].into_iter().flat_map(|key| key.to_array()).flat_map(f32::to_le_bytes).collect();
-        let output = self.accessor(&keys, 2, Element::Vector, json!({}));
+        let input = self.accessor(Numbers::floats(&[0.0, 1.0]), json!({ "min": [0.0], "max": [1.0] }));
+        let output = self.accessor(Numbers::vectors(&[from, to]), json!({}));
         self.json["animations"] = json!([{
             "channels": [{ "sampler": 0, "target": { "node": node, "path": "translation" } }],
             "samplers": [{ "input": input, "output": output, "interpolation": "LINEAR" }]
@@ -136,7 +150,7 @@ impl Glb {
     }
 }
 
-/// The moving object of [`checkered_room`].
+/// What moves in [`checkered_room`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Moving {
     /// Nothing at all.

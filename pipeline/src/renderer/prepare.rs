@@ -102,6 +102,16 @@ struct Kept {
     of_itself: Option<Arc<Correspondence>>,
 }
 
+/// The scene at the time of a frame.
+#[derive(Clone, Copy)]
+struct Placed<'a> {
+    /// The frame's number.
+    frame: u32,
+    pose: &'a Pose,
+    surfaces: &'a Surfaces<'a>,
+    accelerator: &'a Accelerator,
+}
+
 /// The lights of a frame.
 struct Lights {
     tree: Arc<LightTree>,
@@ -143,7 +153,8 @@ impl<'s> Work<'s> {
         figures.update = busy.seconds();
 
         let lights = tracing::debug_span!("lights", frame = n).entered();
-        let Lights { tree, direct, gather } = self.lights(n, &pose, &surfaces, &accelerator, &mut figures);
+        let placed = Placed { frame: n, pose: &pose, surfaces: &surfaces, accelerator: &accelerator };
+        let Lights { tree, direct, gather } = self.lights(placed, &mut figures);
 
         drop(lights);
 
@@ -184,15 +195,9 @@ impl<'s> Work<'s> {
         Prepared { frame, correspondence, forward, figures }
     }
 
-    /// The light tree and the direct lights of frame `n`, with their flux there.
-    fn lights(
-        &mut self,
-        n: u32,
-        pose: &Pose,
-        surfaces: &Surfaces,
-        accelerator: &Accelerator,
-        figures: &mut FrameFigures,
-    ) -> Lights {
+    /// The light tree and the direct lights of a frame, with their flux there.
+    fn lights(&mut self, placed: Placed, figures: &mut FrameFigures) -> Lights {
+        let Placed { frame: n, pose, surfaces, accelerator } = placed;
         if let Some(kept) = self
             .kept
             .as_ref()

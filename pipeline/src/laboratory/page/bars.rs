@@ -3,7 +3,7 @@
 use super::PALETTE;
 use super::axis::Axis;
 use super::line_plot::{AREA, SIZE, frame, legend};
-use super::svg::Svg;
+use super::svg::{Svg, TextStyle};
 
 /// Columns side by side.
 #[derive(Clone, Debug)]
@@ -47,7 +47,11 @@ impl StackedBars {
                 }
             }
             if i % every == 0 {
-                svg.text((x + 0.5 * width, bottom + 18.0), "soft", "middle", 13.0, &self.names[i]);
+                svg.text(
+                    (x + 0.5 * width, bottom + 18.0),
+                    TextStyle { class: "soft", anchor: "middle", size: 13.0 },
+                    &self.names[i],
+                );
             }
         }
         if self.parts.len() > 1 {

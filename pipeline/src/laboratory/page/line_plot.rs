@@ -2,7 +2,7 @@
 
 use super::PALETTE;
 use super::axis::{Axis, short};
-use super::svg::Svg;
+use super::svg::{Svg, TextStyle};
 
 /// Size of a plot in units that are pixels where a page has room; narrow pages show it at three quarters, where 13 is still readable.
 pub(super) const SIZE: (f64, f64) = (520.0, 360.0);
@@ -63,7 +63,7 @@ impl LinePlot {
         frame(&mut svg, (&self.title, &self.x_label, &self.y_label), (Some(&x), &y), bottom);
         if let Some((place, name)) = self.level.as_ref().and_then(|(level, name)| Some((y.place(*level)?, name))) {
             svg.rule((left, place), (right, place), "axis");
-            svg.text((right - 4.0, place - 5.0), "soft", "end", 12.0, name);
+            svg.text((right - 4.0, place - 5.0), TextStyle { class: "soft", anchor: "end", size: 12.0 }, name);
         }
         for series in &self.series {
             let color = PALETTE[series.color % PALETTE.len()];
@@ -109,19 +109,19 @@ pub(super) fn frame(
     bottom: f64,
 ) {
     let (left, right, top) = AREA;
-    svg.text((left, 20.0), "ink", "start", 15.0, title);
+    svg.text((left, 20.0), TextStyle { class: "ink", anchor: "start", size: 15.0 }, title);
     for (value, text) in y.ticks() {
         let Some(place) = y.place(value) else { continue };
         svg.rule((left, place), (right, place), "grid");
-        svg.text((left - 7.0, place + 4.5), "soft", "end", 13.0, &text);
+        svg.text((left - 7.0, place + 4.5), TextStyle { class: "soft", anchor: "end", size: 13.0 }, &text);
     }
     for (value, text) in x.map(Axis::ticks).unwrap_or_default() {
         let Some(place) = x.and_then(|x| x.place(value)) else { continue };
         svg.rule((place, bottom), (place, bottom + 4.0), "axis");
-        svg.text((place, bottom + 18.0), "soft", "middle", 13.0, &text);
+        svg.text((place, bottom + 18.0), TextStyle { class: "soft", anchor: "middle", size: 13.0 }, &text);
     }
     svg.rule((left, bottom), (right, bottom), "axis");
-    svg.text((0.5 * (left + right), bottom + 36.0), "soft", "middle", 13.0, x_label);
+    svg.text((0.5 * (left + right), bottom + 36.0), TextStyle { class: "soft", anchor: "middle", size: 13.0 }, x_label);
     svg.text_upward((14.0, 0.5 * (top + bottom)), "soft", 13.0, y_label);
 }
 
@@ -139,6 +139,6 @@ pub(super) fn legend(svg: &mut Svg, entries: &[(&str, usize, bool)], top: f64) {
         let x = AREA.0 - 46.0 + column * (i % columns) as f64;
         let y = top + LEGEND_ROW * (i / columns) as f64;
         svg.polyline(&[(x, y - 4.0), (x + 22.0, y - 4.0)], PALETTE[color % PALETTE.len()], dashed);
-        svg.text((x + 28.0, y), "ink", "start", 13.0, name);
+        svg.text((x + 28.0, y), TextStyle { class: "ink", anchor: "start", size: 13.0 }, name);
     }
 }

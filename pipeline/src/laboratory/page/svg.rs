@@ -11,6 +11,17 @@ pub struct Svg {
     body: String,
 }
 
+/// How text stands on a drawing.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TextStyle {
+    /// Class that says its color.
+    pub class: &'static str,
+    /// The part of the text that lies at its place: start, middle or end.
+    pub anchor: &'static str,
+    /// Height of the font.
+    pub size: f64,
+}
+
 /// Style of the classes in files; a page has its own rules for them.
 const FILE_STYLE: &str = ".ink{fill:#1d2129}.soft{fill:#5a6270}.grid{stroke:#d9dde3}.axis{stroke:#7c8592}";
 
@@ -30,7 +41,7 @@ impl Svg {
         self.body.push('\n');
     }
 
-    /// A straight line of a class that says its colour.
+    /// A straight line of a class that says its color.
     pub(super) fn rule(&mut self, (x1, y1): (f64, f64), (x2, y2): (f64, f64), class: &str) {
         self.draw(format_args!(
             r#"<line class="{class}" x1="{x1:.1}" y1="{y1:.1}" x2="{x2:.1}" y2="{y2:.1}" stroke-width="1"/>"#
@@ -73,8 +84,9 @@ impl Svg {
         ));
     }
 
-    /// Text of a class; `anchor` is start, middle or end.
-    pub(super) fn text(&mut self, (x, y): (f64, f64), class: &str, anchor: &str, size: f64, text: &str) {
+    /// Text from left to right.
+    pub(super) fn text(&mut self, (x, y): (f64, f64), style: TextStyle, text: &str) {
+        let TextStyle { class, anchor, size } = style;
         let text = escaped(text);
         self.draw(format_args!(
             r#"<text class="{class}" x="{x:.1}" y="{y:.1}" font-size="{size}" text-anchor="{anchor}">{text}</text>"#
