@@ -8,33 +8,40 @@ use glam::{Quat, Vec3};
 use gltf::animation::Property;
 
 impl Loader<'_> {
-    /// Reads the animation of that `name`, or the first: a file's others are alternatives, not parts.
-    pub(super) fn channels(
+    /// The animation of that `name`, or the first: a file's others are alternatives, not parts.
+    pub(super) fn clip<'d>(
         &self,
-        document: &gltf::Document,
-        buffers: &Buffers,
-        node_of: &NodeOf,
+        document: &'d gltf::Document,
         name: Option<&str>,
-        scene: &mut Scene,
-    ) -> Result<(), LoadError> {
-        let clips: Vec<gltf::Animation> = document.animations().collect();
-        let names = || clips.iter().filter_map(gltf::Animation::name).collect::<Vec<_>>().join("\", \"");
-        let clip = match name {
-            Some(name) => match clips.iter().find(|clip| clip.name() == Some(name)) {
-                Some(clip) => clip,
-                None => return self.bad(format!("there is no animation \"{name}\"; there are \"{}\"", names())),
-            },
-            None => match clips.first() {
-                Some(clip) => clip,
-                None => return Ok(()),
-            },
-        };
-        if name.is_none() && clips.len() > 1 {
-            scene.warnings.push(format!(
+        warnings: &mut Vec<String>,
+    ) -> Result<Option<gltf::Animation<'d>>, LoadError> {
+        let mut clips: Vec<gltf::Animation> = document.animations().collect();
+        if let Some(name) = name {
+            return match clips.iter().position(|clip| clip.name() == Some(name)) {
+                Some(place) => Ok(Some(clips.swap_remove(place))),
+                None => {
+                    let names = clips.iter().filter_map(gltf::Animation::name).collect::<Vec<_>>().join("\", \"");
+                    self.bad(format!("there is no animation \"{name}\"; there are \"{names}\""))
+                }
+            };
+        }
+        if clips.len() > 1 {
+            warnings.push(format!(
                 "of {} animations the first plays; name another as [animation] name = \"…\" in the settings beside the scene",
                 clips.len()
             ));
         }
+        Ok(clips.into_iter().next())
+    }
+
+    /// Reads the tracks of an animation.
+    pub(super) fn channels(
+        &self,
+        clip: &gltf::Animation,
+        buffers: &Buffers,
+        node_of: &NodeOf,
+        scene: &mut Scene,
+    ) -> Result<(), LoadError> {
         for channel in clip.channels() {
             let Some(&node) = node_of.get(&channel.target().node().index()) else { continue };
             let channel = self.channel(&channel, node, buffers, scene)?;

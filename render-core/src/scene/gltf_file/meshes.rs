@@ -48,8 +48,10 @@ impl Loader<'_> {
                     let joints = scene.skins[place].joints.len();
                     for (mesh_of_skin, primitive) in scene.meshes[first..].iter_mut().zip(shown) {
                         let place_in_file = format!("mesh {} primitive {}", mesh.index(), primitive.index());
-                        let (per_vertex, influences) =
-                            self.influences(&place_in_file, &primitive, buffers, mesh_of_skin.positions.len(), joints)?;
+                        let vertices = mesh_of_skin.positions.len();
+                        let sets = self.influence_sets(&place_in_file, &primitive, buffers, vertices)?;
+                        let influences = self.influences(&place_in_file, &sets, joints)?;
+                        let per_vertex = 4 * sets.len();
                         mesh_of_skin.skinning = Some(Skinning { skin: place, per_vertex, influences });
                     }
                 }

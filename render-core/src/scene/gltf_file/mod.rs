@@ -205,7 +205,8 @@ impl Loader<'_> {
         let animation = settings.animation.name.as_deref();
         let read = self
             .meshes(&document, &buffers, &node_of, &mut scene)
-            .and_then(|()| self.channels(&document, &buffers, &node_of, animation, &mut scene));
+            .and_then(|()| self.clip(&document, animation, &mut scene.warnings))
+            .and_then(|clip| clip.map_or(Ok(()), |clip| self.channels(&clip, &buffers, &node_of, &mut scene)));
         if buffers.is_exhausted() {
             return self.bad("its accessors stand for far more numbers than the file has bytes for; export it again");
         }

@@ -8,7 +8,7 @@ use glam::{Affine3A, Mat4};
 use gltf::Semantic;
 
 /// The attributes JOINTS_n and WEIGHTS_n: four of each for every vertex.
-type InfluenceSet = (Vec<[u32; 4]>, Vec<[f32; 4]>);
+pub(super) type InfluenceSet = (Vec<[u32; 4]>, Vec<[f32; 4]>);
 
 impl Loader<'_> {
     /// Joints, and what brings a vertex into their spaces.
@@ -34,15 +34,14 @@ impl Loader<'_> {
         Ok(Skin { joints, inverse_bind })
     }
 
-    /// The joints of each vertex and their weights, which sum to 1; how many for each vertex, and all of them.
-    pub(super) fn influences(
+    /// The joints and weights of a primitive with so many `vertices`, one set at least.
+    pub(super) fn influence_sets(
         &self,
         place: &str,
         primitive: &gltf::Primitive,
         buffers: &Buffers,
         vertices: usize,
-        joints: usize,
-    ) -> Result<(usize, Vec<Influence>), LoadError> {
+    ) -> Result<Vec<InfluenceSet>, LoadError> {
         let mut sets: Vec<InfluenceSet> = Vec::new();
         for set in 0.. {
             let (Some(joints), Some(weights)) =
@@ -60,10 +59,21 @@ impl Loader<'_> {
         if sets.is_empty() {
             return self.bad(format!("{place}: a skin bends it, but it has no joints and weights"));
         }
+        Ok(sets)
+    }
+
+    /// The joints of each vertex and their weights, which sum to 1: four of each set for the first vertex, then for the second …
+    pub(super) fn influences(
+        &self,
+        place: &str,
+        sets: &[InfluenceSet],
+        joints: usize,
+    ) -> Result<Vec<Influence>, LoadError> {
+        let vertices = sets.first().map_or(0, |(joints, _)| joints.len());
         let mut influences = Vec::with_capacity(vertices * 4 * sets.len());
         for vertex in 0..vertices {
             let first = influences.len();
-            for (joint_set, weight_set) in &sets {
+            for (joint_set, weight_set) in sets {
                 for (&joint, &weight) in joint_set[vertex].iter().zip(&weight_set[vertex]) {
                     // Unused places may name any joint.
                     let joint = if weight == 0.0 { 0 } else { joint };
@@ -81,6 +91,6 @@ impl Loader<'_> {
                 own[0].weight = 1.0;
             }
         }
-        Ok((4 * sets.len(), influences))
+        Ok(influences)
     }
 }
