@@ -74,6 +74,7 @@ pub struct Anchors {
 
 impl Anchors {
     /// Spreads `fixed` anchors over static surfaces and `dynamic` ones over those that move.
+    #[must_use]
     pub fn spread(surfaces: &Surfaces, units: &Units, fixed: usize, dynamic: usize) -> Self {
         let anchors = Self::without_surfels(surfaces, units, fixed, dynamic);
         Self { surfels: Surfels::of(&anchors, surfaces, units), ..anchors }
@@ -124,21 +125,25 @@ impl Anchors {
     /// Bound s of the geometry term of fixed anchors \[m²\]: it is `cos θ cos θ_l / (r² + s)` in place of `/ r²`.
     ///
     /// With bias compensation ([`crate::FinalGather`]) it is that of a disc of eight shares, without that of one.
+    #[must_use]
     pub fn geometry_term_bound(&self, compensated: bool) -> f32 {
         self.area_share / PI * if compensated { SHARES } else { 1.0 }
     }
 
     /// The same bound for dynamic anchors \[m²\]: that of their own share, as little is near to them.
+    #[must_use]
     pub fn dynamic_geometry_term_bound(&self) -> f32 {
         self.dynamic_area_share / PI
     }
 
     /// The dynamic anchors in world space at the pose that `surfaces` has.
+    #[must_use]
     pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> Vec<Anchor> {
         self.dynamic.iter().map(|anchor| anchor.in_world(surfaces)).collect()
     }
 
     /// A sensible number of fixed anchors for a scene: 2000 for a box, 9000 for a building, as in \[Herzog08\], table 1.
+    #[must_use]
     pub fn default_count(scene: &Scene) -> usize {
         let triangles = scene.triangle_count().max(1) as f64;
         // 1000 triangles → 2000, 64 000 and more → 9000, on a straight line in log₂.

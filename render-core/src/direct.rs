@@ -133,6 +133,7 @@ pub struct ShadingPoint {
 impl DirectLights {
     /// Prepares a frame. `areas` are the indices in [`Emitters::areas`] of the glowing surfaces that are sampled here;
     /// `dynamic_flux` is that of [`Anchors::dynamic`] \[W\].
+    #[must_use]
     pub fn new(
         emitters: &Emitters,
         surfaces: &Surfaces,
@@ -165,11 +166,13 @@ impl DirectLights {
     }
 
     /// Leaves out the dynamic anchors: their light has to be added from [`DirectLights::dynamic`].
+    #[must_use]
     pub fn with_dynamic_apart(self) -> Self {
         Self { dynamic_apart: true, ..self }
     }
 
     /// The dynamic anchors that shine, if they are left out here ([`DirectLights::with_dynamic_apart`]); none else.
+    #[must_use]
     pub fn dynamic(&self) -> DynamicLights<'_> {
         DynamicLights {
             anchors: if self.dynamic_apart { &self.dynamic } else { &[] },
@@ -202,6 +205,7 @@ impl DirectLights {
     }
 
     /// A point of each glowing surface, point light and sun that is sampled here.
+    #[must_use]
     pub fn lamps(&self) -> Lamps {
         let areas = self.areas.iter().filter_map(|area| area.positions.first().copied());
         Lamps {
@@ -211,6 +215,7 @@ impl DirectLights {
     }
 
     /// Whether `instance` is a glowing surface that is sampled here.
+    #[must_use]
     pub fn samples_instance(&self, instance: u32) -> bool {
         self.areas.iter().any(|area| area.instance == instance)
     }
@@ -289,6 +294,7 @@ impl DirectLights {
     }
 
     /// Numbers of areas, points, suns and dynamic anchors.
+    #[must_use]
     pub fn counts(&self) -> [usize; 4] {
         [self.areas.len(), self.points.len(), self.suns.len(), self.dynamic.len()]
     }

@@ -91,6 +91,7 @@ pub struct PointLight {
 
 impl PointLight {
     /// Intensity towards `point`.
+    #[must_use]
     pub fn intensity_towards(&self, point: Vec3A) -> Vec3 {
         let direction = (point - self.position).normalize_or_zero();
         self.intensity * self.kind.falloff(direction.dot(self.axis))
@@ -136,6 +137,7 @@ const DOME_RADII: f32 = 100.0;
 
 impl Emitters {
     /// Gathers the lights. `units` gives the ball around the scene.
+    #[must_use]
     pub fn new(surfaces: &Surfaces, pose: &crate::scene::Pose, units: &Units) -> Self {
         let scene = surfaces.scene();
         let areas: Vec<AreaLight> =
@@ -209,11 +211,13 @@ impl std::fmt::Debug for PhotonSource<'_> {
 
 impl PhotonSource<'_> {
     /// Radiant flux of each light \[W\].
+    #[must_use]
     pub fn powers(&self) -> &[Vec3] {
         &self.powers
     }
 
     /// Photon `index` of `count`.
+    #[must_use]
     pub fn emit(&self, surfaces: &Surfaces, seed: u64, index: u64, count: u64) -> EmittedPhoton {
         let u = |dimension| halton(seed, index, dimension);
         let Pick { index: light, probability, rest } = self.choice.pick(f64::from(u(0)));
@@ -272,6 +276,7 @@ impl PhotonSource<'_> {
 
 impl SunLight {
     /// A unit vector towards a point of the disc, for `u` in the unit square.
+    #[must_use]
     pub fn direction(&self, u: Vec2) -> Vec3A {
         let (x, y) = frame(self.towards.into());
         let p = concentric_disc(u) * self.angular_radius.sin();
@@ -331,6 +336,7 @@ impl AreaLight {
     }
 
     /// Radiant flux of all its glowing sides \[W\], linear RGB.
+    #[must_use]
     pub fn power(&self) -> Vec3 {
         let one_side: Vec3 = self.patches.iter().map(|p| p.emission * p.area * std::f32::consts::PI).sum();
         if self.double_sided { one_side * 2.0 } else { one_side }
@@ -402,6 +408,7 @@ impl AreaLight {
     }
 
     /// How many separate pieces glow: rectangles, or triangles that belong to none.
+    #[must_use]
     pub fn patch_count(&self) -> usize {
         self.patches.len()
     }
@@ -412,6 +419,7 @@ impl AreaLight {
     }
 
     /// Largest side of the box around the glowing triangles, metres.
+    #[must_use]
     pub fn extent(&self, surfaces: &Surfaces) -> f32 {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for patch in &self.patches {
@@ -425,6 +433,7 @@ impl AreaLight {
     }
 
     /// `count` points that together stand for the light, spread evenly by emitted power.
+    #[must_use]
     pub fn samples(&self, surfaces: &Surfaces, count: usize) -> Vec<AreaSample> {
         (0..count as u64)
             .map(|i| {
@@ -454,6 +463,7 @@ pub struct DomeLight {
 ///
 /// Each stands for about the same luminance: where the sky is bright they are dense, so that a sun in an image becomes
 /// many lights and not the luck of one.
+#[must_use]
 pub fn dome_lights(scene: &Scene, units: &Units, count: usize) -> Vec<DomeLight> {
     let Some(sky) = &scene.sky else { return Vec::new() };
     let distance = units.radius * DOME_RADII;

@@ -45,6 +45,7 @@ const GRADIENT_ROWS: usize = 128;
 
 impl Environment {
     /// Light of a gradient; `None` if that is black.
+    #[must_use]
     pub fn gradient(gradient: Gradient) -> Option<Self> {
         Self::new(Source::Gradient(gradient), [1, GRADIENT_ROWS], |_, row| {
             // The mean of a few heights: a gradient is steep only near its horizon.
@@ -55,6 +56,7 @@ impl Environment {
 
     /// Light of an equirectangular image, its radiances times `intensity`, turned by `rotation` degrees about +y, counter-clockwise
     /// seen from above; `None` if it is black. Texels that are negative or not finite count as black.
+    #[must_use]
     pub fn image(texels: Plane<Vec3>, intensity: f32, rotation: f32) -> Option<Self> {
         let sane = texels.map(|c| if c.is_finite() { c.max(Vec3::ZERO) } else { Vec3::ZERO });
         let map = EquirectangularMap { texels: sane, intensity, turn: rotation.to_radians().sin_cos() };
@@ -81,6 +83,7 @@ impl Environment {
     }
 
     /// Radiance that arrives from the unit `direction` (towards the sky) \[W·m⁻²·sr⁻¹\].
+    #[must_use]
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         match &self.source {
             Source::Gradient(gradient) => gradient.radiance(direction),
@@ -89,11 +92,13 @@ impl Environment {
     }
 
     /// Integral of radiance over all directions \[W·m⁻²\].
+    #[must_use]
     pub fn fluence(&self) -> Vec3 {
         self.fluence
     }
 
     /// A unit vector towards the sky, drawn about in proportion to luminance, and its density \[sr⁻¹\]; `u` in the unit square.
+    #[must_use]
     pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
         let row = self.rows.pick(f64::from(u.y));
         let columns = self.columns[row.index].as_ref().expect("only rows with light are picked");
@@ -107,6 +112,7 @@ impl Environment {
     }
 
     /// Density of [`Environment::sample`] \[sr⁻¹\].
+    #[must_use]
     pub fn pdf(&self, direction: Vec3) -> f32 {
         let local = self.to_local(direction);
         let place = equirectangular(local);

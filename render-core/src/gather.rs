@@ -122,6 +122,7 @@ impl Gathered {
 
 impl GatherDirections {
     /// `count` directions; a power of two is the most even.
+    #[must_use]
     pub fn new(count: usize) -> Self {
         let on_sphere = |i| {
             let p = concentric_disc(sobol_point(i));
@@ -231,17 +232,20 @@ impl FinalGather {
 
     /// Whether this frame has every surfel that `found` refers to. Always true for results of this scene; results that were
     /// read from a file may refer to others.
+    #[must_use]
     pub fn is_complete(&self, found: &Gathered) -> bool {
         found.sources.iter().all(|source| (source.surfel as usize) < self.radiance.len())
     }
 
     /// Distance below which the bound of the geometry term takes much of the light of dynamic anchors \[m\]; 0 without any.
+    #[must_use]
     pub fn dynamic_reach(&self) -> f32 {
         if self.dynamic.len() == 0 { 0.0 } else { self.bound[1].sqrt() }
     }
 
     /// Radiance that `surface` of `instance` reflects of all light, by its surfels and as accurate as they are dense
     /// \[W·m⁻²·sr⁻¹\].
+    #[must_use]
     pub fn surfel_radiance(&self, surface: &Surface, instance: u32) -> Vec3 {
         let dynamic = self.moving[instance as usize];
         let (surfels, first) = self.surfels(dynamic);

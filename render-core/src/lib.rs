@@ -64,6 +64,7 @@ pub struct Units {
 
 impl Units {
     /// Measures `scene` over its animation, so that nothing that moves leaves the ball.
+    #[must_use]
     pub fn of(scene: &scene::Scene) -> Self {
         let steps = if scene.channels.is_empty() { 1 } else { 33 };
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);

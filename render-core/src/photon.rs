@@ -77,17 +77,20 @@ const BATCH: u64 = 16_384;
 
 impl Photons {
     /// `count` photons a frame (at most 2³²), with numbers that follow from `seed`.
+    #[must_use]
     pub fn new(count: u64, seed: u64) -> Self {
         Self { count: count.min(1 << 32), seed, bounces: LONGEST_PATH, swept: None, settled: None }
     }
 
     /// Paths end after `bounces` reflections at the latest; 1024 when not stated.
+    #[must_use]
     pub fn with_bounces(self, bounces: usize) -> Self {
         Self { bounces: bounces.min(LONGEST_PATH), ..self }
     }
 
     /// Photons are traced for the first frame only until they enter `swept`, the space that moving things pass through.
     /// Later frames need the same anchors, and nothing that moves may leave that space.
+    #[must_use]
     pub fn with_swept_volume(self, swept: SweptVolume) -> Self {
         Self { swept: Some(swept), ..self }
     }

@@ -14,6 +14,7 @@ const RADIUS: f32 = 1.5;
 
 /// Places of `count` samples in a pixel, from its upper left corner, in 0…1: one sample is the center, more are the
 /// first points of a (0, 2)-sequence, each in the middle of its cell. Powers of two are centered on the pixel.
+#[must_use]
 pub fn sample_offsets(count: usize) -> Vec<Vec2> {
     let count = count.max(1);
     let half_cell = 0.5 / count.next_power_of_two() as f32;
@@ -43,6 +44,7 @@ struct Tap {
 ///
 /// # Panics
 /// If there is not one plane for each place, or they differ in size.
+#[must_use]
 pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 3]> {
     assert!(!samples.is_empty() && samples.len() == places.len(), "one plane for each place");
     let (width, height) = (samples[0].width(), samples[0].height());

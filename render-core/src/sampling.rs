@@ -9,6 +9,7 @@ const PRIMES: [u32; 40] = [
 ];
 
 /// The radical inverse of `index` in `base`: its digits mirrored at the point, 0 ≤ value < 1.
+#[must_use]
 pub fn radical_inverse(base: u32, mut index: u64) -> f32 {
     let inverse = 1.0 / f64::from(base);
     let (mut value, mut scale) = (0.0f64, inverse);
@@ -22,6 +23,7 @@ pub fn radical_inverse(base: u32, mut index: u64) -> f32 {
 
 /// Point `index` of the (0, 2)-sequence of Sobol' in the unit square: every first 2ᵏ points have one in each
 /// elementary interval of area 2⁻ᵏ (Kollig & Keller 2002).
+#[must_use]
 pub fn sobol_point(index: u64) -> Vec2 {
     Vec2::new(radical_inverse(2, index), unit(sobol_second(index as u32)))
 }
@@ -30,6 +32,7 @@ pub fn sobol_point(index: u64) -> Vec2 {
 /// are still one to an elementary interval (Owen 1995, in the way of Burley 2020).
 ///
 /// With another seed the points are independent of these: one seed for each pixel and pair of dimensions.
+#[must_use]
 pub fn owen_sobol_point(index: u32, seed: u64) -> Vec2 {
     let key = |k: u64| hash(seed, k, 0) as u32;
     let index = nested_scramble(index, key(0));
@@ -72,6 +75,7 @@ pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 /// Point `index` of the Halton sequence in dimension `dimension`; hashed numbers beyond dimension 40.
 ///
 /// Each dimension is shifted by a number that depends on `seed`, modulo 1 (Cranley & Patterson 1976).
+#[must_use]
 pub fn halton(seed: u64, index: u64, dimension: usize) -> f32 {
     match PRIMES.get(dimension) {
         Some(&base) => {
@@ -83,11 +87,13 @@ pub fn halton(seed: u64, index: u64, dimension: usize) -> f32 {
 }
 
 /// A number in 0…1 (1 excluded) that is a function of three keys.
+#[must_use]
 pub fn hash_unit(seed: u64, a: u64, b: u64) -> f32 {
     (hash(seed, a, b) >> 40) as f32 / (1u64 << 24) as f32
 }
 
 /// 64 well-mixed bits (the finalizer of SplitMix64, Steele et al. 2014, over the keys in turn).
+#[must_use]
 pub fn hash(seed: u64, a: u64, b: u64) -> u64 {
     let mix = |mut z: u64| {
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -100,6 +106,7 @@ pub fn hash(seed: u64, a: u64, b: u64) -> u64 {
 }
 
 /// Two unit vectors that form a right-handed frame with the unit vector `n` (Duff et al. 2017).
+#[must_use]
 pub fn frame(n: Vec3) -> (Vec3, Vec3) {
     let sign = 1.0f32.copysign(n.z);
     let a = -1.0 / (sign + n.z);
@@ -108,6 +115,7 @@ pub fn frame(n: Vec3) -> (Vec3, Vec3) {
 }
 
 /// A direction about `n` with density cos θ / π.
+#[must_use]
 pub fn cosine_hemisphere(n: Vec3, u: Vec2) -> Vec3 {
     let (x, y) = frame(n);
     let (radius, angle) = (u.x.sqrt(), std::f32::consts::TAU * u.y);
@@ -115,6 +123,7 @@ pub fn cosine_hemisphere(n: Vec3, u: Vec2) -> Vec3 {
 }
 
 /// A direction on the whole sphere with density 1 / (4π).
+#[must_use]
 pub fn uniform_sphere(u: Vec2) -> Vec3 {
     let z = 1.0 - 2.0 * u.x;
     let (radius, angle) = ((1.0 - z * z).max(0.0).sqrt(), std::f32::consts::TAU * u.y);
@@ -122,6 +131,7 @@ pub fn uniform_sphere(u: Vec2) -> Vec3 {
 }
 
 /// A point of the unit disc, areas and neighborhoods kept (Shirley & Chiu 1997).
+#[must_use]
 pub fn concentric_disc(u: Vec2) -> Vec2 {
     let p = u * 2.0 - 1.0;
     if p == Vec2::ZERO {
@@ -134,6 +144,7 @@ pub fn concentric_disc(u: Vec2) -> Vec2 {
 }
 
 /// Barycentric `(u, v)` spread evenly over a triangle.
+#[must_use]
 pub fn triangle(u: Vec2) -> (f32, f32) {
     let root = u.x.sqrt();
     (root * (1.0 - u.y), root * u.y)
@@ -171,11 +182,13 @@ impl Distribution {
     }
 
     /// Sum of the weights.
+    #[must_use]
     pub fn total(&self) -> f64 {
         *self.cumulative.last().expect("a distribution has weights")
     }
 
     /// Picks the index at `u` (0…1).
+    #[must_use]
     pub fn pick(&self, u: f64) -> Pick {
         let target = u * self.total();
         let mut index = self.cumulative.partition_point(|&c| c <= target).min(self.cumulative.len() - 1);
@@ -193,6 +206,7 @@ impl Distribution {
     }
 
     /// Probability of an index.
+    #[must_use]
     pub fn probability(&self, index: usize) -> f64 {
         self.share(index) / self.total()
     }

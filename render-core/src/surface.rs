@@ -66,6 +66,7 @@ impl<'a> Surfaces<'a> {
     }
 
     /// Evaluates `hit` for a ray in the unit `direction` whose footprint is `width` metres across at the hit.
+    #[must_use]
     pub fn at(&self, hit: &Hit, direction: Vec3A, width: f32) -> Surface {
         self.meet(hit, direction, width).surface()
     }
@@ -76,6 +77,7 @@ impl<'a> Surfaces<'a> {
     }
 
     /// Whether a ray in the unit `direction` met the side of `hit` that the file calls the front.
+    #[must_use]
     pub fn is_front(&self, hit: &Hit, direction: Vec3A) -> bool {
         self.meet(hit, direction, 0.0).front
     }
@@ -95,6 +97,7 @@ impl<'a> Surfaces<'a> {
     }
 
     /// World-space corners of a triangle.
+    #[must_use]
     pub fn corners(&self, instance: usize, triangle: usize) -> [Vec3A; 3] {
         let positions = self.shape(instance).positions;
         self.mesh(instance).triangles[triangle]
@@ -102,11 +105,13 @@ impl<'a> Surfaces<'a> {
     }
 
     /// The scene these surfaces belong to.
+    #[must_use]
     pub fn scene(&self) -> &'a Scene {
         self.scene
     }
 
     /// World from the space of an instance's vertices.
+    #[must_use]
     pub fn world(&self, instance: usize) -> &Affine3A {
         &self.world[instance]
     }
@@ -117,6 +122,7 @@ impl<'a> Surfaces<'a> {
     }
 
     /// The vertices of an instance that a skin or morph targets bend.
+    #[must_use]
     pub fn deformed(&self, instance: usize) -> Option<&Arc<DeformedMesh>> {
         self.deformed.get(instance)?.as_ref()
     }

@@ -113,6 +113,7 @@ impl Geometry {
     }
 
     /// Places the trees as `pose` says, builds those of what bends, and the top level over all.
+    #[must_use]
     pub fn place(&self, pose: &Pose) -> Accelerator {
         let scaling = Affine3A::from_scale(Vec3::splat(self.scale));
         let in_world = |group: Arc<Group>| Placed { bounds: group.bounds, to_local: None, group };

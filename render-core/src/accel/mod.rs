@@ -105,6 +105,7 @@ impl Accelerator {
     }
 
     /// The first surface along the ray from `origin` in the unit `direction`.
+    #[must_use]
     pub fn closest(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let found = self.lanes.run(Closest { scene: self, origin: origin * self.scale, direction });
         self.hit(found)
@@ -135,6 +136,7 @@ impl Accelerator {
 
     /// Whether anything stands between `from` and `to`. Both ends should be a little off their surfaces.
     #[inline]
+    #[must_use]
     pub fn occluded(&self, from: Vec3A, to: Vec3A) -> bool {
         let direction = (to - from) * self.scale;
         self.lanes.run(Blocked { scene: self, origin: from * self.scale, direction, limit: 1.0 })
@@ -144,6 +146,7 @@ impl Accelerator {
     /// bit i is set where `to[i]` is hidden. Those whose bit in `active` is 0 are not traced and count as visible.
     ///
     /// One end of all segments must be the same, and that may be a light or what it lights.
+    #[must_use]
     pub fn occluded_packet(&self, from: Vec3A, to: &[Vec3A], active: u64) -> u64 {
         assert!(to.len() <= PACKET, "{} segments in a packet of at most {PACKET}", to.len());
         let (mut rays, mut count) = ([PacketRay::NONE; PACKET], 0);
@@ -160,11 +163,13 @@ impl Accelerator {
 
     /// Whether anything stands in the unit `direction` from `from`, however far.
     #[inline]
+    #[must_use]
     pub fn occluded_towards(&self, from: Vec3A, direction: Vec3A) -> bool {
         self.lanes.run(Blocked { scene: self, origin: from * self.scale, direction, limit: f32::MAX })
     }
 
     /// The same scene without vector instructions: what these are tested and measured against.
+    #[must_use]
     pub fn without_vector_instructions(mut self) -> Self {
         self.lanes = lanes::Choice::SCALAR;
         self

@@ -58,6 +58,7 @@ struct Listed {
 
 impl Shaft {
     /// Whether nothing can stand between the two sets.
+    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.blocks.is_empty() && !self.crowded
     }
@@ -65,6 +66,7 @@ impl Shaft {
 
 impl Accelerator {
     /// The shaft between two sets of points, none of them empty. Points should be a little off their surfaces.
+    #[must_use]
     pub fn shaft(&self, from: &[Vec3A], to: &[Vec3A]) -> Shaft {
         let mut points = [from, to].map(|points| points.iter().map(|&point| point * self.scale).collect());
         self.lanes.run(Finding { scene: self, points: &mut points })
@@ -72,6 +74,7 @@ impl Accelerator {
 
     /// As [`Accelerator::occluded_packet`] for segments within `shaft`: those between the two sets of points it was made for.
     /// The ends `to` are given by axis; those that are not `active` may be anything, but narrow is fast.
+    #[must_use]
     pub fn occluded_packet_within(&self, shaft: &Shaft, from: Vec3A, to: &[[f32; PACKET]; 3], active: u64) -> u64 {
         if shaft.crowded {
             let to: [Vec3A; PACKET] = std::array::from_fn(|k| Vec3A::new(to[0][k], to[1][k], to[2][k]));

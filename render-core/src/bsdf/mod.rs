@@ -65,17 +65,20 @@ pub struct BsdfSample {
 impl Bsdf {
     /// From what [`crate::Surface`] says: diffuse reflectance, coat's reflectance at normal incidence (zero for none), and
     /// perceptual roughness; all 0…1.
+    #[must_use]
     pub fn new(albedo: Vec3, specular: Vec3, roughness: f32) -> Self {
         let coat = (specular != Vec3::ZERO).then(|| Coat::new(albedo, specular, roughness));
         Self { albedo, coat }
     }
 
     /// Whether nothing is reflected.
+    #[must_use]
     pub fn is_black(&self) -> bool {
         self.albedo == Vec3::ZERO && self.coat.is_none()
     }
 
     /// BRDF f(ω_o, ω_i) \[sr⁻¹\], without a cosine; zero unless both directions are above the surface.
+    #[must_use]
     pub fn evaluate(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         if wo.z <= 0.0 || wi.z <= 0.0 {
             return Vec3::ZERO;
@@ -88,6 +91,7 @@ impl Bsdf {
 
     /// Directional albedo, 0…1: what is sent towards a direction, given by its cosine to the normal, under light that is
     /// 1 from everywhere.
+    #[must_use]
     pub fn directional_albedo(&self, cos: f32) -> Vec3 {
         match &self.coat {
             None => self.albedo,
@@ -97,6 +101,7 @@ impl Bsdf {
 
     /// The part of [`Bsdf::directional_albedo`] that is not the coat's single scattering: the base below the coat, and light
     /// that bounces on within it. Both are broad; without a coat it is the albedo to the last bit.
+    #[must_use]
     pub fn diffuse_albedo(&self, cos: f32) -> Vec3 {
         match &self.coat {
             None => self.albedo,
@@ -105,6 +110,7 @@ impl Bsdf {
     }
 
     /// The part of [`Bsdf::directional_albedo`] that is the coat's single scattering; zero without a coat.
+    #[must_use]
     pub fn coat_albedo(&self, cos: f32) -> Vec3 {
         self.coat.as_ref().map_or(Vec3::ZERO, |coat| coat.albedos.at(cos).with(coat.f0))
     }
@@ -117,6 +123,7 @@ impl Bsdf {
     /// ```
     /// To first order that is the mean over the disc at the top of the lobe: D falls there by 2t²/α² at a microfacet turned by t,
     /// and t² is half_angle²/8 in the mean, since microfacets turn half as far as directions.
+    #[must_use]
     pub fn evaluate_coat(&self, wo: Vec3, wi: Vec3, half_angle: f32) -> Vec3 {
         match &self.coat {
             Some(coat) if wo.z > 0.0 && wi.z > 0.0 => {
@@ -129,12 +136,14 @@ impl Bsdf {
     /// Draws the direction that light comes from to the coat's single scattering, by the microfacets that ω_o sees.
     ///
     /// `None` without a coat, and where the drawn direction points into the surface: such a sample counts as zero.
+    #[must_use]
     pub fn sample_coat(&self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         let direction = self.coat.as_ref()?.ggx.sample(wo, u);
         (wo.z > 0.0 && direction.z > 0.0).then_some(direction)
     }
 
     /// Weight of light from a direction of [`Bsdf::sample_coat`]: F·G₂/G₁, 0…1.
+    #[must_use]
     pub fn coat_weight(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         self.coat
             .as_ref()
@@ -142,6 +151,7 @@ impl Bsdf {
     }
 
     /// Density over solid angle \[sr⁻¹\] with which [`Bsdf::sample`] draws ω_i.
+    #[must_use]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wo.z <= 0.0 || wi.z <= 0.0 {
             return 0.0;
@@ -160,6 +170,7 @@ impl Bsdf {
     ///
     /// `u` are in 0…1; the first chooses between coat and base. `None` where nothing is reflected, or where the drawn
     /// direction points into the surface: such a sample counts as zero.
+    #[must_use]
     pub fn sample(&self, wo: Vec3, choice: f32, u: Vec2) -> Option<BsdfSample> {
         if wo.z <= 0.0 || self.is_black() {
             return None;

@@ -60,6 +60,7 @@ pub(super) fn pixel_width(site: &Site, view: &View) -> f32 {
 
 /// Radius on the screen that a record at `site` is going to have at most \[pixels\], by what is around it: the part of the
 /// picture that it answers for.
+#[must_use]
 pub fn footprint(site: &Site, harmonic_mean: f32, nearest: f32, view: &View) -> f32 {
     let radius = (BY_HARMONIC_MEAN * harmonic_mean).min(BY_NEAREST * nearest);
     (radius / pixel_width(site, view)).clamp(BESIDE_WALLS, ON_SCREEN.1)

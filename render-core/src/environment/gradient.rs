@@ -19,11 +19,13 @@ impl Gradient {
         Gradient { zenith: [0.9, 0.95, 1.0], horizon: [0.7, 0.7, 0.7], ground: [0.25, 0.23, 0.21] };
 
     /// The same radiance from everywhere.
+    #[must_use]
     pub const fn constant(radiance: [f32; 3]) -> Self {
         Self { zenith: radiance, horizon: radiance, ground: radiance }
     }
 
     /// Radiance that arrives from the unit `direction` (towards the sky).
+    #[must_use]
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         let (horizon, y) = (Vec3::from(self.horizon), direction.y);
         if y >= 0.0 {

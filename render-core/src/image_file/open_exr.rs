@@ -70,11 +70,13 @@ pub struct Layers {
 
 impl Layers {
     /// Samples of the channel `name`.
+    #[must_use]
     pub fn channel(&self, name: &str) -> Option<&[f32]> {
         self.channels.iter().find(|(own, _)| own == name).map(|(_, samples)| samples.as_slice())
     }
 
     /// The channels `prefix` + R, G, B as colors.
+    #[must_use]
     pub fn colors(&self, prefix: &str) -> Option<Plane<[f32; 3]>> {
         let [r, g, b] = ["R", "G", "B"].map(|c| self.channel(&format!("{prefix}{c}")));
         let (r, g, b) = (r?, g?, b?);

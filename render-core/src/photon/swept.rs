@@ -22,6 +22,7 @@ impl SweptVolume {
     pub(crate) const FAR: f32 = 1e16;
 
     /// An empty space over the scene that `units` measures.
+    #[must_use]
     pub fn new(units: &Units) -> Self {
         // A little wider than the scene, so that nothing that moves touches the border.
         let side = 2.02 * units.radius;
@@ -76,6 +77,7 @@ impl SweptVolume {
     }
 
     /// Share of the grid that something enters.
+    #[must_use]
     pub fn share(&self) -> f32 {
         self.rows.iter().map(|row| row.count_ones()).sum::<u32>() as f32 / (SIDE * SIDE * SIDE) as f32
     }

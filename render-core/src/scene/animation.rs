@@ -62,6 +62,7 @@ impl Channel {
     }
 
     /// Whether any two keys differ.
+    #[must_use]
     pub fn changes(&self) -> bool {
         let several = self.times.len() > 1;
         // Splines may also leave their keys between them, along non-zero tangents.

@@ -44,6 +44,7 @@ pub struct View {
 
 impl View {
     /// A view from the node transform `world_from_camera` (its scale is ignored) on `width × height` pixels.
+    #[must_use]
     pub fn new(world_from_camera: Affine3A, projection: Projection, width: usize, height: usize) -> Self {
         let m = world_from_camera.matrix3;
         let z = m.z_axis.try_normalize().unwrap_or(Vec3A::Z);
@@ -66,6 +67,7 @@ impl View {
     }
 
     /// Origin and unit direction of the ray through `pixel`.
+    #[must_use]
     pub fn ray(&self, pixel: Vec2) -> (Vec3A, Vec3A) {
         let scale = 2.0 * self.half_height / self.height;
         let x = (pixel.x - self.width / 2.0) * scale;
@@ -78,12 +80,14 @@ impl View {
     }
 
     /// Pixel and depth (metres along the axis) of a point; `None` behind the camera.
+    #[must_use]
     pub fn project(&self, point: Vec3A) -> Option<(Vec2, f32)> {
         let p = self.camera_from_world.transform_point3a(point);
         self.pixel_of(p, -p.z)
     }
 
     /// Pixel of a point infinitely far away in `direction`; `None` behind the camera.
+    #[must_use]
     pub fn project_direction(&self, direction: Vec3A) -> Option<Vec2> {
         let d = self.camera_from_world.transform_vector3a(direction);
         match self.projection {
@@ -106,6 +110,7 @@ impl View {
     }
 
     /// Width in metres that a pixel covers at `depth` metres, facing the camera.
+    #[must_use]
     pub fn pixel_width(&self, depth: f32) -> f32 {
         let at_one = 2.0 * self.half_height / self.height;
         match self.projection {
@@ -115,11 +120,13 @@ impl View {
     }
 
     /// Where the camera is.
+    #[must_use]
     pub fn position(&self) -> Vec3A {
         self.world_from_camera.translation
     }
 
     /// A view of the whole box from its front and a little above, for scenes without a camera.
+    #[must_use]
     pub fn around(min: Vec3A, max: Vec3A) -> (Affine3A, Projection) {
         let (center, radius) = ((min + max) / 2.0, ((max - min).length() / 2.0).max(1e-6));
         let yfov = 0.6f32;

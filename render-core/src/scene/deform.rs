@@ -39,6 +39,7 @@ pub struct DeformedMesh {
 impl DeformedMesh {
     /// The three corners of triangle `index`.
     #[inline]
+    #[must_use]
     pub fn corners(&self, index: usize) -> [Vec3; 3] {
         self.triangles[index].map(|vertex| self.positions[vertex as usize])
     }
@@ -127,6 +128,7 @@ impl Scene {
     }
 
     /// For each instance, whether its shape changes with time.
+    #[must_use]
     pub fn deforming_instances(&self) -> Vec<bool> {
         let moving = self.moving_nodes();
         let morphing = |node: usize| {

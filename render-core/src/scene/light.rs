@@ -39,6 +39,7 @@ pub struct PunctualLight {
 
 impl PunctualKind {
     /// Share of the intensity in a direction whose angle to the axis has this cosine.
+    #[must_use]
     pub fn falloff(&self, cos_axis: f32) -> f32 {
         match *self {
             PunctualKind::Directional | PunctualKind::Point => 1.0,

@@ -19,6 +19,7 @@ pub struct TextureSlot {
 impl TextureSlot {
     /// The coordinates to look up for the mesh's own `uv`.
     #[inline]
+    #[must_use]
     pub fn map(&self, uv: Vec2) -> Vec2 {
         match self.transform {
             None => uv,
@@ -110,6 +111,7 @@ impl Material {
     ///
     /// A dielectric of roughness 1 counts as Lambert: its coat of 4 % would be spread over the whole hemisphere, and
     /// leaving it out keeps matte scenes free of glossy work.
+    #[must_use]
     pub fn split(&self, base_color: Vec3, metallic: f32, roughness: f32) -> (Vec3, Vec3) {
         if metallic <= 0.0 && roughness >= 1.0 {
             return (base_color, Vec3::ZERO);
@@ -118,6 +120,7 @@ impl Material {
     }
 
     /// Whether [`Material::split`] finds a coat anywhere on the surface.
+    #[must_use]
     pub fn may_have_coat(&self) -> bool {
         let smoother = self.roughness < 1.0 || self.metallic_roughness_texture.is_some();
         !self.unlit && (self.metallic > 0.0 || smoother)
@@ -138,11 +141,13 @@ impl Material {
 
     /// Whether the surface glows as a whole, and so was made to light others. A glow that a texture paints (the
     /// instruments of a helmet) is part of its looks: a scene with nothing else waits for its viewer's light.
+    #[must_use]
     pub fn is_lamp(&self) -> bool {
         self.emits() && self.emission_texture.is_none()
     }
 
     /// Whether the surface is a light.
+    #[must_use]
     pub fn emits(&self) -> bool {
         self.emission.max_element() > 0.0
     }

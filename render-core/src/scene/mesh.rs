@@ -31,6 +31,7 @@ pub struct Mesh {
 impl Mesh {
     /// The three corners of triangle `index` in local space, as the file has them.
     #[inline]
+    #[must_use]
     pub fn corners(&self, index: usize) -> [Vec3; 3] {
         self.triangles[index].map(|vertex| self.positions[vertex as usize])
     }

@@ -63,6 +63,7 @@ impl Transform {
     pub const IDENTITY: Self = Self { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
 
     /// The transform as an affine map.
+    #[must_use]
     pub fn matrix(&self) -> Affine3A {
         Affine3A::from_scale_rotation_translation(self.scale, self.rotation, self.translation)
     }
@@ -138,6 +139,7 @@ impl Pose {
     }
 
     /// The vertices of an instance with a skin or morph targets; others are as their mesh says.
+    #[must_use]
     pub fn deformed(&self, instance: usize) -> Option<&Arc<DeformedMesh>> {
         self.deformed.get(instance)?.as_ref()
     }
@@ -145,6 +147,7 @@ impl Pose {
 
 impl Scene {
     /// Places every node at `time` seconds, and bends what is bent there.
+    #[must_use]
     pub fn pose(&self, time: f32) -> Pose {
         let mut local: Vec<Transform> = self.nodes.iter().map(|node| node.rest).collect();
         for channel in &self.channels {
@@ -161,12 +164,14 @@ impl Scene {
 
     /// World from the space of an instance's vertices. A skin places vertices by its joints alone: the node that the mesh
     /// hangs from does not count (glTF 2.0, 3.7.3.1).
+    #[must_use]
     pub fn instance_world(&self, pose: &Pose, instance: usize) -> Affine3A {
         let Instance { node, mesh } = self.instances[instance];
         if self.meshes[mesh].skinning.is_some() { Affine3A::IDENTITY } else { pose.world[node] }
     }
 
     /// For each node, whether its place in the world changes with time.
+    #[must_use]
     pub fn moving_nodes(&self) -> Vec<bool> {
         let mut moving = vec![false; self.nodes.len()];
         let moves = |channel: &&Channel| channel.changes() && !matches!(channel.track, Track::Weights(_));
@@ -180,6 +185,7 @@ impl Scene {
     }
 
     /// For each instance, whether its place or its shape changes with time.
+    #[must_use]
     pub fn moving_instances(&self) -> Vec<bool> {
         let (moving, deforming) = (self.moving_nodes(), self.deforming_instances());
         let moves = |(instance, deforms): (&Instance, bool)| {
@@ -189,11 +195,13 @@ impl Scene {
     }
 
     /// Seconds until the last key of the animation; 0 without one.
+    #[must_use]
     pub fn duration(&self) -> f32 {
         self.channels.iter().filter_map(|channel| channel.times.last()).fold(0.0, |longest, &time| longest.max(time))
     }
 
     /// Corners of the box around all meshes in `pose`; `None` when nothing has a volume to show.
+    #[must_use]
     pub fn bounds(&self, pose: &Pose) -> Option<(Vec3A, Vec3A)> {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for (index, instance) in self.instances.iter().enumerate() {
@@ -209,6 +217,7 @@ impl Scene {
     }
 
     /// The camera that films: the one the settings name, else the first that moves, else the first.
+    #[must_use]
     pub fn filming_camera(&self) -> Option<&Camera> {
         let named = self.settings.camera.name.as_deref();
         let moving = self.moving_nodes();
@@ -219,6 +228,7 @@ impl Scene {
     }
 
     /// The filming camera's view in `pose`; a scene without a camera is seen whole, from its front.
+    #[must_use]
     pub fn view(&self, pose: &Pose, width: usize, height: usize) -> View {
         match self.filming_camera() {
             Some(camera) => View::new(pose.world[camera.node], camera.projection, width, height),
@@ -232,6 +242,7 @@ impl Scene {
     }
 
     /// Triangles of all instances.
+    #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.instances.iter().map(|instance| self.meshes[instance.mesh].triangles.len()).sum()
     }

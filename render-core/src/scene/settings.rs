@@ -70,6 +70,7 @@ pub struct Video {
 
 impl SceneSettings {
     /// Where the settings of `scene` are expected: the same name, ending in `.toml`.
+    #[must_use]
     pub fn path_for(scene: &Path) -> PathBuf {
         scene.with_extension("toml")
     }

@@ -73,6 +73,7 @@ impl Texture {
     ///
     /// # Panics
     /// If the size is zero or the number of texels is not `width * height`.
+    #[must_use]
     pub fn new(width: usize, height: usize, texels: Vec<[u8; 4]>, wrap: [Wrap; 2]) -> Self {
         Self::with_encoding(width, height, texels, wrap, Encoding::Srgb)
     }
@@ -81,6 +82,7 @@ impl Texture {
     ///
     /// # Panics
     /// If the size is zero or the number of texels is not `width * height`.
+    #[must_use]
     pub fn with_encoding(
         width: usize,
         height: usize,
@@ -98,6 +100,7 @@ impl Texture {
     }
 
     /// Texels of the finest level along x and y.
+    #[must_use]
     pub fn size(&self) -> Vec2 {
         Vec2::new(self.levels[0].width as f32, self.levels[0].height as f32)
     }
@@ -108,6 +111,7 @@ impl Texture {
     }
 
     /// Trilinear look-up: linear RGB and opacity at `uv`, blurred to `footprint` texels of the finest level.
+    #[must_use]
     pub fn sample(&self, uv: Vec2, footprint: f32) -> (Vec3, f32) {
         let lod = footprint.max(1.0).log2().min((self.levels.len() - 1) as f32);
         let (fine, blend) = (lod as usize, lod.fract());
@@ -120,6 +124,7 @@ impl Texture {
     }
 
     /// Mean linear color.
+    #[must_use]
     pub fn mean(&self) -> Vec3 {
         self.sample(Vec2::ZERO, f32::MAX).0
     }
