@@ -82,6 +82,7 @@ impl Anchors {
 
     /// As [`Anchors::spread`], over the exposed parts of what stands still: as many of the `fixed` anchors as can be, each
     /// standing for the same share of them. Things that move cover nothing: where one stands now, light will fall later.
+    #[must_use]
     pub fn spread_exposed(
         surfaces: &Surfaces,
         geometry: &Geometry,
