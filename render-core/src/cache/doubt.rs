@@ -2,12 +2,12 @@
 //!
 //! A record that its neighbors differ from answers for less of what is around it, and what it gives up is given records anew.
 //! At last, a pixel whose records predict different things for it gets one. So records crowd where irradiance changes as nobody
-//! foresaw, and are spared where it is smooth.
+//! foresaw, and are spared where it is smooth. No pixel gets one where records are dense already.
 
 use super::picture::Picture;
 use super::predict::predictions;
 use super::record::Record;
-use super::tile::{Tile, Tiles};
+use super::tile::{DENSE, Tile, Tiles};
 use crate::luminance;
 use rayon::prelude::*;
 
@@ -82,6 +82,10 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
                 sum += weight * light;
                 squares += weight * light * light;
                 tolerance += weight * tolerances.at(&records[tiles.listed[place] as usize]);
+            }
+            // More records would not settle it.
+            if whole >= DENSE {
+                continue;
             }
             let variance = (squares - sum * sum / whole) / whole;
             if variance > (CONTRADICTED * tolerance / whole).powi(2) {

@@ -41,10 +41,12 @@ use rayon::prelude::*;
 use record::Record;
 use tile::Tiles;
 
-/// Frames that a record may stay unseen before it is given up.
+/// Frames that a record may stay unseen before it is dropped.
 const PATIENCE: u32 = 50;
-/// Most records kept; beyond, those unseen for longest go first.
-const MOST_RECORDS: usize = 100_000;
+/// Most records kept for each one that the picture uses, or for a number of pixels where it shows little; beyond, those unseen
+/// for longest go first.
+const KEPT_FOR_EACH_USED: usize = 3;
+const PIXELS_FOR_EACH_KEPT: usize = 16;
 /// While things move, each record in view is computed afresh once in this number of frames, in turns.
 const TURN: u32 = 32;
 
@@ -133,7 +135,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let mut tiles = Tiles::new(&picture);
         tiles.list(&picture, &self.records, 0..self.records.len());
         // What is hidden, or too far from every pixel, need not be known.
-        let needed = tiles.in_use(&picture);
+        let needed = self.without_superfluous(&picture, &tiles, tiles.in_use(&picture));
         let carried: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].carried).collect();
         let mut computed = self.bring_up_to_date(&needed, changes, illumination, busy);
         tiles.clear();
@@ -145,7 +147,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         for index in used {
             self.records[index].seen = self.frame;
         }
-        self.forget();
+        self.forget(in_use, seen.pixels.samples().len());
         self.openness = openness;
         CachedLight { irradiance, in_use, computed }
     }
@@ -196,6 +198,22 @@ impl<R: Send + Sync> IrradianceCache<R> {
             .iter()
             .filter(move |record| record.seen == frame)
             .map(|record| (record.site.position, &record.recipe))
+    }
+
+    /// Drops those of the `needed` records that add nothing to the others; returns the indices of the others.
+    fn without_superfluous(&mut self, picture: &Picture, tiles: &Tiles, needed: Vec<usize>) -> Vec<usize> {
+        let superfluous = tiles.superfluous(picture, &self.records, &needed);
+        if superfluous.is_empty() {
+            return needed;
+        }
+        let mut dropped = superfluous.iter().copied().peekable();
+        let mut index = 0..;
+        self.records.retain(|_| dropped.next_if_eq(&index.next().expect("endless")).is_none());
+        let index_after = |index: usize| match superfluous.binary_search(&index) {
+            Ok(_) => None,
+            Err(dropped_before) => Some(index - dropped_before),
+        };
+        needed.into_iter().filter_map(index_after).collect()
     }
 
     /// Records on moving things move with them.
@@ -268,13 +286,15 @@ impl<R: Send + Sync> IrradianceCache<R> {
             .sum()
     }
 
-    fn forget(&mut self) {
+    /// Drops records that were not seen for long, and those unseen for longest of more than the picture's needs explain.
+    fn forget(&mut self, in_use: usize, pixels: usize) {
         let frame = self.frame;
         self.records.retain(|record| frame - record.seen <= PATIENCE);
-        if self.records.len() > MOST_RECORDS {
+        let most = (KEPT_FOR_EACH_USED * in_use).max(pixels / PIXELS_FOR_EACH_KEPT);
+        if self.records.len() > most {
             let mut last_seen: Vec<u32> = self.records.iter().map(|record| record.seen).collect();
-            let (_, &mut oldest, _) = last_seen.select_nth_unstable(self.records.len() - MOST_RECORDS);
-            self.records.retain(|record| record.seen > oldest);
+            let (_, &mut oldest, _) = last_seen.select_nth_unstable(self.records.len() - most);
+            self.records.retain(|record| record.seen > oldest || record.seen == frame);
         }
     }
 }

@@ -16,6 +16,16 @@ pub(super) const OPENNESS_TOLERANCE: f32 = 0.22;
 /// Distances along the normal count so many times as much: a step is another surface.
 pub(super) const ACROSS: f32 = 5.0;
 
+/// Sum of the weights of records at a place from which on they are dense there: another record would settle nothing.
+///
+/// While the camera moves, every frame contradicts some records anew, and without this bound each contradiction adds another.
+/// On 25 frames of `conference` at 160×160 (relative MSE of indirect light against cuts for each pixel, records in use and
+/// indirect time at the end): no bound 1.02e-2, 34 600, 9.3 s; 2 gives 1.11e-2, 13 400, 1.6 s; 1 gives 1.21e-2, 9 000, 1.0 s.
+pub(super) const DENSE: f32 = 2.0;
+/// The same sum from which on a record is dropped: a camera that goes away from a surface brings its records together. Pictures
+/// that nothing went before have one record in a hundred where it is more than 2.3.
+const CROWDED: f32 = 4.0;
+
 /// A macroblock of the picture.
 #[derive(Default)]
 pub(super) struct Tile {
@@ -347,6 +357,26 @@ impl Tiles {
         let used: Vec<Vec<u32>> =
             (0..self.all.len()).into_par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
         self.records(used.concat())
+    }
+
+    /// The listed records of `chosen` at places where earlier ones of them sum to [`CROWDED`] already.
+    ///
+    /// A record beside the picture is none of them: the picture does not tell how dense the records are there.
+    pub fn superfluous<R>(&self, picture: &Picture, records: &[Record<R>], chosen: &[usize]) -> Vec<usize> {
+        let mut kept = vec![false; records.len()];
+        let mut weights = Vec::new();
+        let across = picture.size().0.div_ceil(MACROBLOCK);
+        let mut is_superfluous = |index: usize| {
+            let site = &records[index].site;
+            let Some((x, y)) = picture.pixel_of(site) else { return false };
+            let tile = &self.all[y / MACROBLOCK * across + x / MACROBLOCK];
+            tile.weights(self.lanes, &site.into(), &mut weights);
+            let earlier = weights.iter().filter(|(k, _)| kept[self.listed[tile.candidates[*k] as usize] as usize]);
+            let covered = earlier.map(|&(_, weight)| weight).sum::<f32>() >= CROWDED;
+            kept[index] = !covered;
+            covered
+        };
+        chosen.iter().copied().filter(|&index| is_superfluous(index)).collect()
     }
 
     /// Indices of the records of `candidates`, ascending and each once.
