@@ -5,6 +5,7 @@ mod normal_map;
 mod site;
 
 pub(crate) use interaction::Interaction;
+use site::Footprint;
 
 use crate::accel::Hit;
 use crate::scene::{DeformedMesh, Mesh, Pose, Scene, normal_matrix};
@@ -65,15 +66,18 @@ impl<'a> Surfaces<'a> {
         Self { scene, world, normals, deformed: pose.all_deformed().to_vec() }
     }
 
-    /// Evaluates `hit` for a ray in the unit `direction` whose footprint is `width` metres across at the hit.
+    /// Evaluates `hit` for a ray in the unit `direction` whose cone is `width` metres across at the hit.
+    ///
+    /// Textures are filtered over the ellipse that the cone meets, however slanted the surface is.
     #[must_use]
     pub fn at(&self, hit: &Hit, direction: Vec3A, width: f32) -> Surface {
-        self.meet(hit, direction, width).surface()
+        let ellipse = |direction, normal| Footprint::ellipse(direction, normal, width);
+        Interaction::new(self, hit, direction, ellipse).surface()
     }
 
-    /// The same, with its material looked up on demand.
+    /// The same for a ray of indirect light: its material is looked up on demand, once, over a disk of the ellipse's length.
     pub(crate) fn meet(&self, hit: &Hit, direction: Vec3A, width: f32) -> Interaction<'_> {
-        Interaction::new(self, hit, direction, width)
+        Interaction::new(self, hit, direction, |direction, normal| Footprint::disk(direction, normal, width))
     }
 
     /// Whether a ray in the unit `direction` met the side of `hit` that the file calls the front.

@@ -123,6 +123,34 @@ impl Texture {
         (color.lerp(coarse_color, blend), alpha + (coarse_alpha - alpha) * blend)
     }
 
+    /// Anisotropic look-up: linear RGB and opacity at `uv`, blurred over the ellipse with the conjugate `diameters` \[texels of
+    /// the finest level\].
+    ///
+    /// Trilinear look-ups as blurred as the ellipse is narrow, side by side along its long axis \[McCormack99\]: as many as the
+    /// narrow one fits into the long one, at most [`MOST_LOOK_UPS`]; a longer ellipse is taken to be wider.
+    pub fn sample_ellipse(&self, uv: Vec2, diameters: [Vec2; 2]) -> (Vec3, f32) {
+        let (long, narrow) = principal_axes(diameters);
+        let length = long.length();
+        // False for what is not a number, too.
+        if !(length > 1.0 && length.is_finite()) {
+            return self.sample(uv, 1.0);
+        }
+        let narrow = narrow.max(length / MOST_LOOK_UPS as f32).max(1.0);
+        let count = (length / narrow - 0.25).ceil().max(1.0) as usize;
+        if count == 1 {
+            return self.sample(uv, narrow);
+        }
+        let step = long / (self.size() * count as f32);
+        let first = uv - step * (0.5 * (count - 1) as f32);
+        let (mut color, mut alpha) = (Vec3::ZERO, 0.0);
+        for k in 0..count {
+            let (c, a) = self.sample(first + step * k as f32, narrow);
+            color += c;
+            alpha += a;
+        }
+        (color / count as f32, alpha / count as f32)
+    }
+
     /// Mean linear color.
     #[must_use]
     pub fn mean(&self) -> Vec3 {
@@ -147,6 +175,24 @@ impl Texture {
         }
         (color, alpha)
     }
+}
+
+/// Look-ups along the long axis of an ellipse, at most.
+const MOST_LOOK_UPS: usize = 16;
+
+/// The long principal diameter of the ellipse with these conjugate `diameters`, and the length of the narrow one.
+///
+/// ```text
+/// M Mᵀ = | p  r |    λ = (p + q ± √((p − q)² + 4 r²)) / 2 are the squares of the lengths     M  its columns are the diameters
+///        | r  q |
+/// ```
+fn principal_axes([a, b]: [Vec2; 2]) -> (Vec2, f32) {
+    let (p, q, r) = (a.x * a.x + b.x * b.x, a.y * a.y + b.y * b.y, a.x * a.y + b.x * b.y);
+    let root = ((p - q) * (p - q) + 4.0 * r * r).sqrt();
+    let (most, least) = (0.5 * (p + q + root), 0.5 * (p + q - root));
+    // Of the two rows of M Mᵀ − λ the one that is not small says which way.
+    let along = if p >= q { Vec2::new(most - q, r) } else { Vec2::new(r, most - p) };
+    (along.normalize_or(Vec2::X) * most.sqrt(), least.max(0.0).sqrt())
 }
 
 /// The two of `n` texels in a row that coordinate `c` lies between, and how far it is from the first to the second.
@@ -235,6 +281,70 @@ mod tests {
         assert!((mean.x - 0.5).abs() < 0.01, "{mean}");
     }
 
+    /// Against the singular values and vectors of the matrix, found by turning through all directions.
+    #[test]
+    fn principal_axes_are_the_longest_and_the_shortest_diameter() {
+        for k in 0..200u32 {
+            let of = |i: u32| ((k * 4 + i) as f32 * 0.618_034).fract() * 4.0 - 2.0;
+            let (a, b) = (Vec2::new(of(0), of(1)), Vec2::new(of(2), of(3)) * if k % 3 == 0 { 0.01 } else { 1.0 });
+            let (long, narrow) = principal_axes([a, b]);
+            let diameters = (0..36_000).map(|i| {
+                let (sin, cos) = (i as f32 / 36_000.0 * std::f32::consts::PI).sin_cos();
+                a * cos + b * sin
+            });
+            let longest = diameters.clone().max_by(|x, y| x.length().total_cmp(&y.length())).unwrap();
+            let shortest = diameters.map(Vec2::length).min_by(f32::total_cmp).unwrap();
+            assert!((long.length() - longest.length()).abs() < 1e-3, "{a} {b}: {long} for {longest}");
+            assert!((narrow - shortest).abs() < 2e-3, "{a} {b}: {narrow} for {shortest}");
+            if longest.length() > 1.1 * shortest {
+                assert!(long.perp_dot(longest).abs() < 0.01 * longest.length_squared(), "{a} {b}: {long} for {longest}");
+            }
+        }
+        assert_eq!(principal_axes([Vec2::ZERO; 2]), (Vec2::ZERO, 0.0));
+    }
+
+    /// Stripes across the short side of the footprint keep their contrast, along the long one they are averaged.
+    #[test]
+    fn a_narrow_footprint_blurs_along_itself_alone() {
+        let size = 64;
+        let stripes = |of: fn(usize, usize) -> usize| {
+            let texel = |i: usize| if of(i % size, i / size) / 4 % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] };
+            Texture::new(size, size, (0..size * size).map(texel).collect(), [Wrap::Repeat; 2])
+        };
+        let across = stripes(|x, _| x);
+        let along = stripes(|_, y| y);
+        let footprint = [Vec2::new(0.0, 16.0), Vec2::new(1.0, 0.0)];
+        let uv = Vec2::splat((8.0 + 2.0) / size as f32);
+        assert_eq!(across.sample_ellipse(uv, footprint).0, Vec3::ONE);
+        assert!((along.sample_ellipse(uv, footprint).0.x - 0.5).abs() < 0.02);
+        // One trilinear look-up over the long side loses both.
+        assert!((across.sample(uv, 16.0).0.x - 0.5).abs() < 0.1);
+    }
+
+    /// The mean over the footprint's own texels, summed one by one, for ellipses of all directions.
+    #[test]
+    fn an_ellipse_shows_the_mean_of_its_texels() {
+        let size = 128;
+        let wave = |x: f32, y: f32| 0.5 + 0.25 * (x * 0.11).sin() + 0.25 * (y * 0.17).cos();
+        let texel = |i: usize| [(wave((i % size) as f32, (i / size) as f32) * 255.0 + 0.5) as u8; 4];
+        let texture =
+            Texture::with_encoding(size, size, (0..size * size).map(texel).collect(), [Wrap::Clamp; 2], Encoding::Linear);
+        for k in 0..64 {
+            let (sin, cos) = (k as f32 * 0.4).sin_cos();
+            let (long, narrow) = (Vec2::new(cos, sin) * (2.0 + k as f32 * 0.3), Vec2::new(-sin, cos) * 2.0);
+            let middle = Vec2::new(50.0 + (k % 7) as f32 * 4.0, 60.0);
+            let found = texture.sample_ellipse(middle / size as f32, [long, narrow]).0.x;
+            let (mut sum, steps) = (0.0, 40);
+            for (i, j) in (0..steps * steps).map(|n| (n % steps, n / steps)) {
+                let of = |i: usize| (i as f32 + 0.5) / steps as f32 - 0.5;
+                let at = middle + long * of(i) + narrow * of(j) - 0.5;
+                sum += wave(at.x, at.y);
+            }
+            let mean = sum / (steps * steps) as f32;
+            assert!((found - mean).abs() < 0.02, "{k}: {found} for {mean}");
+        }
+    }
+
     #[test]
     fn numbers_are_averaged_as_numbers() {
         let texels = vec![[0, 100, 255, 255], [255, 200, 255, 51]];
@@ -269,6 +379,9 @@ mod tests {
         for bad in [f32::NAN, f32::INFINITY, 1e30, -1e30] {
             let (color, _) = checker().sample(Vec2::splat(bad), f32::NAN);
             assert!(color.is_finite());
+            for diameters in [[Vec2::splat(bad); 2], [Vec2::splat(bad), Vec2::ZERO], [Vec2::X * 9.0, Vec2::ZERO]] {
+                assert!(checker().sample_ellipse(Vec2::splat(bad), diameters).0.is_finite());
+            }
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A hit on its triangle, with its material looked up on demand: most of what a ray costs after its walk is
 //! textures and normals, and a photon that is absorbed needs neither a normal to go on from nor what glows where it ends.
 
-use super::site::Site;
+use super::site::{Footprint, Site};
 use super::{Surface, Surfaces, normal_map};
 use crate::accel::Hit;
 use crate::scene::{Material, mesh_interpolate as interpolate};
@@ -24,7 +24,13 @@ pub(crate) struct Interaction<'a> {
 }
 
 impl<'a> Interaction<'a> {
-    pub(super) fn new(surfaces: &'a Surfaces<'a>, hit: &Hit, direction: Vec3A, width: f32) -> Self {
+    /// `footprint` is that of a ray in this direction on a surface with this unit normal.
+    pub(super) fn new(
+        surfaces: &'a Surfaces<'a>,
+        hit: &Hit,
+        direction: Vec3A,
+        footprint: impl Fn(Vec3A, Vec3A) -> Footprint,
+    ) -> Self {
         let instance = hit.instance as usize;
         let mesh = surfaces.mesh(instance);
         let material = &surfaces.scene.materials[mesh.material];
@@ -38,10 +44,9 @@ impl<'a> Interaction<'a> {
         let outward = (area_vector * mirrored).try_normalize().unwrap_or(-direction);
         let front = outward.dot(direction) <= 0.0;
         let geometric_normal = if front { outward } else { -outward };
-        let cos = geometric_normal.dot(direction).abs().max(0.1);
         let indices = mesh.triangles[hit.triangle as usize];
-        let site =
-            Site { scene: surfaces.scene, mesh, indices, u: hit.u, v: hit.v, corners, outward, width: width / cos };
+        let footprint = footprint(direction, geometric_normal);
+        let site = Site { scene: surfaces.scene, mesh, indices, u: hit.u, v: hit.v, corners, outward, footprint };
         Self { surfaces, material, site, direction, instance: hit.instance, position, geometric_normal, front }
     }
 
@@ -214,8 +219,8 @@ mod tests {
         for k in 0..4000 {
             let direction = Vec3A::from(uniform_sphere(sobol_point(k)));
             let Some(hit) = accelerator.closest(Vec3A::new(0.1, 0.27, -0.1), direction) else { continue };
-            let whole = surfaces.at(&hit, direction, 0.01);
             let piece = surfaces.meet(&hit, direction, 0.01);
+            let whole = piece.surface();
             met[hit.instance as usize][usize::from(whole.front)] += 1;
             assert_eq!(piece.albedo(), whole.albedo);
             assert_eq!(piece.emission(), whole.emission);

@@ -17,8 +17,34 @@ pub(super) struct Site<'a> {
     pub(super) corners: [Vec3A; 3],
     /// Unit normal of the side that the file calls the front.
     pub(super) outward: Vec3A,
-    /// Metres along the surface that look-ups are blurred to.
-    pub(super) width: f32,
+    /// The part of the surface that look-ups are blurred to.
+    pub(super) footprint: Footprint,
+}
+
+/// The part of a surface that a ray stands for.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Footprint {
+    /// A disk of this diameter, metres. One look-up serves rays whose light is only one of many at a place.
+    Disk(f32),
+    /// The ellipse with these two perpendicular diameters, world space, metres: the cross section of a pixel's cone.
+    Ellipse([Vec3A; 2]),
+}
+
+/// Diameters are at most this number of times longer than those of the cone: a grazing ray sees no endless strip.
+const MOST_SLANT: f32 = 50.0;
+
+impl Footprint {
+    /// The disk that a cone in the unit `direction`, `width` metres across, is taken to meet on a surface with this `normal`.
+    pub(super) fn disk(direction: Vec3A, normal: Vec3A, width: f32) -> Self {
+        Self::Disk(width / normal.dot(direction).abs().max(0.1))
+    }
+
+    /// The ellipse that the same cone meets: stretched by 1 / cos along the direction's projection onto the surface.
+    pub(super) fn ellipse(direction: Vec3A, normal: Vec3A, width: f32) -> Self {
+        let cosine = normal.dot(direction);
+        let along = (direction - normal * cosine).try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
+        Self::Ellipse([along * (width / cosine.abs().max(1.0 / MOST_SLANT)), normal.cross(along) * width])
+    }
 }
 
 impl Site<'_> {
@@ -32,12 +58,27 @@ impl Site<'_> {
     pub(super) fn look_up(&self, slot: &TextureSlot) -> Option<(Vec3, f32)> {
         let [p, q, r] = self.coordinates(slot)?;
         let texture = &self.scene.textures[slot.texture];
-        let texels = ((q - p) * texture.size()).perp_dot((r - p) * texture.size()).abs();
-        let [a, b, c] = self.corners;
-        let metres = (b - a).cross(c - a).length();
-        let footprint = if metres > 0.0 { self.width * (texels / metres).sqrt() } else { 1.0 };
         let uv = p * (1.0 - self.u - self.v) + q * self.u + r * self.v;
-        Some(texture.sample(uv, footprint))
+        let (along_u, along_v) = ((q - p) * texture.size(), (r - p) * texture.size());
+        let [a, b, c] = self.corners;
+        let (e1, e2) = (b - a, c - a);
+        let normal = e1.cross(e2);
+        Some(match self.footprint {
+            Footprint::Disk(width) => {
+                let metres = normal.length();
+                let texels = along_u.perp_dot(along_v).abs();
+                texture.sample(uv, if metres > 0.0 { width * (texels / metres).sqrt() } else { 1.0 })
+            }
+            Footprint::Ellipse(diameters) => {
+                // d = s e₁ + t e₂ in the triangle's plane:  s = (d × e₂) · n / |n|²,  t = (e₁ × d) · n / |n|².
+                let inverse = normal.length_squared().recip();
+                let texels = diameters.map(|d| {
+                    let (s, t) = (d.cross(e2).dot(normal) * inverse, e1.cross(d).dot(normal) * inverse);
+                    along_u * s + along_v * t
+                });
+                texture.sample_ellipse(uv, texels)
+            }
+        })
     }
 
     fn color(&self, slot: &Option<TextureSlot>) -> Vec3 {
