@@ -50,6 +50,26 @@ pub(crate) struct CameraRay {
     pub direction: Vec3A,
 }
 
+/// One of the rays of every pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelSample {
+    /// Where it goes through, from the upper left corner of the pixel, 0…1 each.
+    pub offset: Vec2,
+    /// Width of the part that it stands for, in pixels: textures are filtered over it.
+    pub width: f32,
+}
+
+impl PixelSample {
+    /// The only sample of a pixel, through its center.
+    pub const WHOLE: Self = Self { offset: Vec2::splat(0.5), width: 1.0 };
+
+    /// The one at `offset` of `count` samples that share the pixel.
+    #[must_use]
+    pub fn one_of(count: usize, offset: Vec2) -> Self {
+        Self { offset, width: (count.max(1) as f32).sqrt().recip() }
+    }
+}
+
 /// One picture's worth of first hits.
 #[derive(Clone, Debug)]
 pub struct GBuffer {
@@ -66,15 +86,21 @@ pub struct GBuffer {
 impl GBuffer {
     /// Traces a ray through the center of every pixel, for `size` = (width, height) \[pixels\].
     pub fn trace(scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
-        Self::trace_at(Vec2::splat(0.5), scene, view, size)
+        Self::trace_at(PixelSample::WHOLE, scene, view, size)
     }
 
-    /// As [`GBuffer::trace`], through the point of every pixel that is `offset` from its upper left corner, 0…1 each.
-    pub fn trace_at(offset: Vec2, scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
-        Timed::of(|busy| Self::traced(offset, scene, view, size, busy))
+    /// As [`GBuffer::trace`], for this sample of each pixel.
+    pub fn trace_at(sample: PixelSample, scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
+        Timed::of(|busy| Self::traced(sample, scene, view, size, busy))
     }
 
-    fn traced(offset: Vec2, scene: PosedScene, view: &View, (width, height): (usize, usize), busy: &Busy) -> Self {
+    fn traced(
+        sample: PixelSample,
+        scene: PosedScene,
+        view: &View,
+        (width, height): (usize, usize),
+        busy: &Busy,
+    ) -> Self {
         let mut pixels = Plane::filled(width, height, EMPTY);
         let strips = pixels.samples_mut().par_chunks_mut(MACROBLOCK * width);
         strips.enumerate().for_each(|(tile_row, strip)| {
@@ -87,7 +113,7 @@ impl GBuffer {
                             .map(|(x, y)| (x0 + x, y0 + y))
                             .filter(|&(x, y)| x < columns && y < rows)
                             .map(|(x, y)| (left + x, top + y));
-                        see_together(scene, view, offset, places, |(x, y), pixel| {
+                        see_together(scene, view, sample, places, |(x, y), pixel| {
                             strip[(y - top) * width + x] = pixel;
                         });
                     }
@@ -146,11 +172,11 @@ fn packet_places() -> impl Iterator<Item = (usize, usize)> {
     (0..PACKET).map(|i| (i / 8 % 2 * 4 + i % 4, i / 16 * 2 + i / 4 % 2))
 }
 
-/// Traces the rays of a few pixels together, each `offset` from the corner of its pixel.
+/// Traces the rays of a few pixels together.
 fn see_together(
     scene: PosedScene,
     view: &View,
-    offset: Vec2,
+    sample: PixelSample,
     places: impl Iterator<Item = (usize, usize)>,
     mut set: impl FnMut((usize, usize), PixelSurface),
 ) {
@@ -158,7 +184,7 @@ fn see_together(
     let (mut origins, mut directions) = ([Vec3A::ZERO; PACKET], [Vec3A::ZERO; PACKET]);
     for (x, y) in places {
         pixels[count] = (x, y);
-        (origins[count], directions[count]) = view.ray(Vec2::new(x as f32, y as f32) + offset);
+        (origins[count], directions[count]) = view.ray(Vec2::new(x as f32, y as f32) + sample.offset);
         count += 1;
     }
     let mut hits = [None; PACKET];
@@ -173,14 +199,15 @@ fn see_together(
     }
     for i in 0..count {
         let ray = CameraRay { origin: origins[i], direction: directions[i] };
-        set(pixels[i], see(hits[i], ray, scene, view));
+        set(pixels[i], see(hits[i], ray, scene, &|depth| sample.width * view.pixel_width(depth), view));
     }
 }
 
-fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, view: &View) -> PixelSurface {
+/// What a ray sees whose cone is `width(depth)` wide.
+fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) -> f32, view: &View) -> PixelSurface {
     let CameraRay { origin, direction } = ray;
     let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);
-    let width = |hit: &Hit| view.pixel_width(depth(hit));
+    let width = |hit: &Hit| width(depth(hit));
     let Some((hit, surface)) = hit.and_then(|hit| ray.shown(scene, hit, width)) else {
         let sky = scene.surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };

@@ -126,8 +126,8 @@ impl Texture {
     /// Anisotropic look-up: linear RGB and opacity at `uv`, blurred over the ellipse with the conjugate `diameters` \[texels of
     /// the finest level\].
     ///
-    /// Trilinear look-ups as blurred as the ellipse is narrow, side by side along its long axis \[McCormack99\]: as many as the
-    /// narrow one fits into the long one, at most [`MOST_LOOK_UPS`]; a longer ellipse is taken to be wider.
+    /// Trilinear look-ups as blurred as the ellipse is narrow, side by side along its long axis \[McCormack99\], at most
+    /// [`MOST_LOOK_UPS`]; a longer ellipse is taken to be wider.
     pub fn sample_ellipse(&self, uv: Vec2, diameters: [Vec2; 2]) -> (Vec3, f32) {
         let (long, narrow) = principal_axes(diameters);
         let length = long.length();
@@ -135,8 +135,8 @@ impl Texture {
         if !(length > 1.0 && length.is_finite()) {
             return self.sample(uv, 1.0);
         }
-        let narrow = narrow.max(length / MOST_LOOK_UPS as f32).max(1.0);
-        let count = (length / narrow - 0.25).ceil().max(1.0) as usize;
+        let narrow = narrow.max(length / (SPACING * MOST_LOOK_UPS as f32)).max(1.0);
+        let count = (length / (SPACING * narrow) - 0.25).ceil().max(1.0) as usize;
         if count == 1 {
             return self.sample(uv, narrow);
         }
@@ -178,7 +178,9 @@ impl Texture {
 }
 
 /// Look-ups along the long axis of an ellipse, at most.
-const MOST_LOOK_UPS: usize = 16;
+const MOST_LOOK_UPS: usize = 12;
+/// Distance between two of them, in widths of one: a bilinear look-up is a tent two texels wide.
+const SPACING: f32 = 1.5;
 
 /// The long principal diameter of the ellipse with these conjugate `diameters`, and the length of the narrow one.
 ///
@@ -297,7 +299,10 @@ mod tests {
             assert!((long.length() - longest.length()).abs() < 1e-3, "{a} {b}: {long} for {longest}");
             assert!((narrow - shortest).abs() < 2e-3, "{a} {b}: {narrow} for {shortest}");
             if longest.length() > 1.1 * shortest {
-                assert!(long.perp_dot(longest).abs() < 0.01 * longest.length_squared(), "{a} {b}: {long} for {longest}");
+                assert!(
+                    long.perp_dot(longest).abs() < 0.01 * longest.length_squared(),
+                    "{a} {b}: {long} for {longest}"
+                );
             }
         }
         assert_eq!(principal_axes([Vec2::ZERO; 2]), (Vec2::ZERO, 0.0));
@@ -327,8 +332,13 @@ mod tests {
         let size = 128;
         let wave = |x: f32, y: f32| 0.5 + 0.25 * (x * 0.11).sin() + 0.25 * (y * 0.17).cos();
         let texel = |i: usize| [(wave((i % size) as f32, (i / size) as f32) * 255.0 + 0.5) as u8; 4];
-        let texture =
-            Texture::with_encoding(size, size, (0..size * size).map(texel).collect(), [Wrap::Clamp; 2], Encoding::Linear);
+        let texture = Texture::with_encoding(
+            size,
+            size,
+            (0..size * size).map(texel).collect(),
+            [Wrap::Clamp; 2],
+            Encoding::Linear,
+        );
         for k in 0..64 {
             let (sin, cos) = (k as f32 * 0.4).sin_cos();
             let (long, narrow) = (Vec2::new(cos, sin) * (2.0 + k as f32 * 0.3), Vec2::new(-sin, cos) * 2.0);

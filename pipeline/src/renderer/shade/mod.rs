@@ -22,7 +22,8 @@ use glam::Vec3;
 use lighttree::{Calibration, LightTree};
 use plane::{Correspondence, Plane};
 use render_core::{
-    Accelerator, Busy, DirectLights, FinalGather, GBuffer, NOTHING, PosedScene, luminance, reconstruct, sample_offsets,
+    Accelerator, Busy, DirectLights, FinalGather, GBuffer, NOTHING, PixelSample, PosedScene, luminance, reconstruct,
+    sample_offsets,
 };
 use std::sync::Arc;
 
@@ -128,7 +129,8 @@ impl Shading<'_> {
             // The one sample of a pixel is that of the G-buffer.
             let own = (places.len() > 1).then(|| {
                 let Frame { accelerator, surfaces, seen, .. } = frame;
-                visibility.take(GBuffer::trace_at(place, PosedScene::new(accelerator, surfaces), &seen.view, size))
+                let sample = PixelSample::one_of(places.len(), place);
+                visibility.take(GBuffer::trace_at(sample, PosedScene::new(accelerator, surfaces), &seen.view, size))
             });
             let seen = own.as_ref().unwrap_or(&frame.seen);
             let coats = plan.is_on(Stage::Gloss).then(|| gloss::light(frame, seen, &direct_busy));
