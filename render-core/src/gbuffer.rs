@@ -1,5 +1,6 @@
 //! The first surface that each pixel sees, and where that same point was a frame ago.
 
+mod coverage;
 mod outline;
 mod shown;
 
@@ -10,6 +11,8 @@ use glam::{Affine3A, Vec2, Vec3, Vec3A};
 use plane::{Correspondence, NO_MATCH, Plane};
 use rayon::prelude::*;
 use std::sync::Arc;
+
+pub use coverage::Coverage;
 
 /// Side of the tiles that rays are shot in: an MPEG-2 macroblock.
 pub const MACROBLOCK: usize = 16;
@@ -43,11 +46,19 @@ pub struct PixelSurface {
 }
 
 /// A ray from the camera.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CameraRay {
     pub origin: Vec3A,
     /// Unit vector.
     pub direction: Vec3A,
+}
+
+impl CameraRay {
+    /// The ray through a place of the picture, in pixels.
+    fn through(place: Vec2, view: &View) -> Self {
+        let (origin, direction) = view.ray(place);
+        Self { origin, direction }
+    }
 }
 
 /// One of the rays of every pixel.
@@ -180,27 +191,31 @@ fn see_together(
     places: impl Iterator<Item = (usize, usize)>,
     mut set: impl FnMut((usize, usize), PixelSurface),
 ) {
-    let (mut pixels, mut count) = ([(0, 0); PACKET], 0);
-    let (mut origins, mut directions) = ([Vec3A::ZERO; PACKET], [Vec3A::ZERO; PACKET]);
+    let (mut pixels, mut rays, mut count) = ([(0, 0); PACKET], [CameraRay::default(); PACKET], 0);
     for (x, y) in places {
         pixels[count] = (x, y);
-        (origins[count], directions[count]) = view.ray(Vec2::new(x as f32, y as f32) + sample.offset);
+        rays[count] = CameraRay::through(Vec2::new(x as f32, y as f32) + sample.offset, view);
         count += 1;
     }
+    let hits = first_hits(scene, &rays[..count]);
+    for i in 0..count {
+        set(pixels[i], see(hits[i], rays[i], scene, &|depth| sample.width * view.pixel_width(depth), view));
+    }
+}
+
+/// What each of at most [`PACKET`] rays meets first.
+fn first_hits(scene: PosedScene, rays: &[CameraRay]) -> [Option<Hit>; PACKET] {
     let mut hits = [None; PACKET];
-    let origin = origins[0];
-    if origins[..count].iter().all(|&other| other == origin) {
-        scene.accelerator.closest_packet(origin, &directions[..count], &mut hits[..count]);
+    let Some(&CameraRay { origin, .. }) = rays.first() else { return hits };
+    if rays.iter().all(|other| other.origin == origin) {
+        let mut directions = [Vec3A::ZERO; PACKET];
+        directions.iter_mut().zip(rays).for_each(|(direction, ray)| *direction = ray.direction);
+        scene.accelerator.closest_packet(origin, &directions[..rays.len()], &mut hits[..rays.len()]);
     } else {
         // The parallel rays of an orthographic camera.
-        for i in 0..count {
-            hits[i] = scene.accelerator.closest(origins[i], directions[i]);
-        }
+        hits.iter_mut().zip(rays).for_each(|(hit, ray)| *hit = scene.accelerator.closest(ray.origin, ray.direction));
     }
-    for i in 0..count {
-        let ray = CameraRay { origin: origins[i], direction: directions[i] };
-        set(pixels[i], see(hits[i], ray, scene, &|depth| sample.width * view.pixel_width(depth), view));
-    }
+    hits
 }
 
 /// What a ray sees whose cone is `width(depth)` wide.
@@ -289,15 +304,23 @@ fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GB
             continue;
         }
         let candidate = other.pixels.get(x as usize, y as usize);
-        let alike = candidate.instance == pixel.instance
-            && (sky || {
-                let apart = normal.dot(Vec3A::from(candidate.position) - point).abs();
-                apart <= ALIKE_DEPTH * candidate.depth && normal.dot(candidate.geometric_normal.into()) >= ALIKE_COSINE
-            });
+        let alike = if sky {
+            candidate.instance == NOTHING
+        } else {
+            is_same_surface(&candidate, pixel.instance, point, normal)
+        };
         let distance = (corner - Vec2::new(x, y)).length_squared();
         if alike && best.is_none_or(|(nearest, _)| distance < nearest) {
             best = Some((distance, y as u32 * other.pixels.width() as u32 + x as u32));
         }
     }
     best.map(|(_, index)| (place, index))
+}
+
+/// Whether `candidate` shows the surface of `instance` around a `point` with the unit `normal`.
+fn is_same_surface(candidate: &PixelSurface, instance: u32, point: Vec3A, normal: Vec3A) -> bool {
+    candidate.instance == instance && {
+        let apart = normal.dot(Vec3A::from(candidate.position) - point).abs();
+        apart <= ALIKE_DEPTH * candidate.depth && normal.dot(candidate.geometric_normal.into()) >= ALIKE_COSINE
+    }
 }

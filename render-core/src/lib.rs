@@ -35,7 +35,7 @@ pub use emitter::{
 };
 pub use environment::Environment;
 pub use gather::{FinalGather, GatherDirections, Gathered};
-pub use gbuffer::{GBuffer, MACROBLOCK, NOTHING, PixelSample, PixelSurface};
+pub use gbuffer::{Coverage, GBuffer, MACROBLOCK, NOTHING, PixelSample, PixelSurface};
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling};
 pub use photon::{AnchorFlux, Photons, SweptVolume};
 pub use posed_scene::PosedScene;

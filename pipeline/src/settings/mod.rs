@@ -51,6 +51,8 @@ pub struct Settings {
     pub within: f64,
     /// Samples of visibility and direct light to the pixel.
     pub samples: u32,
+    /// Whether pixels that outlines cross blend the surfaces of their area.
+    pub antialiasing: bool,
     /// Reflections of light on its way, at most; no limit when not stated.
     pub bounces: Option<u32>,
     /// How indirect light is computed.

@@ -60,6 +60,9 @@ pub struct Options {
     /// Samples of visibility and direct light to the pixel: 1 is fast, 4 smooths edges [default: 1]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
     pub samples: Option<u32>,
+    /// Blend the surfaces that the area of a pixel shows, where outlines cross it; more --samples do so everywhere [default: on]
+    #[cfg_attr(feature = "command-line", arg(long, value_enum, value_name = "on|off", hide_possible_values = true))]
+    pub antialiasing: Option<Switch>,
     /// Reflections of light on its way to the eye, at most [default: no limit]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
     pub bounces: Option<u32>,

@@ -74,6 +74,7 @@ impl Options {
             stopping,
             within,
             samples,
+            antialiasing: self.antialiasing.get_or_insert(Switch::On).is_on(),
             bounces: self.bounces,
             lighting: *self.lighting.get_or_insert(Lighting::Lightcuts),
             cache: self.cache.get_or_insert(Switch::On).is_on(),

@@ -93,6 +93,14 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             otherwise(State::Once, "nothing moves in the picture"),
         ],
     ),
+    (
+        Stage::Antialiasing,
+        &[
+            off(|f| f.settings.samples > 1, "every pixel has several samples"),
+            off(|f| !f.settings.antialiasing, LEFT_OUT),
+            otherwise(State::On, "outlines cross pixels"),
+        ],
+    ),
     (Stage::AreaLights, &[any(|f| f.area_lights, "glowing surfaces"), otherwise(State::Off, "no surface glows")]),
     (Stage::PunctualLights, &[any(|f| f.punctual_lights, "in the file"), otherwise(State::Off, "none in the file")]),
     (

@@ -18,6 +18,8 @@ pub enum Stage {
     DynamicAnchors,
     /// Primary rays, and motion from frame to frame.
     PrimaryRays,
+    /// Rays that find the surfaces of pixels which outlines cross.
+    Antialiasing,
     /// Direct light of emitting surfaces.
     AreaLights,
     /// Direct light of points, spots and suns.
@@ -46,13 +48,14 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         Self::ObjectPlacing,
         Self::Photons,
         Self::TreeUpdate,
         Self::KeptPhotons,
         Self::DynamicAnchors,
         Self::PrimaryRays,
+        Self::Antialiasing,
         Self::AreaLights,
         Self::PunctualLights,
         Self::Sky,
@@ -77,6 +80,7 @@ impl Stage {
             Self::KeptPhotons => "photons that stay",
             Self::DynamicAnchors => "anchor lights on moving objects",
             Self::PrimaryRays => "primary rays and motion",
+            Self::Antialiasing => "antialiasing",
             Self::AreaLights => "area lights",
             Self::PunctualLights => "punctual lights",
             Self::Sky => "sky",

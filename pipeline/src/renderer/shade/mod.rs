@@ -22,8 +22,8 @@ use glam::Vec3;
 use lighttree::{Calibration, LightTree};
 use plane::{Correspondence, Plane};
 use render_core::{
-    Accelerator, Busy, DirectLights, FinalGather, GBuffer, NOTHING, PixelSample, PosedScene, luminance, reconstruct,
-    sample_offsets,
+    Accelerator, Busy, Coverage, DirectLights, FinalGather, GBuffer, NOTHING, PixelSample, PosedScene, luminance,
+    reconstruct, sample_offsets,
 };
 use std::sync::Arc;
 
@@ -152,6 +152,13 @@ impl Shading<'_> {
                 (_, None) => pixels::light(&transport, &indirect_busy),
             };
             samples.push(Sample { direct, indirect });
+        }
+        if plan.is_on(Stage::Antialiasing) {
+            let Frame { accelerator, surfaces, seen, .. } = frame;
+            let coverage = visibility.take(Coverage::of(seen, PosedScene::new(accelerator, surfaces)));
+            for Sample { direct, indirect } in &mut samples {
+                (*direct, *indirect) = (coverage.blend(direct, &visibility), coverage.blend(indirect, &visibility));
+            }
         }
         figures.visibility += visibility.seconds();
         figures.direct = direct_busy.seconds();
