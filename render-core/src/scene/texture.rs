@@ -313,7 +313,8 @@ mod tests {
     fn a_narrow_footprint_blurs_along_itself_alone() {
         let size = 64;
         let stripes = |of: fn(usize, usize) -> usize| {
-            let texel = |i: usize| if of(i % size, i / size) / 4 % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] };
+            let texel =
+                |i: usize| if (of(i % size, i / size) / 4).is_multiple_of(2) { [255; 4] } else { [0, 0, 0, 255] };
             Texture::new(size, size, (0..size * size).map(texel).collect(), [Wrap::Repeat; 2])
         };
         let across = stripes(|x, _| x);
