@@ -127,7 +127,7 @@ impl Texture {
     /// the finest level\].
     ///
     /// Trilinear look-ups as blurred as the ellipse is narrow, side by side along its long axis \[McCormack99\], at most
-    /// [`MOST_LOOK_UPS`]; a longer ellipse is taken to be wider.
+    /// twelve; a longer ellipse is taken to be wider.
     pub fn sample_ellipse(&self, uv: Vec2, diameters: [Vec2; 2]) -> (Vec3, f32) {
         let (long, narrow) = principal_axes(diameters);
         let length = long.length();
