@@ -1,6 +1,8 @@
 //! Errors of picture files.
 
-use std::path::{Path, PathBuf};
+#[cfg(any(feature = "exr", feature = "textures"))]
+use std::path::Path;
+use std::path::PathBuf;
 
 /// A picture cannot be read or written; the message begins with the path.
 #[derive(Debug, thiserror::Error)]
