@@ -102,7 +102,7 @@ impl Anchors {
         };
         let mut first: (Self, Vec<Outlook>) = spread(fixed);
         if first.0.fixed.len() != fixed && !first.0.fixed.is_empty() {
-            // The share that is exposed is known now: so many more anchors, and about the given number remains.
+            // The exposed share is known now: divided by it, the count leaves about the number of anchors wanted.
             first = spread((fixed as f64 * fixed as f64 / first.0.fixed.len() as f64).round() as usize);
         }
         let (anchors, outlooks) = first;

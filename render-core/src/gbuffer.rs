@@ -203,7 +203,7 @@ fn see_together(
     }
 }
 
-/// What each of at most [`PACKET`] rays meets first.
+/// First hit of each ray, at most [`PACKET`] of them.
 fn first_hits(scene: PosedScene, rays: &[CameraRay]) -> [Option<Hit>; PACKET] {
     let mut hits = [None; PACKET];
     let Some(&CameraRay { origin, .. }) = rays.first() else { return hits };
@@ -218,7 +218,7 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay]) -> [Option<Hit>; PACKET] {
     hits
 }
 
-/// What a ray sees whose cone is `width(depth)` wide.
+/// Surface that a ray shows; textures are filtered over its cone, `width(depth)` metres wide.
 fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) -> f32, view: &View) -> PixelSurface {
     let CameraRay { origin, direction } = ray;
     let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);

@@ -63,7 +63,7 @@ fn blended_outlines_are_those_of_many_samples() {
     }
 }
 
-/// What shows one surface alone has no outline, however slanted it is.
+/// A picture of one surface has no mixed pixels, however slanted the surface is.
 #[test]
 fn a_plane_has_no_mixed_pixels() {
     let mut scene = Scene::default();

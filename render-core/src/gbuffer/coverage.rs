@@ -24,7 +24,7 @@ const TOGETHER: usize = PACKET / RAYS;
 /// The pixels around one, with itself.
 const AROUND: usize = 9;
 
-/// Which of the surfaces around it each pixel shows, and over how much of its area.
+/// The surfaces that each pixel of a picture shows, and the share of its area that each covers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Coverage {
     /// Pixels that show more than one, in raster order of macroblock rows.
@@ -41,7 +41,7 @@ struct Mixed {
 }
 
 impl Coverage {
-    /// Of the picture `seen`, which shows `scene`.
+    /// Finds the coverage of each pixel of `seen`, a picture of `scene`.
     pub fn of(seen: &GBuffer, scene: PosedScene) -> Timed<Self> {
         let rows = seen.pixels.height().div_ceil(MACROBLOCK);
         Timed::of(|busy| {
@@ -53,16 +53,16 @@ impl Coverage {
         })
     }
 
-    /// How many pixels show more than one surface.
+    /// Number of pixels that show more than one surface.
     #[must_use]
     pub fn mixed_pixels(&self) -> usize {
         self.mixed.len()
     }
 
-    /// The picture in which each pixel shows the light of all surfaces of its area; `light` has that of the pixels' centers.
+    /// Blends the light of all surfaces that a pixel's area shows; `light` has that of the pixels' centers.
     ///
     /// # Panics
-    /// If the picture is another than the one this was found for, and smaller.
+    /// If `light` is smaller than the picture that the coverage was found for.
     #[must_use]
     pub fn blend<T>(&self, light: &Plane<T>, busy: &Busy) -> Plane<T>
     where
@@ -95,7 +95,7 @@ fn around(x: usize, y: usize, (width, height): (usize, usize)) -> impl Iterator<
 }
 
 impl GBuffer {
-    /// Those of the macroblock row from `top` on.
+    /// Pixels of one row of macroblocks that show more than one surface; `top` is the row's first line.
     fn mixed_pixels(&self, scene: PosedScene, top: usize) -> Vec<Mixed> {
         let size = (self.pixels.width(), self.pixels.height());
         let rows = top..size.1.min(top + MACROBLOCK);
@@ -125,14 +125,14 @@ impl GBuffer {
         mixed
     }
 
-    /// What rays through these places of the picture see, at most [`PACKET`] of them; textures are not filtered.
+    /// Surfaces that rays through `places` of the picture show, at most [`PACKET`] of them; textures are not filtered.
     fn see_at(&self, scene: PosedScene, places: impl Iterator<Item = Vec2>) -> Vec<PixelSurface> {
         let rays: Vec<CameraRay> = places.map(|place| CameraRay::through(place, &self.view)).collect();
         let hits = first_hits(scene, &rays);
         rays.iter().zip(hits).map(|(&ray, hit)| see(hit, ray, scene, &|_| 0.0, &self.view)).collect()
     }
 
-    /// Which of the 3×3 pixels around one shows the same surface as a ray, nearest to it.
+    /// Index of the pixel, of the 3×3 around (x, y), that shows the surface `seen` by a ray, nearest to the ray's hit.
     fn nearest_alike(&self, (x, y): (usize, usize), seen: &PixelSurface) -> Option<usize> {
         let pixels = around(x, y, (self.pixels.width(), self.pixels.height())).enumerate();
         let alike = pixels.filter_map(|(k, q)| {
@@ -150,7 +150,7 @@ fn shows(pixel: &PixelSurface, seen: &PixelSurface) -> bool {
     if seen.instance == NOTHING || pixel.instance == NOTHING {
         return seen.instance == pixel.instance;
     }
-    // What glows and what does not has light of other kinds.
+    // A lamp's pixels hold its own radiance; those of the surface that carries it hold reflected light.
     (pixel.emission == [0.0; 3]) == (seen.emission == [0.0; 3])
         && is_same_surface(pixel, seen.instance, seen.position.into(), seen.geometric_normal.into())
 }

@@ -12,7 +12,7 @@ pub enum SettingsError {
     Value {
         /// The table that holds it.
         table: &'static str,
-        /// The key, what is wrong with it and what would be right.
+        /// The key, its fault and the values that it takes.
         problem: String,
     },
 }

@@ -31,7 +31,7 @@ pub(super) enum SkySource {
 }
 
 impl SkySettings {
-    /// The meaning of the table, or what is wrong with it.
+    /// Reads the table; the error names its fault.
     pub(super) fn source(&self) -> Result<SkySource, SettingsError> {
         let refuse = |problem: String| Err(SettingsError::value("sky", problem));
         let intensity = self.intensity.unwrap_or(1.0);

@@ -36,7 +36,7 @@ pub(super) struct Allowance {
 
 /// A cut that was made, to be compared with a finer one.
 pub(super) struct MadeCut {
-    /// Where it belongs in what is known of errors.
+    /// Index of its entry among the errors.
     pub class: usize,
     /// The error that it may have.
     pub stop: Stop,

@@ -34,7 +34,7 @@ impl Loader<'_> {
         Ok(Skin { joints, inverse_bind })
     }
 
-    /// The joints and weights of a primitive with so many `vertices`, one set at least.
+    /// Joints and weights of a primitive of `vertices` vertices; one set at least.
     pub(super) fn influence_sets(
         &self,
         place: &str,
