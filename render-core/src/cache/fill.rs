@@ -1,9 +1,10 @@
 //! New records where a picture needs them, coarse to fine.
 
 use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
+use super::illumination::{Illumination, Site};
 use super::picture::Picture;
 use super::predict::{Prediction, predictions};
-use super::record::{Illumination, Record, Site};
+use super::record::Record;
 use super::spacing::{clamp_to_neighbors, least_radius};
 use super::tile::{Tiles, weight_between};
 use super::{IrradianceCache, openness};

@@ -20,15 +20,18 @@
 
 mod doubt;
 mod fill;
+mod illumination;
 mod interpolate;
 mod openness;
 mod picture;
 mod predict;
+mod radius;
 mod record;
 mod spacing;
 mod tile;
+mod tolerance;
 
-pub use record::{Illumination, LastUpdate, LocalIrradiance, Site};
+pub use illumination::{Illumination, LastUpdate, LocalIrradiance, Site};
 pub use spacing::footprint;
 
 use crate::gbuffer::{GBuffer, NOTHING};

@@ -8,11 +8,11 @@
 //! ```
 //!
 //! runs from 0 in a crack to 1 in the open, smoothly. Places of different openness are no neighbors: see
-//! `OPENNESS_TOLERANCE` in `tile.rs`. Where the picture shows nothing around a pixel that rises above its surface, it is taken
+//! `OPENNESS_TOLERANCE` in `tolerance.rs`. Where the picture shows nothing around a pixel that rises above its surface, it is taken
 //! as open, without a ray.
 
-use super::record::{Illumination, Record, Site};
-use super::spacing::pixel_width;
+use super::illumination::{Illumination, Site};
+use super::record::Record;
 use crate::gbuffer::{GBuffer, NOTHING};
 use crate::scene::View;
 use crate::{Busy, MACROBLOCK};
@@ -166,7 +166,7 @@ fn is_alike(ratio: f32) -> bool {
 
 /// D at a site \[m\].
 pub(super) fn scale(site: &Site, seen: &GBuffer) -> f32 {
-    SCALE * pixel_width(site, &seen.view)
+    SCALE * site.pixel_width(&seen.view)
 }
 
 /// Whether something that the picture shows around a pixel rises above its surface; `scale` is D there.

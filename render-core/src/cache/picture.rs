@@ -1,7 +1,7 @@
 //! The picture that is lit, and what of each pixel says which records serve it.
 
+use super::illumination::Site;
 use super::openness::{self, Openness};
-use super::record::Site;
 use crate::gbuffer::{GBuffer, NOTHING, PixelSurface};
 use crate::{Busy, MACROBLOCK};
 use glam::Vec3A;

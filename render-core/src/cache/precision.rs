@@ -1,10 +1,12 @@
 //! Weights, radii, fits and interpolation of the cache against the same definitions in `f64`: from contact to 10⁶ m, from the
 //! faintest light to the brightest, and for neighbors that lie on a needle, where the fit has hardly anything to go by.
 
+use super::illumination::{LocalIrradiance, Site};
 use super::predict::Fit;
-use super::record::{LocalIrradiance, Record, Site};
-use super::spacing::{pixel_width, radius};
-use super::tile::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE, weight_between};
+use super::radius::radius;
+use super::record::Record;
+use super::tile::weight_between;
+use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
 use crate::sampling::{hash_unit, uniform_sphere};
 use crate::scene::{Projection, View};
 use glam::{Affine3A, DMat3, DVec3, Mat3A, Quat, Vec2, Vec3, Vec3A};
@@ -290,7 +292,7 @@ fn predictions_and_what_is_interpolated_are_those_of_f64() {
                     // It passes over itself.
                     records.iter().for_each(|other| fit.add(other));
                     let others = records.iter().filter(|other| !std::ptr::eq(*other, one));
-                    let pixel = f64::from(pixel_width(&one.site, &view));
+                    let pixel = f64::from(one.site.pixel_width(&view));
                     (fit.solve().0, Exact::new(one, r.into(), pixel, others))
                 };
                 let predictions: Vec<_> = records.iter().map(predict).collect();

@@ -11,10 +11,13 @@
 //! a ridge regression per record, along the surface; wⱼ is the weight that neighbor j would have for record i at some more
 //! than its radius. What is left of the sum tells how far the record is to be trusted: see `doubt.rs`.
 
+use super::illumination::Site;
 use super::picture::{Picture, Shown};
-use super::record::{Record, Site};
-use super::spacing::{pixel_width, radius_in_view, trust};
-use super::tile::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE, Tile, Tiles, weight};
+use super::radius::trust;
+use super::record::Record;
+use super::spacing::radius_in_view;
+use super::tile::{Tile, Tiles, weight};
+use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
 use crate::sampling::frame;
 use crate::scene::View;
 use crate::{MACROBLOCK, luminance};
@@ -152,7 +155,7 @@ impl<'a, R> Fit<'a, R> {
             record,
             alone,
             radius,
-            widened: (ON_SCREEN * pixel_width(&record.site, view) / radius).clamp(least, most),
+            widened: (ON_SCREEN * record.site.pixel_width(view) / radius).clamp(least, most),
             axes,
             own: axes.map(|axis| alone.by_position * axis * radius),
             square: Mat3A::ZERO,

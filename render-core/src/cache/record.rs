@@ -1,87 +1,7 @@
-//! A record: where it is, what light was found there, and how that changes around it.
+//! A record: where it is, what light was found there, and how far around it that holds.
 
-use glam::{Affine3A, Mat3A, Vec3, Vec3A};
-
-/// A place on a surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Site {
-    /// On the surface, world space \[m\].
-    pub position: Vec3A,
-    /// Unit normal to shade with.
-    pub normal: Vec3A,
-    /// Unit normal of the triangle, on the same side.
-    pub geometric_normal: Vec3A,
-    /// The instance, if it is one that moves; else [`NOTHING`](crate::NOTHING).
-    pub carrier: u32,
-    /// How open it is around: from 0 in a crack to 1 ([`Illumination::openness`]). More than 1 on what glows.
-    pub openness: f32,
-    /// For random numbers: it stays with a record for life.
-    pub key: u64,
-}
-
-impl Site {
-    /// Moves along with what it sits on; what cannot be moved, since all is squeezed flat, loses its normal.
-    pub(super) fn carried_by(&mut self, carry: &Affine3A) {
-        let normals = crate::scene::normal_matrix(carry);
-        self.position = carry.transform_point3a(self.position);
-        self.normal = (normals * self.normal).normalize_or_zero();
-        self.geometric_normal = (normals * self.geometric_normal).normalize_or_zero();
-    }
-}
-
-/// The light at a site.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct LocalIrradiance {
-    /// \[W·m⁻²\], linear RGB.
-    pub irradiance: Vec3,
-    /// Derivative by the normal: a column for each axis.
-    pub by_normal: Mat3A,
-    /// Derivative by the position \[W·m⁻³\]: a column for each axis.
-    pub by_position: Mat3A,
-    /// Harmonic mean distance of the surfaces around \[m\]; may be infinite.
-    pub harmonic_mean: f32,
-    /// Distance to the nearest of them \[m\]; may be infinite.
-    pub nearest: f32,
-    /// Luminance of irradiance that may be wrong here before anybody minds \[W·m⁻²\].
-    pub tolerance: f32,
-}
-
-/// Source of the light at a site; called from many threads at once.
-pub trait Illumination: Sync {
-    /// What is kept with a record so that it can be lit again for less than a new one.
-    type Recipe: Send + Sync;
-    /// Memory that a thread reuses from one record to the next.
-    type Scratch: Default;
-
-    /// The light at `site`, from nothing.
-    fn compute(&self, site: &Site, scratch: &mut Self::Scratch) -> (LocalIrradiance, Self::Recipe);
-
-    /// The light at a `site` whose light was last known when `known` says; `None` when too much has changed near it, and it
-    /// has to be computed.
-    fn relight(&self, site: &Site, recipe: &mut Self::Recipe, known: LastUpdate) -> Option<LocalIrradiance>;
-
-    /// Mean of d / (d + `scale`) over cosine-distributed directions from `site`, in each of which something is d away:
-    /// alike at places that are alike, so with directions that follow from the normal alone. `scale` is in metres.
-    fn openness(&self, _site: &Site, _scale: f32) -> f32 {
-        1.0
-    }
-
-    /// Whether [`Illumination::openness`] is certain to be next to what it was in the frame before.
-    fn is_undisturbed(&self, _site: &Site, _scale: f32) -> bool {
-        false
-    }
-}
-
-/// When the light of a record was last up to date.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LastUpdate {
-    /// In the frame before, at the same place: what moved since then is all that has changed.
-    LastFrame,
-    /// Longer ago, or at another place: anything may stand between it and a light.
-    Earlier,
-}
+use super::illumination::{LocalIrradiance, Site};
+use super::radius::radius;
 
 /// A site with its light.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -95,7 +15,7 @@ pub(super) struct Record<R> {
     pub radius_by_neighbors: f32,
     /// How much of its radius remains, 0…1, since its neighbors contradict what it predicts (`doubt.rs`).
     pub share: f32,
-    /// `scale` of the last call of [`Illumination::openness`] \[m\].
+    /// `scale` of the last call of [`openness`](super::Illumination::openness) \[m\].
     pub scale: f32,
     /// Which one it was ever made.
     pub number: u32,
@@ -109,7 +29,7 @@ pub(super) struct Record<R> {
 
 impl<R> Record<R> {
     pub fn new(site: Site, scale: f32, (estimate, recipe): (LocalIrradiance, R), number: u32, frame: u32) -> Self {
-        let radius = super::spacing::radius(&estimate);
+        let radius = radius(&estimate);
         Self {
             site,
             estimate,
@@ -127,7 +47,7 @@ impl<R> Record<R> {
 
     /// New light, and what else is known now of the surroundings. What neighbors knew of them holds on.
     pub fn relit(&mut self, estimate: LocalIrradiance) {
-        self.radius = super::spacing::radius(&estimate).min(self.radius_by_neighbors);
+        self.radius = radius(&estimate).min(self.radius_by_neighbors);
         self.estimate = estimate;
     }
 

@@ -1,20 +1,14 @@
 //! Which records a macroblock's pixels may take light from, laid out for a loop over them.
 
 use super::Vec3A;
+use super::illumination::Site;
 use super::picture::{Picture, Shown};
-use super::record::{Record, Site};
+use super::record::Record;
 use super::spacing::radius_in_view;
+use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
 use crate::MACROBLOCK;
 use lanes::{Choice, Kernel, LANES, Lanes};
 use rayon::prelude::*;
-
-/// 1 − cos of the largest angle between the normals of a record and of a pixel that uses it: 37°.
-pub(super) const NORMAL_TOLERANCE: f32 = 0.2;
-/// Difference of openness at which a record is no use. In a simulation of `nave` 0.25 needs 2 % fewer records and leaves 2 % more
-/// error, 0.3 needs 4 % fewer and leaves 6 % more.
-pub(super) const OPENNESS_TOLERANCE: f32 = 0.22;
-/// Distances along the normal count so many times as much: a step is another surface.
-pub(super) const ACROSS: f32 = 5.0;
 
 /// Sum of the weights of records at a place from which on they are dense there: another record would settle nothing.
 ///
