@@ -9,6 +9,7 @@ use super::spacing::{clamp_to_neighbors, least_radius};
 use super::tile::{Tiles, weight_between};
 use super::{IrradianceCache, openness};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Steps of the lattices \[pixels\].
 const STEPS: [usize; 5] = [16, 8, 4, 2, 1];
@@ -49,7 +50,9 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let unsettled: Vec<usize> = carried.into_iter().chain(first_place..tiles.listed.len()).collect();
         if !unsettled.is_empty() {
             let contradicted = contradicted_pixels(picture, tiles, &self.records, &unsettled);
-            self.make(picture, tiles, contradicted, LEAST_SHARE, illumination);
+            let new = self.make(picture, contradicted, illumination);
+            self.records[new.clone()].iter_mut().for_each(|record| record.share = LEAST_SHARE);
+            tiles.list(picture, &self.records, new);
             // What no pixel takes light from is not known in the next frame, where the same is to come out.
             tiles.keep_used(picture, &self.records, first_place);
         }
@@ -79,27 +82,24 @@ impl<R: Send + Sync> IrradianceCache<R> {
     ) {
         for step in STEPS {
             let pixels = bare_pixels(picture, tiles, bare, step);
-            self.make(picture, tiles, pixels, 1.0, illumination);
+            let new = self.make(picture, pixels, illumination);
+            tiles.list(picture, &self.records, new);
         }
     }
 
-    /// Makes records at those of `pixels` that no other of them is certain to cover, with this `share` of their radii, and
-    /// lists them.
+    /// Makes records at those of `pixels` that no other of them is certain to cover. Returns their indices.
     fn make<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &Picture,
-        tiles: &mut Tiles,
         pixels: Vec<(usize, usize)>,
-        share: f32,
         illumination: &I,
-    ) {
+    ) -> Range<usize> {
         let sites = picture.busy.measure(|| thinned(picture, pixels));
         let before = self.records.len();
         let (frame, made) = (self.frame, self.made);
         let record = |scratch: &mut I::Scratch, site: &Site, number: u32| {
             let scale = openness::scale(site, picture.seen);
-            let record = Record::new(*site, scale, illumination.compute(site, scratch), number, frame);
-            Record { share, ..record }
+            Record::new(*site, scale, illumination.compute(site, scratch), number, frame)
         };
         let new: Vec<Record<R>> = sites
             .par_iter()
@@ -112,7 +112,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         self.made = made.wrapping_add(new.len() as u32);
         self.records.extend(new);
         picture.busy.measure(|| clamp_to_neighbors(&mut self.records, before));
-        tiles.list(picture, &self.records, before..self.records.len());
+        before..self.records.len()
     }
 }
 
