@@ -1,28 +1,61 @@
 //! CPU seconds and counts of one frame, collected on its way through the loop.
 
+/// CPU seconds of the stages of a frame, summed over threads: waiting, and other programs, do not count.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Seconds {
+    /// Placing of objects and the ray tree.
+    pub update: f64,
+    /// Photon tracing.
+    pub photons: f64,
+    /// Build or update of the light tree.
+    pub tree: f64,
+    /// Primary rays and motion.
+    pub visibility: f64,
+    /// Direct light.
+    pub direct: f64,
+    /// Lightcuts.
+    pub indirect: f64,
+    /// Tone mapping and color conversion.
+    pub tone_map: f64,
+    /// Encoding.
+    pub encode: f64,
+    /// Masking.
+    pub thresholds: f64,
+    /// Sum of all, once the frame is coded.
+    pub total: f64,
+}
+
+impl Seconds {
+    fn parts(&self) -> [f64; 9] {
+        let s = self;
+        [s.update, s.photons, s.tree, s.visibility, s.direct, s.indirect, s.tone_map, s.encode, s.thresholds]
+    }
+
+    /// Sums up all parts.
+    pub(crate) fn add_up(&mut self) {
+        self.total = self.parts().iter().sum();
+    }
+
+    /// Mean of each part.
+    pub(crate) fn mean<'a>(all: impl Iterator<Item = &'a Seconds> + Clone) -> Seconds {
+        let count = all.clone().count().max(1) as f64;
+        let mut sums = [0.0; 9];
+        for seconds in all {
+            sums.iter_mut().zip(seconds.parts()).for_each(|(sum, part)| *sum += part / count);
+        }
+        let [update, photons, tree, visibility, direct, indirect, tone_map, encode, thresholds] = sums;
+        let total = sums.iter().sum();
+        Seconds { update, photons, tree, visibility, direct, indirect, tone_map, encode, thresholds, total }
+    }
+}
+
 /// CPU seconds of the stages and counts of one frame; each stage fills in its part.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct FrameFigures {
-    /// Placing of objects and the ray tree \[s\].
-    pub update: f64,
-    /// Photon tracing \[s\].
-    pub photons: f64,
+    /// CPU seconds of the stages.
+    pub seconds: Seconds,
     /// Photons that were traced; the others' energy was known from the frames before.
     pub photons_traced: u64,
-    /// Build or update of the light tree \[s\].
-    pub tree: f64,
-    /// Primary rays and motion \[s\].
-    pub visibility: f64,
-    /// Direct light \[s\].
-    pub direct: f64,
-    /// Lightcuts \[s\].
-    pub indirect: f64,
-    /// Tone mapping and conversion \[s\].
-    pub tone_map: f64,
-    /// Encoding \[s\].
-    pub encode: f64,
-    /// Masking \[s\].
-    pub thresholds: f64,
     /// Share of the tree's inner nodes whose children changed places.
     pub tree_swaps_share: f64,
     /// Over the cuts that were made for this frame.

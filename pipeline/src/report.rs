@@ -1,7 +1,7 @@
 //! Results and costs of a run, as JSON. The names are kept stable; `schema` counts changes.
 
 use crate::error::{Context, Result};
-use crate::figures::FrameFigures;
+use crate::figures::{FrameFigures, Seconds};
 use crate::parts::CodedFrame;
 use crate::plan::Step;
 use crate::settings::Settings;
@@ -44,31 +44,6 @@ pub struct SceneReport {
     pub duration: f32,
     /// Parts of the scene that were read but not rendered.
     pub warnings: Vec<String>,
-}
-
-/// CPU seconds of the stages of a frame, summed over threads: waiting, and other programs, do not count.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Seconds {
-    /// Placing of objects and the ray tree.
-    pub update: f64,
-    /// Photon tracing.
-    pub photons: f64,
-    /// Build or update of the light tree.
-    pub tree: f64,
-    /// Primary rays and motion.
-    pub visibility: f64,
-    /// Direct light.
-    pub direct: f64,
-    /// Cuts.
-    pub indirect: f64,
-    /// Tone mapping and colour conversion.
-    pub tone_map: f64,
-    /// Encoding.
-    pub encode: f64,
-    /// Masking.
-    pub thresholds: f64,
-    /// Sum of all.
-    pub total: f64,
 }
 
 /// A name of a picture type. Named here, or serde would believe that it lends from what it reads.
@@ -151,19 +126,8 @@ impl FrameReport {
     /// The line of a coded picture, with the figures of the stages before the encoder.
     #[must_use]
     pub fn new(picture: &CodedFrame, figures: FrameFigures) -> Self {
-        let mut seconds = Seconds {
-            update: figures.update,
-            photons: figures.photons,
-            tree: figures.tree,
-            visibility: figures.visibility,
-            direct: figures.direct,
-            indirect: figures.indirect,
-            tone_map: figures.tone_map,
-            encode: figures.encode,
-            thresholds: figures.thresholds,
-            total: 0.0,
-        };
-        seconds.total = seconds.sum();
+        let mut seconds = figures.seconds;
+        seconds.add_up();
         Self {
             index: picture.index,
             picture_type: match picture.picture_type {
@@ -192,31 +156,7 @@ impl FrameReport {
     /// Adds the seconds that masking this frame took.
     pub fn add_masking(&mut self, seconds: f64) {
         self.seconds.thresholds = seconds;
-        self.seconds.total = self.seconds.sum();
-    }
-}
-
-impl Seconds {
-    fn parts(&self) -> [f64; 9] {
-        let s = self;
-        [s.update, s.photons, s.tree, s.visibility, s.direct, s.indirect, s.tone_map, s.encode, s.thresholds]
-    }
-
-    /// Sum over all parts.
-    pub(crate) fn sum(&self) -> f64 {
-        self.parts().iter().sum()
-    }
-
-    /// Mean of each part.
-    pub(crate) fn mean<'a>(all: impl Iterator<Item = &'a Seconds> + Clone) -> Seconds {
-        let count = all.clone().count().max(1) as f64;
-        let mut sums = [0.0; 9];
-        for seconds in all {
-            sums.iter_mut().zip(seconds.parts()).for_each(|(sum, part)| *sum += part / count);
-        }
-        let [update, photons, tree, visibility, direct, indirect, tone_map, encode, thresholds] = sums;
-        let total = sums.iter().sum();
-        Seconds { update, photons, tree, visibility, direct, indirect, tone_map, encode, thresholds, total }
+        self.seconds.add_up();
     }
 }
 

@@ -14,7 +14,7 @@ use pipeline::{Options, Plan, Report, Settings};
 use render_core::scene;
 
 /// Stages of the plan whose time stands alone in the report, with their seconds there.
-type Timed = (Stage, fn(&pipeline::report::Seconds) -> f64);
+type Timed = (Stage, fn(&pipeline::figures::Seconds) -> f64);
 const STAGES: [Timed; 6] = [
     (Stage::ObjectPlacing, |s| s.update),
     (Stage::Photons, |s| s.photons),
@@ -41,7 +41,7 @@ fn main() -> anyhow::Result<()> {
         let settings = Settings::new(path.into(), &scene, &options)?;
         let plan = Plan::new(&scene, &settings);
         let Report { frames, .. } = pipeline::render(&scene, &settings, &plan, Run::default())?;
-        let mean = |seconds: fn(&pipeline::report::Seconds) -> f64| {
+        let mean = |seconds: fn(&pipeline::figures::Seconds) -> f64| {
             frames[1..].iter().map(|frame| seconds(&frame.seconds)).sum::<f64>() / (frames.len() - 1) as f64
         };
         let whole = mean(|s| s.total);

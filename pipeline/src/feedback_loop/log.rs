@@ -58,7 +58,7 @@ impl FilmLog {
     /// Adds seconds of encoding to the last frame that waits.
     pub fn spend_on_last(&mut self, seconds: f64) {
         if let Some(mut last) = self.waiting.last_entry() {
-            last.get_mut().encode += seconds;
+            last.get_mut().seconds.encode += seconds;
         }
     }
 

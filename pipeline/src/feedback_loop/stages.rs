@@ -94,7 +94,7 @@ impl Stage for Displaying<'_> {
         observer.picture(index, &shown.picture);
         let mut figures = shaded.figures.clone();
         figures.non_finite = shown.picture.non_finite;
-        figures.tone_map = busy.seconds();
+        figures.seconds.tone_map = busy.seconds();
         display.write(index, shaded, &shown.picture)?;
         let Motion { correspondence, forward } = motion;
         Ok(Some((Displayed { correspondence, forward, ..shown }, figures)))
@@ -127,12 +127,13 @@ impl<E: Encode> Stage for Encoding<'_, E> {
     type In = (Displayed, FrameFigures);
     type Out = (Displayed, Coding);
 
-    fn step(&mut self, index: u32, (displayed, figures): Self::In) -> Result<Option<Self::Out>> {
+    fn step(&mut self, index: u32, (displayed, mut figures): Self::In) -> Result<Option<Self::Out>> {
         let _span = tracing::debug_span!("encode", frame = index).entered();
         let Self { part, log, observer, pool } = self;
         let busy = Busy::default();
         let coded = pool.install(|| busy.measure(|| part.step(&displayed)))?;
-        log.expect(index, FrameFigures { encode: busy.seconds(), ..figures });
+        figures.seconds.encode = busy.seconds();
+        log.expect(index, figures);
         let coding = log.hand_out(coded, *observer)?;
         Ok(Some((displayed, coding)))
     }

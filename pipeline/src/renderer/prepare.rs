@@ -150,7 +150,7 @@ impl<'s> Work<'s> {
             Some(kept) if !self.plan.runs(Stage::ObjectPlacing, n) => kept.accelerator.clone(),
             _ => busy.measure(|| Arc::new(self.geometry.place(&pose))),
         };
-        figures.update = busy.seconds();
+        figures.seconds.update = busy.seconds();
 
         let lights = tracing::debug_span!("lights", frame = n).entered();
         let placed = Placed { frame: n, pose: &pose, surfaces: &surfaces, accelerator: &accelerator };
@@ -178,7 +178,7 @@ impl<'s> Work<'s> {
         let wants_forward = self.settings.motion && self.settings.bframes > 0;
         let before = self.kept.as_ref().filter(|_| wants_forward);
         let forward = before.map(|before| Arc::new(busy.take(before.seen.reproject(&seen))));
-        figures.visibility = busy.seconds();
+        figures.seconds.visibility = busy.seconds();
 
         let kept = Kept { accelerator, direct, tree, gather, seen, of_itself };
         let frame = Frame {
@@ -210,7 +210,7 @@ impl<'s> Work<'s> {
         let scene = PosedScene::new(accelerator, surfaces);
         let Timed { value: anchor_flux, seconds } = self.photons.trace(scene, &emitters, &self.anchors, &self.units);
         figures.photons_traced = anchor_flux.traced;
-        figures.photons = seconds;
+        figures.seconds.photons = seconds;
 
         let busy = Busy::default();
         let sampled = self.sampled_areas(&emitters, surfaces);
@@ -253,7 +253,7 @@ impl<'s> Work<'s> {
                 .with_lamps(direct.lamps())
                 .with_virtual_emitters(virtual_emitters)
         });
-        figures.tree = busy.seconds();
+        figures.seconds.tree = busy.seconds();
         Lights { tree, direct: Arc::new(direct), gather: Arc::new(gather) }
     }
 

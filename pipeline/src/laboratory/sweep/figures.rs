@@ -3,8 +3,9 @@
 use super::coded::DecoderCheck;
 use super::histogram::ErrorHistogram;
 use super::method::Method;
+use crate::figures::Seconds;
 use crate::laboratory::compare::Comparison;
-use crate::report::{FrameReport, Seconds};
+use crate::report::FrameReport;
 use crate::settings::Settings;
 use plane::Plane;
 use serde::Serialize;

@@ -138,7 +138,7 @@ impl Sums {
         let count = self.decoded.len().max(1) as f64;
         let mut seconds = mean_seconds(&film.reports);
         seconds.encode = self.seconds / count;
-        seconds.total = seconds.sum();
+        seconds.add_up();
         let lightcuts = film.stream.is_some();
         let steered_by_masking = lightcuts && !matches!(film.settings.thresholds, Thresholds::Fixed(_));
         Run {

@@ -160,9 +160,9 @@ impl Shading<'_> {
                 (*direct, *indirect) = (coverage.blend(direct, &visibility), coverage.blend(indirect, &visibility));
             }
         }
-        figures.visibility += visibility.seconds();
-        figures.direct = direct_busy.seconds();
-        figures.indirect = indirect_busy.seconds();
+        figures.seconds.visibility += visibility.seconds();
+        figures.seconds.direct = direct_busy.seconds();
+        figures.seconds.indirect = indirect_busy.seconds();
         Still::new(frame, samples, figures.cache_records)
     }
 }
