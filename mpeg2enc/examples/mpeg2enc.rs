@@ -7,7 +7,10 @@
 //! `--help` names all options.
 
 use anyhow::{Context, Result, bail, ensure};
-use clap::{Parser, ValueEnum};
+use clap::{
+    Parser,
+    builder::{PossibleValuesParser, TypedValueParser},
+};
 use mpeg2enc::{
     CoefficientTable, Config, Container, Effort, FrameRate, KnownMotion, Multiplexer, Packet, Passes, Picture, Rate,
     Standard,
@@ -44,8 +47,8 @@ struct Arguments {
     #[arg(long)]
     vbv: Option<u32>,
     /// How much is tried for few bits
-    #[arg(short, long, value_enum, default_value_t = EffortName::Balanced)]
-    effort: EffortName,
+    #[arg(short, long, value_parser = effort(), default_value_t = Effort::Balanced)]
+    effort: Effort,
     /// The longest distance of I pictures, 1 to 132
     #[arg(short, long, default_value_t = 15)]
     gop: u32,
@@ -93,11 +96,10 @@ struct Arguments {
     verbose: bool,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum EffortName {
-    Fast,
-    Balanced,
-    Best,
+/// Parser of the names of efforts.
+fn effort() -> impl TypedValueParser<Value = Effort> {
+    let parsed = |name: String| Effort::ALL.iter().copied().find(|effort| effort.name() == name).expect("one of them");
+    PossibleValuesParser::new(Effort::ALL.iter().map(|effort| effort.name())).map(parsed)
 }
 
 /// Bytes that are read at once.
@@ -126,11 +128,7 @@ fn encode(arguments: &Arguments) -> Result<()> {
         .with_intra_table(if arguments.no_intra_vlc { CoefficientTable::Zero } else { CoefficientTable::One })
         .with_intra_dc_precision(arguments.dc)
         .with_rate(rate(arguments)?)
-        .with_effort(match arguments.effort {
-            EffortName::Fast => Effort::Fast,
-            EffortName::Balanced => Effort::Balanced,
-            EffortName::Best => Effort::Best,
-        });
+        .with_effort(arguments.effort);
     let totals = match arguments.bitrate.filter(|_| arguments.two_pass) {
         Some(kbps) => encode_in_passes(arguments, clip, &config, 1000 * kbps)?,
         None => encode_once(arguments, clip, config)?,

@@ -4,8 +4,9 @@ mod options;
 mod resolve;
 mod values;
 
+pub use mpeg2enc::Effort;
 pub use options::Options;
-pub use values::{Aov, BitRate, CheckpointEvery, Effort, Lighting, Size, Stopping, Switch, Thresholds};
+pub use values::{Aov, BitRate, CheckpointEvery, Lighting, Size, Stopping, Switch, Thresholds};
 
 use crate::error::Result;
 use mpeg2enc::{Container, Rate, Standard};
@@ -133,11 +134,7 @@ impl Settings {
             .with_lookahead(if self.looks_ahead() { mpeg2enc::Config::LOOKAHEAD_MAX } else { 0 })
             .with_b_pictures(self.bframes)
             .with_rate(rate)
-            .with_effort(match self.effort {
-                Effort::Fast => mpeg2enc::Effort::Fast,
-                Effort::Balanced => mpeg2enc::Effort::Balanced,
-                Effort::Best => mpeg2enc::Effort::Best,
-            });
+            .with_effort(self.effort);
         config.validate()?;
         Ok(config)
     }

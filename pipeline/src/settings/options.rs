@@ -1,6 +1,7 @@
 //! Options, by library, command line and file.
 
-use super::values::{Aov, BitRate, Effort, Lighting, Size, Stopping, Switch, Thresholds, size_as_text};
+use super::values::{Aov, BitRate, Lighting, Size, Stopping, Switch, Thresholds, size_as_text};
+use mpeg2enc::Effort;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::PathBuf;
 
@@ -38,7 +39,7 @@ pub struct Options {
     #[cfg_attr(feature = "command-line", arg(long, value_name = "M"))]
     pub bframes: Option<u32>,
     /// How much the encoder tries for few bits [default: balanced]
-    #[cfg_attr(feature = "command-line", arg(long, value_enum))]
+    #[cfg_attr(feature = "command-line", arg(long, value_parser = super::values::effort()))]
     pub effort: Option<Effort>,
     /// Write MPEG-1, for players that know nothing else
     #[cfg_attr(feature = "command-line", arg(long))]

@@ -1,6 +1,8 @@
 //! Values of options: how each is written, and what its range is.
 
 use crate::error::{Error, Result};
+#[cfg(feature = "command-line")]
+use mpeg2enc::Effort;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use std::fmt;
 use std::str::FromStr;
@@ -266,19 +268,21 @@ impl<'de> Deserialize<'de> for BitRate {
     }
 }
 
-/// How much the encoder tries for few bits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum Effort {
-    /// Least time; with a bit rate, no frame waits for later ones.
-    Fast,
-    /// Few bits.
-    #[default]
-    Balanced,
-    /// Fewest bits.
-    Best,
+/// Parser of the names of efforts, for clap.
+#[cfg(feature = "command-line")]
+pub(super) fn effort() -> impl clap::builder::TypedValueParser<Value = Effort> {
+    use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+    let value = |&effort: &Effort| {
+        let value = PossibleValue::new(effort.name());
+        match effort {
+            Effort::Fast => value.help("Least time; with a bit rate, no frame waits for later ones"),
+            Effort::Balanced => value.help("Few bits"),
+            Effort::Best => value.help("Fewest bits"),
+            _ => value,
+        }
+    };
+    let parsed = |name: String| Effort::ALL.iter().copied().find(|effort| effort.name() == name).expect("one of them");
+    PossibleValuesParser::new(Effort::ALL.iter().map(value)).map(parsed)
 }
 
 /// A value as files may write it.
