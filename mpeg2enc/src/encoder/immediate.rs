@@ -30,7 +30,8 @@ impl Immediate {
         let (columns, rows) = macroblock_counts(config.width, config.height);
         let place_in_group = self.count % u64::from(config.gop);
         let quantiser_scale = config.quantiser_scale;
-        let source = coder.whole(frame);
+        let padded = (!is_whole(frame, (columns, rows))).then(|| coder.whole(frame));
+        let source = padded.as_deref().unwrap_or(frame);
         let reference = self.reference.take().filter(|_| place_in_group != 0);
         let candidates = match motion.filter(|_| reference.is_some()) {
             Some(field) => all_candidates(field, columns, rows),
@@ -51,7 +52,7 @@ impl Immediate {
             display_index: self.count,
             temporal_reference: place_in_group as u32,
             vbv_delay: VBV_DELAY_VARIABLE,
-            source: &source,
+            source,
             directions: [forward, None],
             quantiser_scale,
             scales_x16: &vec![16 * quantiser_scale; columns * rows],
