@@ -27,7 +27,7 @@ impl Avx2 {
         static KNOWN: AtomicU8 = AtomicU8::new(UNKNOWN);
 
         #[cold]
-        fn ask() -> bool {
+        fn query() -> bool {
             let has_all = is_x86_feature_detected!("avx2")
                 && is_x86_feature_detected!("bmi1")
                 && is_x86_feature_detected!("lzcnt")
@@ -37,7 +37,7 @@ impl Avx2 {
         }
 
         let present = match KNOWN.load(Ordering::Relaxed) {
-            UNKNOWN => ask(),
+            UNKNOWN => query(),
             known => known == PRESENT,
         };
         present.then_some(Self(()))

@@ -8,8 +8,8 @@ use std::array::from_fn;
 pub(crate) struct Scalar;
 
 #[inline(always)]
-fn ask(answer: impl Fn(usize) -> bool) -> u32 {
-    (0..LANES).fold(0, |bits, lane| bits | u32::from(answer(lane)) << lane)
+fn lane_bits(holds: impl Fn(usize) -> bool) -> u32 {
+    (0..LANES).fold(0, |bits, lane| bits | u32::from(holds(lane)) << lane)
 }
 
 impl Lanes for Scalar {
@@ -93,22 +93,22 @@ impl Lanes for Scalar {
 
     #[inline(always)]
     fn lt(self, a: Self::F, b: Self::F) -> Self::Mask {
-        ask(|i| a[i] < b[i])
+        lane_bits(|i| a[i] < b[i])
     }
 
     #[inline(always)]
     fn le(self, a: Self::F, b: Self::F) -> Self::Mask {
-        ask(|i| a[i] <= b[i])
+        lane_bits(|i| a[i] <= b[i])
     }
 
     #[inline(always)]
     fn eq(self, a: Self::F, b: Self::F) -> Self::Mask {
-        ask(|i| a[i] == b[i])
+        lane_bits(|i| a[i] == b[i])
     }
 
     #[inline(always)]
     fn lt_bits(self, a: Self::F, b: Self::F) -> Self::Mask {
-        ask(|i| (a[i].to_bits() as i32) < b[i].to_bits() as i32)
+        lane_bits(|i| (a[i].to_bits() as i32) < b[i].to_bits() as i32)
     }
 
     #[inline(always)]
@@ -193,7 +193,7 @@ impl Lanes for Scalar {
 
     #[inline(always)]
     fn eq_i(self, a: Self::I, b: Self::I) -> Self::Mask {
-        ask(|i| a[i] == b[i])
+        lane_bits(|i| a[i] == b[i])
     }
 
     #[inline(always)]

@@ -251,7 +251,7 @@ impl DirectLights {
         }
         for area in self.areas.iter().filter(|_| areas) {
             for samples in area.samples.chunks(PACKET) {
-                let (mut given, mut ends, mut ask) = ([Vec3::ZERO; PACKET], [Vec3A::ZERO; PACKET], 0);
+                let (mut given, mut ends, mut active) = ([Vec3::ZERO; PACKET], [Vec3A::ZERO; PACKET], 0);
                 for (i, sample) in samples.iter().enumerate() {
                     let way = sample.position - receiver.position;
                     let irradiance = area.unhidden_sample(receiver, sample);
@@ -260,12 +260,12 @@ impl DirectLights {
                         let distance = way.length();
                         let half_angle = (sample.area / PI).sqrt().atan2(distance);
                         given[i] = irradiance * brdf(way / distance, half_angle);
-                        ask |= u64::from(given[i] != Vec3::ZERO) << i;
+                        active |= u64::from(given[i] != Vec3::ZERO) << i;
                     }
                 }
-                shadow_rays += u64::from(ask.count_ones());
-                let hidden = accelerator.occluded_packet(receiver.position, &ends[..samples.len()], ask);
-                sum += bits(ask & !hidden).map(|i| given[i]).sum::<Vec3>();
+                shadow_rays += u64::from(active.count_ones());
+                let hidden = accelerator.occluded_packet(receiver.position, &ends[..samples.len()], active);
+                sum += bits(active & !hidden).map(|i| given[i]).sum::<Vec3>();
             }
         }
         Traced { value: sum, shadow_rays }
@@ -277,16 +277,16 @@ impl DirectLights {
             std::array::from_fn(|i| sums.get(i).map_or(0.0, |&sum| luminance(sum) * UNSHADOWED_SHARE));
         for (anchor, intensity) in &self.dynamic {
             let terms = tile.terms(&Disc::of_anchor(anchor, self.dynamic_geometry_term_bound));
-            let mut ask = 0;
+            let mut active = 0;
             for (i, unshadowed) in unshadowed.iter_mut().enumerate().take(sums.len()) {
                 let y = luminance(*intensity * terms[i]);
                 if y > *unshadowed {
-                    ask |= 1 << i;
+                    active |= 1 << i;
                 } else {
                     *unshadowed -= y;
                 }
             }
-            let hidden = tile.hidden_from(anchor.position, ask, None);
+            let hidden = tile.hidden_from(anchor.position, active, None);
             for (i, sum) in sums.iter_mut().enumerate().filter(|(i, _)| hidden >> i & 1 == 0) {
                 *sum += *intensity * terms[i];
             }

@@ -135,16 +135,16 @@ impl<'a> Tile<'a> {
         u64::MAX >> (PACKET - self.receivers.len())
     }
 
-    /// Finds the receivers among `ask` that `light` is hidden from. Its shadow rays start at the light, which they have in
+    /// Finds the receivers among `active` that `light` is hidden from. Its shadow rays start at the light, which they have in
     /// common; it lies in the `shaft`, if there is one.
-    pub(super) fn hidden_from(&self, light: Vec3A, ask: u64, shaft: Option<&Shaft>) -> u64 {
-        if ask == 0 || shaft.is_some_and(Shaft::is_empty) {
+    pub(super) fn hidden_from(&self, light: Vec3A, active: u64, shaft: Option<&Shaft>) -> u64 {
+        if active == 0 || shaft.is_some_and(Shaft::is_empty) {
             return 0;
         }
-        self.rays.set(self.rays.get() + u64::from(ask.count_ones()));
+        self.rays.set(self.rays.get() + u64::from(active.count_ones()));
         match shaft {
-            Some(shaft) => self.accelerator.occluded_packet_within(shaft, light, &self.columns[0], ask),
-            None => self.accelerator.occluded_packet(light, &self.positions[..self.receivers.len()], ask),
+            Some(shaft) => self.accelerator.occluded_packet_within(shaft, light, &self.columns[0], active),
+            None => self.accelerator.occluded_packet(light, &self.positions[..self.receivers.len()], active),
         }
     }
 
@@ -189,15 +189,15 @@ impl<'a> Tile<'a> {
 
     pub(super) fn add_point(&self, light: &PointLight, sums: &mut [Vec3]) {
         let mut given = [Vec3::ZERO; PACKET];
-        let mut ask = 0;
+        let mut active = 0;
         for (i, receiver) in self.receivers.iter().enumerate() {
             let (cos, r2) = receiver.cosine_to(light.position);
             given[i] = light.intensity_towards(receiver.position) * (cos / r2.max(f32::MIN_POSITIVE));
-            ask |= u64::from(given[i] != Vec3::ZERO) << i;
+            active |= u64::from(given[i] != Vec3::ZERO) << i;
         }
         let shaft = self.shaft(&[light.position]);
-        let hidden = self.hidden_from(light.position, ask, shaft.as_ref());
-        bits(ask & !hidden).for_each(|i| sums[i] += given[i]);
+        let hidden = self.hidden_from(light.position, active, shaft.as_ref());
+        bits(active & !hidden).for_each(|i| sums[i] += given[i]);
     }
 
     /// Adds the irradiance from a sun: all of it or none is visible where its border and the first few of its points agree.

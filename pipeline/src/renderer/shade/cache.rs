@@ -218,9 +218,10 @@ impl Illumination for Cuts<'_> {
         };
         let mut rays = 0;
         for (clusters, visible) in recipe.packets() {
-            let ask = clusters.iter().enumerate().fold(0, |ask, (i, c)| ask | u64::from(may_have_changed(c)) << i);
-            *visible = *visible & !ask | self.seen_lights(&receiver, clusters, ask);
-            rays += ask.count_ones();
+            let active =
+                clusters.iter().enumerate().fold(0, |active, (i, c)| active | u64::from(may_have_changed(c)) << i);
+            *visible = *visible & !active | self.seen_lights(&receiver, clusters, active);
+            rays += active.count_ones();
         }
         self.transport.figures.count_rays(rays);
         Some(self.estimate(&receiver, recipe))
@@ -273,10 +274,10 @@ impl Cuts<'_> {
         things.iter().any(near)
     }
 
-    /// Finds, among the clusters whose bits are set in `ask`, those whose light arrives.
-    fn seen_lights(&self, receiver: &ShadingPoint, clusters: &[Cluster], ask: u64) -> u64 {
+    /// Finds, among the clusters whose bits are set in `active`, those whose light arrives.
+    fn seen_lights(&self, receiver: &ShadingPoint, clusters: &[Cluster], active: u64) -> u64 {
         let lights = self.transport.prepared.tree.lights();
-        self.transport.visible_among(receiver, clusters, |c| lights[c.light as usize].position.into(), ask)
+        self.transport.visible_among(receiver, clusters, |c| lights[c.light as usize].position.into(), active)
     }
 
     /// The sum over the visible clusters with the intensities that they have now, and what softening took from it.
@@ -298,17 +299,17 @@ impl Cuts<'_> {
         let mut rays = 0;
         for anchors in dynamic.anchors.chunks(PACKET) {
             let mut terms = [IrradianceTerm::default(); PACKET];
-            let (mut ask, mut gives) = (0, 0);
+            let (mut active, mut gives) = (0, 0);
             for (i, (anchor, intensity)) in anchors.iter().enumerate() {
                 let emission = Emission::Cosine(anchor.normal.into());
                 let lamp = Light { position: anchor.position.into(), emission, intensity: *intensity };
                 terms[i] = irradiance_term(position, normal, &lamp, dynamic.geometry_term_bound);
                 gives |= u64::from(terms[i].value > 0.0) << i;
-                ask |= u64::from(luminance(*intensity * terms[i].value) > untraced) << i;
+                active |= u64::from(luminance(*intensity * terms[i].value) > untraced) << i;
             }
-            rays += ask.count_ones();
+            rays += active.count_ones();
             let place = |(anchor, _): &(Anchor, Vec3)| anchor.position;
-            let seen = gives & !ask | self.transport.visible_among(receiver, anchors, place, ask);
+            let seen = gives & !active | self.transport.visible_among(receiver, anchors, place, active);
             for (i, (_, intensity)) in anchors.iter().enumerate().filter(|(i, _)| seen >> i & 1 == 1) {
                 irradiance += *intensity * terms[i].value;
                 by_normal += outer(*intensity, terms[i].by_normal);

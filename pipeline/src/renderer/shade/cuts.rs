@@ -88,9 +88,15 @@ impl<'a> LightTransport<'a> {
         sees(&self.prepared.accelerator, receiver, lamp)
     }
 
-    /// Finds, among the first [`PACKET`] `lamps` whose bits are set in `ask`, those whose light arrives from their `place`.
-    pub fn visible_among<T>(&self, receiver: &ShadingPoint, lamps: &[T], place: impl Fn(&T) -> Vec3A, ask: u64) -> u64 {
-        if ask == 0 {
+    /// Finds, among the first [`PACKET`] `lamps` whose bits are set in `active`, those whose light arrives from their `place`.
+    pub fn visible_among<T>(
+        &self,
+        receiver: &ShadingPoint,
+        lamps: &[T],
+        place: impl Fn(&T) -> Vec3A,
+        active: u64,
+    ) -> u64 {
+        if active == 0 {
             return 0;
         }
         let mut ends = [Vec3A::ZERO; PACKET];
@@ -99,8 +105,8 @@ impl<'a> LightTransport<'a> {
             *end = place(lamp);
             above |= u64::from(is_above(receiver, *end)) << i;
         }
-        let ask = ask & above;
-        ask & !self.prepared.accelerator.occluded_packet(receiver.position, &ends[..lamps.len()], ask)
+        let active = active & above;
+        active & !self.prepared.accelerator.occluded_packet(receiver.position, &ends[..lamps.len()], active)
     }
 
     /// Final gather at `receiver`; `key` turns its rays.
