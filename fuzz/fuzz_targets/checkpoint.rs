@@ -2,7 +2,7 @@
 //!
 //! The first byte says what the rest is: the whole file, its body under a right checksum, all that one stage left, or changes
 //! to what it left: two bytes of place, one of value each. Checksums are made right, that of the light tree too, so that what
-//! lies behind them is met. Most inputs are only read, for that is quick; from 14 on the film is continued as well.
+//! comes after them is met. Most inputs are only read, for that is quick; from 14 on the film is continued as well.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -30,7 +30,7 @@ struct Film {
     scene: Scene,
     settings: Settings,
     plan: Plan,
-    /// What checkpoints begin with: a magic number and the version.
+    /// First bytes of checkpoints: a magic number and the version.
     begin: [u8; 8],
     stored: Stored,
     video: Vec<u8>,
@@ -40,7 +40,7 @@ const CONFIG: bincode::config::Configuration = bincode::config::standard();
 const HEADER: usize = 20;
 
 impl Film {
-    /// A film of three frames, killed behind the second.
+    /// A film of three frames, killed after the second.
     fn new() -> Self {
         // A stage that panics ends the film with a message: that is no finding. A panic in who called it is.
         std::panic::set_hook(Box::new(|_| ()));
@@ -48,7 +48,7 @@ impl Film {
         let path = folder.path().join("scene.glb");
         tests::checkered_room(tests::Moving::Box).write(&path);
         let scene = scene::load(&path).expect("a scene");
-        // A film of two frames leaves what one of three has behind its second, but for its length.
+        // A film of two frames leaves what one of three has after its second, but for its length.
         let [short, long] = [2, 3].map(|frames| {
             let options = Options {
                 output: Some(folder.path().join("film.m2v")),

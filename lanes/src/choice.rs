@@ -1,4 +1,4 @@
-//! Which instructions there are.
+//! Choice of the instructions that the processor has.
 
 use crate::Kernel;
 #[cfg(target_arch = "x86_64")]

@@ -14,7 +14,7 @@ use plot::{BLUE, GREEN, GREY, Plot, RED};
 use room::{floor, params, room, unblocked};
 
 const LIGHTS: usize = 100_000;
-/// Times are the least of so many.
+/// Runs, of which the shortest time counts.
 const REPEATS: usize = 5;
 
 /// Name of a method, and the method for a stream of random numbers.

@@ -170,7 +170,7 @@ mod tests {
             gone.iter().for_each(|&k| rest[k].intensity = Vec3::ZERO);
             let fresh = LightTree::build(&rest, params);
             prop_assert_eq!(tree.lights(), fresh.lights());
-            // The race does not ask which tree it is run in.
+            // The race is the same in every tree.
             let representatives = |tree: &LightTree| tree.roots().map(|k| tree.nodes[k].representative).collect::<Vec<_>>();
             let mut of_both = [representatives(&tree), representatives(&fresh)];
             of_both.iter_mut().for_each(|of| of.sort_unstable());

@@ -303,7 +303,7 @@ fn padded(four: &[u32]) -> [u32; 4] {
     std::array::from_fn(|k| four[k.min(four.len() - 1)])
 }
 
-/// Which of four are the repeated ones, as bits.
+/// Bits of the lanes of four that repeat another.
 #[inline(always)]
 fn missing(four: &[u32]) -> u32 {
     0b1111 << four.len() & 0b1111

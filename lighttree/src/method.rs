@@ -40,14 +40,14 @@ pub enum Method {
     Stochastic {
         /// Chooses the clusters. The thresholds bound errors of the clusters as they do for cuts.
         stop: Stop,
-        /// Which random numbers, such as the pixel's index.
+        /// Number of the random sequence, such as the pixel's index.
         stream: u64,
     },
     /// Independent lights drawn by importance from the root.
     Sampled {
         /// How many, at least one.
         samples: u32,
-        /// Which random numbers, such as the pixel's index.
+        /// Number of the random sequence, such as the pixel's index.
         stream: u64,
     },
 }

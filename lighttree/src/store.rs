@@ -164,7 +164,7 @@ mod tests {
         }
     }
 
-    /// Everything that reads or changes a tree: a tree that was let in must go through it without a panic.
+    /// Everything that reads or changes a tree: a tree that was accepted must go through it without a panic.
     fn use_it(mut tree: LightTree) {
         assert_eq!(tree.validate(), Ok(()));
         let receiver = Lambert { position: Vec3::new(7.0, 2.0, -1.0), normal: Vec3::Z, reflectance: Vec3::ONE };

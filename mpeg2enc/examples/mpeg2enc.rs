@@ -58,7 +58,7 @@ struct Arguments {
     /// No group of pictures needs the group before
     #[arg(long)]
     closed: bool,
-    /// No I pictures besides those that --gop asks for
+    /// No I pictures besides those of --gop
     #[arg(long)]
     no_scene_cuts: bool,
     /// One quantiser for all macroblocks of I and P pictures
@@ -225,7 +225,7 @@ struct Sink {
 
 #[derive(Default)]
 struct Totals {
-    /// Of the elementary stream.
+    /// Size of the elementary stream.
     bits: u64,
     count: u64,
     /// Sum of the mean squared errors of luma.

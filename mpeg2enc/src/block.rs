@@ -37,7 +37,7 @@ pub(crate) fn places(mut set: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Which formulae of 7.4 hold for a block.
+/// The formulae of 7.4 that hold for a block.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Kind {
     Intra,

@@ -31,35 +31,35 @@ pub struct Packet {
     pub display_index: u64,
     /// Intra, predicted, or predicted from both sides.
     pub picture_type: PictureType,
-    /// quantiser_scale asked for.
+    /// The requested quantiser_scale.
     pub quantiser_scale: u32,
-    /// quantiser_scale in force at every macroblock: all the same unless the encoder was asked to vary it.
+    /// quantiser_scale in force at every macroblock: all the same unless the settings vary it.
     pub quantiser_scales: Plane<u8>,
     /// How every macroblock was coded.
     pub macroblock_kinds: Plane<MacroblockKind>,
-    /// Of every macroblock: places of the levels of its luma blocks in transmission order.
+    /// For every macroblock, places of the levels of its luma blocks in transmission order.
     levels: Plane<[u64; 4]>,
     alternate_scan: bool,
     /// Bits of `data`.
     pub bits: u64,
-    /// What a decoder shows, to within the differences of inverse transforms that the standard allows.
+    /// The decoded picture, to within the differences of inverse transforms that the standard allows.
     pub reconstruction: Arc<Picture>,
     /// PSNR of luma against the frame that came in, dB; infinite if nothing was lost.
     pub psnr_y: f64,
-    /// What the bits were spent on.
+    /// Use of the bits.
     pub statistics: PictureStatistics,
 }
 
-/// What vectors of one direction are found from.
+/// Where vectors of one direction are searched, and what is known of them.
 pub(crate) struct Direction<'a> {
     pub reference: &'a Picture,
-    /// Of every macroblock, or empty.
+    /// Candidates of every macroblock, or empty.
     pub candidates: &'a [Candidates],
     pub before: &'a [HalfSample],
     pub coarse: Option<CoarseSearch<'a>>,
 }
 
-/// What a picture is to become.
+/// The coding of one picture, as it is wanted.
 pub(crate) struct Job<'a> {
     pub picture_type: PictureType,
     pub display_index: u64,
@@ -70,7 +70,7 @@ pub(crate) struct Job<'a> {
     /// Forward and backward.
     pub directions: [Option<Direction<'a>>; 2],
     pub quantiser_scale: u32,
-    /// quantiser_scale asked for in every macroblock, in sixteenths.
+    /// The requested quantiser_scale of every macroblock, in sixteenths.
     pub scales_x16: &'a [u32],
 }
 
@@ -119,7 +119,7 @@ impl Coder {
         }
     }
 
-    /// Which table quantiser_scale_code is of.
+    /// q_scale_type: the table of quantiser_scale_code.
     pub fn q_scale_type(&self) -> bool {
         self.quantisers.parameters.q_scale_type
     }
@@ -244,7 +244,7 @@ impl Packet {
             .expect("planes of one picture")
     }
 
-    /// Which coefficients were written of each 8×8 block of luma: bit 8·v + u of a block's number is set where the level of
+    /// Coefficients that were written of each 8×8 block of luma. Bit 8·v + u of a block's number is set where the level of
     /// the coefficient of frequency u across and v down is not zero, and for the DC of an intra block. Two blocks across and
     /// two down for every macroblock.
     pub fn luma_levels(&self) -> Plane<u64> {

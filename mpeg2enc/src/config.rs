@@ -68,7 +68,7 @@ impl Config {
         }
     }
 
-    /// The standard that the stream follows: MPEG-2 unless another is asked for.
+    /// The standard that the stream follows: MPEG-2 unless another is requested.
     pub fn with_standard(self, standard: Standard) -> Self {
         Self { standard, ..self }
     }
@@ -99,7 +99,7 @@ impl Config {
         Self { mean_quantiser_x256: Some(x256), ..self }
     }
 
-    /// What macroblocks' quantisers begin with, in 256ths.
+    /// First value of macroblocks' quantisers, in 256ths.
     pub(crate) fn quantiser_x256(&self) -> u32 {
         self.mean_quantiser_x256.unwrap_or(256 * self.quantiser_scale)
     }
@@ -168,7 +168,7 @@ impl Config {
     }
 
     /// The table that coefficients of intra blocks are coded with (intra_vlc_format, 6.3.10): Table B.15 unless another is
-    /// asked for, which takes 1 to 3 % fewer bits over the clips of README.md.
+    /// requested, which takes 1 to 3 % fewer bits over the clips of README.md.
     pub fn with_intra_table(self, table: CoefficientTable) -> Self {
         Self { intra_table: table, ..self }
     }
@@ -199,7 +199,7 @@ impl Config {
     }
 
     /// Is the quantiser a mean of those that macroblocks have?
-    pub(crate) fn asks_for_a_mean(&self) -> bool {
+    pub(crate) fn has_mean_quantiser(&self) -> bool {
         self.mean_quantiser_x256.is_some()
     }
 
@@ -257,9 +257,11 @@ mod tests {
 
     #[test]
     fn means_are_brought_within_what_exists() {
-        for (asked, x256) in [(f64::NAN, 256), (-3.0, 256), (2.5, 640), (1e9, 112 * 256), (f64::INFINITY, 112 * 256)] {
+        for (requested, x256) in
+            [(f64::NAN, 256), (-3.0, 256), (2.5, 640), (1e9, 112 * 256), (f64::INFINITY, 112 * 256)]
+        {
             let config = Config::new(16, 16, FrameRate::FPS_25);
-            assert_eq!(config.with_mean_quantiser_scale(asked).quantiser_x256(), x256, "{asked}");
+            assert_eq!(config.with_mean_quantiser_scale(requested).quantiser_x256(), x256, "{requested}");
         }
     }
 }

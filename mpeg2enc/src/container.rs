@@ -15,7 +15,7 @@ use pes::Picture;
 use schedule::Schedule;
 use std::{fmt, path::Path};
 
-/// What a stream is wrapped into.
+/// The container around a stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Container {
@@ -29,7 +29,7 @@ pub enum Container {
 }
 
 impl Container {
-    /// The container that a file's ending asks for: `.m2v`, `.m1v`, `.mpv` or no ending; `.mpg`, `.mpeg`, `.vob`; `.ts`,
+    /// The container for a file's ending: `.m2v`, `.m1v`, `.mpv` or no ending; `.mpg`, `.mpeg`, `.vob`; `.ts`,
     /// `.m2t`. `None` for all others.
     ///
     /// ```
@@ -114,7 +114,7 @@ impl Multiplexer {
         before.map_or(Vec::new(), |picture| self.wrap(picture))
     }
 
-    /// What is left, with `sequence_end` as the encoder gives it, and the end of the stream.
+    /// The remaining bytes, with `sequence_end` as the encoder gives it, and the end of the stream.
     pub fn finish(mut self, sequence_end: &[u8]) -> Vec<u8> {
         let mut out = match self.waiting.take() {
             Some(mut picture) => {

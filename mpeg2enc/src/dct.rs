@@ -7,7 +7,7 @@
 //! 22 products for eight values, for eight columns beside each other. Coefficients lie column by column, the one of
 //! frequency u across and v down at `8 * u + v`: that is how they come out, and a second transposition is saved.
 //! The forward transform has 13 fractional bits in the cosines and 5 between the passes: 32 bits hold everything.
-//! The inverse, which every decoder must agree with, has 28 and 14: far finer than IEEE 1180 asks for. Nearly all of its blocks
+//! The inverse, which every decoder must agree with, has 28 and 14: far finer than IEEE 1180 requires. Nearly all of its blocks
 //! go through a faster one of floats, which knows when it has the same.
 
 mod short; // the inverse in floats
@@ -138,8 +138,8 @@ vectorised! {
 
 /// A prediction and what coefficients add to it, saturated (7.6.8).
 ///
-/// What is far enough from the middle between two whole numbers is rounded from 24 bits, to what [`inverse`] gives; the
-/// rest, about one block of thirty, goes through that.
+/// The inverse, added to a prediction. Values far enough from the middle between two whole numbers are rounded from 24 bits, to
+/// what [`inverse`] gives; the rest, about one block of thirty, goes through that.
 #[inline]
 pub(crate) fn inverse_onto(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
     inverse_onto_with(Choice::best(), coefficients, predicted, out);

@@ -25,29 +25,29 @@ const LAMBDA: i64 = 15;
 /// A prediction is coded for comparison if its error is less than this many tenths of the least.
 const WORTH_A_TRIAL_TENTHS: u64 = 14;
 
-/// What is tried for a macroblock.
+/// The alternatives that are tried for a macroblock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Tools {
     /// Nothing is tried but what the vectors give: see [`quick`].
     pub quick: bool,
     /// Levels by shortest path instead of rounding.
     pub trellis: bool,
-    /// Are other vectors than those found looked at: zero, and those that take no bits?
+    /// Whether other vectors than those found are compared: zero, and those that take no bits.
     pub predicts_more: bool,
     /// Predictions that are coded for comparison.
     pub trials: usize,
-    /// What is predicted may still become intra where its squared error is more than so many halves of what the means of its
-    /// blocks leave.
+    /// Number of halves of the squared error that the means of its blocks leave: with more, a predicted macroblock may still
+    /// become intra.
     pub intra_halves: u32,
-    /// Other quantisers than the one asked for, where they cost less.
+    /// Other quantisers than the requested one, where they cost less.
     pub quantiser_choice: bool,
-    /// A predicted block is not transformed if its squared error is less than so many quarters of quantiser_scale²: the few
-    /// levels that it would have are worth less than their bits.
+    /// Quarters of quantiser_scale²: with less squared error, a predicted block is not transformed. The few levels that it
+    /// would have are worth less than their bits.
     pub worth_a_transform_quarters: i64,
 }
 
 impl Tools {
-    /// Does a prediction of this squared error go on to be compared with intra coding, which starts from `activity`?
+    /// Whether a prediction of this squared error is compared with intra coding, which starts from `activity`.
     fn may_be_intra(self, error: u32, activity: u32) -> bool {
         2 * u64::from(error) > u64::from(activity) * u64::from(self.intra_halves)
     }
@@ -90,7 +90,7 @@ pub(crate) struct Workspace {
     other: Box<Trial>,
     /// A macroblock that is predicted and nothing else.
     uncoded: Macroblock,
-    /// What the decoder will show.
+    /// The decoded macroblock.
     pub reconstruction: Samples,
 }
 
@@ -129,13 +129,13 @@ impl Workspace {
     }
 }
 
-/// What a decision looks at.
+/// Input of a decision.
 pub(crate) struct Decision<'a> {
     pub slice: &'a SliceParameters,
     pub state: &'a SliceState,
     pub quantisers: &'a Quantisers,
     pub tools: Tools,
-    /// quantiser_scale_code asked for.
+    /// The requested quantiser_scale_code.
     pub quantiser: u8,
     /// Price of a bit, as [`lambda`] gives it.
     pub lambda: i64,
@@ -145,7 +145,7 @@ pub(crate) struct Decision<'a> {
     pub source: &'a Samples,
 }
 
-/// The price of a bit where quantiser_scale, in sixteenths, is asked for.
+/// The price of a bit for the requested quantiser_scale, in sixteenths.
 pub(crate) fn lambda(scale_x16: u32) -> i64 {
     (LAMBDA * i64::from(scale_x16) * i64::from(scale_x16) / 256).max(1)
 }
@@ -183,7 +183,7 @@ impl Predictions {
         self.order.insert(place, (mode, error, index));
     }
 
-    /// Puts the prediction of a mode that is not intra in place `index`, behind those that were made (7.6.7).
+    /// Puts the prediction of a mode that is not intra in place `index`, after those that were made (7.6.7).
     fn predict(&mut self, decision: &Decision, mode: Mode, index: usize) {
         let (made, new) = self.samples.split_at_mut(index);
         match mode {
@@ -391,7 +391,7 @@ impl Decision<'_> {
         self.price(trial);
     }
 
-    /// The same mode with the quantiser that costs least: steps away from the one asked for, as long as they pay.
+    /// The same mode with the quantiser that costs least: steps away from the requested one, as long as they pay.
     fn choose_quantiser(&self, work: &mut Workspace) {
         let mode = work.best.macroblock.mode;
         let kind = if mode == Mode::Intra { Kind::Intra } else { Kind::Inter };
@@ -437,7 +437,7 @@ impl Decision<'_> {
         work.reconstruction = work.predictions.samples[index];
     }
 
-    /// What the decoder makes of the choice, with prediction number `index` if it is not intra.
+    /// Reconstructs the choice as the decoder does, with prediction number `index` if it is not intra.
     fn finish(&self, index: usize, work: &mut Workspace) {
         let macroblock = &work.best.macroblock;
         let quantiser = self.quantisers.of(macroblock.quantiser);

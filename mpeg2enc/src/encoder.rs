@@ -165,7 +165,7 @@ impl Encoder {
 
     /// Whether a frame, counted from 0 in display order, is the I picture of a group of pictures.
     ///
-    /// Of frames that were pushed the answer is exact, scene cuts included. Groups of later frames are counted from the last
+    /// For frames that were pushed the result is exact, scene cuts included. Groups of later frames are counted from the last
     /// group that has begun: only a scene cut can begin another one earlier. `None` stands for frames before the last coded
     /// I or P picture, whose packets tell.
     #[must_use]

@@ -12,27 +12,27 @@ pub enum ConfigError {
     /// Width or height out of range.
     #[error("a picture of {width}x{height} cannot be encoded; width and height go from 1 to {SIZE_MAX}")]
     Size {
-        /// The width asked for.
+        /// The requested width.
         width: usize,
-        /// The height asked for.
+        /// The requested height.
         height: usize,
     },
     /// No frame_rate_code says this rate.
     #[error("{fps} frames a second have no code in MPEG-2; use one of 23.976, 24, 25, 29.97, 30, 50, 59.94, 60")]
     FrameRate {
-        /// The rate asked for.
+        /// The requested rate.
         fps: f64,
     },
     /// Distance of I pictures out of range.
     #[error("a group of {pictures} pictures is not allowed; the distance of I pictures goes from 1 to {GROUP_MAX}")]
     GroupOfPictures {
-        /// The distance asked for.
+        /// The requested distance.
         pictures: u32,
     },
     /// More B pictures in a row than are allowed.
     #[error("{pictures} B pictures in a row are not allowed; use 0 to {B_PICTURES_MAX}")]
     BPictures {
-        /// The number asked for.
+        /// The requested number.
         pictures: u32,
     },
     /// Look-ahead out of range.
@@ -56,9 +56,9 @@ pub enum ConfigError {
         "{bits_per_second} bits a second with a buffer of {buffer_bits} bits are not possible; at most {rate_max} and {buffer_max} are at {level:?} Level, and the buffer holds 16384 bits or more"
     )]
     Rate {
-        /// Bits a second asked for.
+        /// Requested bits a second.
         bits_per_second: u32,
-        /// The buffer asked for.
+        /// The requested buffer.
         buffer_bits: u32,
         /// The most that the level allows.
         rate_max: u64,
@@ -80,7 +80,7 @@ pub enum ConfigError {
     /// Neither table of quantiser_scale_code has the value.
     #[error("quantiser_scale {value} does not exist; nearest are {nearest} and {second}")]
     QuantiserScale {
-        /// The value asked for.
+        /// The requested value.
         value: u32,
         /// The nearest that exists.
         nearest: u32,
@@ -90,30 +90,30 @@ pub enum ConfigError {
     /// No profile has such a precision.
     #[error("an intra DC precision of {bits} bits does not exist; use 8 to 11")]
     IntraDcPrecision {
-        /// The precision asked for.
+        /// The requested precision.
         bits: u32,
     },
-    /// MPEG-1 does not have what was asked for.
+    /// MPEG-1 does not have the requested feature.
     #[error("MPEG-1 does not have {what}: {remedy}")]
     NotInMpeg1 {
-        /// What it does not have.
+        /// The feature that it does not have.
         what: &'static str,
-        /// What to do instead.
+        /// The remedy.
         remedy: &'static str,
     },
-    /// The level that was asked for is too low.
+    /// The requested level is too low.
     #[error(
         "{width}x{height} at {fps:.3} frames a second is beyond {level:?} Level; {}",
         match .lowest { Some(lowest) => format!("{lowest:?} Level or above holds it"), None => "no level holds it: leave the level out".into() }
     )]
     Level {
-        /// The level asked for.
+        /// The requested level.
         level: Level,
-        /// The width asked for.
+        /// The requested width.
         width: usize,
-        /// The height asked for.
+        /// The requested height.
         height: usize,
-        /// The rate asked for.
+        /// The requested rate.
         fps: f64,
         /// The lowest level that is enough.
         lowest: Option<Level>,

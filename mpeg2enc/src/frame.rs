@@ -30,7 +30,7 @@ pub fn psnr(a: &Plane<u8>, b: &Plane<u8>) -> f64 {
     psnr_of(sum, a.width() * a.height())
 }
 
-/// PSNR where the squared errors of so many samples add up to this.
+/// PSNR of `samples` whose squared errors add up to this.
 pub(crate) fn psnr_of(squared_error: u64, samples: usize) -> f64 {
     if squared_error == 0 {
         return f64::INFINITY;

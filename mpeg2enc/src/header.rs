@@ -38,7 +38,7 @@ pub enum PictureType {
     B = 3,
 }
 
-/// What the headers of one picture say.
+/// Contents of the headers of one picture.
 #[derive(Clone, Copy)]
 pub(crate) struct PictureHeader {
     pub picture_type: PictureType,

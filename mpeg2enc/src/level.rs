@@ -13,7 +13,7 @@ pub enum Level {
     High,
 }
 
-/// What a level allows (the tables of clause 8).
+/// Limits of a level (the tables of clause 8).
 pub(crate) struct Limits {
     pub level: Level,
     /// The level's four bits of profile_and_level_indication.

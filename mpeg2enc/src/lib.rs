@@ -101,7 +101,7 @@ pub use crate::{
     vlc::CoefficientTable,
 };
 
-/// What goes in: pictures, which also come back, and where their pixels were.
+/// Input: pictures, which also come back, and where their pixels were.
 pub use plane::{Correspondence, Picture};
 
 pub use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};

@@ -143,7 +143,7 @@ impl Lookahead {
         self.columns() * self.frames[0].source.height() / 16
     }
 
-    /// What every macroblock of a frame costs without a prediction.
+    /// Cost of every macroblock of a frame without a prediction.
     pub fn intra_costs(&self, index: usize) -> &Arc<[u32]> {
         let frame = self.get(index);
         frame.intra_costs.get_or_init(|| intra_costs(frame.half(), self.transformed))
@@ -306,7 +306,7 @@ impl Lookahead {
         Some(chained.collect())
     }
 
-    /// What a search in the picture itself begins with, towards the frame `delta` away.
+    /// Vectors that a search in the picture itself begins with, towards the frame `delta` away.
     pub fn for_coding(&mut self, index: usize, delta: isize) -> Arc<[Candidates]> {
         if self.quick
             && let Some(chained) = self.chained(index, delta)

@@ -44,7 +44,7 @@ impl Mode {
     }
 }
 
-/// What is written of a macroblock.
+/// The syntax elements of a macroblock.
 #[derive(Clone)]
 pub(crate) struct Macroblock {
     pub mode: Mode,
@@ -66,7 +66,7 @@ impl Macroblock {
     }
 }
 
-/// What does not change within a slice.
+/// Parameters that do not change within a slice.
 #[derive(Clone, Copy)]
 pub(crate) struct SliceParameters {
     pub picture_type: PictureType,

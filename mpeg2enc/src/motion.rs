@@ -19,7 +19,7 @@ use crate::{
 use rayon::prelude::*;
 use search::CROSS;
 
-/// What the search of one picture in one reference picture knows.
+/// The search for motion of one picture in one reference picture.
 pub(crate) struct Estimate<'a> {
     /// The picture to be coded, in whole macroblocks.
     pub source: &'a Picture,

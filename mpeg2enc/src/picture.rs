@@ -20,7 +20,7 @@ use crate::{
 };
 use rayon::prelude::*;
 
-/// What a picture's bits were spent on.
+/// Use of a picture's bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PictureStatistics {
@@ -46,7 +46,7 @@ impl std::ops::AddAssign for PictureStatistics {
     }
 }
 
-/// What a picture is coded from.
+/// Input of the coding of a picture.
 pub(crate) struct PictureCoder<'a> {
     pub header: PictureHeader,
     /// The picture in whole macroblocks.
@@ -55,7 +55,7 @@ pub(crate) struct PictureCoder<'a> {
     /// Forward and backward vector of every macroblock, or empty.
     pub vectors: [&'a [HalfSample]; 2],
     pub quantisers: &'a Quantisers,
-    /// quantiser_scale asked for in every macroblock, in sixteenths.
+    /// The requested quantiser_scale of every macroblock, in sixteenths.
     pub scales_x16: &'a [u32],
     pub tools: Tools,
     /// horizontal_size and vertical_size as the sequence header has them, before padding.

@@ -1,4 +1,4 @@
-//! Memory of pictures that nobody looks at any more, for those to come.
+//! Memory of pictures that are no longer in use, for those to come.
 //!
 //! A system gives fresh memory page by page, each cleared first: of the time of a quick encoder that is a fifth.
 
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_nobody_holds_is_filled_again() {
+    fn only_free_pictures_are_filled_again() {
         let mut pool = Pool::default();
         let (held, ()) = pool.filled(32, 16, |frame| frame.samples_mut()[0].fill(1));
         let (dropped, ()) = pool.filled(32, 16, |frame| frame.samples_mut()[0].fill(2));

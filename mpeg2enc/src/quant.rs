@@ -14,7 +14,7 @@ use crate::{
     vlc::{Codes, CoefficientTable, block_bits},
 };
 
-/// What the quantisers of a picture have in common.
+/// Parameters that the quantisers of a picture have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct QuantiserParameters {
     pub standard: Standard,
@@ -36,7 +36,7 @@ impl QuantiserParameters {
         Codes { table, standard: self.standard }
     }
 
-    /// What a DC prediction is at the start of a slice (7.2.1): half of the range.
+    /// The DC prediction at the start of a slice (7.2.1): half of the range.
     pub fn dc_reset(&self) -> i32 {
         1 << (self.intra_dc_precision - 1)
     }
@@ -71,7 +71,7 @@ pub(crate) struct Quantiser {
     /// Place in transmission order of every coefficient of a block.
     places: [u8; 64],
     standard: Standard,
-    /// Of intra and of other blocks.
+    /// Codes of intra blocks and of others.
     codes: [Codes; 2],
     intra: Weights,
     inter: Weights,
@@ -206,7 +206,7 @@ impl Quantiser {
         block.bits = block_bits(codes, block, kind == Kind::Intra);
     }
 
-    /// Is the squared error of a non-intra block less than so many quarters of quantiser_scale²?
+    /// Whether the squared error of a non-intra block is less than this number of quarters of quantiser_scale².
     ///
     /// No coefficient is larger than the root of the sum, and those below quantiser_scale become zero: with
     /// [`CERTAIN`](Self::CERTAIN) quarters, of which the missing one covers rounding, no level is left.

@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_have_the_mean_that_was_asked_for() {
+    fn rows_have_the_requested_mean() {
         for q_scale_type in [false, true] {
             for scale_x16 in 32..16 * 62 {
                 let rows: Vec<u32> = (0..256).map(|row| spread_over_rows(q_scale_type, scale_x16, row)).collect();

@@ -21,14 +21,14 @@ pub enum Rate {
     Constant {
         /// Bits a second; a multiple of 400 is stated and kept, the next above.
         bits_per_second: u32,
-        /// What a decoder buffers, in bits; a multiple of 16384 is stated and kept, the next below.
+        /// Size of the decoder's buffer, in bits; a multiple of 16384 is stated and kept, the next below.
         buffer_bits: u32,
     },
     /// By quantiser_scale, and coarser only where a decoder that reads at most this many bits a second would run dry.
     Capped {
         /// The most bits a second.
         bits_per_second: u32,
-        /// What a decoder buffers, in bits.
+        /// Size of the decoder's buffer, in bits.
         buffer_bits: u32,
     },
 }

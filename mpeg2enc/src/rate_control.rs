@@ -1,6 +1,6 @@
-//! Which quantiser the next picture gets, so that the stream keeps to a bit rate and the decoder's buffer holds it.
+//! The quantiser of the next picture, so that the stream keeps to a bit rate and the decoder's buffer holds it.
 //!
-//! Bits are foretold from what the lookahead measured:
+//! Bits are predicted from what the lookahead measured:
 //!
 //! ```text
 //! bits = headers + c·cost / quantiser_scale^a      cost  sum of differences that a picture leaves when predicted
@@ -28,7 +28,7 @@ const HEADER_BITS_PER_MACROBLOCK: i64 = 1;
 /// c for I, P, B in 256ths before anything is learnt. These and the powers of quantiser_scale are middle values over the
 /// clips of README.md at 0.5 to 8 Mbit/s.
 const FIRST_GUESS: [i64; 3] = [970, 2000, 1000];
-/// Part of the buffer that planning does not touch, in 16ths: foretold bits are never exact.
+/// Part of the buffer that planning does not touch, in 16ths: predicted bits are never exact.
 const RESERVE_SIXTEENTHS: i64 = 1;
 
 /// More than c can be: 2³² bits at the coarsest quantiser, of the least cost.
@@ -78,7 +78,7 @@ impl RateControl {
     }
 
     /// Bits that a picture will take.
-    fn foretold(&self, picture: Upcoming, quantiser_x16: u32) -> i64 {
+    fn predicted_bits(&self, picture: Upcoming, quantiser_x16: u32) -> i64 {
         let (c, _) = self.models[picture.picture_type as usize - 1];
         self.header_bits + c * picture.cost as i64 / (16 * power_x16(picture.picture_type, quantiser_x16))
     }
@@ -90,7 +90,7 @@ impl RateControl {
             Rate::Capped { .. } => least(self.quantiser_x16, |q| self.stays_above(upcoming, q)),
             Rate::Constant { .. } => {
                 let planned = least(FINEST_X16, |q| {
-                    let bits: i64 = upcoming.iter().map(|&picture| self.foretold(picture, q)).sum();
+                    let bits: i64 = upcoming.iter().map(|&picture| self.predicted_bits(picture, q)).sum();
                     self.buffer.bits() + upcoming.len() as i64 * self.buffer.bits_per_picture() - bits >= self.start
                 });
                 // Coarser if the buffer would run dry on the way; finer if it would overflow.
@@ -105,7 +105,7 @@ impl RateControl {
         let mut buffer = self.buffer;
         let reserve = buffer.size * RESERVE_SIXTEENTHS / 16;
         upcoming.iter().all(|&picture| {
-            let bits = self.foretold(picture, quantiser_x16);
+            let bits = self.predicted_bits(picture, quantiser_x16);
             let enough = buffer.bits() - bits >= reserve;
             buffer.take(bits);
             enough
@@ -117,7 +117,7 @@ impl RateControl {
         let overflows = |q: u32| {
             let mut buffer = self.buffer;
             upcoming.iter().any(|&picture| {
-                let bits = self.foretold(picture, q);
+                let bits = self.predicted_bits(picture, q);
                 let too_few = bits < buffer.least();
                 buffer.take(bits);
                 too_few

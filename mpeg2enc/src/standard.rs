@@ -1,4 +1,4 @@
-//! Which standard a stream follows.
+//! The standard that a stream follows.
 
 /// The standard that a stream follows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

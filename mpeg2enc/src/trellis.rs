@@ -26,7 +26,7 @@ struct Node {
 #[derive(Clone, Copy)]
 pub(crate) struct BitPrice {
     pub codes: Codes,
-    /// Of one bit, in squared errors with twice [`COEFFICIENT_BITS`] fractional bits.
+    /// Price of one bit, in squared errors with twice [`COEFFICIENT_BITS`] fractional bits.
     pub lambda: i64,
 }
 

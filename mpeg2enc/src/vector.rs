@@ -31,13 +31,13 @@ pub(crate) struct Range {
 }
 
 impl Range {
-    /// Of the macroblock at `(column, row)`.
+    /// Range of vectors of the macroblock at `(column, row)`.
     pub fn new(reference: &Plane<u8>, column: usize, row: usize, f_code_max: [u32; 2]) -> Self {
         Self::of_block(reference, 16, column, row, f_code_max)
     }
 
-    /// Of a block of `block`² samples: inside of the reference picture (7.6.3.8), and within the reach of the largest
-    /// f_code of the level.
+    /// Range of vectors of a block of `block`² samples: inside of the reference picture (7.6.3.8), and within the reach of the
+    /// largest f_code of the level.
     pub fn of_block(reference: &Plane<u8>, block: usize, column: usize, row: usize, f_code_max: [u32; 2]) -> Self {
         let range = |size: usize, position: usize, f_code: u32| {
             let reach = 16 << (f_code - 1);

@@ -16,7 +16,7 @@ use tables::{
     LEVELS, MACROBLOCK_ADDRESS_INCREMENT, MACROBLOCK_ESCAPE, MOTION_CODE, RUNS,
 };
 
-/// Which table the coefficients of a block are coded with (Table 7-3).
+/// The table that codes the coefficients of a block (Table 7-3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CoefficientTable {
     /// Table B.14.
@@ -25,7 +25,7 @@ pub enum CoefficientTable {
     One = 1,
 }
 
-/// Which codes the coefficients of a block have.
+/// The codes of the coefficients of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Codes {
     pub table: CoefficientTable,
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn escapes_of_mpeg_1_are_the_printed_ones() {
-        // ISO/IEC 11172-2, Annex B: level and digits behind an escape and a run.
+        // ISO/IEC 11172-2, Annex B: level and digits after an escape and a run.
         for (level, digits) in [
             (-255, "1000 0000 0000 0001"),
             (-128, "1000 0000 1000 0000"),

@@ -1,4 +1,4 @@
-//! What the encoder does with what it is given.
+//! Behavior of the encoder for all kinds of input.
 
 mod common;
 

@@ -35,7 +35,7 @@ fn output_of(program: &str, arguments: &[&str]) -> Vec<u8> {
     output.stdout
 }
 
-/// All that can be asked of both containers.
+/// Properties of both containers.
 fn configurations() -> Vec<(Config, &'static str)> {
     let config = |fps| Config::new(96, 80, FrameRate::from_fps(fps).expect("a rate of Table 6-4"));
     let constant = Rate::Constant { bits_per_second: 400_000, buffer_bits: 200_000 };
@@ -161,7 +161,7 @@ fn read_program(file: &[u8]) -> Read {
         at += 6 + length;
         read.packs.push((clock as f64 / 27e6, at - start, data));
     }
-    assert_eq!(at + 4, file.len(), "nothing behind the end");
+    assert_eq!(at + 4, file.len(), "nothing after the end");
     read
 }
 

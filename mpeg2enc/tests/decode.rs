@@ -6,7 +6,7 @@ use common::*;
 use mpeg2enc::{KnownMotion, Level};
 use plane::Plane;
 
-/// Least agreement that is asked for in a group of 15, dB: in each picture the integer transforms of both decoders
+/// Least agreement that is required in a group of 15, dB: in each picture the integer transforms of both decoders
 /// are off by one in one or two of a hundred samples, and the next picture is predicted from that.
 const AGREEMENT_DB: f64 = 55.0;
 
@@ -44,8 +44,8 @@ fn groups_of_one() {
     check_decoders(&stream, &packets, AGREEMENT_DB);
 }
 
-/// Over the longest group, where a difference once made stays: none against an exact inverse transform.
-/// Those of the decoders themselves add up as in a random walk, and only their own precision sets how far.
+/// The longest group, in which differences stay: none against an exact inverse transform.
+/// Differences of the decoders add up as in a random walk, and only their own precision sets how far.
 #[test]
 fn no_drift_over_131_predicted_pictures() {
     for quantiser_scale in [4, 16] {

@@ -1,7 +1,7 @@
 //! The ends of what the syntax can say, judged by ffmpeg at its strictest and by mpeg2dec: largest levels, every escape
 //! code, vectors at their reach, smallest and widest pictures, streams of one picture, long times, buffers at their edge.
 //!
-//! What `decode.rs`, `lookahead.rs` and `container.rs` check already is not repeated here.
+//! Checks of `decode.rs`, `lookahead.rs` and `container.rs` are not repeated here.
 
 mod common;
 
@@ -176,7 +176,7 @@ fn a_hundred_thousand_pictures_keep_their_times() {
     }
 }
 
-/// Noise, which cannot be foretold and hardly compressed, through the smallest buffer there is at low and high rates: what comes
+/// Noise, which cannot be predicted and hardly compressed, through the smallest buffer there is at low and high rates: what comes
 /// out is what decoders take, and where a picture is larger than the buffer allows, that is told by a coarser quantiser and not
 /// by a stream that no decoder could play.
 #[test]
@@ -231,7 +231,7 @@ fn never_runs_dry(packets: &[Packet], rate: Rate, what: &str) {
     }
 }
 
-/// A configuration that no encoder takes may be asked for its container first.
+/// The container of a configuration that no encoder takes can be queried.
 #[test]
 fn containers_of_impossible_rates() {
     for rate in [

@@ -152,7 +152,7 @@ fn more_effort_takes_fewer_bits_for_as_good_a_picture() {
     }
 }
 
-/// What the stream states of rate and buffer, and what its pictures do to it: Annex C, from the bytes alone.
+/// The decoder's buffer of Annex C, from the bytes of the stream alone: the rate and size that it states, the pictures that it has.
 struct Verifier {
     bit_rate: f64,
     buffer: f64,
@@ -238,7 +238,7 @@ fn a_capped_rate_never_runs_dry() {
         fullness = (fullness + v.bit_rate / 25.0 - bits).min(v.buffer);
     }
     assert!(packets.iter().any(|packet| packet.quantiser_scale > 2), "the cap is felt");
-    // Where it is not felt, the quantiser is the one asked for.
+    // Where it is not felt, the quantiser is the requested one.
     let rate = Rate::Capped { bits_per_second: 14_000_000, buffer_bits: 1_800_000 };
     let settings = config(176, 144).with_b_pictures(2).with_quantiser_scale(8).with_rate(rate);
     let (_, packets) = encode_ahead(settings, (0..20).map(|time| moving(176, 144, time)), None);
@@ -280,7 +280,7 @@ fn weights_move_quantisers_and_bits() {
 }
 
 #[test]
-fn passes_come_to_the_rate_that_was_asked_for() {
+fn passes_reach_the_requested_rate() {
     let capped = Rate::Capped { bits_per_second: 900_000, buffer_bits: 900_000 };
     for (effort, rate, kbps) in [
         (Effort::Fast, Rate::ConstantQuantiser, 250),

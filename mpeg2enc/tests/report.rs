@@ -1,4 +1,4 @@
-//! What an encoder tells of a picture, against what was put in.
+//! Figures that an encoder reports of a picture, against the input.
 
 mod common;
 

@@ -52,7 +52,7 @@ impl LuminanceScale {
     }
 }
 
-/// Eq. (4): how wrong the luminance of each pixel may be without anybody seeing it after compression.
+/// Eq. (4): how wrong the luminance of each pixel may be and still stay invisible after compression.
 ///
 /// `luma` in code values above black (0…219, see [`crate::YCbCr::luma`]), `luminance` linear, of the same picture;
 /// `quantiser_scale` 1…112 as MPEG-2 applies it. The result is finite and above zero everywhere.

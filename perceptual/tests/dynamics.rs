@@ -216,7 +216,7 @@ enum Renderer {
     Flickers,
     /// Off by all of its threshold, by each pixel's own sign in each frame.
     Noise,
-    /// The nearest of values that lie two thresholds apart, as a cut does that knows only so many: the same threshold gives
+    /// The nearest of values that lie two thresholds apart, as a cut does that has few values to take: the same threshold gives
     /// the same picture.
     Coarse,
 }
@@ -233,7 +233,7 @@ fn rendered(kind: Renderer, truth: f32, threshold: f32, pixel: usize, n: usize) 
     (truth + off).max(0.0)
 }
 
-/// The loop closed, for so many frames from one threshold everywhere: lowest, mean and highest of the last thousand.
+/// The closed loop over `frames`, from one threshold everywhere: lowest, mean and highest of the last thousand.
 fn band(kind: Renderer, (weight, kappa, scale): (f32, f32, f32), start: f32, frames: usize) -> [f64; 3] {
     let still = Correspondence::still(SIDE, SIDE);
     let mut feedback = feedback(weight).with_kappa(kappa);

@@ -54,7 +54,7 @@ pub trait Shade<F>: Send {
     fn restore(&mut self, state: &[u8], last: &Prepared<F>) -> Result<()>;
 }
 
-/// A masking model: the error that nobody would see.
+/// A masking model: the error that stays invisible.
 pub trait Mask: Send {
     /// The luminance that each pixel of `displayed` may be wrong by \[W·m⁻²·sr⁻¹\], given how the picture was coded.
     fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Arc<Plane<f32>>;

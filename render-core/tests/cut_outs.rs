@@ -81,7 +81,7 @@ fn a_blended_surface_stops_its_share_of_rays() {
             })
             .count();
         let (share, expected) = (stopped as f32 / count as f32, opacity * 0.5);
-        // Five standard deviations of so many throws.
+        // Five standard deviations of a binomial distribution.
         let tolerance = 5.0 * (expected * (1.0 - expected) / count as f32).sqrt();
         assert!((share - expected).abs() <= tolerance, "{share} instead of {expected}");
     }

@@ -1,4 +1,4 @@
-//! Which picture types may be rendered coarser: two films of the same frames, a fine and a coarse one, are mixed by the type
+//! Picture types that may be rendered coarser: two films of the same frames, a fine and a coarse one, are mixed by the type
 //! that each picture has in the stream.
 //!
 //! ```sh

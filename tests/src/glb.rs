@@ -150,7 +150,7 @@ impl Glb {
     }
 }
 
-/// What moves in [`checkered_room`].
+/// The moving part of [`checkered_room`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Moving {
     /// Nothing at all.

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 /// A scene that the loader must refuse.
 #[derive(Clone, Debug)]
 pub struct Hostile {
-    /// What is wrong with it.
+    /// The fault.
     pub name: &'static str,
     /// The file.
     pub bytes: Vec<u8>,
@@ -55,7 +55,7 @@ fn hierarchy() -> Scenes {
 /// Indices of things that are not there, and parts that are missing.
 fn indices() -> Scenes {
     let mut index = checkered_room(Moving::Camera);
-    // The indices of the first mesh lie behind its positions.
+    // The indices of the first mesh lie after its positions.
     let place = index.json["bufferViews"][1]["byteOffset"].as_u64().expect("an offset") as usize;
     index.bin[place..place + 4].copy_from_slice(&u32::MAX.to_le_bytes());
     let orthographic = json!({ "xmag": 1.0, "ymag": 1.0, "zfar": 9.0, "znear": 0.1 });

@@ -24,7 +24,7 @@ pub fn correspondences(scene: &Scene, settings: &Settings) -> Vec<Option<Arc<Cor
     frames.map(|frame| frame.correspondence).collect()
 }
 
-/// Encodes `frames` with the encoder that `settings` ask for, each with its correspondence if there is one.
+/// Encodes `frames` with the encoder of these `settings`, each with its correspondence if there is one.
 pub fn encode(
     settings: &Settings,
     frames: &[Picture],

@@ -56,7 +56,7 @@ fn mean(picture: &Plane<Vec3>) -> f64 {
     picture.samples().iter().map(|&c| f64::from(luminance(c))).sum::<f64>() / picture.samples().len() as f64
 }
 
-/// The room with its lamp so many times as strong.
+/// The room with its lamp `strength` times as strong.
 fn room_lit(strength: f64) -> Glb {
     let mut room = checkered_room(Moving::Box);
     for material in room.json["materials"].as_array_mut().unwrap() {

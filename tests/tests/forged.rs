@@ -35,7 +35,7 @@ struct Film {
 }
 
 impl Film {
-    /// Three frames, lit by so many anchor lights.
+    /// Three frames, lit by `vpls` anchor lights.
     fn new(vpls: usize) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.glb");

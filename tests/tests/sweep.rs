@@ -98,7 +98,7 @@ fn what_cannot_be_swept_is_said() {
     }
 }
 
-/// Opens a page in Chromium, in a wide window and as narrow as a phone: it shows so many plots, its scripts run to the end, the
+/// Opens a page in Chromium, in a wide window and as narrow as a phone: it shows all `plots`, its scripts run to the end, the
 /// console stays silent, and nothing is wider than the window.
 fn check_page(page: &Path, plots: usize) {
     let html = std::fs::read_to_string(page).unwrap();

@@ -14,7 +14,7 @@ pub(crate) struct Metric {
     pub orientation2: f32,
 }
 
-/// Which kinds of light a cluster holds.
+/// Kind of the lights in a cluster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
     Omni,

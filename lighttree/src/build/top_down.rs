@@ -207,7 +207,7 @@ fn coordinate_of(position: Vec3A, axis: Vec3A, dimension: usize) -> f32 {
     if dimension < 3 { position[dimension] } else { axis[dimension - 3] }
 }
 
-/// Which slab an item lies in.
+/// Function from an item to the number of its slab.
 fn binning(low: f32, high: f32, dimension: usize, bins: usize) -> impl Fn(&Item) -> usize {
     let scale = bins as f32 / (high - low);
     move |item| {

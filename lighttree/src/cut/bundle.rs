@@ -235,7 +235,7 @@ impl LightTree {
         Some(cut)
     }
 
-    /// Which of four clusters all of the probes but one at most would refine.
+    /// Whether all of the probes but one at most would refine a cluster, for four clusters.
     #[inline(always)]
     fn most_refine<R: Receiver>(&self, together: Receivers<R>, clusters: &ClusterBounds<Vec4>) -> [bool; 4] {
         let Receivers { receivers, thresholds } = together;

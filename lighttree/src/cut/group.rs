@@ -76,7 +76,7 @@ pub(super) struct Shares {
 #[derive(Clone, Copy, Debug)]
 struct FourShared {
     halves: Halves,
-    /// Which of them each receiver of a group does not take, as bits.
+    /// Bits of the clusters that each receiver of a group leaves out.
     left_out: [u8; GROUP],
 }
 

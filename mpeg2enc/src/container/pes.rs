@@ -17,7 +17,7 @@ pub(super) struct Picture {
     pub is_entry: bool,
 }
 
-/// What the header of a PES packet says.
+/// Contents of the header of a PES packet.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Header {
     /// Times of the picture that begins with the packet.
@@ -72,7 +72,7 @@ impl Header {
     }
 }
 
-/// A time stamp of 33 bits in three parts, behind four bits that say which it is.
+/// A time stamp of 33 bits in three parts, after four bits that identify it.
 fn put_stamp(writer: &mut BitWriter, kind: u32, stamp: u64) {
     writer.put(kind, 4);
     put_parts(writer, stamp);

@@ -4,7 +4,7 @@ use super::clock::CLOCK;
 use crate::{Config, Rate, rate::starting_fullness};
 use std::collections::VecDeque;
 
-/// Bytes are sent this much earlier than the buffer asks for, in units of 1/27 000 000 s, so that headers of packs and
+/// Bytes are sent this much earlier than the buffer requires, in units of 1/27 000 000 s, so that headers of packs and
 /// packets, which take time as well, make nothing late.
 const SLACK: u64 = CLOCK / 100;
 /// No byte waits longer than this in the buffer (2.4.2.6), or than the buffer takes to fill.

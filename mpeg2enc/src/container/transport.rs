@@ -33,7 +33,7 @@ pub(super) struct Writer {
     clock_sent: Option<u64>,
 }
 
-/// What stands in front of the payload of a packet (2.4.3.4).
+/// Adaptation field, in front of the payload of a packet (2.4.3.4).
 #[derive(Clone, Copy, Default)]
 struct Adaptation {
     /// Can a decoder begin here?
@@ -111,7 +111,7 @@ impl Writer {
     }
 }
 
-/// A section in a packet of its own. The number behind its length is that of the stream, or of the program: both are 1.
+/// A section in a packet of its own. The number after its length is that of the stream, or of the program: both are 1.
 fn put_section(out: &mut Vec<u8>, pid: u32, counter: &mut u32, table_id: u32, body: &[u8]) {
     let mut writer = BitWriter::default();
     writer.put(table_id, 8);
@@ -128,7 +128,7 @@ fn put_section(out: &mut Vec<u8>, pid: u32, counter: &mut u32, table_id: u32, bo
     let mut payload = vec![0]; // pointer_field: the section begins at once
     payload.extend(section);
     payload.extend(check);
-    payload.resize(PACKET - 4, 0xff); // stuffing behind the section (2.4.4)
+    payload.resize(PACKET - 4, 0xff); // stuffing after the section (2.4.4)
     put_packet(out, PacketHeader { pid, begins: true, adaptation: Adaptation::default() }, counter, &payload);
 }
 

@@ -26,7 +26,7 @@ pub(crate) struct RowMut<'a> {
     pub cr: &'a mut [u8],
 }
 
-/// What the decision about a macroblock looks at.
+/// Input of the decision about a macroblock.
 pub(crate) struct InPlace<'a> {
     pub slice: &'a SliceParameters,
     pub state: &'a SliceState,
@@ -99,7 +99,7 @@ impl InPlace<'_> {
         }
         let mut samples = [0; 64];
         dct::inverse_onto(&restored, &predicted, &mut samples);
-        // Where steps are fine, what is left after rounding is not what coefficients foretell.
+        // Where steps are fine, what is left after rounding is not what coefficients predict.
         if self.quantiser.scale <= FINE
             && in_coefficients(kernel::squared_difference(&source, &samples)) + price >= energy
         {

@@ -1,5 +1,5 @@
-//! What a macroblock of a B picture becomes where all is to be quick: the prediction that differs least, and of its blocks what is
-//! worth its bits, each by itself. [`in_place`](super::in_place) does so in P pictures.
+//! The quick choice for a macroblock of a B picture: the prediction that differs least, and of its blocks what is worth its bits,
+//! each by itself. [`in_place`](super::in_place) does so in P pictures.
 //!
 //! Nothing is coded twice to compare. What is predicted poorly goes the long way, since it may have to be intra.
 
@@ -10,7 +10,7 @@ use crate::{block::Block, dct, header::PictureType, kernel, macroblock::Mode, qu
 /// intra.
 pub(super) const INTRA_BITS: i64 = 150;
 
-/// What a macroblock that has a vector and nothing else is worth in bits: less than it takes, since later pictures inherit what a
+/// The price in bits of a macroblock that has a vector and nothing else: less than it takes, since later pictures inherit what a
 /// skipped one lacks. With 8, plain walls take 5 % more bits.
 pub(super) const VECTOR_BITS: i64 = 2;
 
@@ -59,7 +59,7 @@ impl Decision<'_> {
                 let coded = &*block;
                 if coded.is_coded() && coded.error + self.lambda * i64::from(coded.bits) < energy {
                     dct::inverse_onto(&restored, predicted, &mut work.reconstruction[i]);
-                    // Where steps are fine, what is left after rounding is not what coefficients foretell.
+                    // Where steps are fine, what is left after rounding is not what coefficients predict.
                     let left = || kernel::squared_difference(source, &work.reconstruction[i]);
                     if quantiser.scale > FINE || in_coefficients(left()) + self.lambda * i64::from(coded.bits) < energy
                     {

@@ -197,7 +197,7 @@ impl Ahead {
         let &Turn { index, picture_type, factors, .. } = turn;
         let columns = macroblock_counts(coder.config.width, coder.config.height).0;
         // A factor that all macroblocks share would jump from one quantiser that exists to the next.
-        let spreads = coder.config.asks_for_a_mean() && factors.iter().all(|&factor| factor == factors[0]);
+        let spreads = coder.config.has_mean_quantiser() && factors.iter().all(|&factor| factor == factors[0]);
         let q_scale_type = coder.q_scale_type();
         let scale_x16 = |(i, factor): (usize, &u32)| {
             let weight = self.lookahead.get(index).weights.as_ref().map_or(256, |weights| weights[i]);

@@ -21,7 +21,7 @@ pub(super) fn absolute_difference_plain<const N: usize>(source: Place, reference
 
 /// Sums of absolute differences between N×N samples, at a whole position, and each of four predictions; N is 8 or 16.
 ///
-/// The samples are read once, and the processor is asked once what it has: half of the time of four calls of
+/// The samples are read once, and the instructions are chosen once: half of the time of four calls of
 /// [`absolute_difference`].
 #[inline]
 pub(crate) fn absolute_differences<const N: usize>(source: Place, references: [Place; 4]) -> [u32; 4] {

@@ -54,13 +54,13 @@ impl Kernel for Divide<'_> {
 const LEVEL_MAX: u32 = 2047;
 
 vectorised! {
-    /// What a decoder of MPEG-2 makes of the levels of a non-intra block (7.4.2.3, 7.4.3), but for mismatch control, with the
-    /// signs of the coefficients that they were made of:
+    /// Coefficients that a decoder of MPEG-2 makes of the levels of a non-intra block (7.4.2.3, 7.4.3), without mismatch control.
+    /// Their signs are those of the coefficients that were quantised:
     ///
     /// ```text
     /// F'' = ±(2·|QF| + 1) · W · quantiser_scale / 32, 0 where QF is      F' = F'' within −2048 … 2047
     /// ```
-    /// Levels are held at their limit. Given back are by how much the squared error changes, in last places of the coefficients,
+    /// Levels are held at their limit. The results are the change of the squared error, in last places of the coefficients,
     /// and the sum of F'. Squares of all coefficients together fit into 31 bits, as those of 64 differences of samples do.
     fn restore, restore_plain(coefficients: &[i32; 64], scaled_weights: &[i32; 64], levels: &mut [u32; 64], restored: &mut [i32; 64]) -> (i32, i32) {
         let (mut change, mut sum) = (0, 0);

@@ -9,7 +9,7 @@ use crate::{
     vector::{HalfSample, Range},
 };
 
-/// What a bit of a vector is worth here, as quantiser_scale of [`Search::new`]: that of middling quality.
+/// The price of a bit of a vector here, as quantiser_scale of [`Search::new`]: that of middling quality.
 const SEARCH_QUANTISER_SCALE: u32 = 8;
 /// Mean difference a sample above which a block is looked for farther away.
 const POOR_MATCH: u32 = 6;

@@ -1,4 +1,4 @@
-//! Which picture becomes I, P or B.
+//! The choice between I, P and B for each picture.
 
 use super::Lookahead;
 use crate::{Config, PictureType, rate_control::Upcoming};
@@ -64,7 +64,7 @@ impl Lookahead {
         spans
     }
 
-    /// What the pictures of `spans` cost by themselves, in the order of coding.
+    /// Costs of the pictures of `spans` by themselves, in the order of coding.
     pub fn upcoming(&mut self, last_anchor: Option<usize>, spans: &[Span]) -> Vec<Upcoming> {
         let mut out = Vec::new();
         let mut from = last_anchor;
@@ -98,7 +98,7 @@ impl Lookahead {
         found.iter().zip(intra.iter()).map(|(t, &intra)| u64::from(t.cost.min(intra))).sum()
     }
 
-    /// What the frames after `from` up to `anchor` cost, those between as B pictures.
+    /// Cost of the frames after `from` up to `anchor`, those between as B pictures.
     fn span_cost(&mut self, from: usize, anchor: usize, is_intra: bool) -> u64 {
         let span = Span { anchor, is_intra, b_pictures: anchor - from - 1 };
         let mut cost = self.anchor_cost(Some(from), &span);

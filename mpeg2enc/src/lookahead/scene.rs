@@ -9,19 +9,19 @@ use crate::{
 
 /// A frame of which the frame before predicts less than a quarter is a new scene.
 const SCENE_CUT_QUARTERS: u64 = 3;
-/// One macroblock of so many is looked at where the motion is given and all is to be quick. Without a factor in common with
+/// One macroblock in this number is measured where the motion is given and all is to be quick. Without a factor in common with
 /// widths in macroblocks such as 32 and 45 they lie in diagonals.
 const SAMPLED: usize = 7;
 
 impl Lookahead {
-    /// Does the frame before predict so little of this one that it begins a new scene?
+    /// Whether the frame before predicts so little of this one that it begins a new scene.
     pub fn is_scene_cut(&mut self, index: usize) -> bool {
         let (predicted, total) =
             if self.quick { self.sampled_costs(index) } else { None }.unwrap_or_else(|| self.all_costs(index));
         predicted * 4 > total * SCENE_CUT_QUARTERS && total > 0
     }
 
-    /// What all macroblocks cost, predicted or not, and what they cost without a prediction.
+    /// Costs of all macroblocks, predicted or not, and without a prediction.
     fn all_costs(&mut self, index: usize) -> (u64, u64) {
         let matches = self.matches(index, -1);
         let intra = self.intra_costs(index);

@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 /// How much the quantiser follows: factor = 1 / (1 + STRENGTH·(√(1 + inherited / intra) − 1)), in 256ths.
 /// Ours, tuned on the clips of README.md: still scenes would like more, moving ones less.
 const STRENGTH_256THS: u64 = 125;
-/// No finer than this part of the quantiser asked for.
+/// Finest factor of the requested quantiser.
 const FACTOR_MIN_256THS: u64 = 100;
 /// Added to the cost of every block, so that flat ones do not divide by zero and noise in them does not count.
 const FLOOR: u64 = 16;
@@ -31,7 +31,7 @@ impl Lookahead {
         let columns = self.columns();
         let mut inherited: BTreeMap<usize, Vec<u64>> = BTreeMap::new();
         let distance = |a: usize, b: usize| b as isize - a as isize;
-        // Against the order of coding: who depends passes on before it is asked.
+        // Against the order of coding: a picture passes its costs on after all that depend on it.
         for (i, span) in spans.iter().enumerate().rev() {
             let from = if i > 0 { Some(spans[i - 1].anchor) } else { last_anchor };
             let Some(from) = from else { continue };
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_inherited_from_is_finer() {
+    fn inherited_macroblocks_are_finer() {
         assert_eq!(factor(0, 100), 256);
         let factors: Vec<u32> = [10, 100, 1000, 10_000, 1_000_000].map(|inherited| factor(inherited, 100)).into();
         assert!(factors.is_sorted_by(|a, b| a >= b) && factors[0] < 256);

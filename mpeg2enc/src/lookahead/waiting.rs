@@ -29,21 +29,21 @@ pub(crate) struct Waiting {
     pub quarter: OnceLock<Plane<u8>>,
     /// Candidates of every macroblock that were given: to the frame before and to the frame after.
     pub known: [Option<Arc<[Candidates]>>; 2],
-    /// What every macroblock costs without a prediction.
+    /// Cost of every macroblock without a prediction.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub intra_costs: OnceLock<Arc<[u32]>>,
     /// Whether this is the I picture of a group.
     pub begins_group: bool,
     /// Factors of quantiser_scale in 256ths, where macroblocks do not count alike.
     pub weights: Option<Vec<u32>>,
-    /// Of every macroblock, by distance of the reference frame.
+    /// Matches of every macroblock, by distance of the reference frame.
     pub matches: BTreeMap<isize, Arc<[Match]>>,
-    /// Of every macroblock as part of a B picture, by the distances of both reference frames.
+    /// Matches of every macroblock as part of a B picture, by the distances of both reference frames.
     pub two_sided: BTreeMap<(isize, isize), Arc<[TwoSided]>>,
 }
 
 impl Waiting {
-    /// Whether this is a frame of so many columns and rows of macroblocks, looked at by an encoder with these settings.
+    /// Checks that this is a frame of these columns and rows of macroblocks, analyzed by an encoder with these settings.
     pub fn check(&self, config: &Config, counts: (usize, usize)) -> Result<(), RestoreError> {
         let count = counts.0 * counts.1;
         ensure(is_whole(&self.source, counts), "the size of a waiting frame")?;

@@ -1,4 +1,4 @@
-//! A wide search at a quarter of the resolution, for macroblocks whose motion nothing foretells.
+//! A wide search at a quarter of the resolution, for macroblocks whose motion nothing predicts.
 
 use crate::{kernel, predict::place_of, vector::HalfSample};
 use plane::Plane;

@@ -157,7 +157,7 @@ pub(crate) struct Spread {
 vectorised! {
     /// The spread of 16 rows of 16 vectors with their matches, which begin `stride` apart.
     fn spread, spread_plain(motion_px: &[[f32; 2]], matches: &[u32], stride: usize) -> Spread {
-        // A row is 32 components: the compiler makes vectors of loops over so many, and of none over nested shorter ones.
+        // A row is 32 components: the compiler vectorizes loops of that length, and no nested shorter ones.
         let (mut sum, mut least, mut most, mut farthest) = ([0; 32], [i32::MAX; 32], [i32::MIN; 32], [0; 32]);
         let mut last_match = [0; 16]; // NO_MATCH is the last index
         for y in (0..16).step_by(16 / SAMPLED_ROWS) {
@@ -185,7 +185,7 @@ vectorised! {
     }
 }
 
-/// What becomes of the horizontal and of the vertical components of sixteen vectors.
+/// The horizontal and the vertical components of sixteen vectors, each reduced by `f`.
 #[inline(always)]
 fn fold<T: Copy>(mut values: [T; 32], f: fn(T, T) -> T) -> [T; 2] {
     // By halves, which vector instructions can do.

@@ -16,7 +16,7 @@ const DIAMOND: [(i32, i32); 4] = [(-2, 0), (2, 0), (0, -2), (0, 2)];
 /// The longest of these steps.
 const FARTHEST_STEP: i32 = 2;
 /// A vector's differences are transformed if, as they are, they are less than this many eighths of the best one's. With 9
-/// it depends on where a search began which vectors are asked for, and with it where the search ends.
+/// the vectors that are compared depend on where a search began, and with them its result.
 const WORTH_A_TRANSFORM_EIGHTHS: u64 = 12;
 /// Both kinds of steps.
 const NEIGHBORS_AND_DIAMOND: [(i32, i32); 12] = {
@@ -28,7 +28,7 @@ const NEIGHBORS_AND_DIAMOND: [(i32, i32); 12] = {
 };
 /// The most rounds of [`Search::settle`]: after two, searches from different vectors still end apart now and then.
 const SETTLED: usize = 4;
-/// Of that limit: a given vector that leaves no more is taken as it is where all is to be quick, and one that leaves more than
+/// Shares of that limit: a given vector that leaves no more than the first is taken as it is where all is to be quick, and one that leaves more than
 /// the second may lie where light moves. Ours, tuned on the clips of README.md: with trust in all that is no poor match, plain
 /// walls take 12 % more bits.
 const TRUSTED_16THS: u32 = 2;
@@ -123,7 +123,7 @@ impl<'a, const N: usize> Search<'a, N> {
         false
     }
 
-    /// What the bits of a vector are worth.
+    /// The price of the bits of a vector.
     fn price_of(&self, vector: HalfSample) -> u32 {
         let bits = component_bits(vector.x - self.predicted.x) + component_bits(vector.y - self.predicted.y);
         (self.price * bits) >> 4

@@ -1,7 +1,7 @@
 //! Levels of a block that is predicted by rounding alone, and what a decoder makes of them, at once.
 //!
-//! What [`quantise`](Quantiser::quantise) and [`dequantise`](Quantiser::dequantise) do level by level is done to all of a block
-//! together here, whatever its levels are: they are the twins that tests hold this against.
+//! Quantisation and its inverse for all of a block together, whatever its levels are.
+//! [`quantise`](Quantiser::quantise) and [`dequantise`](Quantiser::dequantise) do it level by level: tests compare the two.
 
 use super::{Block, Kind, Quantiser, Rounding, Transformed, odd_sum, places};
 use crate::{Standard, kernel, vlc::block_bits};

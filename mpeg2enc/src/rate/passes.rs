@@ -55,7 +55,7 @@ pub struct Passes {
 }
 
 impl Passes {
-    /// A rate within this part of what was asked for is near enough.
+    /// A rate within this share of the requested one is near enough.
     pub const NEAR: f64 = 0.005;
     /// The most passes.
     const MOST: usize = 8;

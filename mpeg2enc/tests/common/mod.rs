@@ -323,14 +323,14 @@ pub fn agreement(a: &Picture, b: &Picture) -> f64 {
     of_plane(a.luma(), b.luma()).min(of_plane(a.cb(), b.cb())).min(of_plane(a.cr(), b.cr()))
 }
 
-/// Every picture as two decoders show it is as near to the reconstruction as asked for, dB.
+/// Every picture as two decoders show it is as near to the reconstruction as required, dB.
 pub fn check_decoders(stream: &[u8], packets: &[Packet], at_least: f64) {
     let (width, height) = (packets[0].reconstruction.width(), packets[0].reconstruction.height());
     check_agreement("ffmpeg", &decode_ffmpeg(stream, width, height, "auto"), packets, at_least);
     check_agreement("mpeg2dec", &decode_mpeg2dec(stream, width, height), packets, at_least);
 }
 
-/// Agreement of decoded pictures with the reconstructions, dB; it is nowhere less than asked for.
+/// Agreement of decoded pictures with the reconstructions, dB; it is nowhere less than required.
 pub fn check_agreement(decoder: &str, frames: &[Picture], packets: &[Packet], at_least: f64) -> Vec<f64> {
     assert_eq!(frames.len(), packets.len(), "{decoder} shows every picture");
     let agreements = frames.iter().zip(packets).map(|(frame, packet)| agreement(frame, &packet.reconstruction));

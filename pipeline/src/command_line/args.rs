@@ -58,7 +58,7 @@ pub enum Command {
     #[cfg(feature = "shell")]
     #[command(after_help = examples::COMPLETIONS)]
     Completions {
-        /// Which shell
+        /// The shell
         shell: clap_complete::Shell,
     },
     /// Print the manual page of the program, or of one of its commands, as roff for man.

@@ -5,7 +5,7 @@ use super::trace::Trace;
 use anyhow::Result;
 use std::path::PathBuf;
 
-/// Takes what the stages tell. Where nobody wants it, telling costs next to nothing.
+/// Writes the log of the stages. Where it is off, it costs next to nothing.
 pub struct Log {
     #[cfg(feature = "trace")]
     trace: Option<(PathBuf, Trace)>,

@@ -75,7 +75,7 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode>(
     // A failure is reported in this order.
     threads::run([
         stage("encode", move || {
-            // Without masking nobody takes the coding.
+            // Without masking the coding is not used.
             work(checkpoints, encoding, displayed_in.into_iter(), |coded| !masks || coded_out.send(coded).is_ok())
         }),
         stage("display", move || {
@@ -84,7 +84,7 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode>(
         stage("mask", move || {
             let Some(masking) = masking else { return Ok(()) };
             work(checkpoints, masking, coded_in.into_iter(), |thresholds| {
-                // The thresholds of the last frame are for nobody.
+                // The thresholds of the last frame are not used.
                 let _ = thresholds_out.send(thresholds.content);
                 true
             })

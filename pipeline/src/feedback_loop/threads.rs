@@ -37,7 +37,7 @@ pub(super) trait Stage: Sized {
     }
 }
 
-/// Steps through `frames` until there are none, or until `send` finds that nobody takes what comes out.
+/// Steps through `frames` until there are none, or until `send` finds that its receiver is gone.
 ///
 /// The stage leaves its state after each marked frame, and after the last frame of a run that was ended early.
 ///

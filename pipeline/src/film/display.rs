@@ -10,7 +10,7 @@ use plane::{Picture, Plane};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Luminance that the middle of a picture is brought to when nobody said how bright it should be: photography's grey card.
+/// Luminance that the middle of a picture is brought to when no exposure is set: photography's grey card.
 const MIDDLE_GREY: f64 = 0.18;
 
 /// The tone curve of a film, and the files of its uncompressed frames.
@@ -104,7 +104,7 @@ fn write_linear(path: &Path, radiance: &Plane<[f32; 3]>, layers: Layers) -> Resu
     written.map_err(Error::other)
 }
 
-/// Settings ask for none of these.
+/// The settings request none of these.
 #[cfg(not(feature = "exr"))]
 fn write_linear(path: &Path, _: &Plane<[f32; 3]>, _: Layers) -> Result<()> {
     Err(Error::content(path, ": this build writes no OpenEXR; build it with the feature exr"))

@@ -1,4 +1,4 @@
-//! The masking model of a film: which error of the next frame nobody would see.
+//! The masking model of a film: the error of the next frame that stays invisible.
 
 use crate::error::Result;
 use crate::parts::{Coding, Displayed, LuminanceThresholds, Mask};

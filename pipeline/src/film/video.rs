@@ -41,7 +41,7 @@ impl Video {
     /// The encoder that `settings` describe.
     ///
     /// # Errors
-    /// The standard does not have what the settings ask for; the message names what it has.
+    /// The standard does not have what the settings request; the message names what it has.
     pub fn new(settings: &Settings) -> Result<Self> {
         let config = settings.encoder_config()?;
         let multiplexer = Multiplexer::new(settings.container(), &config);

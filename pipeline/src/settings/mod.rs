@@ -111,7 +111,7 @@ impl Settings {
         self.bitrate.is_some() || self.bframes > 0
     }
 
-    /// The encoder that these settings ask for.
+    /// Configuration of the encoder for these settings.
     ///
     /// # Errors
     /// A size, rate, quantiser or group of pictures that the standard does not have; the message names what it has.

@@ -315,7 +315,7 @@ impl Packet {
 }
 
 impl Row {
-    /// Which rays enter a box before their limits, and how far it is to it; the same arithmetic as [`Tree::walk`]'s.
+    /// Rays that enter a box before their limits, and distances to it; the same arithmetic as [`Tree::walk`]'s.
     #[inline(always)]
     fn enters<L: Lanes>(&self, lanes: L, to_near: [L::F; 3], to_far: [L::F; 3]) -> (L::Mask, L::F) {
         let [near_x, near_y, near_z] = &self.inverse_near;

@@ -256,7 +256,7 @@ fn alone<L: Lanes, const CLOSEST: bool>(lanes: L, group: &Group, origin: Vec3A, 
 /// Rays sorted by octant. Where they go to pixels all have the same, and are handed on as they are.
 pub(super) struct Octants<'a> {
     all: &'a [PacketRay],
-    /// Which of them are left, as bits.
+    /// Bits of the rays that are left.
     left: u64,
     octants: [Octant; PACKET],
     /// The rays that were taken from a mixed lot last.

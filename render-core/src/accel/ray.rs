@@ -10,7 +10,7 @@ pub(super) const LEAST_COMPONENT: f32 = 1e-20;
 /// roundings each way).
 pub(super) const LENGTHENING: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// Which way a direction goes: what rays that walk together must have in common.
+/// Octant and main axis of a direction: rays that walk together must have them in common.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Octant {
     /// Bits 0…2: whether x, y, z go down. Bits 3…4: the axis that it goes along most.
@@ -36,7 +36,7 @@ impl Octant {
         self.code >> axis & 1 == 1
     }
 
-    /// Which of a [`super::tree::Node`]'s planes a ray meets first along each axis.
+    /// Planes of a [`super::tree::Node`] that a ray meets first along each axis.
     #[inline(always)]
     pub(super) fn near_planes(self) -> [usize; 3] {
         std::array::from_fn(|axis| axis + if self.goes_down(axis) { 3 } else { 0 })

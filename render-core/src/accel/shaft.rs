@@ -52,7 +52,7 @@ struct Listed {
     place: usize,
     /// See [`Group::leaf`].
     content: u32,
-    /// Which of the leaf's triangles.
+    /// Bits of the leaf's triangles.
     lanes: u32,
 }
 
@@ -303,7 +303,7 @@ impl Kernel for Finding<'_> {
     }
 }
 
-/// Which triangles of a leaf reach into the hull, and do not have all of the points on one side.
+/// Bits of the triangles of a leaf that reach into the hull and do not have all of the points on one side.
 #[inline(always)]
 fn reaching<L: Lanes>(lanes: L, group: &Group, content: u32, hull: &Hull, points: &[Vec<Vec3A>; 2]) -> u32 {
     let leaf = group.leaf(content);
@@ -407,7 +407,7 @@ impl Hull {
     /// ```text
     /// n · a = n · b        t = u · (a − b) / d · (b − a)
     /// ```
-    /// Which corners are farthest depends on t again: two steps of that are near enough, since any n will do.
+    /// The farthest corners depend on t again: two steps of that are near enough, since any n will do.
     fn around(points: &[Vec<Vec3A>; 2]) -> Self {
         let [from, to] = points.each_ref().map(|points| Bounds::of(points));
         let (low, high) = (from.low.min(to.low), from.high.max(to.high));

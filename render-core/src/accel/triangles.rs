@@ -22,7 +22,7 @@ pub(super) struct Owner {
 pub(super) struct Block {
     /// By corner, axis, triangle. Places without a triangle hold no numbers, which meet nothing.
     pub(super) corners: [[[f32; BLOCK]; 3]; 3],
-    /// Which triangles of the group these are.
+    /// Numbers of the triangles in the group.
     pub(super) triangles: [u32; BLOCK],
 }
 
@@ -122,7 +122,7 @@ impl<'a> Leaf<'a> {
         (if lane < BLOCK { self.low } else { self.high }, lane % BLOCK)
     }
 
-    /// Which triangle of the group this is.
+    /// Number of the triangle in the group.
     #[inline(always)]
     pub(super) fn triangle(&self, lane: usize) -> u32 {
         let (block, lane) = self.place(lane);

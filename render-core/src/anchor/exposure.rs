@@ -13,7 +13,7 @@ use std::f32::consts::PI;
 
 /// Rays from a place.
 const RAYS: u64 = 32;
-/// A place is exposed if at least one in so many of them gets out.
+/// A place is exposed if at least one ray in this number gets out.
 const ONE_IN: u64 = 8;
 
 /// How far light gets from a point, by cosine-distributed rays.

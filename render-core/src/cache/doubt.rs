@@ -17,19 +17,19 @@ const DOUBTED: f32 = 1.65;
 /// simulation of `nave` the same number of records leaves 3 % more error without. On the scene itself, 1.55 and 2.0 for this and
 /// the one before need 3 % more records than 1.75 and 2.1, and leave 3 % less error.
 const CONTRADICTED: f32 = 2.0;
-/// What remains of a doubted record's radius at least.
+/// Least share of its radius that a contradicted record keeps.
 pub(super) const LEAST_SHARE: f32 = 0.25;
 /// In the dark, differences count as if it were so bright: as a share of the mean tolerance.
 const IN_THE_DARK: f32 = 0.5;
 
-/// What differences matter where a record is: luminance of irradiance \[W·m⁻²\].
+/// Differences that matter at a record: luminance of irradiance \[W·m⁻²\].
 pub(super) struct Tolerances {
-    /// What is added for the dark.
+    /// Addend for the dark.
     floor: f32,
 }
 
 impl Tolerances {
-    /// Of a picture with the listed records.
+    /// Tolerances of a picture with the listed records.
     pub fn of<R>(tiles: &Tiles, records: &[Record<R>]) -> Self {
         let sum: f64 = tiles.listed.iter().map(|&index| f64::from(records[index as usize].estimate.tolerance)).sum();
         Self { floor: IN_THE_DARK * (sum / tiles.listed.len().max(1) as f64) as f32 }
@@ -54,12 +54,13 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     places: &[usize],
 ) -> Vec<(usize, usize)> {
     let tolerances = Tolerances::of(tiles, records);
-    let mut is_asked = vec![false; tiles.listed.len()];
-    places.iter().for_each(|&place| is_asked[place] = true);
-    let reached = |tile: &Tile| tile.candidates.iter().any(|&place| is_asked[place as usize]);
-    let asked: Vec<usize> = (0..tiles.all.len()).filter(|&index| reached(&tiles.all[index])).collect();
+    let mut is_chosen = vec![false; tiles.listed.len()];
+    places.iter().for_each(|&place| is_chosen[place] = true);
+    let reached = |tile: &Tile| tile.candidates.iter().any(|&place| is_chosen[place as usize]);
+    let chosen_tiles: Vec<usize> = (0..tiles.all.len()).filter(|&index| reached(&tiles.all[index])).collect();
     // Of those that count there, by their places.
-    let mut candidates: Vec<u32> = asked.iter().flat_map(|&index| &tiles.all[index].candidates).copied().collect();
+    let mut candidates: Vec<u32> =
+        chosen_tiles.iter().flat_map(|&index| &tiles.all[index].candidates).copied().collect();
     candidates.sort_unstable();
     candidates.dedup();
     let known = predictions(picture, tiles, records, candidates.par_iter().map(|&place| place as usize));
@@ -95,6 +96,6 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
         contradicted
     };
     let pixels: Vec<Vec<(usize, usize)>> =
-        asked.par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
+        chosen_tiles.par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
     pixels.concat()
 }

@@ -52,13 +52,13 @@ pub struct LocalIrradiance {
     pub harmonic_mean: f32,
     /// Distance to the nearest of them \[m\]; may be infinite.
     pub nearest: f32,
-    /// Luminance of irradiance that may be wrong here before anybody minds \[W·m⁻²\].
+    /// Tolerable error of the irradiance's luminance here \[W·m⁻²\].
     pub tolerance: f32,
 }
 
 /// Source of the light at a site; called from many threads at once.
 pub trait Illumination: Sync {
-    /// What is kept with a record so that it can be lit again for less than a new one.
+    /// Data kept with a record so that it can be lit again for less than a new one.
     type Recipe: Send + Sync;
     /// Memory that a thread reuses from one record to the next.
     type Scratch: Default;

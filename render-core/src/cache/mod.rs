@@ -68,7 +68,7 @@ pub struct IrradianceCache<R> {
     made: u32,
     /// Where the instances stood in the last frame.
     world: Vec<Affine3A>,
-    /// Of the last picture.
+    /// Openness in the last picture.
     openness: Openness,
 }
 

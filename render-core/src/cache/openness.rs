@@ -32,10 +32,10 @@ const NEAR: f32 = 8.0;
 /// Ratio of distances D at which what was found for one is not taken for the other.
 const OTHER_SCALE: f32 = 1.25;
 
-/// What is open all around.
+/// Openness of a place with nothing around.
 pub(super) const OPEN: f32 = 1.0;
-/// What glows outshines what it reflects, and may be lit by what is a hair's breadth from it: it shares no records with what
-/// does not glow.
+/// Openness of a glowing surface, which shares no records with others: it outshines what it reflects, and may be lit by what
+/// is a hair's breadth from it.
 const GLOWING: f32 = 2.0;
 
 /// How far from a pixel's place, along its surface and off it, what was felt in an earlier picture holds \[pixels\]. Openness
@@ -52,7 +52,7 @@ pub(super) struct Openness {
     view: Option<View>,
 }
 
-/// What rays felt.
+/// Openness of one place, as rays found it.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Felt {
@@ -81,8 +81,8 @@ impl Felt {
 }
 
 impl Openness {
-    /// Of the picture `seen`, whose sites are `site(x, y)`. What is known from `before` is taken from there, for pixels whose
-    /// place is less than a pixel from where it was felt, and where `illumination` finds the surroundings undisturbed.
+    /// The openness of the picture `seen`, whose sites are `site(x, y)`. Values of `before` hold for pixels whose place is less
+    /// than a pixel from where they were found, and where `illumination` finds the surroundings undisturbed.
     pub fn new<I: Illumination>(
         seen: &GBuffer,
         site: impl Fn(usize, usize) -> Option<Site> + Sync,
@@ -119,7 +119,7 @@ impl Openness {
         Self { pixels, view: Some(seen.view) }
     }
 
-    /// What was felt for the pixel that a point falls on.
+    /// Openness of the pixel that a point falls on.
     fn at(&self, point: Vec3A) -> Option<Felt> {
         let (place, _) = self.view.as_ref()?.project(point)?;
         let inside = place.x >= 0.0

@@ -15,12 +15,12 @@ pub(super) struct Picture<'a> {
     pub busy: &'a Busy,
     moving: &'a [bool],
     openness: &'a Openness,
-    /// Of each macroblock in raster order, the pixels in raster order: a whole frame's sites are looked through several times,
+    /// Macroblocks in raster order, and the pixels of each in raster order: a whole frame's sites are looked through several times,
     /// and the G-buffer holds three times as much of each.
     shown: Vec<Shown>,
 }
 
-/// What a pixel shows.
+/// The surface that a pixel shows.
 #[derive(Clone, Copy)]
 pub(super) struct Shown {
     position: [f32; 3],
@@ -92,14 +92,14 @@ impl<'a> Picture<'a> {
         rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
     }
 
-    /// What they show.
+    /// Surfaces that the pixels of a macroblock show, in raster order.
     pub fn shown(&self, tile: usize) -> &[Shown] {
         let (columns, rows) = self.tile_area(tile);
         &self.shown[tile * MACROBLOCK * MACROBLOCK..][..columns.len() * rows.len()]
     }
 
     /// Whether the pixel that a place falls on shows the same surface, no farther than `apart` from it \[m\]; outside of the
-    /// picture nobody knows better.
+    /// picture it counts as shown.
     pub fn shows(&self, site: &Site, apart: f32) -> bool {
         let Some((x, y)) = self.pixel_of(site) else { return true };
         self.site(x, y)

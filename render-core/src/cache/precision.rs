@@ -164,7 +164,7 @@ fn radii_are_those_of_f64() {
     assert_eq!(radius(&LocalIrradiance { harmonic_mean: 0.0, ..dark }), 0.0, "contact");
 }
 
-/// What a record predicts, in `f64`: the minimum at the head of `predict.rs`, by elimination instead of an inverse, with axes
+/// Prediction of a record, in `f64`: the minimum at the head of `predict.rs`, by elimination instead of an inverse, with axes
 /// of its own.
 struct Exact {
     position: DVec3,

@@ -1,4 +1,4 @@
-//! What records predict around them.
+//! Predictions of irradiance around records.
 //!
 //! A record's own derivatives hold who sees whom fixed. Where things are near, irradiance changes mostly because they hide
 //! more or less of the rest, and its neighbors know better: their light fits
@@ -24,7 +24,7 @@ use crate::{MACROBLOCK, luminance};
 use glam::{Mat3A, Vec3, Vec3A};
 use rayon::prelude::*;
 
-/// Neighbors count up to so many pixels away, but no nearer than the first number and no farther than the second times the
+/// Neighbors count up to this distance \[pixels\], but no nearer than the first number and no farther than the second times the
 /// record's radius. In a simulation of `nave` 2 instead of 1.25 leaves 4 % less error and needs 4 % more records; on `cornell` it
 /// leaves half as much again.
 const ON_SCREEN: f32 = 12.0;
@@ -81,8 +81,8 @@ impl Prediction {
     }
 }
 
-/// What the records listed at these `places` predict, and by how much their neighbors differ from that: root mean square of
-/// the luminance \[W·m⁻²\].
+/// Predictions of the records listed at these `places`, and differences of their neighbors from them: root mean square of the
+/// luminance \[W·m⁻²\].
 pub(super) fn predictions<R: Send + Sync>(
     picture: &Picture,
     tiles: &Tiles,

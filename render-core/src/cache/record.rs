@@ -17,7 +17,7 @@ pub(super) struct Record<R> {
     pub share: f32,
     /// `scale` of the last call of [`openness`](super::Illumination::openness) \[m\].
     pub scale: f32,
-    /// Which one it was ever made.
+    /// Number in the order in which records were made.
     pub number: u32,
     /// Whether it was carried along since it was last brought up to date.
     pub carried: bool,

@@ -11,7 +11,7 @@ use glam::Vec3A;
 const ON_SCREEN: (f32, f32) = (8.0, 40.0);
 /// The least radius of a record to which something is nearer than that \[pixels\]: light must not leak past thin walls.
 const BESIDE_WALLS: f32 = 4.0;
-/// What remains at least of a radius that is doubted \[pixels\].
+/// Least radius of a record that is contradicted \[pixels\].
 const DOUBTED: f32 = 2.2;
 
 /// Radius on the screen that a record at `site` is going to have at most \[pixels\], by what is around it: the part of the
@@ -29,8 +29,8 @@ pub(super) fn least_radius(site: &Site, view: &View) -> f32 {
 
 /// Radius of `record` in this picture \[m\].
 ///
-/// That the picture keeps it up holds for what is seen of its surroundings. Where something else is seen in its place, as when
-/// a thing has moved over it, it keeps its own.
+/// The picture raises it where it shows the surroundings of the record. Where something else is seen in its place, as when a
+/// thing has moved over it, it keeps its own.
 pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &Picture) -> f32 {
     let pixel = record.site.pixel_width(&picture.seen.view);
     let beside_wall = record.estimate.nearest < BESIDE_WALLS * pixel;

@@ -291,7 +291,7 @@ fn light_that_changes_is_followed_at_once() {
     for (now, before) in lit.irradiance.samples().iter().zip(first.irradiance.samples()) {
         assert!((now[0] - 10.0 * before[0]).abs() < 1e-3 * before[0], "{} after {}", now[0], before[0]);
     }
-    // While things move, every record is computed afresh within so many frames.
+    // While things move, every record is computed afresh within TURN frames.
     let changes = Changes { light: true, geometry: true };
     let computed: usize = (0..TURN).map(|_| light(&mut cache, &seen, changes, &brighter).computed).sum();
     assert_eq!(computed, cache.records.len());
@@ -375,7 +375,7 @@ fn threads_do_not_matter() {
     assert!(alone == film(2) && alone == film(5));
 }
 
-/// What stays out of sight is given up.
+/// Records that stay out of sight are dropped.
 #[test]
 fn unseen_records_are_forgotten() {
     let (seen, lamp) = (floor(|_| ()), Lamp::default());
@@ -430,7 +430,7 @@ fn neighbors_teach_slopes() {
     assert!(learnt * 9.0 < blind, "{learnt} and {blind}");
 }
 
-/// Where irradiance changes as nobody foresaw, records stand at least three times as close as where it is even.
+/// Where irradiance changes in ways not predicted, records stand at least three times as close as where it is even.
 #[test]
 fn records_crowd_where_they_are_contradicted() {
     // A soft step, a fifth of the floor wide.

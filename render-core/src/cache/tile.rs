@@ -1,4 +1,4 @@
-//! Which records a macroblock's pixels may take light from, laid out for a loop over them.
+//! Records that a macroblock's pixels may take light from, laid out for a loop over them.
 
 use super::Vec3A;
 use super::illumination::Site;
@@ -32,7 +32,7 @@ pub(super) struct Tile {
     pub candidates: Vec<u32>,
 }
 
-/// What the error measure of [`LANES`] records needs.
+/// Terms of the error measure for [`LANES`] records.
 struct Group {
     position: [[f32; LANES]; 3],
     normal: [[f32; LANES]; 3],
@@ -148,7 +148,7 @@ impl Tile {
         kept < before
     }
 
-    /// Which candidates have a weight above zero at any of these pixels.
+    /// Candidates with a weight above zero at any of these pixels.
     fn candidates_in_use(&self, lanes: Choice, shown: &[Shown]) -> Vec<u32> {
         let mut used = Vec::new();
         for (group, candidates) in self.groups.iter().zip(self.candidates.chunks(LANES)) {
@@ -325,7 +325,7 @@ impl Tiles {
         had
     }
 
-    /// Of the records listed from `place` on, keeps those that any pixel takes light from.
+    /// Keeps, among the records listed from `place` on, those that any pixel takes light from.
     pub fn keep_used<R: Sync + Send>(&mut self, picture: &Picture, records: &[Record<R>], place: usize) {
         let is_late = |&candidate: &u32| candidate as usize >= place;
         let in_tile = |index: usize| {
@@ -345,7 +345,7 @@ impl Tiles {
         self.list(picture, records, used);
     }
 
-    /// Those of the listed records, ascending, that any pixel takes light from.
+    /// Listed records, ascending, that any pixel takes light from.
     pub fn in_use(&self, picture: &Picture) -> Vec<usize> {
         let in_tile = |index: usize| self.all[index].candidates_in_use(self.lanes, picture.shown(index));
         let used: Vec<Vec<u32>> =

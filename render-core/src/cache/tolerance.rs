@@ -5,5 +5,5 @@ pub(super) const NORMAL_TOLERANCE: f32 = 0.2;
 /// Difference of openness at which a record is no use. In a simulation of `nave` 0.25 needs 2 % fewer records and leaves 2 % more
 /// error, 0.3 needs 4 % fewer and leaves 6 % more.
 pub(super) const OPENNESS_TOLERANCE: f32 = 0.22;
-/// Distances along the normal count so many times as much: a step is another surface.
+/// Factor of distances along the normal: a step is another surface.
 pub(super) const ACROSS: f32 = 5.0;

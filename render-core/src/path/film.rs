@@ -47,7 +47,7 @@ pub struct PathEstimate {
     pub variance_of_mean: Plane<[f32; 3]>,
 }
 
-/// Samples of a pixel come in so many groups. Within a group they are stratified, and say nothing of the variance; the groups are
+/// Groups of the samples of a pixel. Within a group, samples are stratified, and say nothing of the variance; groups are
 /// independent, and their spread does.
 const GROUPS: u32 = 16;
 /// Side of the tiles that threads take.

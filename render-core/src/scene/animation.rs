@@ -15,7 +15,7 @@ pub enum Interpolation {
     CubicSpline,
 }
 
-/// What is animated, with the values of all keys (three per key for splines).
+/// The animated property, with the values of all keys (three per key for splines).
 #[derive(Clone, Debug)]
 pub enum Track {
     /// Metres.
@@ -37,7 +37,7 @@ pub struct Channel {
     pub times: Vec<f32>,
     /// The keys' values.
     pub track: Track,
-    /// What lies between them.
+    /// Interpolation between the keys.
     pub interpolation: Interpolation,
 }
 

@@ -6,7 +6,7 @@ use glam::Vec3;
 /// and photons, and their squares over what falls off with distance, stay inside of the range of `f32`.
 pub(super) const STRONGEST: f32 = 1e18;
 
-/// What shape of light leaves a point, or a direction.
+/// Shape of the light that leaves a point, or comes from a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum PunctualKind {

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 /// Sets of texture coordinates that a mesh may have.
 pub const UV_SETS: usize = 4;
 
-/// Which texture, through which coordinates.
+/// A texture with the coordinates through which it is looked up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureSlot {
     /// Index into the scene's textures.
@@ -32,7 +32,7 @@ impl TextureSlot {
     }
 }
 
-/// What the opacity of a base color means.
+/// Meaning of the opacity of a base color.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alpha {
     /// Nothing.
@@ -69,7 +69,7 @@ pub struct Material {
     pub dielectric_f0: Vec3,
     /// Opacity, 0…1, times the opacity of the base color's texture and of the vertices.
     pub opacity: f32,
-    /// What the opacity means.
+    /// Meaning of the opacity.
     pub alpha: Alpha,
     /// Emitted radiance \[W·m⁻²·sr⁻¹\], times the texture's.
     pub emission: Vec3,

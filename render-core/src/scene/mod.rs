@@ -1,4 +1,4 @@
-//! What there is to see, and where it is at a time: nodes, meshes, materials, lights, cameras.
+//! A scene, and the places of its things at a time: nodes, meshes, materials, lights, cameras.
 
 mod animation;
 mod camera;
@@ -85,13 +85,13 @@ pub struct Scene {
     pub nodes: Vec<Node>,
     /// One per glTF primitive: a single material each.
     pub meshes: Vec<Mesh>,
-    /// What the meshes refer to; never empty when there is a mesh.
+    /// Materials of the meshes; never empty when there is a mesh.
     pub materials: Vec<Material>,
-    /// What the materials refer to.
+    /// Textures of the materials.
     pub textures: Vec<Texture>,
     /// Meshes in their places.
     pub instances: Vec<Instance>,
-    /// What bends meshes.
+    /// Skins, which bend meshes.
     pub skins: Vec<Skin>,
     /// Nodes whose mesh has morph targets.
     pub morphed_nodes: Vec<MorphedNode>,
@@ -103,9 +103,9 @@ pub struct Scene {
     pub channels: Vec<Channel>,
     /// Light from all around, if the scene has any.
     pub sky: Option<Environment>,
-    /// What the TOML file beside the scene says.
+    /// Settings from the TOML file beside the scene.
     pub settings: SceneSettings,
-    /// What was read but is not rendered, a line each, for the user.
+    /// Parts that were read but are not rendered, a line each, for the user.
     pub warnings: Vec<String>,
 }
 

@@ -16,10 +16,10 @@ pub struct SceneSettings {
     /// For directional lights.
     #[serde(default)]
     pub sun: Sun,
-    /// Which camera films.
+    /// The camera that films.
     #[serde(default)]
     pub camera: CameraChoice,
-    /// Which animation plays.
+    /// The animation that plays.
     #[serde(default)]
     pub animation: AnimationChoice,
     /// How long, how fast.
@@ -27,7 +27,7 @@ pub struct SceneSettings {
     pub video: Video,
 }
 
-/// What glTF does not say of directional lights.
+/// Properties of directional lights that glTF does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sun {
@@ -42,7 +42,7 @@ impl Default for Sun {
     }
 }
 
-/// Which camera films.
+/// The camera that films.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraChoice {
@@ -50,7 +50,7 @@ pub struct CameraChoice {
     pub name: Option<String>,
 }
 
-/// Which animation plays.
+/// The animation that plays.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnimationChoice {

@@ -14,7 +14,7 @@ pub enum Wrap {
     Clamp,
 }
 
-/// What the code values of an image stand for. Opacity is linear in both.
+/// Meaning of the code values of an image. Opacity is linear in both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
     /// Color along the sRGB curve.

@@ -11,7 +11,7 @@ use render_core::{PathOptions, PixelSampling, scene};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Which frame, and how exactly.
+/// The frame, and its precision.
 #[derive(Args)]
 pub struct Reference {
     /// A glTF 2.0 scene, .glb or .gltf
@@ -19,7 +19,7 @@ pub struct Reference {
     /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Which frame, counted from 0
+    /// Number of the frame, counted from 0
     #[arg(long, value_name = "K", default_value_t = 0)]
     frame: u32,
     /// How light is computed

@@ -1,4 +1,4 @@
-//! A picture in all the forms that measures ask for, whatever file it came from.
+//! A picture in all the forms that measures need, whatever file it came from.
 
 use crate::film::display::exposure_for;
 use perceptual::{ToneMap, WHITE_LUMA, YCbCr, luminance, luminance_plane, to_rgb8};

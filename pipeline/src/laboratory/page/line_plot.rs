@@ -26,7 +26,7 @@ pub struct Series {
     pub points_shown: bool,
     /// Values along both axes; what cannot be drawn is left out.
     pub points: Vec<(f64, f64)>,
-    /// Which points do not count: they are crosses.
+    /// Whether a point does not count, for each: those are crosses.
     pub crossed: Vec<bool>,
 }
 

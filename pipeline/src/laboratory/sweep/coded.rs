@@ -142,7 +142,7 @@ impl Copy {
 /// A stream, checked by another decoder.
 #[derive(Clone, Debug, Serialize)]
 pub struct DecoderCheck {
-    /// Which one.
+    /// Name of the decoder.
     pub decoder: &'static str,
     /// Pictures that were compared.
     pub frames: usize,

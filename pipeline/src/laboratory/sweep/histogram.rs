@@ -41,7 +41,7 @@ pub struct Ratios {
     pairs: Vec<(f64, f64)>,
     /// Share of its luminance that a pixel without a threshold may be wrong by.
     otherwise: f64,
-    /// One pixel in so many is taken.
+    /// One pixel in this number is taken.
     stride: usize,
     pixels: usize,
 }

@@ -9,7 +9,7 @@ use crate::settings::{Lighting, Stopping, Switch, Thresholds};
 pub enum Way {
     /// As films are rendered, with these differences from the defaults.
     Film(fn(&mut Options)),
-    /// By so many paths for each pixel.
+    /// Path tracing, with this number of paths for each pixel.
     Paths(u32),
 }
 
@@ -26,7 +26,7 @@ pub struct Method {
     pub cache: bool,
     /// Whether the quantiser changes how frames are rendered.
     pub steered: bool,
-    /// Which of the plots' colours is its own; a method with and without cache has the same.
+    /// Number of its color in plots; a method with and without cache has the same.
     pub color: usize,
 }
 

@@ -45,7 +45,7 @@ pub struct Sweep {
     pub common: Options,
     /// The standard's quantiser_scale, one or more.
     pub qscales: Vec<u32>,
-    /// Which methods; baselines are added.
+    /// Methods to compare; baselines are added.
     pub methods: Vec<&'static Method>,
 }
 
@@ -240,7 +240,7 @@ fn missing(what: &str) -> Error {
     Error::Fault(what.into())
 }
 
-/// The exposure that a film was shown with; one that nobody chose, it found for itself in its first frame.
+/// The exposure that a film was shown with: as set, else as found in its first frame.
 fn exposure_of(film: &Film) -> Result<f32> {
     if !film.settings.auto_exposure {
         return Ok(film.settings.tone_map.exposure);

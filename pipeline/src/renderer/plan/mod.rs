@@ -19,7 +19,7 @@ use serde::Serialize;
 /// A line of the plan.
 #[derive(Clone, Debug, Serialize)]
 pub struct Step {
-    /// Which stage.
+    /// The stage.
     pub stage: Stage,
     /// How often it runs.
     pub state: State,

@@ -31,7 +31,7 @@ const TIGHTER: f32 = 0.5;
 /// what has come up over the horizon then would give 1 % of an even light.
 const MOST_MOVED: f32 = 0.1;
 const LEAST_TURNED_COSINE: f32 = 0.99;
-/// One record in so many is checked where cuts end by what errors turn out to be; a check takes some times as long as a record.
+/// One record in this number is audited with calibrated stopping; an audit takes some times as long as a record.
 const AUDITED: u64 = 32;
 /// Points across a record's footprint where thresholds are looked up.
 const FOOTPRINT_POINTS: i32 = 5;
@@ -50,7 +50,7 @@ pub(super) struct Cache {
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct Recipe {
     clusters: Box<[Cluster]>,
-    /// Which of the clusters are seen: a bit for each, a word for each [`PACKET`] of them.
+    /// Visibility of the clusters: a bit for each, a word for each [`PACKET`] of them.
     visible: Box<[u64]>,
     surroundings: Gathered,
     /// Whether something that moves stood near at the final gather.

@@ -201,7 +201,7 @@ impl<'a> LightTransport<'a> {
     }
 }
 
-/// Whether a pixel is audited in a frame: so many of each macroblock's, in 256 frames all of them equally often.
+/// Whether a pixel is audited in a frame: as many in each macroblock, and in 256 frames all of them equally often.
 fn is_audited((x, y): (usize, usize), width: usize, frame: u32, of_a_macroblock: usize) -> bool {
     let block = (y / 16) * width.div_ceil(16) + x / 16;
     // Odd multipliers run through all 256 places.
@@ -240,12 +240,12 @@ pub(super) struct Figures {
     largest: AtomicU32,
     rays: AtomicU64,
     pub audits: Audits,
-    /// Largest cut of each pixel, if anybody wants to know.
+    /// Largest cut of each pixel, where that is written.
     by_pixel: Vec<AtomicU32>,
 }
 
 impl Figures {
-    /// Counts that also remember the largest cut of each of so many pixels.
+    /// Counts that also keep the largest cut of each pixel.
     pub fn by_pixel(pixels: usize) -> Self {
         Self { by_pixel: (0..pixels).map(|_| AtomicU32::new(0)).collect(), ..Self::default() }
     }

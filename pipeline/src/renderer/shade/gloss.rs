@@ -82,7 +82,7 @@ pub(super) fn light(prepared: &Frame, seen: &GBuffer, busy: &Busy) -> (Plane<Vec
         };
         let light = places(columns, rows).map(pixel).collect();
         rays.fetch_add(reflections.rays.get(), Ordering::Relaxed);
-        let mut sparks = sparks.lock().expect("nobody fails while holding it");
+        let mut sparks = sparks.lock().expect("no panic while it is locked");
         found.into_iter().for_each(|(x, y, spark)| sparks.set(x, y, spark));
         light
     });
@@ -243,7 +243,7 @@ impl Reflections<'_> {
         (sources + per_weight * (sum - spark), per_weight * spark)
     }
 
-    /// Radiance that the coat reflects of points and suns, and if it is rough of the areas that pixels ask.
+    /// Radiance that the coat reflects of points and suns, and if it is rough of the areas that are sampled.
     fn sources(&self, coated: &Coated) -> Vec3 {
         let Frame { accelerator, direct, .. } = self.prepared;
         let brdf = |direction, half_angle| {

@@ -127,7 +127,7 @@ fn a_mirror_shows_a_lamp_at_its_reflected_place() {
     assert!(inside > 10 && outside > 30, "{inside} pixels show the lamp, {outside} do not");
 }
 
-/// A lamp above metal against the integral over its surface: by the points that pixels ask where the metal is rough, by few rays
+/// A lamp above metal against the integral over its surface: by the samples of its area where the metal is rough, by few rays
 /// where it is not, and these are held to the light that they bring in all.
 #[test]
 fn metal_shows_a_lamp_as_its_lobe_says() {
