@@ -138,7 +138,7 @@ vectorised! {
 
 /// A prediction and what coefficients add to it, saturated (7.6.8).
 ///
-/// The inverse, added to a prediction. Values far enough from the middle between two whole numbers are rounded from 24 bits, to
+/// Values far enough from the middle between two whole numbers are rounded from 24 bits, to
 /// what [`inverse`] gives; the rest, about one block of thirty, goes through that.
 #[inline]
 pub(crate) fn inverse_onto(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {

@@ -28,9 +28,9 @@ const NEIGHBORS_AND_DIAMOND: [(i32, i32); 12] = {
 };
 /// The most rounds of [`Search::settle`]: after two, searches from different vectors still end apart now and then.
 const SETTLED: usize = 4;
-/// Shares of that limit: a given vector that leaves no more than the first is taken as it is where all is to be quick, and one that leaves more than
-/// the second may lie where light moves. Ours, tuned on the clips of README.md: with trust in all that is no poor match, plain
-/// walls take 12 % more bits.
+/// Shares of the error of a poor match. A given vector with at most the first is taken as it is where all is to be quick; one
+/// with more than the second may lie where light moves. Ours, tuned on the clips of README.md: with trust in all that is
+/// no poor match, plain walls take 12 % more bits.
 const TRUSTED_16THS: u32 = 2;
 const LIGHT_16THS: u32 = 4;
 

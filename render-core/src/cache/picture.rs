@@ -15,7 +15,7 @@ pub(super) struct Picture<'a> {
     pub busy: &'a Busy,
     moving: &'a [bool],
     openness: &'a Openness,
-    /// Macroblocks in raster order, and the pixels of each in raster order: a whole frame's sites are looked through several times,
+    /// Surfaces of all pixels, by macroblock, in raster order: a whole frame's sites are looked through several times,
     /// and the G-buffer holds three times as much of each.
     shown: Vec<Shown>,
 }
