@@ -111,7 +111,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             .collect();
         self.made = made.wrapping_add(new.len() as u32);
         self.records.extend(new);
-        picture.busy.measure(|| clamp_to_neighbors(&mut self.records, before));
+        clamp_to_neighbors(&mut self.records, before, picture.busy);
         before..self.records.len()
     }
 }

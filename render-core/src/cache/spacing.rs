@@ -4,8 +4,10 @@ use super::illumination::Site;
 use super::picture::Picture;
 use super::radius::{BY_HARMONIC_MEAN, BY_NEAREST};
 use super::record::Record;
+use crate::Busy;
 use crate::scene::View;
 use glam::Vec3A;
+use rayon::prelude::*;
 
 /// Radius on the screen at least and at most \[pixels\] \[Tabellion04\].
 const ON_SCREEN: (f32, f32) = (8.0, 40.0);
@@ -41,18 +43,84 @@ pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &Picture) -> f32 {
 }
 
 /// Neighbor clamping \[Krivanek08, section 4.3.2\]: what is near to one record is not much farther from the next, even if its
-/// rays have missed it. Applied to the records from `first` on, against all.
-pub(super) fn clamp_to_neighbors<R>(records: &mut [Record<R>], first: usize) {
-    let places: Vec<(Vec3A, f32)> = records.iter().map(|r| (r.site.position, r.radius)).collect();
-    for (index, record) in records.iter_mut().enumerate().skip(first) {
-        let mut allowed = f32::INFINITY;
-        for (other, &(position, other_radius)) in places.iter().enumerate() {
-            // |x − y| + R_y ≥ R_x needs no root when R_y alone is enough.
-            if other_radius < allowed.min(record.radius) && other != index {
-                allowed = allowed.min(other_radius + position.distance(record.site.position));
+/// rays have missed it. Applied to the records from `first` on, against all:
+///
+/// ```text
+/// R_x ← min(R_x, min_y (|x − y| + R_y))
+/// ```
+pub(super) fn clamp_to_neighbors<R: Send + Sync>(records: &mut [Record<R>], first: usize, busy: &Busy) {
+    let spheres = busy.measure(|| Spheres::of(records));
+    records[first..].par_chunks_mut(CHUNK).for_each(|records| {
+        busy.measure(|| {
+            for record in records {
+                record.radius_by_neighbors = spheres.reach(record.site.position, record.radius);
+                record.radius = record.radius.min(record.radius_by_neighbors);
+            }
+        });
+    });
+}
+
+/// Records that a thread takes at a time.
+const CHUNK: usize = 64;
+/// Spheres that are compared at a time.
+const TOGETHER: usize = 8;
+
+/// Places and radii of records, the smallest radius first.
+struct Spheres {
+    radii: Vec<f32>,
+    /// x, y and z of the centers \[m\].
+    centers: [Vec<f32>; 3],
+}
+
+impl Spheres {
+    fn of<R>(records: &[Record<R>]) -> Self {
+        let mut sorted: Vec<(f32, Vec3A)> = records.iter().map(|r| (r.radius, r.site.position)).collect();
+        sorted.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
+        let axis = |k: usize| sorted.iter().map(|(_, center)| center[k]).collect();
+        Self { radii: sorted.iter().map(|&(radius, _)| radius).collect(), centers: [axis(0), axis(1), axis(2)] }
+    }
+
+    /// Least |x − y| + R_y over the spheres whose R_y is below `radius`; infinite without any.
+    fn reach(&self, place: Vec3A, radius: f32) -> f32 {
+        let smaller = self.radii.partition_point(|&other| other < radius);
+        let reach = |r: f32, x: f32, y: f32, z: f32| {
+            let (dx, dy, dz) = (x - place.x, y - place.y, z - place.z);
+            r + (dx * dx + dy * dy + dz * dz).sqrt()
+        };
+        let (radii, radii_left) = self.radii[..smaller].as_chunks::<TOGETHER>();
+        let [(x, x_left), (y, y_left), (z, z_left)] =
+            self.centers.each_ref().map(|axis| axis[..smaller].as_chunks::<TOGETHER>());
+        let mut least = [f32::INFINITY; TOGETHER];
+        for (((r, x), y), z) in radii.iter().zip(x).zip(y).zip(z) {
+            for k in 0..TOGETHER {
+                let reach = reach(r[k], x[k], y[k], z[k]);
+                least[k] = if reach < least[k] { reach } else { least[k] };
             }
         }
-        record.radius_by_neighbors = allowed;
-        record.radius = record.radius.min(allowed);
+        let left = (0..radii_left.len()).map(|k| reach(radii_left[k], x_left[k], y_left[k], z_left[k]));
+        least.into_iter().chain(left).fold(f32::INFINITY, f32::min)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{sobol_point, uniform_sphere};
+
+    /// Spheres sorted and compared together give the minimum over each and every one.
+    #[test]
+    fn spheres_reach_as_far_as_one_by_one() {
+        let place = |k: u64| Vec3A::from(uniform_sphere(sobol_point(k))) * (1.0 + (k % 7) as f32);
+        let all: Vec<(f32, Vec3A)> = (0..203).map(|k| (0.01 * ((k * 37) % 101) as f32, place(k))).collect();
+        let mut sorted = all.clone();
+        sorted.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let centers = [0, 1, 2].map(|axis| sorted.iter().map(|(_, center)| center[axis]).collect());
+        let spheres = Spheres { radii: sorted.iter().map(|&(radius, _)| radius).collect(), centers };
+        for &(radius, center) in &all {
+            let smaller = all.iter().filter(|&&(other, _)| other < radius);
+            let expected = smaller.map(|&(r, y)| r + y.distance(center)).fold(f32::INFINITY, f32::min);
+            let reach = spheres.reach(center, radius);
+            assert!(reach == expected || (reach - expected).abs() <= 1e-6 * expected, "{reach} is not {expected}");
+        }
     }
 }
