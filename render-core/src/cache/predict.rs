@@ -89,11 +89,12 @@ pub(super) fn predictions<R: Send + Sync>(
     records: &[Record<R>],
     places: impl IntoParallelIterator<Iter: IndexedParallelIterator<Item = usize>, Item = usize>,
 ) -> Vec<(Prediction, f32)> {
-    let of = |met: &mut Vec<u32>, place: usize| {
+    let of = |(met, near): &mut (Vec<u32>, Vec<u32>), place: usize| {
         let record = &records[tiles.listed[place] as usize];
         let mut fit = Fit::new(record, radius_in_view(record, picture), &picture.seen.view);
         for tile in tiles_around(picture, tiles, &record.site) {
-            for &candidate in &tile.candidates {
+            tile.candidates_near(tiles.lanes, record.site.position, fit.reach(), near);
+            for &candidate in near.iter() {
                 // Each once, though most are listed by more than one tile.
                 if std::mem::replace(&mut met[candidate as usize], place as u32) != place as u32 {
                     fit.add(&records[tiles.listed[candidate as usize] as usize]);
@@ -105,7 +106,10 @@ pub(super) fn predictions<R: Send + Sync>(
     places
         .into_par_iter()
         .with_min_len(CHUNK)
-        .map_init(|| vec![u32::MAX; tiles.listed.len()], |met, place| picture.busy.measure(|| of(met, place)))
+        .map_init(
+            || (vec![u32::MAX; tiles.listed.len()], Vec::new()),
+            |scratch, place| picture.busy.measure(|| of(scratch, place)),
+        )
         .collect()
 }
 
@@ -167,13 +171,18 @@ impl<'a, R> Fit<'a, R> {
         }
     }
 
+    /// Distance up to which neighbors count \[m\].
+    fn reach(&self) -> f32 {
+        self.radius * self.widened
+    }
+
     pub fn add(&mut self, neighbor: &Record<R>) {
         let (site, other) = (&self.record.site, &neighbor.site);
         if std::ptr::eq(self.record, neighbor) || site.carrier != other.carrier {
             return;
         }
         let way = other.position - site.position;
-        let reach = self.radius * self.widened;
+        let reach = self.reach();
         let near2 = way.length_squared() / (reach * reach);
         if near2 >= 1.0 {
             return;

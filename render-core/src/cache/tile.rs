@@ -128,6 +128,14 @@ impl Tile {
         lanes.run(SumUpTo { groups: &self.groups, shown, enough })
     }
 
+    /// Puts into `near` the candidates that are less than `reach` meters away from `position`, and may be some a little farther.
+    #[inline]
+    pub fn candidates_near(&self, lanes: Choice, position: Vec3A, reach: f32, near: &mut Vec<u32>) {
+        near.clear();
+        let Self { groups, candidates, .. } = self;
+        lanes.run(Near { groups, candidates, position, reach2: reach * reach * ROUNDING, near });
+    }
+
     fn add(&mut self, place: usize, site: &Site, radius: f32) {
         let lane = self.candidates.len() % LANES;
         if lane == 0 {
@@ -217,6 +225,39 @@ impl Kernel for SumUpTo<'_> {
             }
         }
         false
+    }
+}
+
+/// Squares of distances are compared with this margin, for those who compute them in another way.
+const ROUNDING: f32 = 1.0001;
+
+/// See [`Tile::candidates_near`].
+struct Near<'a> {
+    groups: &'a [Group],
+    candidates: &'a [u32],
+    position: Vec3A,
+    reach2: f32,
+    near: &'a mut Vec<u32>,
+}
+
+impl Kernel for Near<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let position = self.position.to_array();
+        for (group, candidates) in self.groups.iter().zip(self.candidates.chunks(LANES)) {
+            // Groups are filled up with records that are nowhere.
+            let mut bits = 0;
+            for k in 0..LANES {
+                let d2: f32 = (0..3).map(|axis| (group.position[axis][k] - position[axis]).powi(2)).sum();
+                bits |= u32::from(d2 < self.reach2) << k;
+            }
+            while bits != 0 {
+                self.near.push(candidates[bits.trailing_zeros() as usize % LANES]);
+                bits &= bits - 1;
+            }
+        }
     }
 }
 
