@@ -76,6 +76,14 @@ pub struct Gathered {
     emitted_by_position: Mat3A,
 }
 
+impl Gathered {
+    /// Keeps the distances alone, and frees the memory of all else: [`FinalGather::compensation`] is without light then.
+    pub fn forget_light(&mut self) {
+        self.sources = Vec::new();
+        (self.emitted, self.emitted_by_position) = (Vec3::ZERO, Mat3A::ZERO);
+    }
+}
+
 /// Light that bounding the geometry term takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -227,6 +235,8 @@ impl FinalGather {
             self.take(&seen, &mut found);
         }
         found.harmonic_mean = above as f32 / inverse_distances;
+        // It is kept for long.
+        found.sources.shrink_to_fit();
         found
     }
 

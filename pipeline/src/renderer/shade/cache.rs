@@ -5,6 +5,7 @@ mod around;
 use super::cuts::{LightTransport, MadeCut};
 use crate::error::{Error, Result};
 use crate::figures::FrameFigures;
+use crate::plan::{Plan, Stage};
 use crate::renderer::frame::Frame;
 use crate::state::NONSENSE;
 use around::{Around, Place, places, standing, swept};
@@ -36,10 +37,11 @@ const AUDITED: u64 = 32;
 /// Points across a record's footprint where thresholds are looked up.
 const FOOTPRINT_POINTS: i32 = 5;
 
-/// The cache, and what it has to compare a frame with.
-#[derive(Default)]
+/// The cache, and the parts of the last frame that the next is compared with.
 pub(super) struct Cache {
     records: IrradianceCache<Recipe>,
+    /// Whether lights and things stay as they are for the whole film: no record is ever lit again.
+    at_rest: bool,
     /// Intensities of the lights in the frame before.
     intensities: Vec<Vec3>,
     /// Where the instances were in the frame before; none before the first.
@@ -49,6 +51,9 @@ pub(super) struct Cache {
 /// Cut and final gather of a record.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct Recipe {
+    /// Number of clusters of the cut.
+    size: u32,
+    /// The clusters; none where lights and things are at rest, as they would fill most of the memory of a film.
     clusters: Box<[Cluster]>,
     /// Visibility of the clusters: a bit for each, a word for each [`PACKET`] of them.
     visible: Box<[u64]>,
@@ -63,6 +68,13 @@ pub(super) struct Recipe {
 }
 
 impl Cache {
+    /// A cache without records for a film of this plan.
+    pub fn new(plan: &Plan) -> Self {
+        let changing = [Stage::ObjectPlacing, Stage::Deformation, Stage::Photons, Stage::TreeUpdate];
+        let at_rest = !changing.into_iter().any(|stage| plan.is_on(stage));
+        Self { records: IrradianceCache::default(), at_rest, intensities: Vec::new(), places: Vec::new() }
+    }
+
     /// Indirectly reflected radiance of every pixel; adds the work to `busy`.
     pub fn light(&mut self, transport: &LightTransport, busy: &Busy, figures: &mut FrameFigures) -> Plane<Vec3> {
         let prepared = transport.prepared;
@@ -73,8 +85,13 @@ impl Cache {
         let lights = prepared.tree.lights().iter().map(|light| light.intensity);
         let changes =
             Changes { light: lights.clone().ne(self.intensities.iter().copied()), geometry: self.places != places };
-        let illumination =
-            Cuts { transport, swept: swept(&self.places, &places), standing: standing(&places), moving: &moving };
+        let illumination = Cuts {
+            transport,
+            swept: swept(&self.places, &places),
+            standing: standing(&places),
+            moving: &moving,
+            at_rest: self.at_rest,
+        };
         let lit = busy.take(self.records.light(seen, &moving, changes, &illumination));
         self.intensities = lights.collect();
         self.places = places;
@@ -86,7 +103,13 @@ impl Cache {
     /// The same for another picture of the last frame that [`Cache::light`] lit.
     pub fn light_more(&mut self, transport: &LightTransport, busy: &Busy, figures: &mut FrameFigures) -> Plane<Vec3> {
         let moving = transport.prepared.surfaces.scene().moving_instances();
-        let illumination = Cuts { transport, swept: Vec::new(), standing: standing(&self.places), moving: &moving };
+        let illumination = Cuts {
+            transport,
+            swept: Vec::new(),
+            standing: standing(&self.places),
+            moving: &moving,
+            at_rest: self.at_rest,
+        };
         let lit = busy.take(self.records.light_more(transport.seen, &moving, &illumination));
         figures.cache_records = figures.cache_records.max(lit.in_use as u64);
         figures.cache_new += lit.computed as u64;
@@ -102,7 +125,7 @@ impl Cache {
     ///
     /// # Errors
     /// Records are of lights, surfels or instances that are not there.
-    pub fn resumed(records: IrradianceCache<Recipe>, done: &Frame) -> Result<Self> {
+    pub fn resumed(records: IrradianceCache<Recipe>, plan: &Plan, done: &Frame) -> Result<Self> {
         let scene = done.surfaces.scene();
         let intensities: Vec<Vec3> = done.tree.lights().iter().map(|light| light.intensity).collect();
         let is_of_frame = |(site, recipe): (&Site, &Recipe)| {
@@ -115,12 +138,12 @@ impl Cache {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }
         let places = places(scene, &scene.moving_instances(), &done.seen, &[]);
-        Ok(Self { records, intensities, places })
+        Ok(Self { records, intensities, places, ..Self::new(plan) })
     }
 
     /// Where the records in use are, and of how many clusters.
     pub fn records(&self) -> impl Iterator<Item = (Vec3A, usize)> {
-        self.records.records_in_use().map(|(position, recipe)| (position, recipe.clusters.len()))
+        self.records.records_in_use().map(|(position, recipe)| (position, recipe.size as usize))
     }
 }
 
@@ -140,6 +163,8 @@ struct Cuts<'a> {
     standing: Vec<Around>,
     /// By instance, whether it ever moves.
     moving: &'a [bool],
+    /// [`Cache::at_rest`].
+    at_rest: bool,
 }
 
 impl Illumination for Cuts<'_> {
@@ -171,6 +196,7 @@ impl Illumination for Cuts<'_> {
         transport.figures.count(cut.size, cut.shadow_rays);
         let threshold = stop.threshold_at(luminance(cut.radiance));
         let mut recipe = Recipe {
+            size: clusters.len() as u32,
             clusters,
             visible: visible.into(),
             surroundings,
@@ -190,13 +216,18 @@ impl Illumination for Cuts<'_> {
             let made = MadeCut { class, stop, radiance: self.cut_irradiance(&receiver, &recipe) };
             transport.audit(made, &white, visible, finer);
         }
-        (self.estimate(&receiver, &recipe), recipe)
+        let estimate = self.estimate(&receiver, &recipe);
+        if self.at_rest {
+            recipe.forget_light();
+        }
+        (estimate, recipe)
     }
 
     fn relight(&self, site: &Site, recipe: &mut Recipe, known: LastUpdate) -> Option<LocalIrradiance> {
         let Recipe { position, normal, threshold, .. } = *recipe;
         let moved = site.position.distance(position) / recipe.surroundings.harmonic_mean;
-        if moved > MOST_MOVED || site.normal.dot(normal) < LEAST_TURNED_COSINE {
+        let forgotten = recipe.clusters.len() != recipe.size as usize;
+        if forgotten || moved > MOST_MOVED || site.normal.dot(normal) < LEAST_TURNED_COSINE {
             return None;
         }
         if matches!(self.stop(site, &recipe.surroundings), Stop::Absolute(now) if now < TIGHTER * threshold) {
@@ -244,6 +275,12 @@ impl Illumination for Cuts<'_> {
 }
 
 impl Recipe {
+    /// Keeps what a record at rest still needs: the distances of its surroundings.
+    fn forget_light(&mut self) {
+        (self.clusters, self.visible) = Default::default();
+        self.surroundings.forget_light();
+    }
+
     /// The clusters, [`PACKET`] at a time, with the bits of those that are seen.
     fn packets(&mut self) -> impl Iterator<Item = (&[Cluster], &mut u64)> {
         self.clusters.chunks(PACKET).zip(&mut self.visible)

@@ -46,7 +46,7 @@ impl<'a> Shading<'a> {
     /// For a film from its beginning.
     #[must_use]
     pub fn new(settings: &'a Settings, plan: &'a Plan) -> Self {
-        let cache = plan.is_on(Stage::Cache).then(Cache::default);
+        let cache = plan.is_on(Stage::Cache).then(|| Cache::new(plan));
         let calibrated = settings.stopping == Stopping::Calibrated;
         let calibration = calibrated.then(|| Calibration::keeping(settings.within));
         Self { settings, plan, cache, still: None, calibration }

@@ -35,7 +35,8 @@ pub(super) fn of(shading: &Shading) -> Vec<u8> {
 /// Brings cache, still light and calibration to where they were after the frame `last`.
 pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame) -> Result<()> {
     let Read { records, still, calibration } = decode(state)?;
-    shading.cache = records.map(|records| Cache::resumed(records, &last.frame)).transpose()?;
+    let plan = shading.plan;
+    shading.cache = records.map(|records| Cache::resumed(records, plan, &last.frame)).transpose()?;
     shading.still = still.map(|(samples, cache_records)| Still::new(&last.frame, samples, cache_records));
     shading.calibration = calibration;
     Ok(())
