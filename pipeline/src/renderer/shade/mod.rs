@@ -88,8 +88,9 @@ impl Shading<'_> {
         let mut figures = figures.clone();
         let pixels = settings.size.width * settings.size.height;
         let counts = if settings.aov.is_empty() { Figures::default() } else { Figures::by_pixel(pixels) };
-        // Light from a cache takes thresholds into account only where something is new.
-        let may_stay = plan.state(Stage::PrimaryRays) == State::Once && plan.is_on(Stage::Cache);
+        // Direct light has no thresholds, and light from a cache takes them into account only where something is new.
+        let is_steady = plan.is_on(Stage::Cache) || plan.is_off(Stage::Indirect);
+        let may_stay = plan.state(Stage::PrimaryRays) == State::Once && is_steady;
         let known = self.still.take().filter(|still| still.is_of(frame));
         let lit = known.unwrap_or_else(|| self.light(frame, allowance, &counts, &mut figures));
         let Sample { direct, indirect } = &lit.samples[0];
