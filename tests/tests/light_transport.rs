@@ -6,7 +6,7 @@ use pipeline::renderer::Preparation;
 use pipeline::{Options, Plan};
 use plane::Plane;
 use render_core::{image_file::read_exr, luminance};
-use tests::{cornell, furnace, load, render};
+use tests::{cornell, furnace, load, render, render2mpeg};
 
 fn frame(folder: &std::path::Path, exr: &str, index: usize) -> Plane<Vec3> {
     read_exr(&folder.join(exr).join(format!("frame_{index:05}.exr"))).expect("a linear frame")
@@ -48,6 +48,34 @@ fn check_furnace(albedo: Vec3, emission: Vec3, photons: &str) {
         println!("{lighting}: {middle:.4} of what it should be in the middle, {all:.4} everywhere");
         assert!((middle - Vec3::ONE).abs().max_element() < in_the_middle, "{lighting}, in the middle: {middle}");
         assert!((all - Vec3::ONE).abs().max_element() < everywhere, "{lighting}, everywhere: {all}");
+    }
+}
+
+/// Walls of metal, or with a coat, hand on the light that they reflect: a closed room of them is as bright as by paths.
+///
+/// Photons leave them by their lobe. Their light then counts as even in all directions, so a smooth wall is not as exact as a
+/// rough one. Measured: see the printed lines; without photons that know coats, they are 0.94, 0.91, 0.97 and 0.95.
+#[test]
+fn walls_with_coats_hand_on_their_light() {
+    let folder = tempfile::tempdir().unwrap();
+    for (metallic, roughness, tolerance) in [(1.0, 1.0, 0.01), (1.0, 0.5, 0.03), (0.0, 0.5, 0.02), (0.0, 0.1, 0.02)] {
+        let mut room = furnace(vec3(0.7, 0.5, 0.6), vec3(1.0, 2.0, 0.5));
+        for wall in room.json["materials"].as_array_mut().unwrap() {
+            wall["pbrMetallicRoughness"]["metallicFactor"] = metallic.into();
+            wall["pbrMetallicRoughness"]["roughnessFactor"] = roughness.into();
+        }
+        let scene = folder.path().join("room.glb");
+        room.write(&scene);
+        render(folder.path(), "room", &scene, "--size 48x48 --frames 1 --vpls 1000 --photons 200000 --exr linear");
+        let film = frame(folder.path(), "linear", 0);
+        let arguments = ["reference", "room.glb", "--size", "48x48", "--spp", "256", "-o", "paths.exr", "-q"];
+        let paths = render2mpeg(folder.path(), &arguments);
+        assert_eq!(paths.code, Some(0), "{}", paths.stderr);
+        let paths = read_exr(&folder.path().join("paths.exr")).unwrap();
+        let mean = |picture: &Plane<Vec3>| picture.samples().iter().sum::<Vec3>() / picture.samples().len() as f32;
+        let ratio = luminance(mean(&film)) / luminance(mean(&paths));
+        println!("metallic {metallic}, roughness {roughness}: {ratio:.4} of the light by paths");
+        assert!((ratio - 1.0).abs() < tolerance, "metallic {metallic}, roughness {roughness}: {ratio}");
     }
 }
 

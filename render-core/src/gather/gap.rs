@@ -57,7 +57,7 @@ impl Gaps {
             let Some(hit) = accelerator.closest(position, direction).filter(|hit| hit.distance < self.near) else {
                 break;
             };
-            source.share *= surface.albedo();
+            source.share *= surface.reflectance();
             let surface = surfaces.meet(&hit, direction, hit.distance);
             found.emit(&surface, source);
             (seen.surface, seen.distance) = (surface, hit.distance);

@@ -3,9 +3,10 @@
 use super::SweptVolume;
 use crate::accel::Accelerator;
 use crate::anchor::Spot;
+use crate::bsdf::{Bsdf, BsdfSample};
 use crate::emitter::{EMISSION_DIMENSIONS, EmittedPhoton, PhotonSource};
 use crate::luminance;
-use crate::sampling::{cosine_hemisphere, halton};
+use crate::sampling::{cosine_hemisphere, frame, halton};
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3, Vec3A};
 
@@ -109,7 +110,12 @@ impl Walk<'_> {
                 path.end = Some(surface.position);
                 return;
             }
-            let reflected = flux * surface.albedo();
+            let coat = surface.coat();
+            let albedo = match &coat {
+                Some((bsdf, normal)) => bsdf.directional_albedo(-direction.dot(*normal)),
+                None => surface.albedo(),
+            };
+            let reflected = flux * albedo;
             path.reflections.push(Reflection {
                 position: surface.position,
                 normal: surface.geometric_normal,
@@ -125,7 +131,14 @@ impl Walk<'_> {
             if survival.is_nan() || u(2) >= survival {
                 return;
             }
-            let direction = cosine_hemisphere(surface.shading_normal().into(), Vec2::new(u(0), u(1)));
+            let (direction, weight) = match coat {
+                // What is left of the number that decided on survival is even in 0…1.
+                Some(coat) => match leave(coat, direction, u(2) / survival, Vec2::new(u(0), u(1))) {
+                    Some(left) => left,
+                    None => return,
+                },
+                None => (cosine_hemisphere(surface.shading_normal().into(), Vec2::new(u(0), u(1))), albedo),
+            };
             if Vec3A::from(direction).dot(surface.geometric_normal) <= 0.0 {
                 return;
             }
@@ -135,10 +148,19 @@ impl Walk<'_> {
                 distant: false,
                 origin: (surface.position + surface.geometric_normal * self.epsilon).into(),
                 direction,
-                flux: reflected / survival,
+                flux: flux * weight / survival,
             };
         }
     }
+}
+
+/// Direction in which a photon that came in `direction` leaves a coat or the base below it, and its weight.
+fn leave((bsdf, normal): (Bsdf, Vec3A), direction: Vec3A, choice: f32, u: Vec2) -> Option<(Vec3, Vec3)> {
+    let normal = Vec3::from(normal);
+    let (x, y) = frame(normal);
+    let outgoing = Vec3::from_array([x, y, normal].map(|axis| -axis.dot(direction.into())));
+    let BsdfSample { direction: d, weight, .. } = bsdf.sample(outgoing, choice, u)?;
+    Some(((x * d.x + y * d.y + normal * d.z).normalize(), weight))
 }
 
 impl Path {

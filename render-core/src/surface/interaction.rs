@@ -4,6 +4,7 @@
 use super::site::{Footprint, Site};
 use super::{Surface, Surfaces, normal_map};
 use crate::accel::Hit;
+use crate::bsdf::Bsdf;
 use crate::scene::{Material, mesh_interpolate as interpolate};
 use glam::{Vec3, Vec3A};
 
@@ -64,6 +65,27 @@ impl<'a> Interaction<'a> {
         // How rough the coat is says nothing about the base.
         let (metallic, roughness) = site.metallic_roughness(material);
         material.split(site.base_color(material), metallic, roughness).0
+    }
+
+    /// How a surface with a coat reflects, and the normal to shade it with; `None` where there is no coat.
+    pub fn coat(&self) -> Option<(Bsdf, Vec3A)> {
+        let Self { material, site, .. } = self;
+        if !material.may_have_coat() {
+            return None;
+        }
+        let (metallic, roughness) = site.metallic_roughness(material);
+        let (normal, unevenness) = self.normal_and_unevenness();
+        let roughness = normal_map::roughened(roughness, unevenness);
+        let (albedo, specular) = material.split(site.base_color(material), metallic, roughness);
+        (specular != Vec3::ZERO).then(|| (Bsdf::new(albedo, specular, roughness), normal))
+    }
+
+    /// Share of the light along the ray that is reflected, in all directions together.
+    pub fn reflectance(&self) -> Vec3 {
+        match self.coat() {
+            Some((bsdf, normal)) => bsdf.directional_albedo(-self.direction.dot(normal)),
+            None => self.albedo(),
+        }
     }
 
     /// [`Surface::emission`].
