@@ -6,11 +6,13 @@ use crate::plan::{self, Plan, State};
 use crate::renderer::{Preparation, Shading};
 use crate::settings::{Options, Settings, Size};
 use glam::Quat;
+use glam::Vec3A;
 use render_core::Environment;
-use render_core::sampling::{concentric_disc, sobol_point};
+use render_core::sampling::{concentric_disc, frame, sobol_point};
 use render_core::scene::{
     Camera, Gradient, Instance, Material, Mesh, Node, Projection, PunctualKind, PunctualLight, Scene, Transform,
 };
+use std::f32::consts::PI;
 
 const SIDE: usize = 16;
 
@@ -88,7 +90,7 @@ fn a_plate_in_even_light_shows_its_albedo() {
             let below = below_coats(&seen);
             for (x, y) in places(0..SIDE, 0..SIDE) {
                 let coated = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0).expect("the plate fills the picture");
-                let albedo = coated.bsdf.coat_albedo(coated.outgoing.z);
+                let albedo = coated.albedo();
                 let got = light.get(x, y) / 2.0;
                 assert!((got - albedo).abs().max_element() < 1e-3, "{got} is not {albedo} at roughness {roughness}");
                 let whole = got + Vec3::from(below.pixels.get(x, y).albedo);
@@ -146,7 +148,7 @@ fn metal_shows_a_lamp_as_its_lobe_says() {
                     let share = |k: usize| (k as f32 + 0.5) / steps as f32;
                     let way = Vec3A::from(corner + a * share(i) + b * share(j)) - coated.receiver.position;
                     let direction = way.normalize();
-                    let f = coated.bsdf.evaluate_coat(coated.outgoing, into_frame(coated.axes, direction), 0.0);
+                    let f = coated.bsdf.evaluate_coat(coated.outgoing, coated.to_frame(direction), 0.0);
                     // Lamp and floor are parallel: both cosines are the direction's y.
                     f * (5.0 * direction.y * direction.y / way.length_squared() / (steps * steps) as f32)
                 })
@@ -174,7 +176,7 @@ fn points_of_light_are_seen_by_their_lobe() {
         let coated = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0).expect("the plate fills the picture");
         let way = Vec3A::from(place) - coated.receiver.position;
         let direction = way.normalize();
-        let f = coated.bsdf.evaluate_coat(coated.outgoing, into_frame(coated.axes, direction), 0.0);
+        let f = coated.bsdf.evaluate_coat(coated.outgoing, coated.to_frame(direction), 0.0);
         let expected = f * (7.0 * direction.y / way.length_squared());
         assert!((light.get(x, y) - expected).abs().max_element() < 1e-3 * expected.x + 1e-6, "{x}, {y}");
     }
@@ -206,7 +208,7 @@ fn the_sun_is_seen_as_a_disc() {
             let disc = (0..count).map(|i| {
                 let p = concentric_disc(sobol_point(i)) * 1.5f32.to_radians().sin();
                 let direction = Vec3A::from((towards + x * p.x + y * p.y).normalize());
-                coated.bsdf.evaluate_coat(coated.outgoing, into_frame(coated.axes, direction), 0.0).x * direction.y
+                coated.bsdf.evaluate_coat(coated.outgoing, coated.to_frame(direction), 0.0).x * direction.y
             });
             let expected = 3.0 * disc.sum::<f32>() / count as f32;
             off += (light.get(column, row).x - expected).abs();
