@@ -15,7 +15,7 @@ Ctrl-C ends with a video that plays.";
 pub const REFERENCE: &str = "Examples:
   render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr
   render2mpeg reference scene.glb --method all-lights -o lights.exr    what cuts approximate
-  render2mpeg reference scene.glb --center -o truth.exr         to compare with render --exr";
+  render2mpeg reference scene.glb --center -o truth.exr         to compare with render --antialiasing off --exr";
 
 #[cfg(feature = "compare")]
 pub const COMPARE: &str = "Examples:

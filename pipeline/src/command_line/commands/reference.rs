@@ -5,7 +5,7 @@ use anyhow::Result;
 use clap::Args;
 use pipeline::output::Output;
 use pipeline::renderer::reference::{self, Method};
-use pipeline::settings::Size;
+use pipeline::settings::{Size, Switch};
 use pipeline::{Options, Settings};
 use render_core::{PathOptions, PixelSampling, scene};
 use std::path::PathBuf;
@@ -31,7 +31,7 @@ pub struct Reference {
     /// Most reflections of a path: 0 shows what glows, 1 direct light [default: all]
     #[arg(long, value_name = "N")]
     bounces: Option<u32>,
-    /// Start all paths at the centers of the pixels, as films are rendered, and not all over them
+    /// Sample the centers of the pixels alone: the picture of a film without anti-aliasing
     #[arg(long, alias = "centre")]
     center: bool,
     /// Size of the picture, in pixels [default: 512x512]
@@ -76,7 +76,8 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
         ..
     } = arguments;
     let scene = scene::load(&path)?;
-    let options = Options { size, seed, bounces, vpls, photons, fps, ..Default::default() };
+    let antialiasing = center.then_some(Switch::Off);
+    let options = Options { size, seed, bounces, vpls, photons, fps, antialiasing, ..Default::default() };
     let settings = Settings::new(path, &scene, &options)?;
     // An output that cannot be written is told of before the work, not after it.
     drop(Output::create(&output)?);
