@@ -3,8 +3,8 @@
 use crate::accel::Hit;
 use crate::polygon::Polygon;
 use crate::sampling::{
-    Distribution, Pick, concentric_disc, cosine_hemisphere, frame, halton, radical_inverse, sobol_point, triangle,
-    uniform_sphere,
+    Distribution, Pick, concentric_disc, cosine_hemisphere, frame, halton, hammersley, radical_inverse, sobol_point,
+    triangle, uniform_sphere,
 };
 use crate::scene::{PunctualKind, PunctualLight, Scene, mesh_interpolate};
 use crate::surface::Surfaces;
@@ -477,9 +477,4 @@ pub fn dome_lights(scene: &Scene, units: &Units, count: usize) -> Vec<DomeLight>
         })
         .filter(|light| luminance(light.intensity) > 0.0)
         .collect()
-}
-
-/// Point `index` of a set of `count` that covers the unit square evenly.
-pub(crate) fn hammersley(index: usize, count: usize) -> Vec2 {
-    Vec2::new((index as f32 + 0.5) / count as f32, radical_inverse(2, index as u64))
 }

@@ -188,7 +188,7 @@ impl EquirectangularMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::emitter::hammersley;
+    use crate::sampling::hammersley;
     use crate::sampling::uniform_sphere;
 
     /// A dim sky with one bright texel and a half that is black.

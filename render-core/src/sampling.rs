@@ -21,6 +21,11 @@ pub fn radical_inverse(base: u32, mut index: u64) -> f32 {
     (value as f32).min(ONE_MINUS_EPSILON)
 }
 
+/// Point `index` of a set of `count` that covers the unit square evenly.
+pub(crate) fn hammersley(index: usize, count: usize) -> Vec2 {
+    Vec2::new((index as f32 + 0.5) / count as f32, radical_inverse(2, index as u64))
+}
+
 /// Point `index` of the (0, 2)-sequence of Sobol' in the unit square: every first 2ᵏ points have one in each
 /// elementary interval of area 2⁻ᵏ (Kollig & Keller 2002).
 #[must_use]

@@ -1,7 +1,7 @@
 //! How much light the coat sends back in all, by angle and roughness: what energy conservation needs to know.
 
 use super::ggx::{Ggx, grazing_share};
-use crate::emitter::hammersley;
+use crate::sampling::hammersley;
 use glam::Vec3;
 use std::sync::LazyLock;
 

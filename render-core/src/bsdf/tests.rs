@@ -1,7 +1,7 @@
 //! The BSDF alone, against what holds for any material, and against histograms.
 
 use super::*;
-use crate::emitter::hammersley;
+use crate::sampling::hammersley;
 use crate::sampling::{hash_unit, uniform_sphere};
 
 const ROUGHNESSES: [f32; 7] = [0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0];
