@@ -46,7 +46,7 @@ fn paths_come_with_their_noise_and_all_lights_are_near_them() {
     let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert_eq!(bytes("a.exr"), bytes("b.exr"), "the same for any number of threads");
     succeed(folder.path(), &format!("{path} --spp 256 --seed 7 -o truth.exr --center"));
-    succeed(folder.path(), &format!("{path} --method all-lights --vpls 2000 --photons 300000 -o lights.exr"));
+    succeed(folder.path(), &format!("{path} --method all-lights --center --vpls 2000 --photons 300000 -o lights.exr"));
     let names: Vec<String> =
         read_layers(&folder.path().join("a.exr")).unwrap().channels.into_iter().map(|(name, _)| name).collect();
     assert_eq!(names, ["B", "G", "R", "variance.B", "variance.G", "variance.R"]);

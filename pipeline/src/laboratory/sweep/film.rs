@@ -137,7 +137,7 @@ fn read_frame(path: &Path, n: u32, picture: plane::Picture) -> Result<FilmFrame>
     })
 }
 
-/// Renders by `spp` paths through the center of each pixel; motion is that of `like`, a film of the same scene.
+/// Renders by `spp` paths through each pixel, through its center alone without anti-aliasing; motion is that of `like`, a film of the same scene.
 ///
 /// # Errors
 /// `stop` was set, or the disk is full.
@@ -158,7 +158,8 @@ pub fn by_paths(
         }
         // A seed for each frame: with one for all, noise would stand still and cost no bits.
         let seed = settings.seed.wrapping_add(u64::from(report.index) << 32);
-        let options = PathOptions { samples: spp, seed, max_bounces: settings.bounces, pixel: PixelSampling::Center };
+        let pixel = if settings.antialiasing { PixelSampling::Area } else { PixelSampling::Center };
+        let options = PathOptions { samples: spp, seed, max_bounces: settings.bounces, pixel };
         let before = process_cpu_seconds();
         let radiance = reference::by_paths(scene, &settings, report.index, &options, |_, _| ()).radiance;
         let mut report = FrameReport { cut_size_mean: 0.0, cut_size_max: 0, shadow_rays: 0, ..report.clone() };
