@@ -26,6 +26,32 @@ fn halve(json: &mut Value) {
     }
 }
 
+/// Hangs all that stands at the top of the scene below a node 1000 km away.
+fn move_away(json: &mut Value) {
+    let top = json["scenes"][0]["nodes"].take();
+    let nodes = json["nodes"].as_array_mut().expect("nodes");
+    nodes.push(json!({ "translation": [1e6, -3e5, 2e5], "children": top }));
+    json["scenes"][0]["nodes"] = json!([nodes.len() - 1]);
+}
+
+/// A room 1000 km from the origin, with a box and a camera that move, is the same room.
+#[test]
+fn a_room_far_away_is_the_same_room() {
+    let folder = tempfile::tempdir().unwrap();
+    let (near, far) = (folder.path().join("near.glb"), folder.path().join("far.glb"));
+    let mut room = checkered_room(Moving::Box);
+    room.write(&near);
+    move_away(&mut room.json);
+    room.write(&far);
+    for lighting in ["all-lights", "lightcuts"] {
+        let picture =
+            |name: &str, scene| frame(folder.path(), name, scene, lighting).map(|radiance| radiance.to_array());
+        let error = perceptual::relative_mse(&picture("far", &far), &picture("near", &near));
+        println!("{lighting}: relative MSE {error:.1e} from 1000 km away");
+        assert!(error < 1e-3, "{lighting}: {error}");
+    }
+}
+
 #[test]
 fn half_the_lengths_make_the_same_picture() {
     let folder = tempfile::tempdir().unwrap();

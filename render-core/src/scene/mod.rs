@@ -3,6 +3,7 @@
 mod animation;
 mod camera;
 mod deform;
+mod far;
 mod gltf_file;
 mod light;
 mod material;

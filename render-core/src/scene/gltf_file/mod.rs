@@ -90,6 +90,7 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
     if !is_within_reach(&scene) {
         return Err(malformed(path, format!("something is more than {FARTHEST:e} m from the origin; scale the scene")));
     }
+    scene.move_to_origin();
     scene.sky = load_sky(path, &settings)?;
     scene.settings = settings;
     let lit = scene.sky.is_some()

@@ -1,0 +1,60 @@
+//! Scenes that lie far from the origin are moved there: `f32` loses the shape of things that are far away.
+//!
+//! No result depends on the place of a scene, only on what lies where within it.
+
+use super::{Node, Scene, Track, Transform};
+use crate::scene::Interpolation;
+use glam::Vec3;
+
+/// A scene is far when its middle is this number of times farther away than half of its size: positions then lie 8·10⁻⁶ of its
+/// size apart.
+const FAR: f32 = 64.0;
+
+impl Scene {
+    /// Moves the scene to the origin if it is far from there.
+    pub(super) fn move_to_origin(&mut self) {
+        let Some((min, max)) = self.bounds(&self.pose(0.0)) else { return };
+        let Some(middle) = far_middle(min.into(), max.into()) else { return };
+        self.move_far_meshes();
+        for node in self.nodes.iter_mut().filter(|node| node.parent.is_none()) {
+            node.rest.translation -= middle;
+        }
+        for channel in self.channels.iter_mut().filter(|channel| self.nodes[channel.node].parent.is_none()) {
+            let Track::Translation(keys) = &mut channel.track else { continue };
+            // Each key of a spline is a tangent, a value and a tangent.
+            let (first, step) = if channel.interpolation == Interpolation::CubicSpline { (1, 3) } else { (0, 1) };
+            keys.iter_mut().skip(first).step_by(step).for_each(|key| *key -= middle);
+        }
+    }
+
+    /// Gives meshes whose own vertices are far from their origin a node of their own, which holds that distance. Those that
+    /// bend stay as they are: their joints or weights belong to their node.
+    fn move_far_meshes(&mut self) {
+        let mut moved: Vec<Option<Vec3>> = vec![None; self.meshes.len()];
+        for (mesh, moved) in self.meshes.iter_mut().zip(&mut moved) {
+            if mesh.skinning.is_some() || !mesh.morph_targets.is_empty() {
+                continue;
+            }
+            let min = mesh.positions.iter().copied().fold(Vec3::INFINITY, Vec3::min);
+            let max = mesh.positions.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+            *moved = far_middle(min, max);
+            if let Some(middle) = *moved {
+                mesh.positions.iter_mut().for_each(|position| *position -= middle);
+            }
+        }
+        for instance in &mut self.instances {
+            if let Some(translation) = moved[instance.mesh] {
+                let rest = Transform { translation, ..Transform::IDENTITY };
+                self.nodes.push(Node { name: String::new(), parent: Some(instance.node), rest });
+                instance.node = self.nodes.len() - 1;
+            }
+        }
+    }
+}
+
+/// Middle of a box that is far from the origin.
+fn far_middle(min: Vec3, max: Vec3) -> Option<Vec3> {
+    let (middle, half) = ((min + max) / 2.0, (max - min) / 2.0);
+    let is_far = half.is_finite() && middle.abs().max_element() > FAR * half.max_element();
+    (is_far && half.max_element() > 0.0).then_some(middle)
+}
