@@ -25,6 +25,7 @@
 mod coated;
 mod neighbors;
 mod reflections;
+mod sparks;
 
 use super::macroblock::{by_macroblock, places};
 use crate::renderer::frame::Frame;
@@ -37,12 +38,11 @@ use reflections::{Brought, Reflections, Typical};
 use render_core::{Busy, GBuffer, PixelSurface};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Reflection rays that each pixel traces, in smooth coats and in rough ones.
+/// Reflection rays that each pixel traces, in smooth coats and in rough ones. On a flat coat, two and those of the pixels around
+/// leave as much noise as 36.
 const OWN_RAYS: [u32; 2] = [4, 2];
 /// Reflection rays of a pixel that shares too few with others.
 const RAYS: [u32; 2] = [8, 16];
-/// How far a spark, which a single ray brings, is spread, in pixels, with the weights of a tent.
-const SPREAD: usize = 10;
 
 /// `seen` with the albedo that is left under the coats, towards the viewer, for all light that [`light`] does not reflect.
 /// Where there is no coat it stays the same.
@@ -98,15 +98,8 @@ pub(super) fn light(prepared: &Frame, seen: &GBuffer, busy: &Busy) -> (Plane<Vec
         shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
         pixels
     });
-    let light = by_macroblock(
-        size,
-        busy,
-        || (),
-        |(), columns, rows| {
-            let pixel = |(x, y)| reflected.get(x, y).light + spread_sparks(&reflected, seen, x, y);
-            places(columns, rows).map(pixel).collect()
-        },
-    );
+    let sparks = sparks::spread(&reflected.map(|pixel| pixel.spark), seen, busy);
+    let light = Plane::from_fn(size.0, size.1, |x, y| reflected.get(x, y).light + sparks.get(x, y));
     (light, shadow_rays.into_inner())
 }
 
@@ -140,26 +133,6 @@ struct Reflected {
     light: Vec3,
     /// Radiance that a single ray brings in excess of the others, to be shared among the pixels around.
     spark: Vec3,
-}
-
-/// The share of a pixel in the sparks of the coats around it on the same instance.
-fn spread_sparks(reflected: &Plane<Reflected>, seen: &GBuffer, x: usize, y: usize) -> Vec3 {
-    let around = |center: usize, end: usize| center.saturating_sub(SPREAD)..(center + SPREAD + 1).min(end);
-    let (columns, rows) = (around(x, reflected.width()), around(y, reflected.height()));
-    let instance = seen.pixels.get(x, y).instance;
-    let is_coat = |pixel: &PixelSurface| pixel.instance == instance && pixel.specular != [0.0; 3];
-    let any = || rows.clone().any(|v| reflected.row(v)[columns.clone()].iter().any(|pixel| pixel.spark != Vec3::ZERO));
-    if !is_coat(&seen.pixels.get(x, y)) || !any() {
-        return Vec3::ZERO;
-    }
-    let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
-    for (u, v) in places(columns, rows).filter(|&(u, v)| is_coat(&seen.pixels.get(u, v))) {
-        let tent = |apart: usize| (SPREAD + 1 - apart) as f32;
-        let weight = tent(u.abs_diff(x)) * tent(v.abs_diff(y));
-        sum += reflected.get(u, v).spark * weight;
-        weights += weight;
-    }
-    sum / weights
 }
 
 #[cfg(test)]

@@ -11,18 +11,18 @@
 
 use super::coated::Coated;
 use super::reflections::{Brought, Typical};
-use glam::{Vec3, Vec3A};
+use glam::Vec3;
 use plane::Plane;
 
 /// Neighbors that share their rays are at most this far away, in pixels.
 const REACH: usize = 2;
 /// The same for those that tell how bright a pixel's rays may be.
 const NEXT: usize = 1;
-/// s: a lobe is widened by 4 % in the mean if the rays of all directions up to this share of α count.
+/// s. By α'² = α² (1 + s²/6), as discs of light widen a lobe (`Bsdf::evaluate_coat`), shared rays widen it by 4 % at most.
 const SAME_LOBE: f32 = 0.7;
 /// r.
 const SAME_ALPHA: f32 = 0.5;
-/// Rays of equal weight that leave as much noise as those that a pixel has: fewer are too few.
+/// Effective number of rays, (Σ k r)² / Σ k² r, below which a pixel traces more.
 const ENOUGH: f32 = 16.0;
 
 /// The coat of a pixel and its own rays; no rays where there is no coat or one that needs none.
@@ -33,8 +33,8 @@ pub(super) struct Lobe {
     /// Share of even light that the coat reflects.
     pub albedo: Vec3,
     pub brought: Brought,
-    position: Vec3A,
-    middle: Vec3A,
+    position: Vec3,
+    middle: Vec3,
     alpha: f32,
     /// Mean of 1/t \[1/m\].
     nearness: f32,
@@ -51,8 +51,8 @@ impl Lobe {
             known,
             albedo: coated.albedo(),
             brought,
-            position: coated.receiver.position,
-            middle: coated.middle(),
+            position: coated.receiver.position.into(),
+            middle: coated.middle().into(),
             alpha: coated.alpha(),
             nearness: brought.nearness / brought.rays.max(1.0),
         }
@@ -118,7 +118,7 @@ mod tests {
     /// A coat of α 0.25 that looks along +x and brings two rays of `light`.
     fn lobe(light: f32) -> Lobe {
         let brought = Brought::of(2, Vec3::splat(light));
-        Lobe { albedo: Vec3::ONE, brought, middle: Vec3A::X, alpha: 0.25, ..Lobe::default() }
+        Lobe { albedo: Vec3::ONE, brought, middle: Vec3::X, alpha: 0.25, ..Lobe::default() }
     }
 
     #[test]
@@ -128,7 +128,7 @@ mod tests {
         let even = Plane::filled(5, 5, lobe(3.0));
         let (brought, enough) = shared(&even, &none, x, y);
         assert!(enough && (brought.mean().0 - 3.0).abs().max_element() < 1e-5);
-        let turned = Lobe { middle: Vec3A::Y, ..lobe(100.0) };
+        let turned = Lobe { middle: Vec3::Y, ..lobe(100.0) };
         let alone = Plane::from_fn(5, 5, |u, v| if (u, v) == (x, y) { lobe(3.0) } else { turned });
         let (brought, enough) = shared(&alone, &none, x, y);
         assert!(!enough && (brought.mean().0 - 3.0).abs().max_element() < 1e-5);

@@ -18,7 +18,7 @@ const LEAST_SHARE_OF_ROUGH: f32 = 0.3;
 const LOOSE: f32 = 0.1;
 const LOOSEST: f32 = 0.5;
 /// Radiance counts up to this many times the typical one: a small lamp that one ray of many happens to meet would be a spark.
-/// The excess is shared among the pixels around.
+/// The excess is shared among the pixels around. At 4 instead of 2, spots show on the floor of McGuire's CornellBox-Glossy-Floor.
 const MOST_TYPICAL: f32 = 2.0;
 
 /// Reflections computed by one thread.
