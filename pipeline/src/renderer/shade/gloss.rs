@@ -121,7 +121,7 @@ fn more_rays(reflections: &mut Reflections, coated: &Coated, points: impl Iterat
     let (mut sum, mut typical) = (Brought::default(), Typical::default());
     let brought: Vec<Brought> = reflections.lobe(coated, points, rays).collect();
     brought.iter().for_each(|ray| typical.add(1.0, ray.luminance()));
-    let typical = typical.luminance();
+    let typical = typical.luminance().unwrap_or_default();
     brought.iter().for_each(|ray| sum.add(1.0, &ray.with_excess(ray.excess_over(typical))));
     sum
 }

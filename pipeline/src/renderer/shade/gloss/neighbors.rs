@@ -36,6 +36,7 @@ pub(super) struct Lobe {
     position: Vec3,
     middle: Vec3,
     alpha: f32,
+    is_rough: bool,
     /// Mean of 1/t \[1/m\].
     nearness: f32,
 }
@@ -54,6 +55,7 @@ impl Lobe {
             position: coated.receiver.position.into(),
             middle: coated.middle().into(),
             alpha: coated.alpha(),
+            is_rough: coated.is_rough(),
             nearness: brought.nearness / brought.rays.max(1.0),
         }
     }
@@ -69,15 +71,21 @@ impl Lobe {
     }
 }
 
-/// The part of the light of a pixel's own rays that is far from typical of those around it.
+/// The part of the light of a pixel's own rays that is far from typical of those around it. In a smooth coat they are typical,
+/// too: its reflections have edges.
 pub(super) fn excess(lobes: &Plane<Lobe>, x: usize, y: usize) -> Vec3 {
     let own = lobes.get(x, y);
     let mut typical = Typical::default();
     for_neighbors(lobes, (x, y), NEXT, |weight, (u, v)| {
         let other = lobes.get(u, v);
-        typical.add(weight * other.brought.rays, other.brought.luminance());
+        if (u, v) != (x, y) || !own.is_rough {
+            typical.add(weight * other.brought.rays, other.brought.luminance());
+        }
     });
-    own.brought.excess_over(typical.luminance())
+    match typical.luminance() {
+        Some(typical) => own.brought.excess_over(typical),
+        None => Vec3::ZERO,
+    }
 }
 
 /// Sums over the rays of a pixel and of those around it, and whether they are enough.
@@ -118,7 +126,7 @@ mod tests {
     /// A coat of α 0.25 that looks along +x and brings two rays of `light`.
     fn lobe(light: f32) -> Lobe {
         let brought = Brought::of(2, Vec3::splat(light));
-        Lobe { albedo: Vec3::ONE, brought, middle: Vec3::X, alpha: 0.25, ..Lobe::default() }
+        Lobe { albedo: Vec3::ONE, brought, middle: Vec3::X, alpha: 0.25, is_rough: true, ..Lobe::default() }
     }
 
     #[test]

@@ -13,7 +13,7 @@ const MOST_COATS: usize = 4;
 /// Share of a coat in the light of a pixel below which no ray follows its reflection any farther.
 const LEAST_SHARE: f32 = 0.02;
 /// The same where the first coat is rough: metal that is seen in metal is followed, and little else.
-const LEAST_SHARE_OF_ROUGH: f32 = 0.3;
+const LEAST_SHARE_OF_ROUGH: f32 = 0.1;
 /// Share of its luminance that a cluster may be wrong by in a cut for a reflection that a single ray brings, and at most.
 const LOOSE: f32 = 0.1;
 const LOOSEST: f32 = 0.5;
@@ -98,9 +98,9 @@ impl Typical {
         self.weights += share;
     }
 
-    /// The luminance.
-    pub fn luminance(self) -> f32 {
-        (self.roots / self.weights.max(f32::MIN_POSITIVE)).powi(2)
+    /// The luminance; `None` without values.
+    pub fn luminance(self) -> Option<f32> {
+        (self.weights > 0.0).then(|| (self.roots / self.weights).powi(2))
     }
 }
 
