@@ -77,7 +77,7 @@ pub struct Gathered {
 }
 
 impl Gathered {
-    /// Keeps the distances alone, and frees the memory of all else: [`FinalGather::compensation`] is without light then.
+    /// Keeps the distances alone, and frees the memory of all else: [`FinalGather::compensation`] is zero then.
     pub fn forget_light(&mut self) {
         self.sources = Vec::new();
         (self.emitted, self.emitted_by_position) = (Vec3::ZERO, Mat3A::ZERO);
@@ -235,7 +235,7 @@ impl FinalGather {
             self.take(&seen, &mut found);
         }
         found.harmonic_mean = above as f32 / inverse_distances;
-        // It is kept for long.
+        // Records keep it for many frames.
         found.sources.shrink_to_fit();
         found
     }

@@ -128,7 +128,7 @@ impl Tile {
         lanes.run(SumUpTo { groups: &self.groups, shown, enough })
     }
 
-    /// Puts into `near` the candidates that are less than `reach` meters away from `position`, and may be some a little farther.
+    /// Puts the candidates less than `reach` meters from `position` into `near`; some may lie a little farther away.
     #[inline]
     pub fn candidates_near(&self, lanes: Choice, position: Vec3A, reach: f32, near: &mut Vec<u32>) {
         near.clear();
@@ -228,7 +228,7 @@ impl Kernel for SumUpTo<'_> {
     }
 }
 
-/// Squares of distances are compared with this margin, for those who compute them in another way.
+/// Margin in the comparison of squares of distances, which callers may round in another way.
 const ROUNDING: f32 = 1.0001;
 
 /// See [`Tile::candidates_near`].

@@ -132,7 +132,7 @@ impl Walk<'_> {
                 return;
             }
             let (direction, weight) = match coat {
-                // What is left of the number that decided on survival is even in 0…1.
+                // Of photons that survive, u(2) / survival is uniform in 0…1.
                 Some(coat) => match leave(coat, direction, u(2) / survival, Vec2::new(u(0), u(1))) {
                     Some(left) => left,
                     None => return,

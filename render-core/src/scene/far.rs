@@ -1,6 +1,6 @@
 //! Scenes that lie far from the origin are moved there: `f32` loses the shape of things that are far away.
 //!
-//! No result depends on the place of a scene, only on what lies where within it.
+//! Pictures depend on positions relative to each other alone.
 
 use super::{Node, Scene, Track, Transform};
 use crate::scene::Interpolation;

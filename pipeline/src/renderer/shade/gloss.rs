@@ -9,7 +9,7 @@
 //! ```
 //!
 //! Reflection rays are drawn by the microfacets that the viewer sees \[Dupuy23\], with points that depend on the pixel alone:
-//! what noise there is stands still. The mean of what they bring is weighted by the albedo of the coat, which is known, and not
+//! noise stands still. The mean of what they bring is weighted by the albedo of the coat, which is known, and not
 //! by what the samples happen to add up to:
 //!
 //! ```text

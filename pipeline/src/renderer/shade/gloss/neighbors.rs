@@ -6,8 +6,8 @@
 //! k = tent · (1 − u²)           u² = (|m_p − m_q|² + |x_p − x_q|² n²) / (s α)² + ((α_p − α_q) / (r α))²
 //!   m  middle of the lobe       x  position      n  mean of 1/t over the rays      α  width of the lobe, GGX's
 //! ```
-//! and not at all from u = 1 on. The second term is the parallax of what the rays have met. So a contact shadow, a bump and
-//! the border of a smoother part keep rays of their own.
+//! and not at all from u = 1 on. The second term is the parallax of the surfaces that the rays have met. So a contact shadow, a
+//! bump and the border of a smoother part keep rays of their own.
 
 use super::coated::Coated;
 use super::reflections::{Brought, Typical};
@@ -42,7 +42,7 @@ pub(super) struct Lobe {
 }
 
 impl Lobe {
-    /// A coat that shares nothing.
+    /// A coat without rays to share.
     pub fn without_rays(known: Vec3) -> Self {
         Self { known, ..Self::default() }
     }
@@ -142,7 +142,7 @@ mod tests {
         assert!(!enough && (brought.mean().0 - 3.0).abs().max_element() < 1e-5);
     }
 
-    /// Light beyond what is typical is set apart, and none of it is lost.
+    /// Light beyond the typical luminance becomes an excess, and none of it is lost.
     #[test]
     fn a_spark_becomes_an_excess() {
         let spark = Plane::from_fn(5, 5, |x, y| lobe(if (x, y) == (2, 2) { 1000.0 } else { 1.0 }));
