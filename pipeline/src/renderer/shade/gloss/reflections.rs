@@ -12,8 +12,9 @@ use std::f32::consts::PI;
 const MOST_COATS: usize = 4;
 /// Share of a coat in the light of a pixel below which no ray follows its reflection any farther.
 const LEAST_SHARE: f32 = 0.02;
-/// The same where the first coat is rough: metal that is seen in metal is followed, and little else.
-const LEAST_SHARE_OF_ROUGH: f32 = 0.1;
+/// The same where the first coat is rough, for smooth coats that it shows and for rough ones: metal that is seen in metal is
+/// followed, and little else. At 0.1 for both, a closed room of metal of roughness 0.5 has 1 % less light than at these.
+const LEAST_SHARE_IN_ROUGH: [f32; 2] = [0.1, 0.3];
 /// Share of its luminance that a cluster may be wrong by in a cut for a reflection that a single ray brings, and at most.
 const LOOSE: f32 = 0.1;
 const LOOSEST: f32 = 0.5;
@@ -159,7 +160,6 @@ impl Reflections<'_> {
         let mut sum = Vec3::ZERO;
         // Whether the first coat is rough, and whether the one that the ray has left last is.
         let (blurred, mut rough) = (coated.is_rough(), coated.is_rough());
-        let least_share = if blurred { LEAST_SHARE_OF_ROUGH } else { LEAST_SHARE };
         let (mut way, mut first) = (0.0, f32::INFINITY);
         for coats in 0..=MOST_COATS {
             let Some(hit) = accelerator.closest(origin, direction) else {
@@ -182,6 +182,7 @@ impl Reflections<'_> {
             let (coat, diffuse) = (met.albedo(), met.diffuse_albedo());
             let share = ray.share * luminance(throughput);
             let is_metal = luminance(coat) > luminance(diffuse);
+            let least_share = if blurred { LEAST_SHARE_IN_ROUGH[usize::from(met.is_rough())] } else { LEAST_SHARE };
             let ends = coats == MOST_COATS
                 || share * luminance(coat) < least_share
                 || (blurred || met.is_rough()) && !is_metal;
