@@ -3,10 +3,10 @@
 use super::SweptVolume;
 use crate::accel::Accelerator;
 use crate::anchor::Spot;
-use crate::bsdf::{Bsdf, BsdfSample};
+use crate::bsdf::Bsdf;
 use crate::emitter::{EMISSION_DIMENSIONS, EmittedPhoton, PhotonSource};
 use crate::luminance;
-use crate::sampling::{cosine_hemisphere, frame, halton};
+use crate::sampling::{cosine_hemisphere, frame, halton, hash_unit};
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3, Vec3A};
 
@@ -15,6 +15,8 @@ use glam::{Vec2, Vec3, Vec3A};
 pub(super) const LONGEST_PATH: usize = 1024;
 /// Dimensions of a bounce: direction (2) and roulette (1).
 const BOUNCE_DIMENSIONS: usize = 3;
+/// Directions that are drawn from a coat until one leads away from the surface.
+const MOST_DRAWS: u64 = 8;
 
 /// The way of photons through one frame: scene, source and settings.
 pub(super) struct Walk<'a> {
@@ -131,13 +133,17 @@ impl Walk<'_> {
             if survival.is_nan() || u(2) >= survival {
                 return;
             }
+            let point = Vec2::new(u(0), u(1));
             let (direction, weight) = match coat {
                 // Of photons that survive, u(2) / survival is uniform in 0…1.
-                Some(coat) => match leave(coat, direction, u(2) / survival, Vec2::new(u(0), u(1))) {
-                    Some(left) => left,
-                    None => return,
-                },
-                None => (cosine_hemisphere(surface.shading_normal().into(), Vec2::new(u(0), u(1))), albedo),
+                Some(coat) => {
+                    let again = |k| hash_unit(self.seed, index, (bounce as u64) << 32 | k);
+                    leave(coat, direction, u(2) / survival, |k| match k {
+                        0 => point,
+                        _ => Vec2::new(again(2 * k), again(2 * k + 1)),
+                    })
+                }
+                None => (cosine_hemisphere(surface.shading_normal().into(), point), albedo),
             };
             if Vec3A::from(direction).dot(surface.geometric_normal) <= 0.0 {
                 return;
@@ -154,13 +160,27 @@ impl Walk<'_> {
     }
 }
 
-/// Direction in which a photon that came in `direction` leaves a coat or the base below it, and its weight.
-fn leave((bsdf, normal): (Bsdf, Vec3A), direction: Vec3A, choice: f32, u: Vec2) -> Option<(Vec3, Vec3)> {
+/// Direction in which a photon that came in `direction` leaves a coat or the base below it, and its weight:
+///
+/// ```text
+/// C/p  by the coat, with chance p        B/(1 − p)  by the base          p = Y(C) / Y(C + B)
+///   C, B  albedo of the coat's single scattering and of all else for light from there      Y  luminance
+/// ```
+/// The luminance of both weights is that of the whole albedo. So photons keep their energy, however long they live; weights of
+/// single directions, F·G₂/G₁ over its mean, would make a few outshine all others.
+fn leave((bsdf, normal): (Bsdf, Vec3A), direction: Vec3A, choice: f32, point: impl Fn(u64) -> Vec2) -> (Vec3, Vec3) {
     let normal = Vec3::from(normal);
     let (x, y) = frame(normal);
     let outgoing = Vec3::from_array([x, y, normal].map(|axis| -axis.dot(direction.into())));
-    let BsdfSample { direction: d, weight, .. } = bsdf.sample(outgoing, choice, u)?;
-    Some(((x * d.x + y * d.y + normal * d.z).normalize(), weight))
+    let (coat, base) = (bsdf.coat_albedo(outgoing.z), bsdf.diffuse_albedo(outgoing.z));
+    let share = luminance(coat) / luminance(coat + base);
+    if choice < share
+        && let Some(d) = (0..MOST_DRAWS).find_map(|k| bsdf.sample_coat(outgoing, point(k)))
+    {
+        return ((x * d.x + y * d.y + normal * d.z).normalize(), coat / share);
+    }
+    let weight = if choice < share { coat / share } else { base / (1.0 - share) };
+    (cosine_hemisphere(normal, point(0)), weight)
 }
 
 impl Path {

@@ -24,6 +24,14 @@ pub(crate) struct Interaction<'a> {
     pub front: bool,
 }
 
+/// The part of a [`Surface`] that its textures say.
+struct Finish {
+    normal: Vec3A,
+    albedo: Vec3,
+    specular: Vec3,
+    roughness: f32,
+}
+
 impl<'a> Interaction<'a> {
     /// `footprint` is that of a ray in this direction on a surface with this unit normal.
     pub(super) fn new(
@@ -67,16 +75,9 @@ impl<'a> Interaction<'a> {
         material.split(site.base_color(material), metallic, roughness).0
     }
 
-    /// How a surface with a coat reflects, and the normal to shade it with; `None` where there is no coat.
+    /// The reflection of a surface with a coat, and the normal to shade it with; `None` where there is no coat.
     pub fn coat(&self) -> Option<(Bsdf, Vec3A)> {
-        let Self { material, site, .. } = self;
-        if !material.may_have_coat() {
-            return None;
-        }
-        let (metallic, roughness) = site.metallic_roughness(material);
-        let (normal, unevenness) = self.normal_and_unevenness();
-        let roughness = normal_map::roughened(roughness, unevenness);
-        let (albedo, specular) = material.split(site.base_color(material), metallic, roughness);
+        let Finish { normal, albedo, specular, roughness } = self.material.may_have_coat().then(|| self.finish())?;
         (specular != Vec3::ZERO).then(|| (Bsdf::new(albedo, specular, roughness), normal))
     }
 
@@ -107,7 +108,7 @@ impl<'a> Interaction<'a> {
 
     /// All of it.
     pub fn surface(&self) -> Surface {
-        let Self { material, site, position, geometric_normal, front, .. } = self;
+        let Self { material, position, geometric_normal, front, .. } = self;
         let dark = Surface {
             position: *position,
             geometric_normal: *geometric_normal,
@@ -122,11 +123,18 @@ impl<'a> Interaction<'a> {
         if material.unlit {
             return dark;
         }
-        let (shading_normal, unevenness) = self.normal_and_unevenness();
+        let Finish { normal, albedo, specular, roughness } = self.finish();
+        Surface { shading_normal: normal, albedo, specular, roughness, ..dark }
+    }
+
+    /// Base, coat and normal of a surface that is not unlit.
+    fn finish(&self) -> Finish {
+        let Self { material, site, .. } = self;
+        let (normal, unevenness) = self.normal_and_unevenness();
         let (metallic, roughness) = site.metallic_roughness(material);
         let roughness = normal_map::roughened(roughness, unevenness);
         let (albedo, specular) = material.split(site.base_color(material), metallic, roughness);
-        Surface { shading_normal, albedo, specular, roughness, ..dark }
+        Finish { normal, albedo, specular, roughness }
     }
 
     /// The normal to shade with, and how uneven the normal map is within the footprint.

@@ -16,6 +16,9 @@ const REACH: usize = 10;
 
 /// Share of each pixel in the `sparks` around it: radiance. Adds the work to `busy`.
 pub(super) fn spread(sparks: &Plane<Vec3>, seen: &GBuffer, busy: &Busy) -> Plane<Vec3> {
+    if sparks.samples().iter().all(|&spark| spark == Vec3::ZERO) {
+        return sparks.clone();
+    }
     let carriers = seen.pixels.map(|pixel| if pixel.specular == [0.0; 3] { NOTHING } else { pixel.instance });
     let in_rows = along(Line::Row, sparks, &carriers, busy);
     along(Line::Column, &in_rows, &carriers, busy)
