@@ -275,15 +275,9 @@ impl FinalGather {
         }
         let dynamic = self.moving[surface.instance as usize];
         let (surfels, first) = self.surfels(dynamic);
-        let mut nearest = (0, 0.0);
         let spot = spot(surface.position, surface.geometric_normal, dynamic.then_some(surface.instance));
-        surfels.splat(&spot, |surfel, weight| {
-            if weight > nearest.1 {
-                nearest = (surfel, weight);
-            }
-        });
-        if nearest.1 > 0.0 {
-            found.sources.push(Source { surfel: (first + nearest.0) as u32, ..*source });
+        if let Some(surfel) = surfels.nearest(&spot) {
+            found.sources.push(Source { surfel: (first + surfel) as u32, ..*source });
         }
     }
 

@@ -26,7 +26,7 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
     let options = Options {
         frames: Some(FRAMES),
         size: "96x96".parse().ok(),
-        vpls: Some(200),
+        vpls: Some(400),
         photons: Some(20_000),
         ..Options::default()
     };
@@ -34,7 +34,7 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
         folder,
         name,
         path,
-        &format!("--size 96x96 --frames {FRAMES} --vpls 200 --photons 20000 --thresholds perceptual --y4m {name}.y4m"),
+        &format!("--size 96x96 --frames {FRAMES} --vpls 400 --photons 20000 --thresholds perceptual --y4m {name}.y4m"),
     );
     let frames: Vec<Picture> = read_y4m(&folder.join(format!("{name}.y4m")), SIZE);
     let (scene, settings) = load(path, options);

@@ -11,8 +11,6 @@ use glam::Vec2;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// Rays from a place.
-const RAYS: u64 = 32;
 /// A place is exposed if at least one ray in this number gets out.
 const ONE_IN: u64 = 8;
 
@@ -23,6 +21,8 @@ pub(crate) struct Outlook {
     pub openness: f32,
     /// Whether enough of them get out.
     pub exposed: bool,
+    /// Number of rays.
+    rays: u8,
     /// Rays by length, [`OCTAVES`] to a bin; the last holds those that meet nothing.
     lengths: [u8; BINS],
 }
@@ -33,8 +33,8 @@ const OCTAVES: f32 = 2.0;
 /// log₂ of the length from which on the second bin begins, in radii of a kernel of surfels: no surfel is exposed that does not
 /// see four times as far.
 const FIRST: f32 = -6.0;
-/// Weight of light that came as far as none of the rays of a place go, in rays.
-const UNLIKELY: f32 = 0.125;
+/// Weight of light that came as far as none of the rays of a place go, as a share of them.
+const UNLIKELY: f32 = 1.0 / 256.0;
 
 impl Outlook {
     /// The bin of a length, in radii of a kernel of surfels: that of the disc that an anchor stands for.
@@ -44,11 +44,12 @@ impl Outlook {
         (((length.log2() - FIRST) / OCTAVES + 1.0) as usize).min(BINS - 1)
     }
 
-    /// How likely light arrives from about as far as `bin` says: the rays of this bin and those beside it, and never zero.
+    /// How likely light arrives from about as far as `bin` says, up to a factor: the rays of this bin and those beside it,
+    /// and never zero.
     #[inline]
     pub fn likelihood_of(&self, bin: usize) -> f32 {
         let about = &self.lengths[bin.saturating_sub(1)..(bin + 2).min(BINS)];
-        about.iter().map(|&rays| f32::from(rays)).sum::<f32>() + UNLIKELY
+        about.iter().map(|&rays| f32::from(rays)).sum::<f32>() + UNLIKELY * f32::from(self.rays)
     }
 }
 
@@ -62,12 +63,20 @@ pub(super) struct Eye<'a> {
     pub bound: f32,
     /// How far rays have to go to get out, in sides.
     pub near: f32,
+    /// Rays from a place.
+    pub rays: u8,
 }
 
 impl<'a> Eye<'a> {
-    /// Measures as far as matters to `anchors`; a ray gets out that goes `near` sides of their share.
-    pub fn of(anchors: &Anchors, surfaces: &'a Surfaces<'a>, accelerator: &'a Accelerator, near: f32) -> Self {
-        Self { surfaces, accelerator, side: anchors.area_share.sqrt(), bound: anchors.geometry_term_bound(true), near }
+    /// Measures with so many `rays` as far as matters to `anchors`; a ray gets out that goes `near` sides of their share.
+    pub fn of(
+        anchors: &Anchors,
+        surfaces: &'a Surfaces<'a>,
+        accelerator: &'a Accelerator,
+        (near, rays): (f32, u8),
+    ) -> Self {
+        let (side, bound) = (anchors.area_share.sqrt(), anchors.geometry_term_bound(true));
+        Self { surfaces, accelerator, side, bound, near, rays }
     }
 
     pub fn outlooks(&self, places: &[Anchor]) -> Vec<Outlook> {
@@ -79,9 +88,9 @@ impl<'a> Eye<'a> {
     fn outlook(&self, place: &Anchor, index: u64) -> Outlook {
         let (near, radius) = (self.near * self.side, self.side / PI.sqrt());
         let turn = hash_unit(index, 0, 0);
-        let (mut found, mut out, mut openness) = (Outlook::default(), 0, 0.0);
-        for k in 0..RAYS {
-            let u = sobol_point(k);
+        let (mut found, mut out, mut openness) = (Outlook { rays: self.rays, ..Outlook::default() }, 0, 0.0);
+        for k in 0..self.rays {
+            let u = sobol_point(k.into());
             let direction = cosine_hemisphere(place.normal.into(), Vec2::new(u.x, (u.y + turn).fract())).into();
             let (length, reflects) = match self.accelerator.closest(place.position, direction) {
                 None => (f32::INFINITY, true),
@@ -93,8 +102,8 @@ impl<'a> Eye<'a> {
                 found.lengths[Outlook::bin(length / radius)] += 1;
             }
         }
-        found.openness = openness / RAYS as f32;
-        found.exposed = out * ONE_IN >= RAYS;
+        found.openness = openness / f32::from(self.rays);
+        found.exposed = out * ONE_IN >= u64::from(self.rays);
         found
     }
 }

@@ -53,8 +53,11 @@ struct Around {
 
 /// Points that a kernel is expected to hold: enough to be smooth, few enough to stay local.
 const POINTS_PER_KERNEL: f32 = 8.0;
-/// Most cells along an axis: 8 MB of them at worst.
-const MOST_CELLS: f32 = 128.0;
+/// Most cells for each point, and in any case: they take 4 bytes each.
+const CELLS_FOR_EACH_POINT: usize = 8;
+const FEW_CELLS: usize = 1 << 16;
+/// Ratio of the widths of cells that are tried.
+const WIDER: f32 = 1.25;
 /// Most points that share what is left at one place.
 const MOST_NEAR: usize = 64;
 /// Half a right angle between normals, or well off the plane in radii: another wall, not this one.
@@ -68,8 +71,14 @@ impl Grid {
         let low = points.iter().fold(Vec3A::INFINITY, |low, point| low.min(point.position));
         let high = points.iter().fold(Vec3A::NEG_INFINITY, |high, point| high.max(point.position));
         let extent = if points.is_empty() { Vec3A::ZERO } else { high - low };
-        let cell = radius.max(extent.max_element() / (MOST_CELLS - 1.0));
-        let size = (extent / cell).to_array().map(|cells| cells as usize + 1);
+        let cells = |cell: f32| (extent / cell).to_array().map(|cells| (cells as usize).saturating_add(1));
+        let most = FEW_CELLS.max(CELLS_FOR_EACH_POINT * points.len()) as f64;
+        let is_too_fine = |cell: f32| cells(cell).iter().map(|&cells| cells as f64).product::<f64>() > most;
+        let mut cell = radius;
+        while is_too_fine(cell) {
+            cell *= WIDER;
+        }
+        let size = cells(cell);
         let mut grid = Self { low, size, cell, radius, ..Self::default() };
         let mut order: Vec<(usize, u32)> =
             points.iter().zip(0..).map(|(point, i)| (grid.place(grid.cell_of(point.position)), i)).collect();
