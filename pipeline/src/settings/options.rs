@@ -76,10 +76,10 @@ pub struct Options {
     /// Compensate the light from close by that softened virtual lights lose [default: on]
     #[cfg_attr(feature = "command-line", arg(long, value_enum, value_name = "on|off", hide_possible_values = true))]
     pub compensation: Option<Switch>,
-    /// Anchor lights that carry the indirect light [default: 2000 for a box, up to 9000 for a building]
+    /// Anchor lights that carry the indirect light [default: 4000 for a box, up to 40000 for a building]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
     pub vpls: Option<usize>,
-    /// Photons a frame [default: 150 for each anchor light]
+    /// Photons a frame [default: 36, 18 or 9 for each anchor light, by quantiser: below 4, below 16 and from there on]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
     #[serde(serialize_with = "integer")]
     pub photons: Option<u64>,

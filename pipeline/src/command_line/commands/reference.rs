@@ -43,7 +43,7 @@ pub struct Reference {
     /// Anchor lights, for all lights [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
-    /// Photons, for all lights [default: 150 for each anchor light]
+    /// Photons, for all lights [default: 36 for each anchor light]
     #[arg(long, value_name = "N")]
     photons: Option<u64>,
     /// Pictures a second, which say when the frame is [default: as the TOML file says, else 25]
@@ -77,7 +77,9 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     } = arguments;
     let scene = scene::load(&path)?;
     let antialiasing = center.then_some(Switch::Off);
-    let options = Options { size, seed, bounces, vpls, photons, fps, antialiasing, ..Default::default() };
+    // The finest quantiser: as many photons as any film has.
+    let qscale = Some(1);
+    let options = Options { size, seed, bounces, vpls, photons, fps, antialiasing, qscale, ..Default::default() };
     let settings = Settings::new(path, &scene, &options)?;
     // An output that cannot be written is told of before the work, not after it.
     drop(Output::create(&output)?);

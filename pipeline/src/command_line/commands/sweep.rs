@@ -41,7 +41,7 @@ pub struct Sweep {
     /// Anchor lights that carry the indirect light [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
-    /// Photons a frame [default: 150 for each anchor light]
+    /// Photons a frame [default: as for `render` at each quantiser; 36 for each anchor light of the reference]
     #[arg(long, value_name = "N")]
     photons: Option<u64>,
     /// Seed of photons and light tree [default: 1]

@@ -152,7 +152,9 @@ pub const REFERENCE_WEIGHT: u64 = 20;
 /// The options of the reference: every light, with compensation or without.
 pub fn reference_options(common: &Options, compensates: bool) -> Options {
     let compensation = Some(if compensates { Switch::On } else { Switch::Off });
-    Options { lighting: Some(Lighting::AllLights), cache: Some(Switch::Off), compensation, ..common.clone() }
+    let (lighting, cache) = (Some(Lighting::AllLights), Some(Switch::Off));
+    // The finest quantiser: as many photons as any film has.
+    Options { lighting, cache, compensation, qscale: Some(1), ..common.clone() }
 }
 
 #[cfg(test)]
