@@ -3,6 +3,7 @@
 //! The sample points of a light are the same for all pixels and frames: penumbras come out smooth and still, where random
 //! points would leave noise that the encoder pays for. Shadow rays of a sample are traced to all pixels of a tile together.
 
+mod balance;
 mod tile;
 
 use crate::accel::{Accelerator, PACKET};
@@ -12,6 +13,7 @@ use crate::luminance;
 use crate::polygon::Polygon;
 use crate::sampling::sobol_point;
 use crate::surface::Surfaces;
+use balance::Balance;
 use glam::{Vec2, Vec3, Vec3A};
 use std::f32::consts::PI;
 use tile::Tile;
@@ -88,6 +90,8 @@ struct Area {
     positions: Vec<Vec3A>,
     /// Its shape, where that is simple enough for a closed form.
     polygons: Vec<Polygon>,
+    /// What makes the samples shine like the whole, where there is no closed form.
+    balance: Option<Balance>,
 }
 
 /// The disc of a sun.
@@ -250,6 +254,7 @@ impl DirectLights {
             shadow_rays += reflected.shadow_rays;
         }
         for area in self.areas.iter().filter(|_| areas) {
+            let balance = area.balance_at(receiver);
             for samples in area.samples.chunks(PACKET) {
                 let (mut given, mut ends, mut active) = ([Vec3::ZERO; PACKET], [Vec3A::ZERO; PACKET], 0);
                 for (i, sample) in samples.iter().enumerate() {
@@ -265,7 +270,7 @@ impl DirectLights {
                 }
                 shadow_rays += u64::from(active.count_ones());
                 let hidden = accelerator.occluded_packet(receiver.position, &ends[..samples.len()], active);
-                sum += bits(active & !hidden).map(|i| given[i]).sum::<Vec3>();
+                sum += balance * bits(active & !hidden).map(|i| given[i]).sum::<Vec3>();
             }
         }
         Traced { value: sum, shadow_rays }
@@ -346,7 +351,9 @@ impl Area {
     fn new(light: &AreaLight, surfaces: &Surfaces) -> Self {
         let simple = light.patch_count() <= MOST_POLYGONS && !light.is_textured();
         let samples = light.samples(surfaces, AREA_SAMPLES);
-        let polygons = if simple { light.polygons(surfaces) } else { Vec::new() };
+        let pieces = light.polygons(surfaces);
+        let balance = (!simple).then(|| Balance::new(&pieces, &samples));
+        let polygons = if simple { pieces } else { Vec::new() };
         let corners: Vec<AreaSample> = polygons.iter().flat_map(|polygon| corners(polygon, &samples[0])).collect();
         Self {
             instance: light.instance as u32,
@@ -354,6 +361,7 @@ impl Area {
             samples,
             corners,
             polygons,
+            balance,
         }
     }
 
@@ -363,10 +371,16 @@ impl Area {
         sample.intensity * Disc::of_sample(sample).term(receiver)
     }
 
+    /// Factor for light of the samples at a receiver.
+    fn balance_at(&self, receiver: &ShadingPoint) -> f32 {
+        self.balance.as_ref().map_or(1.0, |balance| balance.at(receiver.position))
+    }
+
     /// Unshadowed irradiance from the whole light.
     fn unhidden(&self, receiver: &ShadingPoint) -> Vec3 {
         if self.polygons.is_empty() {
-            return self.samples.iter().map(|sample| self.unhidden_sample(receiver, sample)).sum();
+            let sum: Vec3 = self.samples.iter().map(|sample| self.unhidden_sample(receiver, sample)).sum();
+            return sum * self.balance_at(receiver);
         }
         let ShadingPoint { position, normal, geometric_normal } = *receiver;
         self.polygons.iter().map(|polygon| polygon.irradiance(position, normal, geometric_normal)).sum()

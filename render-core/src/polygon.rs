@@ -19,6 +19,13 @@ pub(crate) struct Polygon {
 const MOST_CORNERS: usize = 6;
 
 impl Polygon {
+    /// Square metres.
+    pub(crate) fn area(&self) -> f32 {
+        let [a, b, c, d] = self.corners;
+        // Half of the cross product of the diagonals.
+        (c - a).cross(d - b).length() / 2.0
+    }
+
     /// Irradiance \[W·m⁻²\] at `position`, as far as it comes from above both planes: that of the unit `normal` to
     /// shade with, and that of the unit `geometric_normal`.
     pub(crate) fn irradiance(&self, position: Vec3A, normal: Vec3A, geometric_normal: Vec3A) -> Vec3 {

