@@ -1,5 +1,6 @@
 //! Stages that a scene does not need are left out, and that never changes a bit.
 
+use render_core::{image_file::read_exr, luminance};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use tests::{Moving, Rendered, checkered_room, render, render2mpeg};
@@ -25,6 +26,27 @@ fn state<'a>(report: &'a Value, stage: &str) -> &'a str {
     let plan = report["plan"].as_array().expect("a plan");
     let step = plan.iter().find(|step| step["stage"] == stage).unwrap_or_else(|| panic!("no stage {stage}"));
     step["state"].as_str().expect("a state")
+}
+
+/// Light that is reflected once needs no photons, no tree and no cache, and still lights the film.
+#[test]
+fn direct_light_alone_needs_no_photons() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene(folder.path(), Moving::Camera);
+    let film = render(folder.path(), "direct", &scene, &format!("{SMALL} --bounces 1 --exr direct"));
+    assert_eq!(state(&film.report, "photons"), "off");
+    for figure in ["photons_traced", "cache_records"] {
+        assert!(film.figures(&[figure]).iter().all(|&count| count == 0.0), "{figure}");
+    }
+    let paths = ["reference", "room.glb", "--size", "64x64", "--bounces", "1", "--spp", "256", "-o", "paths.exr", "-q"];
+    assert_eq!(render2mpeg(folder.path(), &paths).code, Some(0));
+    let mean = |picture: &Path| {
+        let picture = read_exr(picture).expect("a linear picture");
+        picture.samples().iter().map(|&rgb| f64::from(luminance(rgb))).sum::<f64>() / picture.samples().len() as f64
+    };
+    let [film, paths] = ["direct/frame_00000.exr", "paths.exr"].map(|name| mean(&folder.path().join(name)));
+    println!("{film} and by paths {paths}");
+    assert!((film / paths - 1.0).abs() < 0.02, "{film} instead of {paths}");
 }
 
 #[test]

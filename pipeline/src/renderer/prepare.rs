@@ -198,11 +198,8 @@ impl<'s> Work<'s> {
     /// The light tree and the direct lights of a frame, with their flux there.
     fn lights(&mut self, placed: Placed, figures: &mut FrameFigures) -> Lights {
         let Placed { frame: n, pose, surfaces, accelerator } = placed;
-        if let Some(kept) = self
-            .kept
-            .as_ref()
-            .filter(|_| !self.plan.runs(Stage::Photons, n) && !self.plan.runs(Stage::ObjectPlacing, n))
-        {
+        let changing = [Stage::Photons, Stage::TreeUpdate, Stage::ObjectPlacing];
+        if let Some(kept) = self.kept.as_ref().filter(|_| !changing.into_iter().any(|stage| self.plan.runs(stage, n))) {
             let Kept { tree, direct, gather, .. } = kept;
             return Lights { tree: tree.clone(), direct: direct.clone(), gather: gather.clone() };
         }

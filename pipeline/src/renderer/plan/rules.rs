@@ -40,6 +40,7 @@ const fn otherwise(state: State, reason: &'static str) -> Rule {
 
 const NO_REFLECTION: &str = "no surface reflects light";
 const NO_INDIRECT: &str = "there is no indirect light";
+const ONE_REFLECTION: &str = "light is reflected once, as requested";
 const LEFT_OUT: &str = "left out, as requested";
 
 /// The rules of each stage, in the order of [`Stage::ALL`]. The first rule that applies decides.
@@ -52,6 +53,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::Photons,
         &[
             off(|f| !f.reflects, NO_REFLECTION),
+            off(|f| f.reflects_once(), ONE_REFLECTION),
             on(|f| f.light_changes(), "what moves changes the way of the light"),
             otherwise(State::Once, "nothing that light meets ever moves"),
         ],
@@ -67,6 +69,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
     (
         Stage::KeptPhotons,
         &[
+            off(|f| f.reflects_once(), "there are no photons"),
             on(
                 |f| f.reflects && f.light_changes() && f.keeps_photons(),
                 "their ways are traced once up to where something that moves can meet them",
@@ -81,6 +84,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
     (
         Stage::DynamicAnchors,
         &[
+            off(|f| f.reflects_once(), ONE_REFLECTION),
             on(|f| f.reflects && f.object_moves, "something moves and reflects"),
             otherwise(State::Off, "no moving object"),
         ],
@@ -215,6 +219,11 @@ impl Facts<'_> {
     /// Whether paths of photons may be kept from the first frame for later ones.
     fn keeps_photons(&self) -> bool {
         self.settings.leave_out && self.settings.frames > 1
+    }
+
+    /// Whether light reaches the viewer by its first reflection alone.
+    fn reflects_once(&self) -> bool {
+        self.settings.bounces == Some(1)
     }
 
     /// Whether indirect light is found by cuts.

@@ -146,7 +146,10 @@ impl Shading<'_> {
             let compensates = plan.is_on(Stage::Compensation);
             let transport =
                 LightTransport::new(settings, frame, allowance, (seen, &direct), counts).with_compensation(compensates);
+            // Lamps that pixels sample for themselves are not in the tree.
+            let nothing_shines = frame.tree.is_empty() && frame.direct.dynamic().anchors.is_empty();
             let indirect = match (plan.state(Stage::Indirect), cache.as_mut()) {
+                _ if nothing_shines => Plane::filled(size.0, size.1, Vec3::ZERO),
                 (State::Off, _) => Plane::filled(size.0, size.1, Vec3::ZERO),
                 (_, Some(cache)) if samples.is_empty() => cache.light(&transport, &indirect_busy, figures),
                 (_, Some(cache)) => cache.light_more(&transport, &indirect_busy, figures),
