@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Error against CPU time: films of ours beside Mitsuba 3, a path tracer, with and without Intel's denoiser OIDN.
 
-    python3 tests/error_over_time.py SCENES OUT [--only NAME …] [--size 256] [--frame 12]
+    python3 tests/error_over_time.py SCENES OUT [--only NAME …] [--ours KIND …] [--size 256] [--frame 12]
 
 SCENES is a folder with the scenes below, which do not ship. All surfaces are made matte (mitsuba_scene.py), so only light
 transport, filters and sampling differ. The reference is Mitsuba's with as many paths as --spp and --passes say, through the
@@ -155,8 +155,8 @@ def measured(name, arguments):
             denoised, more = timed(lambda: mitsuba.denoised(picture, spp))
             errors = truth[place].errors(denoised.astype(float))
             rows.append((f"Mitsuba, {spp} paths + OIDN", place, (setup, seconds + more), errors))
-    for kind, options in OURS.items():
-        setup, *frames = ours(scene, folder / kind, options, arguments)
+    for kind in arguments.ours:
+        setup, *frames = ours(scene, folder / kind, OURS[kind], arguments)
         for place, (picture, seconds) in zip(truth, frames):
             rows.append((f"ours, {kind}", place, (setup, seconds), truth[place].errors(picture)))
     return rows
@@ -194,6 +194,7 @@ def main():
     parser.add_argument("scenes", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("--only", nargs="+", choices=SCENES, default=list(SCENES))
+    parser.add_argument("--ours", nargs="+", choices=OURS, default=list(OURS))
     parser.add_argument("--size", type=int, default=256)
     parser.add_argument("--frame", type=int, default=12, help="the frame that is compared inside a film")
     parser.add_argument("--spp", type=int, default=128, help="paths a pixel of each pass of the reference")
