@@ -39,6 +39,7 @@ import mitsuba_scene  # noqa: E402  needs the variant
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+from matplotlib.ticker import NullFormatter  # noqa: E402
 
 PROGRAM = os.environ.get("RENDER2MPEG", "target/release/render2mpeg")
 FPS = 25
@@ -184,6 +185,7 @@ def plot(found, path):
                 at.loglog(*zip(*points), "o-", label=label)
             at.set(title=f"{name}, {place}", xlabel="CPU s", ylabel="FLIP")
             at.grid(True, which="both", alpha=0.3)
+            at.xaxis.set_minor_formatter(NullFormatter())
     axes[0][0].legend()
     figure.tight_layout()
     figure.savefig(path, dpi=80)
