@@ -90,7 +90,7 @@ struct Area {
     positions: Vec<Vec3A>,
     /// Its shape, where that is simple enough for a closed form.
     polygons: Vec<Polygon>,
-    /// What makes the samples shine like the whole, where there is no closed form.
+    /// Factors that give the samples the intensity of the whole light, where there is no closed form.
     balance: Option<Balance>,
 }
 

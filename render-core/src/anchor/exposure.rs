@@ -68,7 +68,8 @@ pub(super) struct Eye<'a> {
 }
 
 impl<'a> Eye<'a> {
-    /// Measures with so many `rays` as far as matters to `anchors`; a ray gets out that goes `near` sides of their share.
+    /// Measures by `rays` rays from each point, over the distances that matter to `anchors`. A ray gets out if it is longer than
+    /// `near` times the side of an anchor's share.
     pub fn of(
         anchors: &Anchors,
         surfaces: &'a Surfaces<'a>,

@@ -35,17 +35,14 @@ pub(super) struct Balance {
 }
 
 impl Balance {
-    /// Of the points `samples` to the `pieces` that they stand for.
+    /// The balance of a light whose `pieces` are represented by the points `samples`.
     pub fn new(pieces: &[Polygon], samples: &[AreaSample]) -> Self {
-        let powers: Vec<(Vec3A, f32, bool)> =
-            pieces.iter().map(|p| (p.normal, p.area() * luminance(p.radiance), p.double_sided)).collect();
-        let ratio = |direction: Vec3A| {
-            let facing = |normal: Vec3A, both: bool| {
-                let cosine = normal.dot(direction);
-                if both { cosine.abs() } else { cosine.max(0.0) }
-            };
-            let whole: f32 = powers.iter().map(|&(normal, power, both)| power * facing(normal, both)).sum();
-            let sampled: f32 = samples.iter().map(|s| luminance(s.intensity) * facing(s.normal, false)).sum();
+        let whole = by_direction(pieces);
+        let sampled: Vec<Vec3A> = samples.iter().map(|s| s.normal * luminance(s.intensity)).collect();
+        let intensity =
+            |sides: &[Vec3A], towards: Vec3A| sides.iter().map(|side| side.dot(towards).max(0.0)).sum::<f32>();
+        let ratio = |towards: Vec3A| {
+            let (whole, sampled) = (intensity(&whole, towards), intensity(&sampled, towards));
             if sampled > 0.0 { (whole / sampled).clamp(MOST.recip(), MOST) } else { 1.0 }
         };
         let at = |k: usize| Vec2::new((k % (CELLS + 1)) as f32, (k / (CELLS + 1)) as f32) / CELLS as f32;
@@ -70,6 +67,27 @@ impl Balance {
         let ratio = row(first) * (1.0 - u.y) + row(first + CELLS + 1) * u.y;
         1.0 + (ratio - 1.0) * d2 / (d2 + self.radius2)
     }
+}
+
+/// Σ Lₚ Aₚ nₚ over the sides of the pieces that face about the same way, luminance \[W·sr⁻¹\]: one sum for each cell of the map,
+/// so that a light of many triangles costs no more than one of few.
+fn by_direction(pieces: &[Polygon]) -> Vec<Vec3A> {
+    let mut sums = vec![Vec3A::ZERO; CELLS * CELLS];
+    let mut add = |side: Vec3A| {
+        if let Some(normal) = side.try_normalize() {
+            let cell = (folded(normal) * CELLS as f32).clamp(Vec2::ZERO, Vec2::splat(CELLS as f32 - 1.0));
+            sums[cell.y as usize * CELLS + cell.x as usize] += side;
+        }
+    };
+    for piece in pieces {
+        let side = piece.normal * (piece.area() * luminance(piece.radiance));
+        add(side);
+        if piece.double_sided {
+            add(-side);
+        }
+    }
+    sums.retain(|&sum| sum != Vec3A::ZERO);
+    sums
 }
 
 /// A unit vector's place in the unit square: the octahedron |x| + |y| + |z| = 1, its lower half folded out to the corners.
