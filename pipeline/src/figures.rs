@@ -68,6 +68,13 @@ pub struct FrameFigures {
     pub cache_records: u64,
     /// Records that were computed.
     pub cache_new: u64,
+    /// Share of the lit pixels for which some light was computed.
+    pub shaded_share: f64,
+    /// Share of the lit pixels whose light was all carried from the frame before.
+    pub carried_share: f64,
+    /// Share of the audited pixels that carried light would have made wrong by no more than they may be; none if none was
+    /// audited.
+    pub audit_carried_within: Option<f64>,
     /// Mean of threshold by luminance over the pixels that see a surface.
     pub threshold_mean_relative: f64,
     /// Error, in thresholds, that 95 in a hundred of the checked pixels keep within; none if none was checked.

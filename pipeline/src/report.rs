@@ -77,6 +77,13 @@ pub struct FrameReport {
     pub cache_records: u64,
     /// Irradiance cache: records computed for this frame, new ones and old ones afresh.
     pub cache_new: u64,
+    /// Share of the lit pixels for which some light was computed.
+    pub shaded_share: f64,
+    /// Share of the lit pixels whose light was all carried from the frame before.
+    pub carried_share: f64,
+    /// Share of the audited pixels that carried light would have made wrong by no more than they may be; null where none was
+    /// audited.
+    pub audit_carried_within: Option<f64>,
     /// Share of the light tree's inner nodes whose children changed places.
     pub tree_swaps_share: f64,
     /// Threshold by luminance.
@@ -145,6 +152,9 @@ impl FrameReport {
             shadow_rays: figures.shadow_rays,
             cache_records: figures.cache_records,
             cache_new: figures.cache_new,
+            shaded_share: figures.shaded_share,
+            carried_share: figures.carried_share,
+            audit_carried_within: figures.audit_carried_within,
             tree_swaps_share: figures.tree_swaps_share,
             threshold_mean_relative: figures.threshold_mean_relative,
             kappa: figures.kappa,

@@ -123,6 +123,25 @@ impl Lamps {
     }
 }
 
+/// A region that direct light comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Source {
+    /// A box around a light.
+    Lamp {
+        /// \[m\]
+        low: Vec3A,
+        /// \[m\]
+        high: Vec3A,
+    },
+    /// A disc in the sky.
+    Sun {
+        /// Unit vector.
+        towards: Vec3A,
+        /// \[rad\]
+        angular_radius: f32,
+    },
+}
+
 /// A surface point to be lit.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadingPoint {
@@ -216,6 +235,28 @@ impl DirectLights {
             points: areas.chain(self.points.iter().map(|point| point.position)).collect(),
             suns: self.suns.iter().map(|sun| sun.towards).collect(),
         }
+    }
+
+    /// Whether the glowing surfaces, point lights and suns are those of `other`, where they were.
+    #[must_use]
+    pub fn has_lamps_of(&self, other: &Self) -> bool {
+        let areas = self.areas.iter().map(|area| (area.instance, &area.samples));
+        areas.eq(other.areas.iter().map(|area| (area.instance, &area.samples)))
+            && self.points == other.points
+            && self.suns.iter().map(Sun::light).eq(other.suns.iter().map(Sun::light))
+    }
+
+    /// Boxes around the glowing surfaces and point lights, and the suns: all that shadow rays lead to.
+    #[must_use]
+    pub fn sources(&self) -> Vec<Source> {
+        let around = |points: &[Vec3A]| Source::Lamp {
+            low: points.iter().copied().fold(Vec3A::INFINITY, Vec3A::min),
+            high: points.iter().copied().fold(Vec3A::NEG_INFINITY, Vec3A::max),
+        };
+        let areas = self.areas.iter().map(|area| around(&area.positions));
+        let points = self.points.iter().map(|point| Source::Lamp { low: point.position, high: point.position });
+        let suns = self.suns.iter().map(|sun| Source::Sun { towards: sun.towards, angular_radius: sun.angular_radius });
+        areas.chain(points).chain(suns).collect()
     }
 
     /// Whether `instance` is a glowing surface that is sampled here.
@@ -405,6 +446,11 @@ fn corners(polygon: &Polygon, sample: &AreaSample) -> impl Iterator<Item = AreaS
 }
 
 impl Sun {
+    /// All that its other fields follow from.
+    fn light(&self) -> (Vec3, Vec3A, f32) {
+        (self.irradiance, self.towards, self.angular_radius)
+    }
+
     fn reflected(
         &self,
         accelerator: &Accelerator,

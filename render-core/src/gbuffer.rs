@@ -45,6 +45,14 @@ pub struct PixelSurface {
     pub triangle: u32,
 }
 
+impl PixelSurface {
+    /// Whether light that arrives here is reflected by the diffuse base.
+    #[must_use]
+    pub fn reflects(&self) -> bool {
+        self.instance != NOTHING && self.albedo != [0.0; 3]
+    }
+}
+
 /// A ray from the camera.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CameraRay {
@@ -223,7 +231,8 @@ fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) 
     let CameraRay { origin, direction } = ray;
     let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);
     let width = |hit: &Hit| width(depth(hit));
-    let Some((hit, surface)) = hit.and_then(|hit| ray.shown(scene, hit, width)) else {
+    let shown = hit.and_then(|hit| ray.shown(scene, hit, width));
+    let Some((hit, surface)) = shown.map(|(hit, point)| (hit, point.surface())) else {
         let sky = scene.surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
     };

@@ -9,6 +9,7 @@ mod anchor;
 mod bsdf;
 mod busy;
 pub mod cache;
+mod carried;
 mod direct;
 mod emitter;
 mod environment;
@@ -28,7 +29,8 @@ pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
 pub use anchor::{Anchor, Anchors, DynamicAnchor};
 pub use bsdf::{Bsdf, BsdfSample};
 pub use busy::{Busy, Timed};
-pub use direct::{DirectLights, DynamicLights, Lamps, ShadingPoint, Traced};
+pub use carried::{Carried, CarriedLight, Destination, Reuse};
+pub use direct::{DirectLights, DynamicLights, Lamps, ShadingPoint, Source, Traced};
 pub use emitter::{
     AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, EmittedPhoton, Emitters, PhotonSource, PointLight, SunLight,
     dome_lights,

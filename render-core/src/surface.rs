@@ -71,8 +71,12 @@ impl<'a> Surfaces<'a> {
     /// Textures are filtered over the ellipse that the cone meets, however slanted the surface is.
     #[must_use]
     pub fn at(&self, hit: &Hit, direction: Vec3A, width: f32) -> Surface {
-        let ellipse = |direction, normal| Footprint::ellipse(direction, normal, width);
-        Interaction::new(self, hit, direction, ellipse).surface()
+        self.point(hit, direction, width).surface()
+    }
+
+    /// The same, with its material looked up on demand.
+    pub(crate) fn point(&self, hit: &Hit, direction: Vec3A, width: f32) -> Interaction<'_> {
+        Interaction::new(self, hit, direction, |direction, normal| Footprint::ellipse(direction, normal, width))
     }
 
     /// The same for a ray of indirect light: its material is looked up on demand, once, over a disk of the ellipse's length.

@@ -6,7 +6,7 @@ mod values;
 
 pub use mpeg2enc::Effort;
 pub use options::Options;
-pub use values::{Aov, BitRate, CheckpointEvery, Lighting, Size, Stopping, Switch, Thresholds};
+pub use values::{Aov, BitRate, CheckpointEvery, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
 
 use crate::error::Result;
 use mpeg2enc::{Container, Rate, Standard};
@@ -50,6 +50,8 @@ pub struct Settings {
     pub stopping: Stopping,
     /// Share of pixels that calibrated stopping keeps within their thresholds.
     pub within: f64,
+    /// Which pixels are lit.
+    pub shading: PixelShading,
     /// Samples of visibility and direct light to the pixel.
     pub samples: u32,
     /// Whether pixels that outlines cross blend the surfaces of their area.

@@ -1,6 +1,6 @@
 //! Options, by library, command line and file.
 
-use super::values::{Aov, BitRate, Lighting, Size, Stopping, Switch, Thresholds, size_as_text};
+use super::values::{Aov, BitRate, Lighting, PixelShading, Size, Stopping, Switch, Thresholds, size_as_text};
 use mpeg2enc::Effort;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::PathBuf;
@@ -58,6 +58,10 @@ pub struct Options {
     /// Share of pixels that calibrated stopping keeps within their thresholds, 0.5 to 0.999 [default: 0.95]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "SHARE"))]
     pub within: Option<f64>,
+    /// Which pixels of a frame are lit: all, or those whose light in the frame before does not tell it within their thresholds
+    /// [default: adaptive]
+    #[cfg_attr(feature = "command-line", arg(long, value_enum))]
+    pub shading: Option<PixelShading>,
     /// Samples of visibility and direct light to the pixel: 1 is fast, 4 smooths edges [default: 1]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
     pub samples: Option<u32>,

@@ -1,7 +1,7 @@
 //! From options to settings: every default, and every check of a single choice. No other place states a default.
 
 use super::options::Options;
-use super::values::{Lighting, Size, Stopping, Switch, Thresholds};
+use super::values::{Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
 use super::{Effort, Settings};
 use crate::error::{Error, Result};
 use lighttree::Calibration;
@@ -78,6 +78,7 @@ impl Options {
             kappa,
             stopping,
             within,
+            shading: *self.shading.get_or_insert(PixelShading::Adaptive),
             samples,
             antialiasing: self.antialiasing.get_or_insert(Switch::On).is_on(),
             bounces: self.bounces,

@@ -123,6 +123,9 @@ pub enum Aov {
     Threshold,
     /// cache.records: records of the irradiance cache in use at the pixel.
     Cache,
+    /// shading.reused: 0 where all light was computed, 1 where direct light was carried from the frame before, 2 where
+    /// indirect light was, 3 where both were.
+    Shading,
 }
 
 /// Where the error that a pixel may have comes from.
@@ -204,6 +207,18 @@ pub enum Stopping {
     Bound,
     /// When measured errors say that 95 % of the pixels are within it, or another share.
     Calibrated,
+}
+
+/// Which pixels of a frame are lit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum PixelShading {
+    /// All of them.
+    Full,
+    /// Those whose light in the frame before says too little, by their thresholds.
+    Adaptive,
 }
 
 /// Width and height of the picture in pixels.

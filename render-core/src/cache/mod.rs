@@ -27,18 +27,20 @@ mod picture;
 mod predict;
 mod radius;
 mod record;
+mod request;
 mod spacing;
 mod tile;
 mod tolerance;
 
 pub use illumination::{Illumination, LastUpdate, LocalIrradiance, Site};
+pub use request::Request;
 pub use spacing::footprint;
 
 use crate::gbuffer::{GBuffer, NOTHING};
 use crate::{Busy, Timed};
 use glam::{Affine3A, Vec3A};
 use openness::Openness;
-use picture::{Picture, bare_site};
+use picture::Picture;
 use plane::Plane;
 use rayon::prelude::*;
 use record::Record;
@@ -55,6 +57,8 @@ const TURN: u32 = 32;
 
 /// Records that a thread takes at a time.
 const CHUNK: usize = 16;
+/// The same for what takes no rays.
+const LARGE_CHUNK: usize = 512;
 
 /// Records of light on surfaces, kept from frame to frame. `R` is what an [`Illumination`] keeps with each.
 ///
@@ -109,30 +113,28 @@ impl<R> Default for IrradianceCache<R> {
 }
 
 impl<R: Send + Sync> IrradianceCache<R> {
-    /// Lights the picture `seen`. `moving` says for each instance whether it ever moves.
+    /// Lights a picture.
     ///
     /// The result depends on the arguments of this call and the calls before it, not on the number of threads.
     pub fn light<I: Illumination<Recipe = R>>(
         &mut self,
-        seen: &GBuffer,
-        moving: &[bool],
+        request: Request,
         changes: Changes,
         illumination: &I,
     ) -> Timed<CachedLight> {
-        Timed::of(|busy| self.lit(seen, moving, changes, (illumination, busy)))
+        Timed::of(|busy| self.lit(request, changes, (illumination, busy)))
     }
 
     fn lit<I: Illumination<Recipe = R>>(
         &mut self,
-        seen: &GBuffer,
-        moving: &[bool],
+        request: Request,
         changes: Changes,
         (illumination, busy): (&I, &Busy),
     ) -> CachedLight {
         self.frame += 1;
-        let bare = |x, y| bare_site(seen, moving, x, y);
-        let openness = Openness::new(seen, bare, &self.openness, illumination, busy);
-        let picture = Picture::new(seen, moving, &openness, busy);
+        let seen = request.seen;
+        let openness = Openness::new(&request, &self.openness, illumination, busy);
+        let picture = Picture::new(request, &openness, busy);
         busy.measure(|| self.carry_along(seen));
         openness::renew(&mut self.records, seen, illumination, busy);
         let mut tiles = Tiles::new(&picture);
@@ -150,6 +152,9 @@ impl<R: Send + Sync> IrradianceCache<R> {
         for index in used {
             self.records[index].seen = self.frame;
         }
+        if request.wanted.is_some() {
+            self.keep_shown(&picture);
+        }
         self.forget(in_use, seen.pixels.samples().len());
         self.openness = openness;
         CachedLight { irradiance, in_use, computed }
@@ -159,23 +164,20 @@ impl<R: Send + Sync> IrradianceCache<R> {
     /// places of its pixels, from the records there are and those it still needs.
     pub fn light_more<I: Illumination<Recipe = R>>(
         &mut self,
-        seen: &GBuffer,
-        moving: &[bool],
+        request: Request,
         illumination: &I,
     ) -> Timed<CachedLight> {
-        Timed::of(|busy| self.more_lit(seen, moving, illumination, busy))
+        Timed::of(|busy| self.more_lit(request, illumination, busy))
     }
 
     fn more_lit<I: Illumination<Recipe = R>>(
         &mut self,
-        seen: &GBuffer,
-        moving: &[bool],
+        request: Request,
         illumination: &I,
         busy: &Busy,
     ) -> CachedLight {
-        let bare = |x, y| bare_site(seen, moving, x, y);
-        let openness = Openness::new(seen, bare, &Openness::default(), illumination, busy);
-        let picture = Picture::new(seen, moving, &openness, busy);
+        let openness = Openness::new(&request, &Openness::default(), illumination, busy);
+        let picture = Picture::new(request, &openness, busy);
         let mut tiles = Tiles::new(&picture);
         // What this frame has not brought up to date is light of another.
         let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
@@ -287,6 +289,18 @@ impl<R: Send + Sync> IrradianceCache<R> {
                 })
             })
             .sum()
+    }
+
+    /// Where only parts of the picture are lit, its other parts will want their records again.
+    fn keep_shown(&mut self, picture: &Picture) {
+        let frame = self.frame;
+        self.records.par_chunks_mut(LARGE_CHUNK).for_each(|records| {
+            picture.busy.measure(|| {
+                for record in records.iter_mut().filter(|record| picture.has(&record.site)) {
+                    record.seen = frame;
+                }
+            });
+        });
     }
 
     /// Drops records that were not seen for long, and those unseen for longest of more than the picture's needs explain.

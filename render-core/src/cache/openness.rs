@@ -13,6 +13,7 @@
 
 use super::illumination::{Illumination, Site};
 use super::record::Record;
+use super::request::{OPEN, Request};
 use crate::gbuffer::{GBuffer, NOTHING};
 use crate::scene::View;
 use crate::{Busy, MACROBLOCK};
@@ -32,8 +33,6 @@ const NEAR: f32 = 8.0;
 /// Ratio of distances D at which what was found for one is not taken for the other.
 const OTHER_SCALE: f32 = 1.25;
 
-/// Openness of a place with nothing around.
-pub(super) const OPEN: f32 = 1.0;
 /// Openness of a glowing surface, which shares no records with others: it outshines what it reflects, and may be lit by what
 /// is a hair's breadth from it.
 const GLOWING: f32 = 2.0;
@@ -81,18 +80,13 @@ impl Felt {
 }
 
 impl Openness {
-    /// The openness of the picture `seen`, whose sites are `site(x, y)`. Values of `before` hold for pixels whose place is less
-    /// than a pixel from where they were found, and where `illumination` finds the surroundings undisturbed.
-    pub fn new<I: Illumination>(
-        seen: &GBuffer,
-        site: impl Fn(usize, usize) -> Option<Site> + Sync,
-        before: &Self,
-        illumination: &I,
-        busy: &Busy,
-    ) -> Self {
+    /// The openness of the wanted pixels of a picture. Values of `before` hold for pixels whose place is less than a pixel from
+    /// where they were found, and where `illumination` finds the surroundings undisturbed.
+    pub fn new<I: Illumination>(request: &Request, before: &Self, illumination: &I, busy: &Busy) -> Self {
+        let seen = request.seen;
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
         let openness = |x: usize, y: usize| {
-            let Some(site) = site(x, y) else { return Felt::default() };
+            let Some(site) = request.bare_site(x, y) else { return Felt::default() };
             if seen.pixels.get(x, y).emission != [0.0; 3] {
                 return Felt { openness: GLOWING, ..Felt::default() };
             }

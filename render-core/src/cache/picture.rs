@@ -1,19 +1,23 @@
 //! The picture that is lit, and what of each pixel says which records serve it.
 
 use super::illumination::Site;
-use super::openness::{self, Openness};
-use crate::gbuffer::{GBuffer, NOTHING, PixelSurface};
+use super::openness::Openness;
+use super::request::Request;
+use crate::gbuffer::{GBuffer, NOTHING};
 use crate::{Busy, MACROBLOCK};
 use glam::Vec3A;
 use rayon::prelude::*;
 use std::ops::Range;
+
+/// Distance from a record up to which a pixel counts as showing it \[pixels\].
+const NEARBY: f32 = 8.0;
 
 /// The picture that is lit.
 pub(super) struct Picture<'a> {
     pub seen: &'a GBuffer,
     /// Counts the work on it.
     pub busy: &'a Busy,
-    moving: &'a [bool],
+    request: Request<'a>,
     openness: &'a Openness,
     /// Surfaces of all pixels, by macroblock, in raster order: a whole frame's sites are looked through several times,
     /// and the G-buffer holds three times as much of each.
@@ -54,8 +58,8 @@ impl From<&Site> for Shown {
 }
 
 impl<'a> Picture<'a> {
-    pub fn new(seen: &'a GBuffer, moving: &'a [bool], openness: &'a Openness, busy: &'a Busy) -> Self {
-        let mut picture = Self { seen, busy, moving, openness, shown: Vec::new() };
+    pub fn new(request: Request<'a>, openness: &'a Openness, busy: &'a Busy) -> Self {
+        let mut picture = Self { seen: request.seen, busy, request, openness, shown: Vec::new() };
         let mut shown = vec![Shown::NOTHING; picture.tiles() * MACROBLOCK * MACROBLOCK];
         shown.par_chunks_mut(MACROBLOCK * MACROBLOCK).enumerate().for_each(|(tile, shown)| {
             busy.measure(|| {
@@ -102,8 +106,14 @@ impl<'a> Picture<'a> {
     /// picture it counts as shown.
     pub fn shows(&self, site: &Site, apart: f32) -> bool {
         let Some((x, y)) = self.pixel_of(site) else { return true };
-        self.site(x, y)
+        self.request
+            .surface(x, y)
             .is_some_and(|shown| shown.carrier == site.carrier && shown.position.distance(site.position) < apart)
+    }
+
+    /// Whether the pixel that a place falls on shows it, or what is beside it within a few pixels.
+    pub fn has(&self, site: &Site) -> bool {
+        self.pixel_of(site).is_some() && self.shows(site, NEARBY * site.pixel_width(&self.seen.view))
     }
 
     /// The pixel that a place falls on, if the picture has it.
@@ -114,21 +124,8 @@ impl<'a> Picture<'a> {
         inside.then_some((place.x as usize, place.y as usize))
     }
 
-    /// Where light is wanted at a pixel, if anything there reflects.
+    /// Where light is wanted at a pixel, if it is and anything there reflects.
     pub fn site(&self, x: usize, y: usize) -> Option<Site> {
-        bare_site(self.seen, self.moving, x, y).map(|site| Site { openness: self.openness.get(x, y), ..site })
+        self.request.bare_site(x, y).map(|site| Site { openness: self.openness.get(x, y), ..site })
     }
-}
-
-/// As [`Picture::site`], open whatever is around.
-pub(super) fn bare_site(seen: &GBuffer, moving: &[bool], x: usize, y: usize) -> Option<Site> {
-    let pixel: PixelSurface = seen.pixels.get(x, y);
-    (pixel.instance != NOTHING && pixel.albedo != [0.0; 3]).then(|| Site {
-        position: pixel.position.into(),
-        normal: pixel.shading_normal.into(),
-        geometric_normal: pixel.geometric_normal.into(),
-        carrier: if moving[pixel.instance as usize] { pixel.instance } else { NOTHING },
-        openness: openness::OPEN,
-        key: (y as u64) << 32 | x as u64,
-    })
 }

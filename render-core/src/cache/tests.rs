@@ -112,7 +112,7 @@ impl Illumination for Lamp {
 const NO_CHANGES: Changes = Changes { light: false, geometry: false };
 
 fn light(cache: &mut IrradianceCache<()>, seen: &GBuffer, changes: Changes, lamp: &Lamp) -> CachedLight {
-    cache.light(seen, &[false, true], changes, lamp).value
+    cache.light(Request::whole(seen, &[false, true]), changes, lamp).value
 }
 
 /// Largest error of the picture, as a share of the lamp's closed form at its brightest.
@@ -192,7 +192,7 @@ fn other_surfaces_have_records_of_their_own() {
             }
         }
         let seen = floor(change);
-        let lit = IrradianceCache::default().light(&seen, &[false, true], NO_CHANGES, &BySurface).value;
+        let lit = IrradianceCache::default().light(Request::whole(&seen, &[false, true]), NO_CHANGES, &BySurface).value;
         for (e, pixel) in lit.irradiance.samples().iter().zip(seen.pixels.samples()) {
             let expected = if pixel.position[0] > 0.0 { 100.0 } else { 1.0 };
             assert!((e[0] / expected - 1.0f32).abs() < 1e-5, "change {k}: {} in place of {expected}", e[0]);
@@ -242,7 +242,7 @@ fn a_groove_keeps_its_own_light() {
     }
     let wrong = |openness| {
         let groove = Groove { openness };
-        let lit = IrradianceCache::default().light(&seen, &[false, true], NO_CHANGES, &groove).value;
+        let lit = IrradianceCache::default().light(Request::whole(&seen, &[false, true]), NO_CHANGES, &groove).value;
         let expected = |pixel: &PixelSurface| if Groove::has(pixel.position[0]) { Groove::LIGHT } else { 1.0 };
         let pairs = lit.irradiance.samples().iter().zip(seen.pixels.samples());
         pairs.filter(|(e, pixel)| (e[0] - expected(pixel)).abs() > 1e-5).count()
@@ -260,7 +260,7 @@ fn openness_follows_the_picture() {
     }
     let mut cache = IrradianceCache::default();
     let groove = Groove { openness: 0.5 };
-    let _ = cache.light(&seen, &[false, true], NO_CHANGES, &groove);
+    let _ = cache.light(Request::whole(&seen, &[false, true]), NO_CHANGES, &groove);
     let openness = |cache: &IrradianceCache<()>| -> Vec<f32> {
         cache.records.iter().filter(|record| record.site.position.y < 0.0).map(|record| record.site.openness).collect()
     };
@@ -414,7 +414,7 @@ fn neighbors_teach_slopes() {
     let light = |x: f32| 1.0 + 0.3 * x;
     let seen = floor(|_| ());
     let mut cache = IrradianceCache::default();
-    let lit = cache.light(&seen, &[false, true], NO_CHANGES, &Unforeseen { light }).value;
+    let lit = cache.light(Request::whole(&seen, &[false, true]), NO_CHANGES, &Unforeseen { light }).value;
     let nearest = |pixel: &PixelSurface| {
         let distance = |record: &&Record<()>| record.site.position.distance_squared(pixel.position.into());
         let record = cache.records.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
@@ -437,7 +437,7 @@ fn records_crowd_where_they_are_contradicted() {
     let light = |x: f32| 1.5 + (x / 0.1).tanh() / 2.0;
     let seen = floor(|_| ());
     let mut cache = IrradianceCache::default();
-    let lit = cache.light(&seen, &[false, true], NO_CHANGES, &Unforeseen { light }).value;
+    let lit = cache.light(Request::whole(&seen, &[false, true]), NO_CHANGES, &Unforeseen { light }).value;
     let at_step = cache.records.iter().filter(|record| record.site.position.x.abs() < 0.2).count();
     let beside = cache.records.iter().filter(|record| record.site.position.x.abs() > 0.6).count();
     assert!(2 * at_step > 3 * beside, "{at_step} records at the step, {beside} on twice as much floor beside it");
@@ -456,7 +456,7 @@ fn a_walk_does_not_gather_records() {
     for frame in 0..80 {
         let way = 0.03 * frame as f32;
         let seen = floor_from(Vec3::new(way, 5.0, way / 3.0), |_| ());
-        let lit = cache.light(&seen, &[false, true], NO_CHANGES, &Unforeseen { light }).value;
+        let lit = cache.light(Request::whole(&seen, &[false, true]), NO_CHANGES, &Unforeseen { light }).value;
         in_use.push(lit.in_use);
         let mean = lit.irradiance.samples().iter().map(|e| e[0]).sum::<f32>() / (SIDE * SIDE) as f32;
         assert!((mean - 1.0).abs() < 0.02, "frame {frame}: {mean}");

@@ -9,8 +9,8 @@
 //!
 //! Rays that see what no center around shows, as on wires thinner than a pixel, count for nothing.
 
-use super::{CameraRay, GBuffer, NOTHING, PixelSurface, first_hits, is_same_surface, see};
-use crate::accel::PACKET;
+use super::{CameraRay, EMPTY, GBuffer, NOTHING, PixelSurface, first_hits, is_same_surface};
+use crate::accel::{Hit, PACKET};
 use crate::{Busy, MACROBLOCK, PosedScene, Timed, sample_offsets};
 use glam::{Vec2, Vec3A};
 use plane::Plane;
@@ -125,11 +125,23 @@ impl GBuffer {
         mixed
     }
 
-    /// Surfaces that rays through `places` of the picture show, at most [`PACKET`] of them; textures are not filtered.
+    /// Surfaces that rays through `places` of the picture show, at most [`PACKET`] of them: which, where, and whether they glow,
+    /// all that outlines need.
     fn see_at(&self, scene: PosedScene, places: impl Iterator<Item = Vec2>) -> Vec<PixelSurface> {
         let rays: Vec<CameraRay> = places.map(|place| CameraRay::through(place, &self.view)).collect();
         let hits = first_hits(scene, &rays);
-        rays.iter().zip(hits).map(|(&ray, hit)| see(hit, ray, scene, &|_| 0.0, &self.view)).collect()
+        let outlined = |(ray, hit): (&CameraRay, Option<Hit>)| {
+            let shown = hit.and_then(|hit| ray.shown(scene, hit, |_| 0.0));
+            shown.map_or(EMPTY, |(hit, point)| PixelSurface {
+                position: point.position.into(),
+                geometric_normal: point.geometric_normal.into(),
+                emission: point.emission().into(),
+                instance: hit.instance,
+                triangle: hit.triangle,
+                ..EMPTY
+            })
+        };
+        rays.iter().zip(hits).map(outlined).collect()
     }
 
     /// Index of the pixel, of the 3×3 around (x, y), that shows the surface `seen` by a ray, nearest to the ray's hit.

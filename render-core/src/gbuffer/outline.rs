@@ -7,7 +7,7 @@
 use super::CameraRay;
 use crate::PosedScene;
 use crate::accel::Hit;
-use crate::surface::Surface;
+use crate::surface::Interaction;
 
 /// How far in the two sides are taken to be apart, in pixels; nearer to its border a back may be seen by rounding alone.
 const INWARD: f32 = 0.1;
@@ -15,13 +15,13 @@ const INWARD: f32 = 0.1;
 impl CameraRay {
     /// The front that the ray should have met in place of `hit`, which is the back of `met`; `None` where that is no outline.
     /// `width` is that of a pixel there, metres.
-    pub(super) fn front_beside(
+    pub(super) fn front_beside<'a>(
         self,
-        scene: PosedScene,
+        scene: PosedScene<'a>,
         hit: &Hit,
-        met: &Surface,
+        met: &Interaction,
         width: f32,
-    ) -> Option<(Hit, Surface)> {
+    ) -> Option<(Hit, Interaction<'a>)> {
         let Self { origin, direction } = self;
         let PosedScene { accelerator, surfaces } = scene;
         let inward = INWARD * width;
@@ -36,7 +36,7 @@ impl CameraRay {
             let hit = accelerator
                 .closest(origin + across * inward, direction)
                 .filter(|beside| beside.instance == hit.instance)?;
-            let surface = surfaces.at(&hit, direction, width);
+            let surface = surfaces.point(&hit, direction, width);
             surface.front.then_some((hit, surface))
         })
     }

@@ -6,7 +6,7 @@
 use super::CameraRay;
 use crate::PosedScene;
 use crate::accel::Hit;
-use crate::surface::Surface;
+use crate::surface::Interaction;
 
 /// Backs that a ray goes through; a ray that meets more ends at nothing.
 const MOST_BACKS: usize = 256;
@@ -16,16 +16,21 @@ const BEHIND: f32 = 1e-5;
 impl CameraRay {
     /// The surface that the ray shows whose first hit is `hit`: the first front, or the first back of a double-sided
     /// surface. `width` is that of a pixel at a hit, metres; 0 for sharp textures, and outlines as rays meet them.
-    pub(crate) fn shown(self, scene: PosedScene, mut hit: Hit, width: impl Fn(&Hit) -> f32) -> Option<(Hit, Surface)> {
+    pub(crate) fn shown<'a>(
+        self,
+        scene: PosedScene<'a>,
+        mut hit: Hit,
+        width: impl Fn(&Hit) -> f32,
+    ) -> Option<(Hit, Interaction<'a>)> {
         let Self { origin, direction } = self;
         for _ in 0..MOST_BACKS {
             let width = width(&hit);
-            let surface = scene.surfaces.at(&hit, direction, width);
+            let surface = scene.surfaces.point(&hit, direction, width);
             if surface.front {
                 return Some((hit, surface));
             }
             let beside = self.front_beside(scene, &hit, &surface, width);
-            if beside.is_some() || surface.double_sided {
+            if beside.is_some() || !surface.is_back() {
                 return beside.or(Some((hit, surface)));
             }
             let behind = hit.distance * (1.0 + BEHIND);

@@ -129,7 +129,8 @@ impl<'a> PathTracer<'a> {
                 None => hit.and_then(|hit| {
                     let footprint = |hit: &Hit| self.footprint(view, origin + direction * hit.distance);
                     let width = |hit: &Hit| if sharp { 0.0 } else { footprint(hit) };
-                    CameraRay { origin, direction }.shown(self.scene, hit, width)
+                    let shown = CameraRay { origin, direction }.shown(self.scene, hit, width);
+                    shown.map(|(hit, point)| (hit, point.surface()))
                 }),
                 Some(_) => hit.map(|hit| (hit, self.scene.surfaces.at(&hit, direction, 0.0))),
             };

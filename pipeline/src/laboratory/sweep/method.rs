@@ -1,7 +1,7 @@
 //! The ways of rendering that a sweep compares.
 
 use crate::Options;
-use crate::settings::{Lighting, Stopping, Switch, Thresholds};
+use crate::settings::{Lighting, PixelShading, Stopping, Switch, Thresholds};
 
 /// How a method makes its frames.
 #[derive(Clone, Copy, Debug)]
@@ -49,10 +49,15 @@ pub const METHODS: &[Method] = &[
         w.stopping = Some(Stopping::Calibrated);
     })
     .steered(),
-    film("lightcuts-cache", "2 %, cache", 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))).cached(),
-    film("paper-cache", "κ = 1, cache", 3, |w| masking(w).kappa = Some(1.0)).cached().steered(),
+    film("lightcuts-cache", "2 %, cache", 6, |w| full(w).thresholds = Some(Thresholds::Fixed(0.02))).cached(),
+    film("uniform-cache", "2 % of the last frame, cache", 2, |w| w.thresholds = Some(Thresholds::Uniform(0.02)))
+        .cached(),
+    film("paper-cache", "κ = 1, cache", 3, |w| masking(full(w)).kappa = Some(1.0)).cached().steered(),
     film("perceptual-cache", "κ = {κ}, cache", 0, |w| _ = masking(w)).cached().steered(),
     film("calibrated-cache", "calibrated, cache", 4, |w| masking(w).stopping = Some(Stopping::Calibrated))
+        .cached()
+        .steered(),
+    film("codec-cache-full", "codec, cache, every pixel lit", 7, |w| full(w).thresholds = Some(Thresholds::Codec))
         .cached()
         .steered(),
     film("codec-cache", "codec, cache", 5, |w| w.thresholds = Some(Thresholds::Codec)).cached().steered(),
@@ -64,6 +69,12 @@ pub const METHODS: &[Method] = &[
 /// Thresholds from the masking model.
 fn masking(options: &mut Options) -> &mut Options {
     options.thresholds = Some(Thresholds::Perceptual);
+    options
+}
+
+/// Every pixel of each frame is lit.
+fn full(options: &mut Options) -> &mut Options {
+    options.shading = Some(PixelShading::Full);
     options
 }
 

@@ -2,7 +2,7 @@
 
 use super::facts::Facts;
 use super::stage::{Stage, State};
-use crate::settings::{Lighting, Thresholds};
+use crate::settings::{Lighting, PixelShading, Thresholds};
 
 /// One possible decision about a stage.
 struct Rule {
@@ -145,6 +145,18 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         ],
     ),
     (
+        Stage::CarriedLight,
+        &[
+            off(|f| f.settings.shading == PixelShading::Full, "every pixel of a frame is lit, as requested"),
+            off(|f| !f.reflects, NO_REFLECTION),
+            off(|f| !f.cuts() || !f.settings.cache, "every pixel has its own cut"),
+            off(|f| f.settings.samples > 1, "every pixel has several samples"),
+            off(|f| !f.picture_changes() || f.settings.frames == 1, "no frame differs from the one before"),
+            on(|f| !f.light_changes(), "light stays where it is while the camera moves"),
+            otherwise(State::On, "direct light stays where nothing moves between it and a lamp"),
+        ],
+    ),
+    (
         Stage::Compensation,
         &[
             off(|f| !f.reflects, NO_INDIRECT),
@@ -214,6 +226,11 @@ impl Facts<'_> {
     /// Whether light takes other paths from frame to frame.
     fn light_changes(&self) -> bool {
         self.object_moves || self.light_moves
+    }
+
+    /// Whether the picture differs from frame to frame.
+    fn picture_changes(&self) -> bool {
+        self.camera_moves || self.light_changes()
     }
 
     /// Whether paths of photons may be kept from the first frame for later ones.

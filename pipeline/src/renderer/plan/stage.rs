@@ -36,6 +36,8 @@ pub enum Stage {
     Indirect,
     /// Indirect light cached on surfaces.
     Cache,
+    /// Light of the frame before, carried to where it is seen now.
+    CarriedLight,
     /// Bias compensation: the light that clamping of the geometry term loses.
     Compensation,
     /// Light that coats reflect.
@@ -48,7 +50,7 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         Self::ObjectPlacing,
         Self::Photons,
         Self::TreeUpdate,
@@ -64,6 +66,7 @@ impl Stage {
         Self::Deformation,
         Self::Indirect,
         Self::Cache,
+        Self::CarriedLight,
         Self::Compensation,
         Self::Gloss,
         Self::Masking,
@@ -89,6 +92,7 @@ impl Stage {
             Self::Deformation => "skins and morph targets",
             Self::Indirect => "indirect light",
             Self::Cache => "irradiance cache",
+            Self::CarriedLight => "carried light",
             Self::Compensation => "compensation",
             Self::Gloss => "glossy surfaces",
             Self::Masking => "masking thresholds",

@@ -1,8 +1,8 @@
 //! Cuts for the irradiance cache: how a record is computed, and lit again from the clusters it remembers.
 
-mod around;
+pub(super) mod around;
 
-use super::cuts::{LightTransport, MadeCut};
+use super::cuts::{LEAST_REFLECTANCE, LightTransport, MadeCut};
 use crate::error::{Error, Result};
 use crate::figures::FrameFigures;
 use crate::plan::{Plan, Stage};
@@ -13,7 +13,7 @@ use glam::{Mat3A, Vec3, Vec3A};
 use lighttree::{Calibration, Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
 use plane::Plane;
 use render_core::cache::{
-    CachedLight, Changes, Illumination, IrradianceCache, LastUpdate, LocalIrradiance, Site, footprint,
+    Changes, Illumination, IrradianceCache, LastUpdate, LocalIrradiance, Request, Site, footprint,
 };
 use render_core::sampling::hash;
 use render_core::{Anchor, Busy, GBuffer, Gathered, Hit, NOTHING, PACKET, PixelSurface, ShadingPoint, luminance};
@@ -21,8 +21,6 @@ use std::f32::consts::PI;
 
 /// A record answers for many pixels and its error is seen as a stain: its threshold is this share of theirs.
 const FINENESS: f32 = 0.5;
-/// Reflectance below which a pixel needs no finer irradiance: its own light hardly matters.
-const LEAST_REFLECTANCE: f32 = 0.05;
 /// An anchor on a moving thing that would add less than this share gets no shadow ray and counts as visible: two dozen
 /// of them together stay below half a per cent.
 const UNTRACED_SHARE: f32 = 2e-4;
@@ -75,8 +73,22 @@ impl Cache {
         Self { records: IrradianceCache::default(), at_rest, intensities: Vec::new(), places: Vec::new() }
     }
 
-    /// Indirectly reflected radiance of every pixel; adds the work to `busy`.
-    pub fn light(&mut self, transport: &LightTransport, busy: &Busy, figures: &mut FrameFigures) -> Plane<Vec3> {
+    /// Whether lights and things are as they were in the frame before.
+    pub fn is_unchanged(&self, frame: &Frame) -> bool {
+        let scene = frame.surfaces.scene();
+        let lights = frame.tree.lights().iter().map(|light| light.intensity);
+        lights.eq(self.intensities.iter().copied())
+            && self.places == places(scene, &scene.moving_instances(), &frame.seen, &self.places)
+    }
+
+    /// Indirectly arriving irradiance at every pixel that is `wanted`, or at all; zero elsewhere. Adds the work to `busy`.
+    pub fn light(
+        &mut self,
+        transport: &LightTransport,
+        wanted: Option<&Plane<bool>>,
+        busy: &Busy,
+        figures: &mut FrameFigures,
+    ) -> Plane<[f32; 3]> {
         let prepared = transport.prepared;
         let seen = transport.seen;
         let scene = prepared.surfaces.scene();
@@ -92,16 +104,21 @@ impl Cache {
             moving: &moving,
             at_rest: self.at_rest,
         };
-        let lit = busy.take(self.records.light(seen, &moving, changes, &illumination));
+        let lit = busy.take(self.records.light(Request { seen, moving: &moving, wanted }, changes, &illumination));
         self.intensities = lights.collect();
         self.places = places;
         figures.cache_records = lit.in_use as u64;
         figures.cache_new = lit.computed as u64;
-        reflected(seen, &lit)
+        lit.irradiance
     }
 
     /// The same for another picture of the last frame that [`Cache::light`] lit.
-    pub fn light_more(&mut self, transport: &LightTransport, busy: &Busy, figures: &mut FrameFigures) -> Plane<Vec3> {
+    pub fn light_more(
+        &mut self,
+        transport: &LightTransport,
+        busy: &Busy,
+        figures: &mut FrameFigures,
+    ) -> Plane<[f32; 3]> {
         let moving = transport.prepared.surfaces.scene().moving_instances();
         let illumination = Cuts {
             transport,
@@ -110,10 +127,10 @@ impl Cache {
             moving: &moving,
             at_rest: self.at_rest,
         };
-        let lit = busy.take(self.records.light_more(transport.seen, &moving, &illumination));
+        let lit = busy.take(self.records.light_more(Request::whole(transport.seen, &moving), &illumination));
         figures.cache_records = figures.cache_records.max(lit.in_use as u64);
         figures.cache_new += lit.computed as u64;
-        reflected(transport.seen, &lit)
+        lit.irradiance
     }
 
     /// State that does not follow from the last lit frame.
@@ -147,10 +164,10 @@ impl Cache {
     }
 }
 
-/// Radiance that the surfaces of a picture reflect of its irradiance.
-fn reflected(seen: &GBuffer, lit: &CachedLight) -> Plane<Vec3> {
+/// Radiance that the surfaces of a picture reflect of the `irradiance`.
+pub(super) fn reflected(seen: &GBuffer, irradiance: &Plane<[f32; 3]>) -> Plane<Vec3> {
     Plane::from_fn(seen.pixels.width(), seen.pixels.height(), |x, y| {
-        Vec3::from(lit.irradiance.get(x, y)) * Vec3::from(seen.pixels.get(x, y).albedo) / PI
+        Vec3::from(irradiance.get(x, y)) * Vec3::from(seen.pixels.get(x, y).albedo) / PI
     })
 }
 

@@ -25,6 +25,9 @@ const GATHER_RAYS_OF_ALL_LIGHTS: usize = 256;
 /// one in a hundred more; in a simulation, 32 leave 3 % less than 16.
 const FEELERS: usize = 16;
 
+/// Reflectance below which a pixel needs no finer irradiance: its own light hardly matters.
+pub(super) const LEAST_REFLECTANCE: f32 = 0.05;
+
 /// Errors that the pixels of a frame may have.
 pub(super) struct Allowance {
     pub map: ThresholdMap,
@@ -138,16 +141,12 @@ impl<'a> LightTransport<'a> {
 
     /// The absolute threshold of a pixel, if it has one \[W·m⁻²·sr⁻¹\].
     pub fn threshold(&self, x: usize, y: usize) -> Option<f32> {
-        let is_fixed = matches!(self.settings.thresholds, Thresholds::Fixed(_));
-        (!is_fixed).then(|| self.allowance.map.get(x, y)).flatten()
+        threshold(self.settings, self.allowance, x, y)
     }
 
     /// Share of its luminance that a pixel without absolute threshold may be wrong by.
     pub fn relative_threshold(&self) -> f32 {
-        match self.settings.thresholds {
-            Thresholds::Fixed(share) => share,
-            _ => WITHOUT_THRESHOLD,
-        }
+        relative_threshold(self.settings)
     }
 
     /// Error that each cluster of a pixel's cut may have if errors did not add up.
@@ -198,6 +197,20 @@ impl<'a> LightTransport<'a> {
         let cut = self.prepared.tree.lightcut(receiver, fine, visible, scratch);
         self.figures.count_rays(cut.shadow_rays);
         self.figures.audits.note(class, (found - luminance(cut.radiance)).abs() / threshold);
+    }
+}
+
+/// The absolute threshold of a pixel, if it has one \[W·m⁻²·sr⁻¹\].
+pub(super) fn threshold(settings: &Settings, allowance: &Allowance, x: usize, y: usize) -> Option<f32> {
+    let is_fixed = matches!(settings.thresholds, Thresholds::Fixed(_));
+    (!is_fixed).then(|| allowance.map.get(x, y)).flatten()
+}
+
+/// Share of its luminance that a pixel without absolute threshold may be wrong by.
+pub(super) fn relative_threshold(settings: &Settings) -> f32 {
+    match settings.thresholds {
+        Thresholds::Fixed(share) => share,
+        _ => WITHOUT_THRESHOLD,
     }
 }
 

@@ -5,13 +5,18 @@ use super::macroblock::{by_macroblock, places};
 use crate::renderer::frame::Frame;
 use glam::Vec3;
 use plane::Plane;
-use render_core::{Busy, GBuffer, NOTHING, PixelSurface, ShadingPoint};
+use render_core::{Busy, GBuffer, PixelSurface, ShadingPoint};
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Emitted and directly reflected radiance of every pixel of `seen`, and the shadow rays that it took; adds the work to
-/// `busy`.
-pub(super) fn light(prepared: &Frame, seen: &GBuffer, busy: &Busy) -> (Plane<Vec3>, u64) {
+/// Directly arriving irradiance at every pixel of `seen` that is `wanted`, or at all, and the shadow rays that it took; zero
+/// elsewhere. Adds the work to `busy`.
+pub(super) fn irradiance(
+    prepared: &Frame,
+    seen: &GBuffer,
+    wanted: Option<&Plane<bool>>,
+    busy: &Busy,
+) -> (Plane<[f32; 3]>, u64) {
     let size = (seen.pixels.width(), seen.pixels.height());
     let rays = AtomicU64::new(0);
     let light = by_macroblock(
@@ -20,18 +25,25 @@ pub(super) fn light(prepared: &Frame, seen: &GBuffer, busy: &Busy) -> (Plane<Vec
         || (),
         |(), columns, rows| {
             let width = columns.len();
-            let pixels: Vec<PixelSurface> = places(columns, rows).map(|(x, y)| seen.pixels.get(x, y)).collect();
+            let mut light = vec![[0.0; 3]; width * rows.len()];
             // Lit pixels are taken together: the lights send their rays to all of them at once.
-            let mut reflects: Vec<usize> = (0..pixels.len()).filter(|&place| is_lit(&pixels[place])).collect();
+            let mut reflects: Vec<(usize, PixelSurface)> = places(columns, rows)
+                .enumerate()
+                .filter(|&(_, (x, y))| wanted.is_none_or(|wanted| wanted.get(x, y)))
+                .map(|(place, (x, y))| (place, seen.pixels.get(x, y)))
+                .filter(|(_, pixel)| pixel.reflects())
+                .collect();
+            if reflects.is_empty() {
+                return light;
+            }
             // Squares of 8 × 8 pixels lie closer together than rows.
-            reflects.sort_by_key(|place| (place / width / 8, place % width / 8));
+            reflects.sort_by_key(|(place, _)| (place / width / 8, place % width / 8));
             let receivers: Vec<ShadingPoint> =
-                reflects.iter().map(|&place| receiver(&pixels[place], prepared.epsilon)).collect();
+                reflects.iter().map(|(_, pixel)| receiver(pixel, prepared.epsilon)).collect();
             let irradiance = prepared.direct.irradiance_tile(&prepared.accelerator, &receivers);
             rays.fetch_add(irradiance.shadow_rays, Ordering::Relaxed);
-            let mut light: Vec<Vec3> = pixels.iter().map(|pixel| pixel.emission.into()).collect();
-            for (place, arriving) in reflects.into_iter().zip(irradiance.value) {
-                light[place] += Vec3::from(pixels[place].albedo) * arriving / PI;
+            for ((place, _), arriving) in reflects.into_iter().zip(irradiance.value) {
+                light[place] = arriving.to_array();
             }
             light
         },
@@ -39,6 +51,14 @@ pub(super) fn light(prepared: &Frame, seen: &GBuffer, busy: &Busy) -> (Plane<Vec
     (light, rays.into_inner())
 }
 
-fn is_lit(pixel: &PixelSurface) -> bool {
-    pixel.instance != NOTHING && pixel.albedo != [0.0; 3]
+/// Emitted and directly reflected radiance of every pixel.
+pub(super) fn light(seen: &GBuffer, irradiance: &Plane<[f32; 3]>) -> Plane<Vec3> {
+    Plane::from_fn(seen.pixels.width(), seen.pixels.height(), |x, y| {
+        let pixel = seen.pixels.get(x, y);
+        let mut light = Vec3::from(pixel.emission);
+        if pixel.reflects() {
+            light += Vec3::from(pixel.albedo) * Vec3::from(irradiance.get(x, y)) / PI;
+        }
+        light
+    })
 }

@@ -1,6 +1,7 @@
 //! Other properties of the pixels of a frame, as channels of its OpenEXR file.
 
 use super::cache::Cache;
+use super::carry::Carry;
 use super::cuts::Figures;
 use crate::parts::Layers;
 use crate::renderer::frame::{Frame, PreparedFrame};
@@ -20,12 +21,13 @@ pub(super) struct Known<'a> {
     pub map: &'a ThresholdMap,
     pub counts: &'a Figures,
     pub cache: Option<&'a Cache>,
+    pub carry: Option<&'a Carry>,
 }
 
 impl Known<'_> {
     /// The channels of everything but light. They belong to the center of each pixel.
     pub fn layers(&self, aov: Aov) -> Layers {
-        let &Self { prepared, map, counts, cache } = self;
+        let &Self { prepared, map, counts, cache, carry } = self;
         let frame = &prepared.frame;
         let pixels = &frame.seen.pixels;
         let (width, height) = (pixels.width(), pixels.height());
@@ -55,6 +57,10 @@ impl Known<'_> {
                 None => single("cut.size", counts.sizes_by_pixel().map(|size| size as f32).collect()),
                 Some(cache) => single("cut.size", at_records(frame, cache, |cell, size| *cell = cell.max(size as f32))),
             },
+            Aov::Shading => {
+                let nothing = || vec![0.0; width * height];
+                single("shading.reused", carry.map_or_else(nothing, |carry| carry.reused(&frame.seen)))
+            }
             Aov::Cache => match cache {
                 None => Layers::new(),
                 Some(cache) => single("cache.records", at_records(frame, cache, |cell, _| *cell += 1.0)),

@@ -2,6 +2,7 @@
 //! The one place where rays and light tree meet.
 
 mod cache;
+mod carry;
 mod cuts;
 mod direct;
 mod gloss;
@@ -16,7 +17,8 @@ use crate::figures::FrameFigures;
 use crate::parts::{LastThresholds, Prepared, Shade, Shaded};
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{Aov, Settings, Size, Stopping, Thresholds};
-use cache::Cache;
+use cache::{Cache, reflected};
+use carry::{Carry, To};
 use cuts::{Allowance, Figures, LightTransport};
 use glam::Vec3;
 use lighttree::{Calibration, LightTree};
@@ -37,6 +39,8 @@ pub struct Shading<'a> {
     settings: &'a Settings,
     plan: &'a Plan,
     cache: Option<Cache>,
+    /// The light of the frame before, where it may be carried over.
+    carry: Option<Carry>,
     /// Where nothing moves, the light of one frame is that of the next.
     still: Option<Still>,
     calibration: Option<Calibration>,
@@ -49,7 +53,8 @@ impl<'a> Shading<'a> {
         let cache = plan.is_on(Stage::Cache).then(|| Cache::new(plan));
         let calibrated = settings.stopping == Stopping::Calibrated;
         let calibration = calibrated.then(|| Calibration::keeping(settings.within));
-        Self { settings, plan, cache, still: None, calibration }
+        let carry = plan.is_on(Stage::CarriedLight).then(Carry::default);
+        Self { settings, plan, cache, carry, still: None, calibration }
     }
 }
 
@@ -92,12 +97,17 @@ impl Shading<'_> {
         let is_steady = plan.is_on(Stage::Cache) || plan.is_off(Stage::Indirect);
         let may_stay = plan.state(Stage::PrimaryRays) == State::Once && is_steady;
         let known = self.still.take().filter(|still| still.is_of(frame));
-        let lit = known.unwrap_or_else(|| self.light(frame, allowance, &counts, &mut figures));
+        let is_known = known.is_some();
+        let lit = known.unwrap_or_else(|| self.light(prepared, allowance, &counts, &mut figures));
         let Sample { direct, indirect } = &lit.samples[0];
         let transport = LightTransport::new(settings, frame, allowance, (&frame.seen, direct), &counts);
         figures.threshold_mean_relative = transport.mean_relative_threshold(&sum(direct, indirect));
         figures.cache_records = lit.cache_records;
         counts.put_into(&mut figures);
+        (figures.shaded_share, figures.carried_share) = if is_known { (0.0, 1.0) } else { (1.0, 0.0) };
+        if let Some(carry) = self.carry.as_ref().filter(|_| !is_known) {
+            carry.put_into(&mut figures);
+        }
         let learned = allowance.calibration.as_mut().and_then(|calibration| calibration.learn(&counts.audits));
         figures.audit_error_p95 = learned.as_ref().map(|learned| learned.error_p95);
         // Where cuts end by measured errors, their multiplier is the one that holds.
@@ -107,7 +117,13 @@ impl Shading<'_> {
             let planes: Vec<Plane<[f32; 3]>> = lit.samples.iter().map(of).collect();
             reconstruct(&planes, &places)
         };
-        let known = layers::Known { prepared, map: &allowance.map, counts: &counts, cache: self.cache.as_ref() };
+        let known = layers::Known {
+            prepared,
+            map: &allowance.map,
+            counts: &counts,
+            cache: self.cache.as_ref(),
+            carry: self.carry.as_ref(),
+        };
         let layers = settings.aov.iter().flat_map(|&aov| match aov {
             Aov::Direct => layers::colors("direct", &picture(&|sample| sample.direct.map(|rgb| rgb.to_array()))),
             Aov::Indirect => layers::colors("indirect", &picture(&|sample| sample.indirect.map(|rgb| rgb.to_array()))),
@@ -119,9 +135,16 @@ impl Shading<'_> {
         Shaded { radiance, layers, figures }
     }
 
-    /// The light of `frame` through every place of a pixel.
-    fn light(&mut self, frame: &Frame, allowance: &Allowance, counts: &Figures, figures: &mut FrameFigures) -> Still {
-        let &mut Self { settings, plan, ref mut cache, .. } = self;
+    /// The light of a frame through every place of a pixel.
+    fn light(
+        &mut self,
+        prepared: &PreparedFrame,
+        allowance: &Allowance,
+        counts: &Figures,
+        figures: &mut FrameFigures,
+    ) -> Still {
+        let &mut Self { settings, plan, ref mut cache, ref mut carry, .. } = self;
+        let frame = &prepared.frame;
         let size = (settings.size.width, settings.size.height);
         let [visibility, direct_busy, indirect_busy] = [(); 3].map(|()| Busy::default());
         let places = sample_offsets(settings.samples as usize);
@@ -137,8 +160,18 @@ impl Shading<'_> {
             let coats = plan.is_on(Stage::Gloss).then(|| gloss::light(frame, seen, &direct_busy));
             let below = coats.is_some().then(|| gloss::below_coats(seen));
             let seen = below.as_ref().unwrap_or(seen);
-            let (mut direct, rays) = direct::light(frame, seen, &direct_busy);
-            figures.shadow_rays += rays;
+            let known = prepared.correspondence.as_deref();
+            let to = To { settings, frame, seen, known, allowance };
+            let mut light = |wanted: Option<&Plane<bool>>| {
+                let (irradiance, rays) = direct::irradiance(frame, seen, wanted, &direct_busy);
+                figures.shadow_rays += rays;
+                irradiance
+            };
+            let irradiance = match carry.as_mut() {
+                Some(carry) => carry.direct(&to, &direct_busy, |missing| light(Some(missing))),
+                None => light(None),
+            };
+            let mut direct = direct::light(seen, &irradiance);
             if let Some((reflected, rays)) = coats {
                 figures.shadow_rays += rays;
                 direct.samples_mut().iter_mut().zip(reflected.samples()).for_each(|(sum, &coat)| *sum += coat);
@@ -151,8 +184,17 @@ impl Shading<'_> {
             let indirect = match (plan.state(Stage::Indirect), cache.as_mut()) {
                 _ if nothing_shines => Plane::filled(size.0, size.1, Vec3::ZERO),
                 (State::Off, _) => Plane::filled(size.0, size.1, Vec3::ZERO),
-                (_, Some(cache)) if samples.is_empty() => cache.light(&transport, &indirect_busy, figures),
-                (_, Some(cache)) => cache.light_more(&transport, &indirect_busy, figures),
+                (_, Some(cache)) if samples.is_empty() => {
+                    let is_unchanged = carry.is_some() && cache.is_unchanged(frame);
+                    let mut light =
+                        |wanted: Option<&Plane<bool>>| cache.light(&transport, wanted, &indirect_busy, figures);
+                    let irradiance = match carry.as_mut() {
+                        Some(carry) => carry.indirect(&to, is_unchanged, &indirect_busy, light),
+                        None => light(None),
+                    };
+                    reflected(seen, &irradiance)
+                }
+                (_, Some(cache)) => reflected(seen, &cache.light_more(&transport, &indirect_busy, figures)),
                 (_, None) => pixels::light(&transport, &indirect_busy),
             };
             samples.push(Sample { direct, indirect });

@@ -1,6 +1,7 @@
 //! The state of shading between two frames, for checkpoints.
 
 use super::cache::{Cache, Recipe};
+use super::carry::{Carry, Light};
 use super::{Sample, Shading, Still};
 use crate::error::Result;
 use crate::renderer::frame::PreparedFrame;
@@ -16,6 +17,7 @@ struct Written<'a> {
     /// A still frame's light, and the number of records that it was taken from.
     still: Option<(&'a [Sample], u64)>,
     calibration: Option<&'a Calibration>,
+    carried: Option<&'a Light>,
 }
 
 /// As it is read.
@@ -24,20 +26,23 @@ struct Read {
     records: Option<IrradianceCache<Recipe>>,
     still: Option<(Vec<Sample>, u64)>,
     calibration: Option<Calibration>,
+    carried: Option<Light>,
 }
 
 pub(super) fn of(shading: &Shading) -> Vec<u8> {
-    let Shading { cache, still, calibration, .. } = shading;
+    let Shading { cache, carry, still, calibration, .. } = shading;
     let still = still.as_ref().map(|still| (&still.samples[..], still.cache_records));
-    encode(&Written { records: cache.as_ref().map(Cache::carried), still, calibration: calibration.as_ref() })
+    let carried = carry.as_ref().map(|carry| &carry.light);
+    encode(&Written { records: cache.as_ref().map(Cache::carried), still, calibration: calibration.as_ref(), carried })
 }
 
-/// Brings cache, still light and calibration to where they were after the frame `last`.
+/// Brings cache, still light, calibration and carried light to where they were after the frame `last`.
 pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame) -> Result<()> {
-    let Read { records, still, calibration } = decode(state)?;
+    let Read { records, still, calibration, carried } = decode(state)?;
     let plan = shading.plan;
     shading.cache = records.map(|records| Cache::resumed(records, plan, &last.frame)).transpose()?;
     shading.still = still.map(|(samples, cache_records)| Still::new(&last.frame, samples, cache_records));
     shading.calibration = calibration;
+    shading.carry = carried.map(|light| Carry::resumed(light, &last.frame));
     Ok(())
 }

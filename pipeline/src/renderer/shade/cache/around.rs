@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 /// Where an instance that moves is, and in what shape.
 #[derive(Clone, PartialEq)]
-pub(super) struct Place {
+pub(in crate::renderer::shade) struct Place {
     world: Affine3A,
     /// The box around it in its own space.
     low: Vec3A,
@@ -17,14 +17,19 @@ pub(super) struct Place {
 }
 
 /// The box around an instance that moves.
-pub(super) struct Around {
+pub(in crate::renderer::shade) struct Around {
     pub instance: u32,
     low: Vec3A,
     high: Vec3A,
 }
 
 /// Where the instances that move are in the picture `seen`; what keeps its shape keeps its box from `before`.
-pub(super) fn places(scene: &Scene, moving: &[bool], seen: &GBuffer, before: &[Option<Place>]) -> Vec<Option<Place>> {
+pub(in crate::renderer::shade) fn places(
+    scene: &Scene,
+    moving: &[bool],
+    seen: &GBuffer,
+    before: &[Option<Place>],
+) -> Vec<Option<Place>> {
     let around = |positions: &[Vec3]| {
         let empty = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         positions.iter().fold(empty, |(low, high), &p| (low.min(p.into()), high.max(p.into())))
@@ -43,7 +48,7 @@ pub(super) fn places(scene: &Scene, moving: &[bool], seen: &GBuffer, before: &[O
 }
 
 /// Around what is elsewhere, or otherwise, than before: at both places.
-pub(super) fn swept(before: &[Option<Place>], now: &[Option<Place>]) -> Vec<Around> {
+pub(in crate::renderer::shade) fn swept(before: &[Option<Place>], now: &[Option<Place>]) -> Vec<Around> {
     let both = (0..)
         .zip(before.iter().zip(now))
         .filter_map(|(index, (then, now))| Some((index, [then.as_ref()?, now.as_ref()?])));
@@ -71,12 +76,82 @@ impl Around {
         (self.low - point).max(point - self.high).max(Vec3A::ZERO).length_squared()
     }
 
-    /// Whether the segment between two points touches the box (slabs).
+    /// Distance from a point to the farthest corner of the box.
+    pub fn farthest(&self, point: Vec3A) -> f32 {
+        (point - self.low).abs().max((self.high - point).abs()).length()
+    }
+
+    /// Whether the segment between two points touches the box.
     pub fn is_crossed(&self, from: Vec3A, to: Vec3A) -> bool {
-        let way = to - from;
-        let (a, b) = ((self.low - from) / way, (self.high - from) / way);
-        // A segment in the plane of a face is 0/0 and may count either way: what stands there is no thicker than that plane.
-        let (enter, leave) = (a.min(b), a.max(b));
-        enter.max_element().max(0.0) <= leave.min_element().min(1.0)
+        self.is_between(from, to, to)
+    }
+
+    /// Whether a segment from a point to any point of the box `low`…`high` touches this box.
+    ///
+    /// After the share t of the way, all segments together fill the box p + t (low − p) … p + t (high − p). Its sides and those
+    /// of this box overlap along an axis for an interval of t (slabs).
+    pub fn is_between(&self, point: Vec3A, low: Vec3A, high: Vec3A) -> bool {
+        // t (high − p) ≥ self.low − p and t (low − p) ≤ self.high − p
+        let (mut enter, mut leave) = (0f32, 1f32);
+        for axis in 0..3 {
+            let p = point[axis];
+            for (way, to) in [(high[axis] - p, self.low[axis] - p), (p - low[axis], p - self.high[axis])] {
+                // t · way ≥ to
+                if way > 0.0 {
+                    enter = enter.max(to / way);
+                } else if way < 0.0 {
+                    leave = leave.min(to / way);
+                } else if to > 0.0 {
+                    return false;
+                }
+            }
+        }
+        enter <= leave
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use render_core::sampling::hash;
+
+    /// A number in −1…1.
+    fn number(index: u64, dimension: u64) -> f32 {
+        (hash(7, index, dimension) >> 40) as f32 / (1 << 23) as f32 - 1.0
+    }
+
+    fn point(index: u64, dimension: u64) -> Vec3A {
+        Vec3A::from_array([0, 1, 2].map(|axis| number(index, 3 * dimension + axis)))
+    }
+
+    /// Against a thousand steps along the segments to the box, most of which come out the same.
+    #[test]
+    fn boxes_between_a_point_and_a_box_are_found() {
+        let mut agree = 0;
+        for k in 0..500 {
+            let boxed = |dimension: u64| {
+                let (center, half) = (2.0 * point(k, dimension), 0.3 * point(k, dimension + 1).abs());
+                (center - half, center + half)
+            };
+            let ((low, high), from, to) = (boxed(0), 2.0 * point(k, 2), boxed(3));
+            let thing = Around { instance: 0, low, high };
+            let touches = (0..=1000).any(|step| {
+                let t = step as f32 / 1000.0;
+                let (near, far) = (from.lerp(to.0, t), from.lerp(to.1, t));
+                near.cmple(high).all() && far.cmpge(low).all()
+            });
+            let found = thing.is_between(from, to.0, to.1);
+            assert!(found || !touches, "case {k}");
+            agree += usize::from(found == touches);
+        }
+        assert!(agree > 495, "{agree}");
+    }
+
+    #[test]
+    fn a_segment_in_the_plane_of_a_face_ends() {
+        let thing = Around { instance: 0, low: Vec3A::ZERO, high: Vec3A::ONE };
+        assert!(thing.is_crossed(Vec3A::new(-1.0, 0.5, 0.0), Vec3A::new(2.0, 0.5, 0.0)));
+        assert!(!thing.is_crossed(Vec3A::new(-1.0, 0.5, -0.1), Vec3A::new(2.0, 0.5, -0.1)));
+        assert!(!thing.is_crossed(Vec3A::new(-1.0, 0.5, 0.5), Vec3A::new(-0.1, 0.5, 0.5)));
     }
 }

@@ -1,0 +1,182 @@
+//! Light that is carried from the frame before: what neither moves nor changes is not lit again.
+//!
+//! Direct light is carried to surfaces at rest where nothing has moved between them and the lamps; indirect light, while no light
+//! and no thing in the scene changes. In turns all light is found anew.
+
+use super::cache::around::{Around, Place, places, swept};
+use super::cuts::{Allowance, LEAST_REFLECTANCE, relative_threshold, threshold};
+use crate::figures::FrameFigures;
+use crate::renderer::frame::Frame;
+use crate::settings::Settings;
+use glam::{Affine3A, Vec3A};
+use plane::{Correspondence, Plane};
+use render_core::{Busy, CarriedLight, Destination, DirectLights, GBuffer, MACROBLOCK, Reuse, Source, luminance};
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+/// Share of a pixel's threshold that carrying direct light, or indirect light, may make it wrong by.
+const SHARE: f32 = 1.0;
+/// Each macroblock is lit anew once in this number of frames.
+const TURN: usize = 32;
+
+/// The light of the frame before, and what it depends on.
+#[derive(Default)]
+pub(super) struct Carry {
+    pub light: Light,
+    last: Option<Last>,
+    found: Found,
+}
+
+/// Irradiance, by where it comes from.
+#[derive(Default, serde::Serialize, serde::Deserialize)]
+pub(super) struct Light {
+    direct: CarriedLight,
+    indirect: CarriedLight,
+}
+
+/// How the light of the last frame was found.
+#[derive(Default)]
+struct Found {
+    /// Pixels whose direct and indirect light were computed.
+    computed: [Plane<bool>; 2],
+    /// Pixels that reflect light.
+    lit: usize,
+    /// Audited pixels within their tolerance, and all of them.
+    audits: [usize; 2],
+}
+
+/// The frame before.
+struct Last {
+    lights: Arc<DirectLights>,
+    world: Vec<Affine3A>,
+    places: Vec<Option<Place>>,
+}
+
+impl Last {
+    fn of(frame: &Frame, before: &[Option<Place>]) -> Self {
+        let scene = frame.surfaces.scene();
+        let places = places(scene, &scene.moving_instances(), &frame.seen, before);
+        Self { lights: frame.direct.clone(), world: frame.seen.world.clone(), places }
+    }
+}
+
+/// A frame that light is carried to.
+pub(super) struct To<'a> {
+    pub settings: &'a Settings,
+    pub frame: &'a Frame<'a>,
+    pub seen: &'a GBuffer,
+    pub known: Option<&'a Correspondence>,
+    pub allowance: &'a Allowance,
+}
+
+impl Carry {
+    /// As it was after frame `last`.
+    pub fn resumed(light: Light, last: &Frame) -> Self {
+        Self { light, last: Some(Last::of(last, &[])), found: Found::default() }
+    }
+
+    /// Direct light of a frame: carried over, and from `light` for the pixels where that does not do.
+    pub fn direct(
+        &mut self,
+        to: &To,
+        busy: &Busy,
+        light: impl FnOnce(&Plane<bool>) -> Plane<[f32; 3]>,
+    ) -> Plane<[f32; 3]> {
+        let before = self.last.take();
+        let now = Last::of(to.frame, before.as_ref().map_or(&[], |before| &before.places));
+        let known = before.as_ref().filter(|before| before.lights.has_lamps_of(&now.lights)).and(to.known);
+        let swept = before.as_ref().map_or_else(Vec::new, |before| swept(&before.places, &now.places));
+        let sources = now.lights.sources();
+        let is_at_rest = |instance: u32| {
+            let then = before.as_ref().and_then(|before| before.world.get(instance as usize));
+            then == now.world.get(instance as usize) && !swept.iter().any(|thing| thing.instance == instance)
+        };
+        let at_rest: Vec<bool> = (0..now.world.len() as u32).map(is_at_rest).collect();
+        let reuse = |x: usize, y: usize| {
+            let pixel = to.seen.pixels.get(x, y);
+            let is_disturbed = !at_rest[pixel.instance as usize]
+                || sources.iter().any(|source| swept.iter().any(|thing| shades(thing, pixel.position.into(), source)));
+            if is_disturbed { Reuse::Forbidden } else { to.reuse(x, y) }
+        };
+        let destination = Destination { seen: to.seen, known };
+        let tolerance = |x, y, e| to.tolerance(x, y, e);
+        let carried = self.light.direct.carry(destination, reuse, tolerance, busy);
+        self.last = Some(now);
+        let missing = carried.missing.clone();
+        let (irradiance, audits) = carried.complete(&light(&missing), to.seen, &mut self.light.direct);
+        let lit = to.seen.pixels.samples().iter().filter(|pixel| pixel.reflects()).count();
+        self.found = Found { computed: [missing.clone(), missing], lit, audits };
+        irradiance
+    }
+
+    /// Indirect light of a frame, which is that of the frame before if the scene `is_unchanged`; `light` has that of a few
+    /// pixels, or of all.
+    pub fn indirect(
+        &mut self,
+        to: &To,
+        is_unchanged: bool,
+        busy: &Busy,
+        light: impl FnOnce(Option<&Plane<bool>>) -> Plane<[f32; 3]>,
+    ) -> Plane<[f32; 3]> {
+        let destination = Destination { seen: to.seen, known: to.known.filter(|_| is_unchanged) };
+        let tolerance = |x, y, e| to.tolerance(x, y, e);
+        let carried = self.light.indirect.carry(destination, |x, y| to.reuse(x, y), tolerance, busy);
+        let missing = carried.missing.clone();
+        let lit = light(is_unchanged.then_some(&missing));
+        let (irradiance, [within, audited]) = carried.complete(&lit, to.seen, &mut self.light.indirect);
+        self.found.computed[1] = missing;
+        self.found.audits[0] += within;
+        self.found.audits[1] += audited;
+        irradiance
+    }
+
+    /// Counts of the last frame.
+    pub fn put_into(&self, figures: &mut FrameFigures) {
+        let Found { computed: [direct, indirect], lit, audits: [within, audited] } = &self.found;
+        let shaded =
+            direct.samples().iter().zip(indirect.samples()).filter(|(direct, indirect)| **direct || **indirect);
+        figures.shaded_share = shaded.count() as f64 / (*lit).max(1) as f64;
+        figures.carried_share = 1.0 - figures.shaded_share;
+        figures.audit_carried_within = (*audited > 0).then(|| *within as f64 / *audited as f64);
+    }
+
+    /// [`Aov::Shading`](crate::settings::Aov::Shading) of the last frame, whose surfaces are `seen`.
+    pub fn reused(&self, seen: &GBuffer) -> Vec<f32> {
+        let [direct, indirect] = &self.found.computed;
+        let pixels = seen.pixels.samples().iter().zip(direct.samples().iter().zip(indirect.samples()));
+        let reused = |reflects: bool, direct: bool, indirect: bool| {
+            f32::from(u8::from(reflects && !direct) + 2 * u8::from(reflects && !indirect))
+        };
+        pixels.map(|(pixel, (&direct, &indirect))| reused(pixel.reflects(), direct, indirect)).collect()
+    }
+}
+
+impl To<'_> {
+    /// Whether the light of a pixel, where it has not changed, is carried over or found anew.
+    fn reuse(&self, x: usize, y: usize) -> Reuse {
+        // Odd multipliers: macroblocks in their turn do not lie side by side.
+        let turn = x / MACROBLOCK * 7 + y / MACROBLOCK * 19 + self.frame.index as usize;
+        if turn.is_multiple_of(TURN) { Reuse::Audited } else { Reuse::Allowed }
+    }
+
+    /// Error that the luminance of a pixel's irradiance may have where it is carried, given that it is `irradiance`.
+    fn tolerance(&self, x: usize, y: usize, irradiance: f32) -> f32 {
+        let albedo = luminance(self.seen.pixels.get(x, y).albedo.into()).max(LEAST_REFLECTANCE);
+        let allowed = threshold(self.settings, self.allowance, x, y)
+            .map_or_else(|| relative_threshold(self.settings) * irradiance, |threshold| threshold * PI / albedo);
+        SHARE * allowed
+    }
+}
+
+/// Whether `thing` may stand between a point and a light.
+fn shades(thing: &Around, point: Vec3A, source: &Source) -> bool {
+    match *source {
+        Source::Lamp { low, high } => thing.is_between(point, low, high),
+        Source::Sun { towards, angular_radius } => {
+            // Beyond the box there is nothing to cross.
+            let far = thing.farthest(point);
+            let (center, radius) = (point + towards * far, angular_radius.tan() * far);
+            thing.is_between(point, center - radius, center + radius)
+        }
+    }
+}

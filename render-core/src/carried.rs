@@ -1,0 +1,293 @@
+//! Light of one picture on the surfaces of the next.
+//!
+//! The irradiance of a matte surface at rest does not depend on the viewer. Each pixel holds a sample of it: the point where it
+//! was computed, and its value there. The next picture takes the light of a pixel from the samples around the place where its
+//! surface point was seen before:
+//!
+//! ```text
+//! E(x) ≈ E₀ + g · (x − x₀)      (x₀, E₀)  the nearest sample      g  slope of the plane fitted to the 3×3 samples around
+//! ```
+//!
+//! Samples are handed on and never mixed, so that light is not blurred however long it is carried \[Nehab07\], \[Walter99\].
+//! What the plane leaves of the samples' differences says how wrong this is. Where that is more than a pixel's threshold, as in
+//! penumbras, the pixel has to be lit anew, and so where nothing was seen before.
+
+mod sample;
+
+use crate::gbuffer::{GBuffer, MACROBLOCK, PixelSurface};
+use crate::sampling::frame;
+use crate::{Busy, luminance};
+use glam::{Mat2, Vec2, Vec3, Vec3A};
+use plane::{Correspondence, Plane};
+use rayon::prelude::*;
+use sample::Sample;
+
+/// Distance of a sample, along the surface and off it, up to which it says something about a pixel \[pixels\].
+const REACH: f32 = 3.0;
+const OFF_PLANE: f32 = 0.5;
+/// Cosine of the angle up to which the normals of a sample and a pixel may differ: 18°.
+const ALIKE_COSINE: f32 = 0.95;
+/// Distance of the nearest sample at most \[pixels, seen face on\].
+const NEAREST: f32 = 1.0;
+/// Samples that a plane is fitted to at least.
+const LEAST_FITTED: usize = 5;
+/// Difference that is assumed of a sample that no other one can be compared with, as a share of its light.
+const UNKNOWN_CONTRAST: f32 = 0.25;
+/// Share of the mean square distance of the samples that is added to the fit: nearly collinear samples give no steep slopes.
+const STIFFNESS: f32 = 0.01;
+/// Cosine of the angle of view below which slanted surfaces are treated alike.
+const LEAST_COSINE: f32 = 0.05;
+
+/// Irradiance of the surfaces of a picture: a sample for each pixel, 20 bytes.
+#[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct CarriedLight {
+    samples: Plane<Sample>,
+}
+
+/// Whether a pixel may take the light of the picture before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reuse {
+    /// Its light is what it was.
+    Allowed,
+    /// It is, but the pixel is lit anew, for comparison.
+    Audited,
+    /// Its light may have changed.
+    Forbidden,
+}
+
+/// Irradiance of a picture, as far as it could be carried over.
+#[derive(Clone, Debug)]
+pub struct Carried {
+    /// \[W·m⁻²\], linear RGB; zero where `missing`.
+    pub irradiance: Plane<[f32; 3]>,
+    /// Pixels that have to be lit. Pixels that show nothing are not missing.
+    pub missing: Plane<bool>,
+    /// The light that audited pixels would have taken.
+    audits: Vec<Audit>,
+}
+
+/// Light that was not carried, though it could have been.
+#[derive(Clone, Copy, Debug)]
+struct Audit {
+    /// Raster index.
+    pixel: u32,
+    luminance: f32,
+    tolerance: f32,
+}
+
+impl Carried {
+    /// The whole picture's irradiance: `lit` has that of missing pixels, which `light` keeps. Also the numbers of audited
+    /// pixels that carrying would have made wrong by no more than their tolerance, and of all audited pixels.
+    ///
+    /// # Panics
+    /// If the pictures differ in size.
+    pub fn complete(
+        self,
+        lit: &Plane<[f32; 3]>,
+        seen: &GBuffer,
+        light: &mut CarriedLight,
+    ) -> (Plane<[f32; 3]>, [usize; 2]) {
+        let Self { mut irradiance, missing, audits } = self;
+        let pixels = missing.samples().iter().zip(lit.samples()).zip(irradiance.samples_mut());
+        let kept = seen.pixels.samples().iter().zip(light.samples.samples_mut());
+        for (((_, &lit), irradiance), (pixel, sample)) in pixels.zip(kept).filter(|(((missing, _), _), _)| **missing) {
+            *irradiance = lit;
+            *sample = Sample::new(pixel.position, pixel.shading_normal.into(), lit.into());
+        }
+        let is_within = |&&Audit { pixel, luminance: carried, tolerance }: &&Audit| {
+            let found = luminance(lit.samples()[pixel as usize].into());
+            (found - carried).abs() <= tolerance
+        };
+        (irradiance, [audits.iter().filter(is_within).count(), audits.len()])
+    }
+}
+
+/// The picture that light is carried to.
+#[derive(Clone, Copy, Debug)]
+pub struct Destination<'a> {
+    /// Its surfaces.
+    pub seen: &'a GBuffer,
+    /// Where its pixels were in the picture that the light comes from; none if nothing can be carried.
+    pub known: Option<&'a Correspondence>,
+}
+
+impl CarriedLight {
+    /// Carries the light to the next picture, where `reuse(x, y)` allows it. `tolerance(x, y, E)` is the error that the luminance
+    /// of an irradiance of luminance E may have \[W·m⁻²\].
+    ///
+    /// From now on the samples are those of `to`; those of missing pixels follow by [`Carried::complete`].
+    pub fn carry(
+        &mut self,
+        to: Destination,
+        reuse: impl Fn(usize, usize) -> Reuse + Sync,
+        tolerance: impl Fn(usize, usize, f32) -> f32 + Sync,
+        busy: &Busy,
+    ) -> Carried {
+        let Destination { seen, known } = to;
+        let (width, height) = (seen.pixels.width(), seen.pixels.height());
+        let mut irradiance = Plane::filled(width, height, [0.0; 3]);
+        let mut missing = Plane::filled(width, height, false);
+        let mut samples = Plane::filled(width, height, Sample::NONE);
+        let strip = (MACROBLOCK * width).max(1);
+        let strips = samples
+            .samples_mut()
+            .par_chunks_mut(strip)
+            .zip(irradiance.samples_mut().par_chunks_mut(strip))
+            .zip(missing.samples_mut().par_chunks_mut(strip));
+        let carry_strip = |row: usize, samples: &mut [Sample], irradiance: &mut [[f32; 3]], missing: &mut [bool]| {
+            let mut audits = Vec::new();
+            for k in 0..samples.len() {
+                let (x, y) = (k % width, row * MACROBLOCK + k / width);
+                let pixel = seen.pixels.get(x, y);
+                if !pixel.reflects() {
+                    continue;
+                }
+                missing[k] = true;
+                let Some(from) = known.and_then(|known| known.match_of(x, y)) else { continue };
+                let reuse = reuse(x, y);
+                if reuse == Reuse::Forbidden {
+                    continue;
+                }
+                let Some(found) = self.light_at(&pixel, seen, from as usize) else { continue };
+                let tolerance = tolerance(x, y, luminance(found.irradiance));
+                if found.error > tolerance {
+                    continue;
+                }
+                if reuse == Reuse::Audited {
+                    let pixel = (y * width + x) as u32;
+                    audits.push(Audit { pixel, luminance: luminance(found.irradiance), tolerance });
+                    continue;
+                }
+                missing[k] = false;
+                samples[k] = found.sample;
+                irradiance[k] = found.irradiance.to_array();
+            }
+            audits
+        };
+        let audits: Vec<Vec<Audit>> = strips
+            .enumerate()
+            .map(|(row, ((samples, irradiance), missing))| {
+                busy.measure(|| carry_strip(row, samples, irradiance, missing))
+            })
+            .collect();
+        self.samples = samples;
+        Carried { irradiance, missing, audits: audits.concat() }
+    }
+
+    /// Light at the surface point of `pixel` by the samples around the place `from`, in raster order.
+    fn light_at(&self, pixel: &PixelSurface, seen: &GBuffer, from: usize) -> Option<Found> {
+        let (width, height) = (self.samples.width(), self.samples.height());
+        if from >= width * height {
+            return None;
+        }
+        let (column, row) = (from % width, from / width);
+        let position = Vec3A::from(pixel.position);
+        let same = self.samples.get(column, row);
+        if same.position == pixel.position && same.normal().dot(pixel.shading_normal.into()) >= ALIKE_COSINE {
+            return Some(Found { sample: same, irradiance: same.irradiance(), error: 0.0 });
+        }
+        let normal = Vec3::from(pixel.geometric_normal);
+        let axes = <[Vec3; 2]>::from(frame(normal)).map(Vec3A::from);
+        let (normal, shading_normal) = (Vec3A::from(normal), Vec3A::from(pixel.shading_normal));
+        let width_facing = seen.view.pixel_width(pixel.depth);
+        let to_viewer = (seen.view.position() - position).normalize_or_zero();
+        let slant = to_viewer.dot(normal).abs().max(LEAST_COSINE).recip();
+        let (reach, off_plane) = (REACH * width_facing * slant, OFF_PLANE * width_facing);
+        let mut near = Near::default();
+        for y in row.saturating_sub(1)..(row + 2).min(height) {
+            for x in column.saturating_sub(1)..(column + 2).min(width) {
+                let sample = self.samples.get(x, y);
+                let way = Vec3A::from(sample.position) - position;
+                // False for NaN, where there is no sample.
+                if way.length_squared() <= reach * reach
+                    && way.dot(normal).abs() <= off_plane
+                    && sample.normal().dot(shading_normal) >= ALIKE_COSINE
+                {
+                    near.add(sample, Vec2::new(way.dot(axes[0]), way.dot(axes[1])));
+                }
+            }
+        }
+        near.at_origin(NEAREST * width_facing * slant, width_facing * slant)
+    }
+}
+
+/// Light at a point.
+struct Found {
+    /// The nearest sample.
+    sample: Sample,
+    irradiance: Vec3,
+    /// By which its luminance may be wrong.
+    error: f32,
+}
+
+/// The samples near a point.
+#[derive(Default)]
+struct Near {
+    count: usize,
+    places: [Vec2; 9],
+    light: [Vec3; 9],
+    samples: [Sample; 9],
+}
+
+impl Near {
+    fn add(&mut self, sample: Sample, place: Vec2) {
+        let k = self.count;
+        (self.places[k], self.light[k], self.samples[k]) = (place, sample.irradiance(), sample);
+        self.count += 1;
+    }
+
+    /// Light at the origin; none if no sample is within `nearest` of it. Samples that cannot be compared with others are taken to
+    /// be `spacing` apart.
+    fn at_origin(&self, nearest: f32, spacing: f32) -> Option<Found> {
+        let count = self.count;
+        let (places, light) = (&self.places[..count], &self.light[..count]);
+        let far2 = |k: usize| places[k].length_squared();
+        let first = (0..count).min_by(|&a, &b| far2(a).total_cmp(&far2(b)))?;
+        if far2(first) > nearest * nearest {
+            return None;
+        }
+        let mean = |sum: Vec2| sum / count as f32;
+        let middle = mean(places.iter().sum());
+        let spread2 = places.iter().map(|place| (place - middle).length_squared()).sum::<f32>() / count as f32;
+        let nothing_known = count == 1 || spread2 == 0.0;
+        let (spread, slopes, contrast) = if nothing_known {
+            (spacing, [Vec2::ZERO; 3], UNKNOWN_CONTRAST * luminance(light[first]))
+        } else if count < LEAST_FITTED {
+            let brightness = || light.iter().map(|&light| luminance(light));
+            let range = brightness().fold(f32::NEG_INFINITY, f32::max) - brightness().fold(f32::INFINITY, f32::min);
+            (spread2.sqrt(), [Vec2::ZERO; 3], range)
+        } else {
+            let (slopes, rest) = self.fitted(middle, spread2);
+            (spread2.sqrt(), slopes, rest)
+        };
+        let change = Vec3::from_array(slopes.map(|slope| -slope.dot(places[first])));
+        let share = (far2(first).sqrt() / spread).min(1.0);
+        let irradiance = (light[first] + change).max(Vec3::ZERO);
+        Some(Found { sample: self.samples[first], irradiance, error: contrast * share })
+    }
+
+    /// Slopes of the plane through the samples' light, by channel, and root mean square of the luminance that it leaves.
+    fn fitted(&self, middle: Vec2, spread2: f32) -> ([Vec2; 3], f32) {
+        let (places, light) = (&self.places[..self.count], &self.light[..self.count]);
+        let count = self.count as f32;
+        let mean = light.iter().sum::<Vec3>() / count;
+        let (mut square, mut by) = (Mat2::from_diagonal(Vec2::splat(STIFFNESS * spread2 * count)), [Vec2::ZERO; 3]);
+        for (place, light) in places.iter().zip(light) {
+            let (way, more) = (place - middle, light - mean);
+            square += Mat2::from_cols(way * way.x, way * way.y);
+            by.iter_mut().zip(more.to_array()).for_each(|(by, more)| *by += way * more);
+        }
+        let inverse = square.inverse();
+        let slopes = by.map(|by| inverse * by);
+        let rest = |(place, light): (&Vec2, &Vec3)| {
+            let plane = Vec3::from_array(slopes.map(|slope| slope.dot(place - middle)));
+            luminance(light - mean - plane).powi(2)
+        };
+        let rest = places.iter().zip(light).map(rest).sum::<f32>() / (count - 3.0);
+        (slopes, rest.sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests;

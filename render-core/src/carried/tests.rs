@@ -1,0 +1,129 @@
+//! Carried light against light that is known in closed form.
+
+use super::*;
+use crate::scene::{Projection, View};
+use glam::{Affine3A, Quat};
+
+const SIDE: usize = 48;
+/// Width of a pixel \[m\].
+const PIXEL: f32 = 2.0 / SIDE as f32;
+
+/// The floor y = 0 from straight above, 2 m across, `steps` pixels to the right of the middle and half as many down.
+fn floor(steps: f32) -> GBuffer {
+    let eye = Vec3::new(steps * PIXEL, 5.0, 0.5 * steps * PIXEL);
+    let above = Affine3A::from_rotation_translation(Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2), eye);
+    let view = View::new(above, Projection::Orthographic { ymag: 1.0 }, SIDE, SIDE);
+    let pixels = Plane::from_fn(SIDE, SIDE, |x, y| {
+        let (origin, direction) = view.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+        PixelSurface {
+            position: (origin + direction * origin.y).to_array(),
+            geometric_normal: [0.0, 1.0, 0.0],
+            shading_normal: [0.0, 1.0, 0.0],
+            albedo: [1.0; 3],
+            specular: [0.0; 3],
+            roughness: 1.0,
+            emission: [0.0; 3],
+            depth: 5.0,
+            instance: 0,
+            triangle: 0,
+        }
+    });
+    GBuffer { pixels, view, world: vec![Affine3A::IDENTITY], deformed: Vec::new() }
+}
+
+/// The last picture of a walk over the floor.
+struct Walked {
+    seen: GBuffer,
+    irradiance: Plane<[f32; 3]>,
+    missing: Plane<bool>,
+    /// Audited pixels within their tolerance, and all of them.
+    audits: [usize; 2],
+}
+
+/// Walks over a floor with this irradiance, `step` pixels a frame; errors may be `tolerance` of the light.
+fn walk(field: impl Fn(Vec3) -> f32, frames: usize, step: f32, tolerance: f32, reuse: Reuse) -> Walked {
+    let truth = |seen: &GBuffer| seen.pixels.map(|pixel| [field(pixel.position.into()); 3]);
+    let (mut light, mut before) = (CarriedLight::default(), None::<GBuffer>);
+    let busy = Busy::default();
+    let mut walked = None;
+    for frame in 0..=frames {
+        let seen = floor(frame as f32 * step);
+        let known = before.as_ref().map(|before| seen.reproject(before).value);
+        let to = Destination { seen: &seen, known: known.as_ref() };
+        let carried = light.carry(to, |_, _| reuse, |_, _, e| tolerance * e, &busy);
+        let missing = carried.missing.clone();
+        // What is not wanted is no light.
+        let lit =
+            Plane::from_fn(SIDE, SIDE, |x, y| if missing.get(x, y) { truth(&seen).get(x, y) } else { [f32::NAN; 3] });
+        let (irradiance, audits) = carried.complete(&lit, &seen, &mut light);
+        before = Some(seen.clone());
+        walked = Some(Walked { seen, irradiance, missing, audits });
+    }
+    walked.expect("there is a first frame")
+}
+
+impl Walked {
+    /// Places three pixels or more from the border, and the errors there.
+    fn errors(&self, field: impl Fn(Vec3) -> f32) -> Vec<(usize, usize, f32)> {
+        let inner = || 3..SIDE - 3;
+        let places = inner().flat_map(|y| inner().map(move |x| (x, y)));
+        let error = |(x, y): (usize, usize)| {
+            let truth = field(self.seen.pixels.get(x, y).position.into());
+            (x, y, (self.irradiance.get(x, y)[1] - truth).abs())
+        };
+        places.map(error).collect()
+    }
+}
+
+#[test]
+fn light_that_changes_evenly_is_carried_without_error() {
+    let field = |p: Vec3| 3.0 + p.x + 0.5 * p.z;
+    let walked = walk(field, 40, 0.37, 0.02, Reuse::Allowed);
+    for (x, y, error) in walked.errors(field) {
+        assert!(!walked.missing.get(x, y), "pixel {x}, {y} is lit anew");
+        // 13 bits of each sample are kept.
+        assert!(error < 2e-3, "pixel {x}, {y} is wrong by {error}");
+    }
+    // What comes into view has not been lit before.
+    assert!((0..SIDE).all(|y| walk(field, 3, 1.0, 1.0, Reuse::Allowed).missing.get(SIDE - 1, y)));
+}
+
+#[test]
+fn edges_are_lit_anew_unless_their_error_is_allowed() {
+    let field = |p: Vec3| if p.x + 0.3 * p.z > 0.1 { 2.0 } else { 1.0 };
+    let fine = walk(field, 12, 0.37, 0.02, Reuse::Allowed);
+    for (x, y, error) in fine.errors(field) {
+        let p = Vec3::from(fine.seen.pixels.get(x, y).position);
+        let far = (p.x + 0.3 * p.z - 0.1).abs() > 4.0 * PIXEL;
+        assert!(!(far && fine.missing.get(x, y)), "pixel {x}, {y} is far from the edge and lit anew");
+        assert!(error < 0.04, "pixel {x}, {y} is wrong by {error}");
+    }
+    let coarse = walk(field, 12, 0.37, 1.0, Reuse::Allowed);
+    for (x, y, _) in coarse.errors(field) {
+        assert!(!coarse.missing.get(x, y), "pixel {x}, {y} is lit anew");
+    }
+}
+
+/// Waves of six pixels: one bilinear resampling in the middle between samples takes 13 % of them, a hundred leave nothing.
+#[test]
+fn light_that_is_carried_for_long_is_as_sharp_as_at_first() {
+    let field = |p: Vec3| 1.0 + 0.3 * (p.x / PIXEL * std::f32::consts::TAU / 6.0).sin();
+    let walked = walk(field, 100, 0.37, 10.0, Reuse::Allowed);
+    // The right half has come into view on the way.
+    let errors: Vec<f32> = walked.errors(field).iter().filter(|(x, ..)| *x < 10).map(|(.., error)| *error).collect();
+    let rms = (errors.iter().map(|e| e * e).sum::<f32>() / errors.len() as f32).sqrt();
+    // Measured: 0.038. The waves themselves have 0.21.
+    assert!(rms < 0.05, "{rms}");
+}
+
+#[test]
+fn audited_pixels_are_lit_and_compared() {
+    let field = |p: Vec3| 3.0 + p.x;
+    let walked = walk(field, 4, 0.37, 0.02, Reuse::Audited);
+    assert!(walked.missing.samples().iter().all(|&missing| missing));
+    let [within, audited] = walked.audits;
+    assert!(within == audited && audited > SIDE * SIDE * 9 / 10, "{within} of {audited}");
+    let forbidden = walk(field, 4, 0.37, 0.02, Reuse::Forbidden);
+    assert!(forbidden.missing.samples().iter().all(|&missing| missing));
+    assert_eq!(forbidden.audits, [0, 0]);
+}

@@ -1,0 +1,73 @@
+//! Frames whose light is carried along, against the same frames lit at every pixel.
+
+use render_core::image_file::read_layers;
+use render_core::luminance;
+use std::path::Path;
+use tests::{Moving, Rendered, checkered_room, render};
+
+const SMALL: &str = "--size 96x96 --vpls 400 --photons 40000 --aov direct,indirect,shading,threshold";
+
+/// A layer of a frame: its luminance.
+fn layer(folder: &Path, film: &str, index: usize, name: &str) -> Vec<f32> {
+    let layers = read_layers(&folder.join(film).join(format!("frame_{index:05}.exr"))).expect("a frame");
+    layers.colors(&format!("{name}.")).expect("the layer").samples().iter().map(|&rgb| luminance(rgb.into())).collect()
+}
+
+/// The same film lit at every pixel and adaptively.
+fn both(folder: &Path, moving: Moving, more: &str) -> [Rendered; 2] {
+    let scene = folder.join("room.glb");
+    checkered_room(moving).write(&scene);
+    ["full", "adaptive"]
+        .map(|shading| render(folder, shading, &scene, &format!("{SMALL} {more} --shading {shading} --exr {shading}")))
+}
+
+/// Mean over the frames from the second on.
+fn mean(film: &Rendered, figure: &str) -> f64 {
+    let all = film.figures(&[figure]);
+    all[1..].iter().sum::<f64>() / (all.len() - 1) as f64
+}
+
+/// Nothing moves in the picture but a box and its shadow. What they do not touch stays the same, to rounding; what they touch is
+/// not a frame late. A pixel that the box has just left may take its light from those beside it, within its threshold.
+#[test]
+fn shadows_are_never_late() {
+    let folder = tempfile::tempdir().unwrap();
+    let [full, adaptive] = both(folder.path(), Moving::Box, "--frames 12 --antialiasing off");
+    for index in 0..12 {
+        let [truth, carried] = ["full", "adaptive"].map(|film| layer(folder.path(), film, index, "direct"));
+        let layers = read_layers(&folder.path().join(format!("adaptive/frame_{index:05}.exr"))).unwrap();
+        let thresholds = layers.channel("threshold.Y").expect("the layer");
+        for (pixel, ((a, b), &threshold)) in truth.iter().zip(&carried).zip(thresholds).enumerate() {
+            let allowed = if threshold > 0.0 { threshold } else { 0.02 * a };
+            assert!((a - b).abs() <= 1.5 * allowed + 1e-6, "frame {index}, pixel {pixel}: {b} instead of {a}");
+        }
+        let other = truth.iter().zip(&carried).filter(|&(a, b)| (a - b).abs() > 5e-4 * a + 1e-6).count();
+        assert!(other <= truth.len() / 100, "frame {index}: {other} pixels");
+    }
+    // While something moves, indirect light changes everywhere.
+    assert_eq!(mean(&full, "carried_share"), 0.0);
+    assert_eq!(mean(&adaptive, "carried_share"), 0.0);
+    let reused = read_layers(&folder.path().join("adaptive/frame_00006.exr")).unwrap();
+    let reused = reused.channel("shading.reused").expect("the layer");
+    let direct = reused.iter().filter(|&&how| how == 1.0).count();
+    assert!(direct > reused.len() / 3, "{direct}");
+}
+
+/// A camera moves in a room at rest: most light is carried, and the picture stays what it was.
+#[test]
+fn a_moving_camera_takes_the_light_along() {
+    let folder = tempfile::tempdir().unwrap();
+    let [_, adaptive] = both(folder.path(), Moving::Camera, "--frames 16");
+    assert!(mean(&adaptive, "carried_share") > 0.5, "{}", mean(&adaptive, "carried_share"));
+    let within = mean(&adaptive, "audit_carried_within");
+    assert!(within > 0.9, "{within}");
+    for index in [5, 15] {
+        for light in ["direct", "indirect"] {
+            let [truth, carried] = ["full", "adaptive"].map(|film| layer(folder.path(), film, index, light));
+            let mean = truth.iter().sum::<f32>() / truth.len() as f32;
+            let squares: f32 = truth.iter().zip(&carried).map(|(a, b)| (a - b).powi(2)).sum();
+            let rms = (squares / truth.len() as f32).sqrt() / mean;
+            assert!(rms < 0.02, "frame {index}: {light} light is {rms} off");
+        }
+    }
+}
