@@ -31,6 +31,9 @@ const ALIKE_COSINE: f32 = 0.95;
 const NEAREST: f32 = 1.0;
 /// Samples that a plane is fitted to at least.
 const LEAST_FITTED: usize = 5;
+/// Distance of the nearest sample, by the spread of all, up to which a point is taken to lie between them: of a square lattice of
+/// 3×3, 0.61 is the most.
+const WITHIN: f32 = 0.65;
 /// Difference that is assumed of a sample that no other one can be compared with, as a share of its light.
 const UNKNOWN_CONTRAST: f32 = 0.25;
 /// Share of the mean square distance of the samples that is added to the fit: nearly collinear samples give no steep slopes.
@@ -110,6 +113,9 @@ pub struct Destination<'a> {
     pub seen: &'a GBuffer,
     /// Where its pixels were in the picture that the light comes from; none if nothing can be carried.
     pub known: Option<&'a Correspondence>,
+    /// Contrast of what the samples around a pixel may not show, as a share of its light: beyond the outermost of them, and
+    /// between few. Large where light has sharp borders.
+    pub unseen_contrast: f32,
 }
 
 impl CarriedLight {
@@ -124,7 +130,7 @@ impl CarriedLight {
         tolerance: impl Fn(usize, usize, f32) -> f32 + Sync,
         busy: &Busy,
     ) -> Carried {
-        let Destination { seen, known } = to;
+        let Destination { seen, known, unseen_contrast } = to;
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
         let mut irradiance = Plane::filled(width, height, [0.0; 3]);
         let mut missing = Plane::filled(width, height, false);
@@ -149,7 +155,7 @@ impl CarriedLight {
                 if reuse == Reuse::Forbidden {
                     continue;
                 }
-                let Some(found) = self.light_at(&pixel, seen, from as usize) else { continue };
+                let Some(found) = self.light_at(&pixel, (seen, unseen_contrast), from as usize) else { continue };
                 let tolerance = tolerance(x, y, luminance(found.irradiance));
                 if found.error > tolerance {
                     continue;
@@ -176,7 +182,7 @@ impl CarriedLight {
     }
 
     /// Light at the surface point of `pixel` by the samples around the place `from`, in raster order.
-    fn light_at(&self, pixel: &PixelSurface, seen: &GBuffer, from: usize) -> Option<Found> {
+    fn light_at(&self, pixel: &PixelSurface, (seen, unseen): (&GBuffer, f32), from: usize) -> Option<Found> {
         let (width, height) = (self.samples.width(), self.samples.height());
         if from >= width * height {
             return None;
@@ -208,7 +214,7 @@ impl CarriedLight {
                 }
             }
         }
-        near.at_origin(NEAREST * width_facing * slant, width_facing * slant)
+        near.at_origin(width_facing * slant, unseen)
     }
 }
 
@@ -237,10 +243,10 @@ impl Near {
         self.count += 1;
     }
 
-    /// Light at the origin; none if no sample is within `nearest` of it. Samples that cannot be compared with others are taken to
-    /// be `spacing` apart.
-    fn at_origin(&self, nearest: f32, spacing: f32) -> Option<Found> {
-        let count = self.count;
+    /// Light at the origin; none if no sample is within [`NEAREST`] of it, in units of the samples' `spacing`. Where the samples
+    /// tell little, the light may differ by the share `unseen` of itself.
+    fn at_origin(&self, spacing: f32, unseen: f32) -> Option<Found> {
+        let (count, nearest) = (self.count, NEAREST * spacing);
         let (places, light) = (&self.places[..count], &self.light[..count]);
         let far2 = |k: usize| places[k].length_squared();
         let first = (0..count).min_by(|&a, &b| far2(a).total_cmp(&far2(b)))?;
@@ -250,8 +256,7 @@ impl Near {
         let mean = |sum: Vec2| sum / count as f32;
         let middle = mean(places.iter().sum());
         let spread2 = places.iter().map(|place| (place - middle).length_squared()).sum::<f32>() / count as f32;
-        let nothing_known = count == 1 || spread2 == 0.0;
-        let (spread, slopes, contrast) = if nothing_known {
+        let (spread, slopes, contrast) = if count == 1 || spread2 == 0.0 {
             (spacing, [Vec2::ZERO; 3], UNKNOWN_CONTRAST * luminance(light[first]))
         } else if count < LEAST_FITTED {
             let brightness = || light.iter().map(|&light| luminance(light));
@@ -261,8 +266,10 @@ impl Near {
             let (slopes, rest) = self.fitted(middle, spread2);
             (spread2.sqrt(), slopes, rest)
         };
-        let change = Vec3::from_array(slopes.map(|slope| -slope.dot(places[first])));
         let share = (far2(first).sqrt() / spread).min(1.0);
+        let is_beyond = count < LEAST_FITTED || share > WITHIN;
+        let contrast = contrast + if is_beyond { unseen * luminance(light[first]) } else { 0.0 };
+        let change = Vec3::from_array(slopes.map(|slope| -slope.dot(places[first])));
         let irradiance = (light[first] + change).max(Vec3::ZERO);
         Some(Found { sample: self.samples[first], irradiance, error: contrast * share })
     }

@@ -16,6 +16,9 @@ use std::sync::Arc;
 
 /// Share of a pixel's threshold that carrying direct light, or indirect light, may make it wrong by.
 const SHARE: f32 = 1.0;
+/// [`Destination::unseen_contrast`] of direct light, which may end at a shadow, and of indirect light.
+const SHADOWS: f32 = 0.5;
+const SMOOTH: f32 = 0.0;
 /// Each macroblock is lit anew once in this number of frames.
 const TURN: usize = 32;
 
@@ -98,7 +101,7 @@ impl Carry {
                 || sources.iter().any(|source| swept.iter().any(|thing| shades(thing, pixel.position.into(), source)));
             if is_disturbed { Reuse::Forbidden } else { to.reuse(x, y) }
         };
-        let destination = Destination { seen: to.seen, known };
+        let destination = Destination { seen: to.seen, known, unseen_contrast: SHADOWS };
         let tolerance = |x, y, e| to.tolerance(x, y, e);
         let carried = self.light.direct.carry(destination, reuse, tolerance, busy);
         self.last = Some(now);
@@ -118,7 +121,8 @@ impl Carry {
         busy: &Busy,
         light: impl FnOnce(Option<&Plane<bool>>) -> Plane<[f32; 3]>,
     ) -> Plane<[f32; 3]> {
-        let destination = Destination { seen: to.seen, known: to.known.filter(|_| is_unchanged) };
+        let destination =
+            Destination { seen: to.seen, known: to.known.filter(|_| is_unchanged), unseen_contrast: SMOOTH };
         let tolerance = |x, y, e| to.tolerance(x, y, e);
         let carried = self.light.indirect.carry(destination, |x, y| to.reuse(x, y), tolerance, busy);
         let missing = carried.missing.clone();
