@@ -49,7 +49,7 @@ fn walk(field: impl Fn(Vec3) -> f32, frames: usize, step: f32, tolerance: f32, r
     for frame in 0..=frames {
         let seen = floor(frame as f32 * step);
         let known = before.as_ref().map(|before| seen.reproject(before).value);
-        let to = Destination { seen: &seen, known: known.as_ref(), unseen_contrast: 0.1 };
+        let to = Destination { seen: &seen, known: known.as_ref(), unseen_contrast: 0.0 };
         let carried = light.carry(to, |_, _| reuse, |_, _, e| tolerance * e, &busy);
         let missing = carried.missing.clone();
         // What is not wanted is no light.
