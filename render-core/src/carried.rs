@@ -9,8 +9,8 @@
 //! ```
 //!
 //! Samples are handed on and never mixed, so that light is not blurred however long it is carried \[Nehab07\], \[Walter99\].
-//! What the plane leaves of the samples' differences says how wrong this is. Where that is more than a pixel's threshold, as in
-//! penumbras, the pixel has to be lit anew, and so where nothing was seen before.
+//! The residual of the plane estimates the error. A pixel whose error exceeds its threshold, as in penumbras, is lit anew, and so
+//! is a pixel whose surface was not visible before.
 
 mod sample;
 
@@ -66,7 +66,7 @@ pub struct Carried {
     pub irradiance: Plane<[f32; 3]>,
     /// Pixels that have to be lit. Pixels that show nothing are not missing.
     pub missing: Plane<bool>,
-    /// The light that audited pixels would have taken.
+    /// Light that audited pixels would have taken.
     audits: Vec<Audit>,
 }
 
@@ -113,8 +113,8 @@ pub struct Destination<'a> {
     pub seen: &'a GBuffer,
     /// Where its pixels were in the picture that the light comes from; none if nothing can be carried.
     pub known: Option<&'a Correspondence>,
-    /// Contrast of what the samples around a pixel may not show, as a share of its light: beyond the outermost of them, and
-    /// between few. Large where light has sharp borders.
+    /// Contrast that the samples around a pixel may miss, as a share of its light: beyond the outermost sample, and between
+    /// fewer than five. Large for light with sharp borders.
     pub unseen_contrast: f32,
 }
 

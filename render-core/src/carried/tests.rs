@@ -52,7 +52,7 @@ fn walk(field: impl Fn(Vec3) -> f32, frames: usize, step: f32, tolerance: f32, r
         let to = Destination { seen: &seen, known: known.as_ref(), unseen_contrast: 0.0 };
         let carried = light.carry(to, |_, _| reuse, |_, _, e| tolerance * e, &busy);
         let missing = carried.missing.clone();
-        // What is not wanted is no light.
+        // Only missing pixels have light here: any other would turn the result into NaN.
         let lit =
             Plane::from_fn(SIDE, SIDE, |x, y| if missing.get(x, y) { truth(&seen).get(x, y) } else { [f32::NAN; 3] });
         let (irradiance, audits) = carried.complete(&lit, &seen, &mut light);
@@ -84,7 +84,7 @@ fn light_that_changes_evenly_is_carried_without_error() {
         // 13 bits of each sample are kept.
         assert!(error < 2e-3, "pixel {x}, {y} is wrong by {error}");
     }
-    // What comes into view has not been lit before.
+    // A surface that comes into view has not been lit before.
     assert!((0..SIDE).all(|y| walk(field, 3, 1.0, 1.0, Reuse::Allowed).missing.get(SIDE - 1, y)));
 }
 

@@ -4,16 +4,15 @@ pub(super) mod around;
 
 use super::cuts::{LEAST_REFLECTANCE, LightTransport, MadeCut};
 use crate::error::{Error, Result};
-use crate::figures::FrameFigures;
 use crate::plan::{Plan, Stage};
 use crate::renderer::frame::Frame;
 use crate::state::NONSENSE;
-use around::{Around, Place, places, standing, swept};
+use around::{Around, Movement, standing};
 use glam::{Mat3A, Vec3, Vec3A};
 use lighttree::{Calibration, Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
 use plane::Plane;
 use render_core::cache::{
-    Changes, Illumination, IrradianceCache, LastUpdate, LocalIrradiance, Request, Site, footprint,
+    CachedLight, Changes, Illumination, IrradianceCache, LastUpdate, LocalIrradiance, Request, Site, footprint,
 };
 use render_core::sampling::hash;
 use render_core::{Anchor, Busy, GBuffer, Gathered, Hit, NOTHING, PACKET, PixelSurface, ShadingPoint, luminance};
@@ -40,10 +39,8 @@ pub(super) struct Cache {
     records: IrradianceCache<Recipe>,
     /// Whether lights and things stay as they are for the whole film: no record is ever lit again.
     at_rest: bool,
-    /// Intensities of the lights in the frame before.
+    /// Intensities of the lights in the frame before; none before the first.
     intensities: Vec<Vec3>,
-    /// Where the instances were in the frame before; none before the first.
-    places: Vec<Option<Place>>,
 }
 
 /// Cut and final gather of a record.
@@ -70,67 +67,50 @@ impl Cache {
     pub fn new(plan: &Plan) -> Self {
         let changing = [Stage::ObjectPlacing, Stage::Deformation, Stage::Photons, Stage::TreeUpdate];
         let at_rest = !changing.into_iter().any(|stage| plan.is_on(stage));
-        Self { records: IrradianceCache::default(), at_rest, intensities: Vec::new(), places: Vec::new() }
+        Self { records: IrradianceCache::default(), at_rest, intensities: Vec::new() }
     }
 
-    /// Whether lights and things are as they were in the frame before.
-    pub fn is_unchanged(&self, frame: &Frame) -> bool {
-        let scene = frame.surfaces.scene();
-        let lights = frame.tree.lights().iter().map(|light| light.intensity);
-        lights.eq(self.intensities.iter().copied())
-            && self.places == places(scene, &scene.moving_instances(), &frame.seen, &self.places)
+    /// Whether the lights of the tree shine as in the frame before.
+    pub fn is_lit_as_before(&self, frame: &Frame) -> bool {
+        frame.tree.lights().iter().map(|light| light.intensity).eq(self.intensities.iter().copied())
     }
 
     /// Indirectly arriving irradiance at every pixel that is `wanted`, or at all; zero elsewhere. Adds the work to `busy`.
     pub fn light(
         &mut self,
         transport: &LightTransport,
+        movement: &Movement,
         wanted: Option<&Plane<bool>>,
         busy: &Busy,
-        figures: &mut FrameFigures,
-    ) -> Plane<[f32; 3]> {
+    ) -> CachedLight {
         let prepared = transport.prepared;
         let seen = transport.seen;
         let scene = prepared.surfaces.scene();
         let moving = scene.moving_instances();
-        let places = places(scene, &moving, seen, &self.places);
-        let lights = prepared.tree.lights().iter().map(|light| light.intensity);
-        let changes =
-            Changes { light: lights.clone().ne(self.intensities.iter().copied()), geometry: self.places != places };
+        let changes = Changes { light: !self.is_lit_as_before(prepared), geometry: movement.is_any };
         let illumination = Cuts {
             transport,
-            swept: swept(&self.places, &places),
-            standing: standing(&places),
+            swept: &movement.swept,
+            standing: standing(&movement.places),
             moving: &moving,
             at_rest: self.at_rest,
         };
         let lit = busy.take(self.records.light(Request { seen, moving: &moving, wanted }, changes, &illumination));
-        self.intensities = lights.collect();
-        self.places = places;
-        figures.cache_records = lit.in_use as u64;
-        figures.cache_new = lit.computed as u64;
-        lit.irradiance
+        self.intensities = prepared.tree.lights().iter().map(|light| light.intensity).collect();
+        lit
     }
 
     /// The same for another picture of the last frame that [`Cache::light`] lit.
-    pub fn light_more(
-        &mut self,
-        transport: &LightTransport,
-        busy: &Busy,
-        figures: &mut FrameFigures,
-    ) -> Plane<[f32; 3]> {
+    pub fn light_more(&mut self, transport: &LightTransport, movement: &Movement, busy: &Busy) -> CachedLight {
         let moving = transport.prepared.surfaces.scene().moving_instances();
         let illumination = Cuts {
             transport,
-            swept: Vec::new(),
-            standing: standing(&self.places),
+            swept: &[],
+            standing: standing(&movement.places),
             moving: &moving,
             at_rest: self.at_rest,
         };
-        let lit = busy.take(self.records.light_more(Request::whole(transport.seen, &moving), &illumination));
-        figures.cache_records = figures.cache_records.max(lit.in_use as u64);
-        figures.cache_new += lit.computed as u64;
-        lit.irradiance
+        busy.take(self.records.light_more(Request::whole(transport.seen, &moving), &illumination))
     }
 
     /// State that does not follow from the last lit frame.
@@ -154,8 +134,7 @@ impl Cache {
         if !records.recipes().all(is_of_frame) {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }
-        let places = places(scene, &scene.moving_instances(), &done.seen, &[]);
-        Ok(Self { records, intensities, places, ..Self::new(plan) })
+        Ok(Self { records, intensities, ..Self::new(plan) })
     }
 
     /// Where the records in use are, and of how many clusters.
@@ -175,7 +154,7 @@ pub(super) fn reflected(seen: &GBuffer, irradiance: &Plane<[f32; 3]>) -> Plane<V
 struct Cuts<'a> {
     transport: &'a LightTransport<'a>,
     /// Around all that has moved since the frame before, where it was and where it is.
-    swept: Vec<Around>,
+    swept: &'a [Around],
     /// Around all that ever moves, where it is.
     standing: Vec<Around>,
     /// By instance, whether it ever moves.
@@ -252,7 +231,7 @@ impl Illumination for Cuts<'_> {
         }
         let receiver = self.receiver(site);
         let gathers_again = match known {
-            LastUpdate::LastFrame => self.is_near(&self.swept, site),
+            LastUpdate::LastFrame => self.is_near(self.swept, site),
             LastUpdate::Earlier => recipe.near_moving || self.is_near(&self.standing, site),
         };
         if gathers_again {

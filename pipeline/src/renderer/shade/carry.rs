@@ -3,12 +3,12 @@
 //! Direct light is carried to surfaces at rest where nothing has moved between them and the lamps; indirect light, while no light
 //! and no thing in the scene changes. In turns all light is found anew.
 
-use super::cache::around::{Around, Place, places, swept};
+use super::cache::around::{Around, Movement};
 use super::cuts::{Allowance, LEAST_REFLECTANCE, relative_threshold, threshold};
 use crate::figures::FrameFigures;
 use crate::renderer::frame::Frame;
 use crate::settings::Settings;
-use glam::{Affine3A, Vec3A};
+use glam::Vec3A;
 use plane::{Correspondence, Plane};
 use render_core::{Busy, CarriedLight, Destination, DirectLights, GBuffer, MACROBLOCK, Reuse, Source, luminance};
 use std::f32::consts::PI;
@@ -19,6 +19,8 @@ const SHARE: f32 = 1.0;
 /// [`Destination::unseen_contrast`] of direct light, which may end at a shadow, and of indirect light.
 const SHADOWS: f32 = 0.5;
 const SMOOTH: f32 = 0.0;
+/// Distance of moving things and their shadows from a pixel up to which its light is not carried \[pixels\].
+const BESIDE: f32 = 2.0;
 /// Each macroblock is lit anew once in this number of frames.
 const TURN: usize = 32;
 
@@ -26,7 +28,8 @@ const TURN: usize = 32;
 #[derive(Default)]
 pub(super) struct Carry {
     pub light: Light,
-    last: Option<Last>,
+    /// The lamps of the frame before.
+    lamps: Option<Arc<DirectLights>>,
     found: Found,
 }
 
@@ -48,34 +51,20 @@ struct Found {
     audits: [usize; 2],
 }
 
-/// The frame before.
-struct Last {
-    lights: Arc<DirectLights>,
-    world: Vec<Affine3A>,
-    places: Vec<Option<Place>>,
-}
-
-impl Last {
-    fn of(frame: &Frame, before: &[Option<Place>]) -> Self {
-        let scene = frame.surfaces.scene();
-        let places = places(scene, &scene.moving_instances(), &frame.seen, before);
-        Self { lights: frame.direct.clone(), world: frame.seen.world.clone(), places }
-    }
-}
-
 /// A frame that light is carried to.
 pub(super) struct To<'a> {
     pub settings: &'a Settings,
     pub frame: &'a Frame<'a>,
     pub seen: &'a GBuffer,
     pub known: Option<&'a Correspondence>,
+    pub movement: &'a Movement,
     pub allowance: &'a Allowance,
 }
 
 impl Carry {
     /// As it was after frame `last`.
     pub fn resumed(light: Light, last: &Frame) -> Self {
-        Self { light, last: Some(Last::of(last, &[])), found: Found::default() }
+        Self { light, lamps: Some(last.direct.clone()), found: Found::default() }
     }
 
     /// Direct light of a frame: carried over, and from `light` for the pixels where that does not do.
@@ -85,26 +74,26 @@ impl Carry {
         busy: &Busy,
         light: impl FnOnce(&Plane<bool>) -> Plane<[f32; 3]>,
     ) -> Plane<[f32; 3]> {
-        let before = self.last.take();
-        let now = Last::of(to.frame, before.as_ref().map_or(&[], |before| &before.places));
-        let known = before.as_ref().filter(|before| before.lights.has_lamps_of(&now.lights)).and(to.known);
-        let swept = before.as_ref().map_or_else(Vec::new, |before| swept(&before.places, &now.places));
-        let sources = now.lights.sources();
-        let is_at_rest = |instance: u32| {
-            let then = before.as_ref().and_then(|before| before.world.get(instance as usize));
-            then == now.world.get(instance as usize) && !swept.iter().any(|thing| thing.instance == instance)
-        };
-        let at_rest: Vec<bool> = (0..now.world.len() as u32).map(is_at_rest).collect();
+        let now = &to.frame.direct;
+        let before = self.lamps.replace(now.clone());
+        let known = before.filter(|before| before.has_lamps_of(now)).and(to.known);
+        let (sources, swept) = (now.sources(), &to.movement.swept);
+        let mut moves = vec![false; to.seen.world.len()];
+        swept.iter().for_each(|thing| moves[thing.instance as usize] = true);
         let reuse = |x: usize, y: usize| {
             let pixel = to.seen.pixels.get(x, y);
-            let is_disturbed = !at_rest[pixel.instance as usize]
-                || sources.iter().any(|source| swept.iter().any(|thing| shades(thing, pixel.position.into(), source)));
+            // The sample that a pixel keeps is beside it, and has to hold as well.
+            let margin = BESIDE * to.seen.view.pixel_width(pixel.depth);
+            let is_shaded_by = |thing: &Around| {
+                let thing = thing.grown(margin);
+                sources.iter().any(|source| shades(&thing, pixel.position.into(), source))
+            };
+            let is_disturbed = moves[pixel.instance as usize] || swept.iter().any(is_shaded_by);
             if is_disturbed { Reuse::Forbidden } else { to.reuse(x, y) }
         };
         let destination = Destination { seen: to.seen, known, unseen_contrast: SHADOWS };
         let tolerance = |x, y, e| to.tolerance(x, y, e);
         let carried = self.light.direct.carry(destination, reuse, tolerance, busy);
-        self.last = Some(now);
         let missing = carried.missing.clone();
         let (irradiance, audits) = carried.complete(&light(&missing), to.seen, &mut self.light.direct);
         let lit = to.seen.pixels.samples().iter().filter(|pixel| pixel.reflects()).count();

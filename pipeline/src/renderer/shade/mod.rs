@@ -17,12 +17,14 @@ use crate::figures::FrameFigures;
 use crate::parts::{LastThresholds, Prepared, Shade, Shaded};
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{Aov, Settings, Size, Stopping, Thresholds};
+use cache::around::{Movement, Place};
 use cache::{Cache, reflected};
 use carry::{Carry, To};
 use cuts::{Allowance, Figures, LightTransport};
 use glam::Vec3;
 use lighttree::{Calibration, LightTree};
 use plane::{Correspondence, Plane};
+use render_core::cache::CachedLight;
 use render_core::{
     Accelerator, Busy, Coverage, DirectLights, FinalGather, GBuffer, NOTHING, PixelSample, PosedScene, luminance,
     reconstruct, sample_offsets,
@@ -41,6 +43,8 @@ pub struct Shading<'a> {
     cache: Option<Cache>,
     /// The light of the frame before, where it may be carried over.
     carry: Option<Carry>,
+    /// Where the instances were in the frame before; none before the first.
+    places: Vec<Option<Place>>,
     /// Where nothing moves, the light of one frame is that of the next.
     still: Option<Still>,
     calibration: Option<Calibration>,
@@ -54,7 +58,7 @@ impl<'a> Shading<'a> {
         let calibrated = settings.stopping == Stopping::Calibrated;
         let calibration = calibrated.then(|| Calibration::keeping(settings.within));
         let carry = plan.is_on(Stage::CarriedLight).then(Carry::default);
-        Self { settings, plan, cache, carry, still: None, calibration }
+        Self { settings, plan, cache, carry, places: Vec::new(), still: None, calibration }
     }
 }
 
@@ -143,17 +147,18 @@ impl Shading<'_> {
         counts: &Figures,
         figures: &mut FrameFigures,
     ) -> Still {
-        let &mut Self { settings, plan, ref mut cache, ref mut carry, .. } = self;
+        let &mut Self { settings, plan, ref mut cache, ref mut carry, ref mut places, .. } = self;
         let frame = &prepared.frame;
+        let movement = Movement::to(frame, places);
         let size = (settings.size.width, settings.size.height);
         let [visibility, direct_busy, indirect_busy] = [(); 3].map(|()| Busy::default());
-        let places = sample_offsets(settings.samples as usize);
+        let offsets = sample_offsets(settings.samples as usize);
         let mut samples: Vec<Sample> = Vec::new();
-        for &place in &places {
+        for &offset in &offsets {
             // The one sample of a pixel is that of the G-buffer.
-            let own = (places.len() > 1).then(|| {
+            let own = (offsets.len() > 1).then(|| {
                 let Frame { accelerator, surfaces, seen, .. } = frame;
-                let sample = PixelSample::one_of(places.len(), place);
+                let sample = PixelSample::one_of(offsets.len(), offset);
                 visibility.take(GBuffer::trace_at(sample, PosedScene::new(accelerator, surfaces), &seen.view, size))
             });
             let seen = own.as_ref().unwrap_or(&frame.seen);
@@ -161,7 +166,7 @@ impl Shading<'_> {
             let below = coats.is_some().then(|| gloss::below_coats(seen));
             let seen = below.as_ref().unwrap_or(seen);
             let known = prepared.correspondence.as_deref();
-            let to = To { settings, frame, seen, known, allowance };
+            let to = To { settings, frame, seen, known, movement: &movement, allowance };
             let mut light = |wanted: Option<&Plane<bool>>| {
                 let (irradiance, rays) = direct::irradiance(frame, seen, wanted, &direct_busy);
                 figures.shadow_rays += rays;
@@ -185,16 +190,19 @@ impl Shading<'_> {
                 _ if nothing_shines => Plane::filled(size.0, size.1, Vec3::ZERO),
                 (State::Off, _) => Plane::filled(size.0, size.1, Vec3::ZERO),
                 (_, Some(cache)) if samples.is_empty() => {
-                    let is_unchanged = carry.is_some() && cache.is_unchanged(frame);
-                    let mut light =
-                        |wanted: Option<&Plane<bool>>| cache.light(&transport, wanted, &indirect_busy, figures);
+                    let is_unchanged = !movement.is_any && cache.is_lit_as_before(frame);
+                    let mut light = |wanted: Option<&Plane<bool>>| {
+                        counted(cache.light(&transport, &movement, wanted, &indirect_busy), figures)
+                    };
                     let irradiance = match carry.as_mut() {
                         Some(carry) => carry.indirect(&to, is_unchanged, &indirect_busy, light),
                         None => light(None),
                     };
                     reflected(seen, &irradiance)
                 }
-                (_, Some(cache)) => reflected(seen, &cache.light_more(&transport, &indirect_busy, figures)),
+                (_, Some(cache)) => {
+                    reflected(seen, &counted(cache.light_more(&transport, &movement, &indirect_busy), figures))
+                }
                 (_, None) => pixels::light(&transport, &indirect_busy),
             };
             samples.push(Sample { direct, indirect });
@@ -206,6 +214,7 @@ impl Shading<'_> {
                 (*direct, *indirect) = (coverage.blend(direct, &visibility), coverage.blend(indirect, &visibility));
             }
         }
+        *places = movement.places;
         figures.seconds.visibility += visibility.seconds();
         figures.seconds.direct = direct_busy.seconds();
         figures.seconds.indirect = indirect_busy.seconds();
@@ -255,6 +264,13 @@ impl Still {
             && Arc::ptr_eq(&self.gather, &frame.gather)
             && Arc::ptr_eq(&self.seen, &frame.seen)
     }
+}
+
+/// The irradiance of a picture; its records are added to `figures`.
+fn counted(lit: CachedLight, figures: &mut FrameFigures) -> Plane<[f32; 3]> {
+    figures.cache_records = figures.cache_records.max(lit.in_use as u64);
+    figures.cache_new += lit.computed as u64;
+    lit.irradiance
 }
 
 fn sum(a: &Plane<Vec3>, b: &Plane<Vec3>) -> Plane<[f32; 3]> {

@@ -1,5 +1,6 @@
 //! The state of shading between two frames, for checkpoints.
 
+use super::cache::around::Movement;
 use super::cache::{Cache, Recipe};
 use super::carry::{Carry, Light};
 use super::{Sample, Shading, Still};
@@ -41,6 +42,7 @@ pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame)
     let Read { records, still, calibration, carried } = decode(state)?;
     let plan = shading.plan;
     shading.cache = records.map(|records| Cache::resumed(records, plan, &last.frame)).transpose()?;
+    shading.places = Movement::to(&last.frame, &[]).places;
     shading.still = still.map(|(samples, cache_records)| Still::new(&last.frame, samples, cache_records));
     shading.calibration = calibration;
     shading.carry = carried.map(|light| Carry::resumed(light, &last.frame));

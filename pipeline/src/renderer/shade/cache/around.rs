@@ -1,5 +1,6 @@
 //! Where things are that move, and where they were: what may have changed between a record and its lights.
 
+use crate::renderer::frame::Frame;
 use glam::{Affine3A, BVec3A, Vec3, Vec3A};
 use render_core::GBuffer;
 use render_core::scene::{DeformedMesh, Scene};
@@ -23,13 +24,27 @@ pub(in crate::renderer::shade) struct Around {
     high: Vec3A,
 }
 
+/// What has moved since the frame before.
+pub(in crate::renderer::shade) struct Movement {
+    /// Where the instances that move are.
+    pub places: Vec<Option<Place>>,
+    /// Around all that has moved since the frame before, where it was and where it is; nothing in the first frame.
+    pub swept: Vec<Around>,
+    /// Whether anything moved; true of the first frame.
+    pub is_any: bool,
+}
+
+impl Movement {
+    /// Movement to `frame` from the frame before, where the instances were at these places.
+    pub fn to(frame: &Frame, before: &[Option<Place>]) -> Self {
+        let scene = frame.surfaces.scene();
+        let places = places(scene, &scene.moving_instances(), &frame.seen, before);
+        Self { swept: swept(before, &places), is_any: before != places, places }
+    }
+}
+
 /// Where the instances that move are in the picture `seen`; what keeps its shape keeps its box from `before`.
-pub(in crate::renderer::shade) fn places(
-    scene: &Scene,
-    moving: &[bool],
-    seen: &GBuffer,
-    before: &[Option<Place>],
-) -> Vec<Option<Place>> {
+fn places(scene: &Scene, moving: &[bool], seen: &GBuffer, before: &[Option<Place>]) -> Vec<Option<Place>> {
     let around = |positions: &[Vec3]| {
         let empty = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         positions.iter().fold(empty, |(low, high), &p| (low.min(p.into()), high.max(p.into())))
@@ -48,7 +63,7 @@ pub(in crate::renderer::shade) fn places(
 }
 
 /// Around what is elsewhere, or otherwise, than before: at both places.
-pub(in crate::renderer::shade) fn swept(before: &[Option<Place>], now: &[Option<Place>]) -> Vec<Around> {
+fn swept(before: &[Option<Place>], now: &[Option<Place>]) -> Vec<Around> {
     let both = (0..)
         .zip(before.iter().zip(now))
         .filter_map(|(index, (then, now))| Some((index, [then.as_ref()?, now.as_ref()?])));
@@ -84,6 +99,11 @@ impl Around {
     /// Whether the segment between two points touches the box.
     pub fn is_crossed(&self, from: Vec3A, to: Vec3A) -> bool {
         self.is_between(from, to, to)
+    }
+
+    /// The box, larger by `margin` on all sides.
+    pub fn grown(&self, margin: f32) -> Self {
+        Self { low: self.low - margin, high: self.high + margin, ..*self }
     }
 
     /// Whether a segment from a point to any point of the box `low`…`high` touches this box.

@@ -62,8 +62,7 @@ fn what_something_has_moved_over_is_closed_in() {
         let figures = Figures::default();
         let transport = LightTransport::new(&settings, &prepared, &allowance, (&prepared.seen, &direct), &figures)
             .with_compensation(true);
-        let cuts =
-            Cuts { transport: &transport, swept: Vec::new(), standing: Vec::new(), moving: &moving, at_rest: false };
+        let cuts = Cuts { transport: &transport, swept: &[], standing: Vec::new(), moving: &moving, at_rest: false };
         let site = Site {
             position: Vec3A::X * x,
             normal: Vec3A::Y,
