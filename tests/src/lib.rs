@@ -1,6 +1,6 @@
 //! Shared parts of the tests across crates: the program as a user starts it, two decoders that are not ours, and small scenes.
 //!
-//! The decoders are `ffmpeg` and `mpeg2dec`, which `.ci/run` installs. The program is built by the first test that starts it.
+//! The decoders are `ffmpeg` and `mpeg2dec`, which `.ci/run` installs. The program is built with the tests.
 #![forbid(unsafe_code)]
 
 mod decoders;

@@ -5,25 +5,18 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-/// The binary, built on the first call: cargo builds the binaries of a package only for that package's own tests.
+/// The binary of this package that is all of `render2mpeg`. Cargo builds it before the tests, two folders above them.
+///
+/// # Panics
+/// Where it was not built: examples need `cargo build -p tests --bins` first.
 pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
-        let mut cargo = Command::new(env!("CARGO"));
-        // Of the whole workspace: with the features of one package alone, its dependencies would be compiled once more.
-        cargo.args(["build", "--workspace", "--bin", "render2mpeg", "--message-format", "json"]);
-        if !cfg!(debug_assertions) {
-            cargo.arg("--release");
-        }
-        let output = cargo.current_dir(env!("CARGO_MANIFEST_DIR")).stderr(Stdio::inherit()).output();
-        let output = output.unwrap_or_else(|error| panic!("cargo cannot be run: {error}"));
-        assert!(output.status.success(), "render2mpeg does not build");
-        // One JSON object a line; that of the binary says where it lies.
-        String::from_utf8_lossy(&output.stdout)
-            .lines()
-            .filter_map(|line| serde_json::from_str::<Value>(line).ok())
-            .find_map(|message| message["executable"].as_str().map(PathBuf::from))
-            .expect("cargo names the binary it built")
+        let own = std::env::current_exe().expect("a test knows where it lies");
+        let folder = own.ancestors().nth(2).expect("tests lie in a folder of the profile's");
+        let program = folder.join(format!("render2mpeg-under-test{}", std::env::consts::EXE_SUFFIX));
+        assert!(program.is_file(), "{} is missing: cargo build -p tests --bins makes it", program.display());
+        program
     })
 }
 

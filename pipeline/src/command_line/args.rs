@@ -18,6 +18,7 @@ use clap::{Parser, Subcommand};
 #[derive(Parser)]
 #[command(
     name = "render2mpeg",
+    bin_name = "render2mpeg",
     version,
     after_help = "Examples:
   render2mpeg render scenes/cornell/cornell.glb             a video and a report, in this folder
@@ -73,8 +74,8 @@ pub enum Command {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Options;
     use clap::CommandFactory;
-    use pipeline::Options;
     use render_core::scene::Scene;
 
     /// The help of `render` names the values that [`Options::fill_in`] fills in.

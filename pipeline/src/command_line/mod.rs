@@ -1,10 +1,26 @@
 //! The command line: arguments and files with options, a file for each command, and what is shown meanwhile.
 //!
-//! It belongs to the program and not to the library, which it uses like any other program.
+//! [`main`] is all of the program `render2mpeg`. The rest of the library knows nothing of it.
 
-pub mod args;
-pub mod commands;
-pub mod config_file;
+/// As `println!`; a reader that closes its end early is no failure.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stdout(), $($text)*);
+    }};
+}
+
+/// As `eprintln!`, likewise.
+macro_rules! tell {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
+mod args;
+mod commands;
+mod config_file;
 mod examples;
 mod log;
 mod parts;
@@ -26,11 +42,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// As shells report a command that was interrupted: 128 + SIGINT.
 const INTERRUPTED: u8 = 130;
 
+/// The program `render2mpeg`: runs the command that the process was started with, prints errors, returns the exit code.
+#[must_use]
+pub fn main() -> ExitCode {
+    match run(std::env::args_os().collect()) {
+        Ok(code) => code,
+        Err(error) => {
+            tell!("render2mpeg: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
 /// Runs the command that was typed.
-///
-/// # Errors
-/// The first failure of the command.
-pub fn run(typed: Vec<OsString>) -> Result<ExitCode> {
+fn run(typed: Vec<OsString>) -> Result<ExitCode> {
     match config_file::parse(typed)?.command {
         Command::Plan(arguments) => commands::plan::run(*arguments),
         Command::Render(arguments) => {

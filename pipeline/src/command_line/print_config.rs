@@ -1,7 +1,7 @@
 //! `--print-config`: what was chosen, as a file for `--config`.
 
+use crate::Options;
 use anyhow::Result;
-use pipeline::Options;
 use std::path::Path;
 use toml::Value;
 

@@ -1,8 +1,8 @@
 //! Progress at a terminal while the frames are made, and a summary at the end.
 
+use crate::Settings;
+use crate::report::{FrameReport, Report};
 use indicatif::{ProgressBar, ProgressStyle};
-use pipeline::Settings;
-use pipeline::report::{FrameReport, Report};
 use render_core::scene::Scene;
 use serde_json::{Value, json};
 use std::io::Write;

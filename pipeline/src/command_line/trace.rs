@@ -2,8 +2,8 @@
 //!
 //! Every span that the stages open becomes a bar: "complete events" of the Trace Event Format.
 
+use crate::output::Output;
 use anyhow::Result;
-use pipeline::output::Output;
 use serde_json::{Value, json};
 use std::cell::Cell;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! `render2mpeg compare`.
 
+use crate::laboratory::compare::{self, Comparison, HEAT_MAP_RANGE, HeatMap, png_file};
+use crate::output::Output;
 use anyhow::Result;
 use clap::Args;
-use pipeline::laboratory::compare::{self, Comparison, HEAT_MAP_RANGE, HeatMap, png_file};
-use pipeline::output::Output;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

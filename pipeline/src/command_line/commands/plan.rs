@@ -1,9 +1,9 @@
 //! `render2mpeg plan`.
 
 use crate::command_line::source::Source;
+use crate::{Options, Settings};
 use anyhow::Result;
 use clap::Args;
-use pipeline::{Options, Settings};
 use render_core::scene;
 use std::process::ExitCode;
 
@@ -24,7 +24,7 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     let scene = scene::load(&path)?;
     let settings = Settings::new(path, &scene, &arguments.options)?;
     let _ = settings.encoder_config()?;
-    say!("{}", pipeline::Plan::new(&scene, &settings).table().trim_end());
+    say!("{}", crate::Plan::new(&scene, &settings).table().trim_end());
     scene.warnings.iter().for_each(|warning| say!("note: {warning}"));
     Ok(ExitCode::SUCCESS)
 }

@@ -1,12 +1,12 @@
 //! `render2mpeg reference`.
 
 use crate::command_line::progress;
+use crate::output::Output;
+use crate::renderer::reference::{self, Method};
+use crate::settings::{Size, Switch};
+use crate::{Options, Settings};
 use anyhow::Result;
 use clap::Args;
-use pipeline::output::Output;
-use pipeline::renderer::reference::{self, Method};
-use pipeline::settings::{Size, Switch};
-use pipeline::{Options, Settings};
 use render_core::{PathOptions, PixelSampling, scene};
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -3,15 +3,15 @@
 use crate::command_line::log::Log;
 use crate::command_line::source::Source;
 use crate::command_line::{INTERRUPTED, parts, print_config, progress, stop_on_interrupt};
+use crate::feedback_loop::Run;
+use crate::feedback_loop::checkpoint::{Checkpoints, FilmJob};
+use crate::feedback_loop::observe::OnFrame;
+use crate::output::Output;
+use crate::report::FrameReport;
+use crate::settings::CheckpointEvery;
+use crate::{Options, Plan, Render as Film, Report};
 use anyhow::{Context, Result};
 use clap::Args;
-use pipeline::feedback_loop::Run;
-use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob};
-use pipeline::feedback_loop::observe::OnFrame;
-use pipeline::output::Output;
-use pipeline::report::FrameReport;
-use pipeline::settings::CheckpointEvery;
-use pipeline::{Options, Plan, Render as Film, Report};
 use render_core::scene;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -136,7 +136,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
 fn write_page(path: Option<&Path>, report: &Report) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
     let mut output = Output::create(path)?;
-    output.write(pipeline::laboratory::page::run_page(report)?.as_bytes())?;
+    output.write(crate::laboratory::page::run_page(report)?.as_bytes())?;
     Ok(output.finish()?)
 }
 

@@ -1,11 +1,11 @@
 //! `render2mpeg sweep`.
 
+use crate::Options;
 use crate::command_line::progress;
+use crate::laboratory::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method, Source};
+use crate::settings::Size;
 use anyhow::{Context, Result};
 use clap::Args;
-use pipeline::Options;
-use pipeline::laboratory::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method, Source};
-use pipeline::settings::Size;
 use render_core::scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -69,8 +69,8 @@ pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
     };
     std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     // A folder that cannot be written to is told of before the work, not after it.
-    drop(pipeline::output::Output::create(&folder.join("sweep.json"))?);
-    let sweep = pipeline::laboratory::sweep::Sweep {
+    drop(crate::output::Output::create(&folder.join("sweep.json"))?);
+    let sweep = crate::laboratory::sweep::Sweep {
         common: Options {
             frames: Some(frames.unwrap_or(DEFAULT_FRAMES)),
             size: Some(size.unwrap_or(DEFAULT_SIZE)),

@@ -1,0 +1,211 @@
+//! Program and transport streams: the times that pictures have in them, and that what is inside is what went in.
+
+use crate::common::*;
+use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Packet, PictureType, Rate, Standard};
+use std::process::{Command, Stdio};
+
+/// The packets of an encoder in the order of coding, and its sequence_end_code.
+fn packets(config: &Config, frames: usize) -> (Vec<Packet>, Vec<u8>) {
+    let mut encoder = config.clone().with_lookahead(Config::LOOKAHEAD_MAX).encoder().expect("a valid configuration");
+    let mut packets: Vec<Packet> =
+        (0..frames).flat_map(|time| encoder.push(&moving(96, 80, time), KnownMotion::default())).collect();
+    let finish = encoder.finish();
+    packets.extend(finish.packets);
+    (packets, finish.end)
+}
+
+/// The file, and the elementary stream in it.
+fn wrapped(container: Container, config: &Config, packets: &[Packet], end: &[u8]) -> (Vec<u8>, Vec<u8>) {
+    let mut multiplexer = Multiplexer::new(container, config);
+    let mut file: Vec<u8> = packets.iter().flat_map(|packet| multiplexer.push(packet.clone())).collect();
+    file.extend(multiplexer.finish(end));
+    let mut stream: Vec<u8> = packets.iter().flat_map(|packet| packet.data.iter().copied()).collect();
+    stream.extend(end);
+    (file, stream)
+}
+
+fn output_of(program: &str, arguments: &[&str]) -> Vec<u8> {
+    let output = Command::new(program).args(arguments).stdin(Stdio::null()).output().unwrap_or_else(|error| {
+        panic!("{program} cannot be run ({error}); these tests need ffmpeg, ffprobe and mpeg2dec on the PATH")
+    });
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && messages.is_empty(), "{program} {arguments:?}: {messages}");
+    output.stdout
+}
+
+/// Properties of both containers.
+fn configurations() -> Vec<(Config, &'static str)> {
+    let config = |fps| Config::new(96, 80, FrameRate::from_fps(fps).expect("a rate of Table 6-4"));
+    let constant = Rate::Constant { bits_per_second: 400_000, buffer_bits: 200_000 };
+    let capped = Rate::Capped { bits_per_second: 300_000, buffer_bits: 150_000 };
+    vec![
+        (config(25.0), "without B pictures"),
+        (config(23.976).with_b_pictures(2).with_quantiser_scale(2), "with B pictures"),
+        (config(59.94).with_b_pictures(2).with_rate(constant), "at a constant rate"),
+        (config(30.0).with_b_pictures(1).with_rate(capped).with_quantiser_scale(4), "below a rate"),
+        (config(30.0).with_b_pictures(2).with_standard(Standard::Mpeg1), "of MPEG-1"),
+    ]
+}
+
+#[test]
+fn pictures_are_due_at_the_frame_rate() {
+    for (config, what) in configurations() {
+        let (packets, end) = packets(&config, 50);
+        for container in [Container::Program, Container::Transport] {
+            let (file, _) = wrapped(container, &config, &packets, &end);
+            let file = StreamFile::new(&file);
+            let shown =
+                ["-v", "warning", "-err_detect", "explode", "-show_entries", "packet=pts,dts", "-of", "csv=p=0"];
+            let listed = String::from_utf8(output_of("ffprobe", &[&shown[..], &[file.path()]].concat())).unwrap();
+            let times: Vec<[i64; 2]> = listed
+                .lines()
+                .filter(|line| !line.is_empty())
+                .map(|line| {
+                    let mut numbers = line.split(',').map(|number| number.parse().expect("a time"));
+                    [numbers.next().expect("pts"), numbers.next().expect("dts")]
+                })
+                .collect();
+            assert_eq!(times.len(), packets.len(), "{container:?} {what}: {listed}");
+            let fps = config_fps(what);
+            let reorder = u64::from(packets.iter().any(|packet| packet.picture_type == PictureType::B));
+            let at = |frames: u64| times[0][1] as f64 + 90_000.0 * frames as f64 / fps;
+            for (i, (packet, [pts, dts])) in packets.iter().zip(&times).enumerate() {
+                let (decoded, shown) = (at(i as u64), at(packet.display_index + reorder));
+                assert!(
+                    (*dts as f64 - decoded).abs() <= 1.0,
+                    "{container:?} {what}, packet {i}: {dts} is not {decoded}"
+                );
+                assert!((*pts as f64 - shown).abs() <= 1.0, "{container:?} {what}, packet {i}: {pts} is not {shown}");
+                assert!(dts <= pts);
+            }
+        }
+    }
+}
+
+fn config_fps(what: &str) -> f64 {
+    match what {
+        "without B pictures" => 25.0,
+        "with B pictures" => 24000.0 / 1001.0,
+        "at a constant rate" => 60000.0 / 1001.0,
+        _ => 30.0,
+    }
+}
+
+#[test]
+fn ffmpeg_finds_the_elementary_stream_and_nothing_to_complain_about() {
+    for (config, what) in configurations() {
+        let (packets, end) = packets(&config, 50);
+        for container in [Container::Program, Container::Transport] {
+            let (file, stream) = wrapped(container, &config, &packets, &end);
+            let file = StreamFile::new(&file);
+            let input = ["-nostdin", "-v", "warning", "-xerror", "-err_detect", "explode", "-i", file.path()];
+            let copied = output_of("ffmpeg", &[&input[..], &["-c", "copy", "-f", "mpeg2video", "-"]].concat());
+            assert!(copied == stream, "{container:?} {what}: {} bytes, not {}", copied.len(), stream.len());
+            // The other decoder takes containers apart by itself.
+            let md5 = |of: &[&str], file: &StreamFile| {
+                let arguments = [of, &["-o", "md5", file.path()]].concat();
+                Command::new("mpeg2dec").args(arguments).output().expect("mpeg2dec can be run").stdout
+            };
+            let demultiplex: &[&str] = if container == Container::Program { &["-s"] } else { &["-t", "0x100"] };
+            let pictures = md5(&[], &StreamFile::new(&stream));
+            assert!(pictures.len() > 32 * packets.len(), "a check sum of each picture");
+            assert!(md5(demultiplex, &file) == pictures, "{container:?} {what}");
+            let decoded =
+                output_of("ffmpeg", &[&input[..], &["-f", "rawvideo", "-fps_mode", "passthrough", "-"]].concat());
+            assert_eq!(decoded.len(), packets.len() * 96 * 80 * 3 / 2, "{container:?} {what}");
+        }
+    }
+}
+
+/// Packs of a program stream: when their first byte comes, and the size of what they bring; and when pictures leave.
+#[derive(Default)]
+struct Read {
+    packs: Vec<(f64, usize, usize)>,
+    decoded: Vec<f64>,
+    mux_rate: f64,
+    /// P-STD_buffer_size_bound in bytes.
+    buffer: usize,
+}
+
+/// Reads a program stream as 2.5.3 prints it, without the writer's help.
+fn read_program(file: &[u8]) -> Read {
+    let bits = |bytes: &[u8], first: usize, count: usize| -> u64 {
+        (first..first + count).fold(0, |value, i| value << 1 | u64::from(bytes[i / 8] >> (7 - i % 8) & 1))
+    };
+    let stamp = |bytes: &[u8], first: usize| {
+        bits(bytes, first, 3) << 30 | bits(bytes, first + 4, 15) << 15 | bits(bytes, first + 20, 15)
+    };
+    let mut read = Read::default();
+    let mut at = 0;
+    while file[at..][..4] != [0, 0, 1, 0xb9] {
+        let start = at;
+        assert_eq!(file[at..][..4], [0, 0, 1, 0xba], "a pack at {at}");
+        let header = &file[at + 4..];
+        let clock = stamp(header, 2) * 300 + bits(header, 38, 9);
+        read.mux_rate = 50.0 * bits(header, 48, 22) as f64;
+        at += 14;
+        if file[at..][..4] == [0, 0, 1, 0xbb] {
+            read.buffer = 1024 * bits(&file[at + 13..], 3, 13) as usize;
+            at += 6 + bits(&file[at + 4..], 0, 16) as usize;
+        }
+        assert_eq!(file[at..][..4], [0, 0, 1, 0xe0], "a video packet at {at}");
+        let (length, fields) = (bits(&file[at + 4..], 0, 16) as usize, file[at + 8] as usize);
+        match bits(&file[at + 7..], 0, 2) {
+            0b10 => read.decoded.push(stamp(&file[at + 9..], 4) as f64 / 90_000.0),
+            0b11 => read.decoded.push(stamp(&file[at + 14..], 4) as f64 / 90_000.0),
+            _ => {}
+        }
+        let data = length - 3 - fields;
+        at += 6 + length;
+        read.packs.push((clock as f64 / 27e6, at - start, data));
+    }
+    assert_eq!(at + 4, file.len(), "nothing after the end");
+    read
+}
+
+#[test]
+fn packs_come_one_after_the_other_and_in_time() {
+    for (config, what) in configurations() {
+        let (packets, end) = packets(&config, 100);
+        let (file, _) = wrapped(Container::Program, &config, &packets, &end);
+        let read = read_program(&file);
+        assert_eq!(read.decoded.len(), packets.len());
+        let mut sizes: Vec<usize> = packets.iter().map(|packet| packet.data.len()).collect();
+        *sizes.last_mut().unwrap() += end.len();
+        let mut ends = 0;
+        // Bytes of the stream that must have come when each picture is decoded.
+        let needed: Vec<usize> = sizes
+            .iter()
+            .map(|size| {
+                ends += size;
+                ends
+            })
+            .collect();
+        let mut free = 0.0;
+        let (mut sent, mut picture) = (0, 0);
+        for &(clock, size, data) in &read.packs {
+            assert!(clock >= free - 1e-6, "{what}: a pack at {clock} before the one before has passed at {free}");
+            free = clock + size as f64 / read.mux_rate;
+            sent += data;
+            while picture < needed.len() && needed[picture] <= sent {
+                assert!(free <= read.decoded[picture], "{what}: picture {picture} is late");
+                picture += 1;
+            }
+            let decoded: usize = read.decoded.iter().take_while(|&&time| time <= clock).count();
+            let held = sent - decoded.checked_sub(1).map_or(0, |last| needed[last].min(sent));
+            let buffer = match what {
+                "at a constant rate" => 200_000 / 16_384 * 2048,
+                "below a rate" => 150_000 / 16_384 * 2048,
+                _ => 475_136 / 8,
+            };
+            assert!(held <= read.buffer, "{what}: {held} bytes in a buffer of {}", read.buffer);
+            // A hundredth of a second of the rate, and two packs: no more than headers explain.
+            assert!(
+                read.buffer <= buffer + (0.01 * read.mux_rate) as usize + 5120,
+                "{what}: a buffer of {}",
+                read.buffer
+            );
+        }
+        assert_eq!((sent, picture), (ends, needed.len()));
+    }
+}

@@ -1,0 +1,11 @@
+//! Tests of the encoder as its users see it, in one program: a module for each subject.
+
+mod behaviour;
+mod common;
+mod container;
+mod decode;
+mod drift;
+mod extremes;
+mod lookahead;
+mod mpeg1;
+mod report;

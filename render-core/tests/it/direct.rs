@@ -1,0 +1,168 @@
+//! Direct light of many receivers at once, against one at a time and against a sum over very many points of the lights.
+
+use crate::common::{add, material, quad, rest, room};
+use glam::{Quat, Vec3, Vec3A, vec3};
+use render_core::sampling::hash_unit;
+use render_core::scene::{Channel, Interpolation, Node, PunctualKind, PunctualLight, Scene, Track, Transform};
+use render_core::{Accelerator, Anchors, DirectLights, Emitters, Geometry, ShadingPoint, Surfaces, Units, luminance};
+
+/// A closed room with a panel under its ceiling, a box-like screen, and a small plate that moves and carries anchors.
+fn scene() -> Scene {
+    let mut scene = Scene::default();
+    add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.5), Vec3::ZERO));
+    let panel = quad(vec3(-0.3, 0.995, -0.2), Vec3::X * 0.6, Vec3::Z * 0.4);
+    add(&mut scene, rest(Vec3::ZERO), panel, material(Vec3::ZERO, vec3(5.0, 4.0, 3.0)));
+    let screen = quad(vec3(-0.5, -0.2, -0.6), vec3(0.7, 0.1, 0.0), vec3(0.0, 0.2, 0.6));
+    add(&mut scene, rest(Vec3::ZERO), screen, material(Vec3::splat(0.7), Vec3::ZERO));
+    let plate = quad(vec3(-0.2, 0.0, -0.2), Vec3::Z * 0.4, Vec3::X * 0.4);
+    let node = add(&mut scene, rest(vec3(0.5, -0.5, 0.4)), plate, material(Vec3::splat(0.7), Vec3::ZERO));
+    scene.channels.push(Channel {
+        node,
+        times: vec![0.0, 1.0],
+        track: Track::Rotation(vec![Quat::IDENTITY, Quat::from_rotation_x(1.0)]),
+        interpolation: Interpolation::Linear,
+    });
+    scene
+}
+
+struct Lit<'a> {
+    scene: &'a Scene,
+    accelerator: Accelerator,
+    direct: DirectLights,
+    emitters: Emitters,
+}
+
+fn light(scene: &Scene) -> Lit<'_> {
+    let pose = scene.pose(0.0);
+    let surfaces = Surfaces::new(scene, &pose);
+    let units = Units::of(scene);
+    let emitters = Emitters::new(&surfaces, &pose, &units);
+    let anchors = Anchors::spread(&surfaces, &units, 10, 12);
+    let anchor_flux = vec![Vec3::splat(0.02); anchors.dynamic.len()];
+    let all: Vec<usize> = (0..emitters.areas.len()).collect();
+    let direct = DirectLights::new(&emitters, &surfaces, &anchors, &anchor_flux, &all);
+    Lit { scene, accelerator: Geometry::new(scene).place(&pose), direct, emitters }
+}
+
+/// Points on the walls, floor and ceiling, as a camera in the middle sees them.
+fn receivers(lit: &Lit, count: u64) -> Vec<ShadingPoint> {
+    let pose = lit.scene.pose(0.0);
+    let surfaces = Surfaces::new(lit.scene, &pose);
+    (0..count)
+        .filter_map(|k| {
+            let direction = Vec3A::new(hash_unit(1, k, 0) - 0.5, hash_unit(1, k, 1) - 0.5, hash_unit(1, k, 2) - 0.5);
+            let direction = direction.try_normalize()?;
+            let surface = surfaces.at(&lit.accelerator.closest(Vec3A::new(0.0, 0.3, 0.7), direction)?, direction, 0.0);
+            Some(ShadingPoint {
+                position: surface.position + surface.geometric_normal * 1e-4,
+                normal: surface.shading_normal,
+                geometric_normal: surface.geometric_normal,
+            })
+        })
+        .collect()
+}
+
+#[test]
+fn a_tile_is_lit_as_its_receivers_are_alone() {
+    let mut scene = scene();
+    let lamp = |kind| PunctualLight { node: scene.nodes.len(), color: Vec3::ONE, kind };
+    scene.punctual_lights = vec![
+        lamp(PunctualKind::Point),
+        lamp(PunctualKind::Directional),
+        lamp(PunctualKind::Spot { inner: 0.3, outer: 0.9 }),
+    ];
+    scene.nodes.push(Node {
+        name: String::new(),
+        parent: None,
+        rest: Transform { rotation: Quat::from_rotation_x(-1.2), ..rest(vec3(0.3, 0.6, 0.2)) },
+    });
+    let lit = light(&scene);
+    let receivers = receivers(&lit, 200);
+    let together = lit.direct.irradiance_tile(&lit.accelerator, &receivers);
+    let mut rays_alone = 0;
+    for (receiver, e) in receivers.iter().zip(&together.value) {
+        let alone = lit.direct.irradiance(&lit.accelerator, receiver);
+        assert_eq!(alone.value, *e);
+        rays_alone += alone.shadow_rays;
+    }
+    assert_eq!(together.shadow_rays, rays_alone);
+    assert!(lit.direct.irradiance_tile(&lit.accelerator, &[]).value.is_empty());
+}
+
+#[test]
+fn penumbras_agree_with_a_thousand_points() {
+    let scene = scene();
+    let mut lit = light(&scene);
+    let pose = scene.pose(0.0);
+    let surfaces = Surfaces::new(&scene, &pose);
+    // The panel alone.
+    lit.direct = DirectLights::new(&lit.emitters, &surfaces, &Anchors::default(), &[], &[0]);
+    let samples = lit.emitters.areas[0].samples(&surfaces, 1024);
+    let receivers = receivers(&lit, 3000);
+    let found = lit.direct.irradiance_tile(&lit.accelerator, &receivers).value;
+    let (mut squares, mut sum, mut partial, mut worst) = (0.0, 0.0, 0, 0.0f32);
+    let mean = found.iter().map(|&e| luminance(e)).sum::<f32>() / found.len() as f32;
+    for (receiver, &e) in receivers.iter().zip(&found) {
+        let (mut expected, mut all) = (Vec3::ZERO, Vec3::ZERO);
+        for sample in &samples {
+            let way = sample.position - receiver.position;
+            let (r2, cos_light, cos) = (way.length_squared(), -sample.normal.dot(way), receiver.normal.dot(way));
+            if cos_light <= 0.0 || cos <= 0.0 {
+                continue;
+            }
+            let given = sample.intensity * (cos_light * cos / (r2 * r2));
+            all += given;
+            if !lit.accelerator.occluded(receiver.position, sample.position) {
+                expected += given;
+            }
+        }
+        let (e, expected, all) = (luminance(e), luminance(expected), luminance(all));
+        partial += usize::from(expected > 0.02 * all && expected < 0.98 * all);
+        // Within 10 cm of the panel a thousand points are too few themselves.
+        if samples.iter().any(|sample| sample.position.distance(receiver.position) < 0.1) {
+            continue;
+        }
+        squares += (e - expected).powi(2);
+        sum += e - expected;
+        worst = worst.max((e - expected).abs());
+    }
+    assert!(partial > 100, "only {partial} receivers lie in penumbra: the test says little");
+    let count = found.len() as f32;
+    println!(
+        "rms {}, bias {}, worst {worst}, of a mean of {mean}",
+        (squares / count).sqrt() / mean,
+        sum / count / mean
+    );
+    assert!((squares / count).sqrt() < 0.015 * mean);
+    assert!((sum / count).abs() < 0.002 * mean);
+    assert!(worst < 0.1 * mean, "{worst} at the worst, of {mean} on the average");
+}
+
+/// A wall that a panel juts out from, right below the panel: that fills the upper half of what the wall sees, E = π L / 2,
+/// however near below.
+#[test]
+fn what_touches_a_lamp_is_lit_by_it() {
+    let mut scene = Scene::default();
+    add(
+        &mut scene,
+        rest(Vec3::ZERO),
+        quad(vec3(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0),
+        material(Vec3::ONE, Vec3::ZERO),
+    );
+    let panel = quad(vec3(-0.3, 0.5, 0.0), Vec3::X * 0.6, Vec3::Z * 0.4);
+    add(&mut scene, rest(Vec3::ZERO), panel, material(Vec3::ZERO, vec3(5.0, 4.0, 3.0)));
+    let lit = light(&scene);
+    for below in [1e-6, 2e-6, 4e-6, 8e-6, 1e-5, 1e-4] {
+        let receivers: Vec<ShadingPoint> = (0..64)
+            .map(|k| ShadingPoint {
+                position: Vec3A::new(0.2 * hash_unit(2, k, 0) - 0.1, 0.5 - below, 2e-5),
+                normal: Vec3A::Z,
+                geometric_normal: Vec3A::Z,
+            })
+            .collect();
+        for light in lit.direct.irradiance_tile(&lit.accelerator, &receivers).value {
+            let expected = vec3(5.0, 4.0, 3.0) * std::f32::consts::PI / 2.0;
+            assert!(light.abs_diff_eq(expected, 2e-3 * expected.x), "{below} m below: {light} in place of {expected}");
+        }
+    }
+}

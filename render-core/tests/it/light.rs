@@ -1,0 +1,326 @@
+//! Direct light and photons against closed forms.
+
+use crate::common::{add, material, quad, rest, room};
+use glam::{Quat, Vec3, Vec3A, vec3};
+use render_core::scene::{
+    Channel, Gradient, Interpolation, Material, Node, PunctualKind, PunctualLight, Scene, Track, Transform,
+};
+use render_core::{
+    AnchorFlux, Anchors, DirectLights, Emitters, Geometry, Photons, PosedScene, ShadingPoint, Surfaces, SweptVolume,
+    Units, luminance,
+};
+use std::f32::consts::{FRAC_PI_2, PI};
+
+/// Irradiance at `position` with normal +y, all glowing surfaces sampled one by one.
+fn irradiance(scene: &Scene, position: Vec3) -> Vec3 {
+    let pose = scene.pose(0.0);
+    let surfaces = Surfaces::new(scene, &pose);
+    let accelerator = Geometry::new(scene).place(&pose);
+    let emitters = Emitters::new(&surfaces, &pose, &Units::of(scene));
+    let all: Vec<usize> = (0..emitters.areas.len()).collect();
+    let direct = DirectLights::new(&emitters, &surfaces, &Anchors::default(), &[], &all);
+    let receiver = ShadingPoint { position: position.into(), normal: Vec3A::Y, geometric_normal: Vec3A::Y };
+    direct.irradiance(&accelerator, &receiver).value
+}
+
+/// Form factor from a point facing +y to a rectangle of sides `a`, `b` above it at `h`, one corner straight overhead
+/// (Howell's catalogue, configuration B-3).
+fn corner_form_factor(a: f32, b: f32, h: f32) -> f32 {
+    let (x, y) = (a / h, b / h);
+    let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
+    (x / rx * (y / rx).atan() + y / ry * (x / ry).atan()) / (2.0 * PI)
+}
+
+#[test]
+fn a_rectangle_lights_as_its_form_factor_says() {
+    let panel = |half: f32| quad(vec3(-half, 2.0, -half), Vec3::X * 2.0 * half, Vec3::Z * 2.0 * half);
+    for half in [0.1f32, 0.5, 1.0] {
+        let mut scene = Scene::default();
+        add(&mut scene, rest(Vec3::ZERO), panel(half), material(Vec3::ZERO, vec3(3.0, 2.0, 1.0)));
+        let expected = 4.0 * corner_form_factor(half, half, 2.0) * PI * 3.0;
+        let found = irradiance(&scene, Vec3::ZERO);
+        assert!((found.x / expected - 1.0).abs() < 0.005, "half side {half}: {} instead of {expected}", found.x);
+        assert!((found.y / found.x - 2.0 / 3.0).abs() < 1e-5, "color is kept");
+        // From behind it is dark.
+        assert_eq!(irradiance(&scene, vec3(0.0, 3.0, 0.0)), Vec3::ZERO);
+    }
+}
+
+/// Half of a plane stands between a lamp and the floor: each place sees a rectangle of the lamp, which alone would light it
+/// by the closed form. Where the penumbra begins and ends, too, it is no further off than a few of the lamp's 64 points.
+#[test]
+fn a_penumbra_begins_where_the_lamp_comes_up() {
+    let lamp = |from: f32| {
+        let mut scene = Scene::default();
+        let panel = quad(vec3(from, 2.0, -0.5), Vec3::X * (0.5 - from), Vec3::Z);
+        add(&mut scene, rest(Vec3::ZERO), panel, material(Vec3::ZERO, Vec3::ONE));
+        scene
+    };
+    let mut hidden = lamp(-0.5);
+    let half = quad(vec3(-9.0, 1.0, -9.0), Vec3::X * 9.0, Vec3::Z * 18.0);
+    add(&mut hidden, rest(Vec3::ZERO), half, material(Vec3::ONE, Vec3::ZERO));
+    let mut partial = 0;
+    for k in -70..70 {
+        let place = vec3(k as f32 / 100.0 + 0.003, 0.0, 0.02);
+        let whole = irradiance(&lamp(-0.5), place).x;
+        // The edge is half way up: as far as the place is to the right of it, the lamp is seen to the left.
+        let seen_from = (-place.x).clamp(-0.5, 0.5);
+        let expected = if seen_from < 0.5 { irradiance(&lamp(seen_from), place).x } else { 0.0 };
+        let found = irradiance(&hidden, place).x;
+        partial += usize::from(found > 0.0 && found < 0.99 * whole);
+        assert!((found - expected).abs() < 0.025 * whole, "at {}: {found}, not {expected} of {whole}", place.x);
+    }
+    assert!(partial > 80, "{partial} places in the penumbra");
+}
+
+#[test]
+fn punctual_lights_follow_their_laws() {
+    let mut scene = Scene::default();
+    add(&mut scene, rest(Vec3::ZERO), quad(vec3(9.0, -1.0, 9.0), Vec3::Z, Vec3::X), material(Vec3::ONE, Vec3::ZERO));
+    let down = Quat::from_rotation_x(-FRAC_PI_2);
+    let mut light = |translation, rotation, kind, color| {
+        scene.nodes.push(Node { name: String::new(), parent: None, rest: Transform { rotation, ..rest(translation) } });
+        scene.punctual_lights = vec![PunctualLight { node: scene.nodes.len() - 1, color, kind }];
+        irradiance(&scene, Vec3::ZERO)
+    };
+    let near = |found: Vec3, expected: f32| {
+        assert!((found.x - expected).abs() < 1e-3 * expected.max(0.01), "{found} for {expected}")
+    };
+    let grey = Vec3::splat;
+    near(light(vec3(0.0, 2.0, 0.0), Quat::IDENTITY, PunctualKind::Point, grey(8.0)), 2.0);
+    // 45°: cos / r² = (1/√2) / 8.
+    near(light(vec3(2.0, 2.0, 0.0), Quat::IDENTITY, PunctualKind::Point, grey(8.0)), 0.5f32.sqrt());
+    near(light(Vec3::ZERO, down, PunctualKind::Directional, grey(5.0)), 5.0);
+    near(
+        light(Vec3::ZERO, Quat::from_rotation_x(-FRAC_PI_2 + 1.0), PunctualKind::Directional, grey(5.0)),
+        5.0 * 1.0f32.cos(),
+    );
+    let cone = PunctualKind::Spot { inner: 0.2, outer: 0.4 };
+    near(light(vec3(0.0, 2.0, 0.0), down, cone, grey(8.0)), 2.0);
+    near(light(vec3(0.0, 2.0, 0.0), Quat::IDENTITY, cone, grey(8.0)), 0.0);
+}
+
+#[test]
+fn a_half_covered_panel_gives_half_its_light() {
+    let mut scene = Scene::default();
+    let panel = quad(vec3(-0.5, 2.0, -0.5), Vec3::X, Vec3::Z);
+    add(&mut scene, rest(Vec3::ZERO), panel, material(Vec3::ZERO, Vec3::ONE));
+    let open = irradiance(&scene, Vec3::ZERO).x;
+    let screen = quad(vec3(0.0, 1.0, -5.0), Vec3::X * 5.0, Vec3::Z * 10.0);
+    add(&mut scene, rest(Vec3::ZERO), screen, material(Vec3::ZERO, Vec3::ZERO));
+    let half = irradiance(&scene, Vec3::ZERO).x;
+    assert!((half / open - 0.5).abs() < 0.02, "{half} of {open}");
+}
+
+fn photons(scene: &Scene, count: u64) -> (Anchors, AnchorFlux) {
+    let pose = scene.pose(0.0);
+    let surfaces = Surfaces::new(scene, &pose);
+    let accelerator = Geometry::new(scene).place(&pose);
+    let units = Units::of(scene);
+    let emitters = Emitters::new(&surfaces, &pose, &units);
+    let anchors = Anchors::spread(&surfaces, &units, 600, 0);
+    let anchor_flux =
+        Photons::new(count, 3).trace(PosedScene::new(&accelerator, &surfaces), &emitters, &anchors, &units).value;
+    (anchors, anchor_flux)
+}
+
+#[test]
+fn in_a_furnace_the_reflected_flux_is_the_geometric_series() {
+    for albedo in [0.2f32, 0.5, 0.8] {
+        let mut scene = Scene::default();
+        add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(albedo), vec3(1.0, 2.0, 0.5)));
+        let (anchors, anchor_flux) = photons(&scene, 40_000);
+        let area = 24.0;
+        assert!(
+            (anchor_flux.emitted.x / (PI * area) - 1.0).abs() < 1e-3,
+            "power of the walls: {}",
+            anchor_flux.emitted.x
+        );
+        let series = albedo / (1.0 - albedo);
+        let ratio = luminance(anchor_flux.reflected) / luminance(anchor_flux.emitted);
+        assert!((ratio / series - 1.0).abs() < 0.01, "albedo {albedo}: {ratio} instead of {series}");
+        let held: Vec3 = anchor_flux.fixed.iter().sum();
+        assert!(
+            (luminance(held) / luminance(anchor_flux.reflected) - 1.0).abs() < 1e-5,
+            "anchors hold what photons left"
+        );
+        // The room is closed, but a ray exactly through an edge may slip between the two triangles that share it.
+        assert!(luminance(anchor_flux.lost) < 1e-3 * luminance(anchor_flux.emitted), "{} lost", anchor_flux.lost);
+        // Evenly lit, evenly held. An anchor owns four surfels; were they thrown at random, the spread would be 1/√4.
+        let mean = luminance(held) / anchors.fixed.len() as f32;
+        let spread = anchor_flux.fixed.iter().map(|&e| (luminance(e) / mean - 1.0).powi(2)).sum::<f32>() / 600.0;
+        assert!(spread.sqrt() < 0.4, "relative spread {}", spread.sqrt());
+    }
+}
+
+#[test]
+fn emitted_power_is_the_closed_form_for_every_kind_of_light() {
+    let floor = || quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0);
+    let scene_with = |kind: Option<PunctualKind>| {
+        let mut scene = Scene::default();
+        add(&mut scene, rest(Vec3::ZERO), floor(), material(Vec3::splat(0.5), Vec3::ZERO));
+        scene.nodes.push(Node {
+            name: String::new(),
+            parent: None,
+            rest: Transform { rotation: Quat::from_rotation_x(-FRAC_PI_2), ..rest(Vec3::Y) },
+        });
+        match kind {
+            Some(kind) => scene.punctual_lights.push(PunctualLight { node: 1, color: Vec3::ONE, kind }),
+            None => scene.sky = render_core::Environment::gradient(Gradient::constant([1.0; 3])),
+        }
+        scene
+    };
+    let power = |kind| {
+        let scene = scene_with(kind);
+        (photons(&scene, 100_000).1, Units::of(&scene).radius)
+    };
+    let (point, _) = power(Some(PunctualKind::Point));
+    assert!((point.emitted.x / (4.0 * PI) - 1.0).abs() < 1e-3);
+    let (sun, radius) = power(Some(PunctualKind::Directional));
+    assert!((sun.emitted.x / (PI * radius * radius) - 1.0).abs() < 1e-3);
+    // Irradiance 1 on the floor's 4 m², half of it reflected: nothing else is there to be lit.
+    assert!((sun.reflected.x / 2.0 - 1.0).abs() < 0.01, "{}", sun.reflected.x);
+    let (sky, _) = power(None);
+    // A sky of radiance 1 gives irradiance π on either side; only the front reflects.
+    assert!((sky.reflected.x / (2.0 * PI) - 1.0).abs() < 0.02, "{}", sky.reflected.x);
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let mut scene = Scene::default();
+    add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.6), Vec3::ONE));
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| photons(&scene, 5000).1)
+    };
+    assert_eq!(with(1), with(3));
+}
+
+/// A lamp under the ceiling of a gray room, and a panel that slides through its middle for a second.
+fn room_with_a_sliding_panel() -> Scene {
+    let mut scene = Scene::default();
+    add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.6), Vec3::ZERO));
+    let lamp = quad(vec3(-0.2, 0.95, -0.2), Vec3::X * 0.4, Vec3::Z * 0.4);
+    add(&mut scene, rest(Vec3::ZERO), lamp, material(Vec3::ZERO, Vec3::splat(9.0)));
+    let panel = quad(Vec3::ZERO, Vec3::X * 0.4, Vec3::Y * 0.4);
+    add(
+        &mut scene,
+        rest(Vec3::ZERO),
+        panel,
+        Material { double_sided: true, ..material(vec3(0.8, 0.3, 0.1), Vec3::ZERO) },
+    );
+    scene.channels.push(Channel {
+        node: scene.nodes.len() - 1,
+        times: vec![0.0, 1.0],
+        track: Track::Translation(vec![vec3(-0.9, -0.8, 0.3), vec3(0.4, -0.8, 0.3)]),
+        interpolation: Interpolation::Linear,
+    });
+    scene
+}
+
+#[test]
+fn photons_that_stay_are_kept_and_no_bit_changes() {
+    let scene = room_with_a_sliding_panel();
+    let units = Units::of(&scene);
+    let rest = scene.pose(0.0);
+    let anchors = Anchors::spread(&Surfaces::new(&scene, &rest), &units, 300, 12);
+    let geometry = Geometry::new(&scene);
+    let frames = || (0..5).map(|n| n as f32 / 4.0);
+    let mut all = Photons::new(30_000, 7);
+    let mut kept = Photons::new(30_000, 7).with_swept_volume(SweptVolume::of(&scene, &units, frames()));
+    let mut anchor_flux: Vec<AnchorFlux> = Vec::new();
+    for time in frames() {
+        let pose = scene.pose(time);
+        let surfaces = Surfaces::new(&scene, &pose);
+        let accelerator = geometry.place(&pose);
+        let emitters = Emitters::new(&surfaces, &pose, &units);
+        let trace = |photons: &mut Photons| {
+            photons.trace(PosedScene::new(&accelerator, &surfaces), &emitters, &anchors, &units).value
+        };
+        let (a, b) = (trace(&mut all), trace(&mut kept));
+        assert_eq!(a.traced, 30_000);
+        if time > 0.0 {
+            assert!(b.traced > 1000 && b.traced < 24_000, "{} photons were traced again", b.traced);
+        }
+        assert_eq!(AnchorFlux { traced: 0, ..a.clone() }, AnchorFlux { traced: 0, ..b });
+        anchor_flux.push(a);
+    }
+    assert!(anchor_flux.windows(2).all(|pair| pair[0].fixed != pair[1].fixed), "the panel throws a shadow that moves");
+    let held: Vec3 = anchor_flux[2].fixed.iter().chain(&anchor_flux[2].dynamic).sum();
+    assert!((luminance(held) / luminance(anchor_flux[2].reflected) - 1.0).abs() < 1e-5);
+    assert!(anchor_flux[2].dynamic.iter().any(|e| e.x > 0.0));
+}
+
+/// Light that takes at most n reflections is the sum of the first n terms of the series.
+#[test]
+fn paths_can_be_cut_short() {
+    let mut scene = Scene::default();
+    add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.5), Vec3::ONE));
+    let pose = scene.pose(0.0);
+    let surfaces = Surfaces::new(&scene, &pose);
+    let units = Units::of(&scene);
+    let emitters = Emitters::new(&surfaces, &pose, &units);
+    let anchors = Anchors::spread(&surfaces, &units, 100, 0);
+    let accelerator = Geometry::new(&scene).place(&pose);
+    for bounces in 0..4 {
+        let mut photons = Photons::new(20_000, 1).with_bounces(bounces);
+        let anchor_flux = photons.trace(PosedScene::new(&accelerator, &surfaces), &emitters, &anchors, &units).value;
+        let series: f32 = (1..=bounces as i32).map(|n| 0.5f32.powi(n)).sum();
+        let ratio = luminance(anchor_flux.reflected) / luminance(anchor_flux.emitted);
+        assert!((ratio - series).abs() < 0.01, "{bounces} bounces: {ratio} instead of {series}");
+    }
+}
+
+/// No anchor stands where light cannot leave, and about the given number is left. What moves covers nothing: the
+/// floor that it leaves is lit.
+#[test]
+fn anchors_keep_out_of_covered_places() {
+    let mut scene = room_with_a_block();
+    let pose = scene.pose(0.0);
+    let (surfaces, units) = (Surfaces::new(&scene, &pose), Units::of(&scene));
+    let covered = |anchors: &Anchors| {
+        let under = |p: Vec3A| p.x.abs() < 0.499 && p.z.abs() < 0.499 && p.y < -0.999;
+        anchors.fixed.iter().filter(|anchor| under(anchor.position)).count()
+    };
+    let everywhere = Anchors::spread(&surfaces, &units, 2000, 0);
+    assert!(covered(&everywhere) > 50, "the floor under the block is 1 of 29 m²");
+    let exposed = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, 2000, 0);
+    assert_eq!(covered(&exposed), 0);
+    assert!(exposed.fixed.len().abs_diff(2000) < 40, "{} anchors", exposed.fixed.len());
+    assert!(
+        (exposed.area_share * exposed.fixed.len() as f32 / 28.0 - 1.0).abs() < 0.02,
+        "they stand for what is exposed"
+    );
+
+    for node in 1..scene.nodes.len() {
+        scene.channels.push(Channel {
+            node,
+            times: vec![0.0, 1.0],
+            track: Track::Translation(vec![Vec3::ZERO, Vec3::X * 0.3]),
+            interpolation: Interpolation::Linear,
+        });
+    }
+    let pose = scene.pose(0.0);
+    let surfaces = Surfaces::new(&scene, &pose);
+    let moving = Anchors::spread_exposed(&surfaces, &Geometry::new(&scene), &units, 2000, 0);
+    // Of 24 m² that stand still.
+    assert!(covered(&moving).abs_diff(2000 / 24) < 15, "{} of 83 anchors under the block", covered(&moving));
+}
+
+/// A block that stands on the floor of a room, its sides facing outwards, without a bottom.
+fn room_with_a_block() -> Scene {
+    let mut scene = Scene::default();
+    add(&mut scene, rest(Vec3::ZERO), room(), material(Vec3::splat(0.5), Vec3::ONE));
+    let (low, high) = (vec3(-0.5, -1.0, -0.5), vec3(0.5, 0.0, 0.5));
+    let sides = [
+        (vec3(low.x, high.y, low.z), Vec3::Z, Vec3::X),
+        (low, Vec3::Y, Vec3::X),
+        (vec3(low.x, low.y, high.z), Vec3::X, Vec3::Y),
+        (low, Vec3::Z, Vec3::Y),
+        (vec3(high.x, low.y, low.z), Vec3::Y, Vec3::Z),
+    ];
+    for (corner, a, b) in sides {
+        add(&mut scene, rest(Vec3::ZERO), quad(corner, a, b), material(Vec3::splat(0.5), Vec3::ZERO));
+    }
+    scene
+}

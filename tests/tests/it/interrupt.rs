@@ -1,0 +1,110 @@
+//! A run that is ended early leaves what it has.
+
+use rustix::process::{Pid, Signal, kill_process};
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+use tests::{cornell, decode_ffmpeg, decode_mpeg2dec, program, sorted_names, tolerant_frame_count};
+
+const SIZE: (usize, usize) = (128, 128);
+/// Only for what would otherwise never end.
+const DEADLINE: Duration = Duration::from_secs(120);
+
+/// A long film under way, ended with the value.
+struct Film {
+    child: Child,
+    part: PathBuf,
+}
+
+impl Film {
+    fn start(folder: &Path) -> Self {
+        let child = Command::new(program())
+            .arg("render")
+            .arg(cornell())
+            .args(["--output", "film.m2v", "--size", "128x128", "--frames", "100000", "--quiet"])
+            .args(["--vpls", "200", "--photons", "20000", "--threads", "2"])
+            .current_dir(folder)
+            .stdin(Stdio::null())
+            .stderr(Stdio::inherit())
+            .spawn()
+            .expect("render2mpeg starts");
+        Self { child, part: folder.join("film.m2v.part") }
+    }
+
+    /// Waits until some pictures are written.
+    fn wait_for_pictures(&mut self) {
+        let start = Instant::now();
+        while std::fs::metadata(&self.part).map_or(0, |part| part.len()) < 30_000 {
+            assert!(start.elapsed() < DEADLINE, "no picture was written");
+            assert_eq!(self.child.try_wait().expect("a child"), None, "it ends by itself");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn signal(&self, signal: Signal) {
+        let pid = Pid::from_raw(self.child.id() as i32).expect("a process");
+        kill_process(pid, signal).expect("the process takes signals");
+    }
+
+    fn wait(&mut self) -> ExitStatus {
+        let start = Instant::now();
+        loop {
+            if let Some(status) = self.child.try_wait().expect("a child") {
+                return status;
+            }
+            assert!(start.elapsed() < DEADLINE, "it does not end");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+impl Drop for Film {
+    fn drop(&mut self) {
+        // Does nothing to a process that has ended.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[test]
+fn ctrl_c_ends_the_stream_in_order() {
+    for signal in [Signal::INT, Signal::TERM] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut film = Film::start(folder.path());
+        film.wait_for_pictures();
+        film.signal(signal);
+        assert_eq!(film.wait().code(), Some(130));
+        // The film up to here, and what another run needs to go on after it.
+        assert_eq!(sorted_names(folder.path()), ["film.m2v", "film.m2v.checkpoint", "film.report.json"]);
+        let report = std::fs::read(folder.path().join("film.report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        assert_eq!(report["summary"]["interrupted"], true);
+        let video = folder.path().join("film.m2v");
+        let shown = decode_ffmpeg(&video, SIZE).len();
+        println!("{signal:?} after {shown} frames");
+        assert!(shown > 0);
+        assert_eq!(decode_mpeg2dec(&video, SIZE).len(), shown);
+        assert_eq!(report["summary"]["frames"], shown);
+        assert_eq!(report["frames"].as_array().map(Vec::len), Some(shown));
+        assert!(std::fs::read(&video).unwrap().ends_with(&[0, 0, 1, 0xb7]), "sequence_end_code");
+    }
+}
+
+#[test]
+fn killed_it_leaves_a_part_that_plays() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut film = Film::start(folder.path());
+    film.wait_for_pictures();
+    film.signal(Signal::KILL);
+    assert_eq!(film.wait().signal(), Some(9));
+    assert_eq!(sorted_names(folder.path()), ["film.m2v.part"], "what is not whole does not have the name");
+    let shown = tolerant_frame_count(&film.part, SIZE);
+    println!("{shown} frames play");
+    assert!(shown >= 1);
+
+    // The next run is not in the way of what is left of the last one.
+    let finished = tests::render(folder.path(), "film", &cornell(), "--size 64x64 --frames 2 --vpls 50 --photons 1000");
+    assert_eq!(finished.report["summary"]["frames"], 2);
+    assert_eq!(sorted_names(folder.path()), ["film.m2v", "film.report.json"]);
+}

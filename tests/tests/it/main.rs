@@ -1,0 +1,34 @@
+//! Tests across the crates, in one program: a module for each subject.
+//!
+//! `allocation` and `panic_hook` are programs of their own: they replace what a whole process has one of.
+
+mod carried;
+mod closed_loop;
+mod codec_thresholds;
+mod command_line;
+mod compare;
+mod couple;
+mod decode;
+mod determinism;
+mod errors;
+mod extremes;
+#[cfg(unix)]
+mod faults;
+mod feedback;
+mod forged;
+#[cfg(unix)]
+mod interrupt;
+mod light_transport;
+mod loader;
+mod mitsuba;
+mod motion;
+mod plan;
+mod reference;
+mod report;
+#[cfg(target_os = "linux")]
+mod resume;
+mod scale;
+mod structure;
+mod sweep;
+mod tools;
+mod video;

@@ -1,0 +1,226 @@
+//! A film that was killed is continued to the same bits.
+//!
+//! Pipes of one line, which only Linux has, make it a matter of lines and not of time when runs are killed.
+
+use rustix::pipe::{PipeFlags, fcntl_setpipe_size, pipe_with};
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::os::fd::OwnedFd;
+use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use tests::{Moving, assert_fails, checkered_room, program, render, render2mpeg, sorted_names};
+
+const SMALL: &str = "--size 48x48 --vpls 60 --photons 1000 --frames 14";
+
+fn arguments(film: &str, more: &str) -> Vec<String> {
+    let words = format!("render room.glb -o {film} --checkpoint 0 {SMALL} {more}");
+    words.split_whitespace().map(str::to_owned).collect()
+}
+
+/// Numbers that are spread evenly over 0…1 and come in no order (van der Corput).
+fn chance(index: u32) -> f64 {
+    f64::from(index.reverse_bits()) / 2f64.powi(32)
+}
+
+/// A pipe that holds one write: whoever writes the next waits until that one is read.
+fn narrow_pipe() -> (BufReader<fs::File>, OwnedFd) {
+    let (read, write) = pipe_with(PipeFlags::DIRECT | PipeFlags::CLOEXEC).expect("a pipe");
+    // With DIRECT, each write takes pages of its own, and one page is the least there can be.
+    fcntl_setpipe_size(&write, 1).expect("a pipe of one page");
+    (BufReader::new(read.into()), write)
+}
+
+/// Runs with a line on standard error whenever a stage is done with a frame, and kills it after `lines` of them, or lets it
+/// end; the number of lines read.
+///
+/// A run is at most two lines ahead of what is read, so where it is killed depends on no clock.
+fn run_until(folder: &Path, arguments: &[String], lines: usize) -> usize {
+    let (reader, writer) = narrow_pipe();
+    let mut child = Command::new(program())
+        .args(arguments)
+        .arg("-vv")
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(writer)
+        .spawn()
+        .expect("render2mpeg starts");
+    let read = reader.lines().map(Result::unwrap).take(lines).count();
+    if read == lines {
+        child.kill().expect("it waits for its lines to be read");
+        assert_eq!(child.wait().unwrap().signal(), Some(9), "{arguments:?}: ended before line {lines}");
+    } else {
+        let status = child.wait().unwrap();
+        assert!(status.success(), "{arguments:?}: {status}");
+    }
+    read
+}
+
+#[test]
+fn killed_at_any_moment_it_goes_on_to_the_same_bits() {
+    // What is carried differs: a moving box with everything; an encoder that looks ahead, into a transport stream; a still
+    // picture, more samples, uncompressed frames; no cache, fixed thresholds.
+    let kinds = [
+        (Moving::Box, "film.m2v", "--gop 7"),
+        (Moving::Camera, "film.ts", "--cbr --bitrate 100k --bframes 2 --stopping calibrated"),
+        (Moving::Nothing, "film.mpg", "--samples 2 --y4m film.y4m"),
+        (Moving::Box, "film.m2v", "--cache off --thresholds fixed:0.02 --bframes 1 --effort fast"),
+    ];
+    for (kind, (moving, film, more)) in (0..).zip(kinds) {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        checkered_room(moving).write(&folder.join("room.glb"));
+        let whole = run_until(folder, &arguments(film, more), usize::MAX);
+        let names = sorted_names(folder);
+        assert!(!names.iter().any(|name| name.contains("checkpoint") || name.contains("part")), "{names:?}");
+        let read = |name: &str| fs::read(folder.join(name)).unwrap_or_default();
+        let truth = (read(film), read("film.y4m"));
+        for index in 0..4 {
+            fs::remove_file(folder.join(film)).unwrap();
+            // The last lines are the summary, when the film is whole.
+            let at = 1 + ((whole - 20) as f64 * chance(1 + 4 * kind + index)) as usize;
+            run_until(folder, &arguments(film, more), at);
+            // A second time where it goes on, which has at least the lines that are left.
+            let resume = format!("{more} --resume");
+            let left = (whole - at) as f64;
+            run_until(folder, &arguments(film, &resume), 1 + (0.6 * left * chance(17 + index)) as usize);
+            let last = format!("{more} --resume --threads {}", 1 + index);
+            run_until(folder, &arguments(film, &last), usize::MAX);
+            assert!(read(film) == truth.0, "{more}, killed after {at} of {whole} lines: another film");
+            assert!(read("film.y4m") == truth.1, "{more}, killed after {at} of {whole} lines: other frames");
+            assert_eq!(sorted_names(folder), names, "nothing else stays");
+        }
+    }
+}
+
+#[test]
+fn ended_by_ctrl_c_it_goes_on_after_its_last_frame() {
+    // Checkpoints of a minute: the one that counts is made at the end.
+    let kinds = [
+        (Moving::Box, "film.m2v", "--frames 60 --y4m film.y4m"),
+        // It is 31 frames ahead of those that are told.
+        (Moving::Camera, "film.ts", "--frames 120 --cbr --bitrate 100k --bframes 2 --stopping calibrated"),
+        (Moving::Nothing, "film.mpg", "--frames 200 --thresholds fixed:0.02"),
+    ];
+    for (kind, (moving, film, more)) in (0..).zip(kinds) {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        checkered_room(moving).write(&folder.join("room.glb"));
+        let words = format!("render room.glb -o {film} --size 48x48 --vpls 60 --photons 1000 --json-progress {more}");
+        let words: Vec<&str> = words.split_whitespace().collect();
+        let whole = render2mpeg(folder, &words);
+        assert_eq!(whole.code, Some(0), "{}", whole.stderr);
+        let read = |name: &str| fs::read(folder.join(name)).unwrap_or_default();
+        let truth = (read(film), read("film.y4m"), sorted_names(folder));
+        let resumed = [&words[..], &["--resume"]].concat();
+        for index in 0..2 {
+            fs::remove_file(folder.join(film)).unwrap();
+            // Frames of its own after which a run is interrupted; once from the beginning, once where it goes on.
+            let after = [1 + (20.0 * chance(3 * kind + index)) as usize, 5];
+            let first = end_after(folder, &words, after[0]);
+            let second = end_after(folder, &resumed, after[1]);
+            assert!(second > first, "{first} {second}");
+            let last = render2mpeg(folder, &resumed);
+            assert_eq!(last.code, Some(0), "{}", last.stderr);
+            let begin: Value = serde_json::from_str(last.stdout.lines().next().unwrap()).unwrap();
+            assert_eq!(begin["first_frame"], second, "{more}: not a frame is made again");
+            assert!(
+                read(film) == truth.0 && read("film.y4m") == truth.1,
+                "{more}, ended after {after:?}: another film"
+            );
+            assert_eq!(sorted_names(folder), truth.2, "nothing else stays");
+        }
+    }
+}
+
+/// Runs, and sends an interrupt when `after` frames were told of; how many frames the film has then.
+///
+/// The run waits with the next frames until the interrupt has arrived.
+fn end_after(folder: &Path, arguments: &[&str], after: usize) -> u64 {
+    let (reader, writer) = narrow_pipe();
+    let mut child = Command::new(program())
+        .args(arguments)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(writer)
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("render2mpeg starts");
+    let mut lines = reader.lines().map(Result::unwrap);
+    lines.by_ref().filter(|line| line.contains("\"event\":\"frame\"")).take(after).for_each(drop);
+    let before = times_asleep(child.id());
+    kill_process(Pid::from_raw(child.id() as i32).unwrap(), Signal::INT).unwrap();
+    while times_asleep(child.id()) == before {
+        assert_eq!(child.try_wait().unwrap(), None, "{arguments:?}: ended too early");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let last = lines.last().expect("the end is told");
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{arguments:?}: {last}");
+    let end: Value = serde_json::from_str(&last).unwrap();
+    end["summary"]["frames"].as_u64().expect("frames are counted")
+}
+
+/// How often the thread that waits for interrupts went to sleep: once more when it has dealt with one.
+fn times_asleep(process: u32) -> u64 {
+    let threads = fs::read_dir(format!("/proc/{process}/task")).expect("threads of the process");
+    let status = threads
+        .filter_map(|thread| fs::read_to_string(thread.ok()?.path().join("status")).ok())
+        .find(|status| status.starts_with("Name:\tctrl-c\n"))
+        .expect("a thread that waits for interrupts");
+    let count = status.lines().find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
+    count.expect("a count").trim().parse().expect("a number")
+}
+
+#[test]
+fn only_the_same_film_is_continued() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    checkered_room(Moving::Camera).write(&folder.join("room.glb"));
+    let long = arguments("film.m2v", "").into_iter().map(|word| if word == "14" { "100000".into() } else { word });
+    let long: Vec<String> = long.collect();
+    let checkpoint = folder.join("film.m2v.checkpoint");
+    let mut child = Command::new(program())
+        .args(&long)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .spawn()
+        .expect("render2mpeg starts");
+    let begin = Instant::now();
+    let part = folder.join("film.m2v.part");
+    while fs::metadata(&part).map_or(0, |part| part.len()) < 20_000 || !checkpoint.exists() {
+        assert!(begin.elapsed() < Duration::from_secs(120), "no checkpoint is made");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let resumed = |more: &[&'static str]| -> Vec<String> {
+        long.iter().cloned().chain(["--resume".to_owned()]).chain(more.iter().map(|word| (*word).to_owned())).collect()
+    };
+    let fails = |more: &[&'static str], words: &[&str]| {
+        let arguments = resumed(more);
+        assert_fails(folder, &arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
+    };
+    let bytes = fs::read(&checkpoint).unwrap();
+    fails(&["--qscale", "10"], &["film.m2v.checkpoint", "qscale was 8 and is now 10"]);
+    fs::write(&checkpoint, &bytes[..bytes.len() / 2]).unwrap();
+    fails(&[], &["film.m2v.checkpoint", "damaged", "--resume"]);
+    fs::write(&checkpoint, &bytes).unwrap();
+    checkered_room(Moving::Box).write(&folder.join("room.glb"));
+    fails(&[], &["film.m2v.checkpoint", "scene has changed"]);
+    checkered_room(Moving::Camera).write(&folder.join("room.glb"));
+    fs::write(folder.join("film.m2v.part"), b"").unwrap();
+    fails(&[], &["film.m2v.part", "shorter"]);
+
+    // Begun anew, the old checkpoint is gone, and so is one that was being written; and where there is none, --resume begins at the beginning.
+    fs::write(folder.join("film.m2v.checkpoint.part"), &bytes[..bytes.len() / 2]).unwrap();
+    let film = render(folder, "film", &folder.join("room.glb"), "--size 48x48 --vpls 60 --photons 1000 --frames 3");
+    assert_eq!(sorted_names(folder), ["film.m2v", "film.report.json", "room.glb"]);
+    let again = ["render", "room.glb", "-o", "film.m2v", "--size", "48x48", "--vpls", "60", "--photons", "1000"];
+    let finished = render2mpeg(folder, &[&again[..], &["--frames", "3", "--resume", "--quiet"]].concat());
+    assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""));
+    assert!(fs::read(folder.join("film.m2v")).unwrap() == film.stream);
+}
