@@ -33,8 +33,13 @@ pub fn value(u: f32, v: f32, nx: i32, ny: i32, seed: u32) -> f32 {
     let (x0, y0) = (x.floor(), y.floor());
     let (fx, fy) = (x - x0, y - y0);
     let (sx, sy) = (fx * fx * (3.0 - 2.0 * fx), fy * fy * (3.0 - 2.0 * fy));
-    let at = |dx: i32, dy: i32| hash((x0 as i32 + dx).rem_euclid(nx), (y0 as i32 + dy).rem_euclid(ny), seed);
-    mix(mix(at(0, 0), at(1, 0), sx), mix(at(0, 1), at(1, 1), sx), sy)
+    // The four corners of the cell; the last cell of a row or column ends at the first one.
+    let (left, top) = ((x0 as i32).rem_euclid(nx), (y0 as i32).rem_euclid(ny));
+    let right = if left + 1 == nx { 0 } else { left + 1 };
+    let bottom = if top + 1 == ny { 0 } else { top + 1 };
+    let upper = mix(hash(left, top, seed), hash(right, top, seed), sx);
+    let lower = mix(hash(left, bottom, seed), hash(right, bottom, seed), sx);
+    mix(upper, lower, sy)
 }
 
 /// Several octaves of value noise, each twice as fine and half as strong; 0..1, mean near ½.

@@ -22,7 +22,7 @@ impl Film {
         let child = Command::new(program())
             .arg("render")
             .arg(cornell())
-            .args(["--output", "film.m2v", "--size", "128x128", "--frames", "100000", "--quiet"])
+            .args(["--output", "film.m2v", "--size", "128x128", "--frames", "5000", "--quiet"])
             .args(["--vpls", "200", "--photons", "20000", "--threads", "2"])
             .current_dir(folder)
             .stdin(Stdio::null())

@@ -8,9 +8,9 @@ use serde_json::{Value, json};
 use std::path::Path;
 use tests::{Moving, checkered_room, render};
 
-/// Radiances of the frame in the middle of three, by the program.
+/// Radiances of the second of two frames, by the program.
 fn frame(folder: &Path, name: &str, scene: &Path, lighting: &str) -> Plane<Vec3> {
-    let arguments = format!("--size 64x64 --frames 3 --vpls 500 --photons 50000 --lighting {lighting} --exr {name}");
+    let arguments = format!("--size 48x48 --frames 2 --vpls 500 --photons 50000 --lighting {lighting} --exr {name}");
     render(folder, name, scene, &arguments);
     read_exr(&folder.join(name).join("frame_00001.exr")).expect("a linear frame")
 }

@@ -34,7 +34,7 @@ fn only_what_is_required_must_be_there() {
     assert_eq!(need("no-such-tool", Some(3)), Some(3));
     assert_eq!(need::<()>("no-such-tool", None), None);
     let child = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "only_what_is_required_must_be_there", "--nocapture"])
+        .args(["--exact", "tools::only_what_is_required_must_be_there", "--nocapture"])
         .env("RENDER2MPEG_REQUIRE", "ffmpeg, no-such-tool")
         .output()
         .unwrap();
