@@ -1,4 +1,4 @@
-//! Renders clips of the shipped scenes, with their exact motion beside them, for `tests/compare_encoders.py`:
+//! Renders clips of the shipped scenes, with their exact motion beside them, for `python3 bench encoders`:
 //!
 //! ```sh
 //! cargo run --release -p tests --example clips -- out/clips

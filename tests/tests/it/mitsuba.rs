@@ -16,7 +16,7 @@ fn a_picture_agrees_with_another_renderer() {
     let finished = render2mpeg(folder.path(), &ours);
     assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""));
     let mitsuba = Command::new("python3")
-        .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/compare_mitsuba.py"))
+        .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/../bench/compare_mitsuba.py"))
         .args([scene, "ours.exr", "--block", "8", "--spp", "4"])
         .current_dir(folder.path())
         .output();

@@ -2,7 +2,7 @@
 """Compares a reference picture of ours with Mitsuba 3, a renderer that shares no code with it.
 
     render2mpeg reference SCENE.glb --size 128x128 --spp 512 -o ours.exr
-    python3 tests/compare_mitsuba.py SCENE.glb ours.exr
+    python3 bench/compare_mitsuba.py SCENE.glb ours.exr
 
 Found that way: largest |z| 3.11, rms 0.95 for scenes/cornell/cornell.glb (with --block 8 --spp 4); largest |z| 2.81, rms 1.18 for McGuire's
 CornellBox-Original. There the lamp hangs a centimetre below the ceiling and shines up, too: what escapes through the gap are rare

@@ -1,0 +1,56 @@
+"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features [--quick|--full] [options].
+
+Quick, the default, answers in five minutes on two processors and says how far its figures can be trusted.
+Full makes the tables of the documentation. README.md beside this file tells what each measurement answers.
+"""
+
+import argparse
+import signal
+import sys
+
+import coupling
+import encoders
+import error
+import features
+import sweep
+from running import Failure
+
+MEASUREMENTS = {
+    "coupling": coupling,
+    "error": error,
+    "sweep": sweep,
+    "encoders": encoders,
+    "features": features,
+}
+
+
+def parser():
+    """The command line: one subcommand for each measurement."""
+    style = argparse.RawDescriptionHelpFormatter
+    whole = argparse.ArgumentParser(prog="python3 bench", description=__doc__, formatter_class=style)
+    commands = whole.add_subparsers(dest="measurement", required=True, metavar="MEASUREMENT")
+    for name, module in MEASUREMENTS.items():
+        summary = module.__doc__.splitlines()[0].replace("%", "%%")
+        command = commands.add_parser(name, help=summary, description=module.__doc__, formatter_class=style)
+        extent = command.add_mutually_exclusive_group()
+        extent.add_argument("--quick", action="store_true", help="an answer in five minutes, the default")
+        extent.add_argument("--full", action="store_true", help="the tables of the documentation")
+        module.add_options(command)
+    return whole
+
+
+def main():
+    """Runs a measurement; what is missing is told in one line."""
+    # Ends quietly where a pipe that reads the tables is closed.
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    options = parser().parse_args()
+    try:
+        MEASUREMENTS[options.measurement].main(options)
+    except Failure as failure:
+        sys.exit(f"bench: {failure}")
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

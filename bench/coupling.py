@@ -1,0 +1,185 @@
+"""CPU time and decoded quality of the film as people render it, against the uncoupled film.
+
+    python3 bench coupling [SCENE.glb …] [--quick|--full] [--size WxH] [--frames N] [--qscale 2,16,48]
+
+Uncoupled: --thresholds fixed:0.02 --shading full. Coupled: the default. Both run in turns.
+
+    ratio       uncoupled by coupled, CPU seconds of a frame; frames 0 to 2 do not count
+    program     the same of the whole programs, loading and frames 0 to 2 included
+    decoded     luma PSNR of the decoded film against a fine film of the same scene, before coding
+    flicker     mean change of luma from frame to frame, of decoded films
+
+The fine film has --qscale 1 --thresholds fixed:0.005 --shading full. --full also tells, of frames before coding,
+how far the two films are apart, and the share of pixels whose light was carried. It needs ffmpeg.
+"""
+
+import json
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import figures
+import pairs
+import presets
+import references
+import tables
+from running import Failure, add_program, need_installed, need_program, run
+
+UNCOUPLED = ["--thresholds", "fixed:0.02", "--shading", "full"]
+COUPLED = []
+FINE = ["--qscale", "1", "--thresholds", "fixed:0.005", "--shading", "full"]
+# The first frame that counts for CPU seconds.
+FIRST = 3
+QUICK = {
+    "scenes": [presets.shipped(name) for name in ("cornell", "nave", "conference")],
+    "size": "128x128",
+    "frames": 8,
+    "pairs": 5,
+}
+FULL = QUICK | {"size": "256x256", "frames": 24, "pairs": 1}
+
+
+def add_options(parser):
+    """Options of this measurement."""
+    parser.add_argument("scenes", nargs="*", type=Path, help="scenes [default: cornell, nave, conference]")
+    parser.add_argument("--size", help="size of the picture [default: 128x128; full: 256x256]")
+    parser.add_argument("--frames", type=int, help="frames of a film, at least 4 [default: 8; full: 24]")
+    parser.add_argument("--qscale", default="2,16,48", help="quantizers [default: 2,16,48]")
+    parser.add_argument("--pairs", type=int, help="most pairs of films of a row [default: 5; full: 1]")
+    add_program(parser)
+
+
+@dataclass
+class Film:
+    """A film that was rendered: frames of its report, CPU seconds of the program, its files."""
+
+    frames: list
+    cpu: float
+    video: Path
+    raw: Path
+
+    def mean(self, value):
+        """Mean over the frames that count and have the value."""
+        values = [value(frame) for frame in self.frames[FIRST:]]
+        values = [one for one in values if one is not None]
+        return sum(values) / len(values) if values else None
+
+    @property
+    def seconds(self):
+        """CPU seconds of a frame."""
+        return self.mean(lambda frame: frame["seconds"]["total"])
+
+    @property
+    def bits(self):
+        """Bits of all frames."""
+        return sum(frame["bits"] for frame in self.frames)
+
+
+def render(options, scene, base, words):
+    """Renders a film; its files begin with `base`."""
+    video, raw, report = (Path(f"{base}{ending}") for ending in (".m2v", ".y4m", ".json"))
+    command = [options.program, "render", scene, "--size", options.size, "--frames", options.frames, "--quiet"]
+    finished = run([*command, "-o", video, "--y4m", raw, "--report", report, *words])
+    return Film(json.loads(report.read_text())["frames"], finished.cpu, video, raw)
+
+
+def fine_film(options, scene):
+    """The frames of the fine film before coding; rendered once."""
+
+    def make(path):
+        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+            render(options, scene, Path(folder) / "fine", FINE).raw.rename(path)
+
+    return references.kept(scene, [options.size, "own-camera", f"{options.frames}-frames", "fine"], ".y4m", make)
+
+
+@dataclass
+class Measured:
+    """Uncoupled and coupled films of a scene at a quantizer, and their figures."""
+
+    scene: Path
+    qscale: int
+    films: list
+    decoded: list
+    flickers: list
+    before_coding: dict
+
+    def ratio(self, value):
+        """A value of the uncoupled film by that of the coupled one, over all pairs."""
+        return pairs.Spread([value(alone) / value(coupled) for alone, coupled in self.films])
+
+    def cells(self):
+        """Cells of the table."""
+        alone, coupled = self.films[0]
+        seconds = [pairs.Spread([pair[i].seconds for pair in self.films]).median for i in (0, 1)]
+        psnr = [likeness.psnr for likeness in self.decoded]
+        return {
+            "scene": self.scene.stem,
+            "quantizer": self.qscale,
+            "pairs": len(self.films),
+            "uncoupled, CPU s": f"{seconds[0]:.3f}",
+            "coupled, CPU s": f"{seconds[1]:.3f}",
+            "ratio": self.ratio(lambda film: film.seconds),
+            "program": self.ratio(lambda film: film.cpu),
+            "decoded, uncoupled": tables.decibels(psnr[0]),
+            "decoded, coupled": tables.decibels(psnr[1]),
+            "difference": tables.decibels(psnr[1] - psnr[0], "+.2f"),
+            "bits": tables.change(coupled.bits / alone.bits),
+            "flicker": tables.change(self.flickers[1] / self.flickers[0]),
+            **self.before_coding,
+        }
+
+
+def frames_before_coding(options, alone, coupled):
+    """Cells about frames before coding, of the full table."""
+    coding = [film.mean(lambda frame: frame["psnr_y"]) for film in (alone, coupled)]
+    flickers = [figures.flicker(film.raw) for film in (alone, coupled)]
+    apart = figures.compare(options.program, coupled.raw, alone.raw)
+    return {
+        "PSNR of coding": tables.decibels(coding[1] - coding[0], "+.2f"),
+        "apart before coding": tables.decibels(apart.psnr, ".1f"),
+        "flicker before coding": tables.change(flickers[1] / flickers[0]),
+        "carried": tables.share(coupled.mean(lambda frame: frame["carried_share"])),
+        "audits within": tables.share(coupled.mean(lambda frame: frame["audit_carried_within"])),
+    }
+
+
+def measure(options, scene, qscale, budget, limit):
+    """A row: films in turns, then figures of their pictures, which are the same in each pair."""
+    with tempfile.TemporaryDirectory() as folder:
+        quantizer = ["--qscale", qscale]
+
+        def work(name, words):
+            return lambda: render(options, scene, Path(folder) / name, quantizer + words)
+
+        films = budget.in_turns(work("uncoupled", UNCOUPLED), work("coupled", COUPLED), options.pairs, limit)
+        fine = fine_film(options, scene)
+        shown = [figures.decode(film.video, Path(f"{film.video}.y4m")) for film in films[0]]
+        likenesses = [figures.compare(options.program, film, fine) for film in shown]
+        flickers = [figures.flicker(film) for film in shown]
+        before = frames_before_coding(options, *films[0]) if options.full else {}
+        return Measured(scene, qscale, films, likenesses, flickers, before)
+
+
+def main(options):
+    """Prints the table, row by row, and geometric means."""
+    presets.fill_in(options, QUICK, FULL)
+    options.scenes = options.scenes or (FULL if options.full else QUICK)["scenes"]
+    if options.frames <= FIRST:
+        raise Failure(f"--frames {options.frames}: frames 0 to {FIRST - 1} do not count, so at least {FIRST + 1} are needed")
+    options.program = need_program(options)
+    need_installed("ffmpeg")
+    for scene in options.scenes:
+        fine_film(options, scene)
+    rows = [(scene, qscale) for scene in options.scenes for qscale in presets.numbers(options.qscale)]
+    budget, ratios = pairs.Budget(options), {}
+    for (scene, qscale), share in budget.shares(rows, lambda row: f"{row[0].stem}, quantizer {row[1]}"):
+        measured = measure(options, scene, qscale, budget, share)
+        cells = measured.cells()
+        if not ratios:
+            print(tables.header(cells))
+        print(tables.row(cells.values()), flush=True)
+        ratios.setdefault(qscale, []).append(measured.ratio(lambda film: film.seconds).median)
+    for qscale, found in ratios.items():
+        print(f"\nGeometric mean of {len(found)} ratios at quantizer {qscale}: {pairs.geometric_mean(found):.2f}")
+    pairs.print_trust(options)

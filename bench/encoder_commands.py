@@ -1,0 +1,148 @@
+"""How each MPEG-2 encoder is called."""
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+SLOWEST = (
+    "-g 15 -bf 2 -b_strategy 2 -mbd rd -trellis 2 -cmp 2 -subcmp 2 -mbcmp 2 -precmp 2 -dia_size 4 -pre_dia_size 4 -mepre 2 "
+    "-last_pred 3 -bidir_refine 4 -mpv_flags +skip_rd+mv0"
+)
+TWO_B = "ffmpeg -g 15 -bf 2"
+DEFAULT = "ffmpeg, default"
+FFMPEG = {TWO_B: "-g 15 -bf 2", DEFAULT: "", "ffmpeg, slowest": SLOWEST}
+MJPEGTOOLS = {"mjpegtools, default": "", "mjpegtools, best": "-R 2 -g 15 -G 15 -4 1 -2 1 -r 32"}
+# Options of ours, and whether the motion is given.
+OURS = {
+    "ours, fast, no B": ("--effort fast --bframes 0", True),
+    "ours, fast": ("--effort fast", True),
+    "ours, fast, searched": ("--effort fast", False),
+    "ours, balanced": ("--effort balanced", True),
+    "ours, balanced, searched": ("--effort balanced", False),
+    "ours, best": ("--effort best", True),
+    "ours, best, searched": ("--effort best", False),
+    "ours, best, adaptive": ("--effort best --adaptive", True),
+    "ours, best, N=60": ("--effort best --gop 60", True),
+}
+# Only where a rate is asked for: without a bound on how it is spread.
+TWO_PASSES = {
+    "ours, balanced, two passes": ("--effort balanced --two-pass", True),
+    "ours, best, two passes": ("--effort best --two-pass", True),
+}
+# Ours at its best with one tool less, or another in its place; the anchor comes first.
+BEST = "best"
+TOOLS = {
+    BEST: ("--effort best", True),
+    "motion searched": ("--effort best", False),
+    "no B pictures": ("--effort best --bframes 0", True),
+    "one B picture in a row": ("--effort best --bframes 1", True),
+    "one quantizer a picture: no tree, no quantizer choice": ("--effort best --uniform", True),
+    "no I pictures at new scenes": ("--effort best --no-scene-cuts", True),
+    "Table B.14 for intra blocks": ("--effort best --no-intra-vlc", True),
+    "alternate scan": ("--effort best --alternate-scan", True),
+    "intra DC of 10 bits": ("--effort best --dc 10", True),
+    "groups of 60": ("--effort best --gop 60", True),
+    "balanced: no quantizer choice, quick decisions": ("--effort balanced", True),
+    "fast: no macroblock-tree, no trellis either": ("--effort fast", True),
+}
+# BD-rates by clip [%] of an encoder that is not run here.
+PUBLISHED = {
+    "y262, published": {"fly": -17.1, "static": -31.5, "orbit": -18.1, "pan": -17.1, "cut": -19.2, "plain": -17.8},
+}
+
+
+@dataclass(frozen=True)
+class Point:
+    """What a stream is held to: half of a quantiser_scale, or a constant rate [kbit/s] with a buffer of half a second."""
+
+    value: int
+    is_rate: bool = False
+
+    def for_ffmpeg(self):
+        """Options of ffmpeg."""
+        if not self.is_rate:
+            return ["-qscale:v", str(self.value)]
+        rate = f"{self.value}k"
+        return ["-b:v", rate, "-maxrate", rate, "-minrate", rate, "-bufsize", f"{self.value // 2}k"]
+
+    def for_ours(self):
+        """Options of ours."""
+        return ["--bitrate", str(self.value)] if self.is_rate else ["--qscale", str(2 * self.value)]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A program to run, and the file that it reads from standard input, if any."""
+
+    words: list
+    stdin: Path = None
+
+
+@dataclass(frozen=True)
+class Ffmpeg:
+    """ffmpeg's encoder with some options, in one pass or in two."""
+
+    options: str
+    passes: int = 1
+
+    def steps(self, clip, point, out):
+        """Programs to run, one after the other."""
+        for number in range(1, self.passes + 1):
+            words = ["ffmpeg", "-nostdin", "-v", "error", "-y", "-threads", "1", "-i", clip.path, "-c:v", "mpeg2video"]
+            words += ["-threads", "1", "-qmin", "1", *self.options.split(), *point.for_ffmpeg()]
+            if self.passes > 1:
+                words += ["-passlogfile", out, "-pass", str(number)]
+            yield Step([*words, "-f", "mpeg2video", out])
+
+
+@dataclass(frozen=True)
+class Mjpegtools:
+    """mpeg2enc of mjpegtools with some options; it knows no rates here."""
+
+    options: str
+
+    def steps(self, clip, point, out):
+        """Programs to run, one after the other."""
+        words = "mpeg2enc -v 0 -f 3 --no-constraints -I 0 -a 1 -b 60000 -V 2000".split()
+        yield Step([*words, *self.options.split(), "-q", str(point.value), "-o", out], clip.path)
+
+
+@dataclass(frozen=True)
+class Ours:
+    """Our encoder with some options, with the clip's motion or without."""
+
+    binary: Path
+    options: str
+    given: bool
+
+    def motion(self, clip):
+        """Options for the motion that is known. Without B pictures nobody asks for the frame after."""
+        asked = {"--motion": ".mvp"} if "--bframes 0" in self.options else {"--motion": ".mvp", "--motion-next": ".mvn"}
+        found = {flag: clip.motion(ending) for flag, ending in asked.items()} if self.given else {}
+        return [word for flag, path in found.items() if path for word in (flag, path)]
+
+    def steps(self, clip, point, out):
+        """Programs to run, one after the other."""
+        words = [self.binary, *self.options.split(), *self.motion(clip), *point.for_ours(), clip.path]
+        yield Step([*words, "-o", out])
+
+
+def ours(binary, table):
+    """Our encoders of a table of options."""
+    return {name: Ours(binary, options, given) for name, (options, given) in table.items()}
+
+
+def all_encoders(binary, rates):
+    """The anchor's name, and encoders by name; of rates, those that keep them."""
+    found = {name: Ffmpeg(options) for name, options in FFMPEG.items()}
+    if rates:
+        found["ffmpeg, slowest, two passes"] = Ffmpeg(SLOWEST, passes=2)
+        return DEFAULT, found | ours(binary, OURS | TWO_PASSES)
+    if shutil.which("mpeg2enc"):
+        found |= {name: Mjpegtools(options) for name, options in MJPEGTOOLS.items()}
+    return TWO_B, found | ours(binary, OURS)
+
+
+def all_tools(binary):
+    """The anchor's name, and our encoder at its best without one tool after the other."""
+    return BEST, ours(binary, TOOLS)

@@ -1,0 +1,136 @@
+"""What each Cargo feature of render2mpeg costs: crates, CPU seconds of the compiler, size of the program.
+
+    python3 bench features [--quick]
+    python3 bench features --full [--folder FOLDER]
+
+Quick builds nothing and counts the crates of others by `cargo tree`.
+
+Full makes two release builds, with everything and with the command line alone. The first tells what each crate took to
+compile: CPU seconds of the compiler's processes, which depend little on what else the machine does. The seconds of a
+feature are those of the crates that only it brings. The program's own part comes on top, for all features together.
+Sizes are of programs without symbols.
+"""
+
+import json
+import os
+from pathlib import Path
+
+import tables
+from running import ROOT, Failure, need_installed, run
+
+# Features that are measured: name, and what the table says they add.
+PARTS = {
+    "textures": "PNG and JPEG on surfaces, skies from `.hdr` files",
+    "exr": "`--exr`, `--aov`, `reference`, skies from `.exr` files",
+    "compare": "`compare`, with SSIMULACRA 2",
+    "html": "`render --html`",
+    "sweep": "`sweep`; brings `compare`, `exr` and `html`",
+    "trace": "`-v`, `--trace`",
+    "shell": "`completions`, `man`",
+}
+EVERYTHING = []
+NOTHING = ["--no-default-features", "--features", "command-line"]
+
+
+def add_options(parser):
+    """Options of this measurement."""
+    place = ROOT / "target-features"
+    parser.add_argument("--folder", type=Path, default=place, help="full: folder for the builds [default: target-features]")
+
+
+def with_part(name):
+    """Options of a build with the command line and one feature."""
+    return ["--no-default-features", "--features", f"command-line,{name}"]
+
+
+def packages(options):
+    """Crates of others that a build consists of."""
+    command = ["cargo", "tree", "--package", "render2mpeg", "--edges", "normal,build", "--prefix", "none", "--no-dedupe"]
+    output = run([*command, *options], folder=ROOT).output
+    # Those of this workspace stand there with their folders.
+    return {" ".join(line.split()[:2]) for line in output.splitlines() if line and f"({ROOT}" not in line}
+
+
+def package_of(identity):
+    """Name and version of a package, as cargo tree has them: "registry+…#name@1.2.3", "path+…/name#1.2.3"."""
+    place, _, name = identity.rpartition("#")
+    name, _, version = name.rpartition("@")
+    return f"{name or Path(place).name} v{version}"
+
+
+def build(options, folder):
+    """Builds; by package, the units that were compiled for it, and the program's path."""
+    command = ["cargo", "build", "--release", "--package", "render2mpeg", "--bin", "render2mpeg", *options]
+    command += ["--message-format", "json", "--target-dir", folder]
+    wrapper = Path(__file__).resolve().parent / "compile_log.py"
+    environment = dict(os.environ, RUSTC_WRAPPER=str(wrapper), COMPILE_LOG=str(folder / "compile.log"))
+    environment["CARGO_PROFILE_RELEASE_DEBUG"] = "false"
+    units, binary = {}, None
+    for message in map(json.loads, run(command, folder=ROOT, environment=environment).output.splitlines()):
+        if message["reason"] != "compiler-artifact":
+            continue
+        binary = message["executable"] or binary
+        units.setdefault(package_of(message["package_id"]), set()).update(units_of(message))
+    return units, Path(binary)
+
+
+def units_of(message):
+    """Names of the units that a message of cargo is about, as the log has them."""
+    for path in map(Path, message["filenames"]):
+        if path.name == "build-script-build":
+            yield "build_script_build-" + path.parent.name.split("-")[-1]
+        yield path.name.removeprefix("lib").split(".")[0]
+
+
+def stripped_size(binary, folder):
+    """Bytes of the program without symbols."""
+    path = folder / "stripped"
+    run(["strip", "-o", path, binary])
+    return path.stat().st_size
+
+
+def measured(options, folder):
+    """A build: its compiler's seconds by package, those of all together, and the program's size as text."""
+    units, binary = build(options, folder)
+    seconds = dict(map(json.loads, (folder / "compile.log").read_text().splitlines()))
+    by_package = {package: sum(seconds.get(unit, 0) for unit in own) for package, own in units.items()}
+    # The program itself is named without its hash among the units: it is the last of its name.
+    program = [took for unit, took in seconds.items() if unit.startswith("render2mpeg-")][-1]
+    whole = program + sum(by_package.values())
+    return by_package, f"{whole:.0f} s", f"{stripped_size(binary, folder) / 1e6:.1f} MB"
+
+
+def full(folder):
+    """The table with compiling and sizes."""
+    folder = folder.resolve()
+    if folder.exists():
+        raise Failure(f"{folder} exists: remove it, so that every crate is compiled, or name another with --folder")
+    need_installed("strip")
+    folder.mkdir(parents=True)
+    took, *all_figures = measured(EVERYTHING, folder)
+    _, *base_figures = measured(NOTHING, folder)
+    base = packages(NOTHING)
+    rows = [["`command-line`", "`render`, `plan`", len(base), *base_figures]]
+    for name, about in PARTS.items():
+        brought = packages(with_part(name)) - base
+        compiling = sum(took.get(package, 0) for package in brought)
+        rows.append([f"`{name}`", about, f"+{len(brought)}", f"{compiling:.0f} s", ""])
+    rows.append(["all, the default", "", len(packages(EVERYTHING)), *all_figures])
+    print(tables.table(["Feature", "adds", "crates of others", "compiling these", "program"], rows))
+
+
+def quick():
+    """The table of crates alone."""
+    base = packages(NOTHING)
+    rows = [["`command-line`", "`render`, `plan`", len(base)]]
+    rows += [[f"`{name}`", about, f"+{len(packages(with_part(name)) - base)}"] for name, about in PARTS.items()]
+    rows.append(["all, the default", "", len(packages(EVERYTHING))])
+    print(tables.table(["Feature", "adds", "crates of others"], rows))
+    print("\nCounts are exact. Nothing was built.")
+    print("`--full` builds twice for compile times and sizes.")
+
+
+def main(options):
+    """The quick or the full table."""
+    need_installed("cargo")
+    full(options.folder) if options.full else quick()

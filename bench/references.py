@@ -1,0 +1,50 @@
+"""What films are held against: made once, kept in out/bench-references, found by all that it depends on."""
+
+import hashlib
+import json
+import os
+import sys
+from pathlib import Path
+
+from running import ROOT
+
+FOLDER = ROOT / "out" / "bench-references"
+
+
+def scene_files(scene):
+    """The files of a scene: itself, its settings, and what a .gltf file refers to."""
+    scene = Path(scene)
+    yield scene
+    settings = scene.with_suffix(".toml")
+    if settings.is_file():
+        yield settings
+    if scene.suffix == ".gltf":
+        parts = json.loads(scene.read_text())
+        for part in parts.get("buffers", []) + parts.get("images", []):
+            if "uri" in part and (scene.parent / part["uri"]).is_file():
+                yield scene.parent / part["uri"]
+
+
+def content_hash(scene):
+    """Twelve digits that stand for the content of a scene."""
+    digest = hashlib.sha256()
+    for file in scene_files(scene):
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()[:12]
+
+
+def kept(scene, details, ending, make):
+    """The reference of a scene with these details (size, camera, frames or paths); `make(path)` writes a missing one."""
+    name = "-".join([Path(scene).stem, content_hash(scene), *map(str, details)])
+    path = FOLDER / f"{name}{ending}"
+    if not path.exists():
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        print(f"making a reference, once, beside the time of the measurement: {path}", file=sys.stderr, flush=True)
+        # Under another name until it is whole.
+        unfinished = FOLDER / f"unfinished-{os.getpid()}-{path.name}"
+        try:
+            make(unfinished)
+            unfinished.rename(path)
+        finally:
+            unfinished.unlink(missing_ok=True)
+    return path

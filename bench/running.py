@@ -1,0 +1,94 @@
+"""Programs: where they are, how they are run, and the CPU seconds that they take."""
+
+import os
+import resource
+import shlex
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+# Where cargo puts release builds.
+RELEASE = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve() / "release"
+
+
+class Failure(Exception):
+    """What the user has to know, in one line."""
+
+
+@dataclass
+class Finished:
+    """A program that ended well: its standard output, and CPU seconds (user and system) of it and its children."""
+
+    output: str
+    cpu: float
+
+
+def run(command, stdin=None, capture=True, folder=None, environment=None):
+    """Runs a program to its end. `stdin` is the path of a file; without `capture`, the user sees what it prints."""
+    command = [str(word) for word in command]
+    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
+        streams = {"stdout": output, "stderr": errors} if capture else {}
+        with open(stdin or os.devnull, "rb") as source:
+            code, usage = waited(command, stdin=source, cwd=folder, env=environment, **streams)
+        texts = [read_again(stream) for stream in (output, errors)]
+    if code != 0:
+        last = (texts[1].strip().splitlines() or ["no message"])[-1]
+        raise Failure(f"{shlex.join(command)} failed with code {code}: {last}")
+    return Finished(texts[0], usage.ru_utime + usage.ru_stime)
+
+
+def waited(command, **settings):
+    """Exit code and resource usage of a program."""
+    try:
+        process = subprocess.Popen(command, **settings)
+    except OSError as error:
+        raise Failure(f"{command[0]} cannot be started: {error.strerror}") from None
+    try:
+        _, status, usage = os.wait4(process.pid, 0)
+    except BaseException:
+        process.kill()
+        process.wait()
+        raise
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return process.returncode, usage
+
+
+def read_again(stream):
+    """All text of a file that was written to."""
+    stream.seek(0)
+    return stream.read().decode(errors="replace")
+
+
+def own_cpu(work):
+    """What `work` returns, and the CPU seconds that it takes in this process."""
+    begin = resource.getrusage(resource.RUSAGE_SELF)
+    value = work()
+    end = resource.getrusage(resource.RUSAGE_SELF)
+    return value, end.ru_utime + end.ru_stime - begin.ru_utime - begin.ru_stime
+
+
+def add_program(parser):
+    """The option that names the measured program."""
+    place = RELEASE / "render2mpeg"
+    parser.add_argument("--program", type=Path, default=place, help="the measured program, target/release/render2mpeg")
+
+
+def need_built(path, build):
+    """The absolute path of a program that cargo has built, or how to build it."""
+    if not Path(path).is_file():
+        raise Failure(f"{path} is missing; build it: {build}")
+    return Path(path).resolve()
+
+
+def need_program(options):
+    """The measured program."""
+    return need_built(options.program, "cargo build --release")
+
+
+def need_installed(name):
+    """Checks that a program of the system is there."""
+    if shutil.which(name) is None:
+        raise Failure(f"{name} is missing; install it, such as by apt-get install {name}")

@@ -1,0 +1,109 @@
+"""Error against run time of thresholds from the encoder, against cuts of 2 %, by `render2mpeg sweep`.
+
+    python3 bench sweep [SCENE.glb …] [--quick] [--size WxH] [--frames N] [--qscale 2,16,48]
+    python3 bench sweep --full [--page-only] [--sponza SPONZA.glb]
+
+Quick: a sweep runs both methods frame by frame and is repeated as often as five minutes allow. The table has
+
+    light, frame    2 % by the encoder's thresholds, CPU seconds of indirect light and of a frame
+    decoded         luma PSNR of decoded frames against every light at every pixel, with 2 %, and the difference to it
+    bits, flicker   changes against 2 %; flicker is what the decoded film changes more than that of every light
+    equal           whether PSNR is at most 0.1 dB less, bits at most 1 % and flicker at most 10 % more
+
+Full makes docs/sweep anew. Sweeps stay in out/sweeps, and one that is there is not made again: remove the folder for
+figures of a new build. With --page-only none is made, and the page shows those that are there.
+Sponza does not ship: without --sponza, or one beside the repository, the page says that it is missing.
+"""
+
+import json
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import pairs
+import presets
+import sweep_page
+import tables
+from running import Failure, add_program, need_program, run
+
+QUICK = {"size": "128x128", "frames": 8, "qscale": "2,16,48", "repeats": 5}
+SCENES = [presets.shipped(name) for name in ("cornell", "conference")]
+BASELINE, METHOD = "lightcuts", "codec"
+TITLES = ["scene", "quantizer", "sweeps", "light", "frame", "decoded, 2 %", "difference", "bits", "flicker", "equal"]
+
+
+def add_options(parser):
+    """Options of this measurement."""
+    parser.add_argument("scenes", nargs="*", type=Path, help="scenes of the quick table [default: cornell, conference]")
+    parser.add_argument("--size", help="quick: size of the picture [default: 128x128]")
+    parser.add_argument("--frames", type=int, help="quick: frames of a film [default: 8]")
+    parser.add_argument("--qscale", help="quick: quantizers [default: 2,16,48]")
+    parser.add_argument("--repeats", type=int, help="quick: most sweeps of a scene [default: 5]")
+    parser.add_argument("--page-only", action="store_true", help="full: make no sweeps, only the page")
+    parser.add_argument("--sponza", type=Path, help="full: the scene file of Sponza, or its folder")
+    add_program(parser)
+
+
+@dataclass
+class Row:
+    """A quantizer: figures of the baseline, and those of the method beside it in each sweep."""
+
+    qscale: int
+    baseline: dict
+    beside: list
+
+    def cells(self, scene):
+        """Cells of the table."""
+        first = self.beside[0]
+        ratio = lambda name: pairs.Spread([one[name] for one in self.beside])  # noqa: E731
+        return [
+            scene.stem,
+            self.qscale,
+            len(self.beside),
+            ratio("speedup_indirect"),
+            ratio("speedup_total"),
+            tables.decibels(self.baseline["decoded"]["psnr_y"]),
+            tables.decibels(first["psnr_difference"], "+.2f"),
+            tables.change(first["bits_ratio"]),
+            tables.change(first["flicker_ratio"]),
+            "yes" if first["equal_quality"] else "no",
+        ]
+
+
+def swept(options, scene):
+    """Figures of a sweep: runs by method and quantizer."""
+    with tempfile.TemporaryDirectory() as folder:
+        words = ["--size", options.size, "--frames", options.frames, "--qscale", options.qscale]
+        words += ["--vpls", 1000, "--methods", METHOD, "--quiet", "-o", folder]
+        run([options.program, "sweep", scene, *words])
+        runs = json.loads((Path(folder) / "sweep.json").read_text())["runs"]
+    return {(one["method"], one["qscale"]): one for one in runs}
+
+
+def quick(options):
+    """Prints the table of each scene's sweeps."""
+    scenes = options.scenes or SCENES
+    print(tables.header(TITLES))
+    budget = pairs.Budget(options)
+    for scene, share in budget.shares(scenes, lambda scene: scene.stem):
+        # Baseline and method take turns within each sweep, frame by frame.
+        turns = budget.in_turns(lambda: swept(options, scene), lambda: None, options.repeats, share)
+        found = [both for both, _ in turns]
+        for qscale in presets.numbers(options.qscale):
+            beside = [one[METHOD, qscale]["against_baseline"] for one in found]
+            print(tables.row(Row(qscale, found[0][BASELINE, qscale], beside).cells(scene)), flush=True)
+    pairs.print_trust(options)
+
+
+def main(options):
+    """The quick table, or the page."""
+    given = [name for name in QUICK if getattr(options, name) is not None]
+    if options.full and (options.scenes or given):
+        raise Failure("the page of --full has scenes and settings of its own; scenes and their settings are for --quick")
+    presets.fill_in(options, QUICK, {})
+    if not options.page_only:
+        options.program = need_program(options)
+    if options.full:
+        sweep_page.make(options)
+    else:
+        quick(options)
