@@ -18,7 +18,7 @@ pub struct AreaLight {
     pub instance: usize,
     patches: Vec<Patch>,
     choice: Distribution,
-    /// Square metres, one side.
+    /// Square meters, one side.
     pub area: f32,
     double_sided: bool,
     /// Emitted radiance where no texture changes it \[W·m⁻²·sr⁻¹\].
@@ -31,7 +31,7 @@ pub struct AreaLight {
 struct Patch {
     triangle: usize,
     parallelogram: bool,
-    /// Square metres.
+    /// Square meters.
     area: f32,
     /// Mean over the patch \[W·m⁻²·sr⁻¹\].
     emission: Vec3,
@@ -53,7 +53,7 @@ pub(crate) struct LightPoint {
 /// A point of a glowing surface that stands for a share of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaSample {
-    /// A little off the surface, metres.
+    /// A little off the surface, meters.
     pub position: Vec3A,
     /// How far off it is \[m\].
     pub offset: f32,
@@ -79,7 +79,7 @@ pub struct SunLight {
 /// A point or spot light at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {
-    /// Metres.
+    /// Meters.
     pub position: Vec3A,
     /// Unit vector along the axis of a spot.
     pub axis: Vec3A,
@@ -418,7 +418,7 @@ impl AreaLight {
         self.textured
     }
 
-    /// Largest side of the box around the glowing triangles, metres.
+    /// Largest side of the box around the glowing triangles, meters.
     #[must_use]
     pub fn extent(&self, surfaces: &Surfaces) -> f32 {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -453,7 +453,7 @@ impl AreaLight {
 /// A light of the sky's dome: a point so far away that it lights the whole scene from one side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DomeLight {
-    /// On the dome, metres.
+    /// On the dome, meters.
     pub position: Vec3A,
     /// Intensity \[W·sr⁻¹\] such that its irradiance at the scene's center is that of its share of the sky.
     pub intensity: Vec3,

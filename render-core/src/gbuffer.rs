@@ -23,7 +23,7 @@ pub const NOTHING: u32 = u32::MAX;
 /// The first surface that a pixel sees. Vectors are stored as plain triples: no padding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelSurface {
-    /// World space, metres; where nothing is seen, the unit direction of the ray.
+    /// World space, meters; where nothing is seen, the unit direction of the ray.
     pub position: [f32; 3],
     /// Unit normal of the triangle, towards the viewer.
     pub geometric_normal: [f32; 3],
@@ -37,7 +37,7 @@ pub struct PixelSurface {
     pub roughness: f32,
     /// Radiance that leaves without being lit \[W·m⁻²·sr⁻¹\].
     pub emission: [f32; 3],
-    /// Metres along the camera's axis; infinite where nothing is seen.
+    /// Meters along the camera's axis; infinite where nothing is seen.
     pub depth: f32,
     /// Index into the scene's instances, or [`NOTHING`].
     pub instance: u32,
@@ -226,7 +226,7 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay]) -> [Option<Hit>; PACKET] {
     hits
 }
 
-/// Surface that a ray shows; textures are filtered over its cone, `width(depth)` metres wide.
+/// Surface that a ray shows; textures are filtered over its cone, `width(depth)` meters wide.
 fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) -> f32, view: &View) -> PixelSurface {
     let CameraRay { origin, direction } = ray;
     let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);

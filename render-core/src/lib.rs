@@ -58,7 +58,7 @@ pub fn luminance(rgb: Vec3) -> f32 {
 pub struct Units {
     /// Middle of the scene's box.
     pub center: Vec3A,
-    /// Radius of a ball around it, metres; never 0.
+    /// Radius of a ball around it, meters; never 0.
     pub radius: f32,
     /// Rays start this far off their surface: some hundred times the rounding of a coordinate.
     pub epsilon: f32,

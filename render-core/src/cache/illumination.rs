@@ -71,7 +71,7 @@ pub trait Illumination: Sync {
     fn relight(&self, site: &Site, recipe: &mut Self::Recipe, known: LastUpdate) -> Option<LocalIrradiance>;
 
     /// Mean of d / (d + `scale`) over cosine-distributed directions from `site`, in each of which something is d away:
-    /// alike at places that are alike, so with directions that follow from the normal alone. `scale` is in metres.
+    /// alike at places that are alike, so with directions that follow from the normal alone. `scale` is in meters.
     fn openness(&self, _site: &Site, _scale: f32) -> f32 {
         1.0
     }

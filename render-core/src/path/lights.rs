@@ -15,7 +15,7 @@ pub(super) struct Lights<'a> {
     choice: Option<Distribution>,
     /// For each instance that glows, the density of drawing from each of its triangles \[m⁻²\].
     densities: Vec<Option<Vec<f32>>>,
-    /// Shadow rays end this far off their light, metres.
+    /// Shadow rays end this far off their light, meters.
     epsilon: f32,
 }
 

@@ -12,7 +12,7 @@ pub enum Projection {
         /// Angle between the upper and the lower border of the picture.
         yfov: f32,
     },
-    /// Half the picture's height in metres.
+    /// Half the picture's height in meters.
     Orthographic {
         /// Distance from the axis to the upper border.
         ymag: f32,
@@ -79,7 +79,7 @@ impl View {
         }
     }
 
-    /// Pixel and depth (metres along the axis) of a point; `None` behind the camera.
+    /// Pixel and depth (meters along the axis) of a point; `None` behind the camera.
     #[must_use]
     pub fn project(&self, point: Vec3A) -> Option<(Vec2, f32)> {
         let p = self.camera_from_world.transform_point3a(point);
@@ -109,7 +109,7 @@ impl View {
         pixel.is_finite().then_some((pixel, depth))
     }
 
-    /// Width in metres that a pixel covers at `depth` metres, facing the camera.
+    /// Width in meters that a pixel covers at `depth` meters, facing the camera.
     #[must_use]
     pub fn pixel_width(&self, depth: f32) -> f32 {
         let at_one = 2.0 * self.half_height / self.height;

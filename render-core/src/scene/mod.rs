@@ -45,7 +45,7 @@ pub struct Node {
 /// Translation, rotation, scale: what glTF animates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
-    /// Metres.
+    /// Meters.
     pub translation: Vec3,
     /// Unit quaternion.
     pub rotation: Quat,

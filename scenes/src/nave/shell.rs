@@ -10,7 +10,7 @@ use crate::arches::{Opening, Pane, Plane, RibSection, groin_vault, half_web, rib
 use crate::columns::archivolt;
 use crate::glb::{Model, Scene};
 use crate::mesh::Mesh;
-use crate::shapes::{lathe, loft, moulding};
+use crate::shapes::{lathe, loft, molding};
 
 /// Lower and upper edge of the blind arcade between the nave's arches and its windows.
 const TRIFORIUM: [f32; 2] = [6.9, 8.5];
@@ -270,7 +270,7 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
     for y in TRIFORIUM {
         let [a, b] = whole;
         let string = [vec2(0.0, -0.05), vec2(0.06, 0.0), vec2(0.10, 0.03), vec2(0.10, 0.10), vec2(0.0, 0.17)];
-        moulding(model.of(stones.trim), &[plane.at(a, y, 0.0), plane.at(b, y, 0.0)], false, &string);
+        molding(model.of(stones.trim), &[plane.at(a, y, 0.0), plane.at(b, y, 0.0)], false, &string);
     }
 }
 
@@ -281,10 +281,10 @@ fn aisle_side(model: &mut Model, stones: &Stones, side: f32) {
     wall(model.of(stones.ashlar), &plane, [span, [0.0, AISLE_TOP]], &aisle_windows(&plane), 8);
     let string = [vec2(0.0, -0.04), vec2(0.05, 0.0), vec2(0.08, 0.03), vec2(0.08, 0.08), vec2(0.0, 0.14)];
     let ends = |y: f32| [plane.at(span[0], y, 0.0), plane.at(span[1], y, 0.0)];
-    moulding(model.of(stones.trim), &ends(1.62), false, &string);
+    molding(model.of(stones.trim), &ends(1.62), false, &string);
     // The bench along the wall.
     let bench = [vec2(0.36, 0.0), vec2(0.36, 0.38), vec2(0.40, 0.40), vec2(0.40, 0.45), vec2(-0.01, 0.45)];
-    moulding(model.of(stones.steps), &ends(0.0), false, &bench);
+    molding(model.of(stones.steps), &ends(0.0), false, &bench);
     // The aisle's east end.
     let (a, b) = (side * NAVE, side * AISLE);
     let p = [(a, 0.0), (b, 0.0), (b, AISLE_TOP), (a, AISLE_TOP)].map(|(x, y)| vec3(x, y, -nave));
@@ -309,7 +309,7 @@ fn apse(model: &mut Model, stones: &Stones) {
     }
     let corners = apse_corners().map(|p| vec3(p.x, 2.7, p.y));
     let string = [vec2(0.0, -0.05), vec2(0.06, 0.0), vec2(0.10, 0.03), vec2(0.10, 0.10), vec2(0.0, 0.17)];
-    moulding(model.of(stones.trim), &corners, false, &string);
+    molding(model.of(stones.trim), &corners, false, &string);
 }
 
 fn high_vault(model: &mut Model, stones: &Stones) {

@@ -8,7 +8,7 @@ use std::path::Path;
 /// Most pixels that a file may claim before memory is taken for them.
 const MOST_PIXELS: u64 = 1 << 27;
 
-/// Reads a PNG file as R′G′B′ of 8 bits; grey and palettes are spread out, opacity is left off.
+/// Reads a PNG file as R′G′B′ of 8 bits; gray and palettes are spread out, opacity is left off.
 ///
 /// # Errors
 /// Not a PNG file, or larger than 2²⁷ pixels; the message names the path.

@@ -13,7 +13,7 @@ pub struct Scale {
     pub about: &'static str,
     /// Dark and bright end.
     pub range: (f32, f32),
-    /// The same as they are written beside the colours.
+    /// The same as they are written beside the colors.
     pub ends: (&'static str, &'static str),
 }
 
@@ -32,7 +32,7 @@ pub const ERROR: Scale = Scale {
 };
 
 impl Scale {
-    /// `plane` in false colours.
+    /// `plane` in false colors.
     pub fn picture(&self, plane: &Plane<f32>) -> Plane<[u8; 3]> {
         plane.map(|value| false_color(log_share(value, self.range.0, self.range.1)))
     }
@@ -47,7 +47,7 @@ pub fn pictures(maps: &Maps) -> [(Scale, Plane<[u8; 3]>); 3] {
     [pair(THRESHOLD, &maps.relative_threshold), pair(CUT_SIZE, &maps.cut_size), pair(ERROR, &maps.error)]
 }
 
-/// The colours from dark to bright, as CSS.
+/// The colors from dark to bright, as CSS.
 pub fn gradient() -> String {
     let stops = (0..=10).map(|i| {
         let [r, g, b] = false_color(i as f32 / 10.0);

@@ -23,7 +23,7 @@ pub(super) struct Coated {
 }
 
 impl Coated {
-    /// The surface that a pixel sees, if it has a coat; rays start `epsilon` metres off it.
+    /// The surface that a pixel sees, if it has a coat; rays start `epsilon` meters off it.
     pub fn of_pixel(pixel: &PixelSurface, seen: &GBuffer, epsilon: f32) -> Option<Self> {
         if pixel.instance == NOTHING || pixel.specular == [0.0; 3] {
             return None;
