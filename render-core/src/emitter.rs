@@ -1,6 +1,7 @@
 //! Emitters of light: surfaces, points, directions, the sky; as power, as photons, and as points to shade with.
 
 use crate::accel::Hit;
+use crate::environment::SkySample;
 use crate::polygon::Polygon;
 use crate::sampling::{
     Distribution, Pick, concentric_disc, cosine_hemisphere, frame, halton, hammersley, radical_inverse, sobol_point,
@@ -263,7 +264,7 @@ impl PhotonSource<'_> {
             Some(sun) => (sun.direction(way), sun.irradiance * (disc_area * share)),
             None => {
                 let sky = self.scene.sky.as_ref().expect("the last power is the sky's");
-                let (towards, pdf) = sky.sample(way);
+                let SkySample { direction: towards, pdf } = sky.sample(way);
                 (towards.into(), sky.radiance(towards) * (disc_area * share / pdf))
             }
         };
@@ -471,7 +472,7 @@ pub fn dome_lights(scene: &Scene, units: &Units, count: usize) -> Vec<DomeLight>
         .map(|i| {
             // Steps of the golden ratio: under an even sky this is the golden spiral, the most even spread of directions.
             let across = (i as f64 * 0.618_033_988_749_894_9).fract() as f32;
-            let (direction, pdf) = sky.sample(Vec2::new(across, (i as f32 + 0.5) / count as f32));
+            let SkySample { direction, pdf } = sky.sample(Vec2::new(across, (i as f32 + 0.5) / count as f32));
             let intensity = sky.radiance(direction) * (distance * distance / (pdf * count as f32));
             DomeLight { position: units.center + Vec3A::from(direction) * distance, intensity }
         })

@@ -35,7 +35,7 @@ pub use emitter::{
     AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, EmittedPhoton, Emitters, PhotonSource, PointLight, SunLight,
     dome_lights,
 };
-pub use environment::Environment;
+pub use environment::{Environment, SkySample};
 pub use gather::{FinalGather, GatherDirections, Gathered};
 pub use gbuffer::{Coverage, GBuffer, MACROBLOCK, NOTHING, PixelSample, PixelSurface};
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling};

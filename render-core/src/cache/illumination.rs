@@ -1,6 +1,6 @@
 //! The light at a place on a surface, and the interface to its source.
 
-use crate::scene::View;
+use crate::scene::{Projected, View};
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
 /// A place on a surface.
@@ -32,7 +32,7 @@ impl Site {
 
     /// Width of a pixel on the surface \[m\]: that of a square pixel of the same area where it is seen askew.
     pub(super) fn pixel_width(&self, view: &View) -> f32 {
-        let Some((pixel, depth)) = view.project(self.position) else { return 0.0 };
+        let Some(Projected { pixel, depth }) = view.project(self.position) else { return 0.0 };
         let cosine = view.ray(pixel).1.dot(self.geometric_normal).abs();
         view.pixel_width(depth) / cosine.max(0.04).sqrt()
     }

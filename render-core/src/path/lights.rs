@@ -3,6 +3,7 @@
 use super::{Points, Vertex, power_heuristic};
 use crate::accel::{Accelerator, Hit};
 use crate::emitter::{Emitters, LightPoint, PointLight};
+use crate::environment::SkySample;
 use crate::sampling::{Distribution, Pick};
 use crate::surface::{Surface, Surfaces};
 use crate::{PosedScene, luminance};
@@ -58,7 +59,7 @@ impl<'a> Lights<'a> {
             }
         }
         if let Some(sky) = &surfaces.scene().sky {
-            let (towards, pdf) = sky.sample(points.next());
+            let SkySample { direction: towards, pdf } = sky.sample(points.next());
             let (reflected, other) = vertex.reflect(towards.into());
             if reflected != Vec3::ZERO && !accelerator.occluded_towards(vertex.position, towards.into()) {
                 sum += reflected * sky.radiance(towards) * (power_heuristic(pdf, other) / pdf);

@@ -28,7 +28,7 @@ impl Coated {
         if pixel.instance == NOTHING || pixel.specular == [0.0; 3] {
             return None;
         }
-        let (place, _) = seen.view.project(pixel.position.into())?;
+        let place = seen.view.project(pixel.position.into())?.pixel;
         let (_, direction) = seen.view.ray(place);
         let bsdf = Bsdf::new(pixel.albedo.into(), pixel.specular.into(), pixel.roughness);
         Some(Self::new(receiver(pixel, epsilon), bsdf, pixel.roughness, direction))
