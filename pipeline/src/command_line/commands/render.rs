@@ -19,7 +19,7 @@ use std::time::Duration;
 
 /// The scene, settings of its film, and the files to write.
 #[derive(Args)]
-pub struct Render {
+pub(crate) struct Render {
     /// The scene.
     #[command(flatten)]
     source: Source,

@@ -34,7 +34,7 @@ pub struct FilmFrame {
 }
 
 /// A film before compression, in files, and what it cost. The files go when it goes: a long film never lies in memory.
-pub struct Film {
+pub(super) struct Film {
     /// Every choice.
     pub settings: Settings,
     /// Reports of the stages; of paths, only the time in `direct`.

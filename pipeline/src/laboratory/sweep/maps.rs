@@ -38,13 +38,18 @@ impl Scale {
     }
 }
 
+/// A map as a picture.
+pub struct MapPicture {
+    /// What its colors mean.
+    pub scale: Scale,
+    /// In false colors.
+    pub picture: Plane<[u8; 3]>,
+}
+
 /// The three maps as pictures, with their scales.
-pub fn pictures(maps: &Maps) -> [(Scale, Plane<[u8; 3]>); 3] {
-    let pair = |scale: Scale, plane: &Plane<f32>| {
-        let picture = scale.picture(plane);
-        (scale, picture)
-    };
-    [pair(THRESHOLD, &maps.relative_threshold), pair(CUT_SIZE, &maps.cut_size), pair(ERROR, &maps.error)]
+pub fn pictures(maps: &Maps) -> [MapPicture; 3] {
+    let map = |scale: Scale, plane: &Plane<f32>| MapPicture { picture: scale.picture(plane), scale };
+    [map(THRESHOLD, &maps.relative_threshold), map(CUT_SIZE, &maps.cut_size), map(ERROR, &maps.error)]
 }
 
 /// The colors from dark to bright, as CSS.
