@@ -4,7 +4,9 @@ use std::f32::consts::TAU;
 
 use glam::{Quat, Vec2, Vec3, vec2, vec3};
 
-use super::windows::{aisle_windows, apse_window, clerestory_windows};
+use super::walls::{
+    aisle_wall, aisle_windows, along, apse_wall, apse_window, clerestory_windows, nave_wall, sorted, stretch,
+};
 use super::{AISLE, APSE, BAY, BAYS, CHANCEL, HIGH, HIGH_SPRING, LOW, LOW_SPRING, NAVE, Stones, THICK, apse_corners};
 use crate::arches::{Opening, Pane, Plane, RibSection, groin_vault, half_web, rib, wall};
 use crate::columns::archivolt;
@@ -18,41 +20,6 @@ const TRIFORIUM: [f32; 2] = [6.9, 8.5];
 const TOP: f32 = 14.6;
 /// The same for the aisles.
 const AISLE_TOP: f32 = 6.9;
-
-/// The wall of the nave on one side, seen from the nave; positions along it grow from the left.
-pub(super) fn nave_wall(side: f32) -> Plane {
-    let out = vec3(-side, 0.0, 0.0);
-    Plane { origin: vec3(side * NAVE, 0.0, 0.0), along: Vec3::Y.cross(out), out }
-}
-
-/// The outer wall of one aisle.
-pub(super) fn aisle_wall(side: f32) -> Plane {
-    Plane { origin: vec3(side * AISLE, 0.0, 0.0), ..nave_wall(side) }
-}
-
-/// One wall of the apse; positions run from 0 to NAVE.
-pub(super) fn apse_wall(i: usize) -> Plane {
-    let (a, b) = (apse_corners()[i], apse_corners()[i + 1]);
-    let along = vec3(b.x - a.x, 0.0, b.y - a.y).normalize();
-    Plane { origin: vec3(a.x, 0.0, a.y), along, out: along.cross(Vec3::Y) }
-}
-
-/// The position along a wall of the distance `d` from the west end: the two sides run contrary ways.
-pub(super) fn along(plane: &Plane, d: f32) -> f32 {
-    -d * plane.along.z
-}
-
-/// The interval between two distances from the west end, in rising order along the wall.
-fn stretch(plane: &Plane, a: f32, b: f32) -> [f32; 2] {
-    let (a, b) = (along(plane, a), along(plane, b));
-    [a.min(b), a.max(b)]
-}
-
-/// Sorts openings along their wall, as [`wall`] wants them.
-pub(super) fn sorted(mut openings: Vec<Opening>) -> Vec<Opening> {
-    openings.sort_by(|a, b| a.center.total_cmp(&b.center));
-    openings
-}
 
 fn arcade(plane: &Plane) -> Vec<Opening> {
     let one = |i: usize| Opening {
