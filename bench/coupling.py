@@ -44,7 +44,7 @@ def add_options(parser):
     parser.add_argument("scenes", nargs="*", type=Path, help="scenes [default: cornell, nave, conference]")
     parser.add_argument("--size", help="size of the picture [default: 128x128; full: 256x256]")
     parser.add_argument("--frames", type=int, help="frames of a film, at least 4 [default: 8; full: 24]")
-    parser.add_argument("--qscale", default="2,16,48", help="quantizers [default: 2,16,48]")
+    parser.add_argument("--qscale", default="2,16,48", help="quantisers [default: 2,16,48]")
     parser.add_argument("--pairs", type=int, help="most pairs of films of a row [default: 5; full: 1]")
     add_program(parser)
 
@@ -95,7 +95,7 @@ def fine_film(options, scene):
 
 @dataclass
 class Measured:
-    """Uncoupled and coupled films of a scene at a quantizer, and their figures."""
+    """Uncoupled and coupled films of a scene at a quantiser, and their figures."""
 
     scene: Path
     qscale: int
@@ -115,7 +115,7 @@ class Measured:
         psnr = [likeness.psnr for likeness in self.decoded]
         return {
             "scene": self.scene.stem,
-            "quantizer": self.qscale,
+            "quantiser": self.qscale,
             "pairs": len(self.films),
             "uncoupled, CPU s": f"{seconds[0]:.3f}",
             "coupled, CPU s": f"{seconds[1]:.3f}",
@@ -147,10 +147,10 @@ def frames_before_coding(options, alone, coupled):
 def measure(options, scene, qscale, budget, limit):
     """A row: films in turns, then figures of their pictures, which are the same in each pair."""
     with tempfile.TemporaryDirectory() as folder:
-        quantizer = ["--qscale", qscale]
+        quantiser = ["--qscale", qscale]
 
         def work(name, words):
-            return lambda: render(options, scene, Path(folder) / name, quantizer + words)
+            return lambda: render(options, scene, Path(folder) / name, quantiser + words)
 
         films = budget.in_turns(work("uncoupled", UNCOUPLED), work("coupled", COUPLED), options.pairs, limit)
         fine = fine_film(options, scene)
@@ -173,7 +173,7 @@ def main(options):
         fine_film(options, scene)
     rows = [(scene, qscale) for scene in options.scenes for qscale in presets.numbers(options.qscale)]
     budget, ratios = pairs.Budget(options), {}
-    for (scene, qscale), share in budget.shares(rows, lambda row: f"{row[0].stem}, quantizer {row[1]}"):
+    for (scene, qscale), share in budget.shares(rows, lambda row: f"{row[0].stem}, quantiser {row[1]}"):
         measured = measure(options, scene, qscale, budget, share)
         cells = measured.cells()
         if not ratios:
@@ -181,5 +181,5 @@ def main(options):
         print(tables.row(cells.values()), flush=True)
         ratios.setdefault(qscale, []).append(measured.ratio(lambda film: film.seconds).median)
     for qscale, found in ratios.items():
-        print(f"\nGeometric mean of {len(found)} ratios at quantizer {qscale}: {pairs.geometric_mean(found):.2f}")
+        print(f"\nGeometric mean of {len(found)} ratios at quantiser {qscale}: {pairs.geometric_mean(found):.2f}")
     pairs.print_trust(options)

@@ -36,13 +36,13 @@ TOOLS = {
     "motion searched": ("--effort best", False),
     "no B pictures": ("--effort best --bframes 0", True),
     "one B picture in a row": ("--effort best --bframes 1", True),
-    "one quantizer a picture: no tree, no quantizer choice": ("--effort best --uniform", True),
+    "one quantiser a picture: no tree, no quantiser choice": ("--effort best --uniform", True),
     "no I pictures at new scenes": ("--effort best --no-scene-cuts", True),
     "Table B.14 for intra blocks": ("--effort best --no-intra-vlc", True),
     "alternate scan": ("--effort best --alternate-scan", True),
     "intra DC of 10 bits": ("--effort best --dc 10", True),
     "groups of 60": ("--effort best --gop 60", True),
-    "balanced: no quantizer choice, quick decisions": ("--effort balanced", True),
+    "balanced: no quantiser choice, quick decisions": ("--effort balanced", True),
     "fast: no macroblock-tree, no trellis either": ("--effort fast", True),
 }
 # BD-rates by clip [%] of an encoder that is not run here.

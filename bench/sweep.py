@@ -29,7 +29,7 @@ from running import Failure, add_program, need_program, run
 QUICK = {"size": "128x128", "frames": 8, "qscale": "2,16,48", "repeats": 5}
 SCENES = [presets.shipped(name) for name in ("cornell", "conference")]
 BASELINE, METHOD = "lightcuts", "codec"
-TITLES = ["scene", "quantizer", "sweeps", "light", "frame", "decoded, 2 %", "difference", "bits", "flicker", "equal"]
+TITLES = ["scene", "quantiser", "sweeps", "light", "frame", "decoded, 2 %", "difference", "bits", "flicker", "equal"]
 
 
 def add_options(parser):
@@ -37,7 +37,7 @@ def add_options(parser):
     parser.add_argument("scenes", nargs="*", type=Path, help="scenes of the quick table [default: cornell, conference]")
     parser.add_argument("--size", help="quick: size of the picture [default: 128x128]")
     parser.add_argument("--frames", type=int, help="quick: frames of a film [default: 8]")
-    parser.add_argument("--qscale", help="quick: quantizers [default: 2,16,48]")
+    parser.add_argument("--qscale", help="quick: quantisers [default: 2,16,48]")
     parser.add_argument("--repeats", type=int, help="quick: most sweeps of a scene [default: 5]")
     parser.add_argument("--page-only", action="store_true", help="full: make no sweeps, only the page")
     parser.add_argument("--sponza", type=Path, help="full: the scene file of Sponza, or its folder")
@@ -46,7 +46,7 @@ def add_options(parser):
 
 @dataclass
 class Row:
-    """A quantizer: figures of the baseline, and those of the method beside it in each sweep."""
+    """A quantiser: figures of the baseline, and those of the method beside it in each sweep."""
 
     qscale: int
     baseline: dict
@@ -71,7 +71,7 @@ class Row:
 
 
 def swept(options, scene):
-    """Figures of a sweep: runs by method and quantizer."""
+    """Figures of a sweep: runs by method and quantiser."""
     with tempfile.TemporaryDirectory() as folder:
         words = ["--size", options.size, "--frames", options.frames, "--qscale", options.qscale]
         words += ["--vpls", 1000, "--methods", METHOD, "--quiet", "-o", folder]

@@ -32,8 +32,8 @@ TITLES = ["Method", "CPU s a frame", "relative MSE, rendered", "PSNR, decoded", 
 HEAD = """# Error against run time
 
 Made by `python3 bench sweep --full`, which runs `render2mpeg sweep` for each scene below. Every method renders the same
-frames, which go through the encoder at several quantizers. Errors are those against every light at every pixel.
-Solid lines take light from the irradiance cache, dashed ones make a cut for every pixel. Along a line the quantizer changes.
+frames, which go through the encoder at several quantisers. Errors are those against every light at every pixel.
+Solid lines take light from the irradiance cache, dashed ones make a cut for every pixel. Along a line the quantiser changes.
 
 | Method | thresholds |
 |---|---|
@@ -45,7 +45,7 @@ Solid lines take light from the irradiance cache, dashed ones make a cut for eve
 | paths | none: paths know nothing of virtual lights |
 
 A speed-up counts only at equal decoded quality or better: PSNR at most 0.1 dB less, bits at most 1 % and flicker at most
-10 % more than with 2 % at the same quantizer. Where that is not so, or no time is saved, the words below the plots say it.
+10 % more than with 2 % at the same quantiser. Where that is not so, or no time is saved, the words below the plots say it.
 
 - CPU seconds vary by some percent from run to run. Cut sizes and counts of rays do not.
 - Bits of a few small pictures vary by a percent or two. Equality is often missed by them alone.
@@ -67,10 +67,10 @@ def scene_file(name, sponza):
     return None
 
 
-def rows(swept, quantizer):
-    """Every method at a quantizer, as rows of the table."""
+def rows(swept, quantiser):
+    """Every method at a quantiser, as rows of the table."""
     for one in swept["runs"]:
-        if one["qscale"] != quantizer:
+        if one["qscale"] != quantiser:
             continue
         beside = one["against_baseline"]
         speed = "–"
@@ -90,12 +90,12 @@ def rows(swept, quantizer):
 def section(swept, name, command, about):
     """A scene's part of the page."""
     size, frames = swept["settings"]["size"], swept["settings"]["frames"]
-    quantizers = sorted({one["qscale"] for one in swept["runs"]})
-    middle = quantizers[len(quantizers) // 2]
+    quantisers = sorted({one["qscale"] for one in swept["runs"]})
+    middle = quantisers[len(quantisers) // 2]
     text = f"{about[0].upper()}{about[1:]}. `render2mpeg {command}`: {size['width']}×{size['height']}, {frames} frames, "
     lines = [f"## {name}", "", f"{text}{swept['lights']} lights in the tree.", ""]
     lines += [f'<img src="{name}_{plot}.svg" width="49%" alt="{name}, {when}">' for plot, when in PLOTS]
-    lines += ["", f"At quantizer {middle}:", "", tables.table(TITLES, rows(swept, middle)), ""]
+    lines += ["", f"At quantiser {middle}:", "", tables.table(TITLES, rows(swept, middle)), ""]
     lines += [f"- **{finding['label']}**: {finding['text']}" for finding in swept["findings"]]
     return "\n".join(lines) + "\n"
 

@@ -8,7 +8,7 @@
 mod plot;
 
 use lighttree::{Audits, Calibration};
-use plot::{GREY, Plot, RED};
+use plot::{GRAY, Plot, RED};
 
 const CLASS: usize = 2;
 const AUDITS: u32 = 200;
@@ -47,7 +47,7 @@ fn main() {
         "frame",
         "octaves of the multiplier κ",
     );
-    plot.line("what errors would allow", GREY, exact);
+    plot.line("what errors would allow", GRAY, exact);
     plot.line("κ", RED, found);
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/controller.svg");
     std::fs::write(path, plot.finish()).unwrap_or_else(|error| panic!("{path}: {error}"));

@@ -9,7 +9,7 @@ use glam::Vec3;
 use lighttree::{
     BuildParams, Cluster, Emission, KeptCluster, Lambert, Light, LightTree, Method, Scratch, Stop, luminance,
 };
-use plot::{BLUE, GREEN, GREY, Plot, RED, Svg};
+use plot::{BLUE, GRAY, GREEN, Plot, RED, Svg};
 use room::{floor, params, room, unblocked};
 
 const LIGHTS: usize = 20_000;
@@ -66,7 +66,7 @@ fn explain() -> String {
     let mut svg = Svg::new(720.0, 330.0);
     let place = |p: Vec3| (40.0 + p.x * 73.0, 280.0 - p.z * 80.0);
     let (x, y) = place(receiver.position);
-    svg.line((20.0, y + 8.0), (700.0, y + 8.0), GREY, 3.0);
+    svg.line((20.0, y + 8.0), (700.0, y + 8.0), GRAY, 3.0);
     for &cluster in &clusters {
         let below: Vec<&Light> = tree.cluster_lights(cluster).iter().map(|&k| &lamps[k as usize]).collect();
         let (left, top) = place(below.iter().map(|l| l.position).reduce(Vec3::min).expect("a light"));
@@ -81,7 +81,7 @@ fn explain() -> String {
     for (k, lamp) in lamps.iter().enumerate() {
         let represents = clusters.iter().any(|cluster| cluster.light as usize == k);
         let radius = 3.0 + 3.0 * luminance(lamp.intensity).sqrt();
-        svg.circle(place(lamp.position), radius, if represents { RED } else { GREY });
+        svg.circle(place(lamp.position), radius, if represents { RED } else { GRAY });
     }
     svg.circle((x, y), 5.0, "black");
     svg.text((x + 12.0, y + 1.0), 13.0, "start", "receiver");

@@ -47,7 +47,7 @@ fn lobes(alpha: f32) -> (f32, f32) {
     (alpha.log10(), errors.fold(0.0, f32::max).log10())
 }
 
-/// The largest error of a few dozen neighbours, as decimal logarithms of parameter and error.
+/// The largest error of a few dozen neighbors, as decimal logarithms of parameter and error.
 fn worst(parameter: f32, place: impl Fn(f32) -> Vec3) -> (f32, f32) {
     let errors = (0..64).map(|k| error(place(k as f32 / 64.0)));
     (parameter.log10(), errors.fold(0.0, f32::max).log10())

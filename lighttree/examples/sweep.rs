@@ -10,7 +10,7 @@ mod room;
 
 use glam::Vec3;
 use lighttree::{Lambert, Light, LightTree, Method, Scratch, Stop, luminance};
-use plot::{BLUE, GREEN, GREY, Plot, RED};
+use plot::{BLUE, GRAY, GREEN, Plot, RED};
 use room::{floor, params, room, unblocked};
 
 const LIGHTS: usize = 100_000;
@@ -20,7 +20,7 @@ const REPEATS: usize = 5;
 /// Name of a method, and the method for a stream of random numbers.
 type Setting = (String, Box<dyn Fn(u64) -> Method>);
 
-/// A method, and its colour in the diagram.
+/// A method, and its color in the diagram.
 struct Rival {
     name: &'static str,
     color: &'static str,
@@ -109,7 +109,7 @@ fn rivals(mean: f32) -> [Rival; 4] {
             color: BLUE,
             settings: by(&SHARES, of_mean, move |share, _| Method::Lightcut(absolute(share))),
         },
-        Rival { name: "lightcut, relative", color: GREY, settings: by(&SHARES, own, move |share, _| relative(share)) },
+        Rival { name: "lightcut, relative", color: GRAY, settings: by(&SHARES, own, move |share, _| relative(share)) },
         Rival {
             name: "lights drawn for each",
             color: GREEN,

@@ -43,7 +43,7 @@ impl Cone {
 
 /// The box of a cluster seen from a receiver: what upper bounds over "all directions towards the cluster" are made of.
 ///
-/// All lengths in metres, relative to the receiver's position, axes those of world space. For directional lights it is
+/// All lengths in meters, relative to the receiver's position, axes those of world space. For directional lights it is
 /// a box of the unit directions towards them, which says the same about cosines.
 /// `F` is `f32` for one box, [`Vec4`](glam::Vec4) for four.
 #[derive(Clone, Copy, Debug)]

@@ -255,7 +255,7 @@ mod tests {
         }
     }
 
-    /// A lamp of 1 W/sr two metres above a white diffuse floor: L = ρ/π · I/r² = 1/(4π); it shines down, or sideways.
+    /// A lamp of 1 W/sr two meters above a white diffuse floor: L = ρ/π · I/r² = 1/(4π); it shines down, or sideways.
     #[test]
     fn closed_form_below_a_lamp() {
         let receiver = Lambert { position: Vec3::ZERO, normal: Vec3::Z, reflectance: Vec3::ONE };

@@ -125,7 +125,7 @@ fn inverse(coefficients: &[i32; 64]) -> [i32; 64] {
     flat(&transposed(&out)).map(|sample| sample.clamp(-256, 255))
 }
 
-vectorised! {
+vectorized! {
     /// Coefficients of what a prediction lacks, as [`forward`] gives them.
     fn forward_difference, forward_difference_plain(source: &[u8; 64], predicted: &[u8; 64]) -> [i32; 64] {
         let mut difference = [0; 64];

@@ -38,7 +38,7 @@ pub(crate) fn psnr_of(squared_error: u64, samples: usize) -> f64 {
     10.0 * (255.0f64.powi(2) * samples as f64 / squared_error as f64).log10()
 }
 
-vectorised! {
+vectorized! {
     /// Sum of squared differences of at most 2^16 samples, so that 32 bits hold it.
     fn squared_error, squared_error_plain(a: &[u8], b: &[u8]) -> u64 {
         let mut sum = 0;

@@ -19,7 +19,7 @@ use predicted::for_predicted;
 pub(crate) use transformed::transformed_difference;
 
 /// Defines a function that runs its body with AVX2 where there is such, and `$plain` that does not.
-macro_rules! vectorised {
+macro_rules! vectorized {
     ($(#[$meta:meta])* fn $name:ident, $plain:ident $(<const $n:ident: usize>)? ($($arg:ident: $type:ty),* $(,)?) $(-> $out:ty)? $body:block) => {
         #[inline(always)]
         pub(crate) fn $plain $(<const $n: usize>)? ($($arg: $type),*) $(-> $out)? $body
@@ -46,7 +46,7 @@ macro_rules! vectorised {
     };
 }
 
-use vectorised;
+use vectorized;
 
 /// Where prediction comes from: the rest of a plane from the upper left whole sample on, and half-sample steps.
 #[derive(Clone, Copy)]
@@ -64,7 +64,7 @@ impl<'a> Place<'a> {
     }
 }
 
-vectorised! {
+vectorized! {
     /// N rows of N predicted samples (7.6.4); N is 8 or 16.
     fn predict, predict_plain<const N: usize>(place: &Place<'_>, out: &mut [[u8; N]; N]) {
         let (out, _) = out.as_flattened_mut().as_chunks_mut::<8>();
@@ -72,7 +72,7 @@ vectorised! {
     }
 }
 
-vectorised! {
+vectorized! {
     /// The four luma blocks of a predicted macroblock (7.6.4), upper before lower.
     fn predict_blocks, predict_blocks_plain(place: &Place<'_>, out: &mut [[u8; 64]; 4]) {
         for_predicted::<16>(place, |y, bytes| {
@@ -111,7 +111,7 @@ pub(crate) fn mean(a: &[u8], b: &[u8], out: &mut [u8]) {
     }
 }
 
-vectorised! {
+vectorized! {
     /// The means of 2×2 samples of two rows, rounded.
     fn means_of_four, means_of_four_plain(upper: &[u8], lower: &[u8], out: &mut [u8]) {
         let (upper, lower) = (upper.as_chunks::<2>().0, lower.as_chunks::<2>().0);
@@ -121,7 +121,7 @@ vectorised! {
     }
 }
 
-vectorised! {
+vectorized! {
     /// Sum of squared differences of a block.
     fn squared_difference, squared_difference_plain(a: &[u8; 64], b: &[u8; 64]) -> u32 {
         let mut sum = 0;
@@ -133,7 +133,7 @@ vectorised! {
     }
 }
 
-vectorised! {
+vectorized! {
     /// Sums of squared differences, block by block.
     fn squared_differences, squared_differences_plain(a: &[[u8; 64]; 6], b: &[[u8; 64]; 6]) -> [u32; 6] {
         let mut sums = [0; 6];
@@ -144,7 +144,7 @@ vectorised! {
     }
 }
 
-vectorised! {
+vectorized! {
     /// Sum of squared differences of blocks to their means.
     fn deviation, deviation_plain(blocks: &[[u8; 64]; 6]) -> u32 {
         let mut deviation = 0;

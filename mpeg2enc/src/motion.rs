@@ -86,11 +86,11 @@ impl Estimate<'_> {
         let known = candidates.one_motion;
         if search.best_error > poor / 4 {
             let columns = self.source.width() / 16;
-            let neighbours = [Some(index), index.checked_sub(columns), Some(index + 1), Some(index + columns)];
+            let neighbors = [Some(index), index.checked_sub(columns), Some(index + 1), Some(index + columns)];
             let surface = search.best;
             let over_it = |vector: HalfSample| (vector.x - surface.x).abs().max((vector.y - surface.y).abs());
-            for neighbour in neighbours.into_iter().flatten() {
-                if let Some(&vector) = self.before.get(neighbour).filter(|&&v| !known || over_it(v) <= LIGHT_MOVES) {
+            for neighbor in neighbors.into_iter().flatten() {
+                if let Some(&vector) = self.before.get(neighbor).filter(|&&v| !known || over_it(v) <= LIGHT_MOVES) {
                     search.try_vector(vector);
                 }
             }

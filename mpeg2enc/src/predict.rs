@@ -51,7 +51,7 @@ pub(crate) fn predict(reference: &Picture, column: usize, row: usize, vector: Ha
 
 /// Where a prediction begins: its upper left sample is at `(x2, y2)` in half samples.
 ///
-/// The rectangle, with the neighbours that half positions need, lies inside of the plane.
+/// The rectangle, with the neighbors that half positions need, lies inside of the plane.
 #[inline]
 pub(crate) fn place_of(plane: &Plane<u8>, x2: i32, y2: i32) -> Place<'_> {
     let first = (y2 >> 1) as usize * plane.width() + (x2 >> 1) as usize;

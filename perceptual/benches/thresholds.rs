@@ -14,7 +14,7 @@ fn main() {
 
 const SIZE: usize = 512;
 
-/// Waves of several lengths, a colour cast, and noise from a fixed seed.
+/// Waves of several lengths, a color cast, and noise from a fixed seed.
 fn radiance() -> Plane<[f32; 3]> {
     let mut state = 7u32;
     Plane::from_fn(SIZE, SIZE, |x, y| {

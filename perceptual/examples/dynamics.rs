@@ -6,7 +6,7 @@ mod plot;
 
 use perceptual::{Feedback, MaskingModel, ObservedFrame, ToneMap, WHITE_LUMA};
 use plane::{Correspondence, Plane};
-use plot::{BLUE, GREEN, GREY, Plot, RED};
+use plot::{BLUE, GRAY, GREEN, Plot, RED};
 
 const SIDE: usize = 16;
 const FRAMES: usize = 80;
@@ -41,7 +41,7 @@ fn main() {
     let flash = |n: usize| (if (EVENT..2 * EVENT).contains(&n) { 1.0 } else { 0.5 }, 8.0);
     let mut plot = Plot::new("Mean threshold by frame", "frame", "relative to the first");
     plot.line("light doubled, w = 0.5", BLUE, response(0.5, 1.0, 0.0, flash));
-    plot.line("the same, w = 0.9", GREY, response(0.9, 1.0, 0.0, flash));
+    plot.line("the same, w = 0.9", GRAY, response(0.9, 1.0, 0.0, flash));
     let jumps = |n: usize| (0.5, if n < EVENT || n.is_multiple_of(2) { 16.0 } else { 32.0 });
     plot.line("q = 16 and 32 in turn", GREEN, response(0.5, 1.0, 0.0, jumps));
     plot.line("closed loop, κ = 1/4, q = 48", RED, response(0.5, 0.25, 1.0, |_| (1.0, 48.0)));

@@ -5,14 +5,14 @@
 mod plot;
 
 use perceptual::{MaskingModel, Operator, ToneMap};
-use plot::{BLUE, GREEN, GREY, Plot, RED};
+use plot::{BLUE, GRAY, GREEN, Plot, RED};
 
 /// Relative error in roundings of `f32`, 0.1 at least.
 fn roundings(found: f32, exact: f64) -> f32 {
     ((f64::from(found) / exact - 1.0).abs() / f64::from(f32::EPSILON)).max(0.1) as f32
 }
 
-/// The largest error of a few dozen neighbours of `parameter`, as decimal logarithms of both.
+/// The largest error of a few dozen neighbors of `parameter`, as decimal logarithms of both.
 fn worst(parameter: f32, error: impl Fn(f32) -> f32) -> (f32, f32) {
     let errors = (0..64).map(|k| error(parameter * (1.0 + k as f32 / 64.0)));
     (parameter.log10(), errors.fold(0.0, f32::max).log10())
@@ -52,7 +52,7 @@ fn main() {
         let error = there_and_back(ToneMap::of(operator));
         plot.line(name, color, shares().map(|share| worst(share, &error)).collect());
     }
-    plot.line("equation (1)", GREY, shares().map(|share| worst(share, luminance_masking)).collect());
+    plot.line("equation (1)", GRAY, shares().map(|share| worst(share, luminance_masking)).collect());
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/limits.svg");
     std::fs::write(path, plot.finish()).unwrap_or_else(|error| panic!("{path}: {error}"));
     println!("{path}");

@@ -354,7 +354,7 @@ mod tests {
     #[test]
     fn what_stays_counts_as_often_as_it_is_seen() {
         let model = CodedMasking::new(QuantiserSteps::default());
-        // Even grey: nothing but the DC is ever written.
+        // Even gray: nothing but the DC is ever written.
         let (luma, decoded) = (Plane::filled(16, 16, 84.4f32), Plane::filled(16, 16, 100));
         let picture = coded_as(&decoded, &Plane::filled(2, 2, 1), true, 112);
         let of = |group| model.tolerable_luma(&luma, &picture, NextPicture::Intra { group }).get(0, 0);

@@ -47,7 +47,7 @@ impl EncodeTable {
 /// Segments of [`LumaDecodeTable`]: more than 18 for each code value. A power of two, so that a mask keeps any number within.
 const LUMA_SEGMENTS: usize = 4096;
 
-/// Luminance of a grey pixel as a function of luma in code values above black, in straight segments.
+/// Luminance of a gray pixel as a function of luma in code values above black, in straight segments.
 ///
 /// [`ToneMap::decode`] of `luma / 219`. Exact at the nodes; within 0.1 % from 1 to 218, within 0.6 % in the last code value below white,
 /// where the inverse of Reinhard's global curve is steep.
@@ -71,7 +71,7 @@ impl LumaDecodeTable {
         Self { segments: segments.try_into().expect("as many as there are") }
     }
 
-    /// Luminance of grey of each luma; luma is taken into 0…219, NaN must not occur.
+    /// Luminance of gray of each luma; luma is taken into 0…219, NaN must not occur.
     ///
     /// Eight at a time, so that all but the look-up itself becomes vector code. The segment is the whole number nearest to half a
     /// segment below: of two that meet in a node either will do. The sum with 2²³ has no bits left for a fraction, and the number

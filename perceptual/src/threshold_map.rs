@@ -12,10 +12,10 @@
 //! [`tolerable_error`] is eq. (4), [`blend`] is eq. (5); [`reproject`] fetches ΔY(t) along the motion into frame t+1.
 //!
 //! # Differs from the paper
-//! - **Color.** Luma alone does not tell the luminance of a color: the luma of a saturated color decodes, as a grey, to
-//!   less than its luminance (never to more, for concave curves). With g(y′) the luminance of grey of luma y′, eq. (4) is
+//! - **Color.** Luma alone does not tell the luminance of a color: the luma of a saturated color decodes, as a gray, to
+//!   less than its luminance (never to more, for concave curves). With g(y′) the luminance of gray of luma y′, eq. (4) is
 //!   evaluated as `f · |g(ŷ′) − g(y′)|` with `f = Y / g(y′)`, kept within 1…1/0.0722. For a curve that is a power, where relative
-//!   changes of luma are relative changes of luminance, that is the right relative error; for grey it is eq. (4)
+//!   changes of luma are relative changes of luminance, that is the right relative error; for gray it is eq. (4)
 //!   as it stands. The upper bound is what pure blue at a display gamma of 2 needs: luma 0.0722, g = 0.0722², Y = 0.0722.
 //! - **Black.** e is at least the luminance of half a code value above black, so that a pixel with Y = 0 has a threshold above zero.
 //! - Pixels whose luma or luminance is not finite count as black and are counted.
@@ -26,7 +26,7 @@ use rayon::prelude::*;
 
 /// The error that is tolerable everywhere, as a part of luminance: Weber's law at the visibility threshold, 2 % \[Herzog08, eq. 4\].
 pub const RELATIVE_FLOOR: f32 = 0.02;
-/// Largest luminance of a pixel relative to the grey of its luma: pure blue at a display gamma of 2.
+/// Largest luminance of a pixel relative to the gray of its luma: pure blue at a display gamma of 2.
 const LARGEST_COLOR_FACTOR: f32 = 1.0 / LUMINANCE_WEIGHTS[2];
 
 /// Eq. (4) for a picture.
@@ -160,10 +160,10 @@ fn pixel_errors(
     kappa: f32,
     scale: &LuminanceScale,
 ) -> [f32; 8] {
-    let (grey, distorted) = (scale.decode.get(luma), scale.decode.get(distorted_luma));
+    let (gray, distorted) = (scale.decode.get(luma), scale.decode.get(distorted_luma));
     std::array::from_fn(|i| {
-        let color_factor = (luminance[i] / grey[i].max(f32::MIN_POSITIVE)).clamp(1.0, LARGEST_COLOR_FACTOR);
-        let change = kappa * color_factor * (distorted[i] - grey[i]).abs();
+        let color_factor = (luminance[i] / gray[i].max(f32::MIN_POSITIVE)).clamp(1.0, LARGEST_COLOR_FACTOR);
+        let change = kappa * color_factor * (distorted[i] - gray[i]).abs();
         change.max(RELATIVE_FLOOR * luminance[i]).max(scale.smallest)
     })
 }

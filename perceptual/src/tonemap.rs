@@ -12,7 +12,7 @@
 //!
 //! # Differs from the sources
 //! - Every curve works per channel; \[Reinhard02\] scales luminance.
-//! - The filmic curve has a slightly stronger toe than printed, and a fixed gain so that 18 % grey stays 18 %: it can take the place
+//! - The filmic curve has a slightly stronger toe than printed, and a fixed gain so that 18 % gray stays 18 %: it can take the place
 //!   of sRGB without a change of brightness.
 //! - [`ToneMap::decode`] of display white is finite for Reinhard's global curve too, which never reaches white: it stops at
 //!   a curve value of 255/256. The last half code value of 8-bit luma begins below that, so no picture can tell the difference.
@@ -39,7 +39,7 @@ pub enum Operator {
     /// `x (1 + x / white²) / (1 + x)` \[Reinhard02, eq. 4\], then the display's transfer curve. `white` becomes 1.
     ExtendedReinhard,
     /// A filmic curve with a slight toe and a soft shoulder \[Hable10\], then the display's transfer curve.
-    /// Grey of 0.18 keeps its value; 3.54 becomes 1.
+    /// Gray of 0.18 keeps its value; 3.54 becomes 1.
     #[default]
     Filmic,
 }
@@ -335,12 +335,12 @@ mod filmic {
     const C: f64 = 0.10;
     const D: f64 = 0.20;
     /// Ours; 0.02 in the source, which in front of an sRGB display leaves no toe at all. With 0.024 the curve is up to a tenth steeper
-    /// than proportional between 1 % and 5 % grey: shadows keep depth, and nothing is crushed to black.
+    /// than proportional between 1 % and 5 % gray: shadows keep depth, and nothing is crushed to black.
     const E: f64 = 0.024;
     const F: f64 = 0.30;
     /// Linear white, as printed there.
     const W: f64 = 11.2;
-    /// Ours: solves h(0.18 · GAIN) = 0.18 · h(W), so that 18 % grey is kept. The tests check it.
+    /// Ours: solves h(0.18 · GAIN) = 0.18 · h(W), so that 18 % gray is kept. The tests check it.
     const GAIN: f64 = 3.160_697_751_730_8;
     /// Exposed radiance that becomes 1.
     pub const WHITE: f64 = W / GAIN;

@@ -7,7 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// An error from another library.
-pub type Source = Box<dyn std::error::Error + Send + Sync>;
+pub type Cause = Box<dyn std::error::Error + Send + Sync>;
 
 /// A result whose error is that of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -44,7 +44,7 @@ pub enum Error {
         /// The problem, as text after the name and with its own punctuation.
         problem: String,
         /// The reason, if another library told one.
-        source: Option<Source>,
+        source: Option<Cause>,
     },
     /// Two pictures or sequences cannot be compared.
     #[error("{0}")]
@@ -64,17 +64,17 @@ pub enum Error {
         /// The action that failed.
         context: String,
         /// The reason.
-        source: Source,
+        source: Cause,
     },
     /// An error from another library, or from code of the caller.
     #[error(transparent)]
-    Other(Source),
+    Other(Cause),
 }
 
 impl Error {
     /// Wraps an error of the caller's own code, such as that of a renderer, an encoder or a receiver of the film.
     #[must_use]
-    pub fn other(error: impl Into<Source>) -> Self {
+    pub fn other(error: impl Into<Cause>) -> Self {
         Self::Other(error.into())
     }
 
@@ -102,8 +102,8 @@ impl Error {
     }
 }
 
-impl From<Source> for Error {
-    fn from(error: Source) -> Self {
+impl From<Cause> for Error {
+    fn from(error: Cause) -> Self {
         Self::Other(error)
     }
 }
@@ -120,7 +120,7 @@ pub(crate) trait Context<T> {
     fn context(self, context: impl Into<String>) -> Result<T>;
 }
 
-impl<T, E: Into<Source>> Context<T> for Result<T, E> {
+impl<T, E: Into<Cause>> Context<T> for Result<T, E> {
     fn context(self, context: impl Into<String>) -> Result<T> {
         self.map_err(|error| Error::Context { context: context.into(), source: error.into() })
     }

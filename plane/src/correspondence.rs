@@ -147,12 +147,6 @@ impl Correspondence {
     pub fn match_of(&self, x: usize, y: usize) -> Option<u32> {
         Some(self.matches.get(x, y)).filter(|&index| index != NO_MATCH)
     }
-
-    /// Motion and matches, without a copy: their memory can hold the next correspondence.
-    #[must_use]
-    pub fn into_planes(self) -> (Plane<[f32; 2]>, Plane<u32>) {
-        (self.motion, self.matches)
-    }
 }
 
 /// Raster index of a pixel; one that 32 bits do not hold is no match.

@@ -58,7 +58,7 @@ pub struct DynamicAnchor {
     pub barycentric: (f32, f32),
     /// Whether it reflects on the front.
     pub front: bool,
-    /// Metres off the surface.
+    /// Meters off the surface.
     pub offset: f32,
 }
 
@@ -69,9 +69,9 @@ pub struct Anchors {
     pub fixed: Vec<Anchor>,
     /// On surfaces that move or bend.
     pub dynamic: Vec<DynamicAnchor>,
-    /// Square metres that each fixed anchor stands for.
+    /// Square meters that each fixed anchor stands for.
     pub area_share: f32,
-    /// Square metres that each dynamic anchor stands for.
+    /// Square meters that each dynamic anchor stands for.
     pub dynamic_area_share: f32,
     /// Photons leave their flux here.
     pub(crate) surfels: Surfels,
@@ -209,7 +209,7 @@ impl Patches {
         Some(Self { list, choice: Distribution::new(areas)? })
     }
 
-    /// Square metres.
+    /// Square meters.
     fn area(&self) -> f32 {
         self.choice.total() as f32
     }

@@ -16,7 +16,7 @@ mod sample;
 
 use crate::gbuffer::{GBuffer, MACROBLOCK, PixelSurface};
 use crate::sampling::frame;
-use crate::{Busy, luminance};
+use crate::{Timed, luminance};
 use glam::{Mat2, Vec2, Vec3, Vec3A};
 use plane::{Correspondence, Plane};
 use rayon::prelude::*;
@@ -79,18 +79,31 @@ struct Audit {
     tolerance: f32,
 }
 
+/// Irradiance of a whole picture, and what its audits found.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Completed {
+    /// \[W·m⁻²\], linear RGB.
+    pub irradiance: Plane<[f32; 3]>,
+    /// Audited pixels.
+    pub audits: AuditCounts,
+}
+
+/// Numbers of audited pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AuditCounts {
+    /// Those that carrying would have made wrong by no more than their tolerance.
+    pub within: usize,
+    /// All of them.
+    pub all: usize,
+}
+
 impl Carried {
-    /// The whole picture's irradiance: `lit` has that of missing pixels, which `light` keeps. Also the numbers of audited
-    /// pixels that carrying would have made wrong by no more than their tolerance, and of all audited pixels.
+    /// The whole picture's irradiance: `lit` has that of missing pixels, which `light` keeps.
     ///
     /// # Panics
     /// If the pictures differ in size.
-    pub fn complete(
-        self,
-        lit: &Plane<[f32; 3]>,
-        seen: &GBuffer,
-        light: &mut CarriedLight,
-    ) -> (Plane<[f32; 3]>, [usize; 2]) {
+    pub fn complete(self, lit: &Plane<[f32; 3]>, seen: &GBuffer, light: &mut CarriedLight) -> Completed {
         let Self { mut irradiance, missing, audits } = self;
         let pixels = missing.samples().iter().zip(lit.samples()).zip(irradiance.samples_mut());
         let kept = seen.pixels.samples().iter().zip(light.samples.samples_mut());
@@ -102,7 +115,8 @@ impl Carried {
             let found = luminance(lit.samples()[pixel as usize].into());
             (found - carried).abs() <= tolerance
         };
-        (irradiance, [audits.iter().filter(is_within).count(), audits.len()])
+        let audits = AuditCounts { within: audits.iter().filter(is_within).count(), all: audits.len() };
+        Completed { irradiance, audits }
     }
 }
 
@@ -128,8 +142,7 @@ impl CarriedLight {
         to: Destination,
         reuse: impl Fn(usize, usize) -> Reuse + Sync,
         tolerance: impl Fn(usize, usize, f32) -> f32 + Sync,
-        busy: &Busy,
-    ) -> Carried {
+    ) -> Timed<Carried> {
         let Destination { seen, known, unseen_contrast } = to;
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
         let mut irradiance = Plane::filled(width, height, [0.0; 3]);
@@ -171,14 +184,14 @@ impl CarriedLight {
             }
             audits
         };
-        let audits: Vec<Vec<Audit>> = strips
-            .enumerate()
-            .map(|(row, ((samples, irradiance), missing))| {
+        let audits: Timed<Vec<Vec<Audit>>> = Timed::of(|busy| {
+            let strips = strips.enumerate().map(|(row, ((samples, irradiance), missing))| {
                 busy.measure(|| carry_strip(row, samples, irradiance, missing))
-            })
-            .collect();
+            });
+            strips.collect()
+        });
         self.samples = samples;
-        Carried { irradiance, missing, audits: audits.concat() }
+        audits.map(|audits| Carried { irradiance, missing, audits: audits.concat() })
     }
 
     /// Light at the surface point of `pixel` by the samples around the place `from`, in raster order.

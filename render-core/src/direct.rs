@@ -145,7 +145,7 @@ pub enum Source {
 /// A surface point to be lit.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadingPoint {
-    /// A little off the surface, metres.
+    /// A little off the surface, meters.
     pub position: Vec3A,
     /// Unit normal to shade with.
     pub normal: Vec3A,

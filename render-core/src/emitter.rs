@@ -1,6 +1,7 @@
 //! Emitters of light: surfaces, points, directions, the sky; as power, as photons, and as points to shade with.
 
 use crate::accel::Hit;
+use crate::environment::SkySample;
 use crate::polygon::Polygon;
 use crate::sampling::{
     Distribution, Pick, concentric_disc, cosine_hemisphere, frame, halton, hammersley, radical_inverse, sobol_point,
@@ -18,7 +19,7 @@ pub struct AreaLight {
     pub instance: usize,
     patches: Vec<Patch>,
     choice: Distribution,
-    /// Square metres, one side.
+    /// Square meters, one side.
     pub area: f32,
     double_sided: bool,
     /// Emitted radiance where no texture changes it \[W·m⁻²·sr⁻¹\].
@@ -31,7 +32,7 @@ pub struct AreaLight {
 struct Patch {
     triangle: usize,
     parallelogram: bool,
-    /// Square metres.
+    /// Square meters.
     area: f32,
     /// Mean over the patch \[W·m⁻²·sr⁻¹\].
     emission: Vec3,
@@ -53,7 +54,7 @@ pub(crate) struct LightPoint {
 /// A point of a glowing surface that stands for a share of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaSample {
-    /// A little off the surface, metres.
+    /// A little off the surface, meters.
     pub position: Vec3A,
     /// How far off it is \[m\].
     pub offset: f32,
@@ -79,7 +80,7 @@ pub struct SunLight {
 /// A point or spot light at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {
-    /// Metres.
+    /// Meters.
     pub position: Vec3A,
     /// Unit vector along the axis of a spot.
     pub axis: Vec3A,
@@ -263,7 +264,7 @@ impl PhotonSource<'_> {
             Some(sun) => (sun.direction(way), sun.irradiance * (disc_area * share)),
             None => {
                 let sky = self.scene.sky.as_ref().expect("the last power is the sky's");
-                let (towards, pdf) = sky.sample(way);
+                let SkySample { direction: towards, pdf } = sky.sample(way);
                 (towards.into(), sky.radiance(towards) * (disc_area * share / pdf))
             }
         };
@@ -418,7 +419,7 @@ impl AreaLight {
         self.textured
     }
 
-    /// Largest side of the box around the glowing triangles, metres.
+    /// Largest side of the box around the glowing triangles, meters.
     #[must_use]
     pub fn extent(&self, surfaces: &Surfaces) -> f32 {
         let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -453,7 +454,7 @@ impl AreaLight {
 /// A light of the sky's dome: a point so far away that it lights the whole scene from one side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DomeLight {
-    /// On the dome, metres.
+    /// On the dome, meters.
     pub position: Vec3A,
     /// Intensity \[W·sr⁻¹\] such that its irradiance at the scene's center is that of its share of the sky.
     pub intensity: Vec3,
@@ -471,7 +472,7 @@ pub fn dome_lights(scene: &Scene, units: &Units, count: usize) -> Vec<DomeLight>
         .map(|i| {
             // Steps of the golden ratio: under an even sky this is the golden spiral, the most even spread of directions.
             let across = (i as f64 * 0.618_033_988_749_894_9).fract() as f32;
-            let (direction, pdf) = sky.sample(Vec2::new(across, (i as f32 + 0.5) / count as f32));
+            let SkySample { direction, pdf } = sky.sample(Vec2::new(across, (i as f32 + 0.5) / count as f32));
             let intensity = sky.radiance(direction) * (distance * distance / (pdf * count as f32));
             DomeLight { position: units.center + Vec3A::from(direction) * distance, intensity }
         })

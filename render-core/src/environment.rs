@@ -43,6 +43,15 @@ struct EquirectangularMap {
 /// Rows that a gradient is cut into for drawing directions.
 const GRADIENT_ROWS: usize = 128;
 
+/// A direction drawn from a sky.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SkySample {
+    /// Towards the sky, of length 1.
+    pub direction: Vec3,
+    /// Density of drawing it \[sr⁻¹\].
+    pub pdf: f32,
+}
+
 impl Environment {
     /// Light of a gradient; `None` if that is black.
     #[must_use]
@@ -97,9 +106,9 @@ impl Environment {
         self.fluence
     }
 
-    /// A unit vector towards the sky, drawn about in proportion to luminance, and its density \[sr⁻¹\]; `u` in the unit square.
+    /// A direction drawn about in proportion to luminance; `u` in the unit square.
     #[must_use]
-    pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
+    pub fn sample(&self, u: Vec2) -> SkySample {
         let row = self.rows.pick(f64::from(u.y));
         let columns = self.columns[row.index].as_ref().expect("only rows with light are picked");
         let column = columns.pick(f64::from(u.x));
@@ -108,7 +117,8 @@ impl Environment {
         let angle = TAU * (column.index as f32 + column.rest as f32) / self.size[0] as f32;
         let sin = (1.0 - y * y).max(0.0).sqrt();
         let direction = self.to_world(Vec3::new(-sin * angle.sin(), y, sin * angle.cos()));
-        (direction, (row.probability * column.probability) as f32 / cell_solid_angle(self.size, row.index))
+        let pdf = (row.probability * column.probability) as f32 / cell_solid_angle(self.size, row.index);
+        SkySample { direction, pdf }
     }
 
     /// Density of [`Environment::sample`] \[sr⁻¹\].
@@ -213,7 +223,7 @@ mod tests {
             let integral = mean.sum::<f64>() / count as f64 * 4.0 * std::f64::consts::PI;
             assert!((integral - 1.0).abs() < 0.01, "{integral}");
             for i in 0..5000 {
-                let (direction, pdf) = environment.sample(hammersley(i, 5000));
+                let SkySample { direction, pdf } = environment.sample(hammersley(i, 5000));
                 assert!((direction.length() - 1.0).abs() < 1e-5 && pdf > 0.0);
                 // On the border between two cells, rounding may choose the other.
                 let again = environment.pdf(direction);
@@ -237,7 +247,7 @@ mod tests {
                 let few = 4096;
                 let drawn: Vec3 = (0..few)
                     .map(|i| environment.sample(hammersley(i, few)))
-                    .map(|(d, pdf)| environment.radiance(d) * (normal.dot(d).max(0.0) / pdf))
+                    .map(|SkySample { direction: d, pdf }| environment.radiance(d) * (normal.dot(d).max(0.0) / pdf))
                     .sum::<Vec3>()
                     / few as f32;
                 let scale = luminance(environment.fluence());

@@ -23,7 +23,7 @@ pub const NOTHING: u32 = u32::MAX;
 /// The first surface that a pixel sees. Vectors are stored as plain triples: no padding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelSurface {
-    /// World space, metres; where nothing is seen, the unit direction of the ray.
+    /// World space, meters; where nothing is seen, the unit direction of the ray.
     pub position: [f32; 3],
     /// Unit normal of the triangle, towards the viewer.
     pub geometric_normal: [f32; 3],
@@ -37,7 +37,7 @@ pub struct PixelSurface {
     pub roughness: f32,
     /// Radiance that leaves without being lit \[W·m⁻²·sr⁻¹\].
     pub emission: [f32; 3],
-    /// Metres along the camera's axis; infinite where nothing is seen.
+    /// Meters along the camera's axis; infinite where nothing is seen.
     pub depth: f32,
     /// Index into the scene's instances, or [`NOTHING`].
     pub instance: u32,
@@ -226,10 +226,10 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay]) -> [Option<Hit>; PACKET] {
     hits
 }
 
-/// Surface that a ray shows; textures are filtered over its cone, `width(depth)` metres wide.
+/// Surface that a ray shows; textures are filtered over its cone, `width(depth)` meters wide.
 fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) -> f32, view: &View) -> PixelSurface {
     let CameraRay { origin, direction } = ray;
-    let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |(_, depth)| depth);
+    let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |seen| seen.depth);
     let width = |hit: &Hit| width(depth(hit));
     let shown = hit.and_then(|hit| ray.shown(scene, hit, width));
     let Some((hit, surface)) = shown.map(|(hit, point)| (hit, point.surface())) else {
@@ -302,7 +302,7 @@ fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GB
             let normal = then.transform_vector3a(pixel.geometric_normal.into()).normalize_or_zero();
             (then.transform_point3a(pixel.position.into()), normal)
         });
-        (other.view.project(point)?.0, point, normal)
+        (other.view.project(point)?.pixel, point, normal)
     };
     let corner = place - 0.5;
     let (left, top) = (corner.x.floor(), corner.y.floor());

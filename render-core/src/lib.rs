@@ -29,13 +29,13 @@ pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
 pub use anchor::{Anchor, Anchors, DynamicAnchor};
 pub use bsdf::{Bsdf, BsdfSample};
 pub use busy::{Busy, Timed};
-pub use carried::{Carried, CarriedLight, Destination, Reuse};
+pub use carried::{AuditCounts, Carried, CarriedLight, Completed, Destination, Reuse};
 pub use direct::{DirectLights, DynamicLights, Lamps, ShadingPoint, Source, Traced};
 pub use emitter::{
     AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, EmittedPhoton, Emitters, PhotonSource, PointLight, SunLight,
     dome_lights,
 };
-pub use environment::Environment;
+pub use environment::{Environment, SkySample};
 pub use gather::{FinalGather, GatherDirections, Gathered};
 pub use gbuffer::{Coverage, GBuffer, MACROBLOCK, NOTHING, PixelSample, PixelSurface};
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling};
@@ -58,7 +58,7 @@ pub fn luminance(rgb: Vec3) -> f32 {
 pub struct Units {
     /// Middle of the scene's box.
     pub center: Vec3A,
-    /// Radius of a ball around it, metres; never 0.
+    /// Radius of a ball around it, meters; never 0.
     pub radius: f32,
     /// Rays start this far off their surface: some hundred times the rounding of a coordinate.
     pub epsilon: f32,

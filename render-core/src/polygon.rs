@@ -5,7 +5,7 @@ use glam::{Vec3, Vec3A};
 /// A flat, convex piece of a glowing surface with three or four corners.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Polygon {
-    /// Metres, in order around the border; a triangle's last corner stands twice.
+    /// Meters, in order around the border; a triangle's last corner stands twice.
     pub(crate) corners: [Vec3A; 4],
     /// Unit normal of the side that glows.
     pub(crate) normal: Vec3A,
@@ -19,7 +19,7 @@ pub(crate) struct Polygon {
 const MOST_CORNERS: usize = 6;
 
 impl Polygon {
-    /// Square metres.
+    /// Square meters.
     pub(crate) fn area(&self) -> f32 {
         let [a, b, c, d] = self.corners;
         // Half of the cross product of the diagonals.

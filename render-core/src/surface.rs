@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// A point on a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
-    /// World space, metres.
+    /// World space, meters.
     pub position: Vec3A,
     /// Unit normal of the triangle, on the side of the ray's origin.
     pub geometric_normal: Vec3A,
@@ -66,7 +66,7 @@ impl<'a> Surfaces<'a> {
         Self { scene, world, normals, deformed: pose.all_deformed().to_vec() }
     }
 
-    /// Evaluates `hit` for a ray in the unit `direction` whose cone is `width` metres across at the hit.
+    /// Evaluates `hit` for a ray in the unit `direction` whose cone is `width` meters across at the hit.
     ///
     /// Textures are filtered over the ellipse that the cone meets, however slanted the surface is.
     #[must_use]

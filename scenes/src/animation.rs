@@ -114,7 +114,7 @@ pub fn rotation(duration: f32, rate: f32, f: impl Fn(f32) -> Quat) -> Keys {
     for k in 0..=n {
         let time = duration * k as f32 / n as f32;
         let mut q = f(time).normalize();
-        // Neighbouring keys on one side of the sphere, or slerp takes the long way round.
+        // Neighboring keys on one side of the sphere, or slerp takes the long way round.
         if q.dot(previous) < 0.0 {
             q = -q;
         }

@@ -28,7 +28,7 @@ pub fn brocade(size: usize, dye: Vec3, thread: Vec3, seed: u32) -> Texture {
     })
 }
 
-/// A curtain hanging from `a` to `b`, `drop` metres long, in folds. `gather` is how much narrower it
+/// A curtain hanging from `a` to `b`, `drop` meters long, in folds. `gather` is how much narrower it
 /// becomes towards the tie at three quarters of its drop; 0 hangs straight.
 #[derive(Clone, Copy, Debug)]
 pub struct Curtain {

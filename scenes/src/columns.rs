@@ -137,7 +137,7 @@ pub fn cornice(out: f32, height: f32) -> Vec<Vec2> {
     ])
 }
 
-/// The profile of a flat band with a small moulding above and below.
+/// The profile of a flat band with a small molding above and below.
 #[must_use]
 pub fn band(out: f32, height: f32) -> Vec<Vec2> {
     let (o, h) = (out, height);

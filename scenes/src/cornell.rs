@@ -1,7 +1,7 @@
 //! The Cornell box: the measured room, papered and floored, with its two blocks in motion; and as it was published.
 //!
 //! The measurements and reflectances are those that Cornell's Program of Computer Graphics
-//! published for its box. Here they are in metres and turned about the vertical, so that the
+//! published for its box. Here they are in meters and turned about the vertical, so that the
 //! camera looks along -z as glTF's does; the red wall stays on the left.
 
 use std::f32::consts::TAU;
@@ -23,14 +23,14 @@ const GREEN: Vec3 = vec3(0.14, 0.45, 0.091);
 /// The published emission, scaled so that white surfaces come out near a radiance of 0.4.
 const EMISSION: Vec3 = vec3(17.0 * 3.0, 12.0 * 3.0, 4.0 * 3.0);
 
-/// Corners of the room, in millimetres, from the viewer's left in front around to the left at the back.
+/// Corners of the room, in millimeters, from the viewer's left in front around to the left at the back.
 const FLOOR: [[f32; 3]; 4] = [[552.8, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 559.2], [549.6, 0.0, 559.2]];
 const CEILING: [[f32; 3]; 4] = [[556.0, 548.8, 0.0], [0.0, 548.8, 0.0], [0.0, 548.8, 559.2], [556.0, 548.8, 559.2]];
 /// Corners of the blocks' tops, x and z.
 const SHORT_BLOCK: [[f32; 2]; 4] = [[130.0, 65.0], [82.0, 225.0], [240.0, 272.0], [290.0, 114.0]];
 const TALL_BLOCK: [[f32; 2]; 4] = [[423.0, 247.0], [265.0, 296.0], [314.0, 456.0], [472.0, 406.0]];
 
-/// A published point, in millimetres, in the scene's axes.
+/// A published point, in millimeters, in the scene's axes.
 fn point([x, y, z]: [f32; 3]) -> Vec3 {
     at(x, y, z)
 }
@@ -69,7 +69,7 @@ fn wall(mesh: &mut Mesh, [a, b, c, d]: [Vec3; 4], towards: Vec3) {
 
 /// The box as it was published, all surfaces plain and nothing moving: for comparison with other renderers.
 ///
-/// Its lamp lies half a millimetre under the ceiling, which the data put into the same plane.
+/// Its lamp lies half a millimeter under the ceiling, which the data put into the same plane.
 pub fn published() -> Scene {
     let mut scene = Scene::new("cornell-box");
     let white = scene.plain("white", WHITE);

@@ -1,4 +1,4 @@
-//! Leaded glass: panes of colour between dark lines.
+//! Leaded glass: panes of color between dark lines.
 
 use std::f32::consts::TAU;
 
@@ -14,7 +14,7 @@ fn piece(u: f32, v: f32, seed: u32) -> f32 {
 
 const LEAD: Vec3 = vec3(0.006, 0.006, 0.007);
 
-/// Pale lozenge glazing in two lights with a coloured border, for windows `aspect` times as high as
+/// Pale lozenge glazing in two lights with a colored border, for windows `aspect` times as high as
 /// wide. The picture covers the whole opening.
 #[must_use]
 pub fn grisaille(size: usize, aspect: f32, warm: Vec3, border: Vec3, seed: u32) -> Texture {

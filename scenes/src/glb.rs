@@ -32,7 +32,7 @@ pub struct Material {
     pub color: Vec3,
     /// Reflectance picture.
     pub texture: Option<TextureId>,
-    /// Metres that one repeat of the pictures covers.
+    /// Meters that one repeat of the pictures covers.
     pub tile: Vec2,
     /// Radiance in W/(m² sr).
     pub emission: Vec3,
@@ -43,13 +43,13 @@ pub struct Material {
 }
 
 impl Material {
-    /// A plain colour.
+    /// A plain color.
     #[must_use]
     pub fn plain(name: &'static str, color: Vec3) -> Self {
         Self { name, color, texture: None, tile: Vec2::ONE, emission: Vec3::ZERO, emission_texture: None, sheet: false }
     }
 
-    /// A picture that repeats every `tile` metres.
+    /// A picture that repeats every `tile` meters.
     #[must_use]
     pub fn textured(name: &'static str, texture: TextureId, tile: f32) -> Self {
         Self { texture: Some(texture), tile: Vec2::splat(tile), ..Self::plain(name, Vec3::ONE) }
@@ -91,7 +91,7 @@ impl Model {
 pub struct Light {
     /// `directional` or `point`.
     pub kind: &'static str,
-    /// Colour.
+    /// Color.
     pub color: Vec3,
     /// W/m² at normal incidence for a directional light, W/sr for a point.
     pub intensity: f32,
@@ -150,13 +150,13 @@ impl Scene {
         MaterialId(self.materials.len() - 1)
     }
 
-    /// Adds a picture and the material that repeats it every `tile` metres.
+    /// Adds a picture and the material that repeats it every `tile` meters.
     pub fn textured(&mut self, name: &'static str, tile: f32, texture: &Texture) -> MaterialId {
         let texture = self.texture(name, texture);
         self.material(Material::textured(name, texture, tile))
     }
 
-    /// Adds a material of one colour.
+    /// Adds a material of one color.
     pub fn plain(&mut self, name: &'static str, color: Vec3) -> MaterialId {
         self.material(Material::plain(name, color))
     }
@@ -188,7 +188,7 @@ impl Scene {
         NodeId(self.nodes.len() - 1)
     }
 
-    /// Adds a mesh and the one node that shows it where it was modelled.
+    /// Adds a mesh and the one node that shows it where it was modeled.
     pub fn show(&mut self, name: &str, model: Model) -> NodeId {
         let mesh = self.mesh(name, model);
         self.node(name, Some(mesh), Vec3::ZERO, Quat::IDENTITY)

@@ -1,18 +1,18 @@
 //! Triangle meshes and the few primitives everything is built from.
 //!
-//! Texture coordinates are kept in metres here; the writer divides them by the size of the
+//! Texture coordinates are kept in meters here; the writer divides them by the size of the
 //! material's texture, so that one shape can carry any material at the right scale.
 
 use glam::{Mat3, Mat4, Vec2, Vec3, vec2};
 
-/// A corner of a triangle: position, unit normal, texture coordinate in metres.
+/// A corner of a triangle: position, unit normal, texture coordinate in meters.
 #[derive(Clone, Copy, Debug)]
 pub struct Vertex {
-    /// Position in metres.
+    /// Position in meters.
     pub position: Vec3,
     /// Unit normal towards the visible side.
     pub normal: Vec3,
-    /// Texture coordinate in metres.
+    /// Texture coordinate in meters.
     pub uv: Vec2,
 }
 
@@ -25,8 +25,8 @@ pub struct Mesh {
     pub indices: Vec<u32>,
 }
 
-/// Texture coordinates of a flat face: metres along the horizontal and down the slope, so that
-/// courses of stone stay level and neighbouring faces of one plane continue each other.
+/// Texture coordinates of a flat face: meters along the horizontal and down the slope, so that
+/// courses of stone stay level and neighboring faces of one plane continue each other.
 #[must_use]
 pub fn planar_uv(position: Vec3, normal: Vec3) -> Vec2 {
     if normal.y.abs() > 0.75 {
@@ -157,7 +157,7 @@ impl Mesh {
         }
     }
 
-    /// A smooth surface over the unit square, `size` metres of texture each way. The visible side
+    /// A smooth surface over the unit square, `size` meters of texture each way. The visible side
     /// is that of the cross product of the derivatives along u and v.
     pub fn surface(&mut self, nu: usize, nv: usize, size: Vec2, f: impl Fn(f32, f32) -> Vec3) {
         const H: f32 = 2e-3;

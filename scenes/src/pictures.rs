@@ -36,7 +36,7 @@ pub fn landscape(size: usize, seed: u32) -> Texture {
     })
 }
 
-/// Overlapping discs and bands of flat colour.
+/// Overlapping discs and bands of flat color.
 #[must_use]
 pub fn abstract_picture(size: usize, seed: u32) -> Texture {
     let inks = [

@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3, vec2, vec3};
 
 use crate::mesh::{Mesh, Vertex};
 
-/// Neighbouring stretches of a profile that bend less than this (cosine) are shaded as one curve.
+/// Neighboring stretches of a profile that bend less than this (cosine) are shaded as one curve.
 const SMOOTH: f32 = 0.75;
 
 /// The normals at both ends of every stretch of a profile.
@@ -55,7 +55,7 @@ pub fn chain(pieces: &[&[Vec2]]) -> Vec<Vec2> {
 }
 
 /// A body turned about the vertical through `center`; the profile is (radius, height), upwards.
-/// The texture goes round in `around` metres, best a whole number of repeats.
+/// The texture goes round in `around` meters, best a whole number of repeats.
 pub fn lathe(mesh: &mut Mesh, center: Vec3, profile: &[Vec2], segments: usize, around: f32) {
     let normals = profile_normals(profile);
     let mut length = 0.0;
@@ -122,9 +122,9 @@ pub fn close_ends(mesh: &mut Mesh, frames: &[Frame], profile: &[Vec2]) {
     }
 }
 
-/// Draws a moulding along level straight stretches with mitred corners. The profile's x axis points
+/// Draws a molding along level straight stretches with mitred corners. The profile's x axis points
 /// to the right of the way from corner to corner, its y axis up.
-pub fn moulding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]) {
+pub fn molding(mesh: &mut Mesh, corners: &[Vec3], closed: bool, profile: &[Vec2]) {
     let n = corners.len();
     let right = |i: usize| (corners[(i + 1) % n] - corners[i % n]).normalize().cross(Vec3::Y);
     let normals = profile_normals(profile);

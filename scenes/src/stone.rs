@@ -47,7 +47,7 @@ pub fn ashlar(size: usize, mean: Vec3, courses: usize, contrast: f32, seed: u32)
     .with_mean(mean)
 }
 
-/// Stone without joints, for columns and mouldings.
+/// Stone without joints, for columns and moldings.
 #[must_use]
 pub fn plain_stone(size: usize, mean: Vec3, seed: u32) -> Texture {
     Texture::new(size, |u, v| Vec3::splat(stone_face(u, v, seed))).with_mean(mean)

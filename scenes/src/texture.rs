@@ -74,7 +74,7 @@ pub fn srgb(x: f32) -> f32 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// A linear colour from the encoded one that picture editors show.
+/// A linear color from the encoded one that picture editors show.
 #[must_use]
 pub fn from_srgb(r: u8, g: u8, b: u8) -> Vec3 {
     Vec3::new(r as f32, g as f32, b as f32).map(|c| {

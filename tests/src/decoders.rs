@@ -43,7 +43,7 @@ pub fn decode_mpeg2dec(video: &Path, (width, height): (usize, usize)) -> Vec<Pic
     let mut rest = &output.stdout[..];
     let mut frames = Vec::new();
     while !rest.is_empty() {
-        // A grey map of luma above both chroma planes side by side.
+        // A gray map of luma above both chroma planes side by side.
         let ([map_width, map_height], start) = pgm_header(rest);
         let samples = &rest[start..start + map_width * map_height];
         rest = &rest[start + map_width * map_height..];
@@ -66,7 +66,7 @@ fn pgm_header(bytes: &[u8]) -> ([usize; 2], usize) {
         words.push(std::str::from_utf8(&bytes[position..position + length]).expect("a header in ASCII"));
         position += length + 1;
     }
-    assert_eq!((words[0], words[3]), ("P5", "255"), "a binary grey map");
+    assert_eq!((words[0], words[3]), ("P5", "255"), "a binary gray map");
     ([words[1], words[2]].map(|word| word.parse().expect("a number")), position)
 }
 

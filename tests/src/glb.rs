@@ -155,7 +155,7 @@ impl Glb {
 pub enum Moving {
     /// Nothing at all.
     Nothing,
-    /// The camera, to the right, two metres a second.
+    /// The camera, to the right, two meters a second.
     Camera,
     /// A box, the same.
     Box,

@@ -95,7 +95,7 @@ pub fn cornell() -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/cornell/cornell.glb"))
 }
 
-/// A folder of scenes from elsewhere beside the workspace, where there is one; their licences keep them out of it.
+/// A folder of scenes from elsewhere beside the workspace, where there is one; their licenses keep them out of it.
 pub fn shared_scenes() -> Option<PathBuf> {
     let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes"));
     let present = folder.is_dir();

@@ -7,7 +7,7 @@ use std::fmt::Write;
 pub const BLUE: &str = "#2060c0";
 pub const RED: &str = "#c03028";
 pub const GREEN: &str = "#208040";
-pub const GREY: &str = "#909090";
+pub const GRAY: &str = "#909090";
 
 /// A drawing, y down, in pixels.
 pub struct Svg {

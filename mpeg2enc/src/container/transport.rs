@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     fn the_check_of_a_checked_section_is_zero() {
-        // The check value of CRC-32/MPEG-2 in the catalogue of parametrised CRC algorithms.
+        // The check value of CRC-32/MPEG-2 in the catalog of parametrized CRC algorithms.
         assert_eq!(crc_32(b"123456789"), 0x0376_e6e7);
     }
 

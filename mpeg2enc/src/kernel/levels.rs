@@ -1,6 +1,6 @@
 //! From coefficients to levels and back, all of a block at once.
 
-use super::vectorised;
+use super::vectorized;
 use crate::dct::COEFFICIENT_BITS;
 use lanes::{Choice, Kernel, Lanes};
 
@@ -53,7 +53,7 @@ impl Kernel for Divide<'_> {
 /// The largest level of MPEG-2.
 const LEVEL_MAX: u32 = 2047;
 
-vectorised! {
+vectorized! {
     /// Coefficients that a decoder of MPEG-2 makes of the levels of a non-intra block (7.4.2.3, 7.4.3), without mismatch control.
     /// Their signs are those of the coefficients that were quantised:
     ///

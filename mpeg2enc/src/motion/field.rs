@@ -61,7 +61,7 @@ fn candidates(known: &Correspondence, column: usize, row: usize) -> Candidates {
         let spread = spread(&known.motion().samples()[first..], &known.matches().samples()[first..], width);
         let mean = mean_of(spread.sum, 16 * SAMPLED_ROWS as i32);
         let near = |half: [i32; 2]| (half[0] - mean.x).abs() <= 1 && (half[1] - mean.y).abs() <= 1;
-        // The most frequent ones are looked at as neighbours of the mean then.
+        // The most frequent ones are looked at as neighbors of the mean then.
         if spread.all_known && near(spread.least.map(half_of)) && near(spread.most.map(half_of)) {
             let mut out = Candidates { one_motion: true, ..Candidates::NONE };
             out.add(mean);
@@ -154,7 +154,7 @@ pub(crate) struct Spread {
     all_known: bool,
 }
 
-vectorised! {
+vectorized! {
     /// The spread of 16 rows of 16 vectors with their matches, which begin `stride` apart.
     fn spread, spread_plain(motion_px: &[[f32; 2]], matches: &[u32], stride: usize) -> Spread {
         // A row is 32 components: the compiler vectorizes loops of that length, and no nested shorter ones.
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn one_motion_is_recognised() {
+    fn one_motion_is_recognized() {
         for (slope, one_motion) in [(0.02, true), (0.05, true), (0.2, false), (-0.2, false), (f32::NAN, false)] {
             let plane = Plane::from_fn(16, 16, |x, _| [2.0 + slope * x as f32, -0.75]);
             // A motion that is not a number counts as unknown whatever its match.

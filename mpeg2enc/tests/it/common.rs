@@ -279,7 +279,7 @@ pub fn decode_mpeg2dec(stream: &[u8], width: usize, height: usize) -> Vec<Pictur
     let mut rest = &bytes[..];
     let mut frames = Vec::new();
     while !rest.is_empty() {
-        // A grey map of luma above both chroma planes side by side, in whole macroblocks.
+        // A gray map of luma above both chroma planes side by side, in whole macroblocks.
         let (header, start) = pgm_header(rest);
         let [map_width, map_height] = header;
         let samples = &rest[start..start + map_width * map_height];
@@ -307,7 +307,7 @@ fn pgm_header(bytes: &[u8]) -> ([usize; 2], usize) {
         words.push(std::str::from_utf8(&bytes[position..end]).expect("a header of ASCII words"));
         position = end + 1;
     }
-    assert_eq!((words[0], words[3]), ("P5", "255"), "a binary grey map");
+    assert_eq!((words[0], words[3]), ("P5", "255"), "a binary gray map");
     ([words[1], words[2]].map(|word| word.parse().expect("a number")), position)
 }
 

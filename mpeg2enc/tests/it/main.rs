@@ -1,6 +1,6 @@
 //! Tests of the encoder as its users see it, in one program: a module for each subject.
 
-mod behaviour;
+mod behavior;
 mod common;
 mod container;
 mod decode;

@@ -38,14 +38,14 @@ proptest! {
         let luminance = luminance_plane(&radiance);
         let e = tolerable_error(&picture.luma, &luminance, f32::from(quantiser_scale), &tone_map, &model);
         let distorted = model.worst_case_luma(&picture.luma, f32::from(quantiser_scale));
-        let grey = |luma: f32| f64::from(tone_map.decode(luma / 219.0));
+        let gray = |luma: f32| f64::from(tone_map.decode(luma / 219.0));
         for i in 0..e.samples().len() {
             let luminance = f64::from(luminance.samples()[i]);
-            let (before, after) = (grey(picture.luma.samples()[i]), grey(distorted.samples()[i]));
+            let (before, after) = (gray(picture.luma.samples()[i]), gray(distorted.samples()[i]));
             let f = (luminance / before).clamp(1.0, 1.0 / 0.0722);
             let exact = (0.02 * luminance).max(f * (after - before).abs());
             // The way back to luminance goes through a table that is good to 0.1 % of a luminance, 0.6 % in the last code value.
-            let table = |luma: f32, grey: f64| if luma > 218.0 { 6e-3 * grey } else { 1e-3 * grey };
+            let table = |luma: f32, gray: f64| if luma > 218.0 { 6e-3 * gray } else { 1e-3 * gray };
             let slack = 1e-6 + f * (table(picture.luma.samples()[i], before) + table(distorted.samples()[i], after));
             prop_assert!((f64::from(e.samples()[i]) - exact).abs() < slack, "{} {exact}", e.samples()[i]);
             prop_assert!(f64::from(e.samples()[i]) >= 0.02 * luminance * (1.0 - 1e-6));
@@ -155,8 +155,8 @@ fn twelve_decades_in_a_frame() {
     }
 }
 
-/// A pure colour of luminance Y at a display gamma of 2 has luma weight · √(Y / weight); the same relative change of
-/// luma must give the same relative change of luminance as for grey.
+/// A pure color of luminance Y at a display gamma of 2 has luma weight · √(Y / weight); the same relative change of
+/// luma must give the same relative change of luminance as for gray.
 #[test]
 fn pure_colors_get_their_relative_error() {
     let (tone_map, model) = (ToneMap::gamma(2.0), MaskingModel::default());

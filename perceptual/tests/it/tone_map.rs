@@ -118,7 +118,7 @@ fn known_values() {
 }
 
 #[test]
-fn filmic_keeps_grey_and_has_toe_and_shoulder() {
+fn filmic_keeps_gray_and_has_toe_and_shoulder() {
     let filmic = ToneMap { gamma: 1.0, display: Display::Gamma, ..ToneMap::of(Operator::Filmic) };
     assert!((filmic.encode(0.18) - 0.18).abs() < 1e-6);
     // Slope relative to proportional: above 1 in the toe, well below in the shoulder.

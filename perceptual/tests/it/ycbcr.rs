@@ -1,4 +1,4 @@
-//! Conversion to what the encoder takes: colours of Rec. 709, where chroma lies, odd sizes, broken pixels.
+//! Conversion to what the encoder takes: colors of Rec. 709, where chroma lies, odd sizes, broken pixels.
 
 use perceptual::{Operator, ToneMap, YCbCr, luminance, luminance_plane, to_rgb8};
 use plane::Plane;
@@ -7,7 +7,7 @@ fn flat(rgb: [f32; 3]) -> YCbCr {
     YCbCr::from_radiance(&Plane::filled(6, 4, rgb), &ToneMap::srgb())
 }
 
-/// Eight-bit limited-range code values of Rec. 709 for the colours of full saturation.
+/// Eight-bit limited-range code values of Rec. 709 for the colors of full saturation.
 #[test]
 fn known_colors() {
     for (name, rgb, codes) in [
@@ -33,8 +33,8 @@ fn known_colors() {
 
 #[test]
 fn luma_before_rounding_starts_at_black() {
-    let grey = flat([0.214_041_14; 3]);
-    assert!((grey.luma.get(0, 0) - 109.5).abs() < 0.01, "{}", grey.luma.get(0, 0));
+    let gray = flat([0.214_041_14; 3]);
+    assert!((gray.luma.get(0, 0) - 109.5).abs() < 0.01, "{}", gray.luma.get(0, 0));
     let ramp = Plane::from_fn(64, 8, |x, y| [x as f32 / 63.0, y as f32 / 7.0, 0.3]);
     let picture = YCbCr::from_radiance(&ramp, &ToneMap::srgb());
     for (&code, &luma) in picture.picture.luma().samples().iter().zip(picture.luma.samples()) {

@@ -9,7 +9,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// A line that shows how far the run is; nothing when standard error is not a terminal.
-pub struct Progress {
+pub(crate) struct Progress {
     bar: ProgressBar,
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 /// The scene, and the file with further options.
 #[derive(Args)]
-pub struct Source {
+pub(crate) struct Source {
     /// A glTF 2.0 scene, .glb or .gltf; a TOML file of the same name beside it says what glTF cannot
     #[arg(required_unless_present = "config")]
     scene: Option<PathBuf>,

@@ -10,8 +10,8 @@ use plane::{Picture, Plane};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Luminance that the middle of a picture is brought to when no exposure is set: photography's grey card.
-const MIDDLE_GREY: f64 = 0.18;
+/// Luminance that the middle of a picture is brought to when no exposure is set: photography's gray card.
+const MIDDLE_GRAY: f64 = 0.18;
 
 /// The tone curve of a film, and the files of its uncompressed frames.
 #[derive(Debug)]
@@ -110,14 +110,14 @@ fn write_linear(path: &Path, _: &Plane<[f32; 3]>, _: Layers) -> Result<()> {
     Err(Error::content(path, ": this build writes no OpenEXR; build it with the feature exr"))
 }
 
-/// Brings the geometric mean of the lit pixels' luminance to middle grey.
+/// Brings the geometric mean of the lit pixels' luminance to middle gray.
 pub(crate) fn exposure_for(luminance: &Plane<f32>) -> f32 {
     let logs: Vec<f64> = luminance.samples().iter().filter(|&&y| y > 0.0).map(|&y| f64::from(y).ln()).collect();
     if logs.is_empty() {
         return 1.0;
     }
     let mean = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
-    ((MIDDLE_GREY / mean) as f32).clamp(1e-20, 1e20)
+    ((MIDDLE_GRAY / mean) as f32).clamp(1e-20, 1e20)
 }
 
 /// Uncompressed frames in a YUV4MPEG2 file, chroma sited as MPEG-2 has it.
@@ -176,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn exposure_brings_the_middle_to_grey() {
+    fn exposure_brings_the_middle_to_gray() {
         let picture = Plane::from_fn(4, 1, |x, _| [0.0, 10.0, 1000.0, 100.0][x]);
         assert!((exposure_for(&picture) - 0.0018).abs() < 1e-6);
         assert_eq!(exposure_for(&Plane::filled(2, 2, 0.0)), 1.0);

@@ -13,7 +13,7 @@ use render_core::{Emitters, Geometry, PathOptions, PathTracer, PosedScene, Surfa
 /// How a reference is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
-pub enum Method {
+pub enum ReferenceMethod {
     /// Every virtual light at every pixel, and four times as many gather rays as films take: what a cut approximates.
     AllLights,
     /// Path tracing without virtual lights: what all lights approximate.

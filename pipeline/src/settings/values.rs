@@ -113,7 +113,7 @@ pub enum Aov {
     Albedo,
     /// normal.X, .Y, .Z: the unit normal that is shaded with, in the world.
     Normal,
-    /// depth.Z: metres along the camera's axis.
+    /// depth.Z: meters along the camera's axis.
     Depth,
     /// motion.X, .Y: pixels from here to the same point in the frame before; motion.A: 1 where it was visible there.
     Motion,

@@ -33,7 +33,7 @@ use triangles::Owner;
 /// Where a ray meets a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Metres along the ray.
+    /// Meters along the ray.
     pub distance: f32,
     /// Index into [`crate::scene::Scene::instances`].
     pub instance: u32,

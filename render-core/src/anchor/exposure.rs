@@ -1,6 +1,6 @@
 //! Exposure: places of a surface that light can leave, and how far it gets from there.
 //!
-//! Much of the area of a modeled scene is out of reach: the floor under a column, a wall behind its moulding, the outside
+//! Much of the area of a modeled scene is out of reach: the floor under a column, a wall behind its molding, the outside
 //! of a shell. An anchor there would take its share of the energy that photons leave around it, and lose that.
 
 use super::{Anchor, Anchors};

@@ -1,7 +1,7 @@
 //! Surfels: where photons leave their energy.
 //!
 //! Anchors are few, since each is a light. Light itself varies on a finer scale: at the edge of a sunlit patch, in the fold
-//! of a moulding, in the gap above a lamp. So photons are shared out among surfels, which lie closer together, and
+//! of a molding, in the gap above a lamp. So photons are shared out among surfels, which lie closer together, and
 //!
 //! ```text
 //! Φ_a = Σ Φ_j · o_j / o_a                    over the surfels j that belong to anchor a

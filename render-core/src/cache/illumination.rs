@@ -1,6 +1,6 @@
 //! The light at a place on a surface, and the interface to its source.
 
-use crate::scene::View;
+use crate::scene::{Projected, View};
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
 /// A place on a surface.
@@ -32,7 +32,7 @@ impl Site {
 
     /// Width of a pixel on the surface \[m\]: that of a square pixel of the same area where it is seen askew.
     pub(super) fn pixel_width(&self, view: &View) -> f32 {
-        let Some((pixel, depth)) = view.project(self.position) else { return 0.0 };
+        let Some(Projected { pixel, depth }) = view.project(self.position) else { return 0.0 };
         let cosine = view.ray(pixel).1.dot(self.geometric_normal).abs();
         view.pixel_width(depth) / cosine.max(0.04).sqrt()
     }
@@ -71,7 +71,7 @@ pub trait Illumination: Sync {
     fn relight(&self, site: &Site, recipe: &mut Self::Recipe, known: LastUpdate) -> Option<LocalIrradiance>;
 
     /// Mean of d / (d + `scale`) over cosine-distributed directions from `site`, in each of which something is d away:
-    /// alike at places that are alike, so with directions that follow from the normal alone. `scale` is in metres.
+    /// alike at places that are alike, so with directions that follow from the normal alone. `scale` is in meters.
     fn openness(&self, _site: &Site, _scale: f32) -> f32 {
         1.0
     }

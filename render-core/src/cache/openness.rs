@@ -115,7 +115,7 @@ impl Openness {
 
     /// Openness of the pixel that a point falls on.
     fn at(&self, point: Vec3A) -> Option<Felt> {
-        let (place, _) = self.view.as_ref()?.project(point)?;
+        let place = self.view.as_ref()?.project(point)?.pixel;
         let inside = place.x >= 0.0
             && place.y >= 0.0
             && place.x < self.pixels.width() as f32

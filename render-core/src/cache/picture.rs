@@ -118,7 +118,7 @@ impl<'a> Picture<'a> {
 
     /// The pixel that a place falls on, if the picture has it.
     pub fn pixel_of(&self, site: &Site) -> Option<(usize, usize)> {
-        let (place, _) = self.seen.view.project(site.position)?;
+        let place = self.seen.view.project(site.position)?.pixel;
         let (width, height) = self.size();
         let inside = place.x >= 0.0 && place.y >= 0.0 && place.x < width as f32 && place.y < height as f32;
         inside.then_some((place.x as usize, place.y as usize))

@@ -10,7 +10,7 @@ const SIDE: usize = 64;
 /// The light of the tests hangs this high above the floor \[m\].
 const HEIGHT: f32 = 1.0;
 
-/// Grey light that a record takes to be the same all around, with everything `distance` away.
+/// Gray light that a record takes to be the same all around, with everything `distance` away.
 fn even(irradiance: f32, distance: f32) -> LocalIrradiance {
     LocalIrradiance {
         irradiance: Vec3::splat(irradiance),
@@ -81,12 +81,12 @@ impl Lamp {
         let r2 = d.length_squared();
         let by_normal = d * (lit / (r2 * r2.sqrt()));
         let by_position = (d * (3.0 * d.dot(site.normal) / r2) - site.normal) * (lit / (r2 * r2.sqrt()));
-        let grey = |v: Vec3A| Mat3A::from_cols(Vec3A::splat(v.x), Vec3A::splat(v.y), Vec3A::splat(v.z));
+        let gray = |v: Vec3A| Mat3A::from_cols(Vec3A::splat(v.x), Vec3A::splat(v.y), Vec3A::splat(v.z));
         let wall = if self.wall { site.position.x.abs() } else { f32::INFINITY };
         LocalIrradiance {
             irradiance: Vec3::splat(self.irradiance(site.position, site.normal)),
-            by_normal: grey(by_normal),
-            by_position: grey(by_position),
+            by_normal: gray(by_normal),
+            by_position: gray(by_position),
             harmonic_mean: HEIGHT.min(2.0 * wall),
             nearest: HEIGHT.min(wall),
             tolerance: self.tolerance.unwrap_or(0.03) * self.irradiance(site.position, site.normal),
@@ -172,7 +172,7 @@ fn no_light_leaks_past_a_thin_wall() {
     }
 }
 
-/// A step of a few centimetres, the underside of a sheet and what moves are each another surface.
+/// A step of a few centimeters, the underside of a sheet and what moves are each another surface.
 #[test]
 fn other_surfaces_have_records_of_their_own() {
     let changes: [fn(&mut PixelSurface); 3] =
@@ -353,7 +353,7 @@ fn records_are_carried() {
         assert_eq!(record.site.position, expected);
     }
     let error = largest_error(&lit, &seen, &lamp);
-    assert!(error < 0.2, "{error}: light half a metre higher, four times as bright");
+    assert!(error < 0.2, "{error}: light half a meter higher, four times as bright");
 }
 
 /// Any number of threads makes the same records and the same picture.

@@ -37,25 +37,24 @@ struct Walked {
     irradiance: Plane<[f32; 3]>,
     missing: Plane<bool>,
     /// Audited pixels within their tolerance, and all of them.
-    audits: [usize; 2],
+    audits: AuditCounts,
 }
 
 /// Walks over a floor with this irradiance, `step` pixels a frame; errors may be `tolerance` of the light.
 fn walk(field: impl Fn(Vec3) -> f32, frames: usize, step: f32, tolerance: f32, reuse: Reuse) -> Walked {
     let truth = |seen: &GBuffer| seen.pixels.map(|pixel| [field(pixel.position.into()); 3]);
     let (mut light, mut before) = (CarriedLight::default(), None::<GBuffer>);
-    let busy = Busy::default();
     let mut walked = None;
     for frame in 0..=frames {
         let seen = floor(frame as f32 * step);
         let known = before.as_ref().map(|before| seen.reproject(before).value);
         let to = Destination { seen: &seen, known: known.as_ref(), unseen_contrast: 0.0 };
-        let carried = light.carry(to, |_, _| reuse, |_, _, e| tolerance * e, &busy);
+        let carried = light.carry(to, |_, _| reuse, |_, _, e| tolerance * e).value;
         let missing = carried.missing.clone();
         // Only missing pixels have light here: any other would turn the result into NaN.
         let lit =
             Plane::from_fn(SIDE, SIDE, |x, y| if missing.get(x, y) { truth(&seen).get(x, y) } else { [f32::NAN; 3] });
-        let (irradiance, audits) = carried.complete(&lit, &seen, &mut light);
+        let Completed { irradiance, audits } = carried.complete(&lit, &seen, &mut light);
         before = Some(seen.clone());
         walked = Some(Walked { seen, irradiance, missing, audits });
     }
@@ -121,9 +120,9 @@ fn audited_pixels_are_lit_and_compared() {
     let field = |p: Vec3| 3.0 + p.x;
     let walked = walk(field, 4, 0.37, 0.02, Reuse::Audited);
     assert!(walked.missing.samples().iter().all(|&missing| missing));
-    let [within, audited] = walked.audits;
+    let AuditCounts { within, all: audited } = walked.audits;
     assert!(within == audited && audited > SIDE * SIDE * 9 / 10, "{within} of {audited}");
     let forbidden = walk(field, 4, 0.37, 0.02, Reuse::Forbidden);
     assert!(forbidden.missing.samples().iter().all(|&missing| missing));
-    assert_eq!(forbidden.audits, [0, 0]);
+    assert_eq!(forbidden.audits, AuditCounts::default());
 }

@@ -1,4 +1,4 @@
-//! Light in gaps: between mouldings, behind a shutter, under a pot.
+//! Light in gaps: between moldings, behind a shutter, under a pot.
 //!
 //! Surfels hold a mean over their neighborhood. In a gap that is narrower, surfaces are darker than the surfels say.
 //! So a ray that ends close by goes on:

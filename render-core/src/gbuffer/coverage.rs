@@ -11,7 +11,7 @@
 
 use super::{CameraRay, EMPTY, GBuffer, NOTHING, PixelSurface, first_hits, is_same_surface};
 use crate::accel::{Hit, PACKET};
-use crate::{Busy, MACROBLOCK, PosedScene, Timed, sample_offsets};
+use crate::{MACROBLOCK, PosedScene, Timed, sample_offsets};
 use glam::{Vec2, Vec3A};
 use plane::Plane;
 use rayon::prelude::*;
@@ -63,12 +63,11 @@ impl Coverage {
     ///
     /// # Panics
     /// If `light` is smaller than the picture that the coverage was found for.
-    #[must_use]
-    pub fn blend<T>(&self, light: &Plane<T>, busy: &Busy) -> Plane<T>
+    pub fn blend<T>(&self, light: &Plane<T>) -> Timed<Plane<T>>
     where
         T: Copy + Add<Output = T> + Mul<f32, Output = T>,
     {
-        busy.measure(|| {
+        let blend = || {
             let mut blended = light.clone();
             let (width, height) = (light.width(), light.height());
             for Mixed { pixel, rays } in &self.mixed {
@@ -82,7 +81,8 @@ impl Coverage {
                 }
             }
             blended
-        })
+        };
+        Timed::of(|busy| busy.measure(blend))
     }
 }
 

@@ -14,7 +14,7 @@ const INWARD: f32 = 0.1;
 
 impl CameraRay {
     /// The front that the ray should have met in place of `hit`, which is the back of `met`; `None` where that is no outline.
-    /// `width` is that of a pixel there, metres.
+    /// `width` is that of a pixel there, meters.
     pub(super) fn front_beside<'a>(
         self,
         scene: PosedScene<'a>,

@@ -15,7 +15,7 @@ const BEHIND: f32 = 1e-5;
 
 impl CameraRay {
     /// The surface that the ray shows whose first hit is `hit`: the first front, or the first back of a double-sided
-    /// surface. `width` is that of a pixel at a hit, metres; 0 for sharp textures, and outlines as rays meet them.
+    /// surface. `width` is that of a pixel at a hit, meters; 0 for sharp textures, and outlines as rays meet them.
     pub(crate) fn shown<'a>(
         self,
         scene: PosedScene<'a>,

@@ -3,6 +3,7 @@
 use super::{Points, Vertex, power_heuristic};
 use crate::accel::{Accelerator, Hit};
 use crate::emitter::{Emitters, LightPoint, PointLight};
+use crate::environment::SkySample;
 use crate::sampling::{Distribution, Pick};
 use crate::surface::{Surface, Surfaces};
 use crate::{PosedScene, luminance};
@@ -15,7 +16,7 @@ pub(super) struct Lights<'a> {
     choice: Option<Distribution>,
     /// For each instance that glows, the density of drawing from each of its triangles \[m⁻²\].
     densities: Vec<Option<Vec<f32>>>,
-    /// Shadow rays end this far off their light, metres.
+    /// Shadow rays end this far off their light, meters.
     epsilon: f32,
 }
 
@@ -58,7 +59,7 @@ impl<'a> Lights<'a> {
             }
         }
         if let Some(sky) = &surfaces.scene().sky {
-            let (towards, pdf) = sky.sample(points.next());
+            let SkySample { direction: towards, pdf } = sky.sample(points.next());
             let (reflected, other) = vertex.reflect(towards.into());
             if reflected != Vec3::ZERO && !accelerator.occluded_towards(vertex.position, towards.into()) {
                 sum += reflected * sky.radiance(towards) * (power_heuristic(pdf, other) / pdf);

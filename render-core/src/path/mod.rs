@@ -184,6 +184,6 @@ impl<'a> PathTracer<'a> {
 
     /// Width of a pixel at a point that it sees.
     fn footprint(&self, view: &View, point: Vec3A) -> f32 {
-        view.pixel_width(view.project(point).map_or(0.0, |(_, depth)| depth))
+        view.pixel_width(view.project(point).map_or(0.0, |seen| seen.depth))
     }
 }

@@ -11,7 +11,7 @@ const SIDE: i32 = 64;
 #[derive(Clone, Debug)]
 pub struct SweptVolume {
     low: Vec3A,
-    /// Cells to the metre.
+    /// Cells to the meter.
     density: f32,
     /// One bit per cell in x, a word per (y, z).
     rows: Vec<u64>,

@@ -18,7 +18,7 @@ pub enum Interpolation {
 /// The animated property, with the values of all keys (three per key for splines).
 #[derive(Clone, Debug)]
 pub enum Track {
-    /// Metres.
+    /// Meters.
     Translation(Vec<Vec3>),
     /// Quaternions.
     Rotation(Vec<Quat>),

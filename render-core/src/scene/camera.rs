@@ -12,11 +12,20 @@ pub enum Projection {
         /// Angle between the upper and the lower border of the picture.
         yfov: f32,
     },
-    /// Half the picture's height in metres.
+    /// Half the picture's height in meters.
     Orthographic {
         /// Distance from the axis to the upper border.
         ymag: f32,
     },
+}
+
+/// Where a picture shows a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Projected {
+    /// Place in the picture, in pixels.
+    pub pixel: Vec2,
+    /// Meters along the camera's axis.
+    pub depth: f32,
 }
 
 /// A camera on a node, looking along the node's −z with +y up.
@@ -79,11 +88,11 @@ impl View {
         }
     }
 
-    /// Pixel and depth (metres along the axis) of a point; `None` behind the camera.
+    /// Where a point is in the picture; `None` behind the camera.
     #[must_use]
-    pub fn project(&self, point: Vec3A) -> Option<(Vec2, f32)> {
+    pub fn project(&self, point: Vec3A) -> Option<Projected> {
         let p = self.camera_from_world.transform_point3a(point);
-        self.pixel_of(p, -p.z)
+        self.pixel_of(p, -p.z).map(|(pixel, depth)| Projected { pixel, depth })
     }
 
     /// Pixel of a point infinitely far away in `direction`; `None` behind the camera.
@@ -109,7 +118,7 @@ impl View {
         pixel.is_finite().then_some((pixel, depth))
     }
 
-    /// Width in metres that a pixel covers at `depth` metres, facing the camera.
+    /// Width in meters that a pixel covers at `depth` meters, facing the camera.
     #[must_use]
     pub fn pixel_width(&self, depth: f32) -> f32 {
         let at_one = 2.0 * self.half_height / self.height;
@@ -127,7 +136,7 @@ impl View {
 
     /// A view of the whole box from its front and a little above, for scenes without a camera.
     #[must_use]
-    pub fn around(min: Vec3A, max: Vec3A) -> (Affine3A, Projection) {
+    pub fn around(min: Vec3A, max: Vec3A, width: usize, height: usize) -> Self {
         let (center, radius) = ((min + max) / 2.0, ((max - min).length() / 2.0).max(1e-6));
         let yfov = 0.6f32;
         let from = center + Vec3A::new(0.35, 0.3, 1.0).normalize() * radius / (yfov / 2.0).sin();
@@ -136,7 +145,7 @@ impl View {
         let mut world = Affine3A::IDENTITY;
         world.matrix3 = glam::Mat3A::from_cols(x.into(), z.cross(x.into()), z);
         world.translation = from;
-        (world, Projection::Perspective { yfov })
+        Self::new(world, Projection::Perspective { yfov }, width, height)
     }
 }
 
@@ -151,7 +160,7 @@ mod tests {
             let view = View::new(world, projection, 640, 360);
             for pixel in [Vec2::new(0.5, 0.5), Vec2::new(320.0, 180.0), Vec2::new(639.5, 359.5)] {
                 let (origin, direction) = view.ray(pixel);
-                let (back, depth) = view.project(origin + direction * 5.0).unwrap();
+                let Projected { pixel: back, depth } = view.project(origin + direction * 5.0).unwrap();
                 assert!((back - pixel).length() < 1e-3, "{pixel} became {back}");
                 assert!(depth > 0.0 && depth <= 5.001);
                 assert!(view.project(origin - direction * 5.0).is_none());

@@ -26,7 +26,7 @@ pub struct Skin {
 /// The vertices of a mesh at one time: in world space if a skin bends it, else in local space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeformedMesh {
-    /// Metres.
+    /// Meters.
     pub positions: Vec<Vec3>,
     /// Unit normals, or none if the mesh has none.
     pub normals: Vec<Vec3>,

@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3, Vec4};
 pub struct Mesh {
     /// Name in the file, or empty.
     pub name: String,
-    /// Metres in local space.
+    /// Meters in local space.
     pub positions: Vec<Vec3>,
     /// Unit normals; when empty, the mesh is flat shaded as glTF prescribes.
     pub normals: Vec<Vec3>,
@@ -40,7 +40,7 @@ impl Mesh {
 /// Displacements of the vertices of a mesh at full weight. Every list is as long as the mesh's positions, or empty.
 #[derive(Clone, Debug, Default)]
 pub struct MorphTarget {
-    /// Metres in local space.
+    /// Meters in local space.
     pub positions: Vec<Vec3>,
     /// Added to the normals.
     pub normals: Vec<Vec3>,

@@ -15,7 +15,7 @@ mod texture;
 
 pub use crate::environment::Gradient;
 pub use animation::{Channel, Interpolation, Track};
-pub use camera::{Camera, Projection, View};
+pub use camera::{Camera, Projected, Projection, View};
 pub use deform::{DeformedMesh, MorphedNode, Skin};
 pub use gltf_file::{LoadError, load};
 pub use light::{PunctualKind, PunctualLight};
@@ -45,7 +45,7 @@ pub struct Node {
 /// Translation, rotation, scale: what glTF animates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
-    /// Metres.
+    /// Meters.
     pub translation: Vec3,
     /// Unit quaternion.
     pub rotation: Quat,
@@ -236,8 +236,7 @@ impl Scene {
             None => {
                 let rest = self.pose(0.0);
                 let (min, max) = self.bounds(&rest).unwrap_or((Vec3A::splat(-1.0), Vec3A::ONE));
-                let (world, projection) = View::around(min, max);
-                View::new(world, projection, width, height)
+                View::around(min, max, width, height)
             }
         }
     }

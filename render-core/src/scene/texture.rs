@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn far_away_a_checker_is_grey_in_linear_light() {
+    fn far_away_a_checker_is_gray_in_linear_light() {
         let mean = checker().mean();
         assert!((mean.x - 0.5).abs() < 0.01, "{mean}");
     }

@@ -16,7 +16,7 @@ pub(crate) struct Interaction<'a> {
     /// Unit direction of the ray.
     direction: Vec3A,
     pub instance: u32,
-    /// World space, metres.
+    /// World space, meters.
     pub position: Vec3A,
     /// Unit normal of the triangle, on the side of the ray's origin.
     pub geometric_normal: Vec3A,

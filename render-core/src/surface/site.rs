@@ -13,7 +13,7 @@ pub(super) struct Site<'a> {
     pub(super) u: f32,
     /// Barycentric weight of the third corner.
     pub(super) v: f32,
-    /// World space, metres.
+    /// World space, meters.
     pub(super) corners: [Vec3A; 3],
     /// Unit normal of the side that the file calls the front.
     pub(super) outward: Vec3A,
@@ -24,9 +24,9 @@ pub(super) struct Site<'a> {
 /// The part of a surface that a ray stands for.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Footprint {
-    /// A disk of this diameter, metres. One look-up serves rays whose light is only one of many at a place.
+    /// A disk of this diameter, meters. One look-up serves rays whose light is only one of many at a place.
     Disk(f32),
-    /// The ellipse with these two perpendicular diameters, world space, metres: the cross section of a pixel's cone.
+    /// The ellipse with these two perpendicular diameters, world space, meters: the cross section of a pixel's cone.
     Ellipse([Vec3A; 2]),
 }
 
@@ -34,7 +34,7 @@ pub(super) enum Footprint {
 const MOST_SLANT: f32 = 50.0;
 
 impl Footprint {
-    /// The disk that a cone in the unit `direction`, `width` metres across, is taken to meet on a surface with this `normal`.
+    /// The disk that a cone in the unit `direction`, `width` meters across, is taken to meet on a surface with this `normal`.
     pub(super) fn disk(direction: Vec3A, normal: Vec3A, width: f32) -> Self {
         Self::Disk(width / normal.dot(direction).abs().max(0.1))
     }
@@ -65,9 +65,9 @@ impl Site<'_> {
         let normal = e1.cross(e2);
         Some(match self.footprint {
             Footprint::Disk(width) => {
-                let metres = normal.length();
+                let meters = normal.length();
                 let texels = along_u.perp_dot(along_v).abs();
-                texture.sample(uv, if metres > 0.0 { width * (texels / metres).sqrt() } else { 1.0 })
+                texture.sample(uv, if meters > 0.0 { width * (texels / meters).sqrt() } else { 1.0 })
             }
             Footprint::Ellipse(diameters) => {
                 // d = s e₁ + t e₂ in the triangle's plane:  s = (d × e₂) · n / |n|²,  t = (e₁ × d) · n / |n|².

@@ -4,7 +4,7 @@ use crate::common::{add, quad, rest};
 use glam::{Affine3A, Quat, Vec2, Vec3, vec3};
 use plane::Plane;
 use render_core::scene::{Material, Projection, Scene, View};
-use render_core::{Busy, Coverage, GBuffer, Geometry, PixelSample, PosedScene, Surfaces, sample_offsets};
+use render_core::{Coverage, GBuffer, Geometry, PixelSample, PosedScene, Surfaces, sample_offsets};
 
 const SIZE: usize = 96;
 
@@ -39,7 +39,7 @@ fn blended_outlines_are_those_of_many_samples() {
         let seen = GBuffer::trace(scene, &view, (SIZE, SIZE)).value;
         let centers = colors(&seen);
         let coverage = Coverage::of(&seen, scene).value;
-        let blended = coverage.blend(&centers, &Busy::default());
+        let blended = coverage.blend(&centers).value;
         let mut truth = Plane::filled(SIZE, SIZE, Vec3::ZERO);
         let offsets: Vec<Vec2> = sample_offsets(256);
         for &offset in &offsets {

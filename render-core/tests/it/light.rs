@@ -24,7 +24,7 @@ fn irradiance(scene: &Scene, position: Vec3) -> Vec3 {
 }
 
 /// Form factor from a point facing +y to a rectangle of sides `a`, `b` above it at `h`, one corner straight overhead
-/// (Howell's catalogue, configuration B-3).
+/// (Howell's catalog, configuration B-3).
 fn corner_form_factor(a: f32, b: f32, h: f32) -> f32 {
     let (x, y) = (a / h, b / h);
     let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
@@ -86,18 +86,18 @@ fn punctual_lights_follow_their_laws() {
     let near = |found: Vec3, expected: f32| {
         assert!((found.x - expected).abs() < 1e-3 * expected.max(0.01), "{found} for {expected}")
     };
-    let grey = Vec3::splat;
-    near(light(vec3(0.0, 2.0, 0.0), Quat::IDENTITY, PunctualKind::Point, grey(8.0)), 2.0);
+    let gray = Vec3::splat;
+    near(light(vec3(0.0, 2.0, 0.0), Quat::IDENTITY, PunctualKind::Point, gray(8.0)), 2.0);
     // 45°: cos / r² = (1/√2) / 8.
-    near(light(vec3(2.0, 2.0, 0.0), Quat::IDENTITY, PunctualKind::Point, grey(8.0)), 0.5f32.sqrt());
-    near(light(Vec3::ZERO, down, PunctualKind::Directional, grey(5.0)), 5.0);
+    near(light(vec3(2.0, 2.0, 0.0), Quat::IDENTITY, PunctualKind::Point, gray(8.0)), 0.5f32.sqrt());
+    near(light(Vec3::ZERO, down, PunctualKind::Directional, gray(5.0)), 5.0);
     near(
-        light(Vec3::ZERO, Quat::from_rotation_x(-FRAC_PI_2 + 1.0), PunctualKind::Directional, grey(5.0)),
+        light(Vec3::ZERO, Quat::from_rotation_x(-FRAC_PI_2 + 1.0), PunctualKind::Directional, gray(5.0)),
         5.0 * 1.0f32.cos(),
     );
     let cone = PunctualKind::Spot { inner: 0.2, outer: 0.4 };
-    near(light(vec3(0.0, 2.0, 0.0), down, cone, grey(8.0)), 2.0);
-    near(light(vec3(0.0, 2.0, 0.0), Quat::IDENTITY, cone, grey(8.0)), 0.0);
+    near(light(vec3(0.0, 2.0, 0.0), down, cone, gray(8.0)), 2.0);
+    near(light(vec3(0.0, 2.0, 0.0), Quat::IDENTITY, cone, gray(8.0)), 0.0);
 }
 
 #[test]

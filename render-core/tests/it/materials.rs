@@ -115,7 +115,7 @@ fn the_scale_of_a_normal_map_acts_on_x_and_y() {
 }
 
 #[test]
-fn metalness_and_roughness_are_numbers_and_base_colour_is_srgb() {
+fn metalness_and_roughness_are_numbers_and_base_color_is_srgb() {
     // The same texels: 188 of 255 is 0.737 as a number, 0.503 as light.
     let texel = [188; 3];
     let material = Material {

@@ -19,10 +19,10 @@ fn seen(scene: &Scene, time: f32) -> GBuffer {
 /// A wall at z = −6, a board in front of it that moves and turns, and a camera that moves and turns.
 fn scene() -> Scene {
     let mut scene = Scene::default();
-    let grey = || material(Vec3::splat(0.5), Vec3::ZERO);
-    add(&mut scene, rest(Vec3::ZERO), quad(vec3(-20.0, -20.0, -6.0), Vec3::X * 40.0, Vec3::Y * 40.0), grey());
+    let gray = || material(Vec3::splat(0.5), Vec3::ZERO);
+    add(&mut scene, rest(Vec3::ZERO), quad(vec3(-20.0, -20.0, -6.0), Vec3::X * 40.0, Vec3::Y * 40.0), gray());
     let board = quad(vec3(-0.8, -0.8, 0.0), Vec3::X * 1.6, Vec3::Y * 1.6);
-    let node = add(&mut scene, rest(vec3(0.0, 0.0, -3.0)), board, grey());
+    let node = add(&mut scene, rest(vec3(0.0, 0.0, -3.0)), board, gray());
     let camera = scene.nodes.len();
     scene.nodes.push(Node { name: "camera".into(), parent: None, rest: rest(Vec3::ZERO) });
     scene.cameras.push(Camera {

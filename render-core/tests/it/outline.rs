@@ -33,7 +33,7 @@ fn no_pixel_sees_the_far_side_of_a_closed_body() {
     let mut seen = 0;
     for k in 0..200 {
         let turn = Quat::from_rotation_y(0.37 * k as f32);
-        // Where the ray through the middle row comes to a few metres from the viewer, and the column that has its rightmost
+        // Where the ray through the middle row comes to a few meters from the viewer, and the column that has its rightmost
         // edge there, or its leftmost.
         let column_of_pixels = 8 + k % 48;
         let (_, direction) = view.ray(Vec2::new(column_of_pixels as f32 + 0.5, SIZE as f32 / 2.0));

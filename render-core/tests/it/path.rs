@@ -66,7 +66,7 @@ fn a_furnace_shines_as_the_geometric_series_says() {
     }
 }
 
-/// Form factor between two unit squares that face each other at distance `h` (Howell's catalogue, C-11).
+/// Form factor between two unit squares that face each other at distance `h` (Howell's catalog, C-11).
 fn parallel_form_factor(h: f64) -> f64 {
     let x = 1.0 / h;
     let a = 1.0 + x * x;
@@ -75,7 +75,7 @@ fn parallel_form_factor(h: f64) -> f64 {
         * ((a * a / (1.0 + 2.0 * x * x)).ln() / 2.0 + 2.0 * x * root * (x / root).atan() - 2.0 * x * x.atan())
 }
 
-/// Form factor between two unit squares at right angles with a common edge (Howell's catalogue, C-14, H = W = 1).
+/// Form factor between two unit squares at right angles with a common edge (Howell's catalog, C-14, H = W = 1).
 fn perpendicular_form_factor() -> f64 {
     let root = 2f64.sqrt();
     (2.0 * 1f64.atan() - root * (1.0 / root).atan() + 0.25 * (4.0f64 / 3.0 * (3.0 / 4.0) * (3.0 / 4.0)).ln())

@@ -6,7 +6,7 @@ use super::{COURT, CourtSide, EAVES, OUTER, Stones, UPPER, round, sides};
 use crate::arches::{Opening, Pane, wall};
 use crate::columns::{archivolt, baluster, column, cornice, urn};
 use crate::glb::{Model, Scene};
-use crate::shapes::{lathe, moulding};
+use crate::shapes::{lathe, molding};
 
 /// Top of the balustrade, on which the small columns stand.
 const RAIL: f32 = UPPER + 1.0;
@@ -118,7 +118,7 @@ fn back_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
         o.pane(model.of(stones.door), plane, Pane { depth: 0.14, steps: 10 }, |x, y| vec2(0.5 * x, -2.6 * y));
     }
     let line = [plane.at(-side.outer_half, SPRING, 0.0), plane.at(side.outer_half, SPRING, 0.0)];
-    moulding(model.of(stones.trim), &line, false, &crate::columns::band(0.05, 0.14));
+    molding(model.of(stones.trim), &line, false, &crate::columns::band(0.05, 0.14));
 }
 
 fn beams(model: &mut Model, stones: &Stones, side: &CourtSide) {
@@ -135,7 +135,7 @@ fn beams(model: &mut Model, stones: &Stones, side: &CourtSide) {
 /// The main cornice with its brackets, the parapet, and urns upon it.
 fn crown(model: &mut Model, stones: &Stones) {
     let foot = EAVES - 0.42;
-    moulding(model.of(stones.trim), &round(COURT, foot), true, &cornice(0.55, 0.62));
+    molding(model.of(stones.trim), &round(COURT, foot), true, &cornice(0.55, 0.62));
     for side in sides() {
         let count = (2.0 * side.half / 0.5).round() as usize;
         for i in 0..count {
@@ -147,7 +147,7 @@ fn crown(model: &mut Model, stones: &Stones) {
     let set = [COURT[0] + 0.1, COURT[1] + 0.1];
     let low = EAVES + 0.2;
     let mut line = |y: f32, profile: &[glam::Vec2]| {
-        moulding(model.of(stones.trim), &round(set, y), true, profile);
+        molding(model.of(stones.trim), &round(set, y), true, profile);
     };
     line(low - 0.2, &[vec2(0.0, 0.0), vec2(0.0, 0.3), vec2(-0.05, 0.33)]);
     line(low + 0.1, &[vec2(-0.05, 0.0), vec2(-0.05, PARAPET - low - 0.25)]);

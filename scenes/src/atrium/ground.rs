@@ -7,7 +7,7 @@ use crate::arches::{Opening, Pane, RibSection, groin_vault, rib, wall};
 use crate::columns::{archivolt, band, column, cornice};
 use crate::glb::{Model, Scene};
 use crate::mesh::Side;
-use crate::shapes::moulding;
+use crate::shapes::molding;
 
 /// Height of the capitals' upper edge, where the arches spring.
 const SPRING: f32 = 3.3;
@@ -42,7 +42,7 @@ pub(super) fn add(scene: &mut Scene, stones: &Stones) {
     vaults(&mut model, stones);
     // The string course between the storeys runs round the whole court.
     let ring = round(COURT, UPPER - 0.34);
-    moulding(model.of(stones.trim), &ring, true, &cornice(0.30, 0.36));
+    molding(model.of(stones.trim), &ring, true, &cornice(0.30, 0.36));
     scene.show("ground floor", model);
 
     let mesh = scene.mesh("column", column(stones.trim, stones.shaft, 0.235, SPRING, 20));
@@ -74,7 +74,7 @@ fn floors(model: &mut Model, stones: &Stones) {
         vec2(0.025, 0.004),
         vec2(-0.3, 0.004),
     ];
-    moulding(model.of(stones.trim), &round([cx, cz], 0.0), true, &nosing);
+    molding(model.of(stones.trim), &round([cx, cz], 0.0), true, &nosing);
 }
 
 fn arcade(model: &mut Model, stones: &Stones, side: &CourtSide) {
@@ -105,7 +105,7 @@ fn arcade(model: &mut Model, stones: &Stones, side: &CourtSide) {
     }
 }
 
-/// A moulded disc of stone on a wall.
+/// A molded disc of stone on a wall.
 fn disc(model: &mut Model, stones: &Stones, at: Vec3, out: Vec3) {
     let mut mesh = crate::mesh::Mesh::new();
     let profile = [
@@ -158,7 +158,7 @@ fn outer_wall(model: &mut Model, stones: &Stones, side: &CourtSide) {
     let ends = [plane.at(-side.outer_half, 0.9, 0.0), plane.at(side.outer_half, 0.9, 0.0)];
     for pair in spans(&doors, side.outer_half) {
         let line = [plane.at(pair[0], ends[0].y, 0.0), plane.at(pair[1], ends[0].y, 0.0)];
-        moulding(model.of(stones.trim), &line, false, &band(0.045, 0.12));
+        molding(model.of(stones.trim), &line, false, &band(0.045, 0.12));
     }
 }
 

@@ -194,7 +194,7 @@ pub(super) fn lamps(scene: &mut Scene, bronze: MaterialId, brass: MaterialId) {
         let hook = all[s].plane.at(o.center, o.crown(), -0.25);
         let node = scene.node("lamp", Some(lamp), hook, Quat::IDENTITY);
         if k < 2 {
-            // A pendulum of about a metre: two seconds there and back.
+            // A pendulum of about a meter: two seconds there and back.
             let period = DURATION / 4.0;
             scene.animate(
                 node,

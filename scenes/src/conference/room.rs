@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3, vec2, vec3};
 use super::{CEILING, Finish, HALF};
 use crate::arches::Plane;
 use crate::glb::{Model, Scene};
-use crate::shapes::{Frame, arc, bar, moulding, sweep};
+use crate::shapes::{Frame, arc, bar, molding, sweep};
 
 /// Top of the panelling.
 const DADO: f32 = 1.05;
@@ -60,13 +60,13 @@ pub(super) fn add(scene: &mut Scene, f: &Finish) {
             right.at(door[0] - 0.1, y, 0.0),
         ]
     };
-    moulding(room.of(f.walnut), &line(DADO), false, &rail);
-    moulding(room.of(f.walnut), &line(0.0), false, &skirting);
+    molding(room.of(f.walnut), &line(DADO), false, &rail);
+    molding(room.of(f.walnut), &line(0.0), false, &skirting);
     // A hollow quarter round, a little below the beams.
     let crown: Vec<Vec2> =
         arc(vec2(0.10, -0.10), 0.10, 180.0, 90.0, 4).iter().map(|p| vec2(p.x, p.y - 0.003)).collect();
     let ring = [corner(-hx, -hz, CEILING), corner(hx, -hz, CEILING), corner(hx, hz, CEILING), corner(-hx, hz, CEILING)];
-    moulding(room.of(f.ceiling), &ring, true, &crown);
+    molding(room.of(f.ceiling), &ring, true, &crown);
 
     hangings(&mut room, f, &back, &left);
     for s in [-6.6, -3.3, 3.3, 6.6] {
@@ -107,7 +107,7 @@ fn ceiling(room: &mut Model, lamps: &mut Model, f: &Finish) {
                 mesh.quad_facing([ledge[a], ledge[b], top[b], top[a]], inward);
             }
             mesh.quad_facing(top, Vec3::NEG_Y);
-            // The panel's housing, two centimetres deep, and the pane a little inside it.
+            // The panel's housing, two centimeters deep, and the pane a little inside it.
             let low = CEILING + depth - 0.03;
             room.of(f.metal).cuboid_without(
                 vec3(x - panel, low, z - panel),

@@ -5,6 +5,7 @@
 
 mod furnishing;
 mod shell;
+mod walls;
 mod windows;
 
 use glam::{Vec2, Vec3, vec3};

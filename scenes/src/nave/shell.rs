@@ -4,13 +4,15 @@ use std::f32::consts::TAU;
 
 use glam::{Quat, Vec2, Vec3, vec2, vec3};
 
-use super::windows::{aisle_windows, apse_window, clerestory_windows};
+use super::walls::{
+    aisle_wall, aisle_windows, along, apse_wall, apse_window, clerestory_windows, nave_wall, sorted, stretch,
+};
 use super::{AISLE, APSE, BAY, BAYS, CHANCEL, HIGH, HIGH_SPRING, LOW, LOW_SPRING, NAVE, Stones, THICK, apse_corners};
 use crate::arches::{Opening, Pane, Plane, RibSection, groin_vault, half_web, rib, wall};
 use crate::columns::archivolt;
 use crate::glb::{Model, Scene};
 use crate::mesh::Mesh;
-use crate::shapes::{lathe, loft, moulding};
+use crate::shapes::{lathe, loft, molding};
 
 /// Lower and upper edge of the blind arcade between the nave's arches and its windows.
 const TRIFORIUM: [f32; 2] = [6.9, 8.5];
@@ -18,41 +20,6 @@ const TRIFORIUM: [f32; 2] = [6.9, 8.5];
 const TOP: f32 = 14.6;
 /// The same for the aisles.
 const AISLE_TOP: f32 = 6.9;
-
-/// The wall of the nave on one side, seen from the nave; positions along it grow from the left.
-pub(super) fn nave_wall(side: f32) -> Plane {
-    let out = vec3(-side, 0.0, 0.0);
-    Plane { origin: vec3(side * NAVE, 0.0, 0.0), along: Vec3::Y.cross(out), out }
-}
-
-/// The outer wall of one aisle.
-pub(super) fn aisle_wall(side: f32) -> Plane {
-    Plane { origin: vec3(side * AISLE, 0.0, 0.0), ..nave_wall(side) }
-}
-
-/// One wall of the apse; positions run from 0 to NAVE.
-pub(super) fn apse_wall(i: usize) -> Plane {
-    let (a, b) = (apse_corners()[i], apse_corners()[i + 1]);
-    let along = vec3(b.x - a.x, 0.0, b.y - a.y).normalize();
-    Plane { origin: vec3(a.x, 0.0, a.y), along, out: along.cross(Vec3::Y) }
-}
-
-/// The position along a wall of the distance `d` from the west end: the two sides run contrary ways.
-pub(super) fn along(plane: &Plane, d: f32) -> f32 {
-    -d * plane.along.z
-}
-
-/// The interval between two distances from the west end, in rising order along the wall.
-fn stretch(plane: &Plane, a: f32, b: f32) -> [f32; 2] {
-    let (a, b) = (along(plane, a), along(plane, b));
-    [a.min(b), a.max(b)]
-}
-
-/// Sorts openings along their wall, as [`wall`] wants them.
-pub(super) fn sorted(mut openings: Vec<Opening>) -> Vec<Opening> {
-    openings.sort_by(|a, b| a.center.total_cmp(&b.center));
-    openings
-}
 
 fn arcade(plane: &Plane) -> Vec<Opening> {
     let one = |i: usize| Opening {
@@ -270,7 +237,7 @@ fn nave_side(model: &mut Model, stones: &Stones, side: f32) {
     for y in TRIFORIUM {
         let [a, b] = whole;
         let string = [vec2(0.0, -0.05), vec2(0.06, 0.0), vec2(0.10, 0.03), vec2(0.10, 0.10), vec2(0.0, 0.17)];
-        moulding(model.of(stones.trim), &[plane.at(a, y, 0.0), plane.at(b, y, 0.0)], false, &string);
+        molding(model.of(stones.trim), &[plane.at(a, y, 0.0), plane.at(b, y, 0.0)], false, &string);
     }
 }
 
@@ -281,10 +248,10 @@ fn aisle_side(model: &mut Model, stones: &Stones, side: f32) {
     wall(model.of(stones.ashlar), &plane, [span, [0.0, AISLE_TOP]], &aisle_windows(&plane), 8);
     let string = [vec2(0.0, -0.04), vec2(0.05, 0.0), vec2(0.08, 0.03), vec2(0.08, 0.08), vec2(0.0, 0.14)];
     let ends = |y: f32| [plane.at(span[0], y, 0.0), plane.at(span[1], y, 0.0)];
-    moulding(model.of(stones.trim), &ends(1.62), false, &string);
+    molding(model.of(stones.trim), &ends(1.62), false, &string);
     // The bench along the wall.
     let bench = [vec2(0.36, 0.0), vec2(0.36, 0.38), vec2(0.40, 0.40), vec2(0.40, 0.45), vec2(-0.01, 0.45)];
-    moulding(model.of(stones.steps), &ends(0.0), false, &bench);
+    molding(model.of(stones.steps), &ends(0.0), false, &bench);
     // The aisle's east end.
     let (a, b) = (side * NAVE, side * AISLE);
     let p = [(a, 0.0), (b, 0.0), (b, AISLE_TOP), (a, AISLE_TOP)].map(|(x, y)| vec3(x, y, -nave));
@@ -309,7 +276,7 @@ fn apse(model: &mut Model, stones: &Stones) {
     }
     let corners = apse_corners().map(|p| vec3(p.x, 2.7, p.y));
     let string = [vec2(0.0, -0.05), vec2(0.06, 0.0), vec2(0.10, 0.03), vec2(0.10, 0.10), vec2(0.0, 0.17)];
-    moulding(model.of(stones.trim), &corners, false, &string);
+    molding(model.of(stones.trim), &corners, false, &string);
 }
 
 fn high_vault(model: &mut Model, stones: &Stones) {

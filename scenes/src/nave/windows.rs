@@ -4,8 +4,8 @@ use std::f32::consts::TAU;
 
 use glam::{Vec3, vec2, vec3};
 
-use super::shell::{aisle_wall, along, apse_wall, nave_wall, sorted};
-use super::{BAY, BAYS, NAVE, Stones};
+use super::Stones;
+use super::walls::{aisle_wall, aisle_windows, apse_wall, apse_window, clerestory_windows, nave_wall};
 use crate::arches::{Opening, Pane, Plane};
 use crate::columns::archivolt;
 use crate::glb::{Model, Scene};
@@ -14,35 +14,6 @@ use crate::shapes::{Frame, arc, ring, sweep};
 
 /// How far the glass lies behind the wall's face.
 const DEPTH: f32 = 0.42;
-
-/// The high windows of one side, the chancel's among them.
-pub(super) fn clerestory_windows(plane: &Plane) -> Vec<Opening> {
-    let one = |i: usize| Opening {
-        center: along(plane, BAY * (i as f32 + 0.5)),
-        half: 1.3,
-        sill: 8.95,
-        spring: 11.2,
-        point: 0.8,
-    };
-    sorted((0..=BAYS).map(one).collect())
-}
-
-/// The windows of one aisle.
-pub(super) fn aisle_windows(plane: &Plane) -> Vec<Opening> {
-    let one = |i: usize| Opening {
-        center: along(plane, BAY * (i as f32 + 0.5)),
-        half: 1.1,
-        sill: 1.95,
-        spring: 4.0,
-        point: 0.8,
-    };
-    sorted((0..BAYS).map(one).collect())
-}
-
-/// The window of each wall of the apse.
-pub(super) fn apse_window() -> Opening {
-    Opening { center: NAVE / 2.0, half: 1.25, sill: 3.2, spring: 9.3, point: 0.8 }
-}
 
 /// Adds all windows.
 pub(super) fn add(scene: &mut Scene, stones: &Stones) {

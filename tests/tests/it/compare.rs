@@ -53,16 +53,16 @@ fn videos_folders_and_pictures_are_compared() {
     let text = render2mpeg(folder.path(), &["compare", "room.y4m", "room.y4m"]).stdout;
     assert!(text.contains("frame     2") && text.contains("mean of 3 pictures"), "{text}");
 
-    // One grey against another, in closed form: codes 128 and 118 are 0.2159 and 0.1812 of white by the sRGB curve.
-    let grey = |name: &str, code: u8| {
+    // One gray against another, in closed form: codes 128 and 118 are 0.2159 and 0.1812 of white by the sRGB curve.
+    let gray = |name: &str, code: u8| {
         std::fs::write(
             path(name),
             pipeline::laboratory::compare::png_file::encode(&plane::Plane::filled(16, 16, [code; 3])),
         )
         .unwrap();
     };
-    grey("a.png", 128);
-    grey("b.png", 118);
+    gray("a.png", 128);
+    gray("b.png", 118);
     let rmse = compare(folder.path(), "a.png b.png")["rmse"].as_f64().unwrap();
     let linear = |code: f64| ((code / 255.0 + 0.055) / 1.055).powf(2.4);
     assert!((rmse - (linear(128.0) - linear(118.0))).abs() < 1e-6, "{rmse}");

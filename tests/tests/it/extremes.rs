@@ -94,9 +94,9 @@ fn scaled(mut glb: Glb, factor: f32) -> Glb {
     glb
 }
 
-/// Four metres become one millimetre and a thousand kilometres: to the last bit the same picture.
+/// Four meters become one millimeter and a thousand kilometers: to the last bit the same picture.
 #[test]
-fn a_millimetre_and_a_thousand_kilometres_look_the_same() {
+fn a_millimeter_and_a_thousand_kilometers_look_the_same() {
     let reference = film(&checkered_room(Moving::Box), "");
     for exponent in [-12, 18] {
         let found = film(&scaled(checkered_room(Moving::Box), 2f32.powi(exponent)), "");
@@ -173,7 +173,7 @@ fn all_black_and_all_white() {
     }
 }
 
-/// Numbers below the smallest normal one, as lengths, colours and light.
+/// Numbers below the smallest normal one, as lengths, colors and light.
 #[test]
 fn denormals_are_as_good_as_nothing() {
     let mut glb = room_lit(1e-38);
@@ -335,7 +335,7 @@ fn what_is_no_number_is_refused_or_left_out() {
             let message = load(&broken(accessor)).err().unwrap_or_else(|| panic!("{what} of {bad} load"));
             assert_eq!(message.lines().count(), 1, "{what} of {bad}: {message}");
         }
-        // Normals, tangents, texture coordinates and colours of the first mesh.
+        // Normals, tangents, texture coordinates and colors of the first mesh.
         let mut glb = room();
         let count = glb.json["accessors"][0]["count"].as_u64().unwrap() as usize;
         for (name, kind, width) in

@@ -185,7 +185,7 @@ fn readers_of_texts_may_go_away() {
     checkered_room(Moving::Camera).write(&scene);
     std::fs::write(
         folder.path().join("a.y4m"),
-        [&b"YUV4MPEG2 W16 H16 F25:1 C420mpeg2\n"[..], &film_of_grey(3)].concat(),
+        [&b"YUV4MPEG2 W16 H16 F25:1 C420mpeg2\n"[..], &film_of_gray(3)].concat(),
     )
     .unwrap();
     for arguments in
@@ -205,7 +205,7 @@ fn readers_of_texts_may_go_away() {
     }
 }
 
-fn film_of_grey(frames: usize) -> Vec<u8> {
+fn film_of_gray(frames: usize) -> Vec<u8> {
     [&b"FRAME\n"[..], &[128; 16 * 16 * 3 / 2]].concat().repeat(frames)
 }
 

@@ -93,7 +93,7 @@ fn materials_mean_what_the_specification_says() {
     assert_eq!((blended.alpha, blended.opacity, blended.double_sided), (Alpha::Blend, 0.4, true));
     near(blended.base_color, vec3(0.1, 0.2, 0.3));
 
-    // ((n − 1) / (n + 1))² times the colour, at most 1, times the factor.
+    // ((n − 1) / (n + 1))² times the color, at most 1, times the factor.
     let coated = |ior: f32, factor: f32, color: [f32; 3]| {
         let specular = json!({ "specularFactor": factor, "specularColorFactor": color });
         material(json!({ "extensions": { "KHR_materials_ior": { "ior": ior }, "KHR_materials_specular": specular } }))
@@ -103,7 +103,7 @@ fn materials_mean_what_the_specification_says() {
     near(coated(1.5, 0.0, [1.0; 3]).dielectric_f0, Vec3::ZERO);
 }
 
-/// One image in four slots: held once as colour and once as numbers, each slot with its own coordinates and transform.
+/// One image in four slots: held once as color and once as numbers, each slot with its own coordinates and transform.
 #[test]
 fn textures_are_held_for_what_they_are_used_as() {
     let transform = |set: u32| {
@@ -140,7 +140,7 @@ fn textures_are_held_for_what_they_are_used_as() {
     assert!(scene.warnings.iter().any(|warning| warning.contains("sets 0 to 3")), "{:?}", scene.warnings);
 }
 
-/// A square whose corners are normalised shorts, interleaved eight bytes apart, and whose normals are bytes.
+/// A square whose corners are normalized shorts, interleaved eight bytes apart, and whose normals are bytes.
 #[test]
 fn quantised_meshes_have_the_numbers_they_stand_for() {
     let mut glb = square(json!({}));

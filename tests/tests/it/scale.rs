@@ -1,4 +1,4 @@
-//! Light does not know how long a metre is: with all lengths halved, what a lamp of given radiance shows stays the same, and
+//! Light does not know how long a meter is: with all lengths halved, what a lamp of given radiance shows stays the same, and
 //! what a point of light shows too once its intensity is quartered.
 
 use glam::Vec3;

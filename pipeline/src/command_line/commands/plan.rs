@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 /// Options of a plan.
 #[derive(Args)]
-pub struct Plan {
+pub(crate) struct Plan {
     /// The scene.
     #[command(flatten)]
     source: Source,

@@ -2,7 +2,7 @@
 
 use crate::command_line::progress;
 use crate::output::Output;
-use crate::renderer::reference::{self, Method};
+use crate::renderer::reference::{self, ReferenceMethod};
 use crate::settings::{Size, Switch};
 use crate::{Options, Settings};
 use anyhow::Result;
@@ -13,7 +13,7 @@ use std::process::ExitCode;
 
 /// The frame, and its precision.
 #[derive(Args)]
-pub struct Reference {
+pub(crate) struct Reference {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
     /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means
@@ -24,7 +24,7 @@ pub struct Reference {
     frame: u32,
     /// How light is computed
     #[arg(long, value_enum, default_value = "path")]
-    method: Method,
+    method: ReferenceMethod,
     /// Paths for each pixel
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     spp: u32,
@@ -84,8 +84,8 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     // An output that cannot be written is told of before the work, not after it.
     drop(Output::create(&output)?);
     let picture = match method {
-        Method::AllLights => reference::by_all_lights(&scene, &settings, frame),
-        Method::Path => {
+        ReferenceMethod::AllLights => reference::by_all_lights(&scene, &settings, frame),
+        ReferenceMethod::Path => {
             let pixel = if center { PixelSampling::Center } else { PixelSampling::Area };
             let options = PathOptions { samples: spp, seed: settings.seed, max_bounces: bounces, pixel };
             let bar = progress::of_work(quiet);

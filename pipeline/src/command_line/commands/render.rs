@@ -19,7 +19,7 @@ use std::time::Duration;
 
 /// The scene, settings of its film, and the files to write.
 #[derive(Args)]
-pub struct Render {
+pub(crate) struct Render {
     /// The scene.
     #[command(flatten)]
     source: Source,
@@ -146,7 +146,7 @@ fn write_page(_: Option<&Path>, _: &Report) -> Result<()> {
     Ok(())
 }
 
-/// `film.m2v` → `film.report.json`; a device has no neighbours, so its report goes to this folder.
+/// `film.m2v` → `film.report.json`; a device has no neighbors, so its report goes to this folder.
 fn report_beside(output: &Path) -> PathBuf {
     let device = std::fs::metadata(output).is_ok_and(|metadata| !metadata.is_file());
     if device { PathBuf::from("render2mpeg.report.json") } else { output.with_extension("report.json") }

@@ -13,7 +13,7 @@ use std::sync::atomic::AtomicBool;
 
 /// Methods to compare, and the folder for the findings.
 #[derive(Args)]
-pub struct Sweep {
+pub(crate) struct Sweep {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
     /// The folder for sweep.html, sweep.json, sweep.csv, plots and maps [default: the scene's name and "-sweep"]

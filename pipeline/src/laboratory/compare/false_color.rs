@@ -1,6 +1,6 @@
-//! Numbers as colours: dark for little, bright for much.
+//! Numbers as colors: dark for little, bright for much.
 
-/// Stops of the scale from 0 to 1, R′G′B′; brightness rises all the way, so that it reads in grey, too. Ours.
+/// Stops of the scale from 0 to 1, R′G′B′; brightness rises all the way, so that it reads in gray, too. Ours.
 const STOPS: [[f32; 3]; 6] = [
     [0.02, 0.02, 0.08],
     [0.16, 0.10, 0.44],
@@ -10,7 +10,7 @@ const STOPS: [[f32; 3]; 6] = [
     [1.00, 0.98, 0.82],
 ];
 
-/// The colour of `value` on a scale from 0 to 1; what lies outside takes the colour of the end.
+/// The color of `value` on a scale from 0 to 1; what lies outside takes the color of the end.
 pub fn false_color(value: f32) -> [u8; 3] {
     let place = value.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
     let below = (place as usize).min(STOPS.len() - 2);
@@ -32,11 +32,11 @@ mod tests {
 
     #[test]
     fn brightness_rises_with_the_number() {
-        let grey =
+        let gray =
             |value: f32| false_color(value).map(f32::from).iter().zip([0.21, 0.72, 0.07]).map(|(c, w)| c * w).sum();
-        let greys: Vec<f32> = (0..=100).map(|i| grey(i as f32 / 100.0)).collect();
-        assert!(greys.windows(2).all(|pair| pair[1] >= pair[0]), "{greys:?}");
-        assert!(greys[0] < 10.0 && greys[100] > 240.0);
+        let grays: Vec<f32> = (0..=100).map(|i| gray(i as f32 / 100.0)).collect();
+        assert!(grays.windows(2).all(|pair| pair[1] >= pair[0]), "{grays:?}");
+        assert!(grays[0] < 10.0 && grays[100] > 240.0);
         assert_eq!(false_color(f32::NAN), false_color(f32::NAN), "no panic");
         assert!((log_share(4.0, 1.0, 16.0) - 0.5).abs() < 1e-6 && log_share(0.0, 1.0, 2.0) == 0.0);
     }

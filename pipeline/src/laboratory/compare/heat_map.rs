@@ -4,7 +4,7 @@ use super::false_color::{false_color, log_share};
 use super::picture::View;
 use plane::Plane;
 
-/// Differences of luma, in code values of 219, that take the darkest and the brightest colour: from what rounding hides to
+/// Differences of luma, in code values of 219, that take the darkest and the brightest color: from what rounding hides to
 /// what nobody misses.
 pub const RANGE: (f32, f32) = (0.25, 64.0);
 
@@ -30,7 +30,7 @@ impl HeatMap {
         self.count += 1;
     }
 
-    /// The mean difference as false colours, by ratio over [`RANGE`].
+    /// The mean difference as false colors, by ratio over [`RANGE`].
     pub fn picture(&self) -> Plane<[u8; 3]> {
         let count = self.count.max(1) as f32;
         self.sum.map(|sum| false_color(log_share(sum / count, RANGE.0, RANGE.1)))

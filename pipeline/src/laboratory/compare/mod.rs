@@ -1,7 +1,7 @@
 //! How far pictures, sequences and videos are from others.
 //!
 //! Everything is measured twice: as linear light, where light adds up, and as luma, what a viewer is shown. Linear pictures
-//! are shown with the exposure that brings the middle of the (first) reference to middle grey, and the sRGB curve.
+//! are shown with the exposure that brings the middle of the (first) reference to middle gray, and the sRGB curve.
 
 pub mod false_color;
 mod heat_map;

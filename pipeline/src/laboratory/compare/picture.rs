@@ -54,7 +54,7 @@ impl Picture {
         matches!(self, Self::Linear { .. })
     }
 
-    /// The exposure that shows the picture with its middle, the geometric mean of what is lit, at middle grey; 1 for
+    /// The exposure that shows the picture with its middle, the geometric mean of what is lit, at middle gray; 1 for
     /// pictures that are exposed already.
     pub fn exposure(&self) -> f32 {
         match self {
@@ -98,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_grey_looks_the_same_from_every_file() {
+    fn one_gray_looks_the_same_from_every_file() {
         // Linear 0.18 is R′ = 0.4614 in sRGB: code 118 of 255, luma 16 + 219 · 0.4614 = 117.
         let linear = Picture::Linear { radiance: Plane::filled(16, 16, [0.18f32; 3]), variance: None };
         assert!((linear.exposure() - 1.0).abs() < 1e-5);

@@ -1,6 +1,6 @@
 //! Displayed pictures in PNG files, still and moving.
 
-use crate::error::{Error, Result, Source};
+use crate::error::{Cause, Error, Result};
 use plane::Plane;
 use std::io::BufReader;
 use std::path::Path;
@@ -8,7 +8,7 @@ use std::path::Path;
 /// Most pixels that a file may claim before memory is taken for them.
 const MOST_PIXELS: u64 = 1 << 27;
 
-/// Reads a PNG file as R′G′B′ of 8 bits; grey and palettes are spread out, opacity is left off.
+/// Reads a PNG file as R′G′B′ of 8 bits; gray and palettes are spread out, opacity is left off.
 ///
 /// # Errors
 /// Not a PNG file, or larger than 2²⁷ pixels; the message names the path.
@@ -21,7 +21,7 @@ pub fn read(path: &Path) -> Result<Plane<[u8; 3]>> {
     })
 }
 
-fn decode(file: impl std::io::BufRead + std::io::Seek) -> Result<Plane<[u8; 3]>, Source> {
+fn decode(file: impl std::io::BufRead + std::io::Seek) -> Result<Plane<[u8; 3]>, Cause> {
     let mut decoder = png::Decoder::new(file);
     decoder.set_transformations(png::Transformations::normalize_to_color8());
     let mut reader = decoder.read_info()?;

@@ -1,6 +1,6 @@
 //! Figures as plots, and plots, tables and pictures as one HTML page that needs nothing else.
 //!
-//! Plots are drawn as SVG: inside of a page they take its fonts and its light or dark colours, as files they bring their own.
+//! Plots are drawn as SVG: inside of a page they take its fonts and its light or dark colors, as files they bring their own.
 
 mod axis;
 mod bars;
@@ -15,6 +15,6 @@ pub use line_plot::{LinePlot, Series};
 pub use run::run_page;
 pub use svg::Svg;
 
-/// Colours of lines and bars, to be told apart on white and on black, and with deficient colour vision by their lightness.
+/// Colors of lines and bars, to be told apart on white and on black, and with deficient color vision by their lightness.
 pub const PALETTE: [&str; 9] =
     ["#3b82d0", "#e0912a", "#2a9d6f", "#d64550", "#9067c6", "#45b3c7", "#8b9098", "#b5762f", "#c86aa0"];

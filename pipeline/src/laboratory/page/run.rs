@@ -71,7 +71,7 @@ fn plots(frames: &[FrameReport]) -> Vec<super::Svg> {
         ("encoding", |f| f.seconds.encode),
         ("masking", |f| f.seconds.thresholds),
     ];
-    // Colours that differ most for the stages that take most.
+    // Colors that differ most for the stages that take most.
     let colors = [6, 1, 7, 5, 2, 0, 8, 3, 4];
     let times = StackedBars {
         title: "CPU seconds of the stages".into(),

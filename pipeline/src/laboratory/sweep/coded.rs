@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A coded picture.
-pub struct CodedFrame {
+pub(super) struct CodedFrame {
     /// The picture that a decoder shows.
     pub decoded: Arc<plane::Picture>,
     /// Size of the picture, headers included.

@@ -1,4 +1,4 @@
-//! Figures of a sweep: one [`Run`] for each method and quantiser.
+//! Figures of a sweep: one [`MethodRun`] for each method and quantiser.
 
 use super::coded::DecoderCheck;
 use super::histogram::ErrorHistogram;
@@ -32,7 +32,7 @@ pub struct Outcome {
     /// CPU seconds a frame of the references: every light at every pixel.
     pub references: Vec<ReferenceCost>,
     /// One for each quantiser and method, methods together.
-    pub runs: Vec<Run>,
+    pub runs: Vec<MethodRun>,
     /// The check by another decoder; null where there is none.
     pub decoder_check: Option<DecoderCheck>,
     /// By the clock, everything \[s\].
@@ -50,7 +50,7 @@ pub struct ReferenceCost {
 
 /// A method at a quantiser.
 #[derive(Clone, Debug, Serialize)]
-pub struct Run {
+pub struct MethodRun {
     /// Name of the method.
     pub method: &'static str,
     /// As in plots.
@@ -110,7 +110,7 @@ pub struct AgainstBaseline {
 }
 
 /// Pictures of a run's last frame.
-pub struct Pictures {
+pub struct RunPictures {
     /// Name of the method.
     pub method: &'static str,
     /// quantiser_scale.
@@ -147,7 +147,7 @@ pub fn mean_seconds(frames: &[FrameReport]) -> Seconds {
     Seconds::mean(steered(frames).iter().map(|frame| &frame.seconds))
 }
 
-impl Run {
+impl MethodRun {
     fn beside(&self, baseline: &Self) -> AgainstBaseline {
         let ratio = |of: f64, by: f64| if by > 0.0 { of / by } else { 1.0 };
         let psnr = |run: &Self| run.decoded.psnr_y.unwrap_or(f64::INFINITY);
@@ -170,12 +170,12 @@ impl Run {
 }
 
 /// Sets each run of a method beside its baseline's at the same quantiser.
-pub fn set_beside_baselines(runs: &mut [Run]) {
+pub fn set_beside_baselines(runs: &mut [MethodRun]) {
     let found: Vec<Option<AgainstBaseline>> = runs
         .iter()
         .map(|run| {
             let baseline = Method::named(run.method).ok()?.baseline()?;
-            let same = |other: &&Run| other.method == baseline.name && other.qscale == run.qscale;
+            let same = |other: &&MethodRun| other.method == baseline.name && other.qscale == run.qscale;
             runs.iter().find(same).map(|baseline| run.beside(baseline))
         })
         .collect();

@@ -34,7 +34,7 @@ pub struct FilmFrame {
 }
 
 /// A film before compression, in files, and what it cost. The files go when it goes: a long film never lies in memory.
-pub struct Film {
+pub(super) struct Film {
     /// Every choice.
     pub settings: Settings,
     /// Reports of the stages; of paths, only the time in `direct`.
@@ -129,7 +129,7 @@ fn read_frame(path: &Path, n: u32, picture: plane::Picture) -> Result<FilmFrame>
     let vectors = x.iter().zip(y).zip(known);
     let vectors = vectors.map(|((&x, &y), &known)| if known > 0.0 { [x, y] } else { [f32::NAN; 2] }).collect();
     Ok(FilmFrame {
-        radiance: layers.colors("").ok_or_else(|| Error::content(path, ": no colours"))?,
+        radiance: layers.colors("").ok_or_else(|| Error::content(path, ": no colors"))?,
         picture,
         known: (n > 0).then(|| Correspondence::from_motion(Plane::from_vec(width, height, vectors))),
         thresholds: plane("threshold.Y")?,

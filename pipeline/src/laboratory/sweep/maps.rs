@@ -13,7 +13,7 @@ pub struct Scale {
     pub about: &'static str,
     /// Dark and bright end.
     pub range: (f32, f32),
-    /// The same as they are written beside the colours.
+    /// The same as they are written beside the colors.
     pub ends: (&'static str, &'static str),
 }
 
@@ -32,22 +32,27 @@ pub const ERROR: Scale = Scale {
 };
 
 impl Scale {
-    /// `plane` in false colours.
+    /// `plane` in false colors.
     pub fn picture(&self, plane: &Plane<f32>) -> Plane<[u8; 3]> {
         plane.map(|value| false_color(log_share(value, self.range.0, self.range.1)))
     }
 }
 
-/// The three maps as pictures, with their scales.
-pub fn pictures(maps: &Maps) -> [(Scale, Plane<[u8; 3]>); 3] {
-    let pair = |scale: Scale, plane: &Plane<f32>| {
-        let picture = scale.picture(plane);
-        (scale, picture)
-    };
-    [pair(THRESHOLD, &maps.relative_threshold), pair(CUT_SIZE, &maps.cut_size), pair(ERROR, &maps.error)]
+/// A map as a picture.
+pub struct MapPicture {
+    /// What its colors mean.
+    pub scale: Scale,
+    /// In false colors.
+    pub picture: Plane<[u8; 3]>,
 }
 
-/// The colours from dark to bright, as CSS.
+/// The three maps as pictures, with their scales.
+pub fn pictures(maps: &Maps) -> [MapPicture; 3] {
+    let map = |scale: Scale, plane: &Plane<f32>| MapPicture { picture: scale.picture(plane), scale };
+    [map(THRESHOLD, &maps.relative_threshold), map(CUT_SIZE, &maps.cut_size), map(ERROR, &maps.error)]
+}
+
+/// The colors from dark to bright, as CSS.
 pub fn gradient() -> String {
     let stops = (0..=10).map(|i| {
         let [r, g, b] = false_color(i as f32 / 10.0);

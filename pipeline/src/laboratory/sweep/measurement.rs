@@ -1,7 +1,7 @@
-//! A film through the encoder and beside the reference, frame by frame: what becomes of it as a [`Run`].
+//! A film through the encoder and beside the reference, frame by frame: what becomes of it as a [`MethodRun`].
 
 use super::coded::{CodedFrame, Coder, DecoderCheck};
-use super::figures::{Maps, Pictures, Run, label, mean_of, mean_seconds};
+use super::figures::{Maps, MethodRun, RunPictures, label, mean_of, mean_seconds};
 use super::film::{Film, FilmFrame};
 use super::histogram::Ratios;
 use super::method::Method;
@@ -15,9 +15,9 @@ use std::path::Path;
 /// Findings of a film at a quantiser.
 pub struct Measured {
     /// The figures.
-    pub run: Run,
+    pub run: MethodRun,
     /// Its last frame.
-    pub pictures: Pictures,
+    pub pictures: RunPictures,
     /// The first decoded pictures, as many as were requested.
     pub clip: Vec<Plane<[u8; 3]>>,
     /// The check by another decoder, where it was requested.
@@ -58,13 +58,13 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
         }
         if n + 1 == count {
             let maps = lightcuts.then(|| maps_of(&film.settings, &frame, &truth));
-            last = Some(Pictures { method: method.name, qscale, decoded: to_rgb8(&coded.decoded), maps });
+            last = Some(RunPictures { method: method.name, qscale, decoded: to_rgb8(&coded.decoded), maps });
         }
     }
     if last.is_none() {
         return Err(Error::Fault("a film without frames: a fault of this program".into()));
     }
-    let run = Run { flicker: flicker.mean(), ..sums.into_run(method, qscale, film) };
+    let run = MethodRun { flicker: flicker.mean(), ..sums.into_run(method, qscale, film) };
     Ok(Measured { run, pictures: last.expect("checked"), clip, check: coder.finish()? })
 }
 
@@ -134,14 +134,14 @@ impl Sums {
         self.ratios.iter_mut().for_each(|ratios| ratios.add(frame, truth));
     }
 
-    fn into_run(self, method: &Method, qscale: u32, film: &Film) -> Run {
+    fn into_run(self, method: &Method, qscale: u32, film: &Film) -> MethodRun {
         let count = self.decoded.len().max(1) as f64;
         let mut seconds = mean_seconds(&film.reports);
         seconds.encode = self.seconds / count;
         seconds.add_up();
         let lightcuts = film.stream.is_some();
         let steered_by_masking = lightcuts && !matches!(film.settings.thresholds, Thresholds::Fixed(_));
-        Run {
+        MethodRun {
             method: method.name,
             label: label(method, &film.settings),
             qscale,

@@ -1,7 +1,7 @@
 //! Error against run time: the same frames by several methods, through the encoder at several quantisers, all beside a
 //! reference that evaluates every light at every pixel.
 //!
-//! Methods are rows of [`METHODS`]; what is found about each at each quantiser is a [`Run`]. The reference of methods
+//! Methods are rows of [`METHODS`]; what is found about each at each quantiser is a [`MethodRun`]. The reference of methods
 //! without cache has no compensation, as they have none: what is left between the two is the cuts' own error.
 //!
 //! Films lie in files and are read frame by frame: a sweep of a long film takes disk, not memory.
@@ -20,7 +20,7 @@ mod table;
 mod write;
 
 pub use coded::DecoderCheck;
-pub use figures::{AgainstBaseline, Maps, Outcome, Pictures, ReferenceCost, Run};
+pub use figures::{AgainstBaseline, Maps, MethodRun, Outcome, ReferenceCost, RunPictures};
 pub use histogram::ErrorHistogram;
 pub use method::{METHODS, Method, UnknownMethod, Way};
 
@@ -86,7 +86,7 @@ pub struct Swept {
     /// The figures.
     pub outcome: Outcome,
     /// Pictures of each run, in the order of its runs.
-    pub pictures: Vec<Pictures>,
+    pub pictures: Vec<RunPictures>,
     /// The run that can be watched, by its place, and its first decoded pictures.
     pub clip: Option<(usize, Vec<Plane<[u8; 3]>>)>,
     /// The last frame of the reference with compensation or, if there is none, without, before compression.
@@ -108,84 +108,65 @@ impl Sweep {
     ) -> Result<Swept> {
         let begin = Instant::now();
         let Source { path, scene } = source;
+
+        // What to measure: all that can be wrong with it is found before the first ray.
         let methods = self.methods_with_baselines();
-        let mut qscales = self.qscales.clone();
-        qscales.sort_unstable();
-        qscales.dedup();
-        let Some(&first_qscale) = qscales.first() else {
-            return Err(Error::Options("--qscale needs a quantiser at least".into()));
-        };
-        let common = Options { qscale: Some(first_qscale), ..self.common.clone() };
-        let plain = settings_for(path, scene, &common, None)?;
-        for &qscale in &qscales {
-            // What no table of the standard has is told before the first ray.
-            let settings = settings_for(path, scene, &Options { qscale: Some(qscale), ..common.clone() }, None)?;
-            settings.encoder_config()?.with_lookahead(0).validate()?;
-        }
+        let qscales = self.sorted_qscales();
+        let common = self.checked_options(source, &qscales)?;
+
+        // The films that all methods are compared with; the folder of all films goes when it is dropped.
         let folder = tempfile::Builder::new()
             .prefix("working-")
             .tempdir_in(workspace)
             .map_err(Error::file(workspace, "cannot be written to"))?;
-        let mut work = Work::new(qscales.len() as u64, &methods, plain.frames.into(), &mut progress);
-        let common = Options { frames: Some(plain.frames), ..common };
         let workshop = Workshop { scene, folder: folder.path(), stop };
-        let References { films, exposure } = References::render(path, workshop, &methods, &common, &mut work)?;
-        let of_all = films.iter().rev().flatten().next().ok_or_else(|| missing("there are no methods"))?;
+        let frames = common.frames.unwrap_or_default();
+        let mut work = Work::new(qscales.len() as u64, &methods, frames.into(), &mut progress);
+        let references = References::render(path, workshop, &methods, &common, &mut work)?;
 
-        let middle = qscales[qscales.len() / 2];
-        let watched = methods
-            .iter()
-            .rposition(|method| method.is_film() && method.cache)
-            .or(methods.iter().rposition(|method| method.is_film()));
-        let (mut runs, mut pictures, mut decoder_check, mut clip) = (Vec::new(), Vec::new(), None, None);
-        for (index, &method) in methods.iter().enumerate() {
-            let truth = films[usize::from(method.compensates())]
-                .as_ref()
-                .ok_or_else(|| missing("no reference was rendered"))?;
-            let mut kept: Option<Film> = None;
-            for &qscale in &qscales {
-                if kept.is_none() || method.steered {
-                    // The one before has had its time: its files go first.
-                    drop(kept.take());
-                    let options = Options { qscale: Some(qscale), ..common.clone() };
-                    let settings = settings_for(path, scene, &method.options(&options), exposure)?;
-                    let doing = format!("{} at {qscale}", figures::label(method, &settings));
-                    let step = work.begin(doing, method.weight());
-                    kept = Some(film::by_method(method, workshop, settings, truth, step)?);
-                }
-                if stop.load(Ordering::Relaxed) {
-                    return Err(Error::Interrupted);
-                }
-                let film = kept.as_ref().ok_or_else(|| missing("rendered above"))?;
-                let is_watched = watched == Some(index) && qscale == middle;
-                let check_below = (qscale == middle && decoder_check.is_none()).then(|| folder.path());
-                let wanted = Wanted { clip: if is_watched { CLIP_FRAMES } else { 0 }, check_below };
-                let found: Measured = measured(method, qscale, film, truth, &wanted)?;
-                if is_watched {
-                    clip = Some((runs.len(), found.clip));
-                }
-                decoder_check = decoder_check.or(found.check);
-                runs.push(found.run);
-                pictures.push(found.pictures);
-            }
-        }
-        figures::set_beside_baselines(&mut runs);
+        // Each method at each quantiser, beside them.
+        let plan = Measuring { path, common: &common, qscales: &qscales, methods: &methods };
+        let mut found = plan.measure(workshop, &references, &mut work)?;
+        figures::set_beside_baselines(&mut found.runs);
+
+        // The figures, and the last frame as it should be.
+        let of_all = references.of_all()?;
         let last = of_all.frames()?.last().ok_or_else(|| missing("there are no frames"))??;
-        let cost = |film: &Film| ReferenceCost {
-            compensation: film.settings.compensation,
-            seconds: mean_seconds(&film.reports),
-        };
         let outcome = Outcome {
             schema: 1,
             program: concat!("render2mpeg ", env!("CARGO_PKG_VERSION")).into(),
             settings: of_all.settings.clone(),
             lights: of_all.reports.iter().map(|frame| frame.cut_size_max).max().unwrap_or(0),
-            references: films.iter().flatten().map(cost).collect(),
-            runs,
-            decoder_check,
+            references: references.films.iter().flatten().map(ReferenceCost::of).collect(),
+            runs: found.runs,
+            decoder_check: found.decoder_check,
             wall_seconds: begin.elapsed().as_secs_f64(),
         };
-        Ok(Swept { outcome, pictures, clip, truth: perceptual::to_rgb8(&last.picture) })
+        let truth = perceptual::to_rgb8(&last.picture);
+        Ok(Swept { outcome, pictures: found.pictures, clip: found.clip, truth })
+    }
+
+    /// The quantisers in rising order, each once.
+    fn sorted_qscales(&self) -> Vec<u32> {
+        let mut qscales = self.qscales.clone();
+        qscales.sort_unstable();
+        qscales.dedup();
+        qscales
+    }
+
+    /// Options that all films have in common, with their number of frames.
+    fn checked_options(&self, Source { path, scene }: Source<'_>, qscales: &[u32]) -> Result<Options> {
+        let Some(&first_qscale) = qscales.first() else {
+            return Err(Error::Options("--qscale needs a quantiser at least".into()));
+        };
+        let common = Options { qscale: Some(first_qscale), ..self.common.clone() };
+        let plain = settings_for(path, scene, &common, None)?;
+        for &qscale in qscales {
+            // What no table of the standard has is told before the first ray.
+            let settings = settings_for(path, scene, &Options { qscale: Some(qscale), ..common.clone() }, None)?;
+            settings.encoder_config()?.with_lookahead(0).validate()?;
+        }
+        Ok(Options { frames: Some(plain.frames), ..common })
     }
 
     /// The methods in the order of the table, each once, and what they are measured against.
@@ -197,6 +178,91 @@ impl Sweep {
             })
         };
         METHODS.iter().filter(wanted).collect()
+    }
+}
+
+/// The films to measure.
+struct Measuring<'a> {
+    /// The scene file.
+    path: &'a Path,
+    /// Options that all films have in common.
+    common: &'a Options,
+    /// In rising order.
+    qscales: &'a [u32],
+    /// In the order of the table.
+    methods: &'a [&'static Method],
+}
+
+/// What was found about all films.
+#[derive(Default)]
+struct Findings {
+    runs: Vec<MethodRun>,
+    /// Pictures of each run.
+    pictures: Vec<RunPictures>,
+    decoder_check: Option<DecoderCheck>,
+    clip: Option<(usize, Vec<Plane<[u8; 3]>>)>,
+}
+
+impl Measuring<'_> {
+    /// Renders each method, at each quantiser where that steers it, and measures it through the encoder.
+    fn measure(&self, workshop: Workshop<'_>, references: &References, work: &mut Work<'_>) -> Result<Findings> {
+        let middle = self.qscales[self.qscales.len() / 2];
+        let watched = self.watched();
+        let mut findings = Findings::default();
+        for (index, &method) in self.methods.iter().enumerate() {
+            let truth = references.truth_of(method)?;
+            let mut kept: Option<Film> = None;
+            for &qscale in self.qscales {
+                // A film that its quantiser does not steer serves for all of them.
+                if kept.is_none() || method.steered {
+                    // The one before has had its time: its files go first.
+                    drop(kept.take());
+                    kept = Some(self.film(method, qscale, workshop, references, work)?);
+                }
+                if workshop.stop.load(Ordering::Relaxed) {
+                    return Err(Error::Interrupted);
+                }
+                let film = kept.as_ref().ok_or_else(|| missing("rendered above"))?;
+
+                // Of all films one is shown as a clip, and one is checked by another decoder.
+                let is_watched = watched == Some(index) && qscale == middle;
+                let is_checked = qscale == middle && findings.decoder_check.is_none();
+                let wanted = Wanted {
+                    clip: if is_watched { CLIP_FRAMES } else { 0 },
+                    check_below: is_checked.then_some(workshop.folder),
+                };
+                let found: Measured = measured(method, qscale, film, truth, &wanted)?;
+                if is_watched {
+                    findings.clip = Some((findings.runs.len(), found.clip));
+                }
+                findings.decoder_check = findings.decoder_check.or(found.check);
+                findings.runs.push(found.run);
+                findings.pictures.push(found.pictures);
+            }
+        }
+        Ok(findings)
+    }
+
+    /// The film of a method, made for a quantiser.
+    fn film(
+        &self,
+        method: &Method,
+        qscale: u32,
+        workshop: Workshop<'_>,
+        references: &References,
+        work: &mut Work<'_>,
+    ) -> Result<Film> {
+        let options = Options { qscale: Some(qscale), ..self.common.clone() };
+        let settings = settings_for(self.path, workshop.scene, &method.options(&options), references.exposure)?;
+        let doing = format!("{} at {qscale}", figures::label(method, &settings));
+        let step = work.begin(doing, method.weight());
+        film::by_method(method, workshop, settings, references.truth_of(method)?, step)
+    }
+
+    /// The method that is shown as a clip: the last film, if possible one with the cache.
+    fn watched(&self) -> Option<usize> {
+        let cached = self.methods.iter().rposition(|method| method.is_film() && method.cache);
+        cached.or(self.methods.iter().rposition(|method| method.is_film()))
     }
 }
 
@@ -232,6 +298,22 @@ impl References {
             films[usize::from(compensates)] = Some(film);
         }
         Ok(Self { films, exposure })
+    }
+
+    /// The film that shows what `method` aims at.
+    fn truth_of(&self, method: &Method) -> Result<&Film> {
+        self.films[usize::from(method.compensates())].as_ref().ok_or_else(|| missing("no reference was rendered"))
+    }
+
+    /// The film with compensation or, if there is none, without.
+    fn of_all(&self) -> Result<&Film> {
+        self.films.iter().rev().flatten().next().ok_or_else(|| missing("there are no methods"))
+    }
+}
+
+impl ReferenceCost {
+    fn of(film: &Film) -> Self {
+        Self { compensation: film.settings.compensation, seconds: mean_seconds(&film.reports) }
     }
 }
 

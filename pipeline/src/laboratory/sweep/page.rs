@@ -1,8 +1,9 @@
 //! A sweep as one page.
 
 use super::Swept;
-use super::figures::{Pictures, Run};
+use super::figures::{MethodRun, RunPictures};
 use super::maps;
+use super::maps::MapPicture;
 use super::plots::Plot;
 use super::table::{HEADINGS, cells};
 use crate::error::Result;
@@ -89,9 +90,9 @@ fn uri(picture: &Plane<[u8; 3]>) -> String {
 }
 
 /// Runs and their pictures, of the methods with cache where there are any.
-fn shown(swept: &Swept) -> Vec<(&Run, &Pictures)> {
+fn shown(swept: &Swept) -> Vec<(&MethodRun, &RunPictures)> {
     let runs = swept.outcome.runs.iter().zip(&swept.pictures).filter(|(run, _)| run.lightcuts);
-    let runs: Vec<(&Run, &Pictures)> = runs.collect();
+    let runs: Vec<(&MethodRun, &RunPictures)> = runs.collect();
     let cached: Vec<_> = runs.iter().copied().filter(|(run, _)| run.cache).collect();
     let mut shown = if cached.is_empty() { runs } else { cached };
     shown.sort_by_key(|(run, _)| run.qscale);
@@ -108,7 +109,7 @@ fn choices(swept: &Swept) -> Vec<(String, String)> {
 }
 
 /// Place of the last method at the middle quantiser.
-fn middle(shown: &[(&Run, &Pictures)]) -> Option<usize> {
+fn middle(shown: &[(&MethodRun, &RunPictures)]) -> Option<usize> {
     let qscale = shown.get(shown.len() / 2)?.0.qscale;
     shown.iter().rposition(|(run, _)| run.qscale == qscale)
 }
@@ -126,8 +127,8 @@ fn clip(swept: &Swept) -> Option<(String, String)> {
 fn map_blocks(swept: &Swept) -> Vec<Value> {
     let steered = || swept.outcome.runs.iter().zip(&swept.pictures).filter(|(run, _)| run.kappa.is_some());
     let by_pixel = steered().any(|(run, _)| !run.cache);
-    let runs: Vec<(&Run, &Pictures)> = steered().filter(|(run, _)| run.cache != by_pixel).collect();
-    let block = |runs: &[(&Run, &Pictures)]| {
+    let runs: Vec<(&MethodRun, &RunPictures)> = steered().filter(|(run, _)| run.cache != by_pixel).collect();
+    let block = |runs: &[(&MethodRun, &RunPictures)]| {
         let columns: Vec<Value> = runs
             .iter()
             .filter_map(|(run, pictures)| {
@@ -140,7 +141,7 @@ fn map_blocks(swept: &Swept) -> Vec<Value> {
                 let pictures: Vec<Value> = maps
                     .iter()
                     .zip(under)
-                    .map(|((scale, picture), under)| context! { name => scale.about, uri => uri(picture), under })
+                    .map(|(MapPicture { scale, picture }, under)| context! { name => scale.about, uri => uri(picture), under })
                     .chain([context! {
                         name => "decoded",
                         uri => uri(&pictures.decoded),

@@ -1,6 +1,6 @@
 //! A sweep's figures as plots.
 
-use super::figures::{Outcome, Run};
+use super::figures::{MethodRun, Outcome};
 use super::method::Method;
 use crate::laboratory::page::{LinePlot, Series, StackedBars, Svg};
 
@@ -25,10 +25,10 @@ pub fn plots(outcome: &Outcome) -> Vec<Plot> {
 
 /// Quality against CPU time, for all methods.
 fn against_time(outcome: &Outcome) -> Vec<Plot> {
-    let all = |_: &Run| true;
-    let seconds = |run: &Run| run.seconds.total;
-    let psnr = |run: &Run| run.decoded.psnr_y.unwrap_or(f64::NAN);
-    let rendered = |run: &Run| run.rendered.relative_mse;
+    let all = |_: &MethodRun| true;
+    let seconds = |run: &MethodRun| run.seconds.total;
+    let psnr = |run: &MethodRun| run.decoded.psnr_y.unwrap_or(f64::NAN);
+    let rendered = |run: &MethodRun| run.rendered.relative_mse;
     let time = ("CPU s a frame", true);
     vec![
         plot(
@@ -58,11 +58,12 @@ fn against_time(outcome: &Outcome) -> Vec<Plot> {
 
 /// The steered methods against fixed thresholds of 2 %, by quantiser.
 fn against_baselines(outcome: &Outcome) -> Vec<Plot> {
-    let steered = |run: &Run| run.kappa.is_some();
-    let speedup = |run: &Run| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.speedup_indirect);
-    let lost = |run: &Run| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.psnr_difference);
-    let bits = |run: &Run| 100.0 * (run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.bits_ratio) - 1.0);
-    let unequal = |run: &Run| run.against_baseline.as_ref().is_some_and(|beside| !beside.equal_quality);
+    let steered = |run: &MethodRun| run.kappa.is_some();
+    let speedup = |run: &MethodRun| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.speedup_indirect);
+    let lost = |run: &MethodRun| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.psnr_difference);
+    let bits =
+        |run: &MethodRun| 100.0 * (run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.bits_ratio) - 1.0);
+    let unequal = |run: &MethodRun| run.against_baseline.as_ref().is_some_and(|beside| !beside.equal_quality);
     vec![
         plot(
             "speedup",
@@ -137,23 +138,23 @@ fn axes(title: &str, x: (&str, bool), y: (&str, bool), series: Vec<Series>, leve
     LinePlot { title: title.into(), x_label: x.0.into(), y_label: y.0.into(), x_log: x.1, y_log: y.1, series, level }
 }
 
-fn qscale(run: &Run) -> f64 {
+fn qscale(run: &MethodRun) -> f64 {
     f64::from(run.qscale)
 }
 
-fn never(_: &Run) -> bool {
+fn never(_: &MethodRun) -> bool {
     false
 }
 
 /// A line for each method, through its quantisers.
 fn lines(
     outcome: &Outcome,
-    wanted: impl Fn(&Run) -> bool,
-    x: impl Fn(&Run) -> f64,
-    y: impl Fn(&Run) -> f64,
-    crossed: impl Fn(&Run) -> bool,
+    wanted: impl Fn(&MethodRun) -> bool,
+    x: impl Fn(&MethodRun) -> f64,
+    y: impl Fn(&MethodRun) -> f64,
+    crossed: impl Fn(&MethodRun) -> bool,
 ) -> Vec<Series> {
-    let runs: Vec<&Run> = outcome.runs.iter().filter(|run| wanted(run)).collect();
+    let runs: Vec<&MethodRun> = outcome.runs.iter().filter(|run| wanted(run)).collect();
     runs.chunk_by(|a, b| a.method == b.method)
         .map(|runs| Series {
             name: runs[0].label.clone(),
@@ -166,14 +167,14 @@ fn lines(
         .collect()
 }
 
-fn color_of(run: &Run) -> usize {
+fn color_of(run: &MethodRun) -> usize {
     Method::named(run.method).map_or(0, |method| method.color)
 }
 
 fn rmse_lines(outcome: &Outcome) -> Vec<Series> {
     // A cut for every pixel, as in the paper; without such methods, the others.
     let cached = !outcome.runs.iter().any(|run| run.lightcuts && !run.cache);
-    let wanted = move |run: &Run| run.lightcuts && run.cache == cached;
+    let wanted = move |run: &MethodRun| run.lightcuts && run.cache == cached;
     let rmse = |psnr: Option<f64>| psnr.map_or(0.0, |psnr| 255.0 * 10f64.powf(-psnr / 20.0));
     let mut series = lines(outcome, wanted, qscale, |run| rmse(run.rendered.psnr_y), |_| false);
     series

@@ -1,6 +1,6 @@
 //! The paper's table 1 for a scene, and what the figures say in words.
 
-use super::figures::{AgainstBaseline, Outcome, Run};
+use super::figures::{AgainstBaseline, MethodRun, Outcome};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -25,7 +25,7 @@ pub const HEADINGS: [&str; 15] = [
 
 /// A row as table 1 of \[Herzog08\] has it: T light is photons and tree, T eye primary rays and motion, T LC indirect light;
 /// CPU seconds a frame. Beyond the paper's: masking, encoding, quality after decoding.
-pub fn cells(run: &Run, lights: u32) -> [String; 15] {
+pub fn cells(run: &MethodRun, lights: u32) -> [String; 15] {
     let s = &run.seconds;
     let beside = run.against_baseline.as_ref();
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
@@ -57,7 +57,7 @@ pub fn cells(run: &Run, lights: u32) -> [String; 15] {
 }
 
 /// Speed-up of indirect light, only where quality is equal.
-fn speedup(run: &Run) -> String {
+fn speedup(run: &MethodRun) -> String {
     match &run.against_baseline {
         None => "–".into(),
         Some(_) if run.kappa.is_none() => "×1.0".into(),
@@ -88,8 +88,8 @@ impl Outcome {
     }
 
     /// Runs in the order of the table: by cache, quantiser, method.
-    pub fn rows(&self) -> impl Iterator<Item = &Run> {
-        let mut runs: Vec<&Run> = self.runs.iter().collect();
+    pub fn rows(&self) -> impl Iterator<Item = &MethodRun> {
+        let mut runs: Vec<&MethodRun> = self.runs.iter().collect();
         runs.sort_by_key(|run| (!run.lightcuts, run.cache, run.qscale));
         runs.into_iter()
     }
@@ -107,7 +107,7 @@ impl Outcome {
 
     /// Findings on each steered method: where coupling pays, and where it does not.
     pub fn findings(&self) -> Vec<Finding> {
-        let steered: Vec<&Run> = self.runs.iter().filter(|run| run.kappa.is_some()).collect();
+        let steered: Vec<&MethodRun> = self.runs.iter().filter(|run| run.kappa.is_some()).collect();
         let notable = NOTABLE.max(1.0 + self.timing_spread());
         steered.chunk_by(|a, b| a.method == b.method).map(|runs| finding(runs, notable)).collect()
     }
@@ -125,7 +125,7 @@ pub struct Finding {
 /// From which ratio on time is saved, if it does not swing by more: less is what two measurements of the same differ by.
 const NOTABLE: f64 = 1.05;
 
-fn finding(runs: &[&Run], notable: f64) -> Finding {
+fn finding(runs: &[&MethodRun], notable: f64) -> Finding {
     let beside: Vec<(u32, &AgainstBaseline)> =
         runs.iter().filter_map(|run| Some((run.qscale, run.against_baseline.as_ref()?))).collect();
     let (equal, other): (Vec<_>, Vec<_>) = beside.iter().copied().partition(|(_, b)| b.equal_quality);

@@ -1,6 +1,7 @@
 //! A sweep's figures in files.
 
-use super::figures::{Outcome, Run};
+use super::figures::{MethodRun, Outcome};
+use super::maps::MapPicture;
 use super::raster::png_of;
 use super::table::Finding;
 use super::{Swept, maps, page, plots};
@@ -59,7 +60,7 @@ impl Swept {
         for pictures in &self.pictures {
             let name = |kind: &str| format!("{kind}_{}_{}.png", pictures.method, pictures.qscale);
             save(name("decoded"), &pictures.decoded)?;
-            for (scale, picture) in pictures.maps.iter().flat_map(maps::pictures) {
+            for MapPicture { scale, picture } in pictures.maps.iter().flat_map(maps::pictures) {
                 save(name(scale.name), &picture)?;
             }
         }
@@ -78,7 +79,7 @@ pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// A line for each run; nothing where a figure is unknown.
-fn csv_of(runs: &[Run]) -> Result<Vec<u8>> {
+fn csv_of(runs: &[MethodRun]) -> Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for run in runs {
         let beside = run.against_baseline.as_ref();

@@ -15,6 +15,7 @@ use render_core::cache::{
     CachedLight, Changes, Illumination, IrradianceCache, LastUpdate, LocalIrradiance, Request, Site, footprint,
 };
 use render_core::sampling::hash;
+use render_core::scene::Projected;
 use render_core::{Anchor, Busy, GBuffer, Gathered, Hit, NOTHING, PACKET, PixelSurface, ShadingPoint, luminance};
 use std::f32::consts::PI;
 
@@ -383,7 +384,7 @@ impl Cuts<'_> {
     /// [`LightTransport::class_at`] the pixel that shows a site; the first class out of sight.
     fn class_of(&self, site: &Site) -> usize {
         let seen = self.transport.seen;
-        let Some((place, _)) = seen.view.project(site.position) else { return 0 };
+        let Some(Projected { pixel: place, .. }) = seen.view.project(site.position) else { return 0 };
         let inside = place.x >= 0.0
             && place.y >= 0.0
             && place.x < seen.pixels.width() as f32
@@ -398,7 +399,7 @@ impl Cuts<'_> {
         let seen = transport.seen;
         let relative =
             |known_luminance| Stop::Relative { fraction: FINENESS * transport.relative_threshold(), known_luminance };
-        let Some((center, _)) = seen.view.project(site.position) else { return relative(0.0) };
+        let Some(Projected { pixel: center, .. }) = seen.view.project(site.position) else { return relative(0.0) };
         let (width, height) = (seen.pixels.width() as i32, seen.pixels.height() as i32);
         let radius = footprint(site, surroundings.harmonic_mean, surroundings.nearest, &seen.view);
         let alike = |place: glam::Vec2| {

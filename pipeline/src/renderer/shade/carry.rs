@@ -10,7 +10,10 @@ use crate::renderer::frame::Frame;
 use crate::settings::Settings;
 use glam::Vec3A;
 use plane::{Correspondence, Plane};
-use render_core::{Busy, CarriedLight, Destination, DirectLights, GBuffer, MACROBLOCK, Reuse, Source, luminance};
+use render_core::{
+    AuditCounts, Busy, CarriedLight, Completed, Destination, DirectLights, GBuffer, MACROBLOCK, Reuse, Source,
+    luminance,
+};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
@@ -47,8 +50,7 @@ struct Found {
     computed: [Plane<bool>; 2],
     /// Pixels that reflect light.
     lit: usize,
-    /// Audited pixels within their tolerance, and all of them.
-    audits: [usize; 2],
+    audits: AuditCounts,
 }
 
 /// A frame that light is carried to.
@@ -93,9 +95,9 @@ impl Carry {
         };
         let destination = Destination { seen: to.seen, known, unseen_contrast: SHADOWS };
         let tolerance = |x, y, e| to.tolerance(x, y, e);
-        let carried = self.light.direct.carry(destination, reuse, tolerance, busy);
+        let carried = busy.take(self.light.direct.carry(destination, reuse, tolerance));
         let missing = carried.missing.clone();
-        let (irradiance, audits) = carried.complete(&light(&missing), to.seen, &mut self.light.direct);
+        let Completed { irradiance, audits, .. } = carried.complete(&light(&missing), to.seen, &mut self.light.direct);
         let lit = to.seen.pixels.samples().iter().filter(|pixel| pixel.reflects()).count();
         self.found = Found { computed: [missing.clone(), missing], lit, audits };
         irradiance
@@ -113,24 +115,24 @@ impl Carry {
         let destination =
             Destination { seen: to.seen, known: to.known.filter(|_| is_unchanged), unseen_contrast: SMOOTH };
         let tolerance = |x, y, e| to.tolerance(x, y, e);
-        let carried = self.light.indirect.carry(destination, |x, y| to.reuse(x, y), tolerance, busy);
+        let carried = busy.take(self.light.indirect.carry(destination, |x, y| to.reuse(x, y), tolerance));
         let missing = carried.missing.clone();
         let lit = light(is_unchanged.then_some(&missing));
-        let (irradiance, [within, audited]) = carried.complete(&lit, to.seen, &mut self.light.indirect);
+        let Completed { irradiance, audits, .. } = carried.complete(&lit, to.seen, &mut self.light.indirect);
         self.found.computed[1] = missing;
-        self.found.audits[0] += within;
-        self.found.audits[1] += audited;
+        self.found.audits.within += audits.within;
+        self.found.audits.all += audits.all;
         irradiance
     }
 
     /// Counts of the last frame.
     pub fn put_into(&self, figures: &mut FrameFigures) {
-        let Found { computed: [direct, indirect], lit, audits: [within, audited] } = &self.found;
+        let Found { computed: [direct, indirect], lit, audits: AuditCounts { within, all } } = &self.found;
         let shaded =
             direct.samples().iter().zip(indirect.samples()).filter(|(direct, indirect)| **direct || **indirect);
         figures.shaded_share = shaded.count() as f64 / (*lit).max(1) as f64;
         figures.carried_share = 1.0 - figures.shaded_share;
-        figures.audit_carried_within = (*audited > 0).then(|| *within as f64 / *audited as f64);
+        figures.audit_carried_within = (*all > 0).then(|| *within as f64 / *all as f64);
     }
 
     /// [`Aov::Shading`](crate::settings::Aov::Shading) of the last frame, whose surfaces are `seen`.

@@ -8,6 +8,7 @@ use crate::renderer::frame::{Frame, PreparedFrame};
 use crate::settings::Aov;
 use perceptual::ThresholdMap;
 use plane::Plane;
+use render_core::scene::Projected;
 use render_core::{NOTHING, PixelSurface};
 
 /// The channels R, G and B of layer `name`.
@@ -74,7 +75,7 @@ fn at_records(frame: &Frame, cache: &Cache, mark: impl Fn(&mut f32, usize)) -> V
     let (width, height) = (frame.seen.pixels.width(), frame.seen.pixels.height());
     let mut picture = vec![0.0; width * height];
     for (position, size) in cache.records() {
-        let Some((place, _)) = frame.seen.view.project(position) else { continue };
+        let Some(Projected { pixel: place, .. }) = frame.seen.view.project(position) else { continue };
         if place.min_element() >= 0.0 && place.x < width as f32 && place.y < height as f32 {
             mark(&mut picture[place.y as usize * width + place.x as usize], size);
         }

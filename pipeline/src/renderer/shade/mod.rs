@@ -211,7 +211,8 @@ impl Shading<'_> {
             let Frame { accelerator, surfaces, seen, .. } = frame;
             let coverage = visibility.take(Coverage::of(seen, PosedScene::new(accelerator, surfaces)));
             for Sample { direct, indirect } in &mut samples {
-                (*direct, *indirect) = (coverage.blend(direct, &visibility), coverage.blend(indirect, &visibility));
+                *direct = visibility.take(coverage.blend(direct));
+                *indirect = visibility.take(coverage.blend(indirect));
             }
         }
         *places = movement.places;

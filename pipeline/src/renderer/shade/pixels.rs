@@ -1,6 +1,6 @@
 //! Indirect light without a cache: each pixel has its own cut.
 //!
-//! Where thresholds are known beforehand, neighbours share most of the walk through the light tree, and the shadow rays
+//! Where thresholds are known beforehand, neighbors share most of the walk through the light tree, and the shadow rays
 //! between a light and all pixels of a block are cast together. A threshold that hangs on the light that is still being found
 //! allows neither: cuts at 2 % of a pixel's own luminance go one by one, as \[Walter05\] has them. On `cornell` at quantiser 2,
 //! where thresholds are 2 % too, that is 0.21 instead of 1.13 CPU s a frame of 256×256; 0.56 with thresholds known and

@@ -23,7 +23,7 @@ fn add(scene: &mut Scene, node: usize, faces: &[[Vec3; 3]]) {
     scene.materials.push(Material { double_sided: true, ..Material::default() });
 }
 
-/// A floor, and a block of two metres that moves over it from x = 10 to x = 0, where it arrives after a second.
+/// A floor, and a block of two meters that moves over it from x = 10 to x = 0, where it arrives after a second.
 fn floor_with_a_block() -> Scene {
     let mut scene = Scene::default();
     let still = Transform { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };

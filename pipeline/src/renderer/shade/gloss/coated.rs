@@ -23,12 +23,12 @@ pub(super) struct Coated {
 }
 
 impl Coated {
-    /// The surface that a pixel sees, if it has a coat; rays start `epsilon` metres off it.
+    /// The surface that a pixel sees, if it has a coat; rays start `epsilon` meters off it.
     pub fn of_pixel(pixel: &PixelSurface, seen: &GBuffer, epsilon: f32) -> Option<Self> {
         if pixel.instance == NOTHING || pixel.specular == [0.0; 3] {
             return None;
         }
-        let (place, _) = seen.view.project(pixel.position.into())?;
+        let place = seen.view.project(pixel.position.into())?.pixel;
         let (_, direction) = seen.view.ray(place);
         let bsdf = Bsdf::new(pixel.albedo.into(), pixel.specular.into(), pixel.roughness);
         Some(Self::new(receiver(pixel, epsilon), bsdf, pixel.roughness, direction))

@@ -80,7 +80,7 @@ fn glowing(radiance: f32) -> Material {
 }
 
 /// A plate under a sky of the same radiance from everywhere: coat and what bounces in it reflect their albedo, which is 1 for
-/// F₀ = 1 at any roughness; the coat's part for a colour is its albedo times the sky.
+/// F₀ = 1 at any roughness; the coat's part for a color is its albedo times the sky.
 #[test]
 fn a_plate_in_even_light_shows_its_albedo() {
     for roughness in [0.0, 0.1, 0.25, 0.6, 1.0] {

@@ -3,11 +3,10 @@
 //! A folder with its `mod.rs` is a room. Within a room, `mod.rs` may import from the files below it and they from it. Imports
 //! between two files, two rooms, or a file and a room must not form a circle, at any level.
 
+use super::{CRATES, only_in_tests, root};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syn::visit::{self, Visit};
-
-const CRATES: [&str; 7] = ["lanes", "plane", "lighttree", "perceptual", "mpeg2enc", "render-core", "pipeline"];
 
 /// A module by the names on its path; the crate root has none.
 type Module = Vec<String>;
@@ -84,13 +83,6 @@ impl Collector {
             self.imports.paths.extend(self.absolute(&path, false));
         }
     }
-}
-
-fn only_in_tests(attributes: &[syn::Attribute]) -> bool {
-    let is_test = |attribute: &syn::Attribute| {
-        attribute.path().is_ident("cfg") && attribute.parse_args::<syn::Ident>().is_ok_and(|name| name == "test")
-    };
-    attributes.iter().any(is_test)
 }
 
 impl<'ast> Visit<'ast> for Collector {
@@ -209,8 +201,7 @@ fn leads_back(edges: &Edges, (from, to): &(Module, Module)) -> bool {
 /// Imports of a crate that are part of a circle, in words.
 fn circular_imports(name: &str) -> Vec<String> {
     let mut files = BTreeMap::new();
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name).join("src");
-    read(&folder, &Module::new(), &mut files);
+    read(&root().join(name).join("src"), &Module::new(), &mut files);
     assert!(files.len() > 1, "{name} has files");
     let in_room = |edges: Edges| {
         let circular = edges.iter().filter(|(edge, _)| leads_back(&edges, edge));
@@ -221,6 +212,6 @@ fn circular_imports(name: &str) -> Vec<String> {
 
 #[test]
 fn imports_form_no_circles() {
-    let circular: Vec<String> = CRATES.iter().flat_map(|name| circular_imports(name)).collect();
+    let circular: Vec<String> = CRATES.iter().chain(&["scenes"]).flat_map(|name| circular_imports(name)).collect();
     assert!(circular.is_empty(), "{}", circular.join("\n"));
 }

@@ -1,0 +1,63 @@
+//! Rules about sources and documents that no compiler checks.
+
+mod circles;
+mod sentences;
+mod signatures;
+mod type_names;
+mod words;
+
+use std::path::{Path, PathBuf};
+
+/// The crates of the program.
+const CRATES: [&str; 7] = ["lanes", "plane", "lighttree", "perceptual", "mpeg2enc", "render-core", "pipeline"];
+
+/// The folder of the workspace.
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// Files below `folder` whose names end with `ending`, in the order of their names.
+fn files_below(folder: &Path, ending: &str) -> Vec<PathBuf> {
+    let (mut found, mut open) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(&folder).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+            // Build outputs and hidden folders hold nothing that belongs to the project.
+            if path.is_dir() && name != "target" && !name.starts_with('.') {
+                open.push(path);
+            } else if path.extension().is_some_and(|found| found == ending) {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// The name of a file from the workspace's folder on.
+fn name_of(path: &Path) -> String {
+    path.strip_prefix(root()).expect("a file of the workspace").display().to_string()
+}
+
+/// The parsed sources of a crate, with their names; files with the crate's own tests are left out.
+fn sources_of(name: &str) -> Vec<(String, syn::File)> {
+    let mut sources = Vec::new();
+    for path in files_below(&root().join(name).join("src"), "rs") {
+        if path.file_stem().is_some_and(|stem| stem == "tests") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).expect("a source");
+        sources.push((name_of(&path), syn::parse_file(&text).expect("Rust")));
+    }
+    assert!(!sources.is_empty(), "{name} has sources");
+    sources
+}
+
+/// Whether an item exists only in tests of its own crate.
+fn only_in_tests(attributes: &[syn::Attribute]) -> bool {
+    let is_test = |attribute: &syn::Attribute| {
+        attribute.path().is_ident("cfg") && attribute.parse_args::<syn::Ident>().is_ok_and(|name| name == "test")
+    };
+    attributes.iter().any(is_test)
+}

@@ -1,0 +1,62 @@
+//! A name stands for one public type of a crate.
+
+use super::{CRATES, only_in_tests, sources_of};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Names that stand for two public types of a crate and are left as they are.
+///
+/// Those of `lanes` are the same vectors by two kinds of processor, of which a build has one.
+const KNOWN: [(&str, &str); 4] = [("lanes", "Absolute"), ("lanes", "Bytes"), ("lanes", "Squared"), ("lanes", "Words")];
+
+/// Adds the names of public types among `items` with the module that defines each. Two definitions in one module are
+/// variants of one type, by configuration.
+fn add(items: &[syn::Item], module: &str, names: &mut BTreeMap<String, BTreeSet<String>>) {
+    for item in items {
+        let (visibility, name, attributes) = match item {
+            syn::Item::Struct(item) => (&item.vis, &item.ident, &item.attrs),
+            syn::Item::Enum(item) => (&item.vis, &item.ident, &item.attrs),
+            syn::Item::Union(item) => (&item.vis, &item.ident, &item.attrs),
+            syn::Item::Type(item) => (&item.vis, &item.ident, &item.attrs),
+            syn::Item::Trait(item) => (&item.vis, &item.ident, &item.attrs),
+            syn::Item::Mod(inner) => {
+                if let Some((_, items)) = inner.content.as_ref().filter(|_| !only_in_tests(&inner.attrs)) {
+                    add(items, &format!("{module} {}", inner.ident), names);
+                }
+                continue;
+            }
+            _ => continue,
+        };
+        if matches!(visibility, syn::Visibility::Public(_)) && !only_in_tests(attributes) {
+            names.entry(name.to_string()).or_default().insert(module.to_owned());
+        }
+    }
+}
+
+/// The names of a crate's public types, each with the files that define it.
+pub fn public_types(sources: &[(String, syn::File)]) -> BTreeMap<String, BTreeSet<String>> {
+    let mut names = BTreeMap::new();
+    for (file, source) in sources {
+        add(&source.items, file, &mut names);
+    }
+    names
+}
+
+#[test]
+fn a_name_is_one_public_type_of_a_crate() {
+    let (mut found, mut known) = (Vec::new(), Vec::new());
+    for name in CRATES {
+        let names = public_types(&sources_of(name));
+        assert!(!names.is_empty(), "{name} has public types");
+        for (kind, modules) in names {
+            let exception = KNOWN.into_iter().find(|exception| *exception == (name, kind.as_str()));
+            if modules.len() > 1 && exception.is_none() {
+                found.push(format!("{name}: {kind} is defined in {}", Vec::from_iter(modules).join(" and in ")));
+            } else if modules.len() > 1 {
+                known.extend(exception);
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+    // An exception that is none any more leaves the list.
+    assert_eq!(known, KNOWN);
+}
