@@ -23,7 +23,7 @@ import pairs
 import presets
 import references
 import tables
-from running import Failure, add_program, need_installed, need_program, run
+from running import Failure, add_program, need_files, need_installed, need_program, run
 
 UNCOUPLED = ["--thresholds", "fixed:0.02", "--shading", "full"]
 COUPLED = []
@@ -169,6 +169,7 @@ def main(options):
         raise Failure(f"--frames {options.frames}: frames 0 to {FIRST - 1} do not count, so at least {FIRST + 1} are needed")
     options.program = need_program(options)
     need_installed("ffmpeg")
+    need_files(options.scenes)
     for scene in options.scenes:
         fine_film(options, scene)
     rows = [(scene, qscale) for scene in options.scenes for qscale in presets.numbers(options.qscale)]

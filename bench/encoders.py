@@ -33,7 +33,7 @@ import figures
 import pairs
 import presets
 import tables
-from running import Failure, add_program, need_built, need_installed, need_program, run
+from running import Failure, add_program, need_built, need_files, need_installed, need_program, run
 
 QUICK = {"points": [1, 8, 24], "rates": [500, 2000, 8000], "size": "256x256", "frames": [12], "pairs": 5}
 FULL = {"points": [2, 4, 8, 16, 31], "rates": [500, 1000, 2000, 4000, 8000], "size": "352x288", "frames": [30, 60], "pairs": 3}
@@ -163,6 +163,7 @@ def main(options):
     """One table, those of the quick measurement, or all."""
     presets.fill_in(options, QUICK, FULL)
     need_installed("ffmpeg")
+    need_files(options.clips)
     options.program = need_program(options)
     if options.encoder:
         need_built(options.encoder, "cargo build --release --package mpeg2enc --example mpeg2enc")

@@ -88,6 +88,13 @@ def need_program(options):
     return need_built(options.program, "cargo build --release")
 
 
+def need_files(paths):
+    """Checks that files which the user names are there."""
+    for path in paths:
+        if not Path(path).is_file():
+            raise Failure(f"{path} is missing")
+
+
 def need_installed(name):
     """Checks that a program of the system is there."""
     if shutil.which(name) is None:

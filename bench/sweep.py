@@ -24,7 +24,7 @@ import pairs
 import presets
 import sweep_page
 import tables
-from running import Failure, add_program, need_program, run
+from running import Failure, add_program, need_files, need_program, run
 
 QUICK = {"size": "128x128", "frames": 8, "qscale": "2,16,48", "repeats": 5}
 SCENES = [presets.shipped(name) for name in ("cornell", "conference")]
@@ -83,6 +83,7 @@ def swept(options, scene):
 def quick(options):
     """Prints the table of each scene's sweeps."""
     scenes = options.scenes or SCENES
+    need_files(scenes)
     print(tables.header(TITLES))
     budget = pairs.Budget(options)
     for scene, share in budget.shares(scenes, lambda scene: scene.stem):
