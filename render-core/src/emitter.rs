@@ -304,7 +304,7 @@ impl AreaLight {
                 let sum: Vec3 = (0..64)
                     .map(|i| {
                         let (u, v) = triangle(hammersley(i, 64));
-                        at(u, v).map_or(Vec3::ONE, |uv| texture.sample(slot.map(uv), texture.size().x / 16.0).0)
+                        at(u, v).map_or(Vec3::ONE, |uv| texture.sample(slot.map(uv), texture.size().x / 16.0).color)
                     })
                     .sum();
                 sum / 64.0

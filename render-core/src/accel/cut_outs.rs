@@ -126,7 +126,7 @@ impl Sheet {
             opacity *= a * w + b * u + c * v;
         }
         if let Some((texture, [a, b, c])) = self.texture.as_ref().zip(self.coordinates.get(triangle)) {
-            opacity *= texture.sample(*a * w + *b * u + *c * v, 1.0).1;
+            opacity *= texture.sample(*a * w + *b * u + *c * v, 1.0).opacity;
         }
         match self.alpha {
             Alpha::Opaque => true,

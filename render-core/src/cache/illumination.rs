@@ -56,6 +56,15 @@ pub struct LocalIrradiance {
     pub tolerance: f32,
 }
 
+/// The light of a record, found from nothing.
+#[derive(Clone, Debug)]
+pub struct Computed<R> {
+    /// The light.
+    pub light: LocalIrradiance,
+    /// What is kept so that it can be lit again for less.
+    pub recipe: R,
+}
+
 /// Source of the light at a site; called from many threads at once.
 pub trait Illumination: Sync {
     /// Data kept with a record so that it can be lit again for less than a new one.
@@ -64,7 +73,7 @@ pub trait Illumination: Sync {
     type Scratch: Default;
 
     /// The light at `site`, from nothing.
-    fn compute(&self, site: &Site, scratch: &mut Self::Scratch) -> (LocalIrradiance, Self::Recipe);
+    fn compute(&self, site: &Site, scratch: &mut Self::Scratch) -> Computed<Self::Recipe>;
 
     /// The light at a `site` whose light was last known when `known` says; `None` when too much has changed near it, and it
     /// has to be computed.

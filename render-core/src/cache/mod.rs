@@ -32,7 +32,7 @@ mod spacing;
 mod tile;
 mod tolerance;
 
-pub use illumination::{Illumination, LastUpdate, LocalIrradiance, Site};
+pub use illumination::{Computed, Illumination, LastUpdate, LocalIrradiance, Site};
 pub use request::Request;
 pub use spacing::footprint;
 

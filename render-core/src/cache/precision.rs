@@ -1,7 +1,7 @@
 //! Weights, radii, fits and interpolation of the cache against the same definitions in `f64`: from contact to 10⁶ m, from the
 //! faintest light to the brightest, and for neighbors that lie on a needle, where the fit has hardly anything to go by.
 
-use super::illumination::{LocalIrradiance, Site};
+use super::illumination::{Computed, LocalIrradiance, Site};
 use super::predict::Fit;
 use super::radius::radius;
 use super::record::Record;
@@ -99,7 +99,7 @@ fn estimate(random: &mut Random, site: &Site, light: f32, radius: f32) -> LocalI
 }
 
 fn record(site: Site, estimate: LocalIrradiance, radius: f32) -> Record<()> {
-    Record { radius, ..Record::new(site, 1.0, (estimate, ()), 0, 0) }
+    Record { radius, ..Record::new(site, 1.0, Computed { light: estimate, recipe: () }, 0, 0) }
 }
 
 /// Powers of ten between two.

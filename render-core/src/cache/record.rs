@@ -1,6 +1,6 @@
 //! A record: where it is, what light was found there, and how far around it that holds.
 
-use super::illumination::{LocalIrradiance, Site};
+use super::illumination::{Computed, LocalIrradiance, Site};
 use super::radius::radius;
 
 /// A site with its light.
@@ -28,7 +28,13 @@ pub(super) struct Record<R> {
 }
 
 impl<R> Record<R> {
-    pub fn new(site: Site, scale: f32, (estimate, recipe): (LocalIrradiance, R), number: u32, frame: u32) -> Self {
+    pub fn new(
+        site: Site,
+        scale: f32,
+        Computed { light: estimate, recipe }: Computed<R>,
+        number: u32,
+        frame: u32,
+    ) -> Self {
         let radius = radius(&estimate);
         Self {
             site,
@@ -52,7 +58,7 @@ impl<R> Record<R> {
     }
 
     /// Everything new but the place.
-    pub fn computed_afresh(&mut self, (estimate, recipe): (LocalIrradiance, R)) {
+    pub fn computed_afresh(&mut self, Computed { light: estimate, recipe }: Computed<R>) {
         self.relit(estimate);
         self.recipe = recipe;
     }

@@ -98,9 +98,9 @@ impl Illumination for Lamp {
     type Recipe = ();
     type Scratch = ();
 
-    fn compute(&self, site: &Site, (): &mut ()) -> (LocalIrradiance, ()) {
+    fn compute(&self, site: &Site, (): &mut ()) -> Computed<()> {
         self.computed.fetch_add(1, Ordering::Relaxed);
-        (self.estimate(site), ())
+        Computed { light: self.estimate(site), recipe: () }
     }
 
     fn relight(&self, site: &Site, (): &mut (), _: LastUpdate) -> Option<LocalIrradiance> {
@@ -183,9 +183,9 @@ fn other_surfaces_have_records_of_their_own() {
         impl Illumination for BySurface {
             type Recipe = ();
             type Scratch = ();
-            fn compute(&self, site: &Site, (): &mut ()) -> (LocalIrradiance, ()) {
+            fn compute(&self, site: &Site, (): &mut ()) -> Computed<()> {
                 let other = site.position.y > 0.1 || site.normal.y < 0.0 || site.carrier == 1;
-                (even(if other { 100.0 } else { 1.0 }, 1.0), ())
+                Computed { light: even(if other { 100.0 } else { 1.0 }, 1.0), recipe: () }
             }
             fn relight(&self, _: &Site, (): &mut (), _: LastUpdate) -> Option<LocalIrradiance> {
                 None
@@ -219,8 +219,8 @@ impl Illumination for Groove {
     type Recipe = ();
     type Scratch = ();
 
-    fn compute(&self, site: &Site, (): &mut ()) -> (LocalIrradiance, ()) {
-        (even(if site.position.y < 0.0 { Self::LIGHT } else { 1.0 }, 1.0), ())
+    fn compute(&self, site: &Site, (): &mut ()) -> Computed<()> {
+        Computed { light: even(if site.position.y < 0.0 { Self::LIGHT } else { 1.0 }, 1.0), recipe: () }
     }
 
     fn relight(&self, _: &Site, (): &mut (), _: LastUpdate) -> Option<LocalIrradiance> {
@@ -398,8 +398,8 @@ impl<F: Fn(f32) -> f32 + Sync> Illumination for Unforeseen<F> {
     type Recipe = ();
     type Scratch = ();
 
-    fn compute(&self, site: &Site, (): &mut ()) -> (LocalIrradiance, ()) {
-        (even((self.light)(site.position.x), 0.8), ())
+    fn compute(&self, site: &Site, (): &mut ()) -> Computed<()> {
+        Computed { light: even((self.light)(site.position.x), 0.8), recipe: () }
     }
 
     fn relight(&self, _: &Site, (): &mut (), _: LastUpdate) -> Option<LocalIrradiance> {

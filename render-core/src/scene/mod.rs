@@ -25,7 +25,7 @@ pub use mesh::{Influence, Mesh, MorphTarget, Skinning};
 pub use settings::SceneSettings;
 pub use settings_error::SettingsError;
 pub use sky::SkySettings;
-pub use texture::{Encoding, Texture, Wrap};
+pub use texture::{Encoding, Filtered, Texture, Wrap};
 
 use crate::environment::Environment;
 use glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A};

@@ -68,6 +68,15 @@ impl Encoding {
     }
 }
 
+/// What a look-up finds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Filtered {
+    /// Linear RGB.
+    pub color: Vec3,
+    /// 0…1.
+    pub opacity: f32,
+}
+
 impl Texture {
     /// An image of colors: as [`Texture::with_encoding`], in sRGB.
     ///
@@ -112,15 +121,18 @@ impl Texture {
 
     /// Trilinear look-up: linear RGB and opacity at `uv`, blurred to `footprint` texels of the finest level.
     #[must_use]
-    pub fn sample(&self, uv: Vec2, footprint: f32) -> (Vec3, f32) {
+    pub fn sample(&self, uv: Vec2, footprint: f32) -> Filtered {
         let lod = footprint.max(1.0).log2().min((self.levels.len() - 1) as f32);
         let (fine, blend) = (lod as usize, lod.fract());
-        let (color, alpha) = self.bilinear(fine, uv);
+        let near = self.bilinear(fine, uv);
         if blend == 0.0 || fine + 1 >= self.levels.len() {
-            return (color, alpha);
+            return near;
         }
-        let (coarse_color, coarse_alpha) = self.bilinear(fine + 1, uv);
-        (color.lerp(coarse_color, blend), alpha + (coarse_alpha - alpha) * blend)
+        let coarse = self.bilinear(fine + 1, uv);
+        Filtered {
+            color: near.color.lerp(coarse.color, blend),
+            opacity: near.opacity + (coarse.opacity - near.opacity) * blend,
+        }
     }
 
     /// Anisotropic look-up: linear RGB and opacity at `uv`, blurred over the ellipse with the conjugate `diameters` \[texels of
@@ -128,7 +140,7 @@ impl Texture {
     ///
     /// Trilinear look-ups as blurred as the ellipse is narrow, side by side along its long axis \[McCormack99\], at most
     /// twelve; a longer ellipse is taken to be wider.
-    pub fn sample_ellipse(&self, uv: Vec2, diameters: [Vec2; 2]) -> (Vec3, f32) {
+    pub fn sample_ellipse(&self, uv: Vec2, diameters: [Vec2; 2]) -> Filtered {
         let (long, narrow) = principal_axes(diameters);
         let length = long.length();
         // False for what is not a number, too.
@@ -142,38 +154,38 @@ impl Texture {
         }
         let step = long / (self.size() * count as f32);
         let first = uv - step * (0.5 * (count - 1) as f32);
-        let (mut color, mut alpha) = (Vec3::ZERO, 0.0);
+        let (mut color, mut opacity) = (Vec3::ZERO, 0.0);
         for k in 0..count {
-            let (c, a) = self.sample(first + step * k as f32, narrow);
-            color += c;
-            alpha += a;
+            let one = self.sample(first + step * k as f32, narrow);
+            color += one.color;
+            opacity += one.opacity;
         }
-        (color / count as f32, alpha / count as f32)
+        Filtered { color: color / count as f32, opacity: opacity / count as f32 }
     }
 
     /// Mean linear color.
     #[must_use]
     pub fn mean(&self) -> Vec3 {
-        self.sample(Vec2::ZERO, f32::MAX).0
+        self.sample(Vec2::ZERO, f32::MAX).color
     }
 
-    fn bilinear(&self, level: usize, uv: Vec2) -> (Vec3, f32) {
+    fn bilinear(&self, level: usize, uv: Vec2) -> Filtered {
         let level = &self.levels[level];
         let clamp = |c: f32, wrap: Wrap| if wrap == Wrap::Clamp { c.clamp(0.0, 1.0 - f32::EPSILON) } else { c };
         let (columns, fx) = neighbors(clamp(uv.x, self.wrap[0]), level.width, self.wrap[0]);
         let (rows, fy) = neighbors(clamp(uv.y, self.wrap[1]), level.height, self.wrap[1]);
         let to_linear = self.encoding.to_linear();
         let mut color = Vec3::ZERO;
-        let mut alpha = 0.0;
+        let mut opacity = 0.0;
         for (dx, dy, weight) in
             [(0, 0, (1.0 - fx) * (1.0 - fy)), (1, 0, fx * (1.0 - fy)), (0, 1, (1.0 - fx) * fy), (1, 1, fx * fy)]
         {
             let [r, g, b, a] = level.texels[rows[dy] * level.width + columns[dx]];
             let linear = |code: u8| to_linear[code as usize];
             color += Vec3::new(linear(r), linear(g), linear(b)) * weight;
-            alpha += f32::from(a) / 255.0 * weight;
+            opacity += f32::from(a) / 255.0 * weight;
         }
-        (color, alpha)
+        Filtered { color, opacity }
     }
 }
 
@@ -271,10 +283,10 @@ mod tests {
     #[test]
     fn texel_centers_are_exact_and_tile() {
         let texture = checker();
-        let (color, alpha) = texture.sample(Vec2::new(0.125, 0.125), 1.0);
+        let Filtered { color, opacity: alpha } = texture.sample(Vec2::new(0.125, 0.125), 1.0);
         assert_eq!((color, alpha), (Vec3::ONE, 1.0));
-        assert_eq!(texture.sample(Vec2::new(0.375, 0.125), 1.0).0, Vec3::ZERO);
-        assert_eq!(texture.sample(Vec2::new(-0.875, 3.125), 1.0).0, Vec3::ONE);
+        assert_eq!(texture.sample(Vec2::new(0.375, 0.125), 1.0).color, Vec3::ZERO);
+        assert_eq!(texture.sample(Vec2::new(-0.875, 3.125), 1.0).color, Vec3::ONE);
     }
 
     #[test]
@@ -321,10 +333,10 @@ mod tests {
         let along = stripes(|_, y| y);
         let footprint = [Vec2::new(0.0, 16.0), Vec2::new(1.0, 0.0)];
         let uv = Vec2::splat((8.0 + 2.0) / size as f32);
-        assert_eq!(across.sample_ellipse(uv, footprint).0, Vec3::ONE);
-        assert!((along.sample_ellipse(uv, footprint).0.x - 0.5).abs() < 0.02);
+        assert_eq!(across.sample_ellipse(uv, footprint).color, Vec3::ONE);
+        assert!((along.sample_ellipse(uv, footprint).color.x - 0.5).abs() < 0.02);
         // One trilinear look-up over the long side loses both.
-        assert!((across.sample(uv, 16.0).0.x - 0.5).abs() < 0.1);
+        assert!((across.sample(uv, 16.0).color.x - 0.5).abs() < 0.1);
     }
 
     /// The mean over the footprint's own texels, summed one by one, for ellipses of all directions.
@@ -344,7 +356,7 @@ mod tests {
             let (sin, cos) = (k as f32 * 0.4).sin_cos();
             let (long, narrow) = (Vec2::new(cos, sin) * (2.0 + k as f32 * 0.3), Vec2::new(-sin, cos) * 2.0);
             let middle = Vec2::new(50.0 + (k % 7) as f32 * 4.0, 60.0);
-            let found = texture.sample_ellipse(middle / size as f32, [long, narrow]).0.x;
+            let found = texture.sample_ellipse(middle / size as f32, [long, narrow]).color.x;
             let (mut sum, steps) = (0.0, 40);
             for (i, j) in (0..steps * steps).map(|n| (n % steps, n / steps)) {
                 let of = |i: usize| (i as f32 + 0.5) / steps as f32 - 0.5;
@@ -388,10 +400,10 @@ mod tests {
     #[test]
     fn broken_coordinates_show_a_texel() {
         for bad in [f32::NAN, f32::INFINITY, 1e30, -1e30] {
-            let (color, _) = checker().sample(Vec2::splat(bad), f32::NAN);
+            let color = checker().sample(Vec2::splat(bad), f32::NAN).color;
             assert!(color.is_finite());
             for diameters in [[Vec2::splat(bad); 2], [Vec2::splat(bad), Vec2::ZERO], [Vec2::X * 9.0, Vec2::ZERO]] {
-                assert!(checker().sample_ellipse(Vec2::splat(bad), diameters).0.is_finite());
+                assert!(checker().sample_ellipse(Vec2::splat(bad), diameters).color.is_finite());
             }
         }
     }

@@ -25,7 +25,7 @@ impl Site<'_> {
         normal: Vec3A,
         given: Option<(Vec3A, Vec3A)>,
     ) -> (Vec3A, f32) {
-        let texel = self.look_up(slot).map(|(color, _)| color * 2.0 - 1.0);
+        let texel = self.look_up(slot).map(|found| found.color * 2.0 - 1.0);
         let (Some(texel), Some((x, y))) = (texel, given.or_else(|| self.derived(slot, normal))) else {
             return (normal, 0.0);
         };

@@ -1,6 +1,6 @@
 //! The textures of a material, looked up at a hit.
 
-use crate::scene::{Material, Mesh, Scene, TextureSlot, mesh_interpolate as interpolate};
+use crate::scene::{Filtered, Material, Mesh, Scene, TextureSlot, mesh_interpolate as interpolate};
 use glam::{Vec2, Vec3, Vec3A, Vec4, Vec4Swizzles};
 
 /// A point of a triangle, and how much of it a ray sees.
@@ -55,7 +55,7 @@ impl Site<'_> {
     }
 
     /// Linear RGB and opacity; `None` where the mesh has no coordinates for it.
-    pub(super) fn look_up(&self, slot: &TextureSlot) -> Option<(Vec3, f32)> {
+    pub(super) fn look_up(&self, slot: &TextureSlot) -> Option<Filtered> {
         let [p, q, r] = self.coordinates(slot)?;
         let texture = &self.scene.textures[slot.texture];
         let uv = p * (1.0 - self.u - self.v) + q * self.u + r * self.v;
@@ -82,7 +82,7 @@ impl Site<'_> {
     }
 
     fn color(&self, slot: &Option<TextureSlot>) -> Vec3 {
-        slot.as_ref().and_then(|slot| self.look_up(slot)).map_or(Vec3::ONE, |(color, _)| color)
+        slot.as_ref().and_then(|slot| self.look_up(slot)).map_or(Vec3::ONE, |found| found.color)
     }
 
     /// Linear RGB, 0…1: factor, vertex color and texture.

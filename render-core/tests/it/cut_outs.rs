@@ -43,7 +43,7 @@ fn a_mask_has_holes_where_its_texture_says() {
     for key in 0..2000 {
         let (x, y) = random_point(key);
         let from = Vec3A::new(x, y, 1.0);
-        let hole = scene.textures[0].sample(Vec2::new(x, y), 1.0).1 < 0.5;
+        let hole = scene.textures[0].sample(Vec2::new(x, y), 1.0).opacity < 0.5;
         holes += usize::from(hole);
         let hit = accelerator.closest(from, -Vec3A::Z).expect("the wall at least");
         assert_eq!(hit.instance, u32::from(hole), "at {x} {y}");

@@ -1,6 +1,7 @@
 //! `render2mpeg render`.
 
 use crate::command_line::log::Log;
+use crate::command_line::print_config::ProgramOption;
 use crate::command_line::source::Source;
 use crate::command_line::{INTERRUPTED, parts, print_config, progress, stop_on_interrupt};
 use crate::feedback_loop::Run;
@@ -76,11 +77,11 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
     if only_print {
         let more = [
-            ("report", Some(report_path.display().to_string())),
-            ("html", html.map(|path| path.display().to_string())),
-            ("checkpoint", checkpoint.map(|every| every.to_string())),
-            ("trace", trace.map(|path| path.display().to_string())),
-            ("threads", threads.map(|threads| threads.to_string())),
+            ProgramOption { name: "report", value: Some(report_path.display().to_string()) },
+            ProgramOption { name: "html", value: html.map(|path| path.display().to_string()) },
+            ProgramOption { name: "checkpoint", value: checkpoint.map(|every| every.to_string()) },
+            ProgramOption { name: "trace", value: trace.map(|path| path.display().to_string()) },
+            ProgramOption { name: "threads", value: threads.map(|threads| threads.to_string()) },
         ];
         say!("{}", print_config::text(&settings.scene, &options, &more)?.trim_end());
         return Ok(ExitCode::SUCCESS);

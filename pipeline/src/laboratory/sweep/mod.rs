@@ -125,8 +125,15 @@ impl Sweep {
         let references = References::render(path, workshop, &methods, &common, &mut work)?;
 
         // Each method at each quantiser, beside them.
-        let plan = Measuring { path, common: &common, qscales: &qscales, methods: &methods };
-        let mut found = plan.measure(workshop, &references, &mut work)?;
+        let measuring = Measuring {
+            path,
+            workshop,
+            common: &common,
+            qscales: &qscales,
+            methods: &methods,
+            references: &references,
+        };
+        let mut found = measuring.measure(&mut work)?;
         figures::set_beside_baselines(&mut found.runs);
 
         // The figures, and the last frame as it should be.
@@ -185,12 +192,15 @@ impl Sweep {
 struct Measuring<'a> {
     /// The scene file.
     path: &'a Path,
+    workshop: Workshop<'a>,
     /// Options that all films have in common.
     common: &'a Options,
     /// In rising order.
     qscales: &'a [u32],
     /// In the order of the table.
     methods: &'a [&'static Method],
+    /// What they are compared with.
+    references: &'a References,
 }
 
 /// What was found about all films.
@@ -205,21 +215,21 @@ struct Findings {
 
 impl Measuring<'_> {
     /// Renders each method, at each quantiser where that steers it, and measures it through the encoder.
-    fn measure(&self, workshop: Workshop<'_>, references: &References, work: &mut Work<'_>) -> Result<Findings> {
+    fn measure(&self, work: &mut Work<'_>) -> Result<Findings> {
         let middle = self.qscales[self.qscales.len() / 2];
         let watched = self.watched();
         let mut findings = Findings::default();
         for (index, &method) in self.methods.iter().enumerate() {
-            let truth = references.truth_of(method)?;
+            let truth = self.references.truth_of(method)?;
             let mut kept: Option<Film> = None;
             for &qscale in self.qscales {
                 // A film that its quantiser does not steer serves for all of them.
                 if kept.is_none() || method.steered {
                     // The one before has had its time: its files go first.
                     drop(kept.take());
-                    kept = Some(self.film(method, qscale, workshop, references, work)?);
+                    kept = Some(self.film(method, qscale, work)?);
                 }
-                if workshop.stop.load(Ordering::Relaxed) {
+                if self.workshop.stop.load(Ordering::Relaxed) {
                     return Err(Error::Interrupted);
                 }
                 let film = kept.as_ref().ok_or_else(|| missing("rendered above"))?;
@@ -229,7 +239,7 @@ impl Measuring<'_> {
                 let is_checked = qscale == middle && findings.decoder_check.is_none();
                 let wanted = Wanted {
                     clip: if is_watched { CLIP_FRAMES } else { 0 },
-                    check_below: is_checked.then_some(workshop.folder),
+                    check_below: is_checked.then_some(self.workshop.folder),
                 };
                 let found: Measured = measured(method, qscale, film, truth, &wanted)?;
                 if is_watched {
@@ -244,16 +254,10 @@ impl Measuring<'_> {
     }
 
     /// The film of a method, made for a quantiser.
-    fn film(
-        &self,
-        method: &Method,
-        qscale: u32,
-        workshop: Workshop<'_>,
-        references: &References,
-        work: &mut Work<'_>,
-    ) -> Result<Film> {
-        let options = Options { qscale: Some(qscale), ..self.common.clone() };
-        let settings = settings_for(self.path, workshop.scene, &method.options(&options), references.exposure)?;
+    fn film(&self, method: &Method, qscale: u32, work: &mut Work<'_>) -> Result<Film> {
+        let &Self { path, workshop, common, references, .. } = self;
+        let options = Options { qscale: Some(qscale), ..common.clone() };
+        let settings = settings_for(path, workshop.scene, &method.options(&options), references.exposure)?;
         let doing = format!("{} at {qscale}", figures::label(method, &settings));
         let step = work.begin(doing, method.weight());
         film::by_method(method, workshop, settings, references.truth_of(method)?, step)

@@ -12,7 +12,8 @@ use glam::{Mat3A, Vec3, Vec3A};
 use lighttree::{Calibration, Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
 use plane::Plane;
 use render_core::cache::{
-    CachedLight, Changes, Illumination, IrradianceCache, LastUpdate, LocalIrradiance, Request, Site, footprint,
+    CachedLight, Changes, Computed, Illumination, IrradianceCache, LastUpdate, LocalIrradiance, Request, Site,
+    footprint,
 };
 use render_core::sampling::hash;
 use render_core::scene::Projected;
@@ -169,7 +170,7 @@ impl Illumination for Cuts<'_> {
     /// For cuts, and for those of audits.
     type Scratch = (Scratch, Option<Scratch>);
 
-    fn compute(&self, site: &Site, (scratch, finer): &mut Self::Scratch) -> (LocalIrradiance, Recipe) {
+    fn compute(&self, site: &Site, (scratch, finer): &mut Self::Scratch) -> Computed<Recipe> {
         let Self { transport, .. } = self;
         let receiver = self.receiver(site);
         let surroundings = transport.final_gather(&receiver, site.key);
@@ -217,7 +218,7 @@ impl Illumination for Cuts<'_> {
         if self.at_rest {
             recipe.forget_light();
         }
-        (estimate, recipe)
+        Computed { light: estimate, recipe }
     }
 
     fn relight(&self, site: &Site, recipe: &mut Recipe, known: LastUpdate) -> Option<LocalIrradiance> {

@@ -12,13 +12,7 @@ const COUNTERS: [&str; 4] = ["Figures", "Counts", "Seconds", "Stats"];
 /// Types whose contents are looked at: a tuple within them crosses the signature as well.
 const WRAPPERS: [&str; 6] = ["Option", "Result", "Vec", "Box", "Arc", "Timed"];
 /// Public functions with mixed tuples that are left as they are.
-const KNOWN_TUPLES: [&str; 5] = [
-    "render-core/src/cache/illumination.rs Illumination::compute",
-    "render-core/src/image_file/open_exr.rs write_layers",
-    "render-core/src/scene/texture.rs Texture::sample",
-    "render-core/src/scene/texture.rs Texture::sample_ellipse",
-    "pipeline/src/command_line/print_config.rs text",
-];
+const KNOWN_TUPLES: [&str; 1] = ["render-core/src/image_file/open_exr.rs write_layers"];
 
 /// A public function, by file and name.
 struct Function {
