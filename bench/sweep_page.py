@@ -52,6 +52,7 @@ A speed-up counts only at equal decoded quality or better: PSNR at most 0.1 dB l
 - Where time falls more than cuts do, the rest does not come from masking. Thresholds that are known before a cut begins
   need no queue, and neighbors share cuts and rays.
 - All scenes but the first are swept in small pictures with few lights, and without the cache.
+- Lights in the tree are anchor lights (`--vpls`), the sky, and glowing surfaces where there are many.
 
 """
 
