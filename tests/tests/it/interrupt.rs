@@ -35,7 +35,7 @@ impl Film {
     /// Waits until some pictures are written.
     fn wait_for_pictures(&mut self) {
         let start = Instant::now();
-        while std::fs::metadata(&self.part).map_or(0, |part| part.len()) < 30_000 {
+        while std::fs::metadata(&self.part).map_or(0, |part| part.len()) < 6_000 {
             assert!(start.elapsed() < DEADLINE, "no picture was written");
             assert_eq!(self.child.try_wait().expect("a child"), None, "it ends by itself");
             std::thread::sleep(Duration::from_millis(20));
