@@ -56,7 +56,7 @@ impl<T> Timed<T> {
         Self { value, seconds: busy.seconds() }
     }
 
-    /// What `change` makes of the result, by the same time.
+    /// Applies `change` to the result; the CPU time stays.
     pub(crate) fn map<U>(self, change: impl FnOnce(T) -> U) -> Timed<U> {
         Timed { value: change(self.value), seconds: self.seconds }
     }

@@ -61,7 +61,7 @@ pub struct LocalIrradiance {
 pub struct Computed<R> {
     /// The light.
     pub light: LocalIrradiance,
-    /// What is kept so that it can be lit again for less.
+    /// Data that relighting needs, at less cost than a new cut.
     pub recipe: R,
 }
 

@@ -68,7 +68,7 @@ impl Encoding {
     }
 }
 
-/// What a look-up finds.
+/// Result of a texture look-up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filtered {
     /// Linear RGB.

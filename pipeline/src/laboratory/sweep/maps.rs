@@ -40,7 +40,7 @@ impl Scale {
 
 /// A map as a picture.
 pub struct MapPicture {
-    /// What its colors mean.
+    /// Legend of the colors.
     pub scale: Scale,
     /// In false colors.
     pub picture: Plane<[u8; 3]>,

@@ -109,7 +109,7 @@ impl Sweep {
         let begin = Instant::now();
         let Source { path, scene } = source;
 
-        // What to measure: all that can be wrong with it is found before the first ray.
+        // The measurements are chosen and checked before the first ray.
         let methods = self.methods_with_baselines();
         let qscales = self.sorted_qscales();
         let common = self.checked_options(source, &qscales)?;
@@ -199,11 +199,11 @@ struct Measuring<'a> {
     qscales: &'a [u32],
     /// In the order of the table.
     methods: &'a [&'static Method],
-    /// What they are compared with.
+    /// Films of the references, which every method is compared with.
     references: &'a References,
 }
 
-/// What was found about all films.
+/// Findings over all films.
 #[derive(Default)]
 struct Findings {
     runs: Vec<MethodRun>,

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Names that stand for two public types of a crate and are left as they are.
 ///
-/// Those of `lanes` are the same vectors by two kinds of processor, of which a build has one.
+/// Exceptions: `lanes` has each vector type twice, for two kinds of processor. A build has one kind.
 const KNOWN: [(&str, &str); 4] = [("lanes", "Absolute"), ("lanes", "Bytes"), ("lanes", "Squared"), ("lanes", "Words")];
 
 /// Adds the names of public types among `items` with the module that defines each. Two definitions in one module are
