@@ -14,11 +14,14 @@ pub(crate) use surfels::{SurfelMap, Surfels};
 
 use crate::Units;
 use crate::accel::Geometry;
-use crate::sampling::{Distribution, radical_inverse, triangle};
+use crate::luminance;
+use crate::photon::AnchorFlux;
+use crate::sampling::{Distribution, hash, owen_sobol_point, triangle};
 use crate::scene::Scene;
 use crate::surface::Surfaces;
-use glam::{Vec2, Vec3A};
+use glam::{Vec3, Vec3A};
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 /// Shares of surface that the bound of an anchor's geometry term extends over where there is bias compensation.
 ///
@@ -31,6 +34,11 @@ pub(crate) const SHARES: f32 = 8.0;
 const OUTLOOK_RAYS: u8 = 16;
 /// Anchors that the exposed share of a scene is estimated from.
 const PROBES: usize = 4000;
+
+/// Flux of an anchor, in means of all, from which on it is split. In an office whose desk lamp holds 60 W in a shade of the size of
+/// an anchor's share, the light reflected twice is 1.9 % too dark without, 0.2 % too bright with 8, and no better with 4, which
+/// adds six times as many lights.
+const BRIGHT: f32 = 8.0;
 
 /// Distance at which a ray from an anchor gets out, in sides of an anchor's share. Nearer things stand between the anchor and
 /// the neighbors that it shares energy with.
@@ -115,6 +123,31 @@ impl Anchors {
         anchors.fixed = places;
         let surfels = Surfels::of_exposed(&anchors, &outlooks, surfaces, accelerator, units);
         Self { surfels, ..anchors }
+    }
+
+    /// No anchors, with the share of surface that each of `count` fixed ones would have: it bounds the geometry terms of lamps
+    /// that are virtual lights too.
+    #[must_use]
+    pub fn none(surfaces: &Surfaces, count: usize) -> Self {
+        let area = Patches::of(surfaces, false).map_or(0.0, |patches| patches.area());
+        Self { area_share: area / count.max(1) as f32, ..Self::default() }
+    }
+
+    /// Splits fixed anchors whose `flux` is [`BRIGHT`] times the mean or more into the surfels that they shine for. So a lampshade
+    /// or a patch of sun has as many lights as it is bright, where area alone would give it one or two. At most three in eight
+    /// are added.
+    pub fn split_bright(&mut self, flux: &AnchorFlux) {
+        let total: f64 = flux.fixed.iter().map(|&flux| f64::from(luminance(flux))).sum();
+        let least = f64::from(BRIGHT) * total / flux.fixed.len().max(1) as f64;
+        let is_bright: Vec<bool> =
+            flux.fixed.iter().map(|&flux| total > 0.0 && f64::from(luminance(flux)) >= least).collect();
+        Arc::make_mut(&mut self.surfels.fixed).promote(&mut self.fixed, &is_bright);
+    }
+
+    /// The flux of the fixed anchors, from that which photons left at surfels \[W\].
+    #[must_use]
+    pub fn fixed_flux(&self, flux: &AnchorFlux) -> Vec<Vec3> {
+        self.surfels.fixed.anchor_flux(&flux.surfels[0], self.fixed.len())
     }
 
     fn without_surfels(surfaces: &Surfaces, units: &Units, fixed: usize, dynamic: usize) -> Self {
@@ -216,12 +249,19 @@ impl Patches {
 
     /// `count` points, evenly by area.
     fn spread(&self, count: usize, units: &Units) -> Vec<DynamicAnchor> {
-        let point = |i: u64| {
+        let mut points = Vec::with_capacity(count);
+        // Each patch has a sequence of its own: one for all would tie the place in a patch to its number, and front sides to
+        // one half of their triangles where each side has a single point.
+        let (mut last, mut within) = (usize::MAX, 0);
+        for i in 0..count {
             let patch = self.choice.pick((i as f64 + 0.5) / count as f64).index;
+            within = if patch == last { within + 1 } else { 0 };
+            last = patch;
             let (instance, t, front) = self.list[patch];
-            let barycentric = triangle(Vec2::new(radical_inverse(2, i), radical_inverse(3, i)));
-            DynamicAnchor { instance: instance as u32, triangle: t as u32, barycentric, front, offset: units.epsilon }
-        };
-        (0..count as u64).map(point).collect()
+            let barycentric = triangle(owen_sobol_point(within, hash(count as u64, patch as u64, 0)));
+            let (instance, t) = (instance as u32, t as u32);
+            points.push(DynamicAnchor { instance, triangle: t, barycentric, front, offset: units.epsilon });
+        }
+        points
     }
 }

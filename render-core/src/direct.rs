@@ -11,7 +11,7 @@ use crate::anchor::{Anchor, Anchors};
 use crate::emitter::{AreaLight, AreaSample, Emitters, PointLight};
 use crate::luminance;
 use crate::polygon::Polygon;
-use crate::sampling::sobol_point;
+use crate::sampling::centered_sobol;
 use crate::surface::Surfaces;
 use balance::Balance;
 use glam::{Vec2, Vec3, Vec3A};
@@ -175,7 +175,7 @@ impl DirectLights {
                     irradiance: sun.irradiance,
                     towards: sun.towards,
                     angular_radius: sun.angular_radius,
-                    directions: (0..SUN_SAMPLES as u64).map(|i| sun.direction(sobol_point(i))).collect(),
+                    directions: centered_sobol(SUN_SAMPLES).map(|u| sun.direction(u)).collect(),
                     border: BORDER.map(|u| sun.direction(u)),
                 })
                 .collect(),

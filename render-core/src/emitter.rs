@@ -4,7 +4,7 @@ use crate::accel::Hit;
 use crate::environment::SkySample;
 use crate::polygon::Polygon;
 use crate::sampling::{
-    Distribution, Pick, concentric_disc, cosine_hemisphere, frame, halton, hammersley, radical_inverse, sobol_point,
+    Distribution, Pick, centered_sobol, concentric_disc, cosine_hemisphere, frame, halton, hammersley, radical_inverse,
     triangle, uniform_sphere,
 };
 use crate::scene::{PunctualKind, PunctualLight, Scene, mesh_interpolate};
@@ -436,18 +436,55 @@ impl AreaLight {
     /// `count` points that together stand for the light, spread evenly by emitted power.
     #[must_use]
     pub fn samples(&self, surfaces: &Surfaces, count: usize) -> Vec<AreaSample> {
-        (0..count as u64)
-            .map(|i| {
-                // Strata of power for the patch, in an order that has nothing to do with the place within it:
-                // any first few of the points are spread over the whole light.
-                let which = (f64::from(radical_inverse(3, i)) + 0.5 / count as f64).min(1.0);
-                let point = self.point(which, sobol_point(i));
-                let mut sample = self.sample(surfaces, point, radical_inverse(5, i), 1.0 / count as f32);
-                sample.intensity /= count as f32;
-                sample.area /= count as f32;
-                sample
-            })
-            .collect()
+        // Strata of power choose piece and side, in an order that spreads any first few of the points over the whole light.
+        let strata: Vec<f64> =
+            (0..count as u64).map(|i| (f64::from(radical_inverse(3, i)) + 0.5 / count as f64).min(1.0)).collect();
+        let face = |which: f64| {
+            let Pick { index, rest, .. } = self.choice.pick(which);
+            2 * index + usize::from(self.double_sided && rest >= 0.5)
+        };
+
+        // Each face has points of its own: one sequence for all of them would tie the place to the choice of the face.
+        let mut counts = vec![0; 2 * self.patches.len()];
+        strata.iter().for_each(|&which| counts[face(which)] += 1);
+        let shares = self.shares_of_points(&counts);
+        let mut places: Vec<_> = counts.into_iter().map(centered_sobol).collect();
+
+        let mut samples = Vec::with_capacity(count);
+        for which in strata {
+            let face = face(which);
+            let place = places[face].next().expect("one place for each point of the face");
+            let side = (face % 2) as f32;
+            let mut sample = self.sample(surfaces, self.point(which, place), side, 1.0 / count as f32);
+            sample.intensity *= shares[face];
+            sample.area *= shares[face];
+            samples.push(sample);
+        }
+        samples
+    }
+
+    /// Share of the light's power that each point of a face has, by the number of points of each face: two for a piece.
+    ///
+    /// ```text
+    /// p / n           of a face with n ≥ 2 points and the share p of the power, which it then sends out to the last bit
+    /// Σ p / Σ n       of the points of all others, which stand for each other
+    /// ```
+    fn shares_of_points(&self, counts: &[usize]) -> Vec<f32> {
+        let sides = if self.double_sided { 2.0 } else { 1.0 };
+        let power = |face: usize| self.choice.probability(face / 2) / sides;
+        let has_sides = |face: usize| face % 2 == 0 || self.double_sided;
+        let (mut rest, mut points) = (0.0, 0);
+        for (face, &count) in counts.iter().enumerate().filter(|(face, count)| has_sides(*face) && **count < 2) {
+            rest += power(face);
+            points += count;
+        }
+        // Densities hold p already: what is left is the factor that makes them these shares.
+        let share = |(face, &count): (usize, &usize)| match count {
+            0 => 0.0,
+            1 => rest / points as f64,
+            _ => power(face) / count as f64,
+        };
+        counts.iter().enumerate().map(share).map(|share| share as f32).collect()
     }
 }
 

@@ -19,7 +19,7 @@ mod gap;
 use crate::anchor::{Anchors, Spot, SurfelMap};
 use crate::direct::{Lamps, ShadingPoint};
 use crate::photon::AnchorFlux;
-use crate::sampling::{concentric_disc, frame, hash_unit, sobol_point};
+use crate::sampling::{centered_sobol, concentric_disc, frame, hash_unit};
 use crate::surface::{Interaction, Surface, Surfaces};
 use crate::{PosedScene, Units};
 use gap::Gaps;
@@ -132,11 +132,11 @@ impl GatherDirections {
     /// `count` directions; a power of two is the most even.
     #[must_use]
     pub fn new(count: usize) -> Self {
-        let on_sphere = |i| {
-            let p = concentric_disc(sobol_point(i));
+        let on_sphere = |u| {
+            let p = concentric_disc(u);
             Vec3A::new(p.x, p.y, (1.0 - p.length_squared()).max(0.0).sqrt())
         };
-        Self((0..count as u64).map(on_sphere).collect())
+        Self(centered_sobol(count).map(on_sphere).collect())
     }
 }
 
@@ -164,6 +164,14 @@ impl FinalGather {
     #[must_use]
     pub fn with_lamps(mut self, lamps: Lamps) -> Self {
         self.gaps.lamps = lamps;
+        self
+    }
+
+    /// For light that is reflected a limited number of times: no ray is followed on, as surfels do not tell how often the light
+    /// that they hold was reflected.
+    #[must_use]
+    pub fn with_limited_bounces(mut self) -> Self {
+        self.gaps.near = 0.0;
         self
     }
 
@@ -260,7 +268,8 @@ impl FinalGather {
         let dynamic = self.moving[instance as usize];
         let (surfels, first) = self.surfels(dynamic);
         let mut sum = Vec3::ZERO;
-        let spot = spot(surface.position, surface.geometric_normal, dynamic.then_some(instance));
+        let (position, normal) = (surface.position, surface.geometric_normal);
+        let spot = Spot { position, normal, instance, only_own: dynamic, came: None };
         surfels.splat(&spot, |surfel, weight| {
             sum += self.radiance[first + surfel] * weight;
         });
@@ -275,7 +284,8 @@ impl FinalGather {
         }
         let dynamic = self.moving[surface.instance as usize];
         let (surfels, first) = self.surfels(dynamic);
-        let spot = spot(surface.position, surface.geometric_normal, dynamic.then_some(surface.instance));
+        let (position, normal) = (surface.position, surface.geometric_normal);
+        let spot = Spot { position, normal, instance: surface.instance, only_own: dynamic, came: None };
         if let Some(surfel) = surfels.nearest(&spot) {
             found.sources.push(Source { surfel: (first + surfel) as u32, ..*source });
         }
@@ -302,11 +312,6 @@ impl FinalGather {
 
 /// Least cosine at a hit that derivatives are computed with: edge on they would not be finite.
 const MIN_COSINE: f32 = 0.05;
-
-/// A surface as surfels are looked up for it: among those of one instance alone, if that moves.
-fn spot(position: Vec3A, normal: Vec3A, instance: Option<u32>) -> Spot {
-    Spot { position, normal, instance, came: None }
-}
 
 /// `a · bᵀ`.
 fn outer(a: Vec3, b: Vec3A) -> Mat3A {

@@ -3,7 +3,7 @@
 //! Samples lie at the same places in every pixel of every frame: what stands still stays still, and an edge that
 //! moves is seen by the filter, not by chance.
 
-use crate::sampling::sobol_point;
+use crate::sampling::centered_sobol;
 use glam::Vec2;
 use plane::Plane;
 use rayon::prelude::*;
@@ -16,9 +16,7 @@ const RADIUS: f32 = 1.5;
 /// first points of a (0, 2)-sequence, each in the middle of its cell. Powers of two are centered on the pixel.
 #[must_use]
 pub fn sample_offsets(count: usize) -> Vec<Vec2> {
-    let count = count.max(1);
-    let half_cell = 0.5 / count.next_power_of_two() as f32;
-    (0..count as u64).map(|index| sobol_point(index) + half_cell).collect()
+    centered_sobol(count.max(1)).collect()
 }
 
 /// Four-term Blackman–Harris window (Harris 1978, table I, 92 dB) at `x` in −1…1; 0 outside.

@@ -11,8 +11,8 @@ use lighttree::{BuildParams, Emission, Light, LightTree};
 use plane::Correspondence;
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Photons, PosedScene, Surfaces,
-    SweptVolume, Timed, Units, dome_lights,
+    Accelerator, AnchorFlux, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Photons,
+    PosedScene, Surfaces, SweptVolume, Timed, Units, dome_lights,
 };
 use std::sync::Arc;
 
@@ -87,6 +87,8 @@ struct Work<'s> {
     units: Units,
     anchors: Anchors,
     photons: Photons,
+    /// Whether bright anchors were split.
+    is_split: bool,
     /// The tree that a checkpoint brought, in place of the first one.
     tree: Option<Arc<LightTree>>,
     kept: Option<Kept>,
@@ -123,13 +125,15 @@ impl<'s> Work<'s> {
     fn new(scene: &'s Scene, settings: &'s Settings, plan: &'s Plan) -> Self {
         let units = Units::of(scene);
         let rest = scene.pose(0.0);
-        let dynamic = if plan.is_off(Stage::DynamicAnchors) { 0 } else { settings.moving_vpls };
-        let fixed = if plan.is_off(Stage::Photons) { 0 } else { settings.vpls };
         let geometry = Geometry::new(scene);
         let surfaces = Surfaces::new(scene, &rest);
-        let anchors = Anchors::spread_exposed(&surfaces, &geometry, &units, fixed, dynamic);
-        let count = if plan.is_off(Stage::Photons) { 0 } else { settings.photons };
-        let mut photons = Photons::new(count, settings.seed);
+        let (anchors, photons) = if plan.is_off(Stage::Photons) {
+            (Anchors::none(&surfaces, settings.vpls), 0)
+        } else {
+            let dynamic = if plan.is_off(Stage::DynamicAnchors) { 0 } else { settings.moving_vpls };
+            (Anchors::spread_exposed(&surfaces, &geometry, &units, settings.vpls, dynamic), settings.photons)
+        };
+        let mut photons = Photons::new(photons, settings.seed);
         if let Some(bounces) = settings.bounces {
             // The last reflection is the one that the viewer sees.
             photons = photons.with_bounces(bounces.saturating_sub(1) as usize);
@@ -138,7 +142,7 @@ impl<'s> Work<'s> {
             let times = (0..settings.frames).map(|n| settings.time(n));
             photons = photons.with_swept_volume(SweptVolume::of(scene, &units, times));
         }
-        Self { scene, settings, plan, geometry, units, anchors, photons, tree: None, kept: None }
+        Self { scene, settings, plan, geometry, units, anchors, photons, is_split: false, tree: None, kept: None }
     }
 
     fn frame(&mut self, n: u32) -> PreparedFrame<'s> {
@@ -205,7 +209,12 @@ impl<'s> Work<'s> {
         }
         let emitters = Emitters::new(surfaces, pose, &self.units);
         let scene = PosedScene::new(accelerator, surfaces);
-        let Timed { value: anchor_flux, seconds } = self.photons.trace(scene, &emitters, &self.anchors, &self.units);
+        let Timed { value: mut anchor_flux, seconds } =
+            self.photons.trace(scene, &emitters, &self.anchors, &self.units);
+        if !std::mem::replace(&mut self.is_split, true) {
+            self.split_anchors(n, &anchor_flux);
+            anchor_flux.fixed = self.anchors.fixed_flux(&anchor_flux);
+        }
         figures.photons_traced = anchor_flux.traced;
         figures.seconds.photons = seconds;
 
@@ -246,12 +255,27 @@ impl<'s> Work<'s> {
             virtual_emitters[emitters.areas[place].instance] = true;
         }
         let gather = busy.measure(|| {
-            FinalGather::new(surfaces, &self.anchors, &anchor_flux, &self.units)
+            let gather = FinalGather::new(surfaces, &self.anchors, &anchor_flux, &self.units)
                 .with_lamps(direct.lamps())
-                .with_virtual_emitters(virtual_emitters)
+                .with_virtual_emitters(virtual_emitters);
+            if self.settings.bounces.is_some() { gather.with_limited_bounces() } else { gather }
         });
         figures.seconds.tree = busy.seconds();
         Lights { tree, direct: Arc::new(direct), gather: Arc::new(gather) }
+    }
+
+    /// Splits the anchors that are bright in the film's first frame, whatever frame `n` comes first here; `flux` is that of `n`.
+    fn split_anchors(&mut self, n: u32, flux: &AnchorFlux) {
+        if n == 0 || self.anchors.fixed.is_empty() {
+            return self.anchors.split_bright(flux);
+        }
+        let pose = self.scene.pose(self.settings.time(0));
+        let surfaces = Surfaces::new(self.scene, &pose);
+        let accelerator = self.geometry.place(&pose);
+        let emitters = Emitters::new(&surfaces, &pose, &self.units);
+        let scene = PosedScene::new(&accelerator, &surfaces);
+        let first = self.photons.trace(scene, &emitters, &self.anchors, &self.units).value;
+        self.anchors.split_bright(&first);
     }
 
     /// Places of the glowing surfaces that each pixel samples for itself: few and compact ones, and those that move.

@@ -5,7 +5,7 @@
 
 use super::{Anchor, Anchors};
 use crate::accel::Accelerator;
-use crate::sampling::{cosine_hemisphere, hash_unit, sobol_point};
+use crate::sampling::{centered_sobol, cosine_hemisphere, hash_unit};
 use crate::surface::Surfaces;
 use glam::Vec2;
 use rayon::prelude::*;
@@ -90,8 +90,7 @@ impl<'a> Eye<'a> {
         let (near, radius) = (self.near * self.side, self.side / PI.sqrt());
         let turn = hash_unit(index, 0, 0);
         let (mut found, mut out, mut openness) = (Outlook { rays: self.rays, ..Outlook::default() }, 0, 0.0);
-        for k in 0..self.rays {
-            let u = sobol_point(k.into());
+        for u in centered_sobol(self.rays.into()) {
             let direction = cosine_hemisphere(place.normal.into(), Vec2::new(u.x, (u.y + turn).fract())).into();
             let (length, reflects) = match self.accelerator.closest(place.position, direction) {
                 None => (f32::INFINITY, true),

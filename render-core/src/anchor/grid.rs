@@ -25,8 +25,11 @@ pub(crate) struct Grid {
 pub(crate) struct Spot {
     pub position: Vec3A,
     pub normal: Vec3A,
-    /// The only instance that may take, if not all may.
-    pub instance: Option<u32>,
+    /// Index into [`Scene::instances`](crate::scene::Scene::instances) of the surface. Its own points go before all others:
+    /// another sheet may lie right behind this one and face the same way.
+    pub instance: u32,
+    /// Whether no other instance may take.
+    pub only_own: bool,
     /// How far the light came that arrives there \[m\]; only those take that have something at about that distance.
     pub came: Option<f32>,
 }
@@ -63,6 +66,12 @@ const MOST_NEAR: usize = 64;
 /// Half a right angle between normals, or well off the plane in radii: another wall, not this one.
 const LEAST_COSINE: f32 = 0.7;
 const MOST_HEIGHT: f32 = 0.3;
+/// Weight of the points of other instances. With 1, a lampshade of two sheets keeps a third of its light between them.
+const OTHER_INSTANCE: f32 = 1.0 / 256.0;
+/// The same for the nearest point: squares of distances count as so many times as much.
+const OTHER_FARTHER: f32 = 64.0;
+/// A point of the same instance up to so far away goes before all others, in radii.
+const OWN_REACH: f32 = 2.0;
 
 impl Grid {
     /// Sorts `points`, each standing for `area_share` m², with their `outlooks` if these are known.
@@ -115,26 +124,13 @@ impl Grid {
     /// An Epanechnikov kernel over the points within the radius. Where it holds none that fits, as on a
     /// detail smaller than a point's share, the nearest that faces the same way takes all.
     pub fn splat(&self, spot: &Spot, mut give: impl FnMut(usize, f32)) -> bool {
-        let mut near: [(u32, f32); MOST_NEAR] = [(0, 0.0); MOST_NEAR];
-        let (mut count, mut sum) = (0, 0.0);
-        self.near(spot, |p, weight| {
-            if count < MOST_NEAR {
-                near[count] = (p, weight);
-                sum += weight;
-                count += 1;
-            }
-        });
-        if sum > 0.0 {
-            for &(p, weight) in &near[..count] {
-                give(self.index[p as usize] as usize, weight / sum);
-            }
-            return true;
+        let mut near = Near::default();
+        self.near(spot, |p, weight| near.add(p, weight, self.points[p as usize].instance == spot.instance));
+        let parts = near.parts(self, spot);
+        for &(p, weight) in parts {
+            give(self.index[p as usize] as usize, weight);
         }
-        match self.nearest(spot) {
-            Some(p) => give(self.index[p] as usize, 1.0),
-            None => return false,
-        }
-        true
+        !parts.is_empty()
     }
 
     /// As [`Grid::splat`] for many spots: `share(what, parts)` is given what comes with each spot, and the same weights, with
@@ -162,23 +158,20 @@ impl Grid {
             for &(spot, what) in &here {
                 around.weigh(&spot, self.radius);
                 let about = spot.came.map(|length| Outlook::bin(length / self.radius));
-                let (mut near, mut count, mut sum) = ([(0, 0.0); MOST_NEAR], 0, 0.0);
-                for (&p, &weight) in around.places.iter().zip(&around.weights) {
-                    if weight > 0.0 && count < MOST_NEAR {
-                        let weight = weight * self.likelihood(p, about);
-                        near[count] = (p, weight);
-                        sum += weight;
-                        count += 1;
+                let mut near = Near::default();
+                for (i, (&p, &weight)) in around.places.iter().zip(&around.weights).enumerate() {
+                    if weight > 0.0 {
+                        near.add(p, weight * self.likelihood(p, about), around.instance[i] == spot.instance);
                     }
                 }
-                if sum > 0.0 {
-                    near[..count].iter_mut().for_each(|(_, weight)| *weight /= sum);
-                } else if let Some(p) = self.nearest(&spot) {
-                    (near[0], count) = ((p as u32, 1.0), 1);
-                }
-                share(what, &near[..count]);
+                share(what, near.parts(self, &spot));
             }
         }
+    }
+
+    /// The points in the order that they came in.
+    pub fn points_by_index(&self) -> Vec<Anchor> {
+        self.by_index(&self.points)
     }
 
     /// Sorts values, one for each point, from the order of the grid into the order that the points came in.
@@ -200,21 +193,38 @@ impl Grid {
     /// The point near `spot` that faces like it and has the largest product of kernel and `rating(point)`; else
     /// the nearest that faces the same way.
     pub fn best(&self, spot: &Spot, rating: impl Fn(usize) -> f32) -> Option<usize> {
-        let mut best = (0.0, None);
+        // Within the kernel, of the own instance and of all.
+        let mut best = [(0.0, None); 2];
         self.near(spot, |p, weight| {
             let index = self.index[p as usize] as usize;
             let rated = weight * rating(index);
-            if rated > best.0 {
-                best = (rated, Some(index));
+            let is_own = self.points[p as usize].instance == spot.instance;
+            for best in &mut best[usize::from(!is_own)..] {
+                if rated > best.0 {
+                    *best = (rated, Some(index));
+                }
             }
         });
-        best.1.or_else(|| self.nearest(spot).map(|p| self.index[p] as usize))
+        if let [(_, Some(own)), _] = best {
+            return Some(own);
+        }
+
+        let nearest = self.nearest(spot)?;
+        let index = self.index[nearest] as usize;
+        if self.is_own_beside(nearest, spot) { Some(index) } else { best[1].1.or(Some(index)) }
+    }
+
+    /// Whether a point belongs to the instance of `spot` and is near: a detail may have its own points a little beyond the
+    /// kernel.
+    fn is_own_beside(&self, p: usize, spot: &Spot) -> bool {
+        let Anchor { instance, position, .. } = self.points[p];
+        instance == spot.instance && position.distance_squared(spot.position) < (OWN_REACH * self.radius).powi(2)
     }
 
     /// Calls `found(p, weight)` with the place in `points` and the kernel's weight of each point that takes from `spot`.
     #[inline]
     fn near(&self, spot: &Spot, mut found: impl FnMut(u32, f32)) {
-        let Spot { position, normal, instance, came } = *spot;
+        let Spot { position, normal, instance, only_own, came } = *spot;
         if self.points.is_empty() {
             return;
         }
@@ -223,12 +233,14 @@ impl Grid {
             for p in row {
                 let point = &self.points[p as usize];
                 let d2 = point.position.distance_squared(position) / (self.radius * self.radius);
+                let is_own = instance == point.instance;
                 let same_wall = d2 < 1.0
                     && point.normal.dot(normal) > LEAST_COSINE
                     && normal.dot(point.position - position).abs() < MOST_HEIGHT * self.radius
-                    && instance.is_none_or(|instance| instance == point.instance);
+                    && (is_own || !only_own);
                 if same_wall {
-                    found(p, (1.0 - d2) * self.likelihood(p, about));
+                    let share = if is_own { 1.0 } else { OTHER_INSTANCE };
+                    found(p, (1.0 - d2) * share * self.likelihood(p, about));
                 }
             }
         });
@@ -244,10 +256,11 @@ impl Grid {
         })
     }
 
-    /// The nearest point that faces to the same side, else the nearest at all: in cubes of cells that grow
+    /// The nearest point that faces to the same side, else the nearest at all, those of other instances counted as farther: in
+    /// cubes of cells that grow
     /// until what they hold is nearer than anything outside of them could be.
     fn nearest(&self, spot: &Spot) -> Option<usize> {
-        let Spot { position, normal, instance, .. } = *spot;
+        let Spot { position, normal, instance, only_own, .. } = *spot;
         if self.points.is_empty() {
             return None;
         }
@@ -268,10 +281,12 @@ impl Grid {
                         let place = self.place([x, y, z]);
                         for p in self.first[place] as usize..self.first[place + 1] as usize {
                             let point = &self.points[p];
-                            if instance.is_some_and(|instance| instance != point.instance) {
+                            let is_own = instance == point.instance;
+                            if only_own && !is_own {
                                 continue;
                             }
-                            let d2 = point.position.distance_squared(position);
+                            let farther = if is_own { 1.0 } else { OTHER_FARTHER };
+                            let d2 = point.position.distance_squared(position) * farther;
                             let away = usize::from(point.normal.dot(normal) <= 0.0);
                             if best[away].is_none_or(|(nearest, _)| d2 < nearest) {
                                 best[away] = Some((d2, p));
@@ -287,6 +302,48 @@ impl Grid {
             }
         }
         best[0].or(best[1]).map(|(_, p)| p)
+    }
+}
+
+/// The points that share what is left at a place, and their weights.
+struct Near {
+    parts: [(u32, f32); MOST_NEAR],
+    count: usize,
+    sum: f32,
+    /// Whether any of them belongs to the instance of the place.
+    has_own: bool,
+}
+
+impl Default for Near {
+    fn default() -> Self {
+        Self { parts: [(0, 0.0); MOST_NEAR], count: 0, sum: 0.0, has_own: false }
+    }
+}
+
+impl Near {
+    #[inline]
+    fn add(&mut self, p: u32, weight: f32, is_own: bool) {
+        if self.count < MOST_NEAR {
+            self.parts[self.count] = (p, weight);
+            self.sum += weight;
+            self.count += 1;
+            self.has_own |= is_own;
+        }
+    }
+
+    /// The points with weights that sum to 1: those of the kernel, or one near by where it holds none of the own instance; none
+    /// if there is no point at all that may take anything.
+    #[inline]
+    fn parts(&mut self, grid: &Grid, spot: &Spot) -> &[(u32, f32)] {
+        if !self.has_own
+            && let Some(p) = grid.nearest(spot)
+            && (self.sum <= 0.0 || grid.is_own_beside(p, spot))
+        {
+            (self.parts[0], self.count, self.sum) = ((p as u32, 1.0), 1, 1.0);
+        }
+        let parts = &mut self.parts[..self.count];
+        parts.iter_mut().for_each(|(_, weight)| *weight /= self.sum);
+        parts
     }
 }
 
@@ -314,7 +371,7 @@ impl Around {
     /// The weight of the kernel around `spot` for each: the same arithmetic as [`Grid::near`]'s, many side by side.
     fn weigh(&mut self, spot: &Spot, radius: f32) {
         let ([x, y, z], [n_x, n_y, n_z]) = (spot.position.to_array(), spot.normal.to_array());
-        let (any, instance) = (spot.instance.is_none(), spot.instance.unwrap_or_default());
+        let (others, instance) = (if spot.only_own { 0.0 } else { OTHER_INSTANCE }, spot.instance);
         let count = self.weights.len();
         let [p_x, p_y, p_z] = self.position.each_ref().map(|axis| &axis[..count]);
         let [m_x, m_y, m_z] = self.normal.each_ref().map(|axis| &axis[..count]);
@@ -325,11 +382,9 @@ impl Around {
             let cosine = m_x[i] * n_x + m_y[i] * n_y + m_z[i] * n_z;
             let height = n_x * d_x + n_y * d_y + n_z * d_z;
             // Without branches.
-            let same_wall = (d2 < 1.0)
-                & (cosine > LEAST_COSINE)
-                & (height.abs() < MOST_HEIGHT * radius)
-                & (any | (instances[i] == instance));
-            *weight = if same_wall { 1.0 - d2 } else { 0.0 };
+            let same_wall = (d2 < 1.0) & (cosine > LEAST_COSINE) & (height.abs() < MOST_HEIGHT * radius);
+            let share = if instances[i] == instance { 1.0 } else { others };
+            *weight = if same_wall { (1.0 - d2) * share } else { 0.0 };
         }
     }
 }
@@ -355,17 +410,17 @@ mod tests {
         let grid = Grid::new(&points, &[], 0.01);
         for k in 0..300 {
             let (position, normal) = (random(5000 + k) * 4.0, random(9000 + k).normalize());
-            let instance = (k % 2 == 0).then_some((k % 3) as u32);
-            let fits = |a: &&Anchor| instance.is_none_or(|i| i == a.instance) && a.normal.dot(normal) > 0.0;
-            let expected = points
-                .iter()
-                .filter(fits)
-                .map(|a| a.position.distance_squared(position))
-                .min_by(f32::total_cmp)
-                .unwrap();
-            let found = grid.points[grid.nearest(&Spot { position, normal, instance, came: None }).unwrap()];
+            let (instance, only_own) = ((k % 3) as u32, k % 2 == 0);
+            let fits = |a: &&Anchor| (!only_own || instance == a.instance) && a.normal.dot(normal) > 0.0;
+            let distance2 = |a: &Anchor| {
+                let farther = if a.instance == instance { 1.0 } else { OTHER_FARTHER };
+                a.position.distance_squared(position) * farther
+            };
+            let expected = points.iter().filter(fits).map(distance2).min_by(f32::total_cmp).unwrap();
+            let spot = Spot { position, normal, instance, only_own, came: None };
+            let found = grid.points[grid.nearest(&spot).unwrap()];
             assert!(fits(&&found));
-            assert_eq!(found.position.distance_squared(position), expected);
+            assert_eq!(distance2(&found), expected);
         }
     }
 
@@ -384,7 +439,7 @@ mod tests {
             })
             .collect();
         let grid = Grid::new(&points, &[], 4.0 / 200.0);
-        let spot = |position| Spot { position, normal: Vec3A::Y, instance: None, came: None };
+        let spot = |position| Spot { position, normal: Vec3A::Y, instance: 0, only_own: false, came: None };
         for k in 0..100 {
             let mut sum = 0.0;
             let at = random(777 + k) * Vec3A::new(0.9, 0.0, 0.9);
@@ -396,6 +451,28 @@ mod tests {
         }
         let none = Grid::new(&[], &[], 1.0);
         assert!(!none.splat(&spot(Vec3A::ZERO), |_, _| unreachable!("there is no anchor")));
+    }
+
+    /// Two sheets that face the same way, closer together than their points: each keeps its own light.
+    #[test]
+    fn nothing_is_given_to_a_sheet_behind() {
+        let points: Vec<Anchor> = (0..400)
+            .map(|k| {
+                let instance = (k % 2) as u32;
+                let position = random(k) * Vec3A::new(1.0, 0.0, 1.0) - Vec3A::Y * 0.01 * instance as f32;
+                Anchor { position, normal: Vec3A::Y, instance }
+            })
+            .collect();
+        let grid = Grid::new(&points, &[], 4.0 / 200.0);
+        for k in 0..100 {
+            let instance = (k % 2) as u32;
+            let position = random(777 + k) * Vec3A::new(0.9, 0.0, 0.9) - Vec3A::Y * 0.01 * instance as f32;
+            let spot = Spot { position, normal: Vec3A::Y, instance, only_own: false, came: None };
+            let mut own = 0.0;
+            grid.splat(&spot, |point, weight| own += if points[point].instance == instance { weight } else { 0.0 });
+            assert!(own > 0.9, "{own} of the light stays on its sheet");
+            assert_eq!(points[grid.best(&spot, |_| 1.0).unwrap()].instance, instance);
+        }
     }
 
     #[test]
@@ -411,11 +488,8 @@ mod tests {
         let spots: Vec<(Spot, usize)> = (0..2000)
             .map(|k| {
                 let position = random(5000 + k) * Vec3A::new(2.2, 1.1, 0.1);
-                let instance = (k % 2 == 0).then_some((k % 4) as u32);
-                (
-                    Spot { position, normal: (random(9000 + k) * 0.3 + Vec3A::Z).normalize(), instance, came: None },
-                    k as usize,
-                )
+                let normal = (random(9000 + k) * 0.3 + Vec3A::Z).normalize();
+                (Spot { position, normal, instance: (k % 4) as u32, only_own: k % 2 == 0, came: None }, k as usize)
             })
             .collect();
         let mut shares: Vec<Vec<(usize, f32)>> = vec![Vec::new(); spots.len()];

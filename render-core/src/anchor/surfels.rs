@@ -139,9 +139,9 @@ impl Surfels {
 
 impl Spot {
     /// At `point`, for its own instance alone or for all.
-    fn of(point: &Anchor, own_instance: bool) -> Self {
+    fn of(point: &Anchor, only_own: bool) -> Self {
         let Anchor { position, normal, instance } = *point;
-        Self { position, normal, instance: own_instance.then_some(instance), came: None }
+        Self { position, normal, instance, only_own, came: None }
     }
 }
 
@@ -199,6 +199,26 @@ impl SurfelMap {
     /// Sorts values from the indices of [`SurfelMap::splat_all`] into the order of the surfels.
     pub fn by_index<T: Clone>(&self, by_place: &[T]) -> Vec<T> {
         self.grid.by_index(by_place)
+    }
+
+    /// Makes anchors of the surfels that belong to the `bright` ones of `anchors`: one takes the place of the old anchor, the others
+    /// come after the last.
+    pub fn promote(&mut self, anchors: &mut Vec<Anchor>, bright: &[bool]) {
+        let points = self.grid.points_by_index();
+        let mut is_taken = vec![false; bright.len()];
+        for (owner, point) in self.owners.iter_mut().zip(points) {
+            let Some(old) = owner.anchor.map(|anchor| anchor as usize).filter(|&anchor| bright[anchor]) else {
+                continue;
+            };
+            let anchor = if std::mem::replace(&mut is_taken[old], true) {
+                anchors.push(point);
+                anchors.len() - 1
+            } else {
+                anchors[old] = point;
+                old
+            };
+            *owner = Owner { anchor: Some(anchor as u32), share: 1.0 };
+        }
     }
 
     /// Flux of each of `anchors` anchors, from that of the surfels \[W\].

@@ -41,8 +41,10 @@ pub(super) struct Reflection {
     pub normal: Vec3A,
     /// \[W\]
     pub flux: Vec3,
-    /// The moving instance it was reflected by.
-    pub carrier: Option<u32>,
+    /// The instance it was reflected by.
+    pub instance: u32,
+    /// Whether that moves.
+    pub on_moving: bool,
     /// How far it came from the reflection before, or from its light \[m\].
     came: f32,
 }
@@ -50,8 +52,8 @@ pub(super) struct Reflection {
 impl Reflection {
     /// Where its energy is shared out.
     pub fn spot(&self) -> Spot {
-        let Self { position, normal, carrier, came, .. } = *self;
-        Spot { position, normal, instance: carrier, came: Some(came) }
+        let Self { position, normal, instance, on_moving, came, .. } = *self;
+        Spot { position, normal, instance, only_own: on_moving, came: Some(came) }
     }
 }
 
@@ -122,7 +124,8 @@ impl Walk<'_> {
                 position: surface.position,
                 normal: surface.geometric_normal,
                 flux: reflected,
-                carrier: self.moving[hit.instance as usize].then_some(hit.instance),
+                instance: hit.instance,
+                on_moving: self.moving[hit.instance as usize],
                 came: if leg.distant { f32::INFINITY } else { hit.distance },
             });
             let u = |k| halton(self.seed, index, EMISSION_DIMENSIONS + bounce * BOUNCE_DIMENSIONS + k);
@@ -190,7 +193,7 @@ impl Path {
         let ends = self.reflections.iter().map(|reflection| reflection.position).chain(self.end);
         let meets = |(leg, end): (&Leg, Vec3A)| swept.is_entered(leg.origin.into(), end);
         let entered = legs.iter().zip(ends).position(meets);
-        let carried = self.reflections.iter().position(|reflection| reflection.carrier.is_some());
+        let carried = self.reflections.iter().position(|reflection| reflection.on_moving);
         entered.into_iter().chain(carried).min()
     }
 

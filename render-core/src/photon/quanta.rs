@@ -93,7 +93,7 @@ impl Sums {
         self.emitted.add(quantum.count(path.emitted));
         self.lost.add(quantum.count(path.lost));
         for reflection in &path.reflections {
-            left.kinds[usize::from(reflection.carrier.is_some())].push((reflection.spot(), reflection.flux));
+            left.kinds[usize::from(reflection.on_moving)].push((reflection.spot(), reflection.flux));
         }
         if left.kinds.iter().any(|spots| spots.len() >= MOST_LEFT) {
             self.settle(left, surfels, quantum);

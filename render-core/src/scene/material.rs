@@ -139,11 +139,12 @@ impl Material {
         [base_color_texture, metallic_roughness_texture, emission_texture].into_iter().flatten().chain(normal)
     }
 
-    /// Whether the surface glows as a whole, and so was made to light others. A glow that a texture paints (the
-    /// instruments of a helmet) is part of its looks: a scene with nothing else waits for its viewer's light.
+    /// Whether the surface was made to light others: it glows as a whole, or its file makes it glow stronger than 1, as
+    /// `KHR_materials_emissive_strength` does for lamps and windows. A texture of up to 1 (the instruments of a helmet) is part
+    /// of its looks: a scene with nothing else waits for its viewer's light.
     #[must_use]
     pub fn is_lamp(&self) -> bool {
-        self.emits() && self.emission_texture.is_none()
+        self.emits() && (self.emission_texture.is_none() || self.emission.max_element() > 1.0)
     }
 
     /// Whether the surface is a light.

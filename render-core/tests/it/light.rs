@@ -3,7 +3,7 @@
 use crate::common::{add, material, quad, rest, room};
 use glam::{Quat, Vec3, Vec3A, vec3};
 use render_core::scene::{
-    Channel, Gradient, Interpolation, Material, Node, PunctualKind, PunctualLight, Scene, Track, Transform,
+    Channel, Gradient, Interpolation, Material, Mesh, Node, PunctualKind, PunctualLight, Scene, Track, Transform,
 };
 use render_core::{
     AnchorFlux, Anchors, DirectLights, Emitters, Geometry, Photons, PosedScene, ShadingPoint, Surfaces, SweptVolume,
@@ -44,6 +44,87 @@ fn a_rectangle_lights_as_its_form_factor_says() {
         // From behind it is dark.
         assert_eq!(irradiance(&scene, vec3(0.0, 3.0, 0.0)), Vec3::ZERO);
     }
+}
+
+/// A box that glows all over, by the points that stand for it, against the closed form of its faces and against six lamps of a
+/// face each. Were faces and places on them drawn by sequences that depend on each other, points would crowd to one side of
+/// each face.
+#[test]
+fn a_box_lamp_lights_as_its_faces_do() {
+    let half = vec3(0.3, 0.05, 0.3);
+    let box_lamp = |count: usize| {
+        let (mut scene, faces) = (Scene::default(), faces_of_a_box(half));
+        for faces in faces.chunks(faces.len() / count) {
+            let meshes = faces.iter().map(|&[corner, a, b]| quad(corner, a, b));
+            let mesh = meshes.reduce(joined).expect("faces");
+            add(&mut scene, rest(Vec3::ZERO), mesh, material(Vec3::ZERO, vec3(3.0, 2.0, 1.0)));
+        }
+        scene
+    };
+    let (whole, parts) = (box_lamp(1), box_lamp(6));
+    for receiver in [vec3(0.0, -0.8, 0.0), vec3(0.9, -0.5, 0.2), vec3(-0.7, 0.6, 0.8), vec3(0.1, 0.2, -1.2)] {
+        let normal = -receiver.normalize();
+        let by_faces: f32 = faces_of_a_box(half).into_iter().map(|face| lambert(receiver, normal, face)).sum();
+        let expected = 3.0 * by_faces;
+        for (lamps, points) in [(&whole, 453), (&whole, 64), (&parts, 64)] {
+            let found = unhidden(lamps, points, receiver, normal);
+            // Few points near by are not the surface, whatever their places.
+            let tolerance = if points == 64 && std::ptr::eq(lamps, &whole) { 0.04 } else { 0.01 };
+            assert!(
+                (found / expected - 1.0).abs() < tolerance,
+                "{points} points at {receiver}: {found}, not {expected}"
+            );
+        }
+    }
+}
+
+/// Six rectangles that face outward, each a corner and two edges.
+fn faces_of_a_box(half: Vec3) -> Vec<[Vec3; 3]> {
+    let mut faces = Vec::new();
+    for axis in 0..3 {
+        let edge = |turn: usize| Vec3::AXES[(axis + turn) % 3] * half * 2.0;
+        for outward in [Vec3::AXES[axis] * half, -Vec3::AXES[axis] * half] {
+            let corner = outward - (edge(1) + edge(2)) / 2.0;
+            let is_upper = outward.max_element() > 0.0;
+            faces.push(if is_upper { [corner, edge(1), edge(2)] } else { [corner, edge(2), edge(1)] });
+        }
+    }
+    faces
+}
+
+/// Two meshes as one.
+fn joined(mut a: Mesh, b: Mesh) -> Mesh {
+    let first = a.positions.len() as u32;
+    a.positions.extend(b.positions);
+    a.triangles.extend(b.triangles.iter().map(|corners| corners.map(|corner| first + corner)));
+    a
+}
+
+/// Irradiance by a rectangle of radiance 1 that faces a point above its horizon, without shadows (Lambert 1760): half the sum
+/// over its edges of the angle that the edge spans, times the cosine between the plane through it and the normal.
+fn lambert(receiver: Vec3, normal: Vec3, [corner, a, b]: [Vec3; 3]) -> f32 {
+    if a.cross(b).dot(receiver - corner) <= 0.0 {
+        return 0.0;
+    }
+    let corners = [corner, corner + a, corner + a + b, corner + b].map(|corner| (corner - receiver).normalize());
+    assert!(corners.iter().all(|corner| corner.dot(normal) > 0.0), "no part is below the horizon");
+    let edges = (0..4).map(|k| (corners[k], corners[(k + 1) % 4]));
+    edges.map(|(p, q)| p.angle_between(q) * q.cross(p).normalize().dot(normal)).sum::<f32>() / 2.0
+}
+
+/// The same by `points` points of each lamp, first channel.
+fn unhidden(scene: &Scene, points: usize, receiver: Vec3, normal: Vec3) -> f32 {
+    let pose = scene.pose(0.0);
+    let surfaces = Surfaces::new(scene, &pose);
+    let emitters = Emitters::new(&surfaces, &pose, &Units::of(scene));
+    let samples = emitters.areas.iter().flat_map(|area| area.samples(&surfaces, points));
+    let light = samples.map(|sample| {
+        let way = Vec3::from(sample.position) - receiver;
+        let (direction, r2) = (way.normalize(), way.length_squared());
+        let cosines = direction.dot(normal).max(0.0) * (-direction).dot(sample.normal.into()).max(0.0);
+        sample.intensity.x * cosines / r2
+    });
+    light.sum()
 }
 
 /// Half of a plane stands between a lamp and the floor: each place sees a rectangle of the lamp, which alone would light it

@@ -6,7 +6,7 @@ use pipeline::renderer::Preparation;
 use pipeline::{Options, Plan};
 use plane::Plane;
 use render_core::{image_file::read_exr, luminance};
-use tests::{Glb, cornell, furnace, load, render, render2mpeg};
+use tests::{Glb, Quad, cornell, furnace, load, render, render2mpeg};
 
 fn frame(folder: &std::path::Path, exr: &str, index: usize) -> Plane<Vec3> {
     read_exr(&folder.join(exr).join(format!("frame_{index:05}.exr"))).expect("a linear frame")
@@ -49,6 +49,48 @@ fn check_furnace(albedo: Vec3, emission: Vec3, photons: &str) {
         assert!((middle - Vec3::ONE).abs().max_element() < in_the_middle, "{lighting}, in the middle: {middle}");
         assert!((all - Vec3::ONE).abs().max_element() < everywhere, "{lighting}, everywhere: {all}");
     }
+}
+
+/// Direct light alone, of a lamp that is many lights of the tree, is that of paths.
+///
+/// Without photons there are no anchors. The bound of the lamp's geometry terms is still that of an anchor's share, and no
+/// gather ray is followed through reflections that are not to be shown: else this room is half as bright again.
+#[test]
+fn one_bounce_of_a_box_lamp_is_direct_light() {
+    let folder = tempfile::tempdir().unwrap();
+    room_with_box_lamp().write(&folder.path().join("room.glb"));
+    let film = "--size 96x96 --frames 1 --bounces 1 --antialiasing off --exr linear --thresholds fixed:0.005";
+    render(folder.path(), "room", &folder.path().join("room.glb"), film);
+    let paths = "reference room.glb --size 96x96 --bounces 1 --center --spp 256 -o paths.exr -q";
+    let paths = render2mpeg(folder.path(), &paths.split_whitespace().collect::<Vec<&str>>());
+    assert_eq!(paths.code, Some(0), "{}", paths.stderr);
+    let paths = read_exr(&folder.path().join("paths.exr")).unwrap();
+    let film = frame(folder.path(), "linear", 0);
+    // The lamp itself outshines what it lights.
+    let pixels = || film.samples().iter().zip(paths.samples()).filter(|(_, path)| path.max_element() < LAMP_RADIANCE);
+    let (sum, expected) = pixels().fold((0.0, 0.0), |(a, b), (f, p)| (a + luminance(*f), b + luminance(*p)));
+    println!("{:.4} of the direct light by paths, {} pixels", sum / expected, pixels().count());
+    assert!((sum / expected - 1.0).abs() < 0.01, "{}", sum / expected);
+}
+
+/// Radiance of the lamp of [`room_with_box_lamp`].
+const LAMP_RADIANCE: f32 = 10.0;
+
+/// A closed room of 2 m with dark walls, a block on its floor, and a box lamp that does not count as one simple shape.
+fn room_with_box_lamp() -> Glb {
+    let mut room = Glb::default();
+    let inward = |faces: Vec<Quad>| faces.into_iter().map(|[corner, a, b]| [corner, b, a]).collect::<Vec<Quad>>();
+    room.add(&inward(box_faces(vec3(-1.0, 0.0, -1.0), vec3(1.0, 2.0, 1.0))), Vec3::splat(0.3), Vec3::ZERO);
+    room.add(&box_faces(vec3(-0.6, 0.0, -0.6), vec3(-0.1, 0.9, -0.1)), vec3(0.6, 0.5, 0.4), Vec3::ZERO);
+    room.add(&box_faces(vec3(-0.3, 1.5, -0.3), vec3(0.3, 1.7, 0.3)), Vec3::ZERO, Vec3::splat(LAMP_RADIANCE));
+    room.add_camera(vec3(0.0, 1.0, 0.95));
+    room
+}
+
+/// The faces of a box, which face outward.
+fn box_faces(low: Vec3, high: Vec3) -> Vec<Quad> {
+    let (x, y, z) = (Vec3::X * (high - low), Vec3::Y * (high - low), Vec3::Z * (high - low));
+    vec![[low, z, y], [low, x, z], [low, y, x], [high, -y, -z], [high, -z, -x], [high, -x, -y]]
 }
 
 /// Walls of metal, or with a coat, hand on the light that they reflect: a closed room of them is as bright as by paths.

@@ -140,6 +140,35 @@ fn textures_are_held_for_what_they_are_used_as() {
     assert!(scene.warnings.iter().any(|warning| warning.contains("sets 0 to 3")), "{:?}", scene.warnings);
 }
 
+/// A plain sky comes into scenes in which nothing was made to light others, and into no other.
+#[test]
+fn a_sky_is_added_where_nothing_was_made_to_shine() {
+    let png = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
+    let glowing = |strength: f32| {
+        let mut glb = square(json!({
+            "emissiveFactor": [1.0, 1.0, 1.0], "emissiveTexture": { "index": 0 },
+            "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": strength } },
+        }));
+        glb.json["extensionsUsed"] = json!(["KHR_materials_emissive_strength"]);
+        glb.json["images"] = json!([{ "uri": format!("data:image/png;base64,{png}") }]);
+        glb.json["textures"] = json!([{ "source": 0 }]);
+        glb
+    };
+    let lit_by_sky = |glb: &Glb, settings: &str| {
+        let scene = load(glb, settings).unwrap();
+        assert_eq!(scene.sky.is_some(), scene.warnings.iter().any(|warning| warning.contains("plain white sky")));
+        scene.sky.is_some()
+    };
+    assert!(lit_by_sky(&square(json!({})), ""));
+    assert!(lit_by_sky(&glowing(1.0), ""), "instruments of a helmet");
+    assert!(!lit_by_sky(&glowing(6.5), ""), "a stained glass window");
+    let black = "[sky]\nzenith = [0, 0, 0]\nhorizon = [0, 0, 0]\n";
+    assert!(!lit_by_sky(&square(json!({})), black), "a sky that is said to be black");
+
+    let nave = scene::load(&tests::cornell().with_file_name("../nave/nave.glb")).unwrap();
+    assert!(nave.sky.is_none() && nave.warnings.is_empty(), "{:?}", nave.warnings);
+}
+
 /// A square whose corners are normalized shorts, interleaved eight bytes apart, and whose normals are bytes.
 #[test]
 fn quantised_meshes_have_the_numbers_they_stand_for() {

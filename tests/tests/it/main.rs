@@ -24,6 +24,7 @@ mod mitsuba;
 mod motion;
 mod plan;
 mod reference;
+mod regions;
 mod report;
 #[cfg(target_os = "linux")]
 mod resume;

@@ -76,10 +76,13 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
         ..
     } = arguments;
     let scene = scene::load(&path)?;
+    // Settings are those of a film, which has a reflection at least; paths may show what glows alone.
+    let film_bounces = bounces.filter(|&bounces| bounces > 0 || method == ReferenceMethod::AllLights);
     let antialiasing = center.then_some(Switch::Off);
     // The finest quantiser: as many photons as any film has.
     let qscale = Some(1);
-    let options = Options { size, seed, bounces, vpls, photons, fps, antialiasing, qscale, ..Default::default() };
+    let options =
+        Options { size, seed, bounces: film_bounces, vpls, photons, fps, antialiasing, qscale, ..Default::default() };
     let settings = Settings::new(path, &scene, &options)?;
     // An output that cannot be written is told of before the work, not after it.
     drop(Output::create(&output)?);

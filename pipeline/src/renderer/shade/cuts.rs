@@ -8,7 +8,7 @@ use glam::{Vec3, Vec3A};
 use lighttree::{Audits, Calibration, Light, Scratch, Stop};
 use perceptual::ThresholdMap;
 use plane::Plane;
-use render_core::sampling::{concentric_disc, frame, sobol_point};
+use render_core::sampling::{centered_sobol, concentric_disc, frame};
 use render_core::{
     Accelerator, GBuffer, GatherDirections, Gathered, Hit, PACKET, PixelSurface, PosedScene, ShadingPoint, luminance,
 };
@@ -73,10 +73,11 @@ impl<'a> LightTransport<'a> {
     ) -> Self {
         let all_lights = settings.lighting == Lighting::AllLights;
         let directions = GatherDirections::new(if all_lights { GATHER_RAYS_OF_ALL_LIGHTS } else { GATHER_RAYS });
-        let feelers = std::array::from_fn(|i| {
-            let p = concentric_disc(sobol_point(i as u64));
-            p.extend((1.0 - p.length_squared()).max(0.0).sqrt())
-        });
+        let mut feelers = [Vec3::Z; FEELERS];
+        for (feeler, u) in feelers.iter_mut().zip(centered_sobol(FEELERS)) {
+            let p = concentric_disc(u);
+            *feeler = p.extend((1.0 - p.length_squared()).max(0.0).sqrt());
+        }
         Self { settings, prepared, allowance, seen, direct, compensates: false, figures, directions, feelers }
     }
 

@@ -92,8 +92,10 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
     }
     scene.move_to_origin();
     scene.sky = load_sky(path, &settings)?;
+    let settings_have_sky = settings.sky.is_some();
     scene.settings = settings;
-    let lit = scene.sky.is_some()
+    // A sky that the author has described, a black one too, is the author's choice.
+    let lit = settings_have_sky
         || !scene.punctual_lights.is_empty()
         || scene.instances.iter().any(|i| scene.materials[scene.meshes[i.mesh].material].is_lamp());
     if !lit {

@@ -1,0 +1,109 @@
+//! Light by region: a mean over the picture hides what is too bright in one place and too dark in another.
+//!
+//! Films are compared with paths by blocks of 8×8 pixels, what glows left out.
+
+use glam::{Vec3, vec3};
+use render_core::{image_file::read_exr, luminance};
+use std::path::Path;
+use tests::{Glb, Quad, cornell, render, render2mpeg};
+
+/// Pixels along the side of a block.
+const BLOCK: usize = 8;
+/// Blocks darker than this share of the mean are left out: paths tell little about them.
+const DARK: f32 = 0.05;
+
+/// Light of a film over that by paths, for each block, in rising order.
+fn ratios(folder: &Path, scene: &Path, side: usize, paths: u32) -> Vec<f32> {
+    let size = format!("{side}x{side}");
+    render(folder, "film", scene, &format!("--size {size} --frames 1 --antialiasing off --exr linear"));
+    let film = read_exr(&folder.join("linear/frame_00000.exr")).unwrap();
+    let reference = |more: &str| {
+        let scene = scene.to_str().expect("a path in UTF-8");
+        let arguments = format!("--center --size {size} -o paths.exr -q {more}");
+        let arguments: Vec<&str> = ["reference", scene].into_iter().chain(arguments.split_whitespace()).collect();
+        let finished = render2mpeg(folder, &arguments);
+        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+        read_exr(&folder.join("paths.exr")).unwrap()
+    };
+    let (glowing, truth) = (reference("--bounces 0 --spp 1"), reference(&format!("--spp {paths}")));
+
+    // Sums over blocks of pixels that do not glow.
+    let mut blocks = Vec::new();
+    for (left, top) in (0..side).step_by(BLOCK).flat_map(|y| (0..side).step_by(BLOCK).map(move |x| (x, y))) {
+        let (mut found, mut expected, mut count) = (0.0, 0.0, 0);
+        for (x, y) in (top..top + BLOCK).flat_map(|y| (left..left + BLOCK).map(move |x| (x, y))) {
+            if glowing.get(x, y) == Vec3::ZERO {
+                found += luminance(film.get(x, y));
+                expected += luminance(truth.get(x, y));
+                count += 1;
+            }
+        }
+        if count >= BLOCK * BLOCK / 4 {
+            blocks.push((found / count as f32, expected / count as f32));
+        }
+    }
+    let mean = blocks.iter().map(|(_, expected)| expected).sum::<f32>() / blocks.len() as f32;
+    let lit = blocks.into_iter().filter(|(_, expected)| *expected > DARK * mean);
+    let mut ratios: Vec<f32> = lit.map(|(found, expected)| found / expected).collect();
+    ratios.sort_by(f32::total_cmp);
+    ratios
+}
+
+/// The median block is within a hundredth of paths, and 95 % of the blocks are within a twentieth.
+fn check(name: &str, ratios: &[f32]) {
+    let median = ratios[ratios.len() / 2];
+    let near = ratios.iter().filter(|ratio| (**ratio - 1.0).abs() < 0.05).count() as f32 / ratios.len() as f32;
+    let (low, high) = (ratios[ratios.len() / 20], ratios[ratios.len() - 1 - ratios.len() / 20]);
+    println!("{name}: median {median:.4}, {near:.3} of {} blocks within 5 %, 90 % in {low:.3}…{high:.3}", ratios.len());
+    assert!((median - 1.0).abs() < 0.01, "{name}: median {median}");
+    assert!(near >= 0.95, "{name}: {near} of the blocks within 5 %: {ratios:?}");
+}
+
+/// The faces of a box, which face outward.
+fn faces(low: Vec3, high: Vec3) -> Vec<Quad> {
+    let (x, y, z) = (Vec3::X * (high - low), Vec3::Y * (high - low), Vec3::Z * (high - low));
+    vec![[low, z, y], [low, x, z], [low, y, x], [high, -y, -z], [high, -z, -x], [high, -x, -y]]
+}
+
+/// A closed room of 2 m with a block on its floor.
+fn room() -> Glb {
+    let mut room = Glb::default();
+    let walls = faces(vec3(-1.0, 0.0, -1.0), vec3(1.0, 2.0, 1.0)).into_iter().map(|[corner, a, b]| [corner, b, a]);
+    room.add(&walls.collect::<Vec<Quad>>(), Vec3::splat(0.3), Vec3::ZERO);
+    room.add(&faces(vec3(-0.6, 0.0, -0.6), vec3(-0.1, 0.9, -0.1)), vec3(0.6, 0.5, 0.4), Vec3::ZERO);
+    room.add_camera(vec3(0.0, 1.0, 0.95));
+    room
+}
+
+fn check_room(name: &str, room: &Glb) {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("room.glb");
+    room.write(&scene);
+    check(name, &ratios(folder.path(), &scene, 64, 512));
+}
+
+/// A lamp of six faces is many lights of the tree: where they are must have nothing to do with which face they are on.
+#[test]
+fn a_room_with_a_box_lamp_is_lit_as_by_paths() {
+    let mut room = room();
+    room.add(&faces(vec3(-0.3, 1.5, -0.3), vec3(0.3, 1.7, 0.3)), Vec3::ZERO, Vec3::splat(10.0));
+    check_room("box lamp", &room);
+}
+
+/// Ten lamps of one shape, each of few points: what one has too much on a side, all have.
+#[test]
+fn a_room_with_ten_lamps_is_lit_as_by_paths() {
+    let mut room = room();
+    for (x, z) in [-0.7, -0.35, 0.0, 0.35, 0.7].into_iter().flat_map(|x| [(x, -0.5), (x, 0.4)]) {
+        let lamp = faces(vec3(x - 0.05, 1.7, z - 0.05), vec3(x + 0.05, 1.8, z + 0.05));
+        room.add(&lamp, Vec3::ZERO, Vec3::splat(40.0));
+    }
+    check_room("ten lamps", &room);
+}
+
+/// Chairs, blinds, moldings and 44 lamps.
+#[test]
+fn the_conference_room_is_lit_as_by_paths() {
+    let folder = tempfile::tempdir().unwrap();
+    check("conference", &ratios(folder.path(), &cornell().with_file_name("../conference/conference.glb"), 64, 1024));
+}
