@@ -9,10 +9,12 @@
 //! ```
 //!
 //! Samples are handed on and never mixed, so that light is not blurred however long it is carried \[Nehab07\], \[Walter99\].
-//! The residual of the plane estimates the error. A pixel whose error exceeds its threshold, as in penumbras, is lit anew, and so
-//! is a pixel whose surface was not visible before.
+//! The residual of the plane estimates the error. What lies outside of the samples' convex hull, beside another surface, is
+//! estimated by its distance from the hull: light may change there. Audits tell which estimates hold ([`trust`]).
+//! A pixel whose error exceeds its threshold, as in penumbras, is lit anew, and so is a pixel whose surface was not visible before.
 
 mod sample;
+mod trust;
 
 use crate::gbuffer::{GBuffer, MACROBLOCK, PixelSurface};
 use crate::sampling::frame;
@@ -21,31 +23,34 @@ use glam::{Mat2, Vec2, Vec3, Vec3A};
 use plane::{Correspondence, Plane};
 use rayon::prelude::*;
 use sample::Sample;
+use trust::Trust;
 
-/// Distance of a sample, along the surface and off it, up to which it says something about a pixel \[pixels\].
+/// Distance of a sample, along the surface and off it, up to which it says something about a pixel \[pixels\]. In `nave` rows of
+/// benches lie a third of a pixel before others.
 const REACH: f32 = 3.0;
-const OFF_PLANE: f32 = 0.5;
+const OFF_PLANE: f32 = 0.1;
 /// Cosine of the angle up to which the normals of a sample and a pixel may differ: 18°.
 const ALIKE_COSINE: f32 = 0.95;
 /// Distance of the nearest sample at most \[pixels, seen face on\].
 const NEAREST: f32 = 1.0;
 /// Samples that a plane is fitted to at least.
 const LEAST_FITTED: usize = 5;
-/// Distance of the nearest sample, by the spread of all, up to which a point is taken to lie between them: of a square lattice of
-/// 3×3, 0.61 is the most.
-const WITHIN: f32 = 0.65;
 /// Difference that is assumed of a sample that no other one can be compared with, as a share of its light.
 const UNKNOWN_CONTRAST: f32 = 0.25;
+/// Difference of light that the samples do not show, as a share of the brightest around them. Beside benches of `nave` irradiance
+/// falls to a third within half a pixel.
+const UNSEEN_CONTRAST: f32 = 0.5;
 /// Share of the mean square distance of the samples that is added to the fit: nearly collinear samples give no steep slopes.
 const STIFFNESS: f32 = 0.01;
 /// Cosine of the angle of view below which slanted surfaces are treated alike.
 const LEAST_COSINE: f32 = 0.05;
 
-/// Irradiance of the surfaces of a picture: a sample for each pixel, 20 bytes.
+/// Irradiance of the surfaces of a picture: a sample for each pixel, 20 bytes, and what audits found so far.
 #[derive(Clone, Debug, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CarriedLight {
     samples: Plane<Sample>,
+    trust: Trust,
 }
 
 /// Whether a pixel may take the light of the picture before.
@@ -76,7 +81,11 @@ struct Audit {
     /// Raster index.
     pixel: u32,
     luminance: f32,
+    /// Estimated error.
+    error: f32,
     tolerance: f32,
+    /// Whether the light would have been carried, by what is known of estimates.
+    is_trusted: bool,
 }
 
 /// Irradiance of a whole picture, and what its audits found.
@@ -89,7 +98,7 @@ pub struct Completed {
     pub audits: AuditCounts,
 }
 
-/// Numbers of audited pixels.
+/// Numbers of audited pixels whose light would have been carried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AuditCounts {
     /// Those that carrying would have made wrong by no more than their tolerance.
@@ -111,12 +120,15 @@ impl Carried {
             *irradiance = lit;
             *sample = Sample::new(pixel.position, pixel.shading_normal.into(), lit.into());
         }
-        let is_within = |&&Audit { pixel, luminance: carried, tolerance }: &&Audit| {
-            let found = luminance(lit.samples()[pixel as usize].into());
-            (found - carried).abs() <= tolerance
-        };
-        let audits = AuditCounts { within: audits.iter().filter(is_within).count(), all: audits.len() };
-        Completed { irradiance, audits }
+        let mut counts = AuditCounts::default();
+        light.trust.forget();
+        for Audit { pixel, luminance: carried, error, tolerance, is_trusted } in audits {
+            let difference = (luminance(lit.samples()[pixel as usize].into()) - carried).abs();
+            light.trust.note(error / tolerance, difference / tolerance);
+            counts.all += usize::from(is_trusted);
+            counts.within += usize::from(is_trusted && difference <= tolerance);
+        }
+        Completed { irradiance, audits: counts }
     }
 }
 
@@ -127,9 +139,17 @@ pub struct Destination<'a> {
     pub seen: &'a GBuffer,
     /// Where its pixels were in the picture that the light comes from; none if nothing can be carried.
     pub known: Option<&'a Correspondence>,
-    /// Contrast that the samples around a pixel may miss, as a share of its light: beyond the outermost sample, and between
-    /// fewer than five. Large for light with sharp borders.
-    pub unseen_contrast: f32,
+    /// What the samples around a pixel may miss.
+    pub unseen: Unseen,
+}
+
+/// Contrast that may be beyond the outermost samples around a pixel, and between fewer than five.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unseen {
+    /// That of the light around the pixel.
+    Smooth,
+    /// That of the whole picture: light may begin and end anywhere.
+    Shadows,
 }
 
 impl CarriedLight {
@@ -143,11 +163,13 @@ impl CarriedLight {
         reuse: impl Fn(usize, usize) -> Reuse + Sync,
         tolerance: impl Fn(usize, usize, f32) -> f32 + Sync,
     ) -> Timed<Carried> {
-        let Destination { seen, known, unseen_contrast } = to;
+        let Destination { seen, known, unseen } = to;
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
         let mut irradiance = Plane::filled(width, height, [0.0; 3]);
         let mut missing = Plane::filled(width, height, false);
         let mut samples = Plane::filled(width, height, Sample::NONE);
+        let limit = self.trust.limit();
+        let usual = (unseen == Unseen::Shadows).then(|| self.usual_luminance());
         let strip = (MACROBLOCK * width).max(1);
         let strips = samples
             .samples_mut()
@@ -168,14 +190,18 @@ impl CarriedLight {
                 if reuse == Reuse::Forbidden {
                     continue;
                 }
-                let Some(found) = self.light_at(&pixel, (seen, unseen_contrast), from as usize) else { continue };
+                let Some(found) = self.light_at(&pixel, (seen, usual), from as usize) else { continue };
                 let tolerance = tolerance(x, y, luminance(found.irradiance));
                 if found.error > tolerance {
                     continue;
                 }
+                let is_trusted = found.error <= limit * tolerance;
                 if reuse == Reuse::Audited {
-                    let pixel = (y * width + x) as u32;
-                    audits.push(Audit { pixel, luminance: luminance(found.irradiance), tolerance });
+                    let (pixel, luminance) = ((y * width + x) as u32, luminance(found.irradiance));
+                    audits.push(Audit { pixel, luminance, error: found.error, tolerance, is_trusted });
+                    continue;
+                }
+                if !is_trusted {
                     continue;
                 }
                 missing[k] = false;
@@ -194,8 +220,21 @@ impl CarriedLight {
         audits.map(|audits| Carried { irradiance, missing, audits: audits.concat() })
     }
 
-    /// Light at the surface point of `pixel` by the samples around the place `from`, in raster order.
-    fn light_at(&self, pixel: &PixelSurface, (seen, unseen): (&GBuffer, f32), from: usize) -> Option<Found> {
+    /// Mean luminance of the samples that have light.
+    fn usual_luminance(&self) -> f32 {
+        let (mut sum, mut count) = (0.0, 0u32);
+        for sample in self.samples.samples() {
+            let luminance = luminance(sample.irradiance());
+            if luminance > 0.0 {
+                (sum, count) = (sum + f64::from(luminance), count + 1);
+            }
+        }
+        (sum / f64::from(count.max(1))) as f32
+    }
+
+    /// Light at the surface point of `pixel` by the samples around the place `from`, in raster order. Where it
+    /// may begin anywhere, it is as bright as `usual`.
+    fn light_at(&self, pixel: &PixelSurface, (seen, usual): (&GBuffer, Option<f32>), from: usize) -> Option<Found> {
         let (width, height) = (self.samples.width(), self.samples.height());
         if from >= width * height {
             return None;
@@ -213,10 +252,11 @@ impl CarriedLight {
         let to_viewer = (seen.view.position() - position).normalize_or_zero();
         let slant = to_viewer.dot(normal).abs().max(LEAST_COSINE).recip();
         let (reach, off_plane) = (REACH * width_facing * slant, OFF_PLANE * width_facing);
-        let mut near = Near::default();
+        let mut near = Near { brightest: usual.unwrap_or(0.0), has_borders: usual.is_some(), ..Near::default() };
         for y in row.saturating_sub(1)..(row + 2).min(height) {
             for x in column.saturating_sub(1)..(column + 2).min(width) {
                 let sample = self.samples.get(x, y);
+                near.brightest = near.brightest.max(luminance(sample.irradiance()));
                 let way = Vec3A::from(sample.position) - position;
                 // False for NaN, where there is no sample.
                 if way.length_squared() <= reach * reach
@@ -227,7 +267,7 @@ impl CarriedLight {
                 }
             }
         }
-        near.at_origin(width_facing * slant, unseen)
+        near.at_origin(width_facing * slant)
     }
 }
 
@@ -244,6 +284,10 @@ struct Found {
 #[derive(Default)]
 struct Near {
     count: usize,
+    /// Luminance of what is not seen, at most.
+    brightest: f32,
+    /// Whether light may end between samples.
+    has_borders: bool,
     places: [Vec2; 9],
     light: [Vec3; 9],
     samples: [Sample; 9],
@@ -257,8 +301,8 @@ impl Near {
     }
 
     /// Light at the origin; none if no sample is within [`NEAREST`] of it, in units of the samples' `spacing`. Where the samples
-    /// tell little, the light may differ by the share `unseen` of itself.
-    fn at_origin(&self, spacing: f32, unseen: f32) -> Option<Found> {
+    /// tell little, the light may differ by [`UNSEEN_CONTRAST`].
+    fn at_origin(&self, spacing: f32) -> Option<Found> {
         let (count, nearest) = (self.count, NEAREST * spacing);
         let (places, light) = (&self.places[..count], &self.light[..count]);
         let far2 = |k: usize| places[k].length_squared();
@@ -270,7 +314,7 @@ impl Near {
         let middle = mean(places.iter().sum());
         let spread2 = places.iter().map(|place| (place - middle).length_squared()).sum::<f32>() / count as f32;
         let (spread, slopes, contrast) = if count == 1 || spread2 == 0.0 {
-            (spacing, [Vec2::ZERO; 3], UNKNOWN_CONTRAST * luminance(light[first]))
+            (spacing, [Vec2::ZERO; 3], UNKNOWN_CONTRAST * self.brightest)
         } else if count < LEAST_FITTED {
             let brightness = || light.iter().map(|&light| luminance(light));
             let range = brightness().fold(f32::NEG_INFINITY, f32::max) - brightness().fold(f32::INFINITY, f32::min);
@@ -280,11 +324,33 @@ impl Near {
             (spread2.sqrt(), slopes, rest)
         };
         let share = (far2(first).sqrt() / spread).min(1.0);
-        let is_beyond = count < LEAST_FITTED || share > WITHIN;
-        let contrast = contrast + if is_beyond { unseen * luminance(light[first]) } else { 0.0 };
+        // Few samples say nothing of what is between them, either.
+        let unseen = if count < LEAST_FITTED { share } else { (self.beyond() / spacing).min(1.0) };
+        // A border is there or not: errors by chance, and their root mean square.
+        let unseen = if self.has_borders { unseen.sqrt() } else { unseen };
+        let error = contrast * share + UNSEEN_CONTRAST * unseen * self.brightest;
         let change = Vec3::from_array(slopes.map(|slope| -slope.dot(places[first])));
         let irradiance = (light[first] + change).max(Vec3::ZERO);
-        Some(Found { sample: self.samples[first], irradiance, error: contrast * share })
+        Some(Found { sample: self.samples[first], irradiance, error })
+    }
+
+    /// Distance of the origin from the convex hull of the places.
+    fn beyond(&self) -> f32 {
+        let places = &self.places[..self.count];
+        // Outside, all places are on one side of the line through the origin and one of them.
+        let is_outside = places.iter().any(|a| places.iter().all(|&b| a.perp_dot(b) >= 0.0));
+        if !is_outside {
+            return 0.0;
+        }
+        let mut least = f32::INFINITY;
+        for (k, &a) in places.iter().enumerate() {
+            for &b in &places[..=k] {
+                let way = b - a;
+                let along = (-a.dot(way) / way.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+                least = least.min((a + way * along).length_squared());
+            }
+        }
+        least.sqrt()
     }
 
     /// Slopes of the plane through the samples' light, by channel, and root mean square of the luminance that it leaves.

@@ -29,7 +29,7 @@ pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
 pub use anchor::{Anchor, Anchors, DynamicAnchor};
 pub use bsdf::{Bsdf, BsdfSample};
 pub use busy::{Busy, Timed};
-pub use carried::{AuditCounts, Carried, CarriedLight, Completed, Destination, Reuse};
+pub use carried::{AuditCounts, Carried, CarriedLight, Completed, Destination, Reuse, Unseen};
 pub use direct::{DirectLights, DynamicLights, Lamps, ShadingPoint, Source, Traced};
 pub use emitter::{
     AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, EmittedPhoton, Emitters, PhotonSource, PointLight, SunLight,

@@ -42,13 +42,25 @@ struct Walked {
 
 /// Walks over a floor with this irradiance, `step` pixels a frame; errors may be `tolerance` of the light.
 fn walk(field: impl Fn(Vec3) -> f32, frames: usize, step: f32, tolerance: f32, reuse: Reuse) -> Walked {
+    walk_over(floor, field, frames, step, tolerance, reuse)
+}
+
+/// The same over another floor.
+fn walk_over(
+    floor: impl Fn(f32) -> GBuffer,
+    field: impl Fn(Vec3) -> f32,
+    frames: usize,
+    step: f32,
+    tolerance: f32,
+    reuse: Reuse,
+) -> Walked {
     let truth = |seen: &GBuffer| seen.pixels.map(|pixel| [field(pixel.position.into()); 3]);
     let (mut light, mut before) = (CarriedLight::default(), None::<GBuffer>);
     let mut walked = None;
     for frame in 0..=frames {
         let seen = floor(frame as f32 * step);
         let known = before.as_ref().map(|before| seen.reproject(before).value);
-        let to = Destination { seen: &seen, known: known.as_ref(), unseen_contrast: 0.0 };
+        let to = Destination { seen: &seen, known: known.as_ref(), unseen: Unseen::Smooth };
         let carried = light.carry(to, |_, _| reuse, |_, _, e| tolerance * e).value;
         let missing = carried.missing.clone();
         // Only missing pixels have light here: any other would turn the result into NaN.
@@ -125,4 +137,30 @@ fn audited_pixels_are_lit_and_compared() {
     let forbidden = walk(field, 4, 0.37, 0.02, Reuse::Forbidden);
     assert!(forbidden.missing.samples().iter().all(|&missing| missing));
     assert_eq!(forbidden.audits, AuditCounts::default());
+}
+
+/// A floor that ends at a slope at x = 0.03; beside it light falls to a third within half a pixel, as under a bench.
+/// The samples of the floor alone are all alike: without a look beyond them, light would be wrong by half of itself.
+#[test]
+fn light_that_falls_beside_another_surface_is_found_anew() {
+    const BORDER: f32 = 0.03;
+    let field = |p: Vec3| if (0.0..0.5 * PIXEL).contains(&(BORDER - p.x)) { 1.0 } else { 3.0 };
+    let beside = |steps: f32| {
+        let mut seen = floor(steps);
+        seen.pixels = seen.pixels.map(|pixel| {
+            let slope = [0.8, 0.6, 0.0];
+            let is_floor = pixel.position[0] < BORDER;
+            let normal = if is_floor { pixel.geometric_normal } else { slope };
+            PixelSurface { geometric_normal: normal, shading_normal: normal, ..pixel }
+        });
+        seen
+    };
+    for step in [0.05, 0.2, 0.37] {
+        let walked = walk_over(beside, field, 12, step, 0.02, Reuse::Allowed);
+        for (x, y, error) in walked.errors(field) {
+            assert!(error <= 0.05, "step {step}: pixel {x}, {y} is wrong by {error}");
+        }
+        let lit = walked.errors(field).iter().filter(|&&(x, y, _)| walked.missing.get(x, y)).count();
+        assert!(lit < (SIDE - 6) * 6, "step {step}: {lit} pixels are lit anew");
+    }
 }

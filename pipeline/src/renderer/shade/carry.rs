@@ -11,21 +11,16 @@ use crate::settings::Settings;
 use glam::Vec3A;
 use plane::{Correspondence, Plane};
 use render_core::{
-    AuditCounts, Busy, CarriedLight, Completed, Destination, DirectLights, GBuffer, MACROBLOCK, Reuse, Source,
+    AuditCounts, Busy, CarriedLight, Completed, Destination, DirectLights, GBuffer, MACROBLOCK, Reuse, Source, Unseen,
     luminance,
 };
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// Share of a pixel's threshold that carrying direct light, or indirect light, may make it wrong by.
-const SHARE: f32 = 1.0;
-/// [`Destination::unseen_contrast`] of direct light, which may end at a shadow, and of indirect light.
-const SHADOWS: f32 = 0.5;
-const SMOOTH: f32 = 0.0;
 /// Distance of moving things and their shadows from a pixel up to which its light is not carried \[pixels\].
 const BESIDE: f32 = 2.0;
 /// Each macroblock is lit anew once in this number of frames.
-const TURN: usize = 32;
+const TURN: usize = 16;
 
 /// The light of the frame before, and what it depends on.
 #[derive(Default)]
@@ -93,7 +88,7 @@ impl Carry {
             let is_disturbed = moves[pixel.instance as usize] || swept.iter().any(is_shaded_by);
             if is_disturbed { Reuse::Forbidden } else { to.reuse(x, y) }
         };
-        let destination = Destination { seen: to.seen, known, unseen_contrast: SHADOWS };
+        let destination = Destination { seen: to.seen, known, unseen: Unseen::Shadows };
         let tolerance = |x, y, e| to.tolerance(x, y, e);
         let carried = busy.take(self.light.direct.carry(destination, reuse, tolerance));
         let missing = carried.missing.clone();
@@ -113,7 +108,7 @@ impl Carry {
         light: impl FnOnce(Option<&Plane<bool>>) -> Plane<[f32; 3]>,
     ) -> Plane<[f32; 3]> {
         let destination =
-            Destination { seen: to.seen, known: to.known.filter(|_| is_unchanged), unseen_contrast: SMOOTH };
+            Destination { seen: to.seen, known: to.known.filter(|_| is_unchanged), unseen: Unseen::Smooth };
         let tolerance = |x, y, e| to.tolerance(x, y, e);
         let carried = busy.take(self.light.indirect.carry(destination, |x, y| to.reuse(x, y), tolerance));
         let missing = carried.missing.clone();
@@ -157,9 +152,8 @@ impl To<'_> {
     /// Error that the luminance of a pixel's irradiance may have where it is carried, given that it is `irradiance`.
     fn tolerance(&self, x: usize, y: usize, irradiance: f32) -> f32 {
         let albedo = luminance(self.seen.pixels.get(x, y).albedo.into()).max(LEAST_REFLECTANCE);
-        let allowed = threshold(self.settings, self.allowance, x, y)
-            .map_or_else(|| relative_threshold(self.settings) * irradiance, |threshold| threshold * PI / albedo);
-        SHARE * allowed
+        threshold(self.settings, self.allowance, x, y)
+            .map_or_else(|| relative_threshold(self.settings) * irradiance, |threshold| threshold * PI / albedo)
     }
 }
 
