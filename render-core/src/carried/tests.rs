@@ -74,9 +74,9 @@ fn walk_over(
 }
 
 impl Walked {
-    /// Places three pixels or more from the border, and the errors there.
+    /// Places eight pixels or more from the border, and the errors there. Nearer, light has no samples around it on all sides.
     fn errors(&self, field: impl Fn(Vec3) -> f32) -> Vec<(usize, usize, f32)> {
-        let inner = || 3..SIDE - 3;
+        let inner = || 8..SIDE - 8;
         let places = inner().flat_map(|y| inner().map(move |x| (x, y)));
         let error = |(x, y): (usize, usize)| {
             let truth = field(self.seen.pixels.get(x, y).position.into());
@@ -121,7 +121,7 @@ fn light_that_is_carried_for_long_is_as_sharp_as_at_first() {
     let field = |p: Vec3| 1.0 + 0.3 * (p.x / PIXEL * std::f32::consts::TAU / 6.0).sin();
     let walked = walk(field, 100, 0.37, 10.0, Reuse::Allowed);
     // The right half has come into view on the way.
-    let errors: Vec<f32> = walked.errors(field).iter().filter(|(x, ..)| *x < 10).map(|(.., error)| *error).collect();
+    let errors: Vec<f32> = walked.errors(field).iter().filter(|(x, ..)| *x < 12).map(|(.., error)| *error).collect();
     let rms = (errors.iter().map(|e| e * e).sum::<f32>() / errors.len() as f32).sqrt();
     // Measured: 0.038. The waves themselves have 0.21.
     assert!(rms < 0.05, "{rms}");
@@ -151,7 +151,7 @@ fn light_that_falls_beside_another_surface_is_found_anew() {
             let slope = [0.8, 0.6, 0.0];
             let is_floor = pixel.position[0] < BORDER;
             let normal = if is_floor { pixel.geometric_normal } else { slope };
-            PixelSurface { geometric_normal: normal, shading_normal: normal, ..pixel }
+            PixelSurface { shading_normal: normal, ..pixel }
         });
         seen
     };
@@ -161,6 +161,6 @@ fn light_that_falls_beside_another_surface_is_found_anew() {
             assert!(error <= 0.05, "step {step}: pixel {x}, {y} is wrong by {error}");
         }
         let lit = walked.errors(field).iter().filter(|&&(x, y, _)| walked.missing.get(x, y)).count();
-        assert!(lit < (SIDE - 6) * 6, "step {step}: {lit} pixels are lit anew");
+        assert!(lit < (SIDE - 16) * 6, "step {step}: {lit} pixels are lit anew");
     }
 }

@@ -120,7 +120,7 @@ mod tests {
         let mut trust = Trust::default();
         (0..200).for_each(|_| trust.note(0.9, 10.0));
         assert_eq!(trust.limit(), 0.5);
-        for _ in 0..40 {
+        for _ in 0..80 {
             trust.forget();
             (0..20).for_each(|_| trust.note(0.9, 0.1));
         }
