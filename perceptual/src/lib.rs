@@ -36,7 +36,7 @@ pub use crate::metric::{Components, flicker, mse, psnr, relative_mse, rmse, ssim
 pub use crate::threshold_map::{
     RELATIVE_FLOOR, ThresholdMap, TolerableError, blend, reproject, tolerable_error, tolerable_error_counted,
 };
-pub use crate::tonemap::{Display, Operator, OutOfRange, ToneMap, UnknownOperator};
+pub use crate::tonemap::{Display, Operator, OutOfRange, PixelPart, ToneMap, UnknownOperator};
 pub use crate::ycbcr::{YCbCr, luminance_plane, to_rgb8};
 pub use plane::matrices::DEFAULT_INTRA_MATRIX;
 pub use plane::{LUMINANCE_WEIGHTS, luminance};

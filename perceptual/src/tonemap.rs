@@ -17,8 +17,12 @@
 //! - [`ToneMap::decode`] of display white is finite for Reinhard's global curve too, which never reaches white: it stops at
 //!   a curve value of 255/256. The last half code value of 8-bit luma begins below that, so no picture can tell the difference.
 
+mod blend;
+
 use crate::bounded;
 use std::{fmt, str::FromStr};
+
+pub use blend::PixelPart;
 
 /// Curve value at which the inverse of Reinhard's global curve stops, so that decoding white stays finite (x = 255).
 const REINHARD_LIMIT: f64 = 1.0 - 1.0 / 256.0;

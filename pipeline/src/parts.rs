@@ -12,7 +12,7 @@
 use crate::error::Result;
 use crate::figures::FrameFigures;
 use mpeg2enc::PictureType;
-use perceptual::{Feedback, NextPicture, ObservedFrame, ThresholdMap, ToneMap, YCbCr, reproject};
+use perceptual::{Feedback, NextPicture, ObservedFrame, PixelPart, ThresholdMap, ToneMap, YCbCr, reproject};
 use plane::{Coded, Correspondence, Plane};
 use std::sync::Arc;
 
@@ -113,11 +113,22 @@ pub struct Prepared<F> {
 /// Names of channels, and their samples in raster order.
 pub type Layers = Vec<(String, Vec<f32>)>;
 
+/// A pixel that shows several surfaces.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outline {
+    /// Its place in raster order.
+    pub pixel: usize,
+    /// What it shows.
+    pub parts: Vec<PixelPart>,
+}
+
 /// A frame as light.
 #[derive(Clone, Debug, Default)]
 pub struct Shaded {
     /// Linear RGB \[W·m⁻²·sr⁻¹\].
     pub radiance: Plane<[f32; 3]>,
+    /// Pixels that show several surfaces: a display shows the mean of what it shows of these, and not of `radiance`.
+    pub outlines: Vec<Outline>,
     /// Further channels for the frame's OpenEXR file.
     pub layers: Layers,
     /// CPU seconds and counts, those of [`Prepared`] included.

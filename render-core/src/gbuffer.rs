@@ -12,7 +12,7 @@ use plane::{Correspondence, NO_MATCH, Plane};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-pub use coverage::Coverage;
+pub use coverage::{Coverage, MixedPixel, SurfacePart};
 
 /// Side of the tiles that rays are shot in: an MPEG-2 macroblock.
 pub const MACROBLOCK: usize = 16;

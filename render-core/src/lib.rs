@@ -37,7 +37,7 @@ pub use emitter::{
 };
 pub use environment::{Environment, SkySample};
 pub use gather::{FinalGather, GatherDirections, Gathered};
-pub use gbuffer::{Coverage, GBuffer, MACROBLOCK, NOTHING, PixelSample, PixelSurface};
+pub use gbuffer::{Coverage, GBuffer, MACROBLOCK, MixedPixel, NOTHING, PixelSample, PixelSurface, SurfacePart};
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling};
 pub use photon::{AnchorFlux, Photons, SweptVolume};
 pub use posed_scene::PosedScene;

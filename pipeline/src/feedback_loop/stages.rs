@@ -90,7 +90,7 @@ impl Stage for Displaying<'_> {
         let _span = tracing::debug_span!("display", frame = index).entered();
         let Self { display, observer, pool } = self;
         let busy = Busy::default();
-        let shown = pool.install(|| busy.measure(|| display.tone_map(index, &shaded.radiance)));
+        let shown = pool.install(|| busy.measure(|| display.tone_map(index, &shaded)));
         observer.picture(index, &shown.picture);
         let mut figures = shaded.figures.clone();
         figures.non_finite = shown.picture.non_finite;

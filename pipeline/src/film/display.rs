@@ -2,11 +2,12 @@
 
 use crate::error::{Error, Result};
 use crate::output::Output;
-use crate::parts::{Displayed, Layers, Shaded};
+use crate::parts::{Displayed, Layers, Outline, Shaded};
 use crate::settings::{Settings, Size};
 use crate::state::{decode, encode};
 use perceptual::{ToneMap, YCbCr, luminance_plane};
 use plane::{Picture, Plane};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -50,13 +51,18 @@ impl Display {
     }
 
     /// Frame `index` as a picture; its motion is left empty.
-    pub(crate) fn tone_map(&mut self, index: u32, radiance: &Plane<[f32; 3]>) -> Displayed {
-        let luminance = luminance_plane(radiance);
+    pub(crate) fn tone_map(&mut self, index: u32, shaded: &Shaded) -> Displayed {
         if self.auto_exposure && index == 0 {
-            self.tone_map = self.tone_map.with_exposure(exposure_for(&luminance));
+            self.tone_map = self.tone_map.with_exposure(exposure_for(&luminance_plane(&shaded.radiance)));
         }
         let tone_map = self.tone_map;
-        let picture = Arc::new(YCbCr::from_radiance(radiance, &tone_map));
+        // A light far above white would cover what is thin before it, if it were blended before the curve.
+        let mut radiance = Cow::Borrowed(&shaded.radiance);
+        for Outline { pixel, parts } in &shaded.outlines {
+            radiance.to_mut().samples_mut()[*pixel] = tone_map.mean_shown(parts.iter().copied());
+        }
+        let luminance = luminance_plane(&radiance);
+        let picture = Arc::new(YCbCr::from_radiance(&radiance, &tone_map));
         Displayed { index, picture, luminance: Arc::new(luminance), tone_map, correspondence: None, forward: None }
     }
 

@@ -1,56 +1,134 @@
 //! Smooth outlines from one shaded sample a pixel: visibility is sampled more densely than light.
 //!
-//! Where an outline crosses a pixel, a few more rays find the surfaces that its area shows. Each ray takes its light from the
+//! Where an outline crosses a pixel, more rays find the surfaces that its area shows. Each ray takes its light from the
 //! nearest pixel around whose center shows the same surface:
 //!
 //! ```text
-//! L(p) ← Σ_q c_q L(q) / Σ_q c_q      q  the 3×3 pixels around p      c_q  rays of p that see what q shows
+//! L(p) ← Σ_q c_q L(q) / Σ_q c_q      q  pixels around p      c_q  rays of p that see what q shows
 //! ```
 //!
-//! Rays that see what no center around shows, as on wires thinner than a pixel, count for nothing.
+//! What no center shows, as wires thinner than a pixel, borrows the irradiance of a pixel that faces the same way
+//! (`borrow.rs`). The mean may also be taken of what a display shows of the parts: [`Coverage::pixels`].
 
-use super::{CameraRay, EMPTY, GBuffer, NOTHING, PixelSurface, first_hits, is_same_surface};
-use crate::accel::{Hit, PACKET};
-use crate::{MACROBLOCK, PosedScene, Timed, sample_offsets};
-use glam::{Vec2, Vec3A};
+mod borrow;
+mod search;
+
+use super::GBuffer;
+use crate::{PosedScene, Timed};
+use glam::Vec3;
 use plane::Plane;
-use rayon::prelude::*;
-use std::ops::{Add, Mul};
-
-/// Rays through a pixel that an outline crosses. Their share of the area is off by a sixteenth in the mean.
-const RAYS: usize = 8;
-/// Pixels whose rays are traced together.
-const TOGETHER: usize = PACKET / RAYS;
-/// The pixels around one, with itself.
-const AROUND: usize = 9;
+use search::{Search, Wanted};
 
 /// The surfaces that each pixel of a picture shows, and the share of its area that each covers.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Coverage {
-    /// Pixels that show more than one, in raster order of macroblock rows.
+    /// Pixels that show more than one surface.
     mixed: Vec<Mixed>,
+    /// Parts of these, one pixel after the other.
+    parts: Vec<SurfacePart>,
 }
 
-/// A pixel that an outline crosses.
+/// A pixel that shows more than one surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Mixed {
     /// Its place in raster order.
     pixel: u32,
-    /// Rays that show the surface of each of the 3×3 pixels around it, in raster order.
-    rays: [u8; AROUND],
+    /// How many surfaces it shows.
+    parts: u32,
+}
+
+/// A surface that a pixel shows, and where its light is known.
+///
+/// ```text
+/// L = E + t · L(q)      E  emission      t  tint      q  the pixel that knows the light
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct SurfacePart {
+    /// Share of the pixel's area; those of a pixel sum to 1.
+    pub share: f32,
+    /// The pixel that knows the light, in raster order.
+    pixel: u32,
+    tint: Vec3,
+    emission: Vec3,
+}
+
+impl SurfacePart {
+    /// Radiance of the part; `light` has that of the pixels' centers.
+    #[must_use]
+    pub fn radiance(&self, light: &Plane<Vec3>) -> Vec3 {
+        self.emission + self.reflected(light)
+    }
+
+    /// Radiance of the part without emission that no center shows; `light` has none of it, as indirect light.
+    #[must_use]
+    pub fn reflected(&self, light: &Plane<Vec3>) -> Vec3 {
+        self.tint * light.samples()[self.pixel as usize]
+    }
+}
+
+/// A pixel that shows more than one surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MixedPixel<'a> {
+    /// Its place in raster order.
+    pub index: usize,
+    /// What it shows.
+    pub parts: &'a [SurfacePart],
+}
+
+impl MixedPixel<'_> {
+    /// Mean of the parts by the light that each has.
+    #[must_use]
+    pub fn mean(&self, light: impl Fn(&SurfacePart) -> Vec3) -> Vec3 {
+        self.parts.iter().map(|part| part.share * light(part)).sum()
+    }
 }
 
 impl Coverage {
-    /// Finds the coverage of each pixel of `seen`, a picture of `scene`.
-    pub fn of(seen: &GBuffer, scene: PosedScene) -> Timed<Self> {
-        let rows = seen.pixels.height().div_ceil(MACROBLOCK);
+    /// Finds the coverage of each pixel of `seen`, a picture of `scene`. `light` has the radiance of the pixels' centers:
+    /// the more it differs about an outline, the more rays are traced.
+    ///
+    /// # Panics
+    /// If `light` is not of the size of the picture.
+    pub fn of(seen: &GBuffer, scene: PosedScene, light: &Plane<Vec3>) -> Timed<Self> {
+        assert_eq!((seen.pixels.width(), seen.pixels.height()), (light.width(), light.height()), "light of each pixel");
         Timed::of(|busy| {
-            let strips: Vec<Vec<Mixed>> = (0..rows)
-                .into_par_iter()
-                .map(|row| busy.measure(|| seen.mixed_pixels(scene, row * MACROBLOCK)))
-                .collect();
-            Self { mixed: strips.concat() }
+            let search = Search { seen, scene, light };
+            let mut is_known = vec![false; light.samples().len()];
+            let mut coverage = Self::default();
+            let mut wanted = search.crossed(busy);
+            wanted.iter().for_each(|pixel| is_known[pixel.index as usize] = true);
+            // Thin things are followed from pixel to pixel until they end, or centers show them again.
+            while !wanted.is_empty() {
+                let mut beside: Vec<Wanted> = Vec::new();
+                for found in search.trace(&wanted, busy) {
+                    coverage.add(found.pixel, &found.parts);
+                    let unknown = found.beside.into_iter();
+                    beside.extend(unknown.filter(|next| !std::mem::replace(&mut is_known[next.index as usize], true)));
+                }
+                wanted = beside;
+            }
+            coverage
         })
+    }
+
+    /// Adds a pixel, if it shows more than one surface.
+    fn add(&mut self, pixel: u32, parts: &[SurfacePart]) {
+        if !parts.is_empty() {
+            self.mixed.push(Mixed { pixel, parts: parts.len() as u32 });
+            self.parts.extend_from_slice(parts);
+        }
+    }
+
+    /// Whether it can be that of a picture of so many pixels.
+    #[must_use]
+    pub fn fits(&self, pixels: usize) -> bool {
+        let parts: u64 = self.mixed.iter().map(|mixed| u64::from(mixed.parts)).sum();
+        parts == self.parts.len() as u64
+            && self.mixed.iter().all(|mixed| (mixed.pixel as usize) < pixels)
+            && self.parts.iter().all(|part| (part.pixel as usize) < pixels)
     }
 
     /// Number of pixels that show more than one surface.
@@ -59,110 +137,37 @@ impl Coverage {
         self.mixed.len()
     }
 
-    /// Blends the light of all surfaces that a pixel's area shows; `light` has that of the pixels' centers.
+    /// The pixels that show more than one surface.
+    pub fn pixels(&self) -> impl Iterator<Item = MixedPixel<'_>> {
+        let mut rest = &self.parts[..];
+        self.mixed.iter().map(move |mixed| {
+            let (parts, others) = rest.split_at(mixed.parts as usize);
+            rest = others;
+            MixedPixel { index: mixed.pixel as usize, parts }
+        })
+    }
+
+    /// Blends the light of all surfaces that a pixel's area shows; `light` has that of the pixels' centers, with what they
+    /// emit.
     ///
     /// # Panics
     /// If `light` is smaller than the picture that the coverage was found for.
-    pub fn blend<T>(&self, light: &Plane<T>) -> Timed<Plane<T>>
-    where
-        T: Copy + Add<Output = T> + Mul<f32, Output = T>,
-    {
-        let blend = || {
-            let mut blended = light.clone();
-            let (width, height) = (light.width(), light.height());
-            for Mixed { pixel, rays } in &self.mixed {
-                let (x, y) = (*pixel as usize % width, *pixel as usize / width);
-                let whole = rays.iter().map(|&count| f32::from(count)).sum::<f32>();
-                let parts = around(x, y, (width, height)).zip(rays).filter(|(_, count)| **count > 0);
-                let parts =
-                    parts.filter_map(|(q, &count)| q.map(|(u, v)| light.get(u, v) * (f32::from(count) / whole)));
-                if let Some(sum) = parts.reduce(|a, b| a + b) {
-                    blended.set(x, y, sum);
-                }
-            }
-            blended
-        };
-        Timed::of(|busy| busy.measure(blend))
+    #[must_use]
+    pub fn blend(&self, light: &Plane<Vec3>) -> Plane<Vec3> {
+        self.blended(light, |part| part.radiance(light))
     }
-}
 
-/// The 3×3 pixels around one in raster order; none where the picture ends.
-fn around(x: usize, y: usize, (width, height): (usize, usize)) -> impl Iterator<Item = Option<(usize, usize)>> {
-    (0..AROUND).map(move |k| {
-        let (u, v) = ((x + k % 3).checked_sub(1)?, (y + k / 3).checked_sub(1)?);
-        (u < width && v < height).then_some((u, v))
-    })
-}
+    /// As [`Coverage::blend`], for light that holds nothing of what surfaces emit.
+    #[must_use]
+    pub fn blend_reflected(&self, light: &Plane<Vec3>) -> Plane<Vec3> {
+        self.blended(light, |part| part.reflected(light))
+    }
 
-impl GBuffer {
-    /// Pixels of one row of macroblocks that show more than one surface; `top` is the row's first line.
-    fn mixed_pixels(&self, scene: PosedScene, top: usize) -> Vec<Mixed> {
-        let size = (self.pixels.width(), self.pixels.height());
-        let rows = top..size.1.min(top + MACROBLOCK);
-        let pixels: Vec<(usize, usize)> = rows
-            .flat_map(|y| (0..size.0).map(move |x| (x, y)))
-            .filter(|&(x, y)| {
-                let center = self.pixels.get(x, y);
-                around(x, y, size).flatten().any(|(u, v)| !shows(&self.pixels.get(u, v), &center))
-            })
-            .collect();
-        let offsets = sample_offsets(RAYS);
-        let mut mixed = Vec::new();
-        for pixels in pixels.chunks(TOGETHER) {
-            let places = pixels
-                .iter()
-                .flat_map(|&(x, y)| offsets.iter().map(move |offset| Vec2::new(x as f32, y as f32) + *offset));
-            let seen: Vec<PixelSurface> = self.see_at(scene, places);
-            for (&(x, y), seen) in pixels.iter().zip(seen.chunks_exact(RAYS)) {
-                let mut rays = [0; AROUND];
-                seen.iter().filter_map(|surface| self.nearest_alike((x, y), surface)).for_each(|k| rays[k] += 1);
-                // A pixel of its own surface alone stays as it is.
-                if rays.iter().enumerate().any(|(k, &count)| k != AROUND / 2 && count > 0) {
-                    mixed.push(Mixed { pixel: (y * size.0 + x) as u32, rays });
-                }
-            }
+    fn blended(&self, light: &Plane<Vec3>, of: impl Fn(&SurfacePart) -> Vec3) -> Plane<Vec3> {
+        let mut blended = light.clone();
+        for pixel in self.pixels() {
+            blended.samples_mut()[pixel.index] = pixel.mean(&of);
         }
-        mixed
+        blended
     }
-
-    /// Surfaces that rays through `places` of the picture show, at most [`PACKET`] of them: which, where, and whether they glow,
-    /// all that outlines need.
-    fn see_at(&self, scene: PosedScene, places: impl Iterator<Item = Vec2>) -> Vec<PixelSurface> {
-        let rays: Vec<CameraRay> = places.map(|place| CameraRay::through(place, &self.view)).collect();
-        let hits = first_hits(scene, &rays);
-        let outlined = |(ray, hit): (&CameraRay, Option<Hit>)| {
-            let shown = hit.and_then(|hit| ray.shown(scene, hit, |_| 0.0));
-            shown.map_or(EMPTY, |(hit, point)| PixelSurface {
-                position: point.position.into(),
-                geometric_normal: point.geometric_normal.into(),
-                emission: point.emission().into(),
-                instance: hit.instance,
-                triangle: hit.triangle,
-                ..EMPTY
-            })
-        };
-        rays.iter().zip(hits).map(outlined).collect()
-    }
-
-    /// Index of the pixel, of the 3×3 around (x, y), that shows the surface `seen` by a ray, nearest to the ray's hit.
-    fn nearest_alike(&self, (x, y): (usize, usize), seen: &PixelSurface) -> Option<usize> {
-        let pixels = around(x, y, (self.pixels.width(), self.pixels.height())).enumerate();
-        let alike = pixels.filter_map(|(k, q)| {
-            let (u, v) = q?;
-            let other = self.pixels.get(u, v);
-            let apart = Vec3A::from(other.position).distance_squared(seen.position.into());
-            shows(&other, seen).then_some((k, apart))
-        });
-        alike.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(k, _)| k)
-    }
-}
-
-/// Whether `pixel` shows the surface that `seen` is a point of.
-fn shows(pixel: &PixelSurface, seen: &PixelSurface) -> bool {
-    if seen.instance == NOTHING || pixel.instance == NOTHING {
-        return seen.instance == pixel.instance;
-    }
-    // A lamp's pixels hold its own radiance; those of the surface that carries it hold reflected light.
-    (pixel.emission == [0.0; 3]) == (seen.emission == [0.0; 3])
-        && is_same_surface(pixel, seen.instance, seen.position.into(), seen.geometric_normal.into())
 }

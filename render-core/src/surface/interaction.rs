@@ -89,6 +89,11 @@ impl<'a> Interaction<'a> {
         }
     }
 
+    /// Whether some of the triangle may glow, and some may not.
+    pub fn may_glow(&self) -> bool {
+        self.material.emits() && !self.material.unlit
+    }
+
     /// [`Surface::emission`].
     pub fn emission(&self) -> Vec3 {
         let Self { material, site, .. } = self;

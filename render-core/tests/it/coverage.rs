@@ -3,8 +3,10 @@
 use crate::common::{add, quad, rest};
 use glam::{Affine3A, Quat, Vec2, Vec3, vec3};
 use plane::Plane;
-use render_core::scene::{Material, Projection, Scene, View};
-use render_core::{Coverage, GBuffer, Geometry, PixelSample, PosedScene, Surfaces, sample_offsets};
+use render_core::scene::{Gradient, Material, Projection, Scene, View};
+use render_core::{
+    Coverage, Environment, GBuffer, Geometry, NOTHING, PixelSample, PosedScene, Surfaces, luminance, sample_offsets,
+};
 
 const SIZE: usize = 96;
 
@@ -38,8 +40,8 @@ fn blended_outlines_are_those_of_many_samples() {
         let view = View::new(Affine3A::IDENTITY, projection, SIZE, SIZE);
         let seen = GBuffer::trace(scene, &view, (SIZE, SIZE)).value;
         let centers = colors(&seen);
-        let coverage = Coverage::of(&seen, scene).value;
-        let blended = coverage.blend(&centers).value;
+        let coverage = Coverage::of(&seen, scene, &centers).value;
+        let blended = coverage.blend(&centers);
         let mut truth = Plane::filled(SIZE, SIZE, Vec3::ZERO);
         let offsets: Vec<Vec2> = sample_offsets(256);
         for &offset in &offsets {
@@ -74,5 +76,104 @@ fn a_plane_has_no_mixed_pixels() {
     let down = Affine3A::from_rotation_x(-0.8);
     let view = View::new(down, Projection::Perspective { yfov: 0.9 }, SIZE, SIZE);
     let seen = GBuffer::trace(scene, &view, (SIZE, SIZE)).value;
-    assert_eq!(Coverage::of(&seen, scene).value, Coverage::default());
+    // Whatever its light: only other surfaces are looked for.
+    let light = Plane::from_fn(SIZE, SIZE, |x, y| Vec3::splat((x ^ y) as f32));
+    assert_eq!(Coverage::of(&seen, scene, &light).value, Coverage::default());
+}
+
+/// Times that the sky is brighter than the bars before it.
+const BRIGHTER: f32 = 50.0;
+
+/// Window bars before the sky, 0.25 to 1 pixel wide, and a wall with moldings that face elsewhere, at slants.
+fn window() -> Scene {
+    let mut scene = Scene { sky: Environment::gradient(Gradient::constant([2.0; 3])), ..Scene::default() };
+    let even = |albedo: f32| Material { base_color: Vec3::splat(albedo), double_sided: true, ..Material::default() };
+    let pixel = 2.0 * 5.0 * (0.5 * YFOV).tan() / SIZE as f32;
+    // A strip of `width` pixels about a place, turned in the picture, then about its own length.
+    let mut strip = |(x, y): (f32, f32), width: f32, turn: f32, tilt: f32, albedo: f32| {
+        let turn = Quat::from_rotation_z(turn) * Quat::from_rotation_y(tilt);
+        let (across, along) = (turn * Vec3::X * width * pixel, turn * Vec3::Y * 2.0);
+        add(&mut scene, rest(vec3(x, y, -5.0)), quad(-0.5 * (across + along), across, along), even(albedo));
+    };
+    for (k, width) in [0.25, 0.5, 0.75, 1.0].into_iter().enumerate() {
+        let dark = 2.0 / BRIGHTER;
+        strip((0.5 * k as f32 - 1.7, 1.1), width, 0.03 + 0.02 * k as f32, 0.0, dark);
+        strip((1.2, 0.5 + 0.4 * k as f32), width, 1.5 + 0.1 * k as f32, 0.0, dark);
+        strip((0.9 * k as f32 - 1.4, -1.3), 2.0 * width, 0.3 + 0.35 * k as f32, 0.7, 0.5);
+    }
+    let wall = quad(vec3(-3.0, -3.0, -5.3), Vec3::X * 6.0, Vec3::Y * 3.1);
+    add(&mut scene, rest(Vec3::ZERO), wall, even(0.5));
+    scene
+}
+
+const YFOV: f32 = 0.9;
+
+/// Light that depends on the surface alone: no shadows, one direction.
+fn lit(seen: &GBuffer) -> Plane<Vec3> {
+    seen.pixels.map(|pixel| {
+        let facing = Vec3::from(pixel.shading_normal).dot(vec3(0.6, 0.6, 0.5)).max(0.0);
+        Vec3::from(pixel.emission) + Vec3::from(pixel.albedo) * (0.1 + 0.9 * facing)
+    })
+}
+
+/// Light that a display gives: white is 1, and what is brighter is white.
+fn shown(light: Vec3) -> Vec3 {
+    light.clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+/// Luma PSNR by the transfer curve of sRGB, in dB.
+fn psnr(picture: &Plane<Vec3>, truth: &Plane<Vec3>) -> f32 {
+    let transfer = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    let luma = |rgb: Vec3| luminance(rgb.to_array().map(transfer).into());
+    let errors = picture.samples().iter().zip(truth.samples()).map(|(a, b)| (luma(*a) - luma(*b)).powi(2));
+    -10.0 * (errors.sum::<f32>() / picture.samples().len() as f32).log10()
+}
+
+/// Outlines are as good as those of 64 samples a pixel: thin dark bars before a light 50 times as bright, and moldings.
+///
+/// The truth is the mean over a pixel's area, by 1024 samples, of the light that a display gives: what finer displays show from
+/// afar. The mean of light before the display is another picture, where half of a pixel of sky is as white as the sky.
+#[test]
+fn thin_things_before_bright_ones_are_those_of_64_samples() {
+    let scene = window();
+    let pose = scene.pose(0.0);
+    let (surfaces, accelerator) = (Surfaces::new(&scene, &pose), Geometry::new(&scene).place(&pose));
+    let scene = PosedScene::new(&accelerator, &surfaces);
+    let view = View::new(Affine3A::IDENTITY, Projection::Perspective { yfov: YFOV }, SIZE, SIZE);
+    // Means of what a display shows, and of the light before it.
+    let samples = |count: usize| {
+        let mut means = [Plane::filled(SIZE, SIZE, Vec3::ZERO), Plane::filled(SIZE, SIZE, Vec3::ZERO)];
+        for offset in sample_offsets(count) {
+            let sample = lit(&GBuffer::trace_at(PixelSample::one_of(count, offset), scene, &view, (SIZE, SIZE)).value);
+            for (index, &light) in sample.samples().iter().enumerate() {
+                means[0].samples_mut()[index] += shown(light) / count as f32;
+                means[1].samples_mut()[index] += light / count as f32;
+            }
+        }
+        means
+    };
+    let seen = GBuffer::trace(scene, &view, (SIZE, SIZE)).value;
+    let light = lit(&seen);
+    let coverage = Coverage::of(&seen, scene, &light).value;
+    let mut blended = light.map(shown);
+    for pixel in coverage.pixels() {
+        let share: f32 = pixel.parts.iter().map(|part| part.share).sum();
+        assert!((share - 1.0).abs() < 1e-5, "shares of pixel {}: {share}", pixel.index);
+        blended.samples_mut()[pixel.index] = pixel.mean(|part| shown(part.radiance(&light)));
+    }
+    let ([truth, bright], [many, many_bright]) = (samples(1024), samples(64));
+    let [ours, many] = [&blended, &many].map(|picture| psnr(picture, &truth));
+    let linear = coverage.blend(&light).map(shown);
+    let [centers, before] = [&light.map(shown), &linear].map(|picture| psnr(picture, &truth));
+    println!("luma PSNR: {ours} dB, of 64 samples {many}, of centers {centers}, blended before the display {before}");
+    let [linear, many_bright] = [&linear, &many_bright.map(shown)].map(|picture| psnr(picture, &bright.map(shown)));
+    println!("all blended before the display: {linear} dB, of 64 samples {many_bright}");
+    assert!(ours > many - 2.0, "{ours} dB, and {many} of 64 samples");
+    assert!(linear > many_bright - 2.0, "{linear} dB, and {many_bright} of 64 samples, before the display");
+    assert!(
+        ours > before + 6.0 && ours > centers + 12.0,
+        "{ours} dB: {before} before the display, {centers} of centers"
+    );
+    // The sky is a part like others, and the test has it at both sides of a bar.
+    assert!(seen.pixels.samples().iter().any(|pixel| pixel.instance == NOTHING));
 }

@@ -14,7 +14,7 @@ mod state;
 use super::frame::{Frame, PreparedFrame};
 use crate::error::Result;
 use crate::figures::FrameFigures;
-use crate::parts::{LastThresholds, Prepared, Shade, Shaded};
+use crate::parts::{LastThresholds, Outline, Prepared, Shade, Shaded};
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{Aov, Settings, Size, Stopping, Thresholds};
 use cache::around::{Movement, Place};
@@ -23,11 +23,12 @@ use carry::{Carry, To};
 use cuts::{Allowance, Figures, LightTransport};
 use glam::Vec3;
 use lighttree::{Calibration, LightTree};
+use perceptual::PixelPart;
 use plane::{Correspondence, Plane};
 use render_core::cache::CachedLight;
 use render_core::{
-    Accelerator, Busy, Coverage, DirectLights, FinalGather, GBuffer, NOTHING, PixelSample, PosedScene, luminance,
-    reconstruct, sample_offsets,
+    Accelerator, Busy, Coverage, DirectLights, FinalGather, GBuffer, MixedPixel, NOTHING, PixelSample, PosedScene,
+    luminance, reconstruct, sample_offsets,
 };
 use std::sync::Arc;
 
@@ -105,7 +106,7 @@ impl Shading<'_> {
         let lit = known.unwrap_or_else(|| self.light(prepared, allowance, &counts, &mut figures));
         let Sample { direct, indirect } = &lit.samples[0];
         let transport = LightTransport::new(settings, frame, allowance, (&frame.seen, direct), &counts);
-        figures.threshold_mean_relative = transport.mean_relative_threshold(&sum(direct, indirect));
+        figures.threshold_mean_relative = transport.mean_relative_threshold(&triples(&sum(direct, indirect)));
         figures.cache_records = lit.cache_records;
         counts.put_into(&mut figures);
         (figures.shaded_share, figures.carried_share) = if is_known { (0.0, 1.0) } else { (1.0, 0.0) };
@@ -121,6 +122,9 @@ impl Shading<'_> {
             let planes: Vec<Plane<[f32; 3]>> = lit.samples.iter().map(of).collect();
             reconstruct(&planes, &places)
         };
+        let blend = |light: &Plane<Vec3>| lit.coverage.as_ref().map_or_else(|| light.clone(), |of| of.blend(light));
+        let blend_reflected =
+            |light: &Plane<Vec3>| lit.coverage.as_ref().map_or_else(|| light.clone(), |of| of.blend_reflected(light));
         let known = layers::Known {
             prepared,
             map: &allowance.map,
@@ -129,14 +133,17 @@ impl Shading<'_> {
             carry: self.carry.as_ref(),
         };
         let layers = settings.aov.iter().flat_map(|&aov| match aov {
-            Aov::Direct => layers::colors("direct", &picture(&|sample| sample.direct.map(|rgb| rgb.to_array()))),
-            Aov::Indirect => layers::colors("indirect", &picture(&|sample| sample.indirect.map(|rgb| rgb.to_array()))),
+            Aov::Direct => layers::colors("direct", &picture(&|sample| triples(&blend(&sample.direct)))),
+            Aov::Indirect => {
+                layers::colors("indirect", &picture(&|sample| triples(&blend_reflected(&sample.indirect))))
+            }
             _ => known.layers(aov),
         });
         let layers = layers.collect();
-        let radiance = picture(&|sample| sum(&sample.direct, &sample.indirect));
+        let radiance = picture(&|sample| triples(&blend(&sum(&sample.direct, &sample.indirect))));
+        let outlines = lit.outlines();
         self.still = may_stay.then_some(lit);
-        Shaded { radiance, layers, figures }
+        Shaded { radiance, outlines, layers, figures }
     }
 
     /// The light of a frame through every place of a pixel.
@@ -207,23 +214,21 @@ impl Shading<'_> {
             };
             samples.push(Sample { direct, indirect });
         }
-        if plan.is_on(Stage::Antialiasing) {
+        // Outlines are looked for where they are seen: by the light on either side.
+        let coverage = plan.is_on(Stage::Antialiasing).then(|| {
             let Frame { accelerator, surfaces, seen, .. } = frame;
-            let coverage = visibility.take(Coverage::of(seen, PosedScene::new(accelerator, surfaces)));
-            for Sample { direct, indirect } in &mut samples {
-                *direct = visibility.take(coverage.blend(direct));
-                *indirect = visibility.take(coverage.blend(indirect));
-            }
-        }
+            let light = sum(&samples[0].direct, &samples[0].indirect);
+            visibility.take(Coverage::of(seen, PosedScene::new(accelerator, surfaces), &light))
+        });
         *places = movement.places;
         figures.seconds.visibility += visibility.seconds();
         figures.seconds.direct = direct_busy.seconds();
         figures.seconds.indirect = indirect_busy.seconds();
-        Still::new(frame, samples, figures.cache_records)
+        Still::new(frame, samples, coverage, figures.cache_records)
     }
 }
 
-/// The light that the pixels of a picture receive through one place of each.
+/// The light that the pixels of a picture show through one place of each, before outlines are blended.
 #[derive(serde::Serialize, serde::Deserialize)]
 struct Sample {
     /// Emitted, and reflected straight from its source.
@@ -240,11 +245,13 @@ struct Still {
     gather: Arc<FinalGather>,
     seen: Arc<GBuffer>,
     samples: Vec<Sample>,
+    /// The surfaces of pixels that show several, where these are blended.
+    coverage: Option<Coverage>,
     cache_records: u64,
 }
 
 impl Still {
-    fn new(frame: &Frame, samples: Vec<Sample>, cache_records: u64) -> Self {
+    fn new(frame: &Frame, samples: Vec<Sample>, coverage: Option<Coverage>, cache_records: u64) -> Self {
         let Frame { accelerator, direct, tree, gather, seen, .. } = frame;
         Self {
             accelerator: accelerator.clone(),
@@ -253,8 +260,23 @@ impl Still {
             gather: gather.clone(),
             seen: seen.clone(),
             samples,
+            coverage,
             cache_records,
         }
+    }
+
+    /// The light of all parts of the pixels that show several.
+    fn outlines(&self) -> Vec<Outline> {
+        let Some(coverage) = &self.coverage else { return Vec::new() };
+        let Sample { direct, indirect } = &self.samples[0];
+        let light = sum(direct, indirect);
+        let of = |pixel: MixedPixel| {
+            let parts = pixel.parts.iter();
+            let parts =
+                parts.map(|part| PixelPart { share: part.share, radiance: part.radiance(&light).to_array() }).collect();
+            Outline { pixel: pixel.index, parts }
+        };
+        coverage.pixels().map(of).collect()
     }
 
     /// Whether `frame` has the same parts, shared and not only equal.
@@ -274,8 +296,12 @@ fn counted(lit: CachedLight, figures: &mut FrameFigures) -> Plane<[f32; 3]> {
     lit.irradiance
 }
 
-fn sum(a: &Plane<Vec3>, b: &Plane<Vec3>) -> Plane<[f32; 3]> {
-    Plane::from_fn(a.width(), a.height(), |x, y| (a.get(x, y) + b.get(x, y)).to_array())
+fn sum(a: &Plane<Vec3>, b: &Plane<Vec3>) -> Plane<Vec3> {
+    Plane::from_fn(a.width(), a.height(), |x, y| a.get(x, y) + b.get(x, y))
+}
+
+fn triples(light: &Plane<Vec3>) -> Plane<[f32; 3]> {
+    light.map(|rgb| rgb.to_array())
 }
 
 impl LightTransport<'_> {

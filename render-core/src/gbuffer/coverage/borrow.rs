@@ -1,0 +1,155 @@
+//! Whose light a surface takes that a pixel shows beside its center.
+
+use crate::gbuffer::{ALIKE_COSINE, GBuffer, NOTHING, PixelSurface, is_same_surface};
+use glam::{Vec3, Vec3A};
+
+/// The pixels around one, with itself.
+const AROUND: usize = 9;
+/// How far around a pixel light is looked for that none of the 3×3 centers knows \[pixels\].
+const REACH: usize = 6;
+/// Least reflectance of a channel that irradiance is concluded from: below, rounding and light of other kinds outweigh it.
+const LEAST_REFLECTANCE: f32 = 0.05;
+
+/// A pixel whose center tells the light of a part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Source {
+    /// Its place in raster order.
+    pub pixel: u32,
+    /// Whether it shows another surface, which is lit alike.
+    pub is_borrowed: bool,
+}
+
+impl Source {
+    /// A center that shows the surface itself.
+    pub fn center(pixel: u32) -> Self {
+        Self { pixel, is_borrowed: false }
+    }
+
+    /// A center that shows another surface.
+    pub fn borrowed(pixel: u32) -> Self {
+        Self { pixel, is_borrowed: true }
+    }
+}
+
+/// The 3×3 pixels around one in raster order; none where the picture ends.
+pub(super) fn around(
+    x: usize,
+    y: usize,
+    (width, height): (usize, usize),
+) -> impl Iterator<Item = Option<(usize, usize)>> {
+    (0..AROUND).map(move |k| {
+        let (u, v) = ((x + k % 3).checked_sub(1)?, (y + k / 3).checked_sub(1)?);
+        (u < width && v < height).then_some((u, v))
+    })
+}
+
+/// Whether `pixel` shows the surface that `seen` is a point of.
+pub(super) fn shows(pixel: &PixelSurface, seen: &PixelSurface) -> bool {
+    if seen.instance == NOTHING || pixel.instance == NOTHING {
+        return seen.instance == pixel.instance;
+    }
+    // A lamp's pixels hold its own radiance; those of the surface that carries it hold reflected light.
+    (pixel.emission == [0.0; 3]) == (seen.emission == [0.0; 3])
+        && is_same_surface(pixel, seen.instance, seen.position.into(), seen.geometric_normal.into())
+}
+
+impl PixelSurface {
+    /// Reflectance of base and coat.
+    fn reflectance(&self) -> Vec3 {
+        Vec3::from(self.albedo) + Vec3::from(self.specular)
+    }
+
+    /// Whether nothing that arrives changes what leaves.
+    pub(super) fn is_unlit(&self) -> bool {
+        self.instance == NOTHING || self.reflectance() == Vec3::ZERO
+    }
+
+    /// What reflected light of `lender` is multiplied by to be that of this surface.
+    pub(super) fn tint(&self, lender: &Self) -> Vec3 {
+        self.reflectance() / lender.reflectance().max(Vec3::splat(LEAST_REFLECTANCE))
+    }
+
+    fn distance_squared(&self, other: &Self) -> f32 {
+        Vec3A::from(self.position).distance_squared(other.position.into())
+    }
+}
+
+impl GBuffer {
+    /// The pixel that shows the surface `seen` by a ray: (x, y) itself, or that of the 3×3 around it nearest to the ray's
+    /// hit; if none does, the one that shows it farther away, where that is `known`.
+    pub(super) fn nearest_alike(
+        &self,
+        (x, y): (usize, usize),
+        seen: &PixelSurface,
+        known: Option<Source>,
+    ) -> Option<Source> {
+        let size = (self.pixels.width(), self.pixels.height());
+        if shows(&self.pixels.row(y)[x], seen) {
+            return Some(Source::center((y * size.0 + x) as u32));
+        }
+        let mut nearest: Option<(f32, usize)> = None;
+        for (u, v) in around(x, y, size).flatten() {
+            let other = &self.pixels.row(v)[u];
+            let apart = other.distance_squared(seen);
+            if nearest.is_none_or(|(least, _)| apart < least) && shows(other, seen) {
+                nearest = Some((apart, v * size.0 + u));
+            }
+        }
+        let center = nearest.map(|(_, index)| Source::center(index as u32));
+        center.or_else(|| known.filter(|known| shows(&self.pixels.samples()[known.pixel as usize], seen)))
+    }
+
+    /// How many of the 3×3 centers around a place show what pixel `index` shows.
+    pub(super) fn centers_alike(&self, (x, y): (usize, usize), index: u32) -> usize {
+        let seen = self.pixels.samples()[index as usize];
+        let pixels = around(x, y, (self.pixels.width(), self.pixels.height())).flatten();
+        pixels.filter(|&(u, v)| shows(&self.pixels.get(u, v), &seen)).count()
+    }
+
+    /// The pixel that lends its light to a surface that no center of the 3×3 around (x, y) shows.
+    ///
+    /// The nearest ring of pixels that shows the surface, or else the nearest that shows one that faces the same way;
+    /// of the ring, the pixel nearest in the scene.
+    pub(super) fn lender(&self, (x, y): (usize, usize), seen: &PixelSurface) -> Option<Source> {
+        if seen.is_unlit() {
+            return None;
+        }
+        let (width, height) = (self.pixels.width(), self.pixels.height());
+        let mut alike: Option<Source> = None;
+        for reach in 1..=REACH {
+            let mut same: Option<(f32, usize)> = None;
+            let mut other: Option<(f32, usize)> = None;
+            let rows = y.saturating_sub(reach)..height.min(y + reach + 1);
+            for v in rows {
+                let columns = x.saturating_sub(reach)..width.min(x + reach + 1);
+                for u in columns.filter(|u| u.abs_diff(x).max(v.abs_diff(y)) == reach) {
+                    let pixel = self.pixels.get(u, v);
+                    let (apart, index) = (pixel.distance_squared(seen), v * width + u);
+                    // What glows would give its radiance twice.
+                    if seen.emission == [0.0; 3] && shows(&pixel, seen) {
+                        let is_nearer = same.is_none_or(|(least, _)| apart < least);
+                        same = if is_nearer { Some((apart, index)) } else { same };
+                    } else if alike.is_none() && pixel.lends_to(seen) {
+                        let is_nearer = other.is_none_or(|(least, _)| apart < least);
+                        other = if is_nearer { Some((apart, index)) } else { other };
+                    }
+                }
+            }
+            if let Some((_, index)) = same {
+                return Some(Source::borrowed(index as u32));
+            }
+            alike = alike.or(other.map(|(_, index)| Source::borrowed(index as u32)));
+        }
+        alike
+    }
+}
+
+impl PixelSurface {
+    /// Whether it is lit much as a surface that faces the same way is, and tells that.
+    fn lends_to(&self, seen: &Self) -> bool {
+        self.instance != NOTHING
+            && self.emission == [0.0; 3]
+            && self.reflectance().max_element() >= LEAST_REFLECTANCE
+            && Vec3A::from(self.shading_normal).dot(seen.shading_normal.into()) >= ALIKE_COSINE
+    }
+}

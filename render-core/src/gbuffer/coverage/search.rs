@@ -1,0 +1,335 @@
+//! Rays that find the surfaces of a pixel's area.
+//!
+//! Pixels whose center shows another surface than a center around them are traced, and more densely where these differ in
+//! light. A thing that few centers show may go on where none does: it is followed to the pixels beside.
+
+use super::SurfacePart;
+use super::borrow::{Source, around, shows};
+use crate::accel::{Hit, PACKET};
+use crate::gbuffer::{CameraRay, EMPTY, GBuffer, NOTHING, PixelSurface, first_hits, see};
+use crate::{Busy, MACROBLOCK, PosedScene, sample_offsets};
+use glam::{Vec2, Vec3};
+use plane::Plane;
+use rayon::prelude::*;
+
+/// Rays through a pixel, by the contrast from which on there are as many. By 8 rays, shares of the area are off by a sixteenth
+/// in the mean. In the tests' window, 64 come to 51.3 dB of luma, 32 to 47.8 and 16 to 42.6.
+const RAYS: [Density; 3] =
+    [Density { contrast: 0.04, rays: 8 }, Density { contrast: 0.3, rays: 16 }, Density { contrast: 0.6, rays: 64 }];
+/// Rays that are traced first; the others where these show more than the center.
+const FIRST: usize = 16;
+/// Pixels that a thread traces in a row.
+const TOGETHER: usize = 256;
+/// A surface that no more than so many of the 3×3 centers show may be thin, and go on where none shows it.
+const THIN: usize = 2;
+/// Rays this near to a border of the pixel \[pixels\] tell of the pixel beyond.
+const BORDER: f32 = 0.25;
+
+/// How many rays go through a pixel.
+struct Density {
+    contrast: f32,
+    rays: u8,
+}
+
+/// A picture whose pixels are searched for more surfaces.
+pub(super) struct Search<'a> {
+    pub seen: &'a GBuffer,
+    pub scene: PosedScene<'a>,
+    /// Radiance of the pixels' centers.
+    pub light: &'a Plane<Vec3>,
+}
+
+/// A pixel to be traced.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted {
+    /// Its place in raster order.
+    pub index: u32,
+    rays: u8,
+    /// The part that goes on here, if that is why the pixel is wanted.
+    from: Option<Source>,
+}
+
+/// What the rays of a pixel have found.
+pub(super) struct Found {
+    /// Its place in raster order.
+    pub pixel: u32,
+    /// The surfaces that it shows; none if its own alone.
+    pub parts: Vec<SurfacePart>,
+    /// Pixels beside it where something thin goes on.
+    pub beside: Vec<Wanted>,
+}
+
+impl Search<'_> {
+    fn size(&self) -> (usize, usize) {
+        (self.light.width(), self.light.height())
+    }
+
+    /// Pixels that an outline crosses, those of a block of 8×16 after each other.
+    pub fn crossed(&self, busy: &Busy) -> Vec<Wanted> {
+        let (width, height) = self.size();
+        let strips = (0..height.div_ceil(MACROBLOCK)).into_par_iter().map(|strip| {
+            busy.measure(|| {
+                let rows = strip * MACROBLOCK..height.min((strip + 1) * MACROBLOCK);
+                let columns = (0..width).step_by(8).map(|left| left..width.min(left + 8));
+                let places =
+                    columns.flat_map(|columns| rows.clone().flat_map(move |y| columns.clone().map(move |x| (x, y))));
+                places.filter_map(|(x, y)| self.wanted(x, y)).collect::<Vec<_>>()
+            })
+        });
+        strips.collect::<Vec<_>>().concat()
+    }
+
+    /// The pixel at (x, y), if another surface is around it that differs in light.
+    fn wanted(&self, x: usize, y: usize) -> Option<Wanted> {
+        let (size, pixels) = (self.size(), &self.seen.pixels);
+        let center = &pixels.row(y)[x];
+        let light = self.light.get(x, y);
+        let mut contrast = 0.0f32;
+        for (u, v) in around(x, y, size).flatten() {
+            let other = &pixels.row(v)[u];
+            // Most pixels are amid a triangle, or its like.
+            let is_same = other.triangle == center.triangle && other.instance == center.instance;
+            if (is_same && (other.emission == [0.0; 3]) == (center.emission == [0.0; 3])) || shows(other, center) {
+                continue;
+            }
+            // Of the channel that differs most, as a share of the brightest.
+            let beyond = self.light.get(u, v);
+            let brightest = light.max(beyond).max_element().max(f32::MIN_POSITIVE);
+            contrast = contrast.max((light - beyond).abs().max_element() / brightest);
+        }
+        let density = RAYS.iter().rev().find(|density| contrast >= density.contrast)?;
+        Some(Wanted { index: (y * size.0 + x) as u32, rays: density.rays, from: None })
+    }
+
+    /// Traces the pixels that are `wanted`.
+    pub fn trace(&self, wanted: &[Wanted], busy: &Busy) -> Vec<Found> {
+        let mut found: Vec<Vec<Found>> = Vec::new();
+        for density in &RAYS {
+            let rays = Rays::new(density.rays.into());
+            let pixels: Vec<Wanted> = wanted.iter().copied().filter(|pixel| pixel.rays == density.rays).collect();
+            let areas = pixels.par_chunks(TOGETHER).map(|pixels| busy.measure(|| self.areas(pixels, &rays)));
+            found.par_extend(areas);
+        }
+        found.into_iter().flatten().collect()
+    }
+
+    /// Traces pixels by a few rays each, and those where these show another surface by the rest.
+    fn areas(&self, pixels: &[Wanted], rays: &Rays) -> Vec<Found> {
+        let mut areas: Vec<Area> = pixels.iter().map(|&pixel| Area::new(self, pixel)).collect();
+        self.packets(&mut areas.iter_mut().collect::<Vec<_>>(), &rays.first);
+        self.packets(&mut areas.iter_mut().filter(|area| area.is_mixed()).collect::<Vec<_>>(), &rays.rest);
+        areas.into_iter().map(Area::found).collect()
+    }
+
+    /// Traces pixels through the places `offsets` of each, as many together as a packet has rays for.
+    fn packets(&self, areas: &mut [&mut Area], offsets: &[Vec2]) {
+        if offsets.is_empty() {
+            return;
+        }
+        let view = &self.seen.view;
+        let mut rays: Vec<CameraRay> = Vec::with_capacity(PACKET);
+        for areas in areas.chunks_mut(PACKET / offsets.len()) {
+            rays.clear();
+            for area in &*areas {
+                let corner = Vec2::new(area.place.0 as f32, area.place.1 as f32);
+                rays.extend(offsets.iter().map(|&offset| CameraRay::through(corner + offset, view)));
+            }
+            let hits = first_hits(self.scene, &rays);
+            for (k, area) in areas.iter_mut().enumerate() {
+                for (i, &offset) in (k * offsets.len()..).zip(offsets) {
+                    area.add(offset, rays[i], hits[i]);
+                }
+            }
+        }
+    }
+
+    fn place(&self, index: u32) -> (usize, usize) {
+        let width = self.light.width();
+        (index as usize % width, index as usize / width)
+    }
+}
+
+/// Places in a pixel that rays go through.
+struct Rays {
+    /// Those that are traced first, nearest to the pixel's border: what shows in a pixel seldom ends within it.
+    first: Vec<Vec2>,
+    /// The others.
+    rest: Vec<Vec2>,
+}
+
+impl Rays {
+    fn new(count: usize) -> Self {
+        let mut first = sample_offsets(count);
+        let off_center = |place: &Vec2| (*place - 0.5).abs().max_element();
+        first.sort_by(|a, b| off_center(b).total_cmp(&off_center(a)));
+        let rest = first.split_off(count.min(FIRST));
+        Self { first, rest }
+    }
+}
+
+/// The area of a pixel, as its rays find it.
+struct Area<'a> {
+    search: &'a Search<'a>,
+    pixel: Wanted,
+    place: (usize, usize),
+    parts: Vec<Sum>,
+    /// Triangles that rays have shown.
+    known: Vec<Known>,
+    beside: Vec<Wanted>,
+}
+
+/// Rays that show the same part.
+struct Sum {
+    source: Source,
+    /// Whether few centers around show it.
+    is_thin: bool,
+    rays: f32,
+    tint: Vec3,
+    emission: Vec3,
+}
+
+/// A triangle that a ray of a pixel has shown, and what it counts for.
+#[derive(Clone, Copy)]
+struct Known {
+    instance: u32,
+    triangle: u32,
+    /// None where nobody knows its light.
+    shown: Option<Shown>,
+}
+
+/// What a ray shows.
+#[derive(Clone, Copy)]
+struct Shown {
+    /// Place in [`Area::parts`].
+    part: usize,
+    tint: Vec3,
+    emission: Vec3,
+}
+
+impl<'a> Area<'a> {
+    fn new(search: &'a Search<'a>, pixel: Wanted) -> Self {
+        let place = search.place(pixel.index);
+        Self { search, pixel, place, parts: Vec::new(), known: Vec::new(), beside: Vec::new() }
+    }
+
+    /// Whether its rays have shown anything but the surface of its center.
+    fn is_mixed(&self) -> bool {
+        self.parts.iter().any(|part| part.source != Source::center(self.pixel.index))
+    }
+
+    /// A `ray` through `offset` has found this `hit`.
+    fn add(&mut self, offset: Vec2, ray: CameraRay, hit: Option<Hit>) {
+        // Where nothing is hit, nothing is met behind a back either.
+        let (instance, triangle) = hit.map_or((NOTHING, 0), |hit| (hit.instance, hit.triangle));
+        let known = self.known.iter().find(|known| known.instance == instance && known.triangle == triangle).copied();
+        let Some(shown) = known.map_or_else(|| self.show(ray, hit), |known| known.shown) else { return };
+        let part = &mut self.parts[shown.part];
+        part.rays += 1.0;
+        part.tint += shown.tint;
+        part.emission += shown.emission;
+        let (is_thin, source) = (part.is_thin, part.source);
+        if is_thin {
+            self.follow(offset, source);
+        }
+    }
+
+    /// What a ray shows whose triangle is not known; none where nobody knows its light.
+    fn show(&mut self, ray: CameraRay, hit: Option<Hit>) -> Option<Shown> {
+        let Search { seen, scene, .. } = *self.search;
+        let point = hit.and_then(|hit| ray.shown(scene, hit, |_| 0.0));
+        // Which surface it is, where, and whether it glows, is all that most rays need.
+        let surface = point.as_ref().map_or(EMPTY, |(hit, point)| PixelSurface {
+            position: point.position.into(),
+            geometric_normal: point.geometric_normal.into(),
+            emission: point.emission().into(),
+            instance: hit.instance,
+            triangle: hit.triangle,
+            ..EMPTY
+        });
+        let shown = match seen.nearest_alike(self.place, &surface, self.pixel.from) {
+            Some(source) => Some(Shown { part: self.part(source), tint: Vec3::ONE, emission: Vec3::ZERO }),
+            None => {
+                let width = |depth| seen.view.pixel_width(depth);
+                self.borrow(&see(hit, ray, scene, &width, &seen.view))
+            }
+        };
+        // Behind a back each ray may show another triangle; where one glows in part, each may show another part.
+        let is_whole = match (&point, hit) {
+            (Some((shown, point)), Some(hit)) => {
+                shown.triangle == hit.triangle && shown.instance == hit.instance && !point.may_glow()
+            }
+            _ => hit.is_none(),
+        };
+        if is_whole {
+            let (instance, triangle) = hit.map_or((NOTHING, 0), |hit| (hit.instance, hit.triangle));
+            self.known.push(Known { instance, triangle, shown });
+        }
+        shown
+    }
+
+    /// Light for a surface that no center around shows.
+    fn borrow(&mut self, surface: &PixelSurface) -> Option<Shown> {
+        let seen = self.search.seen;
+        let emission = Vec3::from(surface.emission);
+        if let Some(lender) = seen.lender(self.place, surface) {
+            let tint = surface.tint(&seen.pixels.samples()[lender.pixel as usize]);
+            return Some(Shown { part: self.part(lender), tint, emission });
+        }
+        // What only glows needs nobody's light.
+        surface.is_unlit().then(|| {
+            let part = self.part(Source::borrowed(self.pixel.index));
+            Shown { part, tint: Vec3::ZERO, emission }
+        })
+    }
+
+    /// Place of the part that takes its light from `source`.
+    fn part(&mut self, source: Source) -> usize {
+        let place = self.parts.iter().position(|part| part.source == source);
+        place.unwrap_or_else(|| {
+            let is_thin = source.is_borrowed || self.search.seen.centers_alike(self.place, source.pixel) <= THIN;
+            self.parts.push(Sum { source, is_thin, rays: 0.0, tint: Vec3::ZERO, emission: Vec3::ZERO });
+            self.parts.len() - 1
+        })
+    }
+
+    /// Wants the pixels beyond the border that `offset` is near.
+    fn follow(&mut self, offset: Vec2, source: Source) {
+        let ((x, y), (width, height)) = (self.place, self.search.size());
+        let rays = self.pixel.rays;
+        let mut want = |x: usize, y: usize| {
+            if x >= width || y >= height {
+                return;
+            }
+            let index = (y * width + x) as u32;
+            if self.beside.iter().all(|other| other.index != index) {
+                self.beside.push(Wanted { index, rays, from: (!source.is_borrowed).then_some(source) });
+            }
+        };
+        // Beyond the first column and row, the difference wraps to what is outside.
+        if offset.x < BORDER {
+            want(x.wrapping_sub(1), y);
+        } else if offset.x > 1.0 - BORDER {
+            want(x + 1, y);
+        }
+        if offset.y < BORDER {
+            want(x, y.wrapping_sub(1));
+        } else if offset.y > 1.0 - BORDER {
+            want(x, y + 1);
+        }
+    }
+
+    fn found(self) -> Found {
+        // A pixel of its own surface alone stays as it is.
+        let is_mixed = self.is_mixed();
+        let Self { pixel, parts, beside, .. } = self;
+        let whole: f32 = parts.iter().map(|part| part.rays).sum();
+        let of = |&Sum { source, rays, tint, emission, .. }: &Sum| SurfacePart {
+            share: rays / whole,
+            pixel: source.pixel,
+            tint: tint / rays,
+            emission: emission / rays,
+        };
+        let parts = if is_mixed { parts.iter().map(of).collect() } else { Vec::new() };
+        Found { pixel: pixel.index, parts, beside }
+    }
+}
