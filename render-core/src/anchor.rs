@@ -15,7 +15,6 @@ pub(crate) use surfels::{SurfelMap, Surfels};
 use crate::Units;
 use crate::accel::Geometry;
 use crate::luminance;
-use crate::photon::AnchorFlux;
 use crate::sampling::{Distribution, hash, owen_sobol_point, triangle};
 use crate::scene::Scene;
 use crate::surface::Surfaces;
@@ -136,18 +135,18 @@ impl Anchors {
     /// Splits fixed anchors whose `flux` is [`BRIGHT`] times the mean or more into the surfels that they shine for. So a lampshade
     /// or a patch of sun has as many lights as it is bright, where area alone would give it one or two. At most three in eight
     /// are added.
-    pub fn split_bright(&mut self, flux: &AnchorFlux) {
-        let total: f64 = flux.fixed.iter().map(|&flux| f64::from(luminance(flux))).sum();
-        let least = f64::from(BRIGHT) * total / flux.fixed.len().max(1) as f64;
+    pub fn split_bright(&mut self, flux: &[Vec3]) {
+        let total: f64 = flux.iter().map(|&flux| f64::from(luminance(flux))).sum();
+        let least = f64::from(BRIGHT) * total / flux.len().max(1) as f64;
         let is_bright: Vec<bool> =
-            flux.fixed.iter().map(|&flux| total > 0.0 && f64::from(luminance(flux)) >= least).collect();
+            flux.iter().map(|&flux| total > 0.0 && f64::from(luminance(flux)) >= least).collect();
         Arc::make_mut(&mut self.surfels.fixed).promote(&mut self.fixed, &is_bright);
     }
 
-    /// The flux of the fixed anchors, from that which photons left at surfels \[W\].
+    /// The flux of the fixed anchors, from that which photons left at the fixed surfels \[W\].
     #[must_use]
-    pub fn fixed_flux(&self, flux: &AnchorFlux) -> Vec<Vec3> {
-        self.surfels.fixed.anchor_flux(&flux.surfels[0], self.fixed.len())
+    pub fn fixed_flux(&self, of_surfels: &[Vec3]) -> Vec<Vec3> {
+        self.surfels.fixed.anchor_flux(of_surfels, self.fixed.len())
     }
 
     fn without_surfels(surfaces: &Surfaces, units: &Units, fixed: usize, dynamic: usize) -> Self {

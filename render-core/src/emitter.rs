@@ -472,7 +472,7 @@ impl AreaLight {
     fn shares_of_points(&self, counts: &[usize]) -> Vec<f32> {
         let sides = if self.double_sided { 2.0 } else { 1.0 };
         let power = |face: usize| self.choice.probability(face / 2) / sides;
-        let has_sides = |face: usize| face % 2 == 0 || self.double_sided;
+        let has_sides = |face: usize| face.is_multiple_of(2) || self.double_sided;
         let (mut rest, mut points) = (0.0, 0);
         for (face, &count) in counts.iter().enumerate().filter(|(face, count)| has_sides(*face) && **count < 2) {
             rest += power(face);

@@ -11,8 +11,8 @@ use lighttree::{BuildParams, Emission, Light, LightTree};
 use plane::Correspondence;
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, AnchorFlux, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Photons,
-    PosedScene, Surfaces, SweptVolume, Timed, Units, dome_lights,
+    Accelerator, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Photons, PosedScene, Surfaces,
+    SweptVolume, Timed, Units, dome_lights,
 };
 use std::sync::Arc;
 
@@ -212,8 +212,8 @@ impl<'s> Work<'s> {
         let Timed { value: mut anchor_flux, seconds } =
             self.photons.trace(scene, &emitters, &self.anchors, &self.units);
         if !std::mem::replace(&mut self.is_split, true) {
-            self.split_anchors(n, &anchor_flux);
-            anchor_flux.fixed = self.anchors.fixed_flux(&anchor_flux);
+            self.split_anchors(n, &anchor_flux.fixed);
+            anchor_flux.fixed = self.anchors.fixed_flux(&anchor_flux.surfels[0]);
         }
         figures.photons_traced = anchor_flux.traced;
         figures.seconds.photons = seconds;
@@ -265,7 +265,7 @@ impl<'s> Work<'s> {
     }
 
     /// Splits the anchors that are bright in the film's first frame, whatever frame `n` comes first here; `flux` is that of `n`.
-    fn split_anchors(&mut self, n: u32, flux: &AnchorFlux) {
+    fn split_anchors(&mut self, n: u32, flux: &[Vec3]) {
         if n == 0 || self.anchors.fixed.is_empty() {
             return self.anchors.split_bright(flux);
         }
@@ -275,7 +275,7 @@ impl<'s> Work<'s> {
         let emitters = Emitters::new(&surfaces, &pose, &self.units);
         let scene = PosedScene::new(&accelerator, &surfaces);
         let first = self.photons.trace(scene, &emitters, &self.anchors, &self.units).value;
-        self.anchors.split_bright(&first);
+        self.anchors.split_bright(&first.fixed);
     }
 
     /// Places of the glowing surfaces that each pixel samples for itself: few and compact ones, and those that move.
