@@ -165,7 +165,7 @@ fn a_sky_is_added_where_nothing_was_made_to_shine() {
     let black = "[sky]\nzenith = [0, 0, 0]\nhorizon = [0, 0, 0]\n";
     assert!(!lit_by_sky(&square(json!({})), black), "a sky that is said to be black");
 
-    let nave = scene::load(&tests::cornell().with_file_name("../nave/nave.glb")).unwrap();
+    let nave = scene::load(&cornell().with_file_name("../nave/nave.glb")).unwrap();
     assert!(nave.sky.is_none() && nave.warnings.is_empty(), "{:?}", nave.warnings);
 }
 
