@@ -42,15 +42,14 @@ struct Walked {
 
 /// Walks over a floor with this irradiance, `step` pixels a frame; errors may be `tolerance` of the light.
 fn walk(field: impl Fn(Vec3) -> f32, frames: usize, step: f32, tolerance: f32, reuse: Reuse) -> Walked {
-    walk_over(floor, field, frames, step, tolerance, reuse)
+    walk_over(|frame| floor(frame as f32 * step), field, frames, tolerance, reuse)
 }
 
-/// The same over another floor.
+/// The same over another floor, given as it is seen in each frame.
 fn walk_over(
-    floor: impl Fn(f32) -> GBuffer,
+    floor: impl Fn(usize) -> GBuffer,
     field: impl Fn(Vec3) -> f32,
     frames: usize,
-    step: f32,
     tolerance: f32,
     reuse: Reuse,
 ) -> Walked {
@@ -58,7 +57,7 @@ fn walk_over(
     let (mut light, mut before) = (CarriedLight::default(), None::<GBuffer>);
     let mut walked = None;
     for frame in 0..=frames {
-        let seen = floor(frame as f32 * step);
+        let seen = floor(frame);
         let known = before.as_ref().map(|before| seen.reproject(before).value);
         let to = Destination { seen: &seen, known: known.as_ref(), unseen: Unseen::Smooth };
         let carried = light.carry(to, |_, _| reuse, |_, _, e| tolerance * e).value;
@@ -156,7 +155,7 @@ fn light_that_falls_beside_another_surface_is_found_anew() {
         seen
     };
     for step in [0.05, 0.2, 0.37] {
-        let walked = walk_over(beside, field, 12, step, 0.02, Reuse::Allowed);
+        let walked = walk_over(|frame| beside(frame as f32 * step), field, 12, 0.02, Reuse::Allowed);
         for (x, y, error) in walked.errors(field) {
             assert!(error <= 0.05, "step {step}: pixel {x}, {y} is wrong by {error}");
         }

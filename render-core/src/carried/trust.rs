@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn few_large_errors_close_a_bucket_and_none_open_it_again() {
         // Four of a hundred, by five tolerances: a mean square of 1.
-        let outliers = |estimate: f32, k: usize| if estimate > 0.125 && k % 25 == 0 { 5.0 } else { 0.0 };
+        let outliers = |estimate: f32, k: usize| if estimate > 0.125 && k.is_multiple_of(25) { 5.0 } else { 0.0 };
         assert_eq!(limit_after(outliers), 0.125);
         let mut trust = Trust::default();
         (0..200).for_each(|_| trust.note(0.9, 10.0));
