@@ -118,7 +118,7 @@ pub type Layers = Vec<(String, Vec<f32>)>;
 pub struct Outline {
     /// Its place in raster order.
     pub pixel: usize,
-    /// What it shows.
+    /// The surfaces that it shows: share of its area and radiance of each.
     pub parts: Vec<PixelPart>,
 }
 

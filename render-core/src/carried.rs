@@ -139,7 +139,7 @@ pub struct Destination<'a> {
     pub seen: &'a GBuffer,
     /// Where its pixels were in the picture that the light comes from; none if nothing can be carried.
     pub known: Option<&'a Correspondence>,
-    /// What the samples around a pixel may miss.
+    /// Contrast of the light that the samples around a pixel may miss.
     pub unseen: Unseen,
 }
 

@@ -64,7 +64,7 @@ mod tests {
         }
     }
 
-    /// What is alike stays as it is, up to white.
+    /// The blend of equal parts is the part itself, up to white.
     #[test]
     fn equal_parts_stay() {
         let part = |share| PixelPart { share, radiance: [0.01, 0.4, 2.0] };

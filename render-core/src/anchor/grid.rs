@@ -68,7 +68,8 @@ const LEAST_COSINE: f32 = 0.7;
 const MOST_HEIGHT: f32 = 0.3;
 /// Weight of the points of other instances. With 1, a lampshade of two sheets keeps a third of its light between them.
 const OTHER_INSTANCE: f32 = 1.0 / 256.0;
-/// The same for the nearest point: squares of distances count as so many times as much.
+/// Factor on squared distances to points of other instances, where the nearest point is looked for: they count as eight times as
+/// far away.
 const OTHER_FARTHER: f32 = 64.0;
 /// A point of the same instance up to so far away goes before all others, in radii.
 const OWN_REACH: f32 = 2.0;

@@ -19,7 +19,7 @@ const AIM: f32 = 0.25;
 const MOST: f32 = 64.0;
 /// Audits of a bucket that say something.
 const ENOUGH: f32 = 32.0;
-/// What is left of an audit's weight in the next frame: half after seven.
+/// Factor on the weight of an audit from one frame to the next: half of it is left after seven frames.
 const MEMORY: f32 = 0.9;
 /// Buckets that are carried before audits say something: estimates up to a quarter of the tolerance.
 const FIRST: usize = BUCKETS - 2;

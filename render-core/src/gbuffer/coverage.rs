@@ -7,8 +7,8 @@
 //! L(p) ← Σ_q c_q L(q) / Σ_q c_q      q  pixels around p      c_q  rays of p that see what q shows
 //! ```
 //!
-//! What no center shows, as wires thinner than a pixel, borrows the irradiance of a pixel that faces the same way
-//! (`borrow.rs`). The mean may also be taken of what a display shows of the parts: [`Coverage::pixels`].
+//! A surface that no center shows, as a wire thinner than a pixel, borrows the irradiance of a pixel that faces the same
+//! way (`borrow.rs`). The mean may also be taken of what a display shows of the parts: [`Coverage::pixels`].
 
 mod borrow;
 mod search;
@@ -74,7 +74,7 @@ impl SurfacePart {
 pub struct MixedPixel<'a> {
     /// Its place in raster order.
     pub index: usize,
-    /// What it shows.
+    /// The surfaces that it shows, and their shares of its area.
     pub parts: &'a [SurfacePart],
 }
 
@@ -122,7 +122,8 @@ impl Coverage {
         }
     }
 
-    /// Whether it can be that of a picture of so many pixels.
+    /// Whether this coverage is consistent, and each of its pixels lies in a picture of `pixels` pixels. Coverage that was read from
+    /// a file may fail.
     #[must_use]
     pub fn fits(&self, pixels: usize) -> bool {
         let parts: u64 = self.mixed.iter().map(|mixed| u64::from(mixed.parts)).sum();
