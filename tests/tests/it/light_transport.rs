@@ -183,7 +183,7 @@ fn cuts_keep_their_distance_from_all_lights() {
         let arguments = format!("{film} --exr {name} {more}");
         render(folder.path(), name, &cornell(), &arguments).figures(&["cut_size_mean"])[0]
     };
-    let seeds = 1..=3;
+    let seeds = 1..=6;
     let all_lights =
         seeds.clone().map(|seed| film(&format!("all{seed}"), &format!("--lighting all-lights --seed {seed}")));
     let mut size_before = all_lights.fold(0.0, f64::max) / 2.0;

@@ -45,7 +45,9 @@ fn a_sweep_says_what_single_commands_say() {
     let frames = compared["frames"].as_array().unwrap();
     let psnr: Vec<f64> = frames.iter().map(|frame| number(&frame["psnr_y"])).collect();
     assert!((number(&steered["decoded"]["psnr_y"]) - later(&psnr)).abs() < 0.05, "{steered} {psnr:?}");
-    assert_eq!(number(&steered["cut_size_mean"]), later(&film.figures(&["cut_size_mean"])));
+    // The reader of JSON may be off by the last bit.
+    let (swept_size, size) = (number(&steered["cut_size_mean"]), later(&film.figures(&["cut_size_mean"])));
+    assert!((swept_size / size - 1.0).abs() < 4.0 * f64::EPSILON, "{swept_size} and {size}");
     assert!(number(&swept["decoder_check"]["equal_share"]) > 0.98, "{}", swept["decoder_check"]);
 
     // Equal quality is what it says it is, and finer quantisers leave less error.
