@@ -136,7 +136,7 @@ impl Anchors {
         Self { area_share: area / count.max(1) as f32, ..Self::default() }
     }
 
-    /// Splits fixed anchors whose `flux` is [`BRIGHT`] times the mean or more into the surfels that they shine for. So a lampshade
+    /// Splits fixed anchors whose `flux` is `BRIGHT` (8) times the mean or more into the surfels that they shine for. So a lampshade
     /// or a patch of sun has as many lights as it is bright, where area alone would give it one or two. At most three in eight
     /// are added.
     pub fn split_bright(&mut self, flux: &[Vec3]) {
