@@ -96,6 +96,19 @@ pub(super) fn weight_between(from: &Site, radius: f32, to: &Site) -> f32 {
 }
 
 impl Group {
+    /// Square of each record's distance \[m²\].
+    #[inline(always)]
+    fn distance2(&self, position: [f32; 3]) -> [f32; LANES] {
+        let mut distance2 = [0.0; LANES];
+        for (k, d2) in distance2.iter_mut().enumerate() {
+            for axis in 0..3 {
+                let d = self.position[axis][k] - position[axis];
+                *d2 += d * d;
+            }
+        }
+        distance2
+    }
+
     fn set(&mut self, lane: usize, site: &Site, radius: f32) {
         for axis in 0..3 {
             self.position[axis][lane] = site.position[axis];
@@ -190,7 +203,7 @@ impl Kernel for Weigh<'_> {
     fn run<L: Lanes>(self, _: L) {
         for (g, group) in self.groups.iter().enumerate() {
             let error2 = group.error2(self.shown);
-            let mut bits = below_one(&error2);
+            let mut bits = below(&error2, 1.0);
             while bits != 0 {
                 let lane = bits.trailing_zeros() as usize % LANES;
                 bits &= bits - 1;
@@ -215,7 +228,7 @@ impl Kernel for SumUpTo<'_> {
         let mut sum = 0.0;
         for group in self.groups {
             let error2 = group.error2(self.shown);
-            if below_one(&error2) != 0 {
+            if below(&error2, 1.0) != 0 {
                 for e in error2 {
                     sum += weight(e);
                 }
@@ -248,11 +261,7 @@ impl Kernel for Near<'_> {
         let position = self.position.to_array();
         for (group, candidates) in self.groups.iter().zip(self.candidates.chunks(LANES)) {
             // Groups are filled up with records that are nowhere.
-            let mut bits = 0;
-            for k in 0..LANES {
-                let d2: f32 = (0..3).map(|axis| (group.position[axis][k] - position[axis]).powi(2)).sum();
-                bits |= u32::from(d2 < self.reach2) << k;
-            }
+            let mut bits = below(&group.distance2(position), self.reach2);
             while bits != 0 {
                 self.near.push(candidates[bits.trailing_zeros() as usize % LANES]);
                 bits &= bits - 1;
@@ -275,7 +284,7 @@ impl Kernel for InUse<'_> {
     fn run<L: Lanes>(self, _: L) -> u32 {
         let mut used = 0;
         for shown in self.shown {
-            used |= below_one(&self.group.error2(shown));
+            used |= below(&self.group.error2(shown), 1.0);
             if used & self.all == self.all {
                 break;
             }
@@ -284,12 +293,12 @@ impl Kernel for InUse<'_> {
     }
 }
 
-/// Bits of the lanes below 1.
+/// Bits of the lanes whose value is below `most`.
 #[inline(always)]
-fn below_one(error2: &[f32; LANES]) -> u32 {
+fn below(values: &[f32; LANES], most: f32) -> u32 {
     let mut bits = 0;
-    for (lane, &e) in error2.iter().enumerate() {
-        bits |= u32::from(e < 1.0) << lane;
+    for (lane, &value) in values.iter().enumerate() {
+        bits |= u32::from(value < most) << lane;
     }
     bits
 }
