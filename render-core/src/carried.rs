@@ -11,7 +11,7 @@
 //! Samples are handed on and never mixed, so that light is not blurred however long it is carried \[Nehab07\], \[Walter99\].
 //! The residual of the plane estimates the error. What lies outside of the samples' convex hull, beside another surface, is
 //! estimated by its distance from the hull: light may change there. Audits tell which estimates hold ([`trust`]).
-//! A pixel whose error exceeds its threshold, as in penumbras, is lit anew, and so is a pixel whose surface was not visible before.
+//! A pixel whose error exceeds what they allow, as in penumbras, is lit anew, and so is a pixel whose surface was not visible before.
 
 mod sample;
 mod trust;
@@ -141,6 +141,8 @@ pub struct Destination<'a> {
     pub known: Option<&'a Correspondence>,
     /// Contrast of the light that the samples around a pixel may miss.
     pub unseen: Unseen,
+    /// Mean square of the errors that carried light may have, in squares of the tolerance: audits steer by it.
+    pub allowed: f32,
 }
 
 /// Contrast that may be beyond the outermost samples around a pixel, and between fewer than five.
@@ -163,12 +165,12 @@ impl CarriedLight {
         reuse: impl Fn(usize, usize) -> Reuse + Sync,
         tolerance: impl Fn(usize, usize, f32) -> f32 + Sync,
     ) -> Timed<Carried> {
-        let Destination { seen, known, unseen } = to;
+        let Destination { seen, known, unseen, allowed } = to;
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
         let mut irradiance = Plane::filled(width, height, [0.0; 3]);
         let mut missing = Plane::filled(width, height, false);
         let mut samples = Plane::filled(width, height, Sample::NONE);
-        let limit = self.trust.limit();
+        let limit = self.trust.limit(allowed);
         let usual = (unseen == Unseen::Shadows).then(|| self.usual_luminance());
         let strip = (MACROBLOCK * width).max(1);
         let strips = samples
@@ -192,7 +194,7 @@ impl CarriedLight {
                 }
                 let Some(found) = self.light_at(&pixel, (seen, usual), from as usize) else { continue };
                 let tolerance = tolerance(x, y, luminance(found.irradiance));
-                if found.error > tolerance {
+                if found.error > trust::LARGEST * tolerance {
                     continue;
                 }
                 let is_trusted = found.error <= limit * tolerance;

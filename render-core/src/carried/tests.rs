@@ -59,7 +59,7 @@ fn walk_over(
     for frame in 0..=frames {
         let seen = floor(frame);
         let known = before.as_ref().map(|before| seen.reproject(before).value);
-        let to = Destination { seen: &seen, known: known.as_ref(), unseen: Unseen::Smooth };
+        let to = Destination { seen: &seen, known: known.as_ref(), unseen: Unseen::Smooth, allowed: 0.25 };
         let carried = light.carry(to, |_, _| reuse, |_, _, e| tolerance * e).value;
         let missing = carried.missing.clone();
         // Only missing pixels have light here: any other would turn the result into NaN.
