@@ -22,7 +22,8 @@ mod walk;
 use glam::{Vec3, Vec4};
 
 use crate::error_bound::{ClusterBounds, error_bound};
-use crate::light::Light;
+use crate::light::{Light, luminance};
+use crate::race::uniform;
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 use best_first::Refined;
@@ -261,6 +262,30 @@ impl LightTree {
     #[must_use]
     pub fn cluster_intensity(&self, cluster: Cluster) -> Vec3 {
         self.nodes[cluster.node as usize].intensity
+    }
+
+    /// The cluster by another draw of its representative, in proportion to luminance as every draw: a function of the tree,
+    /// the cluster and `seed`.
+    ///
+    /// Cuts of one tree share its draws, and with them their errors. Receivers that draw anew err apart.
+    ///
+    /// # Panics
+    ///
+    /// If the cluster comes from a larger tree.
+    #[must_use]
+    pub fn drawn_anew(&self, cluster: Cluster, seed: u64) -> Cluster {
+        let mut index = cluster.node as usize;
+        let mut draw = uniform(seed, u64::from(cluster.node));
+        while !self.nodes[index].is_leaf() {
+            let first = self.nodes[index].children();
+            let [a, b] = [first, first + 1].map(|child| f64::from(luminance(self.nodes[child].intensity)));
+            // What is dark is drawn alike.
+            let share = if a + b > 0.0 { a / (a + b) } else { 0.5 };
+            // The number is stretched again at each step.
+            (index, draw) =
+                if draw < share { (first, draw / share) } else { (first + 1, (draw - share) / (1.0 - share)) };
+        }
+        Cluster { light: self.nodes[index].representative, ..cluster }
     }
 
     /// The lights of a cluster.

@@ -58,6 +58,50 @@ fn clusters_sum_to_the_cut() {
     }
 }
 
+/// A cluster that is drawn anew is stood for by each of its lights in proportion to its luminance; dark ones never are.
+#[test]
+fn lights_are_drawn_anew_in_proportion_to_luminance() {
+    let light = |k: u32| Light {
+        position: Vec3::new((k % 20) as f32, (k / 20) as f32, 20.0),
+        emission: Emission::Omni,
+        intensity: Vec3::splat((k % 5) as f32),
+    };
+    let tree = LightTree::build(&(0..400).map(light).collect::<Vec<_>>(), BuildParams::bounded_by(0.3));
+    let receiver = Lambert { position: Vec3::new(9.0, 13.0, 0.1), normal: Vec3::Z, reflectance: Vec3::ONE };
+    let mut scratch = Scratch::default();
+    _ = tree.lightcut_kept(
+        &receiver,
+        Stop::Relative { fraction: 0.1, known_luminance: 0.0 },
+        |_, _| true,
+        &mut scratch,
+    );
+    let draws = 4000;
+    let (mut chi2, mut freedom) = (0.0, 0.0);
+    for &KeptCluster { cluster, .. } in scratch.kept() {
+        let total = f64::from(luminance(tree.cluster_intensity(cluster)));
+        let mut drawn = vec![0; tree.lights().len()];
+        (0..draws).for_each(|seed| drawn[tree.drawn_anew(cluster, seed).light as usize] += 1);
+        let lights = tree.cluster_lights(cluster);
+        assert_eq!(
+            lights.iter().map(|&light| drawn[light as usize]).sum::<u32>(),
+            draws as u32,
+            "lights of the cluster"
+        );
+        for light in lights {
+            let expected = draws as f64 * f64::from(luminance(tree.lights()[light as usize].intensity)) / total;
+            if expected == 0.0 {
+                assert_eq!(drawn[light as usize], 0, "a dark light");
+            } else {
+                chi2 += (f64::from(drawn[light as usize]) - expected).powi(2) / expected;
+                freedom += 1.0;
+            }
+        }
+        freedom -= 1.0;
+    }
+    assert!(freedom > 100.0, "{freedom}");
+    assert!((chi2 - freedom).abs() < 4.0 * (2.0 * freedom).sqrt(), "{chi2} of {freedom}");
+}
+
 /// Over many draws the estimate is the sum over every light, shadows included, and nearer to it than that by one
 /// representative for each cluster, for the same clusters and as many rays.
 #[test]

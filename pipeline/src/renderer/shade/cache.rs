@@ -9,7 +9,9 @@ use crate::renderer::frame::Frame;
 use crate::state::NONSENSE;
 use around::{Around, Movement, standing};
 use glam::{Mat3A, Vec3, Vec3A};
-use lighttree::{Calibration, Cluster, Emission, IrradianceTerm, Lambert, Light, Scratch, Stop, irradiance_term};
+use lighttree::{
+    Calibration, Cluster, Emission, IrradianceTerm, KeptCluster, Lambert, Light, Scratch, Stop, irradiance_term,
+};
 use plane::Plane;
 use render_core::cache::{
     CachedLight, Changes, Computed, Illumination, IrradianceCache, LastUpdate, LocalIrradiance, Request, Site,
@@ -33,6 +35,12 @@ const MOST_MOVED: f32 = 0.1;
 const LEAST_TURNED_COSINE: f32 = 0.99;
 /// One record in this number is audited with calibrated stopping; an audit takes some times as long as a record.
 const AUDITED: u64 = 32;
+/// Clusters are drawn anew for a record, where their shadow rays have been cast already, from this share of the threshold on.
+///
+/// In the first frame of `nave` at 96×96 the standard deviation of the mean over eight seeds is 0.53 % without new draws, and
+/// that of blocks 1.4 %. With 0.75 they are 0.28 % and 1.0 %, and the frame takes 1.07 times as long; with 0, 0.09 %, 0.8 % and
+/// 1.4 times.
+const DRAWN_ANEW: f32 = 0.75;
 /// Points across a record's footprint where thresholds are looked up.
 const FOOTPRINT_POINTS: i32 = 5;
 
@@ -186,28 +194,26 @@ impl Illumination for Cuts<'_> {
         let class = self.class_of(site);
         let sees = |lamp: &Light, _: usize| later || transport.visible(&receiver, lamp);
         let cut = transport.prepared.tree.lightcut_kept(&white, transport.calibrated(stop, class), sees, scratch);
-        let clusters: Box<[Cluster]> = scratch.kept().iter().map(|kept| kept.cluster).collect();
-        let mut visible = vec![0u64; clusters.len().div_ceil(PACKET)];
-        for (k, kept) in scratch.kept().iter().enumerate() {
-            visible[k / PACKET] |= u64::from(kept.transport != Vec3::ZERO) << (k % PACKET);
-        }
-        transport.figures.count(cut.size, cut.shadow_rays);
         let threshold = stop.threshold_at(luminance(cut.radiance));
+        let least_bound = if later { 0.0 } else { DRAWN_ANEW * threshold };
+        let Drawn { clusters, visible, unknown } = self.drawn_anew(&white, scratch.kept(), site.key, least_bound);
+        transport.figures.count(cut.size, cut.shadow_rays);
         let mut recipe = Recipe {
             size: clusters.len() as u32,
             clusters,
-            visible: visible.into(),
+            visible,
             surroundings,
             near_moving: self.is_near(&self.standing, site),
             position: site.position,
             normal: site.normal,
             threshold,
         };
-        if later {
-            for (clusters, visible) in recipe.packets() {
-                *visible = self.seen_lights(&receiver, clusters, *visible);
-            }
+        let mut rays = 0;
+        for ((clusters, visible), unknown) in recipe.packets().zip(unknown) {
+            *visible = *visible & !unknown | self.seen_lights(&receiver, clusters, unknown);
+            rays += if later { 0 } else { unknown.count_ones() };
         }
+        transport.figures.count_rays(rays);
         if self.is_audited(site) {
             let finer = finer.get_or_insert_with(|| Scratch::with_max_size(Calibration::LARGEST_CUT));
             let visible = |lamp: &Light, _| transport.visible(&receiver, lamp);
@@ -291,6 +297,15 @@ impl Recipe {
     }
 }
 
+/// Clusters by draws of a record's own: a bit for each, a word for each [`PACKET`] of them.
+struct Drawn {
+    clusters: Box<[Cluster]>,
+    /// Those that are known to be seen.
+    visible: Box<[u64]>,
+    /// Those that shadow rays have to tell.
+    unknown: Vec<u64>,
+}
+
 impl Cuts<'_> {
     fn receiver(&self, site: &Site) -> ShadingPoint {
         let Site { position, normal, geometric_normal, .. } = *site;
@@ -307,6 +322,35 @@ impl Cuts<'_> {
         let nearby = self.transport.prepared.gather.dynamic_reach();
         let near = |thing: &Around| thing.instance != site.carrier && thing.distance2(site.position) < nearby * nearby;
         things.iter().any(near)
+    }
+
+    /// The clusters of a cut by draws of their record's own: one draw for all would move the light of the whole picture.
+    ///
+    /// Those whose error bound is not above `least_bound` keep their lights, and what the cut found of their visibility; with 0
+    /// it found nothing.
+    fn drawn_anew(&self, receiver: &Lambert, kept: &[KeptCluster], key: u64, least_bound: f32) -> Drawn {
+        let tree = &self.transport.prepared.tree;
+        let is_drawn = |cluster| least_bound == 0.0 || tree.cluster_bound(receiver, cluster) > least_bound;
+        let of_record = |kept: &KeptCluster| {
+            if is_drawn(kept.cluster) { tree.drawn_anew(kept.cluster, key) } else { kept.cluster }
+        };
+        let gives = |cluster: &Cluster| {
+            let light = &tree.lights()[cluster.light as usize];
+            irradiance_term(receiver.position, receiver.normal, light, tree.geometry_term_bound()).value > 0.0
+        };
+        let clusters: Box<[Cluster]> = kept.iter().map(of_record).collect();
+        let mut visible = vec![0u64; clusters.len().div_ceil(PACKET)];
+        let mut unknown = visible.clone();
+        for (k, (kept, cluster)) in kept.iter().zip(&clusters).enumerate() {
+            let bit = 1 << (k % PACKET);
+            let is_known = least_bound != 0.0 && cluster.light == kept.cluster.light;
+            if is_known && kept.transport != Vec3::ZERO {
+                visible[k / PACKET] |= bit;
+            } else if !is_known && gives(cluster) {
+                unknown[k / PACKET] |= bit;
+            }
+        }
+        Drawn { clusters, visible: visible.into(), unknown }
     }
 
     /// Finds, among the clusters whose bits are set in `active`, those whose light arrives.

@@ -77,3 +77,51 @@ fn what_something_has_moved_over_is_closed_in() {
     assert_eq!(openness(25, 0.98), 0.0, "within it");
     assert!((0.4..0.8).contains(&openness(25, 1.02)), "beside it: {}", openness(25, 1.02));
 }
+
+/// Records at one place, each by its own draws: their errors have nothing in common, and their mean is the sum over all lights.
+#[test]
+fn records_draw_the_lights_of_their_clusters_anew() {
+    let mut scene = floor_with_a_block();
+    // A wall, lit by a lamp before it that the tree does not hold.
+    add(&mut scene, 0, &[[vec3(-6.0, 0.0, -4.0), Vec3::X * 12.0, Vec3::Y * 6.0]]);
+    add(&mut scene, 0, &[[vec3(-1.0, 5.0, -3.0), Vec3::X * 2.0, Vec3::Z]]);
+    scene.materials[3].emission = Vec3::splat(50.0);
+    let size = Some(Size { width: 16, height: 16 });
+    let options = Options { size, vpls: Some(2000), photons: Some(20_000), frames: Some(26), ..Options::default() };
+    let settings = Settings::new("stage.glb".into(), &scene, &options).unwrap();
+    let plan = Plan::new(&scene, &settings);
+    let prepared = Preparation::new(&scene, &settings, &plan).frame(25).frame;
+    let direct = Plane::filled(16, 16, Vec3::ZERO);
+    let map = ThresholdMap::from_plane(&Plane::filled(16, 16, 0.02));
+    let allowance = Allowance { map, before: None, calibration: None };
+    let figures = Figures::default();
+    let transport = LightTransport::new(&settings, &prepared, &allowance, (&prepared.seen, &direct), &figures);
+    let moving = scene.moving_instances();
+    let cuts = Cuts { transport: &transport, swept: &[], standing: Vec::new(), moving: &moving, at_rest: false };
+    let site = |key| Site {
+        position: vec3(2.0, 0.0, 0.5).into(),
+        normal: Vec3A::Y,
+        geometric_normal: Vec3A::Y,
+        carrier: NOTHING,
+        openness: 1.0,
+        key,
+    };
+    let receiver = cuts.receiver(&site(0));
+    let tree = &prepared.tree;
+    let mut all = 0.0;
+    for light in tree.lights().iter().filter(|light| transport.visible(&receiver, light)) {
+        let term = irradiance_term(receiver.position.into(), Vec3::Y, light, tree.geometry_term_bound());
+        all += f64::from(luminance(light.intensity * term.value));
+    }
+    let (count, mut scratch) = (400, <Cuts as Illumination>::Scratch::default());
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for key in 0..count {
+        let recipe = cuts.compute(&site(key), &mut scratch).recipe;
+        assert!(recipe.size < tree.lights().len() as u32 / 4, "{} clusters", recipe.size);
+        let error = f64::from(luminance(cuts.cut_irradiance(&receiver, &recipe))) - all;
+        (sum, squares) = (sum + error, squares + error * error);
+    }
+    let (mean, standard_error) = (sum / count as f64, squares.sqrt() / count as f64);
+    assert!(mean.abs() < 3.5 * standard_error, "{mean} ± {standard_error} of {all}");
+    assert!(standard_error < 0.01 * all, "{standard_error} of {all}");
+}
