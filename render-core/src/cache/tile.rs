@@ -17,8 +17,9 @@ use rayon::prelude::*;
 /// indirect time at the end): no bound 1.02e-2, 34 600, 9.3 s; 2 gives 1.11e-2, 13 400, 1.6 s; 1 gives 1.21e-2, 9 000, 1.0 s.
 pub(super) const DENSE: f32 = 2.0;
 /// The same sum from which on a record is dropped: a camera that goes away from a surface brings its records together. Pictures
-/// that nothing went before have one record in a hundred where it is more than 2.3.
-const CROWDED: f32 = 4.0;
+/// that nothing went before have one record in a hundred where it is more than 2.3. With 4, `conference` at 160×160 has 19 900 records
+/// after 150 frames, with 2.5 it has 18 500, and takes four fifths of the time.
+const CROWDED: f32 = 2.5;
 
 /// A macroblock of the picture.
 #[derive(Default)]
@@ -100,9 +101,9 @@ impl Group {
     #[inline(always)]
     fn distance2(&self, position: [f32; 3]) -> [f32; LANES] {
         let mut distance2 = [0.0; LANES];
-        for (k, d2) in distance2.iter_mut().enumerate() {
-            for axis in 0..3 {
-                let d = self.position[axis][k] - position[axis];
+        for (axis, place) in self.position.iter().zip(position) {
+            for (d2, at) in distance2.iter_mut().zip(axis) {
+                let d = at - place;
                 *d2 += d * d;
             }
         }
