@@ -279,7 +279,7 @@ impl LightTree {
         while !self.nodes[index].is_leaf() {
             let first = self.nodes[index].children();
             let [a, b] = [first, first + 1].map(|child| f64::from(luminance(self.nodes[child].intensity)));
-            // What is dark is drawn alike.
+            // Without light in either child, both have the same chance.
             let share = if a + b > 0.0 { a / (a + b) } else { 0.5 };
             // The number is stretched again at each step.
             (index, draw) =

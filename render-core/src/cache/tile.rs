@@ -17,8 +17,8 @@ use rayon::prelude::*;
 /// indirect time at the end): no bound 1.02e-2, 34 600, 9.3 s; 2 gives 1.11e-2, 13 400, 1.6 s; 1 gives 1.21e-2, 9 000, 1.0 s.
 pub(super) const DENSE: f32 = 2.0;
 /// The same sum from which on a record is dropped: a camera that goes away from a surface brings its records together. Pictures
-/// that nothing went before have one record in a hundred where it is more than 2.3. With 4, `conference` at 160×160 has 19 900 records
-/// after 150 frames, with 2.5 it has 18 500, and takes four fifths of the time.
+/// that nothing went before have one record in a hundred where it is more than 2.3. With 4, `conference` at 160×160 has 19 900
+/// records after 150 frames; with 2.5 it has 18 500, and a frame takes four fifths of the time.
 const CROWDED: f32 = 2.5;
 
 /// A macroblock of the picture.
