@@ -1,13 +1,15 @@
-"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features [--quick|--full] [options].
+"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits [--quick|--full] [options].
 
 Quick, the default, answers in five minutes on two processors and says how far its figures can be trusted.
-Full makes the tables of the documentation. README.md beside this file tells what each measurement answers.
+Full makes the tables of the documentation; for bits, larger films.
+README.md beside this file tells what each measurement answers.
 """
 
 import argparse
 import signal
 import sys
 
+import bits
 import coupling
 import encoders
 import error
@@ -21,6 +23,7 @@ MEASUREMENTS = {
     "sweep": sweep,
     "encoders": encoders,
     "features": features,
+    "bits": bits,
 }
 
 
@@ -34,7 +37,7 @@ def parser():
         command = commands.add_parser(name, help=summary, description=module.__doc__, formatter_class=style)
         extent = command.add_mutually_exclusive_group()
         extent.add_argument("--quick", action="store_true", help="an answer in five minutes, the default")
-        extent.add_argument("--full", action="store_true", help="the tables of the documentation")
+        extent.add_argument("--full", action="store_true", help="the tables of the documentation, or larger films")
         module.add_options(command)
     return whole
 

@@ -21,8 +21,10 @@ def scene_files(scene):
     if scene.suffix == ".gltf":
         parts = json.loads(scene.read_text())
         for part in parts.get("buffers", []) + parts.get("images", []):
-            if "uri" in part and (scene.parent / part["uri"]).is_file():
-                yield scene.parent / part["uri"]
+            uri = part.get("uri", "data:")
+            # Data within the file counts with it.
+            if not uri.startswith("data:") and (scene.parent / uri).is_file():
+                yield scene.parent / uri
 
 
 def content_hash(scene):

@@ -1,0 +1,269 @@
+"""Whether a program makes the same films as another one, bit for bit: hashes of videos and of EXR frames.
+
+    python3 bench bits [--film NAME …] [--before PROGRAM | --against FILE.json] [--keep FILE.json] [--full]
+
+It proves that a change of the code changes no bit. Each film gets two values of SHA-256:
+
+    video     the file of the video
+    frames    all EXR files together, as `sha256sum *.exr | sha256sum` in their folder prints it
+
+With --before, the other program renders each film first. With --against, hashes that --keep has written stand for it.
+Keep and compare on one machine. Each film is told to be the same or DIFFERENT, with the first frame that differs.
+If any film differs, the command fails.
+
+--list names the films. They show each scene that ships, and a room with coats (coated_room.py), with a moving ball or not.
+The others show cornell, where camera and blocks move, with other options. Some must be equal to another film:
+with one thread, with every stage run, and killed in the middle and resumed. To be killed after a given frame needs Linux.
+
+Films have 128x128 pixels and 8 frames. The slow ones are smaller: 64x64 without the cache, with 4 frames in the room, and
+48x48 with 2 frames for all lights. --full doubles width and height.
+"""
+
+import fcntl
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import coated_room
+import presets
+import references
+import tables
+from running import Failure, add_program, need_files, need_program, run
+
+SHIPPED = ["cornell", "cornell-box", "atrium", "conference", "nave"]
+# Rooms that are written here, and whether the ball moves.
+ROOMS = {"room": False, "room-moving": True}
+LAYERS = "direct,indirect,albedo,normal,depth,motion,cut-size,threshold,cache,shading"
+AHEAD = "--bframes 2 --cbr --bitrate 150k --stopping calibrated"
+# Linux: sets the size of a pipe. The module `fcntl` has the name since Python 3.10.
+F_SETPIPE_SZ = 1031
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film: its scene and options, pixels on a side, frames, the file of its video."""
+
+    name: str
+    scene: str
+    options: str = ""
+    side: int = 128
+    frames: int = 8
+    video: str = "film.m2v"
+    # The film that it must be equal to.
+    like: str = ""
+    # Frames that were told of when it is killed, to be resumed.
+    killed_after: int = 0
+
+    def words(self, full):
+        """Options of the program that decide about its bits."""
+        side = self.side * (2 if full else 1)
+        return ["--size", f"{side}x{side}", "--frames", str(self.frames), *self.options.split()]
+
+
+FILMS = [
+    *[Film(name, name) for name in SHIPPED],
+    Film("coats", "room"),
+    Film("coats-moving", "room-moving"),
+    Film("coats-cache-off", "room-moving", "--cache off", side=64, frames=4),
+    Film("cache-off", "cornell", "--cache off", side=64),
+    Film("shading-full", "cornell", "--shading full"),
+    Film("all-lights", "cornell", "--lighting all-lights", side=48, frames=2),
+    Film("calibrated", "cornell", "--stopping calibrated"),
+    Film("fixed", "cornell", "--thresholds fixed:0.02"),
+    Film("uniform", "cornell", "--thresholds uniform:0.02"),
+    Film("perceptual", "cornell", "--thresholds perceptual"),
+    Film("quantised", "cornell", "--thresholds quantised"),
+    Film("fine", "cornell", "--qscale 2"),
+    Film("coarse", "cornell", "--qscale 48"),
+    Film("b-pictures", "cornell", "--bframes 2 --gop 6"),
+    Film("bit-rate", "cornell", "--bitrate 60k"),
+    Film("constant-rate", "cornell", AHEAD, video="film.ts"),
+    Film("mpeg1", "cornell", "--mpeg1", video="film.mpg"),
+    Film("no-motion", "cornell", "--no-motion"),
+    Film("samples", "cornell", "--samples 4"),
+    Film("no-antialiasing", "cornell", "--antialiasing off"),
+    Film("no-compensation", "cornell", "--compensation off"),
+    Film("one-bounce", "cornell", "--bounces 1"),
+    Film("layers", "cornell", f"--aov {LAYERS}"),
+    Film("one-thread", "cornell", "--threads 1", like="cornell"),
+    Film("run-everything", "cornell", "--run-everything", like="cornell"),
+    Film("resumed", "cornell", like="cornell", killed_after=4),
+    Film("resumed-rate", "cornell", AHEAD, video="film.ts", like="constant-rate", killed_after=4),
+    Film("resumed-coats", "room", like="coats", killed_after=4),
+]
+
+
+def add_options(parser):
+    """Options of this measurement."""
+    names = [film.name for film in FILMS]
+    parser.add_argument("--film", action="append", choices=names, metavar="NAME", help="only this film; may be repeated")
+    parser.add_argument("--list", action="store_true", help="name the films and end")
+    earlier = parser.add_mutually_exclusive_group()
+    earlier.add_argument("--before", type=Path, metavar="PROGRAM", help="the program to compare with")
+    earlier.add_argument("--against", type=Path, metavar="FILE.json", help="the hashes to compare with")
+    parser.add_argument("--keep", type=Path, metavar="FILE.json", help="where hashes are written for --against")
+    add_program(parser)
+
+
+def chosen(names):
+    """The films that the user names, or all, and those that they must be equal to."""
+    names = set(names or [film.name for film in FILMS])
+    names |= {film.like for film in FILMS if film.name in names}
+    return [film for film in FILMS if film.name in names]
+
+
+def scenes(films, program, folder):
+    """By name, the scene files of films. Rooms are written into the folder."""
+    found = {}
+    for name in {film.scene for film in films}:
+        if name in ROOMS:
+            found[name] = folder / f"{name}.gltf"
+            coated_room.write(found[name], ROOMS[name])
+            need_coats(program, found[name])
+        else:
+            found[name] = presets.shipped(name)
+    need_files(found.values())
+    return found
+
+
+def need_coats(program, scene):
+    """Checks that the program finds coats in the scene."""
+    plan = run([program, "plan", scene]).output.splitlines()
+    if not any(line.split()[:3] == ["glossy", "surfaces", "on"] for line in plan):
+        raise Failure(f"{program} finds no glossy surfaces in {scene.name}")
+
+
+def render_and_kill(command, after):
+    """Renders until the program has told of some frames, and kills it."""
+    if not sys.platform.startswith("linux"):
+        raise Failure("films that are killed and resumed need Linux; name others with --film")
+    # Each line waits in the pipe until the one before is read, so the program is at most two frames ahead.
+    reading, writing = os.pipe2(os.O_DIRECT | os.O_CLOEXEC)
+    fcntl.fcntl(writing, F_SETPIPE_SZ, 1)
+    with open(reading) as lines:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=writing, stderr=subprocess.DEVNULL)
+        os.close(writing)
+        try:
+            while after and (line := lines.readline()):
+                after -= json.loads(line)["event"] == "frame"
+        finally:
+            process.kill()
+            code = process.wait()
+    if code != -signal.SIGKILL:
+        raise Failure(f"the film that was to be killed ended with code {code}")
+
+
+def render_and_resume(command, film):
+    """Renders with a checkpoint after each frame, is killed, and goes on."""
+    command = [*map(str, command), "--checkpoint", "0", "--json-progress"]
+    render_and_kill(command, film.killed_after)
+    begin = json.loads(run([*command, "--resume"]).output.splitlines()[0])
+    if not 0 < begin["first_frame"] < film.frames:
+        raise Failure(f"{film.name} was not resumed in the middle but at frame {begin['first_frame']}")
+
+
+def sha256(path):
+    """The hash of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def hashes(program, film, scene, full):
+    """Renders a film: what it is made of, and hashes of its video and of each frame."""
+    words = film.words(full)
+    with tempfile.TemporaryDirectory() as folder:
+        video, frames = Path(folder) / film.video, Path(folder) / "frames"
+        command = [program, "render", scene, *words, "-o", video, "--exr", frames, "--quiet"]
+        render_and_resume(command, film) if film.killed_after else run(command)
+        return {
+            "scene": references.content_hash(scene),
+            "options": words,
+            "video": sha256(video),
+            "frames": {frame.name: sha256(frame) for frame in sorted(frames.iterdir())},
+        }
+
+
+def together(frames):
+    """One hash of all frames."""
+    lines = "".join(f"{value}  {name}\n" for name, value in frames.items())
+    return hashlib.sha256(lines.encode()).hexdigest()
+
+
+def difference(old, new, same_options=True):
+    """What differs between two films, or nothing."""
+    if old is None:
+        return "it is missing there"
+    if old["scene"] != new["scene"]:
+        return "it was another scene"
+    if same_options and old["options"] != new["options"]:
+        return "it had other options: " + " ".join(old["options"])
+    names = sorted(old["frames"].keys() | new["frames"].keys())
+    differ = [name for name in names if old["frames"].get(name) != new["frames"].get(name)]
+    found = [f"{len(differ)} of {len(names)} frames, the first is {differ[0]}"] if differ else []
+    return "; ".join(found + ["the video"] * (old["video"] != new["video"]))
+
+
+def verdict(name, found):
+    """What is said about a film beside another one."""
+    return f"DIFFERENT from {name}: {found}" if found else f"same as {name}"
+
+
+def read_kept(path):
+    """Hashes of an earlier run."""
+    need_files([path])
+    try:
+        return json.loads(path.read_text())
+    except ValueError as error:
+        raise Failure(f"{path} is not what --keep writes: {error}") from None
+
+
+def compared(options, films):
+    """Renders all films and prints a row for each; their hashes, and the names of those that differ."""
+    kept = read_kept(options.against) if options.against else {}
+    found, differ = {}, []
+    with tempfile.TemporaryDirectory() as folder:
+        files = scenes(films, options.program, Path(folder))
+        print(tables.header(["film", "seconds", "video", "frames", "verdict"]))
+        for film in films:
+            if options.before:
+                kept[film.name] = hashes(options.before, film, files[film.scene], options.full)
+            begin = time.monotonic()
+            new = found[film.name] = hashes(options.program, film, files[film.scene], options.full)
+            seconds = time.monotonic() - begin
+            beside = {}
+            if options.before or options.against:
+                beside["before"] = difference(kept.get(film.name), new)
+            if film.like:
+                beside[film.like] = difference(found[film.like], new, same_options=False)
+            text = "; ".join(verdict(*one) for one in beside.items())
+            print(tables.row([film.name, f"{seconds:.1f}", new["video"], together(new["frames"]), text]), flush=True)
+            differ += [film.name] * any(beside.values())
+    return found, differ
+
+
+def main(options):
+    """Prints the table, keeps the hashes, and fails if a film differs."""
+    films = chosen(options.film)
+    if options.list:
+        rows = [[film.name, film.scene, " ".join(film.words(options.full)), film.like] for film in films]
+        print(tables.table(["film", "scene", "options", "equal to"], rows))
+        return
+    options.program = need_program(options)
+    if options.before:
+        need_files([options.before])
+        options.before = options.before.resolve()
+    if options.keep and not options.keep.resolve().parent.is_dir():
+        raise Failure(f"the folder of {options.keep} is missing")
+    begin = time.monotonic()
+    found, differ = compared(options, films)
+    print(f"\n{len(films)} films in {time.monotonic() - begin:.0f} seconds.")
+    if options.keep:
+        options.keep.write_text(json.dumps(found, indent=1) + "\n")
+    if differ:
+        raise Failure(f"{len(differ)} of {len(films)} films differ: {', '.join(differ)}")

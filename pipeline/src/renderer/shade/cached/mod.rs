@@ -1,0 +1,150 @@
+//! Indirect light by an irradiance cache: cuts are made for records, and pixels interpolate between them.
+
+mod estimate;
+mod recipe;
+mod tree_light;
+
+use super::audits::Audits;
+use super::carried::{Carriable, Holding};
+use super::counts::{Counts, RecordCounts};
+use super::layer::{Layer, Lit, Visible};
+use super::pixel::is_dark;
+use super::tolerance::Tolerance;
+use super::visibility::{GATHER_RAYS, Visibility};
+use crate::error::{Error, Result};
+use crate::plan::{Plan, Stage};
+use crate::renderer::frame::Frame;
+use crate::settings::Aov;
+use crate::state::{NONSENSE, decode, encode};
+use glam::Vec3;
+use plane::Plane;
+use recipe::Recipe;
+use render_core::cache::{Changes, IrradianceCache, Request, Site};
+use render_core::scene::Projected;
+use render_core::{Busy, NOTHING, PACKET, Unseen};
+use tree_light::TreeLight;
+
+/// Light of the tree, and of anchors on what moves, by records that stay from frame to frame.
+pub(super) struct Cached {
+    records: IrradianceCache<Recipe>,
+    /// Whether lights and things stay as they are for the whole film: no record is ever lit again.
+    at_rest: bool,
+    /// Whether the light that softening takes is found by final gather.
+    compensates: bool,
+    /// Intensities of the lights in the frame before; none before the first.
+    intensities: Vec<Vec3>,
+}
+
+impl Cached {
+    /// Without records, for a film of this plan.
+    pub fn new(plan: &Plan) -> Self {
+        let changing = [Stage::ObjectPlacing, Stage::Deformation, Stage::Photons, Stage::TreeUpdate];
+        let at_rest = !changing.into_iter().any(|stage| plan.is_on(stage));
+        let compensates = plan.is_on(Stage::Compensation);
+        Self { records: IrradianceCache::default(), at_rest, compensates, intensities: Vec::new() }
+    }
+
+    /// Whether the lights of the tree shine as in the frame before.
+    fn is_lit_as_before(&self, frame: &Frame) -> bool {
+        frame.tree.lights().iter().map(|light| light.intensity).eq(self.intensities.iter().copied())
+    }
+
+    /// A picture that `mark` changes at the pixel of each record in use, given the size of the record's cut.
+    fn at_records(&self, frame: &Frame, mark: impl Fn(&mut f32, u32)) -> Vec<f32> {
+        let (width, height) = (frame.seen.pixels.width(), frame.seen.pixels.height());
+        let mut picture = vec![0.0; width * height];
+        for (position, recipe) in self.records.records_in_use() {
+            let Some(Projected { pixel: place, .. }) = frame.seen.view.project(position) else { continue };
+            if place.min_element() >= 0.0 && place.x < width as f32 && place.y < height as f32 {
+                mark(&mut picture[place.y as usize * width + place.x as usize], recipe.size);
+            }
+        }
+        picture
+    }
+}
+
+impl Layer for Cached {
+    fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
+        let Visible { frame, matte, movement, sample, .. } = *visible;
+        let (busy, counts) = (Busy::default(), Counts::default());
+        let moving = frame.surfaces.scene().moving_instances();
+        let changes = Changes { light: !self.is_lit_as_before(frame), geometry: movement.is_any };
+        let request = Request { seen: matte, moving: &moving, wanted };
+        let light = TreeLight {
+            visible,
+            tolerance,
+            visibility: Visibility::new(frame, GATHER_RAYS),
+            counts: &counts,
+            // Records are brought up to date with the first sample of the pixels.
+            swept: if sample == 0 { &movement.swept } else { &[] },
+            standing: movement.standing(),
+            moving: &moving,
+            compensates: self.compensates,
+            at_rest: self.at_rest,
+        };
+        let lit = if sample == 0 {
+            let lit = busy.take(self.records.light(request, changes, &light));
+            self.intensities = frame.tree.lights().iter().map(|light| light.intensity).collect();
+            lit
+        } else {
+            busy.take(self.records.light_more(request, &light))
+        };
+        Lit {
+            rays: counts.rays(),
+            seconds: busy.seconds(),
+            cuts: counts.cuts(),
+            records: RecordCounts { in_use: lit.in_use as u64, computed: lit.computed as u64 },
+            audits: Audits { cuts: counts.audits, ..Audits::default() },
+            ..Lit::of_irradiance(lit.irradiance)
+        }
+    }
+
+    fn is_dark(&self, frame: &Frame<'_>) -> bool {
+        is_dark(frame)
+    }
+
+    fn channel(&self, aov: Aov, frame: &Frame<'_>) -> Option<Vec<f32>> {
+        match aov {
+            Aov::CutSize => Some(self.at_records(frame, |cell, size| *cell = cell.max(size as f32))),
+            Aov::Cache => Some(self.at_records(frame, |cell, _| *cell += 1.0)),
+            _ => None,
+        }
+    }
+
+    fn state(&self) -> Vec<u8> {
+        encode(&self.records)
+    }
+
+    fn restore(&mut self, state: &[u8], last: &Frame<'_>) -> Result<()> {
+        let records: IrradianceCache<Recipe> = decode(state)?;
+        let intensities: Vec<Vec3> = last.tree.lights().iter().map(|light| light.intensity).collect();
+
+        // Indices of a forged state lead nowhere.
+        let instances = last.surfaces.scene().instances.len();
+        let is_of_frame = |(site, recipe): (&Site, &Recipe)| {
+            (site.carrier == NOTHING || (site.carrier as usize) < instances)
+                && recipe.clusters.iter().all(|cluster| (cluster.light as usize) < intensities.len())
+                && recipe.visible.len() == recipe.clusters.len().div_ceil(PACKET)
+                && last.gather.is_complete(&recipe.surroundings)
+        };
+        if !records.recipes().all(is_of_frame) {
+            return Err(Error::Checkpoint(NONSENSE.into()));
+        }
+        (self.records, self.intensities) = (records, intensities);
+        Ok(())
+    }
+}
+
+impl Carriable for Cached {
+    /// Contrast of the light around a pixel.
+    const UNSEEN: Unseen = Unseen::Smooth;
+
+    /// Everywhere while no light and no thing in the scene changes.
+    fn holding<'a>(&mut self, visible: &Visible<'a>) -> Holding<'a> {
+        let is_unchanged = !visible.movement.is_any && self.is_lit_as_before(visible.frame);
+        if is_unchanged { Holding::Everywhere } else { Holding::Nowhere }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,78 @@
+//! Properties of the pixels of a frame, as channels of its OpenEXR file.
+
+use super::layers::Layers;
+use super::lit_frame::Reused;
+use super::tolerance::Tolerance;
+use crate::parts::Channels;
+use crate::renderer::frame::PreparedFrame;
+use crate::settings::Aov;
+use plane::Plane;
+use render_core::{NOTHING, PixelSurface};
+
+/// The channels R, G and B of `name`.
+pub(super) fn colors(name: &str, picture: &Plane<[f32; 3]>) -> Channels {
+    triples(name, ["R", "G", "B"], picture.samples().iter().copied())
+}
+
+/// Everything that is known of a frame but its light.
+pub(super) struct Known<'a> {
+    pub prepared: &'a PreparedFrame<'a>,
+    pub tolerance: &'a Tolerance<'a>,
+    pub layers: &'a Layers,
+    pub reused: &'a Reused,
+}
+
+impl Known<'_> {
+    /// The channels of everything but light. They belong to the center of each pixel.
+    pub fn channels(&self, aov: Aov) -> Channels {
+        let frame = &self.prepared.frame;
+        let pixels = &frame.seen.pixels;
+        let (width, height) = (pixels.width(), pixels.height());
+        let single = |name: &str, samples: Vec<f32>| vec![(name.to_owned(), samples)];
+        let by_place = |of: &dyn Fn(usize, usize) -> f32| {
+            let places = 0..width * height;
+            places.map(|index| of(index % width, index / width)).collect()
+        };
+        match aov {
+            Aov::Direct | Aov::Indirect => Channels::new(),
+            Aov::Albedo => triples("albedo", ["R", "G", "B"], self.surfaces(|pixel| pixel.albedo)),
+            Aov::Normal => triples("normal", ["X", "Y", "Z"], self.surfaces(|pixel| pixel.shading_normal)),
+            Aov::Depth => single("depth.Z", pixels.samples().iter().map(|pixel| pixel.depth).collect()),
+            Aov::Motion => {
+                let known = self.prepared.correspondence.as_deref();
+                let motion = |index: usize| {
+                    let motion = known.and_then(|known| known.motion_of(index % width, index / width));
+                    motion.map_or([0.0; 3], |[x, y]| [x, y, 1.0])
+                };
+                triples("motion", ["X", "Y", "A"], (0..width * height).map(motion))
+            }
+            // Nothing where a pixel has no threshold of its own and 2 % of its luminance hold.
+            Aov::Threshold => single("threshold.Y", by_place(&|x, y| self.tolerance.threshold(x, y).unwrap_or(0.0))),
+            Aov::CutSize => {
+                let sizes = self.layers.channel(aov, frame);
+                single("cut.size", sizes.unwrap_or_else(|| vec![0.0; width * height]))
+            }
+            Aov::Shading => single("shading.reused", self.reused.channel(&frame.seen)),
+            // Without a cache there is no such channel.
+            Aov::Cache => match self.layers.channel(aov, frame) {
+                None => Channels::new(),
+                Some(records) => single("cache.records", records),
+            },
+        }
+    }
+
+    /// A property of the surface of each pixel; 0 where none is seen.
+    fn surfaces(&self, value: fn(&PixelSurface) -> [f32; 3]) -> impl Iterator<Item = [f32; 3]> {
+        let pixels = self.prepared.frame.seen.pixels.samples().iter();
+        pixels.map(move |pixel| if pixel.instance == NOTHING { [0.0; 3] } else { value(pixel) })
+    }
+}
+
+fn triples(name: &str, parts: [&str; 3], values: impl Iterator<Item = [f32; 3]>) -> Channels {
+    let values: Vec<[f32; 3]> = values.collect();
+    let mut channels = Channels::new();
+    for (c, part) in parts.into_iter().enumerate() {
+        channels.push((format!("{name}.{part}"), values.iter().map(|value| value[c]).collect()));
+    }
+    channels
+}
