@@ -124,6 +124,15 @@ impl Audits {
         self.0[class][bucket(ratio)].fetch_add(1, Ordering::Relaxed);
     }
 
+    /// Adds the audits of another part of the frame.
+    pub fn add(&self, other: &Self) {
+        for (sums, counts) in self.0.iter().zip(&other.0) {
+            for (sum, count) in sums.iter().zip(counts) {
+                sum.fetch_add(count.load(Ordering::Relaxed), Ordering::Relaxed);
+            }
+        }
+    }
+
     fn counts(&self) -> [Counts; CLASSES] {
         self.0.each_ref().map(|class| Counts(class.each_ref().map(|count| count.load(Ordering::Relaxed))))
     }

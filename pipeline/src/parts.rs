@@ -111,7 +111,7 @@ pub struct Prepared<F> {
 }
 
 /// Names of channels, and their samples in raster order.
-pub type Layers = Vec<(String, Vec<f32>)>;
+pub type Channels = Vec<(String, Vec<f32>)>;
 
 /// A pixel that shows several surfaces.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -130,7 +130,7 @@ pub struct Shaded {
     /// Pixels that show several surfaces: a display shows the mean of what it shows of these, and not of `radiance`.
     pub outlines: Vec<Outline>,
     /// Further channels for the frame's OpenEXR file.
-    pub layers: Layers,
+    pub channels: Channels,
     /// CPU seconds and counts, those of [`Prepared`] included.
     pub figures: FrameFigures,
 }

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::output::Output;
-use crate::parts::{Displayed, Layers, Outline, Shaded};
+use crate::parts::{Channels, Displayed, Outline, Shaded};
 use crate::settings::{Settings, Size};
 use crate::state::{decode, encode};
 use perceptual::{ToneMap, YCbCr, luminance_plane};
@@ -72,7 +72,7 @@ impl Display {
     /// A file cannot be written.
     pub(crate) fn write(&mut self, index: u32, shaded: Shaded, picture: &YCbCr) -> Result<()> {
         if let Some(folder) = &self.exr {
-            write_linear(&folder.join(format!("frame_{index:05}.exr")), &shaded.radiance, shaded.layers)?;
+            write_linear(&folder.join(format!("frame_{index:05}.exr")), &shaded.radiance, shaded.channels)?;
         }
         self.y4m.as_mut().map_or(Ok(()), |file| file.write(&picture.picture))
     }
@@ -100,19 +100,19 @@ impl Display {
     }
 }
 
-/// A frame as linear light, with further layers.
+/// A frame as linear light, with further channels.
 #[cfg(feature = "exr")]
-fn write_linear(path: &Path, radiance: &Plane<[f32; 3]>, layers: Layers) -> Result<()> {
+fn write_linear(path: &Path, radiance: &Plane<[f32; 3]>, channels: Channels) -> Result<()> {
     let channel = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
     let colors = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (name.to_owned(), channel(c)));
-    let channels = colors.chain(layers).collect();
+    let channels = colors.chain(channels).collect();
     let written = render_core::image_file::write_layers(path, radiance.width(), radiance.height(), channels);
     written.map_err(Error::other)
 }
 
 /// The settings request none of these.
 #[cfg(not(feature = "exr"))]
-fn write_linear(path: &Path, _: &Plane<[f32; 3]>, _: Layers) -> Result<()> {
+fn write_linear(path: &Path, _: &Plane<[f32; 3]>, _: Channels) -> Result<()> {
     Err(Error::content(path, ": this build writes no OpenEXR; build it with the feature exr"))
 }
 

@@ -10,4 +10,4 @@ mod shade;
 
 pub use frame::{Frame, PreparedFrame};
 pub use prepare::Preparation;
-pub use shade::Shading;
+pub use shade::{Audits, CutCounts, FootprintPixel, Layer, Lit, RecordCounts, Shading, Tolerance, Visible};

@@ -1,10 +1,9 @@
 use super::tree_light::TreeLight;
 use super::*;
-use crate::parts::{LastThresholds, LuminanceThresholds};
 use crate::plan::Plan;
 use crate::renderer::Preparation;
-use crate::settings::{Options, Settings, Size, Thresholds};
-use glam::{Quat, vec3};
+use crate::settings::{Options, Settings, Size};
+use glam::{Quat, Vec3A, vec3};
 use lighttree::irradiance_term;
 use render_core::cache::Illumination;
 use render_core::luminance;
