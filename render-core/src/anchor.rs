@@ -34,13 +34,14 @@ const OUTLOOK_RAYS: u8 = 16;
 /// Anchors that the exposed share of a scene is estimated from.
 const PROBES: usize = 4000;
 
-/// Flux of an anchor, in means of all, from which on it is split. In an office whose desk lamp holds 60 W in a shade of the size of
-/// an anchor's share, the light reflected twice is 1.9 % too dark without, 0.2 % too bright with 8, and no better with 4, which
-/// adds six times as many lights.
+/// Flux of an anchor, in means of all, from which on it is split. In an office whose desk lamp holds 60 W in a shade of the
+/// size of an anchor's share, the light reflected twice is 1.9 % too dark without, 0.2 % too bright with 8, and no better with
+/// 4, which adds six times as many lights.
 const BRIGHT: f32 = 8.0;
 
-/// Number that the places of points on their patches are drawn with. Cuts keep their thresholds more or less well by where anchors
-/// happen to lie: in `cornell`, 99.991 % of the pixels are within three times 2 % with 4, and 99.94 to 99.987 % with 0 to 3.
+/// Number that the places of points on their patches are drawn with. Cuts keep their thresholds more or less well by where
+/// anchors happen to lie: in `cornell`, 99.991 % of the pixels are within three times 2 % with 4, and 99.94 to 99.987 % with 0
+/// to 3.
 const PLACEMENT: u64 = 4;
 
 /// Distance at which a ray from an anchor gets out, in sides of an anchor's share. Nearer things stand between the anchor and
@@ -141,9 +142,9 @@ impl Anchors {
         Self { area_share: area / count.max(1) as f32, ..Self::default() }
     }
 
-    /// Splits fixed anchors whose `flux` is `BRIGHT` (8) times the mean or more into the surfels that they shine for. So a lampshade
-    /// or a patch of sun has as many lights as it is bright, where area alone would give it one or two. At most three in eight
-    /// are added.
+    /// Splits fixed anchors whose `flux` is `BRIGHT` (8) times the mean or more into the surfels that they shine for. So a
+    /// lampshade or a patch of sun has as many lights as it is bright, where area alone would give it one or two. At most three
+    /// in eight are added.
     pub fn split_bright(&mut self, flux: &[Vec3]) {
         // In f64: a few bright anchors are added to tens of thousands of dark ones.
         let total: f64 = flux.iter().map(|&flux| f64::from(luminance(flux))).sum();

@@ -11,7 +11,7 @@
 //! Samples are handed on and never mixed, so that light is not blurred however long it is carried \[Nehab07\], \[Walter99\].
 //! The residual of the plane estimates the error. What lies outside of the samples' convex hull, beside another surface, is
 //! estimated by its distance from the hull: light may change there. Audits tell which estimates hold ([`trust`]).
-//! A pixel whose error exceeds what they allow, as in penumbras, is lit anew, and so is a pixel whose surface was not visible before.
+//! A pixel whose error exceeds what they allow, as in penumbras, is lit anew. So is a pixel whose surface was not visible before.
 
 mod near;
 mod sample;

@@ -161,9 +161,15 @@ impl DirectLights {
         for (receivers, sums) in receivers.chunks(PACKET).zip(sums.chunks_mut(PACKET)) {
             // Dynamic anchors come last: those that are faint beside the other lights get no shadow rays.
             let tile = Tile::new(accelerator, receivers);
-            self.areas.iter().for_each(|area| tile.add_area(area, sums));
-            self.points.iter().for_each(|point| tile.add_point(point, sums));
-            self.suns.iter().for_each(|sun| tile.add_sun(sun, sums));
+            for area in &self.areas {
+                tile.add_area(area, sums);
+            }
+            for point in &self.points {
+                tile.add_point(point, sums);
+            }
+            for sun in &self.suns {
+                tile.add_sun(sun, sums);
+            }
             if !self.dynamic_apart {
                 self.add_dynamic(&tile, sums);
             }
@@ -175,16 +181,21 @@ impl DirectLights {
     /// A point of each glowing surface, point light and sun that is sampled here.
     #[must_use]
     pub fn lamps(&self) -> Lamps {
-        let areas = self.areas.iter().filter_map(|area| area.positions.first().copied());
-        Lamps {
-            points: areas.chain(self.points.iter().map(|point| point.position)).collect(),
-            suns: self.suns.iter().map(|sun| sun.towards).collect(),
+        // The first sample stands for its area.
+        let mut points = Vec::new();
+        for area in &self.areas {
+            points.extend(area.positions.first());
         }
+        for point in &self.points {
+            points.push(point.position);
+        }
+        Lamps { points, suns: self.suns.iter().map(|sun| sun.towards).collect() }
     }
 
     /// Whether the glowing surfaces, point lights and suns are those of `other`, where they were.
     #[must_use]
     pub fn has_lamps_of(&self, other: &Self) -> bool {
+        // Samples have the place and the brightness of an area: all else of it follows from the same surface.
         let areas = self.areas.iter().map(|area| (area.instance, &area.samples));
         areas.eq(other.areas.iter().map(|area| (area.instance, &area.samples)))
             && self.points == other.points
@@ -198,10 +209,19 @@ impl DirectLights {
             low: points.iter().copied().fold(Vec3A::INFINITY, Vec3A::min),
             high: points.iter().copied().fold(Vec3A::NEG_INFINITY, Vec3A::max),
         };
-        let areas = self.areas.iter().map(|area| around(&area.positions));
-        let points = self.points.iter().map(|point| Source::Lamp { low: point.position, high: point.position });
-        let suns = self.suns.iter().map(|sun| Source::Sun { towards: sun.towards, angular_radius: sun.angular_radius });
-        areas.chain(points).chain(suns).collect()
+
+        // Shadow rays of an area end at its samples and corners; no other place of it matters.
+        let mut sources = Vec::new();
+        for area in &self.areas {
+            sources.push(around(&area.positions));
+        }
+        for point in &self.points {
+            sources.push(Source::Lamp { low: point.position, high: point.position });
+        }
+        for sun in &self.suns {
+            sources.push(Source::Sun { towards: sun.towards, angular_radius: sun.angular_radius });
+        }
+        sources
     }
 
     /// Whether `instance` is a glowing surface that is sampled here.
@@ -338,6 +358,7 @@ impl ShadingPoint {
     /// Cosine at the receiver and squared distance to `point`; 0 from below the surface.
     #[inline]
     fn cosine_to(&self, point: Vec3A) -> (f32, f32) {
+        // cos θ = n · way / r; no light comes through the triangle, whatever the shading normal.
         let way = point - self.position;
         let r2 = way.length_squared();
         if self.geometric_normal.dot(way) <= 0.0 {

@@ -112,7 +112,7 @@ impl<'a> Eye<'a> {
                 Some(hit) => (hit.distance, !self.surfaces.meet(&hit, direction, 0.0).is_back()),
             };
 
-            // o = mean of r² / (r² + s) = mean of 1 / (1 + s / r²), which is 1 for an infinite r, too.
+            // o = mean of 1 / (1 + s / r²), which is that of r² / (r² + s). An infinite r counts as 1.
             if reflects {
                 out += u64::from(length >= near);
                 openness += 1.0 / (1.0 + self.bound / (length * length));

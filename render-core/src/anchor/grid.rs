@@ -68,8 +68,10 @@ impl Grid {
     pub fn new(points: &[Anchor], outlooks: &[Outlook], area_share: f32) -> Self {
         // A disc of radius R holds as many points as its area has shares:  π R² = POINTS_PER_KERNEL · share.
         let radius = (POINTS_PER_KERNEL * area_share / std::f32::consts::PI).sqrt().max(f32::MIN_POSITIVE);
-        let low = points.iter().fold(Vec3A::INFINITY, |low, point| low.min(point.position));
-        let high = points.iter().fold(Vec3A::NEG_INFINITY, |high, point| high.max(point.position));
+        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for point in points {
+            (low, high) = (low.min(point.position), high.max(point.position));
+        }
         let extent = if points.is_empty() { Vec3A::ZERO } else { high - low };
 
         // Cells as wide as the kernel's radius, wider if they were too many: points lie on surfaces, and most cells are empty.
@@ -179,7 +181,9 @@ impl Grid {
     /// Sorts values, one for each point, from the order of the grid into the order that the points came in.
     pub fn by_index<T: Clone>(&self, by_place: &[T]) -> Vec<T> {
         let mut place = vec![0; self.index.len()];
-        self.index.iter().enumerate().for_each(|(p, &index)| place[index as usize] = p);
+        for (p, &index) in self.index.iter().enumerate() {
+            place[index as usize] = p;
+        }
         place.into_iter().map(|p| by_place[p].clone()).collect()
     }
 

@@ -6,7 +6,8 @@
 //! ```text
 //! Φ_a = Σ Φ_j · o_j / o_a                    over the surfels j that belong to anchor a
 //! L_j = Σ w_jk Φ_k / (π Σ w_jk A_k)          radiance around surfel j, from the surfels k around it
-//!   o     share of the light that gets out of the neighborhood: mean of r² / (r² + s) over all directions, s the bound of the geometry term
+//!   o     share of the light that gets out of the neighborhood: mean of r² / (r² + s) over all directions
+//!   s     bound of the geometry term
 //!   w_jk  kernel            A_k  area that surfel k takes from, A Σ_i w_ik
 //! ```
 //!
@@ -222,8 +223,8 @@ impl SurfelMap {
         self.grid.by_index(by_place)
     }
 
-    /// Makes anchors of the surfels that belong to the `bright` ones of `anchors`: one takes the place of the old anchor, the others
-    /// come after the last.
+    /// Makes anchors of the surfels that belong to the `bright` ones of `anchors`: one takes the place of the old anchor, the
+    /// others come after the last.
     pub fn promote(&mut self, anchors: &mut Vec<Anchor>, bright: &[bool]) {
         let points = self.grid.points_by_index();
         let mut is_taken = vec![false; bright.len()];

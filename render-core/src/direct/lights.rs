@@ -114,7 +114,7 @@ impl Area {
                 }
             }
 
-            // One packet of shadow rays tells which of them are.
+            // One packet of shadow rays tells which of them are hidden.
             whole.shadow_rays += u64::from(active.count_ones());
             let hidden = accelerator.occluded_packet(receiver.position, &ends[..samples.len()], active);
             whole.value += balance * bits(active & !hidden).map(|i| given[i]).sum::<Vec3>();

@@ -100,7 +100,8 @@ pub(super) struct Tile<'a> {
 
 impl<'a> Tile<'a> {
     pub(super) fn new(accelerator: &'a Accelerator, receivers: &'a [ShadingPoint]) -> Self {
-        // By axis, so that the terms of a disc are computed for many receivers at once. Places without a receiver repeat the last.
+        // By axis, so that the terms of a disc are computed for many receivers at once.
+        // Places without a receiver repeat the last.
         let mut columns = [[[0.0; PACKET]; 3]; 3];
         for i in 0..PACKET {
             let ShadingPoint { position, normal, geometric_normal } = receivers[i.min(receivers.len() - 1)];

@@ -1,4 +1,4 @@
-//! What is around a place: the points of the cells beside it, those of them that share what is left there, and the nearest of all.
+//! What is around a place: the points of the cells beside it, those of them that share what is left there, and the nearest.
 
 use super::{Grid, LEAST_COSINE, MOST_HEIGHT, OTHER_FARTHER, OTHER_INSTANCE, Spot};
 
@@ -98,7 +98,7 @@ impl Near {
     /// if there is no point at all that may take anything.
     #[inline]
     pub fn parts(&mut self, grid: &Grid, spot: &Spot) -> &[(u32, f32)] {
-        // A kernel that holds nothing of the own instance would give all to another sheet, though a point of its own may lie close by.
+        // A kernel that holds nothing of the own instance would give all to another sheet. One of its own may lie close by.
         if !self.has_own
             && let Some(p) = grid.nearest(spot)
             && (self.sum <= 0.0 || grid.is_own_beside(p, spot))
@@ -137,7 +137,8 @@ impl Grid {
         best[0].or(best[1]).map(|(_, p)| p)
     }
 
-    /// Calls `found(place)` for the cells of the grid that are `reach` cells from `center` along the axis where they are farthest.
+    /// Calls `found(place)` for the cells of the grid that are `reach` cells from `center` along the axis where they are
+    /// farthest.
     fn shell(&self, center: [usize; 3], reach: usize, mut found: impl FnMut(usize)) {
         let span = |axis: usize| center[axis].saturating_sub(reach)..=(center[axis] + reach).min(self.size[axis] - 1);
         for z in span(2) {
