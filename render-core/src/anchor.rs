@@ -7,7 +7,7 @@ mod exposure;
 mod grid;
 mod surfels;
 
-use exposure::{Eye, Outlook};
+use exposure::Eye;
 use grid::Grid;
 pub(crate) use grid::{SplatScratch, Spot};
 pub(crate) use surfels::{SurfelMap, Surfels};
@@ -34,13 +34,14 @@ const OUTLOOK_RAYS: u8 = 16;
 /// Anchors that the exposed share of a scene is estimated from.
 const PROBES: usize = 4000;
 
-/// Flux of an anchor, in means of all, from which on it is split. In an office whose desk lamp holds 60 W in a shade of the size of
-/// an anchor's share, the light reflected twice is 1.9 % too dark without, 0.2 % too bright with 8, and no better with 4, which
-/// adds six times as many lights.
+/// Flux of an anchor, in means of all, from which on it is split. In an office whose desk lamp holds 60 W in a shade of the
+/// size of an anchor's share, the light reflected twice is 1.9 % too dark without, 0.2 % too bright with 8, and no better with
+/// 4, which adds six times as many lights.
 const BRIGHT: f32 = 8.0;
 
-/// Number that the places of points on their patches are drawn with. Cuts keep their thresholds more or less well by where anchors
-/// happen to lie: in `cornell`, 99.991 % of the pixels are within three times 2 % with 4, and 99.94 to 99.987 % with 0 to 3.
+/// Number that the places of points on their patches are drawn with. Cuts keep their thresholds more or less well by where
+/// anchors happen to lie: in `cornell`, 99.991 % of the pixels are within three times 2 % with 4, and 99.94 to 99.987 % with 0
+/// to 3.
 const PLACEMENT: u64 = 4;
 
 /// Distance at which a ray from an anchor gets out, in sides of an anchor's share. Nearer things stand between the anchor and
@@ -106,23 +107,28 @@ impl Anchors {
         fixed: usize,
         dynamic: usize,
     ) -> Self {
+        // Places are rated by the things at rest alone.
         let accelerator = &geometry.place_still();
         let outlooks_of = |anchors: &Self, places: &[Anchor]| {
             Eye::of(anchors, surfaces, accelerator, (NEAR, OUTLOOK_RAYS)).outlooks(places)
         };
+
+        // A first spread over all surfaces tells by probes which share of them is exposed.
         let mut anchors = Self::without_surfels(surfaces, units, fixed, dynamic);
         // Odd: points within a triangle lie on a sequence of base 2.
         let every = (anchors.fixed.len() / PROBES) | 1;
         let probes: Vec<Anchor> = anchors.fixed.iter().step_by(every).copied().collect();
         let exposed = outlooks_of(&anchors, &probes).iter().filter(|outlook| outlook.exposed).count();
+
+        // Divided by this share, the count leaves about the number of anchors wanted.
         if exposed > 0 && exposed < probes.len() {
-            // Divided by the exposed share, the count leaves about the number of anchors wanted.
             let count = (fixed as f64 * probes.len() as f64 / exposed as f64).round();
             anchors = Self::without_surfels(surfaces, units, count as usize, dynamic);
         }
+
+        // Those that are not exposed would take energy from their neighbors, and lose it.
         let outlooks = outlooks_of(&anchors, &anchors.fixed);
-        let exposed = anchors.fixed.iter().copied().zip(outlooks).filter(|(_, outlook)| outlook.exposed);
-        let (places, outlooks): (_, Vec<Outlook>) = exposed.unzip();
+        let (places, outlooks) = exposure::exposed(&anchors.fixed, outlooks);
         anchors.fixed = places;
         let surfels = Surfels::of_exposed(&anchors, &outlooks, surfaces, accelerator, units);
         Self { surfels, ..anchors }
@@ -136,10 +142,11 @@ impl Anchors {
         Self { area_share: area / count.max(1) as f32, ..Self::default() }
     }
 
-    /// Splits fixed anchors whose `flux` is `BRIGHT` (8) times the mean or more into the surfels that they shine for. So a lampshade
-    /// or a patch of sun has as many lights as it is bright, where area alone would give it one or two. At most three in eight
-    /// are added.
+    /// Splits fixed anchors whose `flux` is `BRIGHT` (8) times the mean or more into the surfels that they shine for. So a
+    /// lampshade or a patch of sun has as many lights as it is bright, where area alone would give it one or two. At most three
+    /// in eight are added.
     pub fn split_bright(&mut self, flux: &[Vec3]) {
+        // In f64: a few bright anchors are added to tens of thousands of dark ones.
         let total: f64 = flux.iter().map(|&flux| f64::from(luminance(flux))).sum();
         let least = f64::from(BRIGHT) * total / flux.len().max(1) as f64;
         let is_bright: Vec<bool> =
@@ -203,10 +210,13 @@ impl Anchors {
 impl DynamicAnchor {
     /// Where it is at the pose that `surfaces` has.
     fn in_world(&self, surfaces: &Surfaces) -> Anchor {
+        // The normal of the side that reflects. An instance that is mirrored has its corners the other way round.
         let [a, b, c] = surfaces.corners(self.instance as usize, self.triangle as usize);
         let mirrored = surfaces.world(self.instance as usize).matrix3.determinant() < 0.0;
         let turn = if self.front != mirrored { 1.0 } else { -1.0 };
         let normal = ((b - a).cross(c - a) * turn).normalize_or_zero();
+
+        // x = a + u (b − a) + v (c − a), and a little off the surface.
         let (u, v) = self.barycentric;
         let position = a + (b - a) * u + (c - a) * v + normal * self.offset;
         Anchor { position, normal, instance: self.instance }
@@ -227,19 +237,26 @@ impl Patches {
         let scene = surfaces.scene();
         let moving = scene.moving_instances();
         let (mut list, mut areas) = (Vec::new(), Vec::new());
-        for (index, instance) in scene.instances.iter().enumerate().filter(|(index, _)| moving[*index] == on_moving) {
+        for (index, instance) in scene.instances.iter().enumerate() {
+            if moving[index] != on_moving {
+                continue;
+            }
+            // Both sides of a sheet reflect, each with its own anchors; unlit surfaces reflect nothing.
             let mesh = &scene.meshes[instance.mesh];
             let material = &scene.materials[mesh.material];
-            // Both sides of a sheet reflect, each with its own anchors; unlit surfaces reflect nothing.
             let sides: &[bool] = match (material.unlit, material.double_sided) {
                 (true, _) => &[],
                 (false, false) => &[true],
                 (false, true) => &[true, false],
             };
-            for (t, &front) in (0..mesh.triangles.len()).flat_map(|t| sides.iter().map(move |front| (t, front))) {
-                let [a, b, c] = surfaces.corners(index, t);
-                list.push((index, t, front));
-                areas.push(f64::from((b - a).cross(c - a).length() / 2.0));
+
+            // Each side is as likely to be chosen as it is large:  |(b − a) × (c − a)| / 2.
+            for t in 0..mesh.triangles.len() {
+                for &front in sides {
+                    let [a, b, c] = surfaces.corners(index, t);
+                    list.push((index, t, front));
+                    areas.push(f64::from((b - a).cross(c - a).length() / 2.0));
+                }
             }
         }
         Some(Self { list, choice: Distribution::new(areas)? })
@@ -257,9 +274,12 @@ impl Patches {
         // one half of their triangles where each side has a single point.
         let (mut last, mut within) = (usize::MAX, 0);
         for i in 0..count {
+            // Even steps through the sum of the areas: points of a patch follow each other.
             let patch = self.choice.pick((i as f64 + 0.5) / count as f64).index;
             within = if patch == last { within + 1 } else { 0 };
             last = patch;
+
+            // The next point of the patch's own sequence.
             let (instance, t, front) = self.list[patch];
             let barycentric = triangle(owen_sobol_point(within, hash(count as u64, patch as u64, PLACEMENT)));
             let (instance, t) = (instance as u32, t as u32);

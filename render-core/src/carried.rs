@@ -11,15 +11,17 @@
 //! Samples are handed on and never mixed, so that light is not blurred however long it is carried \[Nehab07\], \[Walter99\].
 //! The residual of the plane estimates the error. What lies outside of the samples' convex hull, beside another surface, is
 //! estimated by its distance from the hull: light may change there. Audits tell which estimates hold ([`trust`]).
-//! A pixel whose error exceeds what they allow, as in penumbras, is lit anew, and so is a pixel whose surface was not visible before.
+//! A pixel whose error exceeds what they allow, as in penumbras, is lit anew. So is a pixel whose surface was not visible before.
 
+mod near;
 mod sample;
 mod trust;
 
 use crate::gbuffer::{GBuffer, MACROBLOCK, PixelSurface};
 use crate::sampling::frame;
 use crate::{Timed, luminance};
-use glam::{Mat2, Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
+use near::{Estimate, Near};
 use plane::{Correspondence, Plane};
 use rayon::prelude::*;
 use sample::Sample;
@@ -31,17 +33,6 @@ const REACH: f32 = 3.0;
 const OFF_PLANE: f32 = 0.1;
 /// Cosine of the angle up to which the normals of a sample and a pixel may differ: 18°.
 const ALIKE_COSINE: f32 = 0.95;
-/// Distance of the nearest sample at most \[pixels, seen face on\].
-const NEAREST: f32 = 1.0;
-/// Samples that a plane is fitted to at least.
-const LEAST_FITTED: usize = 5;
-/// Difference that is assumed of a sample that no other one can be compared with, as a share of its light.
-const UNKNOWN_CONTRAST: f32 = 0.25;
-/// Difference of light that the samples do not show, as a share of the brightest around them. Beside benches of `nave` irradiance
-/// falls to a third within half a pixel.
-const UNSEEN_CONTRAST: f32 = 0.5;
-/// Share of the mean square distance of the samples that is added to the fit: nearly collinear samples give no steep slopes.
-const STIFFNESS: f32 = 0.01;
 /// Cosine of the angle of view below which slanted surfaces are treated alike.
 const LEAST_COSINE: f32 = 0.05;
 
@@ -114,16 +105,24 @@ impl Carried {
     /// If the pictures differ in size.
     pub fn complete(self, lit: &Plane<[f32; 3]>, seen: &GBuffer, light: &mut CarriedLight) -> Completed {
         let Self { mut irradiance, missing, audits } = self;
-        let pixels = missing.samples().iter().zip(lit.samples()).zip(irradiance.samples_mut());
-        let kept = seen.pixels.samples().iter().zip(light.samples.samples_mut());
-        for (((_, &lit), irradiance), (pixel, sample)) in pixels.zip(kept).filter(|(((missing, _), _), _)| **missing) {
-            *irradiance = lit;
-            *sample = Sample::new(pixel.position, pixel.shading_normal.into(), lit.into());
+        let lit = lit.samples();
+
+        // New light of missing pixels completes the picture, and becomes the sample that the next one takes.
+        let (surfaces, samples) = (seen.pixels.samples(), light.samples.samples_mut());
+        let irradiances = irradiance.samples_mut();
+        for (k, &is_missing) in missing.samples().iter().enumerate() {
+            if is_missing {
+                irradiances[k] = lit[k];
+                samples[k] = Sample::new(surfaces[k].position, surfaces[k].shading_normal.into(), lit[k].into());
+            }
         }
+
+        // Audited pixels were lit as well: how far off would the carried light have been? All of them say how far estimates can
+        // be trusted. Counted are those that would not have been lit without the audit.
         let mut counts = AuditCounts::default();
         light.trust.forget();
         for Audit { pixel, luminance: carried, error, tolerance, is_trusted } in audits {
-            let difference = (luminance(lit.samples()[pixel as usize].into()) - carried).abs();
+            let difference = (luminance(lit[pixel as usize].into()) - carried).abs();
             light.trust.note(error / tolerance, difference / tolerance);
             counts.all += usize::from(is_trusted);
             counts.within += usize::from(is_trusted && difference <= tolerance);
@@ -165,58 +164,30 @@ impl CarriedLight {
         reuse: impl Fn(usize, usize) -> Reuse + Sync,
         tolerance: impl Fn(usize, usize, f32) -> f32 + Sync,
     ) -> Timed<Carried> {
-        let Destination { seen, known, unseen, allowed } = to;
-        let (width, height) = (seen.pixels.width(), seen.pixels.height());
+        // The next picture, before anything is carried to it.
+        let (width, height) = (to.seen.pixels.width(), to.seen.pixels.height());
         let mut irradiance = Plane::filled(width, height, [0.0; 3]);
         let mut missing = Plane::filled(width, height, false);
         let mut samples = Plane::filled(width, height, Sample::NONE);
-        let limit = self.trust.limit(allowed);
-        let usual = (unseen == Unseen::Shadows).then(|| self.usual_luminance());
+
+        // What is the same for all pixels.
+        let (light, limit) = (&*self, self.trust.limit(to.allowed));
+        let usual = (to.unseen == Unseen::Shadows).then(|| self.usual_luminance());
+        let transfer = Transfer { light, to, reuse: &reuse, tolerance: &tolerance, limit, usual };
+
+        // Rows of macroblocks side by side. Each reads samples of the last picture anywhere, and writes to its own pixels.
         let strip = (MACROBLOCK * width).max(1);
         let strips = samples
             .samples_mut()
             .par_chunks_mut(strip)
             .zip(irradiance.samples_mut().par_chunks_mut(strip))
-            .zip(missing.samples_mut().par_chunks_mut(strip));
-        let carry_strip = |row: usize, samples: &mut [Sample], irradiance: &mut [[f32; 3]], missing: &mut [bool]| {
-            let mut audits = Vec::new();
-            for k in 0..samples.len() {
-                let (x, y) = (k % width, row * MACROBLOCK + k / width);
-                let pixel = seen.pixels.get(x, y);
-                if !pixel.reflects() {
-                    continue;
-                }
-                missing[k] = true;
-                let Some(from) = known.and_then(|known| known.match_of(x, y)) else { continue };
-                let reuse = reuse(x, y);
-                if reuse == Reuse::Forbidden {
-                    continue;
-                }
-                let Some(found) = self.light_at(&pixel, (seen, usual), from as usize) else { continue };
-                let tolerance = tolerance(x, y, luminance(found.irradiance));
-                if found.error > trust::LARGEST * tolerance {
-                    continue;
-                }
-                let is_trusted = found.error <= limit * tolerance;
-                if reuse == Reuse::Audited {
-                    let (pixel, luminance) = ((y * width + x) as u32, luminance(found.irradiance));
-                    audits.push(Audit { pixel, luminance, error: found.error, tolerance, is_trusted });
-                    continue;
-                }
-                if !is_trusted {
-                    continue;
-                }
-                missing[k] = false;
-                samples[k] = found.sample;
-                irradiance[k] = found.irradiance.to_array();
-            }
-            audits
-        };
+            .zip(missing.samples_mut().par_chunks_mut(strip))
+            .enumerate();
         let audits: Timed<Vec<Vec<Audit>>> = Timed::of(|busy| {
-            let strips = strips.enumerate().map(|(row, ((samples, irradiance), missing))| {
-                busy.measure(|| carry_strip(row, samples, irradiance, missing))
-            });
-            strips.collect()
+            let carry = |(row, ((samples, irradiance), missing))| {
+                busy.measure(|| transfer.carry_strip(row * MACROBLOCK, Strip { samples, irradiance, missing }))
+            };
+            strips.map(carry).collect()
         });
         self.samples = samples;
         audits.map(|audits| Carried { irradiance, missing, audits: audits.concat() })
@@ -236,25 +207,33 @@ impl CarriedLight {
 
     /// Light at the surface point of `pixel` by the samples around the place `from`, in raster order. Where it
     /// may begin anywhere, it is as bright as `usual`.
-    fn light_at(&self, pixel: &PixelSurface, (seen, usual): (&GBuffer, Option<f32>), from: usize) -> Option<Found> {
+    fn light_at(&self, pixel: &PixelSurface, (seen, usual): (&GBuffer, Option<f32>), from: usize) -> Option<Estimate> {
+        // A light that has not been carried yet has no samples, whatever the pictures show.
         let (width, height) = (self.samples.width(), self.samples.height());
         if from >= width * height {
             return None;
         }
+
+        // The very point has a sample where neither the camera nor the surface moved: nothing to estimate.
         let (column, row) = (from % width, from / width);
-        let position = Vec3A::from(pixel.position);
         let same = self.samples.get(column, row);
-        if same.position == pixel.position && same.normal().dot(pixel.shading_normal.into()) >= ALIKE_COSINE {
-            return Some(Found { sample: same, irradiance: same.irradiance(), error: 0.0 });
+        let shading_normal = Vec3A::from(pixel.shading_normal);
+        if same.position == pixel.position && same.normal().dot(shading_normal) >= ALIKE_COSINE {
+            return Some(Estimate { sample: same, irradiance: same.irradiance(), error: 0.0 });
         }
-        let normal = Vec3::from(pixel.geometric_normal);
-        let axes = <[Vec3; 2]>::from(frame(normal)).map(Vec3A::from);
-        let (normal, shading_normal) = (Vec3A::from(normal), Vec3A::from(pixel.shading_normal));
+
+        // Distances count in widths of a pixel. Along a surface seen askew a pixel is wider by 1 / cos.
+        let position = Vec3A::from(pixel.position);
+        let normal = Vec3A::from(pixel.geometric_normal);
         let width_facing = seen.view.pixel_width(pixel.depth);
         let to_viewer = (seen.view.position() - position).normalize_or_zero();
         let slant = to_viewer.dot(normal).abs().max(LEAST_COSINE).recip();
         let (reach, off_plane) = (REACH * width_facing * slant, OFF_PLANE * width_facing);
-        let mut near = Near { brightest: usual.unwrap_or(0.0), has_borders: usual.is_some(), ..Near::default() };
+
+        // Of the 3×3 samples only those of the same surface count, by their places along it. The others still say how bright
+        // the light beside it may be.
+        let axes = <[Vec3; 2]>::from(frame(normal.into())).map(Vec3A::from);
+        let mut near = Near::new(usual);
         for y in row.saturating_sub(1)..(row + 2).min(height) {
             for x in column.saturating_sub(1)..(column + 2).min(width) {
                 let sample = self.samples.get(x, y);
@@ -273,107 +252,92 @@ impl CarriedLight {
     }
 }
 
-/// Light at a point.
-struct Found {
-    /// The nearest sample.
-    sample: Sample,
-    irradiance: Vec3,
-    /// By which its luminance may be wrong.
-    error: f32,
+/// All that decides what the pixels of a picture take from the one before.
+struct Transfer<'a, R, T> {
+    light: &'a CarriedLight,
+    to: Destination<'a>,
+    /// See [`CarriedLight::carry`].
+    reuse: &'a R,
+    tolerance: &'a T,
+    /// Largest estimated error that is carried, in tolerances.
+    limit: f32,
+    /// Luminance of light that may begin anywhere; none if it does not.
+    usual: Option<f32>,
 }
 
-/// The samples near a point.
-#[derive(Default)]
-struct Near {
-    count: usize,
-    /// Luminance of what is not seen, at most.
-    brightest: f32,
-    /// Whether light may end between samples.
-    has_borders: bool,
-    places: [Vec2; 9],
-    light: [Vec3; 9],
-    samples: [Sample; 9],
+/// A part of the next picture: some of its rows.
+struct Strip<'a> {
+    samples: &'a mut [Sample],
+    irradiance: &'a mut [[f32; 3]],
+    missing: &'a mut [bool],
 }
 
-impl Near {
-    fn add(&mut self, sample: Sample, place: Vec2) {
-        let k = self.count;
-        (self.places[k], self.light[k], self.samples[k]) = (place, sample.irradiance(), sample);
-        self.count += 1;
-    }
+/// What becomes of the light at a pixel.
+enum Outcome {
+    Carried(Estimate),
+    /// The pixel is lit anew, and the carried light compared with that.
+    Audited(Audit),
+    /// The pixel is lit anew.
+    Lost,
+}
 
-    /// Light at the origin; none if no sample is within [`NEAREST`] of it, in units of the samples' `spacing`. Where the samples
-    /// tell little, the light may differ by [`UNSEEN_CONTRAST`].
-    fn at_origin(&self, spacing: f32) -> Option<Found> {
-        let (count, nearest) = (self.count, NEAREST * spacing);
-        let (places, light) = (&self.places[..count], &self.light[..count]);
-        let far2 = |k: usize| places[k].length_squared();
-        let first = (0..count).min_by(|&a, &b| far2(a).total_cmp(&far2(b)))?;
-        if far2(first) > nearest * nearest {
-            return None;
-        }
-        let mean = |sum: Vec2| sum / count as f32;
-        let middle = mean(places.iter().sum());
-        let spread2 = places.iter().map(|place| (place - middle).length_squared()).sum::<f32>() / count as f32;
-        let (spread, slopes, contrast) = if count == 1 || spread2 == 0.0 {
-            (spacing, [Vec2::ZERO; 3], UNKNOWN_CONTRAST * self.brightest)
-        } else if count < LEAST_FITTED {
-            let brightness = || light.iter().map(|&light| luminance(light));
-            let range = brightness().fold(f32::NEG_INFINITY, f32::max) - brightness().fold(f32::INFINITY, f32::min);
-            (spread2.sqrt(), [Vec2::ZERO; 3], range)
-        } else {
-            let (slopes, rest) = self.fitted(middle, spread2);
-            (spread2.sqrt(), slopes, rest)
-        };
-        let share = (far2(first).sqrt() / spread).min(1.0);
-        // Few samples say nothing of what is between them, either.
-        let unseen = if count < LEAST_FITTED { share } else { (self.beyond() / spacing).min(1.0) };
-        // A border is there or not: errors by chance, and their root mean square.
-        let unseen = if self.has_borders { unseen.sqrt() } else { unseen };
-        let error = contrast * share + UNSEEN_CONTRAST * unseen * self.brightest;
-        let change = Vec3::from_array(slopes.map(|slope| -slope.dot(places[first])));
-        let irradiance = (light[first] + change).max(Vec3::ZERO);
-        Some(Found { sample: self.samples[first], irradiance, error })
-    }
-
-    /// Distance of the origin from the convex hull of the places.
-    fn beyond(&self) -> f32 {
-        let places = &self.places[..self.count];
-        // Outside, all places are on one side of the line through the origin and one of them.
-        let is_outside = places.iter().any(|a| places.iter().all(|&b| a.perp_dot(b) >= 0.0));
-        if !is_outside {
-            return 0.0;
-        }
-        let mut least = f32::INFINITY;
-        for (k, &a) in places.iter().enumerate() {
-            for &b in &places[..=k] {
-                let way = b - a;
-                let along = (-a.dot(way) / way.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-                least = least.min((a + way * along).length_squared());
+impl<R, T> Transfer<'_, R, T>
+where
+    R: Fn(usize, usize) -> Reuse,
+    T: Fn(usize, usize, f32) -> f32,
+{
+    /// Carries light to a strip whose first row is `top`; returns the audits there.
+    fn carry_strip(&self, top: usize, strip: Strip) -> Vec<Audit> {
+        let pixels = &self.to.seen.pixels;
+        let mut audits = Vec::new();
+        for k in 0..strip.samples.len() {
+            // The sky and the like reflect nothing: they need no light.
+            let (x, y) = (k % pixels.width(), top + k / pixels.width());
+            let pixel = pixels.get(x, y);
+            if !pixel.reflects() {
+                continue;
+            }
+            strip.missing[k] = true;
+            match self.outcome(x, y, &pixel) {
+                Outcome::Lost => (),
+                Outcome::Audited(audit) => audits.push(audit),
+                Outcome::Carried(estimate) => {
+                    strip.missing[k] = false;
+                    strip.samples[k] = estimate.sample;
+                    strip.irradiance[k] = estimate.irradiance.to_array();
+                }
             }
         }
-        least.sqrt()
+        audits
     }
 
-    /// Slopes of the plane through the samples' light, by channel, and root mean square of the luminance that it leaves.
-    fn fitted(&self, middle: Vec2, spread2: f32) -> ([Vec2; 3], f32) {
-        let (places, light) = (&self.places[..self.count], &self.light[..self.count]);
-        let count = self.count as f32;
-        let mean = light.iter().sum::<Vec3>() / count;
-        let (mut square, mut by) = (Mat2::from_diagonal(Vec2::splat(STIFFNESS * spread2 * count)), [Vec2::ZERO; 3]);
-        for (place, light) in places.iter().zip(light) {
-            let (way, more) = (place - middle, light - mean);
-            square += Mat2::from_cols(way * way.x, way * way.y);
-            by.iter_mut().zip(more.to_array()).for_each(|(by, more)| *by += way * more);
+    /// What becomes of the light at pixel (x, y), which shows `pixel`.
+    fn outcome(&self, x: usize, y: usize, pixel: &PixelSurface) -> Outcome {
+        // A surface that was out of sight in the last picture, or whose light may be another now, has nothing to take.
+        let Destination { seen, known, .. } = self.to;
+        let Some(from) = known.and_then(|known| known.match_of(x, y)) else { return Outcome::Lost };
+        let reuse = (self.reuse)(x, y);
+        if reuse == Reuse::Forbidden {
+            return Outcome::Lost;
         }
-        let inverse = square.inverse();
-        let slopes = by.map(|by| inverse * by);
-        let rest = |(place, light): (&Vec2, &Vec3)| {
-            let plane = Vec3::from_array(slopes.map(|slope| slope.dot(place - middle)));
-            luminance(light - mean - plane).powi(2)
+
+        // Beyond the largest estimate that audits are kept of, even an audit would say nothing.
+        let Some(estimate) = self.light.light_at(pixel, (seen, self.usual), from as usize) else {
+            return Outcome::Lost;
         };
-        let rest = places.iter().zip(light).map(rest).sum::<f32>() / (count - 3.0);
-        (slopes, rest.sqrt())
+        let (luminance, error) = (luminance(estimate.irradiance), estimate.error);
+        let tolerance = (self.tolerance)(x, y, luminance);
+        if error > trust::LARGEST * tolerance {
+            return Outcome::Lost;
+        }
+
+        // An audit also looks at light that is not trusted: else the limit could never rise again.
+        let is_trusted = error <= self.limit * tolerance;
+        if reuse == Reuse::Audited {
+            let pixel = (y * seen.pixels.width() + x) as u32;
+            return Outcome::Audited(Audit { pixel, luminance, error, tolerance, is_trusted });
+        }
+        if is_trusted { Outcome::Carried(estimate) } else { Outcome::Lost }
     }
 }
 

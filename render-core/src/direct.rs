@@ -4,47 +4,24 @@
 //! points would leave noise that the encoder pays for. Shadow rays of a sample are traced to all pixels of a tile together.
 
 mod balance;
+mod lights;
 mod tile;
 
 use crate::accel::{Accelerator, PACKET};
 use crate::anchor::{Anchor, Anchors};
-use crate::emitter::{AreaLight, AreaSample, Emitters, PointLight};
+use crate::emitter::{AreaSample, Emitters, PointLight};
 use crate::luminance;
-use crate::polygon::Polygon;
-use crate::sampling::centered_sobol;
 use crate::surface::Surfaces;
-use balance::Balance;
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Vec3, Vec3A};
+use lights::{Area, Sun, reflected_point};
 use std::f32::consts::PI;
 use tile::Tile;
 
-/// Sample points of an area light, and those that shadow rays are traced to first. The rest is skipped where these and the
-/// corners of the light agree. Without the corners a penumbra begins too late, and with a step.
-const AREA_SAMPLES: usize = 64;
-const FIRST_AREA_SAMPLES: usize = 16;
-/// Distance of corner samples from the corner, as a share of that to the middle: objects that touch a lamp hide its border.
-const INWARD: f32 = 0.05;
 /// Bound of the geometry term of a sample of an area light, as a share of that of its own disc: it keeps contact finite. With
 /// the full disc a panel seen from its own width comes out 0.5 % dark, since its points already average over each other.
 const AREA_BOUND: f32 = 1.0 / 8.0;
 /// Least number of receivers for which a shaft to the light is worth its cost.
 const WORTH_A_SHAFT: usize = 8;
-/// A light of more pieces than this is summed over its points even where nothing hides it.
-const MOST_POLYGONS: usize = 4;
-/// The same for the disc of the sun; eight points of the border come before.
-const SUN_SAMPLES: usize = 32;
-const FIRST_SUN_SAMPLES: usize = 2;
-/// Points of the unit square that go to the border of a disc, an eighth of a turn apart.
-const BORDER: [Vec2; 8] = [
-    Vec2::new(0.0, 0.0),
-    Vec2::new(1.0, 1.0),
-    Vec2::new(1.0, 0.0),
-    Vec2::new(0.0, 1.0),
-    Vec2::new(0.5, 0.0),
-    Vec2::new(0.5, 1.0),
-    Vec2::new(1.0, 0.5),
-    Vec2::new(0.0, 0.5),
-];
 /// Shadow rays are skipped for dynamic anchors that in sum give a receiver less than this share of its other direct light.
 const UNSHADOWED_SHARE: f32 = 1e-3;
 
@@ -77,32 +54,6 @@ pub struct DynamicLights<'a> {
     pub anchors: &'a [(Anchor, Vec3)],
     /// [`Anchors::dynamic_geometry_term_bound`] \[m²\].
     pub geometry_term_bound: f32,
-}
-
-/// A glowing surface.
-#[derive(Debug)]
-struct Area {
-    instance: u32,
-    samples: Vec<AreaSample>,
-    /// Where it ends, where its shape is simple.
-    corners: Vec<AreaSample>,
-    /// Positions of the samples and the corners.
-    positions: Vec<Vec3A>,
-    /// Its shape, where that is simple enough for a closed form.
-    polygons: Vec<Polygon>,
-    /// Factors that give the samples the intensity of the whole light, where there is no closed form.
-    balance: Option<Balance>,
-}
-
-/// The disc of a sun.
-#[derive(Debug)]
-struct Sun {
-    irradiance: Vec3,
-    towards: Vec3A,
-    angular_radius: f32,
-    /// Towards points of its disc, and of its border.
-    directions: Vec<Vec3A>,
-    border: [Vec3A; 8],
 }
 
 /// One point of each light that is sampled at every pixel.
@@ -164,25 +115,18 @@ impl DirectLights {
         dynamic_flux: &[Vec3],
         areas: &[usize],
     ) -> Self {
-        let dynamic = anchors.dynamic_in_world(surfaces).into_iter().zip(dynamic_flux);
+        // A Lambertian emitter of flux Φ has the intensity Φ / π along its normal.
+        let mut dynamic = Vec::new();
+        for (anchor, &flux) in anchors.dynamic_in_world(surfaces).into_iter().zip(dynamic_flux) {
+            if flux.max_element() > 0.0 {
+                dynamic.push((anchor, flux / PI));
+            }
+        }
         Self {
             areas: areas.iter().map(|&place| Area::new(&emitters.areas[place], surfaces)).collect(),
             points: emitters.points.clone(),
-            suns: emitters
-                .suns
-                .iter()
-                .map(|sun| Sun {
-                    irradiance: sun.irradiance,
-                    towards: sun.towards,
-                    angular_radius: sun.angular_radius,
-                    directions: centered_sobol(SUN_SAMPLES).map(|u| sun.direction(u)).collect(),
-                    border: BORDER.map(|u| sun.direction(u)),
-                })
-                .collect(),
-            dynamic: dynamic
-                .filter(|(_, energy)| energy.max_element() > 0.0)
-                .map(|(anchor, energy)| (anchor, *energy / PI))
-                .collect(),
+            suns: emitters.suns.iter().map(Sun::new).collect(),
+            dynamic,
             dynamic_geometry_term_bound: anchors.dynamic_geometry_term_bound(),
             dynamic_apart: false,
         }
@@ -215,10 +159,17 @@ impl DirectLights {
         let mut sums = vec![Vec3::ZERO; receivers.len()];
         let mut shadow_rays = 0;
         for (receivers, sums) in receivers.chunks(PACKET).zip(sums.chunks_mut(PACKET)) {
+            // Dynamic anchors come last: those that are faint beside the other lights get no shadow rays.
             let tile = Tile::new(accelerator, receivers);
-            self.areas.iter().for_each(|area| tile.add_area(area, sums));
-            self.points.iter().for_each(|point| tile.add_point(point, sums));
-            self.suns.iter().for_each(|sun| tile.add_sun(sun, sums));
+            for area in &self.areas {
+                tile.add_area(area, sums);
+            }
+            for point in &self.points {
+                tile.add_point(point, sums);
+            }
+            for sun in &self.suns {
+                tile.add_sun(sun, sums);
+            }
             if !self.dynamic_apart {
                 self.add_dynamic(&tile, sums);
             }
@@ -230,16 +181,21 @@ impl DirectLights {
     /// A point of each glowing surface, point light and sun that is sampled here.
     #[must_use]
     pub fn lamps(&self) -> Lamps {
-        let areas = self.areas.iter().filter_map(|area| area.positions.first().copied());
-        Lamps {
-            points: areas.chain(self.points.iter().map(|point| point.position)).collect(),
-            suns: self.suns.iter().map(|sun| sun.towards).collect(),
+        // The first sample stands for its area.
+        let mut points = Vec::new();
+        for area in &self.areas {
+            points.extend(area.positions.first());
         }
+        for point in &self.points {
+            points.push(point.position);
+        }
+        Lamps { points, suns: self.suns.iter().map(|sun| sun.towards).collect() }
     }
 
     /// Whether the glowing surfaces, point lights and suns are those of `other`, where they were.
     #[must_use]
     pub fn has_lamps_of(&self, other: &Self) -> bool {
+        // Samples have the place and the brightness of an area: all else of it follows from the same surface.
         let areas = self.areas.iter().map(|area| (area.instance, &area.samples));
         areas.eq(other.areas.iter().map(|area| (area.instance, &area.samples)))
             && self.points == other.points
@@ -253,10 +209,19 @@ impl DirectLights {
             low: points.iter().copied().fold(Vec3A::INFINITY, Vec3A::min),
             high: points.iter().copied().fold(Vec3A::NEG_INFINITY, Vec3A::max),
         };
-        let areas = self.areas.iter().map(|area| around(&area.positions));
-        let points = self.points.iter().map(|point| Source::Lamp { low: point.position, high: point.position });
-        let suns = self.suns.iter().map(|sun| Source::Sun { towards: sun.towards, angular_radius: sun.angular_radius });
-        areas.chain(points).chain(suns).collect()
+
+        // Shadow rays of an area end at its samples and corners; no other place of it matters.
+        let mut sources = Vec::new();
+        for area in &self.areas {
+            sources.push(around(&area.positions));
+        }
+        for point in &self.points {
+            sources.push(Source::Lamp { low: point.position, high: point.position });
+        }
+        for sun in &self.suns {
+            sources.push(Source::Sun { towards: sun.towards, angular_radius: sun.angular_radius });
+        }
+        sources
     }
 
     /// Whether `instance` is a glowing surface that is sampled here.
@@ -276,65 +241,48 @@ impl DirectLights {
         areas: bool,
         brdf: impl Fn(Vec3A, f32) -> Vec3,
     ) -> Traced<Vec3> {
-        let (mut sum, mut shadow_rays) = (Vec3::ZERO, 0);
+        // Points and suns need a shadow ray or two each, an area light one for every sample that gives light.
+        let mut whole = Traced::default();
         for light in &self.points {
-            let (cos, r2) = receiver.cosine_to(light.position);
-            let Some(towards) = (light.position - receiver.position).try_normalize().filter(|_| cos > 0.0) else {
-                continue;
-            };
-            let given = brdf(towards, 0.0) * light.intensity_towards(receiver.position) * (cos / r2);
-            if given != Vec3::ZERO {
-                shadow_rays += 1;
-                let hidden = accelerator.occluded(receiver.position, light.position);
-                sum += if hidden { Vec3::ZERO } else { given };
-            }
+            whole.add(reflected_point(light, accelerator, receiver, &brdf));
         }
         for sun in &self.suns {
-            let reflected = sun.reflected(accelerator, receiver, &brdf);
-            sum += reflected.value;
-            shadow_rays += reflected.shadow_rays;
+            whole.add(sun.reflected(accelerator, receiver, &brdf));
         }
-        for area in self.areas.iter().filter(|_| areas) {
-            let balance = area.balance_at(receiver);
-            for samples in area.samples.chunks(PACKET) {
-                let (mut given, mut ends, mut active) = ([Vec3::ZERO; PACKET], [Vec3A::ZERO; PACKET], 0);
-                for (i, sample) in samples.iter().enumerate() {
-                    let way = sample.position - receiver.position;
-                    let irradiance = area.unhidden_sample(receiver, sample);
-                    ends[i] = sample.position;
-                    if irradiance != Vec3::ZERO {
-                        let distance = way.length();
-                        let half_angle = (sample.area / PI).sqrt().atan2(distance);
-                        given[i] = irradiance * brdf(way / distance, half_angle);
-                        active |= u64::from(given[i] != Vec3::ZERO) << i;
-                    }
-                }
-                shadow_rays += u64::from(active.count_ones());
-                let hidden = accelerator.occluded_packet(receiver.position, &ends[..samples.len()], active);
-                sum += balance * bits(active & !hidden).map(|i| given[i]).sum::<Vec3>();
+        if areas {
+            for area in &self.areas {
+                area.add_reflected(accelerator, receiver, &brdf, &mut whole);
             }
         }
-        Traced { value: sum, shadow_rays }
+        whole
     }
 
     /// Adds what the dynamic anchors give.
     fn add_dynamic(&self, tile: &Tile, sums: &mut [Vec3]) {
-        let mut unshadowed: [f32; PACKET] =
-            std::array::from_fn(|i| sums.get(i).map_or(0.0, |&sum| luminance(sum) * UNSHADOWED_SHARE));
+        // Luminance that each receiver may still take from anchors without asking whether these are hidden.
+        let mut unshadowed = [0.0; PACKET];
+        for (unshadowed, &sum) in unshadowed.iter_mut().zip(&*sums) {
+            *unshadowed = luminance(sum) * UNSHADOWED_SHARE;
+        }
         for (anchor, intensity) in &self.dynamic {
+            // Shadow rays go to the receivers at which the anchor is too bright for that.
             let terms = tile.terms(&Disc::of_anchor(anchor, self.dynamic_geometry_term_bound));
             let mut active = 0;
-            for (i, unshadowed) in unshadowed.iter_mut().enumerate().take(sums.len()) {
+            for i in 0..sums.len() {
                 let y = luminance(*intensity * terms[i]);
-                if y > *unshadowed {
+                if y > unshadowed[i] {
                     active |= 1 << i;
                 } else {
-                    *unshadowed -= y;
+                    unshadowed[i] -= y;
                 }
             }
+
+            // Those that no ray was traced to are not hidden.
             let hidden = tile.hidden_from(anchor.position, active, None);
-            for (i, sum) in sums.iter_mut().enumerate().filter(|(i, _)| hidden >> i & 1 == 0) {
-                *sum += *intensity * terms[i];
+            for (i, sum) in sums.iter_mut().enumerate() {
+                if hidden >> i & 1 == 0 {
+                    *sum += *intensity * terms[i];
+                }
             }
         }
     }
@@ -343,6 +291,13 @@ impl DirectLights {
     #[must_use]
     pub fn counts(&self) -> [usize; 4] {
         [self.areas.len(), self.points.len(), self.suns.len(), self.dynamic.len()]
+    }
+}
+
+impl Traced<Vec3> {
+    fn add(&mut self, other: Self) {
+        self.value += other.value;
+        self.shadow_rays += other.shadow_rays;
     }
 }
 
@@ -388,86 +343,6 @@ impl Disc {
     }
 }
 
-impl Area {
-    fn new(light: &AreaLight, surfaces: &Surfaces) -> Self {
-        let simple = light.patch_count() <= MOST_POLYGONS && !light.is_textured();
-        let samples = light.samples(surfaces, AREA_SAMPLES);
-        let pieces = light.polygons(surfaces);
-        let balance = (!simple).then(|| Balance::new(&pieces, &samples));
-        let polygons = if simple { pieces } else { Vec::new() };
-        let corners: Vec<AreaSample> = polygons.iter().flat_map(|polygon| corners(polygon, &samples[0])).collect();
-        Self {
-            instance: light.instance as u32,
-            positions: samples.iter().chain(&corners).map(|sample| sample.position).collect(),
-            samples,
-            corners,
-            polygons,
-            balance,
-        }
-    }
-
-    /// Unshadowed irradiance from one of the samples.
-    #[inline]
-    fn unhidden_sample(&self, receiver: &ShadingPoint, sample: &AreaSample) -> Vec3 {
-        sample.intensity * Disc::of_sample(sample).term(receiver)
-    }
-
-    /// Factor for light of the samples at a receiver.
-    fn balance_at(&self, receiver: &ShadingPoint) -> f32 {
-        self.balance.as_ref().map_or(1.0, |balance| balance.at(receiver.position))
-    }
-
-    /// Unshadowed irradiance from the whole light.
-    fn unhidden(&self, receiver: &ShadingPoint) -> Vec3 {
-        if self.polygons.is_empty() {
-            let sum: Vec3 = self.samples.iter().map(|sample| self.unhidden_sample(receiver, sample)).sum();
-            return sum * self.balance_at(receiver);
-        }
-        let ShadingPoint { position, normal, geometric_normal } = *receiver;
-        self.polygons.iter().map(|polygon| polygon.irradiance(position, normal, geometric_normal)).sum()
-    }
-}
-
-/// Points of a light that are near its corners, and give nothing.
-fn corners(polygon: &Polygon, sample: &AreaSample) -> impl Iterator<Item = AreaSample> {
-    let Polygon { corners, normal, .. } = *polygon;
-    let middle = corners.iter().sum::<Vec3A>() / corners.len() as f32;
-    // As far off the surface as the others.
-    let offset = sample.offset.min(1e-3 * (corners[0] - middle).length());
-    // A triangle's last corner stands twice.
-    let count = if corners[2] == corners[3] { 3 } else { 4 };
-    corners.into_iter().take(count).map(move |corner| AreaSample {
-        position: corner.lerp(middle, INWARD) + normal * offset,
-        offset,
-        normal,
-        intensity: Vec3::ZERO,
-        area: sample.area,
-    })
-}
-
-impl Sun {
-    /// All that its other fields follow from.
-    fn light(&self) -> (Vec3, Vec3A, f32) {
-        (self.irradiance, self.towards, self.angular_radius)
-    }
-
-    fn reflected(
-        &self,
-        accelerator: &Accelerator,
-        receiver: &ShadingPoint,
-        brdf: impl Fn(Vec3A, f32) -> Vec3,
-    ) -> Traced<Vec3> {
-        let given =
-            brdf(self.towards, self.angular_radius) * self.irradiance * receiver.normal.dot(self.towards).max(0.0);
-        if given == Vec3::ZERO || receiver.geometric_normal.dot(self.towards) <= 0.0 {
-            return Traced { value: Vec3::ZERO, shadow_rays: 0 };
-        }
-        let first = &self.directions[..FIRST_SUN_SAMPLES];
-        let seen = first.iter().filter(|&&towards| !accelerator.occluded_towards(receiver.position, towards));
-        Traced { value: given * (seen.count() as f32 / first.len() as f32), shadow_rays: first.len() as u64 }
-    }
-}
-
 /// Indices of the bits that are set.
 fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -483,6 +358,7 @@ impl ShadingPoint {
     /// Cosine at the receiver and squared distance to `point`; 0 from below the surface.
     #[inline]
     fn cosine_to(&self, point: Vec3A) -> (f32, f32) {
+        // cos θ = n · way / r; no light comes through the triangle, whatever the shading normal.
         let way = point - self.position;
         let r2 = way.length_squared();
         if self.geometric_normal.dot(way) <= 0.0 {

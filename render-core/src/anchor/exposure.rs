@@ -48,9 +48,22 @@ impl Outlook {
     /// and never zero.
     #[inline]
     pub fn likelihood_of(&self, bin: usize) -> f32 {
+        // Few rays fill a bin by chance. With those beside it the count is smoother.
         let about = &self.lengths[bin.saturating_sub(1)..(bin + 2).min(BINS)];
         about.iter().map(|&rays| f32::from(rays)).sum::<f32>() + UNLIKELY * f32::from(self.rays)
     }
+}
+
+/// Those of `places` that are exposed by their `outlooks`, and these.
+pub(super) fn exposed(places: &[Anchor], outlooks: Vec<Outlook>) -> (Vec<Anchor>, Vec<Outlook>) {
+    let (mut kept, mut seen) = (Vec::new(), Vec::new());
+    for (&place, outlook) in places.iter().zip(outlooks) {
+        if outlook.exposed {
+            kept.push(place);
+            seen.push(outlook);
+        }
+    }
+    (kept, seen)
 }
 
 /// Rays that measure how exposed a point is.
@@ -87,21 +100,27 @@ impl<'a> Eye<'a> {
     /// The outlook from `place`, by rays turned by an angle that follows from `index`. What ends on a side that does not
     /// reflect is lost.
     fn outlook(&self, place: &Anchor, index: u64) -> Outlook {
+        // The radius is that of a disc of an anchor's share. All places have the same rays, each turned by an angle of its own.
         let (near, radius) = (self.near * self.side, self.side / PI.sqrt());
         let turn = hash_unit(index, 0, 0);
         let (mut found, mut out, mut openness) = (Outlook { rays: self.rays, ..Outlook::default() }, 0, 0.0);
         for u in centered_sobol(self.rays.into()) {
             let direction = cosine_hemisphere(place.normal.into(), Vec2::new(u.x, (u.y + turn).fract())).into();
+            // What meets nothing gets out; what meets a back side, as within a shell, does not.
             let (length, reflects) = match self.accelerator.closest(place.position, direction) {
                 None => (f32::INFINITY, true),
                 Some(hit) => (hit.distance, !self.surfaces.meet(&hit, direction, 0.0).is_back()),
             };
+
+            // o = mean of 1 / (1 + s / r²), which is that of r² / (r² + s). An infinite r counts as 1.
             if reflects {
                 out += u64::from(length >= near);
                 openness += 1.0 / (1.0 + self.bound / (length * length));
                 found.lengths[Outlook::bin(length / radius)] += 1;
             }
         }
+
+        // Exposed is a place that at least one ray in eight leaves.
         found.openness = openness / f32::from(self.rays);
         found.exposed = out * ONE_IN >= u64::from(self.rays);
         found

@@ -1,7 +1,10 @@
 //! Anchors or surfels near a point of a surface, and on the same side of it.
 
+mod around;
+
 use super::Anchor;
 use super::exposure::Outlook;
+use around::{Around, Near};
 use glam::Vec3A;
 
 /// Where anchors or surfels are: a grid of cells at least a kernel's radius wide over the box around them.
@@ -42,18 +45,6 @@ pub(crate) struct SplatScratch {
     around: Around,
 }
 
-/// The points of a cell and of those beside it, by axis.
-#[derive(Clone, Debug, Default)]
-struct Around {
-    /// Places in [`Grid::points`].
-    places: Vec<u32>,
-    position: [Vec<f32>; 3],
-    normal: [Vec<f32>; 3],
-    instance: Vec<u32>,
-    /// Weight of each in the kernel.
-    weights: Vec<f32>,
-}
-
 /// Points that a kernel is expected to hold: enough to be smooth, few enough to stay local.
 const POINTS_PER_KERNEL: f32 = 8.0;
 /// Most cells for each point, and in any case: they take 4 bytes each.
@@ -61,8 +52,6 @@ const CELLS_FOR_EACH_POINT: usize = 8;
 const FEW_CELLS: usize = 1 << 16;
 /// Ratio of the widths of cells that are tried.
 const WIDER: f32 = 1.25;
-/// Most points that share what is left at one place.
-const MOST_NEAR: usize = 64;
 /// Half a right angle between normals, or well off the plane in radii: another wall, not this one.
 const LEAST_COSINE: f32 = 0.7;
 const MOST_HEIGHT: f32 = 0.3;
@@ -77,24 +66,33 @@ const OWN_REACH: f32 = 2.0;
 impl Grid {
     /// Sorts `points`, each standing for `area_share` m², with their `outlooks` if these are known.
     pub fn new(points: &[Anchor], outlooks: &[Outlook], area_share: f32) -> Self {
+        // A disc of radius R holds as many points as its area has shares:  π R² = POINTS_PER_KERNEL · share.
         let radius = (POINTS_PER_KERNEL * area_share / std::f32::consts::PI).sqrt().max(f32::MIN_POSITIVE);
-        let low = points.iter().fold(Vec3A::INFINITY, |low, point| low.min(point.position));
-        let high = points.iter().fold(Vec3A::NEG_INFINITY, |high, point| high.max(point.position));
+        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for point in points {
+            (low, high) = (low.min(point.position), high.max(point.position));
+        }
         let extent = if points.is_empty() { Vec3A::ZERO } else { high - low };
+
+        // Cells as wide as the kernel's radius, wider if they were too many: points lie on surfaces, and most cells are empty.
         let cells = |cell: f32| (extent / cell).to_array().map(|cells| (cells as usize).saturating_add(1));
         let most = FEW_CELLS.max(CELLS_FOR_EACH_POINT * points.len()) as f64;
-        let is_too_fine = |cell: f32| cells(cell).iter().map(|&cells| cells as f64).product::<f64>() > most;
+        let count = |[x, y, z]: [usize; 3]| x as f64 * y as f64 * z as f64;
         let mut cell = radius;
-        while is_too_fine(cell) {
+        while count(cells(cell)) > most {
             cell *= WIDER;
         }
         let size = cells(cell);
+
+        // Points by cell, those of a cell in their old order.
         let mut grid = Self { low, size, cell, radius, ..Self::default() };
-        let mut order: Vec<(usize, u32)> =
-            points.iter().zip(0..).map(|(point, i)| (grid.place(grid.cell_of(point.position)), i)).collect();
+        let mut order = Vec::with_capacity(points.len());
+        for (index, point) in (0u32..).zip(points) {
+            order.push((grid.place(grid.cell_of(point.position)), index));
+        }
         order.sort_unstable();
-        grid.first =
-            (0..=size.iter().product()).map(|cell| order.partition_point(|&(place, _)| place < cell) as u32).collect();
+        let first_of = |cell: usize| order.partition_point(|&(place, _)| place < cell) as u32;
+        grid.first = (0..=size.iter().product()).map(first_of).collect();
         grid.points = order.iter().map(|&(_, i)| points[i as usize]).collect();
         if !outlooks.is_empty() {
             grid.outlooks = order.iter().map(|&(_, i)| outlooks[i as usize]).collect();
@@ -145,17 +143,22 @@ impl Grid {
         scratch: &mut SplatScratch,
         mut share: impl FnMut(T, &[(u32, f32)]),
     ) {
+        // Spots by cell, those of a cell in their order.
         let SplatScratch { order, around } = scratch;
-        let cell = |spot: &Spot| self.place(self.cell_of(spot.position)) as u32;
         order.clear();
-        order.extend(spots.iter().zip(0..).map(|((spot, _), index)| (cell(spot), index)));
+        for (index, (spot, _)) in (0..).zip(spots) {
+            order.push((self.place(self.cell_of(spot.position)) as u32, index));
+        }
         order.sort_unstable();
+
         let mut here = Vec::new();
         for same_cell in order.chunk_by(|a, b| a.0 == b.0) {
-            // First all of them: the waits for memory overlap then.
+            // First all spots of the cell: the waits for memory overlap then.
             here.clear();
             here.extend(same_cell.iter().map(|&(_, index)| spots[index as usize]));
             around.find(self, self.cell_of(here[0].0.position));
+
+            // Each spot is shared out among what is around the cell, by the kernel and by how likely its light gets there.
             for &(spot, what) in &here {
                 around.weigh(&spot, self.radius);
                 let about = spot.came.map(|length| Outlook::bin(length / self.radius));
@@ -178,7 +181,9 @@ impl Grid {
     /// Sorts values, one for each point, from the order of the grid into the order that the points came in.
     pub fn by_index<T: Clone>(&self, by_place: &[T]) -> Vec<T> {
         let mut place = vec![0; self.index.len()];
-        self.index.iter().enumerate().for_each(|(p, &index)| place[index as usize] = p);
+        for (p, &index) in self.index.iter().enumerate() {
+            place[index as usize] = p;
+        }
         place.into_iter().map(|p| by_place[p].clone()).collect()
     }
 
@@ -194,7 +199,7 @@ impl Grid {
     /// The point near `spot` that faces like it and has the largest product of kernel and `rating(point)`; else
     /// the nearest that faces the same way.
     pub fn best(&self, spot: &Spot, rating: impl Fn(usize) -> f32) -> Option<usize> {
-        // Within the kernel, of the own instance and of all.
+        // Within the kernel, the best of the own instance and the best of all.
         let mut best = [(0.0, None); 2];
         self.near(spot, |p, weight| {
             let index = self.index[p as usize] as usize;
@@ -210,6 +215,7 @@ impl Grid {
             return Some(own);
         }
 
+        // Points of the own instance a little beyond the kernel go before those of others within it.
         let nearest = self.nearest(spot)?;
         let index = self.index[nearest] as usize;
         if self.is_own_beside(nearest, spot) { Some(index) } else { best[1].1.or(Some(index)) }
@@ -225,6 +231,7 @@ impl Grid {
     /// Calls `found(p, weight)` with the place in `points` and the kernel's weight of each point that takes from `spot`.
     #[inline]
     fn near(&self, spot: &Spot, mut found: impl FnMut(u32, f32)) {
+        // A kernel around the spot reaches no farther than the cells beside its own.
         let Spot { position, normal, instance, only_own, came } = *spot;
         if self.points.is_empty() {
             return;
@@ -232,6 +239,7 @@ impl Grid {
         let about = came.map(|length| Outlook::bin(length / self.radius));
         self.rows(self.cell_of(position)).for_each(|row| {
             for p in row {
+                // Of the same wall is what is near, faces the same way, and lies neither before nor behind it.
                 let point = &self.points[p as usize];
                 let d2 = point.position.distance_squared(position) / (self.radius * self.radius);
                 let is_own = instance == point.instance;
@@ -239,6 +247,8 @@ impl Grid {
                     && point.normal.dot(normal) > LEAST_COSINE
                     && normal.dot(point.position - position).abs() < MOST_HEIGHT * self.radius
                     && (is_own || !only_own);
+
+                // w = 1 − d² / R², less for points of other instances.
                 if same_wall {
                     let share = if is_own { 1.0 } else { OTHER_INSTANCE };
                     found(p, (1.0 - d2) * share * self.likelihood(p, about));
@@ -255,138 +265,6 @@ impl Grid {
         zs.flat_map(move |z| ys.clone().map(move |y| (z, y))).map(move |(z, y)| {
             self.first[self.place([*xs.start(), y, z])]..self.first[self.place([*xs.end(), y, z]) + 1]
         })
-    }
-
-    /// The nearest point that faces to the same side, else the nearest at all, those of other instances counted as farther: in
-    /// cubes of cells that grow
-    /// until what they hold is nearer than anything outside of them could be.
-    fn nearest(&self, spot: &Spot) -> Option<usize> {
-        let Spot { position, normal, instance, only_own, .. } = *spot;
-        if self.points.is_empty() {
-            return None;
-        }
-        let center = self.cell_of(position);
-        let most = *self.size.iter().max()?;
-        let mut best: [Option<(f32, usize)>; 2] = [None, None];
-        for reach in 0..=most {
-            let span =
-                |axis: usize| center[axis].saturating_sub(reach)..=(center[axis] + reach).min(self.size[axis] - 1);
-            for z in span(2) {
-                for y in span(1) {
-                    for x in span(0) {
-                        let away = [x.abs_diff(center[0]), y.abs_diff(center[1]), z.abs_diff(center[2])];
-                        // Only the shell is new.
-                        if away.iter().max() != Some(&reach) {
-                            continue;
-                        }
-                        let place = self.place([x, y, z]);
-                        for p in self.first[place] as usize..self.first[place + 1] as usize {
-                            let point = &self.points[p];
-                            let is_own = instance == point.instance;
-                            if only_own && !is_own {
-                                continue;
-                            }
-                            let farther = if is_own { 1.0 } else { OTHER_FARTHER };
-                            let d2 = point.position.distance_squared(position) * farther;
-                            let away = usize::from(point.normal.dot(normal) <= 0.0);
-                            if best[away].is_none_or(|(nearest, _)| d2 < nearest) {
-                                best[away] = Some((d2, p));
-                            }
-                        }
-                    }
-                }
-            }
-            // Cells beyond this shell are at least so far away.
-            let beyond = reach as f32 * self.cell;
-            if best[0].is_some_and(|(d2, _)| d2 <= beyond * beyond) {
-                break;
-            }
-        }
-        best[0].or(best[1]).map(|(_, p)| p)
-    }
-}
-
-/// The points that share what is left at a place, and their weights.
-struct Near {
-    parts: [(u32, f32); MOST_NEAR],
-    count: usize,
-    sum: f32,
-    /// Whether any of them belongs to the instance of the place.
-    has_own: bool,
-}
-
-impl Default for Near {
-    fn default() -> Self {
-        Self { parts: [(0, 0.0); MOST_NEAR], count: 0, sum: 0.0, has_own: false }
-    }
-}
-
-impl Near {
-    #[inline]
-    fn add(&mut self, p: u32, weight: f32, is_own: bool) {
-        if self.count < MOST_NEAR {
-            self.parts[self.count] = (p, weight);
-            self.sum += weight;
-            self.count += 1;
-            self.has_own |= is_own;
-        }
-    }
-
-    /// The points with weights that sum to 1: those of the kernel, or one near by where it holds none of the own instance; none
-    /// if there is no point at all that may take anything.
-    #[inline]
-    fn parts(&mut self, grid: &Grid, spot: &Spot) -> &[(u32, f32)] {
-        if !self.has_own
-            && let Some(p) = grid.nearest(spot)
-            && (self.sum <= 0.0 || grid.is_own_beside(p, spot))
-        {
-            (self.parts[0], self.count, self.sum) = ((p as u32, 1.0), 1, 1.0);
-        }
-        let parts = &mut self.parts[..self.count];
-        parts.iter_mut().for_each(|(_, weight)| *weight /= self.sum);
-        parts
-    }
-}
-
-impl Around {
-    /// Finds what is in a cell of `grid` and in those beside it.
-    fn find(&mut self, grid: &Grid, cell: [usize; 3]) {
-        let Self { places, position, normal, instance, weights } = self;
-        places.clear();
-        position.iter_mut().chain(normal.iter_mut()).for_each(Vec::clear);
-        instance.clear();
-        if !grid.points.is_empty() {
-            grid.rows(cell).for_each(|row| places.extend(row));
-        }
-        for &p in places.iter() {
-            let point = &grid.points[p as usize];
-            for axis in 0..3 {
-                position[axis].push(point.position[axis]);
-                normal[axis].push(point.normal[axis]);
-            }
-            instance.push(point.instance);
-        }
-        weights.resize(places.len(), 0.0);
-    }
-
-    /// The weight of the kernel around `spot` for each: the same arithmetic as [`Grid::near`]'s, many side by side.
-    fn weigh(&mut self, spot: &Spot, radius: f32) {
-        let ([x, y, z], [n_x, n_y, n_z]) = (spot.position.to_array(), spot.normal.to_array());
-        let (others, instance) = (if spot.only_own { 0.0 } else { OTHER_INSTANCE }, spot.instance);
-        let count = self.weights.len();
-        let [p_x, p_y, p_z] = self.position.each_ref().map(|axis| &axis[..count]);
-        let [m_x, m_y, m_z] = self.normal.each_ref().map(|axis| &axis[..count]);
-        let instances = &self.instance[..count];
-        for (i, weight) in self.weights.iter_mut().enumerate() {
-            let (d_x, d_y, d_z) = (p_x[i] - x, p_y[i] - y, p_z[i] - z);
-            let d2 = (d_x * d_x + d_y * d_y + d_z * d_z) / (radius * radius);
-            let cosine = m_x[i] * n_x + m_y[i] * n_y + m_z[i] * n_z;
-            let height = n_x * d_x + n_y * d_y + n_z * d_z;
-            // Without branches.
-            let same_wall = (d2 < 1.0) & (cosine > LEAST_COSINE) & (height.abs() < MOST_HEIGHT * radius);
-            let share = if instances[i] == instance { 1.0 } else { others };
-            *weight = if same_wall { (1.0 - d2) * share } else { 0.0 };
-        }
     }
 }
 

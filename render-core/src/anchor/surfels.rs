@@ -6,14 +6,15 @@
 //! ```text
 //! Φ_a = Σ Φ_j · o_j / o_a                    over the surfels j that belong to anchor a
 //! L_j = Σ w_jk Φ_k / (π Σ w_jk A_k)          radiance around surfel j, from the surfels k around it
-//!   o     share of the light that gets out of the neighborhood: mean of r² / (r² + s) over all directions, s the bound of the geometry term
+//!   o     share of the light that gets out of the neighborhood: mean of r² / (r² + s) over all directions
+//!   s     bound of the geometry term
 //!   w_jk  kernel            A_k  area that surfel k takes from, A Σ_i w_ik
 //! ```
 //!
 //! An anchor shines for what is far away, and what is near sees the surfels themselves ([`crate::gather`]). The ratio of the
 //! openness keeps what is caught in folds and gaps from shining out of an anchor that happens to lie outside of them.
 
-use super::exposure::{Eye, Outlook};
+use super::exposure::{Eye, Outlook, exposed};
 use super::grid::{SplatScratch, Spot};
 use super::{Anchor, Anchors, DynamicAnchor, Grid, Patches};
 use crate::Units;
@@ -85,8 +86,7 @@ impl Surfels {
         let points = Self::points(surfaces, units, anchors.fixed.len(), anchors.area_share);
         let eye = Eye::of(anchors, surfaces, accelerator, (NEAR, OUTLOOK_RAYS));
         let seen = eye.outlooks(&points);
-        let exposed = points.into_iter().zip(seen).filter(|(_, outlook)| outlook.exposed);
-        let (points, seen): (Vec<Anchor>, Vec<Outlook>) = exposed.unzip();
+        let (points, seen) = exposed(&points, seen);
         Self::with_dynamic(Self::fixed(anchors, &points, &seen, outlooks), anchors, surfaces, units)
     }
 
@@ -102,30 +102,25 @@ impl Surfels {
     /// Surfels at the fixed `points`, whose outlooks are `seen`; those of the anchors are `seen_by_anchors`.
     fn fixed(anchors: &Anchors, points: &[Anchor], seen: &[Outlook], seen_by_anchors: &[Outlook]) -> SurfelMap {
         let grid = Grid::new(&anchors.fixed, &[], anchors.area_share);
-        let openness = |outlooks: &[Outlook], i: usize| outlooks.get(i).map_or(1.0, |outlook| outlook.openness);
-        let owner = |(j, point)| {
-            let own = openness(seen, j);
-            // An anchor as open as the surfel, rather than one deep in a fold beside it.
-            let rating = |a: usize| (openness(seen_by_anchors, a) / own.max(f32::MIN_POSITIVE)).min(1.0);
-            let anchor = grid.best(&Spot::of(point, false), rating);
-            let share = anchor.map_or(0.0, |a| (own / openness(seen_by_anchors, a)).min(MOST_RATIO));
-            Owner { anchor: anchor.map(|a| a as u32), share }
-        };
-        let owners = points.par_iter().enumerate().map(|(j, point)| owner((j, point))).collect();
+        let owner = |(j, point)| Owner::of(point, openness(seen, j), &grid, seen_by_anchors);
+        let owners = points.par_iter().enumerate().map(owner).collect();
         SurfelMap::new(points, seen, owners, anchors.area_share / PER_ANCHOR, false)
     }
 
     /// The `fixed` surfels, and new ones on surfaces that move or bend.
     fn with_dynamic(fixed: SurfelMap, anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
+        // Points over all that moves; none without anchors there.
+        let count = (PER_ANCHOR * anchors.dynamic.len() as f32) as usize;
         let patches = Patches::of(surfaces, true).filter(|_| !anchors.dynamic.is_empty());
-        let dynamic = patches
-            .map_or(Vec::new(), |patches| patches.spread((PER_ANCHOR * anchors.dynamic.len() as f32) as usize, units));
+        let dynamic = patches.map_or(Vec::new(), |patches| patches.spread(count, units));
+
+        // Each belongs to the best anchor of its own instance, and keeps to it: both move with the surface.
         let grid = Grid::new(&anchors.dynamic_in_world(surfaces), &[], anchors.dynamic_area_share);
-        let owner = |point: &DynamicAnchor| {
+        let mut dynamic_owners = Vec::with_capacity(dynamic.len());
+        for point in &dynamic {
             let anchor = grid.best(&Spot::of(&point.in_world(surfaces), true), |_| 1.0);
-            Owner { anchor: anchor.map(|a| a as u32), share: 1.0 }
-        };
-        let dynamic_owners = dynamic.iter().map(owner).collect();
+            dynamic_owners.push(Owner { anchor: anchor.map(|a| a as u32), share: 1.0 });
+        }
         let dynamic_area_share = anchors.dynamic_area_share / PER_ANCHOR;
         Self { fixed: Arc::new(fixed), dynamic, dynamic_area_share, dynamic_owners }
     }
@@ -134,6 +129,24 @@ impl Surfels {
     pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
         let points: Vec<Anchor> = self.dynamic.iter().map(|point| point.in_world(surfaces)).collect();
         SurfelMap::new(&points, &[], self.dynamic_owners.clone(), self.dynamic_area_share, true)
+    }
+}
+
+/// o of the place i; 1 where it was not measured.
+fn openness(outlooks: &[Outlook], i: usize) -> f32 {
+    outlooks.get(i).map_or(1.0, |outlook| outlook.openness)
+}
+
+impl Owner {
+    /// The anchor in `grid` that shines with the energy of a surfel at `point`, whose openness is `own`.
+    fn of(point: &Anchor, own: f32, grid: &Grid, seen_by_anchors: &[Outlook]) -> Self {
+        // An anchor as open as the surfel, rather than one deep in a fold beside it.
+        let rating = |a: usize| (openness(seen_by_anchors, a) / own.max(f32::MIN_POSITIVE)).min(1.0);
+        let anchor = grid.best(&Spot::of(point, false), rating);
+
+        // o_j / o_a: a surfel deep in a fold adds little to an anchor in the open, most of its light stays in the fold.
+        let share = anchor.map_or(0.0, |a| (own / openness(seen_by_anchors, a)).min(MOST_RATIO));
+        Self { anchor: anchor.map(|a| a as u32), share }
     }
 }
 
@@ -147,22 +160,31 @@ impl Spot {
 
 impl SurfelMap {
     fn new(points: &[Anchor], outlooks: &[Outlook], owners: Vec<Owner>, area_share: f32, own_instance: bool) -> Self {
+        // w_jk of the surfels k around each surfel j.
         let grid = Grid::new(points, outlooks, area_share);
-        let weights: Vec<Vec<(u32, f32)>> = points
-            .par_iter()
-            .map(|point| {
-                let mut near = Vec::new();
-                grid.splat(&Spot::of(point, own_instance), |k, weight| near.push((k as u32, weight)));
-                near
-            })
-            .collect();
+        let weights_of = |point: &Anchor| {
+            let mut near = Vec::new();
+            grid.splat(&Spot::of(point, own_instance), |k, weight| near.push((k as u32, weight)));
+            near
+        };
+        let weights: Vec<Vec<(u32, f32)>> = points.par_iter().map(weights_of).collect();
+
+        // A_k = A Σ_i w_ik: photons leave at surfel k what is given all over this area.
         let mut areas = vec![0.0f32; points.len()];
-        weights.iter().flatten().for_each(|&(k, weight)| areas[k as usize] += weight * area_share);
+        for near in &weights {
+            for &(k, weight) in near {
+                areas[k as usize] += weight * area_share;
+            }
+        }
+
+        // L_j = Σ w_jk Φ_k / (π Σ w_jk A_k). All but Φ_k is known here, and kept as one factor.
         let (mut first, mut around) = (vec![0], Vec::new());
         for near in &weights {
             let area: f32 = near.iter().map(|&(k, weight)| weight * areas[k as usize]).sum();
             let per_flux = 1.0 / (PI * area.max(f32::MIN_POSITIVE));
-            around.extend(near.iter().map(|&(k, weight)| (k, weight * per_flux)));
+            for &(k, weight) in near {
+                around.push((k, weight * per_flux));
+            }
             first.push(around.len() as u32);
         }
         Self { grid, owners, first, around }
@@ -201,15 +223,18 @@ impl SurfelMap {
         self.grid.by_index(by_place)
     }
 
-    /// Makes anchors of the surfels that belong to the `bright` ones of `anchors`: one takes the place of the old anchor, the others
-    /// come after the last.
+    /// Makes anchors of the surfels that belong to the `bright` ones of `anchors`: one takes the place of the old anchor, the
+    /// others come after the last.
     pub fn promote(&mut self, anchors: &mut Vec<Anchor>, bright: &[bool]) {
         let points = self.grid.points_by_index();
         let mut is_taken = vec![false; bright.len()];
         for (owner, point) in self.owners.iter_mut().zip(points) {
-            let Some(old) = owner.anchor.map(|anchor| anchor as usize).filter(|&anchor| bright[anchor]) else {
+            let Some(old) = owner.anchor.map(|anchor| anchor as usize) else { continue };
+            if !bright[old] {
                 continue;
-            };
+            }
+
+            // The first surfel found takes the number of the old anchor, so that no other anchor's number changes.
             let anchor = if std::mem::replace(&mut is_taken[old], true) {
                 anchors.push(point);
                 anchors.len() - 1
@@ -217,6 +242,7 @@ impl SurfelMap {
                 anchors[old] = point;
                 old
             };
+            // It is its own anchor now, and sends out just what it holds.
             *owner = Owner { anchor: Some(anchor as u32), share: 1.0 };
         }
     }

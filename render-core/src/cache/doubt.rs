@@ -4,8 +4,8 @@
 //! At last, a pixel whose records predict different things for it gets one. So records crowd where irradiance changes as nobody
 //! foresaw, and are spared where it is smooth. No pixel gets one where records are dense already.
 
-use super::picture::Picture;
-use super::predict::predictions;
+use super::picture::{Picture, Shown};
+use super::predict::{Prediction, predictions};
 use super::record::Record;
 use super::tile::{DENSE, Tile, Tiles};
 use crate::luminance;
@@ -53,49 +53,81 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     records: &[Record<R>],
     places: &[usize],
 ) -> Vec<(usize, usize)> {
-    let tolerances = Tolerances::of(tiles, records);
+    // Tiles that none of these records reaches are passed over.
     let mut is_chosen = vec![false; tiles.listed.len()];
-    places.iter().for_each(|&place| is_chosen[place] = true);
-    let reached = |tile: &Tile| tile.candidates.iter().any(|&place| is_chosen[place as usize]);
-    let chosen_tiles: Vec<usize> = (0..tiles.all.len()).filter(|&index| reached(&tiles.all[index])).collect();
-    // Of those that count there, by their places.
-    let mut candidates: Vec<u32> =
-        chosen_tiles.iter().flat_map(|&index| &tiles.all[index].candidates).copied().collect();
+    for &place in places {
+        is_chosen[place] = true;
+    }
+    let is_reached = |tile: &Tile| tile.candidates.iter().any(|&place| is_chosen[place as usize]);
+    let chosen: Vec<usize> = (0..tiles.all.len()).filter(|&index| is_reached(&tiles.all[index])).collect();
+
+    // Predictions of all the records that count there, each found once.
+    let mut candidates = Vec::new();
+    for &index in &chosen {
+        candidates.extend_from_slice(&tiles.all[index].candidates);
+    }
     candidates.sort_unstable();
     candidates.dedup();
     let known = predictions(picture, tiles, records, candidates.par_iter().map(|&place| place as usize));
+
+    // They stand in the order of `candidates`; tiles look them up by place.
     let mut number = vec![0; tiles.listed.len()];
-    (0..).zip(&candidates).for_each(|(k, &place)| number[place as usize] = k);
-    let in_tile = |&index: &usize| {
-        let tile = &tiles.all[index];
+    for (k, &place) in candidates.iter().enumerate() {
+        number[place as usize] = k;
+    }
+    let opinions = Opinions { tiles, records, tolerances: Tolerances::of(tiles, records), known, number };
+
+    let in_tile = |&index: &usize| picture.busy.measure(|| opinions.contradicted_in(picture, index));
+    let pixels: Vec<Vec<(usize, usize)>> = chosen.par_iter().map(in_tile).collect();
+    pixels.concat()
+}
+
+/// What records predict for the pixels around them.
+struct Opinions<'a, R> {
+    tiles: &'a Tiles,
+    records: &'a [Record<R>],
+    tolerances: Tolerances,
+    known: Vec<(Prediction, f32)>,
+    /// By the place of a record in the list, where its prediction is in `known`.
+    number: Vec<usize>,
+}
+
+impl<R> Opinions<'_, R> {
+    /// Pixels of a tile for which its records predict different things.
+    fn contradicted_in(&self, picture: &Picture, index: usize) -> Vec<(usize, usize)> {
+        let tile = &self.tiles.all[index];
         let (mut contradicted, mut weights) = (Vec::new(), Vec::new());
         for (pixel, shown) in picture.pixels(index).zip(picture.shown(index)) {
-            if !shown.is_something() {
-                continue;
-            }
-            tile.weights(tiles.lanes, shown, &mut weights);
-            // Sums of 1, v, v², and of the tolerance.
-            let (mut whole, mut sum, mut squares, mut tolerance) = (0.0, 0.0, 0.0, 0.0);
-            for &(k, weight) in &weights {
-                let place = tile.candidates[k] as usize;
-                let light = luminance(known[number[place]].0.at(shown).into());
-                whole += weight;
-                sum += weight * light;
-                squares += weight * light * light;
-                tolerance += weight * tolerances.at(&records[tiles.listed[place] as usize]);
-            }
-            // More records would not settle it.
-            if whole >= DENSE {
-                continue;
-            }
-            let variance = (squares - sum * sum / whole) / whole;
-            if variance > (CONTRADICTED * tolerance / whole).powi(2) {
-                contradicted.push(pixel);
+            if shown.is_something() {
+                tile.weights(self.tiles.lanes, shown, &mut weights);
+                if self.are_contradictory(tile, shown, &weights) {
+                    contradicted.push(pixel);
+                }
             }
         }
         contradicted
-    };
-    let pixels: Vec<Vec<(usize, usize)>> =
-        chosen_tiles.par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
-    pixels.concat()
+    }
+
+    /// Whether the candidates of `tile` with these `weights` at a pixel predict different things for it.
+    fn are_contradictory(&self, tile: &Tile, shown: &Shown, weights: &[(usize, f32)]) -> bool {
+        // Σ w, Σ w v, Σ w v² of the luminances v that are predicted, and Σ w t of the tolerances t.
+        let (mut whole, mut sum, mut squares, mut tolerance) = (0.0, 0.0, 0.0, 0.0);
+        for &(k, weight) in weights {
+            let place = tile.candidates[k] as usize;
+            let light = luminance(self.known[self.number[place]].0.at(shown).into());
+            whole += weight;
+            sum += weight * light;
+            squares += weight * light * light;
+            tolerance += weight * self.tolerances.at(&self.records[self.tiles.listed[place] as usize]);
+        }
+
+        // Where records are dense, more of them would not settle it.
+        if whole >= DENSE {
+            return false;
+        }
+
+        // σ² = (Σ w v² − (Σ w v)² / Σ w) / Σ w  >  (CONTRADICTED · mean of t)²
+        let variance = (squares - sum * sum / whole) / whole;
+        variance > (CONTRADICTED * tolerance / whole).powi(2)
+    }
 }

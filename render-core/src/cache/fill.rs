@@ -1,13 +1,15 @@
 //! New records where a picture needs them, coarse to fine.
 
 use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
+use super::group::weight_between;
 use super::illumination::{Illumination, Site};
 use super::picture::Picture;
 use super::predict::{Prediction, predictions};
 use super::record::Record;
 use super::spacing::{clamp_to_neighbors, least_radius};
-use super::tile::{Tiles, weight_between};
+use super::tile::Tiles;
 use super::{IrradianceCache, openness};
+use plane::Plane;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -31,11 +33,14 @@ impl<R: Send + Sync> IrradianceCache<R> {
         carried: Vec<usize>,
         illumination: &I,
     ) -> (usize, Vec<(Prediction, f32)>) {
+        // Records that came here with a moving thing meet new neighbors, which may contradict them.
         let (first, first_place) = (self.records.len(), tiles.listed.len());
         if !carried.is_empty() {
             self.doubt(picture, tiles, &carried);
             tiles.list_again(picture, &self.records, 0);
         }
+
+        // New records cover what is bare. Held against each other, some give up a part of that, which is bare again.
         let mut bare = vec![true; tiles.all.len()];
         for doubts_left in (0..=DOUBTS).rev() {
             let place = tiles.listed.len();
@@ -47,11 +52,15 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.doubt(picture, tiles, &Vec::from_iter(place..tiles.listed.len()));
             bare = tiles.list_again(picture, &self.records, place);
         }
+
+        // All is covered. Pixels whose records still predict different things get one of their own, for its close surroundings.
         let unsettled: Vec<usize> = carried.into_iter().chain(first_place..tiles.listed.len()).collect();
         if !unsettled.is_empty() {
             let contradicted = contradicted_pixels(picture, tiles, &self.records, &unsettled);
             let new = self.make(picture, contradicted, illumination);
-            self.records[new.clone()].iter_mut().for_each(|record| record.share = LEAST_SHARE);
+            for record in &mut self.records[new.clone()] {
+                record.share = LEAST_SHARE;
+            }
             tiles.list(picture, &self.records, new);
             // What no pixel takes light from is not known in the next frame, where the same is to come out.
             tiles.keep_used(picture, &self.records, first_place);
@@ -94,21 +103,20 @@ impl<R: Send + Sync> IrradianceCache<R> {
         pixels: Vec<(usize, usize)>,
         illumination: &I,
     ) -> Range<usize> {
+        // Numbers follow the order of the sites, whichever thread takes them.
         let sites = picture.busy.measure(|| thinned(picture, pixels));
         let before = self.records.len();
         let (frame, made) = (self.frame, self.made);
-        let record = |scratch: &mut I::Scratch, site: &Site, number: u32| {
-            let scale = openness::scale(site, picture.seen);
-            Record::new(*site, scale, illumination.compute(site, scratch), number, frame)
-        };
-        let new: Vec<Record<R>> = sites
-            .par_iter()
-            .zip(made..made.wrapping_add(sites.len() as u32))
-            .with_min_len(4)
-            .map_init(I::Scratch::default, |scratch, (site, number)| {
-                picture.busy.measure(|| record(scratch, site, number))
+        let numbered = sites.par_iter().zip(made..made.wrapping_add(sites.len() as u32));
+        let record = |scratch: &mut I::Scratch, (site, number): (&Site, u32)| {
+            picture.busy.measure(|| {
+                let scale = openness::scale(site, picture.seen);
+                Record::new(*site, scale, illumination.compute(site, scratch), number, frame)
             })
-            .collect();
+        };
+        let new: Vec<Record<R>> = numbered.with_min_len(4).map_init(I::Scratch::default, record).collect();
+
+        // What is near to one of them is near to its neighbors, too: radii are clamped.
         self.made = made.wrapping_add(new.len() as u32);
         self.records.extend(new);
         clamp_to_neighbors(&mut self.records, before, picture.busy);
@@ -124,9 +132,9 @@ fn bare_pixels(picture: &Picture, tiles: &Tiles, bare: &[bool], step: usize) -> 
             return pixels;
         }
         let on_lattice = |(x, y): (usize, usize)| x % step == step / 2 && y % step == step / 2;
-        let there = picture.pixels(index).zip(picture.shown(index));
-        for (pixel, shown) in there.filter(|&(pixel, shown)| on_lattice(pixel) && shown.is_something()) {
-            if !tiles.all[index].is_covered(tiles.lanes, shown, COVERED) {
+        for (pixel, shown) in picture.pixels(index).zip(picture.shown(index)) {
+            let counts = on_lattice(pixel) && shown.is_something();
+            if counts && !tiles.all[index].is_covered(tiles.lanes, shown, COVERED) {
                 pixels.push(pixel);
             }
         }
@@ -139,22 +147,33 @@ fn bare_pixels(picture: &Picture, tiles: &Tiles, bare: &[bool], step: usize) -> 
 
 /// The sites of `pixels`, without those that an earlier one covers whatever its radius turns out to be.
 fn thinned(picture: &Picture, pixels: Vec<(usize, usize)>) -> Vec<Site> {
+    // A record is made at the first pixel of each place, and marks it.
     let (width, height) = picture.size();
-    let mut taken = vec![false; width * height];
+    let mut taken = Plane::filled(width, height, false);
     let mut sites = Vec::new();
     for (x, y) in pixels {
         let Some(site) = picture.site(x, y) else { continue };
-        let around = |v: usize, end: usize| v.saturating_sub(NEIGHBORHOOD)..(v + NEIGHBORHOOD + 1).min(end);
-        let covered = around(y, height).any(|v| {
-            around(x, width).filter(|&u| taken[v * width + u]).any(|u| {
-                let other = picture.site(u, v).expect("it was taken for having one");
-                weight_between(&other, least_radius(&other, &picture.seen.view), &site) >= COVERED
-            })
-        });
-        if !covered {
-            taken[y * width + x] = true;
+        if !is_covered_by_taken(picture, &taken, (x, y), &site) {
+            taken.row_mut(y)[x] = true;
             sites.push(site);
         }
     }
     sites
+}
+
+/// Whether a record at one of the `taken` pixels around (x, y) is certain to cover the `site` there, even with the least radius.
+fn is_covered_by_taken(picture: &Picture, taken: &Plane<bool>, (x, y): (usize, usize), site: &Site) -> bool {
+    let (width, height) = picture.size();
+    let around = |v: usize, end: usize| v.saturating_sub(NEIGHBORHOOD)..(v + NEIGHBORHOOD + 1).min(end);
+    for v in around(y, height) {
+        for u in around(x, width) {
+            if taken.get(u, v) {
+                let other = picture.site(u, v).expect("it was taken for having one");
+                if weight_between(&other, least_radius(&other, &picture.seen.view), site) >= COVERED {
+                    return true;
+                }
+            }
+        }
+    }
+    false
 }

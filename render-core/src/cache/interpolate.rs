@@ -18,6 +18,8 @@ pub(super) fn picture(
         .into_par_iter()
         .map(|index| picture.busy.measure(|| tile(picture, tiles, index, predictions)))
         .collect();
+
+    // Tiles hold their pixels row by row. The picture has them side by side.
     let mut plane = Plane::filled(width, height, [0.0; 3]);
     let mut used = Vec::new();
     for (index, (light, of_tile)) in lit.into_iter().enumerate() {
@@ -36,9 +38,10 @@ fn tile(
     index: usize,
     predictions: &[(Prediction, f32)],
 ) -> (Vec<[f32; 3]>, Vec<u32>) {
+    // Which of the candidates give light to any pixel is found on the way.
     let tile = &tiles.all[index];
     let shown = picture.shown(index);
-    let mut used = vec![false; tile.candidates.len()];
+    let mut is_used = vec![false; tile.candidates.len()];
     let mut light = Vec::with_capacity(shown.len());
     let mut weights = Vec::new();
     for shown in shown {
@@ -47,14 +50,22 @@ fn tile(
             continue;
         }
         tile.weights(tiles.lanes, shown, &mut weights);
+
+        // E = Σ w E_i / Σ w over the records i
         let (mut sum, mut whole) = (Vec3A::ZERO, 0.0);
         for &(k, weight) in &weights {
-            used[k] = true;
+            is_used[k] = true;
             sum += predictions[tile.candidates[k] as usize].0.at(shown) * weight;
             whole += weight;
         }
         light.push((sum / whole.max(f32::MIN_POSITIVE)).to_array());
     }
-    let used = tile.candidates.iter().zip(used).filter(|(_, used)| *used).map(|(&candidate, _)| candidate);
-    (light, used.collect())
+
+    let mut candidates = Vec::new();
+    for (&candidate, is_used) in tile.candidates.iter().zip(is_used) {
+        if is_used {
+            candidates.push(candidate);
+        }
+    }
+    (light, candidates)
 }

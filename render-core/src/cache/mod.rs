@@ -20,6 +20,7 @@
 
 mod doubt;
 mod fill;
+mod group;
 mod illumination;
 mod interpolate;
 mod openness;
@@ -131,22 +132,28 @@ impl<R: Send + Sync> IrradianceCache<R> {
         changes: Changes,
         (illumination, busy): (&I, &Busy),
     ) -> CachedLight {
+        // What the picture shows. Records on moving things move to where it shows them.
         self.frame += 1;
         let seen = request.seen;
         let openness = Openness::new(&request, &self.openness, illumination, busy);
         let picture = Picture::new(request, &openness, busy);
         busy.measure(|| self.carry_along(seen));
         openness::renew(&mut self.records, seen, illumination, busy);
+
+        // What is hidden, or too far from every pixel, need not be known.
         let mut tiles = Tiles::new(&picture);
         tiles.list(&picture, &self.records, 0..self.records.len());
-        // What is hidden, or too far from every pixel, need not be known.
         let needed = self.without_superfluous(&picture, &tiles, tiles.in_use(&picture));
+
+        // Their radii follow from their new light: they are listed anew before gaps between them are filled.
         let carried: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].carried).collect();
         let mut computed = self.bring_up_to_date(&needed, changes, illumination, busy);
         tiles.clear();
         tiles.list(&picture, &self.records, needed);
         let (made, predictions) = self.fill(&picture, &mut tiles, carried, illumination);
         computed += made;
+
+        // Pixels take their light, and what they took it from stays known.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predictions);
         let in_use = used.len();
         for index in used {
@@ -178,11 +185,14 @@ impl<R: Send + Sync> IrradianceCache<R> {
     ) -> CachedLight {
         let openness = Openness::new(&request, &Openness::default(), illumination, busy);
         let picture = Picture::new(request, &openness, busy);
-        let mut tiles = Tiles::new(&picture);
+
         // What this frame has not brought up to date is light of another.
+        let mut tiles = Tiles::new(&picture);
         let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
         tiles.list(&picture, &self.records, current);
         let (computed, predictions) = self.fill(&picture, &mut tiles, Vec::new(), illumination);
+
+        // Pixels take their light, and what they took it from stays known.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predictions);
         let in_use = used.len();
         for index in used {
@@ -211,31 +221,43 @@ impl<R: Send + Sync> IrradianceCache<R> {
         if superfluous.is_empty() {
             return needed;
         }
-        let mut dropped = superfluous.iter().copied().peekable();
-        let mut index = 0..;
-        self.records.retain(|_| dropped.next_if_eq(&index.next().expect("endless")).is_none());
-        let index_after = |index: usize| match superfluous.binary_search(&index) {
-            Ok(_) => None,
-            Err(dropped_before) => Some(index - dropped_before),
-        };
-        needed.into_iter().filter_map(index_after).collect()
+
+        // Drop them. The others keep their order.
+        let mut is_dropped = vec![false; self.records.len()];
+        for &index in &superfluous {
+            is_dropped[index] = true;
+        }
+        let mut dropped = is_dropped.into_iter();
+        self.records.retain(|_| dropped.next() == Some(false));
+
+        // Each record moved down by as many places as records before it are gone.
+        let mut left = Vec::with_capacity(needed.len());
+        for index in needed {
+            if let Err(dropped_before) = superfluous.binary_search(&index) {
+                left.push(index - dropped_before);
+            }
+        }
+        left
     }
 
     /// Records on moving things move with them.
     fn carry_along(&mut self, seen: &GBuffer) {
         if self.world.len() == seen.world.len() {
-            let carry: Vec<Option<Affine3A>> = seen
-                .world
-                .iter()
-                .zip(&self.world)
-                .map(|(now, then)| (now != then).then(|| *now * then.inverse()))
-                .collect();
-            for record in self.records.iter_mut().filter(|record| record.site.carrier != NOTHING) {
-                if let Some(carry) = carry[record.site.carrier as usize] {
+            // From where an instance stood to where it stands: M' M⁻¹; none if it has not moved.
+            let mut carry = Vec::with_capacity(seen.world.len());
+            for (now, then) in seen.world.iter().zip(&self.world) {
+                carry.push((now != then).then(|| *now * then.inverse()));
+            }
+            for record in &mut self.records {
+                let carrier = record.site.carrier;
+                if carrier != NOTHING
+                    && let Some(carry) = carry[carrier as usize]
+                {
                     record.site.carried_by(&carry);
                     record.carried = true;
                 }
             }
+
             // What bends does not keep its points in place: records there are made anew.
             let bends = |carrier: u32| matches!(seen.deformed.get(carrier as usize), Some(Some(_)));
             self.records.retain(|Record { site, .. }| {
@@ -255,40 +277,24 @@ impl<R: Send + Sync> IrradianceCache<R> {
         illumination: &I,
         busy: &Busy,
     ) -> usize {
-        let (frame, changed_before) = (self.frame, self.changed);
+        // A record that was up to date at the change before this one has missed nothing but this one.
+        let update = Update { frame: self.frame, geometry: changes.geometry, changed_before: self.changed };
         if changes.light || changes.geometry {
-            self.changed = frame;
+            self.changed = self.frame;
         }
-        let changed = self.changed;
-        let mut wanted = vec![false; self.records.len()];
-        needed.iter().for_each(|&index| wanted[index] = true);
-        let bring = |scratch: &mut I::Scratch, record: &mut Record<R>| {
-            let turn = changes.geometry && (record.number.wrapping_add(frame)).is_multiple_of(TURN);
-            let kept_up = !record.carried && record.current >= changed_before;
-            let known = if kept_up { LastUpdate::LastFrame } else { LastUpdate::Earlier };
-            (record.current, record.carried) = (frame, false);
-            if !turn && let Some(estimate) = illumination.relight(&record.site, &mut record.recipe, known) {
-                record.relit(estimate);
-                return 0;
-            }
-            record.computed_afresh(illumination.compute(&record.site, scratch));
-            1
-        };
+
+        // Outdated is what was last lit before the last change.
+        let mut is_outdated = vec![false; self.records.len()];
+        for &index in needed {
+            is_outdated[index] = self.records[index].current < self.changed;
+        }
+
         // A few at a time: to look at the clock for each would take longer than to light some of them.
-        let chunks = self.records.par_chunks_mut(CHUNK).zip(wanted.par_chunks(CHUNK));
-        chunks
-            .map_init(I::Scratch::default, |scratch, (records, wanted)| {
-                busy.measure(|| {
-                    let outdated = |(record, wanted): &(&mut Record<R>, &bool)| **wanted && record.current < changed;
-                    records
-                        .iter_mut()
-                        .zip(wanted)
-                        .filter(outdated)
-                        .map(|(record, _)| bring(scratch, record))
-                        .sum::<usize>()
-                })
-            })
-            .sum()
+        let chunks = self.records.par_chunks_mut(CHUNK).zip(is_outdated.par_chunks(CHUNK));
+        let bring = |scratch: &mut I::Scratch, (records, is_outdated): (&mut [Record<R>], &[bool])| {
+            busy.measure(|| update.bring_all(records, is_outdated, illumination, scratch))
+        };
+        chunks.map_init(I::Scratch::default, bring).sum()
     }
 
     /// Where only parts of the picture are lit, its other parts will want their records again.
@@ -307,12 +313,64 @@ impl<R: Send + Sync> IrradianceCache<R> {
     fn forget(&mut self, in_use: usize, pixels: usize) {
         let frame = self.frame;
         self.records.retain(|record| frame - record.seen <= PATIENCE);
+
+        // If still too many are left, those seen longest ago go, but none that this frame has seen.
         let most = (KEPT_FOR_EACH_USED * in_use).max(pixels / PIXELS_FOR_EACH_KEPT);
         if self.records.len() > most {
             let mut last_seen: Vec<u32> = self.records.iter().map(|record| record.seen).collect();
             let (_, &mut oldest, _) = last_seen.select_nth_unstable(self.records.len() - most);
             self.records.retain(|record| record.seen > oldest || record.seen == frame);
         }
+    }
+}
+
+/// What bringing a record up to date depends on.
+struct Update {
+    frame: u32,
+    /// Whether something that blocks or reflects light has moved.
+    geometry: bool,
+    /// Frame of the last change before this one.
+    changed_before: u32,
+}
+
+impl Update {
+    /// Brings those of `records` that are outdated to this frame's light; returns how many were computed afresh.
+    fn bring_all<I: Illumination>(
+        &self,
+        records: &mut [Record<I::Recipe>],
+        is_outdated: &[bool],
+        illumination: &I,
+        scratch: &mut I::Scratch,
+    ) -> usize {
+        let mut computed = 0;
+        for (record, &is_outdated) in records.iter_mut().zip(is_outdated) {
+            if is_outdated {
+                computed += usize::from(self.bring(record, illumination, scratch));
+            }
+        }
+        computed
+    }
+
+    /// Brings a record to this frame's light; returns whether it was computed afresh.
+    fn bring<I: Illumination>(
+        &self,
+        record: &mut Record<I::Recipe>,
+        illumination: &I,
+        scratch: &mut I::Scratch,
+    ) -> bool {
+        // While things move, each record has its turn to be computed afresh, however well it could be lit again.
+        let is_its_turn = self.geometry && record.number.wrapping_add(self.frame).is_multiple_of(TURN);
+
+        // Relighting costs less, least where only the latest motion can have changed something.
+        let kept_up = !record.carried && record.current >= self.changed_before;
+        let known = if kept_up { LastUpdate::LastFrame } else { LastUpdate::Earlier };
+        (record.current, record.carried) = (self.frame, false);
+        if !is_its_turn && let Some(estimate) = illumination.relight(&record.site, &mut record.recipe, known) {
+            record.relit(estimate);
+            return false;
+        }
+        record.computed_afresh(illumination.compute(&record.site, scratch));
+        true
     }
 }
 

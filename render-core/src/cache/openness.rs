@@ -8,8 +8,8 @@
 //! ```
 //!
 //! runs from 0 in a crack to 1 in the open, smoothly. Places of different openness are no neighbors: see
-//! `OPENNESS_TOLERANCE` in `tolerance.rs`. Where the picture shows nothing around a pixel that rises above its surface, it is taken
-//! as open, without a ray.
+//! `OPENNESS_TOLERANCE` in `tolerance.rs`. Where the picture shows nothing around a pixel that rises above its surface, it is
+//! taken as open, without a ray.
 
 use super::illumination::{Illumination, Site};
 use super::record::Record;
@@ -90,18 +90,25 @@ impl Openness {
             if seen.pixels.get(x, y).emission != [0.0; 3] {
                 return Felt { openness: GLOWING, ..Felt::default() };
             }
+
+            // Most pixels have nothing above them, and need no rays.
             let scale = || scale(&site, seen);
             if !is_below_something(seen, x, y, scale) {
                 return Felt::default();
             }
+
+            // What was felt here in the picture before holds, unless something has moved.
             let scale = scale();
             let known = before.at(site.position).filter(|felt| felt.holds_at(&site, scale));
-            known.filter(|_| illumination.is_undisturbed(&site, scale)).unwrap_or_else(|| Felt {
-                position: site.position.into(),
-                openness: illumination.openness(&site, scale),
-                scale,
-            })
+            if let Some(felt) = known
+                && illumination.is_undisturbed(&site, scale)
+            {
+                return felt;
+            }
+            Felt { position: site.position.into(), openness: illumination.openness(&site, scale), scale }
         };
+
+        // Rows of macroblocks side by side.
         let mut pixels = Plane::filled(width, height, Felt::default());
         pixels.samples_mut().par_chunks_mut((MACROBLOCK * width).max(1)).enumerate().for_each(|(strip, samples)| {
             busy.measure(|| {
@@ -141,6 +148,8 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
         if record.site.openness >= OPEN {
             return;
         }
+
+        // Felt anew where the same rays would not be as long on the screen, or may meet something else.
         let scale = scale(&record.site, seen);
         // Out of sight it may stay what it was.
         if scale > 0.0
@@ -173,14 +182,22 @@ fn is_below_something(seen: &GBuffer, x: usize, y: usize, scale: impl Fn() -> f3
         let other = &samples[v * width + u];
         let way = Vec3A::from(other.position) - position;
         let (above, far2) = (way.dot(normal), way.length_squared());
-        // D takes longest to know.
+        // sin α = above / |way| > RISES, in squares. D takes longest to know.
         above > 0.0
             && above * above > RISES * RISES * far2
             && other.instance != NOTHING
             && far2 < (NEAR * scale()).powi(2)
     };
-    LOOKED_AT.iter().any(|&r| {
-        let beside = |at: usize, end: usize| [at.wrapping_sub(r), at, at + r].into_iter().filter(move |&at| at < end);
-        beside(y, height).any(|v| beside(x, width).any(|u| rises(u, v)))
-    })
+
+    // Eight pixels around it at each distance. What is left of or above the picture wraps to huge numbers.
+    for r in LOOKED_AT {
+        for v in [y.wrapping_sub(r), y, y + r] {
+            for u in [x.wrapping_sub(r), x, x + r] {
+                if u < width && v < height && rises(u, v) {
+                    return true;
+                }
+            }
+        }
+    }
+    false
 }

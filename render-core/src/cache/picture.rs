@@ -60,6 +60,7 @@ impl From<&Site> for Shown {
 impl<'a> Picture<'a> {
     pub fn new(request: Request<'a>, openness: &'a Openness, busy: &'a Busy) -> Self {
         let mut picture = Self { seen: request.seen, busy, request, openness, shown: Vec::new() };
+        // Each macroblock has places for all its pixels, though at the right and lower border it has fewer.
         let mut shown = vec![Shown::NOTHING; picture.tiles() * MACROBLOCK * MACROBLOCK];
         shown.par_chunks_mut(MACROBLOCK * MACROBLOCK).enumerate().for_each(|(tile, shown)| {
             busy.measure(|| {

@@ -1,11 +1,11 @@
 //! Weights, radii, fits and interpolation of the cache against the same definitions in `f64`: from contact to 10⁶ m, from the
 //! faintest light to the brightest, and for neighbors that lie on a needle, where the fit has hardly anything to go by.
 
+use super::group::weight_between;
 use super::illumination::{Computed, LocalIrradiance, Site};
-use super::predict::Fit;
+use super::predict::{Fit, Prediction};
 use super::radius::radius;
 use super::record::Record;
-use super::tile::weight_between;
 use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
 use crate::sampling::{hash_unit, uniform_sphere};
 use crate::scene::{Projection, View};
@@ -179,27 +179,40 @@ struct Exact {
 }
 
 impl Exact {
-    fn new<'r>(record: &Record<()>, radius: f64, pixel: f64, neighbors: impl Iterator<Item = &'r Record<()>>) -> Self {
+    /// By the record's own derivatives.
+    fn alone(record: &Record<()>, radius: f64) -> Self {
+        // How far the record's own derivatives are followed: until they change the light by a part of itself.
         let Record { site, estimate, .. } = record;
         let light = luminance(estimate.irradiance.as_dvec3());
         let length = |m: &DMat3| DVec3::new(luminance(m.x_axis), luminance(m.y_axis), luminance(m.z_axis)).length();
         let (by_position, by_normal) = (matrix(&estimate.by_position), matrix(&estimate.by_normal));
         let most = light * if radius > f64::from(record.radius) { 0.25 } else { 0.7 };
         let trust = (most / (length(&by_position) * radius).max(length(&by_normal) * 0.632)).min(1.0);
+
+        // They are taken along axes of this test's own.
         let normal = wide(site.normal).normalize();
         let x = normal.any_orthonormal_vector();
         let axes = [x, normal.cross(x)];
-        let own = axes.map(|axis| by_position * axis * trust * radius);
-        let mut exact = Self {
+        Self {
             position: wide(site.position),
             normal: wide(site.normal),
             openness: site.openness.into(),
             irradiance: estimate.irradiance.as_dvec3(),
             by_normal: by_normal * trust,
             axes,
-            along: own.map(|own| own / radius),
+            along: axes.map(|axis| by_position * axis * trust),
             by_openness: DVec3::ZERO,
-        };
+        }
+    }
+
+    /// By what the `neighbors` teach a record.
+    fn new<'r>(record: &Record<()>, radius: f64, pixel: f64, neighbors: impl Iterator<Item = &'r Record<()>>) -> Self {
+        let Record { site, estimate, .. } = record;
+        let light = luminance(estimate.irradiance.as_dvec3());
+        let mut exact = Self::alone(record, radius);
+        let (axes, own) = (exact.axes, exact.along.map(|slope| slope * radius));
+
+        // Neighbors count within twelve pixels, or the nearest bound: 1.25 to 2 radii.
         let (widened, tolerance) = ((12.0 * pixel / radius).clamp(1.25, 2.0), f64::from(OPENNESS_TOLERANCE));
         // The left side of the normal equations, with the ridge, and the right one.
         let mut rows = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.5]];
@@ -212,11 +225,15 @@ impl Exact {
             let w = weight(site, radius * widened, tolerance * widened, other);
             let opener = (f64::from(other.openness) - exact.openness) / tolerance;
             let f = [way.dot(axes[0]) / radius, way.dot(axes[1]) / radius, opener];
+
+            // r: the light that the record alone leaves unexplained. The more it differs, the less it teaches.
             let alone = exact.irradiance + exact.by_normal * (wide(other.normal) - exact.normal);
             let r = neighbor.estimate.irradiance.as_dvec3() - alone - own[0] * f[0] - own[1] * f[1];
             let taught = w * (1.0 - (luminance(r) / (0.7 * light)).powi(2)).max(0.0).powi(2);
             for i in 0..3 {
-                (0..3).for_each(|j| rows[i][j] += taught * f[i] * f[j]);
+                for j in 0..3 {
+                    rows[i][j] += taught * f[i] * f[j];
+                }
                 right[i] += r * (taught * f[i]);
             }
             weights += w;
@@ -225,6 +242,8 @@ impl Exact {
         if weights == 0.0 {
             return exact;
         }
+
+        // Solve, and follow the slopes as far as they change the light by half of itself.
         variance /= weights;
         let learns = variance / (variance + (0.5 * f64::from(estimate.tolerance)).powi(2));
         let learnt = eliminated(rows, right).map(|slope| slope * learns);
@@ -250,13 +269,16 @@ impl Exact {
 /// Solves three equations for three right sides, by Gauss with the largest pivot.
 fn eliminated(mut rows: [[f64; 3]; 3], mut right: [DVec3; 3]) -> [DVec3; 3] {
     for k in 0..3 {
+        // The largest of what is left of column k, so that no factor is above 1. Then nothing but it is left of the column.
         let pivot = (k..3).max_by(|&a, &b| rows[a][k].abs().total_cmp(&rows[b][k].abs())).expect("a row");
         rows.swap(k, pivot);
         right.swap(k, pivot);
-        for i in (0..3).filter(|&i| i != k) {
-            let factor = rows[i][k] / rows[k][k];
-            (0..3).for_each(|j| rows[i][j] -= factor * rows[k][j]);
-            right[i] -= right[k] * factor;
+        for i in 0..3 {
+            if i != k {
+                let factor = rows[i][k] / rows[k][k];
+                (0..3).for_each(|j| rows[i][j] -= factor * rows[k][j]);
+                right[i] -= right[k] * factor;
+            }
         }
     }
     [0, 1, 2].map(|k| right[k] / rows[k][k])
@@ -266,6 +288,16 @@ fn eliminated(mut rows: [[f64; 3]; 3], mut right: [DVec3; 3]) -> [DVec3; 3] {
 fn view(pixel: f32) -> View {
     let above = Affine3A::from_rotation_translation(Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2), Vec3::ZERO);
     View::new(above, Projection::Orthographic { ymag: 32.0 * pixel }, 64, 64)
+}
+
+/// What a record predicts, by the code under test and in `f64`, with the others of `records` as its neighbors.
+fn predicted(one: &Record<()>, records: &[Record<()>], radius: f32, view: &View) -> (Prediction, Exact) {
+    // A fit passes over its own record.
+    let mut fit = Fit::new(one, radius, view);
+    records.iter().for_each(|other| fit.add(other));
+    let others = records.iter().filter(|other| !std::ptr::eq(*other, one));
+    let pixel = f64::from(one.site.pixel_width(view));
+    (fit.solve().0, Exact::new(one, radius.into(), pixel, others))
 }
 
 /// Fits of up to sixty neighbors, all around or on a needle down to a millionth as thick as long, and what a pixel interpolates
@@ -281,29 +313,25 @@ fn predictions_and_what_is_interpolated_are_those_of_f64() {
                 let view = view(r / 8.0);
                 let middle = somewhere(&mut random, r);
                 let count = 2 + (58.0 * random.unit()) as usize;
-                let records: Vec<Record<()>> = (0..count)
-                    .map(|_| {
-                        let site = place(&mut random, &middle, r, needle);
-                        record(site, estimate(&mut random, &site, light, r), r)
-                    })
-                    .collect();
-                let predict = |one: &Record<()>| {
-                    let mut fit = Fit::new(one, r, &view);
-                    // It passes over itself.
-                    records.iter().for_each(|other| fit.add(other));
-                    let others = records.iter().filter(|other| !std::ptr::eq(*other, one));
-                    let pixel = f64::from(one.site.pixel_width(&view));
-                    (fit.solve().0, Exact::new(one, r.into(), pixel, others))
-                };
-                let predictions: Vec<_> = records.iter().map(predict).collect();
+                let mut records = Vec::new();
+                for _ in 0..count {
+                    let site = place(&mut random, &middle, r, needle);
+                    records.push(record(site, estimate(&mut random, &site, light, r), r));
+                }
+                let predictions: Vec<_> = records.iter().map(|one| predicted(one, &records, r, &view)).collect();
+
+                // The weighted mean of the predictions at a few pixels, in f32 and in f64.
                 for _ in 0..8 {
                     let pixel = place(&mut random, &middle, r, needle);
                     let (mut sum, mut whole) = (Vec3A::ZERO, 0.0);
                     let (mut exact_sum, mut exact_whole) = (DVec3::ZERO, 0.0);
                     for (record, (prediction, exact)) in records.iter().zip(&predictions) {
+                        // The code under test.
                         let w = weight_between(&record.site, r, &pixel);
                         let found = prediction.at(&(&pixel).into());
                         (sum, whole) = (sum + found * w, whole + w);
+
+                        // The same in f64.
                         let w = weight(&record.site, r.into(), tolerance, &pixel);
                         let of = exact.at(&pixel);
                         (exact_sum, exact_whole) = (exact_sum + of * w, exact_whole + w);
@@ -311,6 +339,7 @@ fn predictions_and_what_is_interpolated_are_those_of_f64() {
                             worst = worst.max(((wide(found) - of) / f64::from(light)).abs().max_element());
                         }
                     }
+
                     // Below that a pixel gets a record of its own.
                     if exact_whole > 0.3 {
                         let error = wide(sum / whole) - exact_sum / exact_whole;

@@ -11,12 +11,13 @@
 //! a ridge regression per record, along the surface; wⱼ is the weight that neighbor j would have for record i at some more
 //! than its radius. What is left of the sum tells how far the record is to be trusted: see `doubt.rs`.
 
+use super::group::weight;
 use super::illumination::Site;
 use super::picture::{Picture, Shown};
 use super::radius::trust;
 use super::record::Record;
 use super::spacing::radius_in_view;
-use super::tile::{Tile, Tiles, weight};
+use super::tile::{Tile, Tiles};
 use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
 use crate::sampling::frame;
 use crate::scene::View;
@@ -89,28 +90,46 @@ pub(super) fn predictions<R: Send + Sync>(
     records: &[Record<R>],
     places: impl IntoParallelIterator<Iter: IndexedParallelIterator<Item = usize>, Item = usize>,
 ) -> Vec<(Prediction, f32)> {
-    let of = |(met, near): &mut (Vec<u32>, Vec<u32>), place: usize| {
-        let record = &records[tiles.listed[place] as usize];
-        let mut fit = Fit::new(record, radius_in_view(record, picture), &picture.seen.view);
-        for tile in tiles_around(picture, tiles, &record.site) {
-            tile.candidates_near(tiles.lanes, record.site.position, fit.reach(), near);
-            for &candidate in near.iter() {
+    let no_neighbors = || Neighbors { met_by: vec![u32::MAX; tiles.listed.len()], near: Vec::new() };
+    let predict = |neighbors: &mut Neighbors, place| {
+        picture.busy.measure(|| {
+            let record = &records[tiles.listed[place] as usize];
+            let mut fit = Fit::new(record, radius_in_view(record, picture), &picture.seen.view);
+            neighbors.teach(&mut fit, place, picture, (tiles, records));
+            fit.solve()
+        })
+    };
+    places.into_par_iter().with_min_len(CHUNK).map_init(no_neighbors, predict).collect()
+}
+
+/// Working memory of a thread that looks for neighbors of records.
+struct Neighbors {
+    /// By place in the list, the last record that was found to be its neighbor, by place as well.
+    met_by: Vec<u32>,
+    /// Candidates of a tile near a record.
+    near: Vec<u32>,
+}
+
+impl Neighbors {
+    /// Adds to a `fit` the neighbors of the record at `place` in the list.
+    fn teach<R>(
+        &mut self,
+        fit: &mut Fit<R>,
+        place: usize,
+        picture: &Picture,
+        (tiles, records): (&Tiles, &[Record<R>]),
+    ) {
+        let site = &fit.record.site;
+        for tile in tiles_around(picture, tiles, site) {
+            tile.candidates_near(tiles.lanes, site.position, fit.reach(), &mut self.near);
+            for &candidate in &self.near {
                 // Each once, though most are listed by more than one tile.
-                if std::mem::replace(&mut met[candidate as usize], place as u32) != place as u32 {
+                if std::mem::replace(&mut self.met_by[candidate as usize], place as u32) != place as u32 {
                     fit.add(&records[tiles.listed[candidate as usize] as usize]);
                 }
             }
         }
-        fit.solve()
-    };
-    places
-        .into_par_iter()
-        .with_min_len(CHUNK)
-        .map_init(
-            || (vec![u32::MAX; tiles.listed.len()], Vec::new()),
-            |scratch, place| picture.busy.measure(|| of(scratch, place)),
-        )
-        .collect()
+    }
 }
 
 /// Records that a thread takes at a time, at least.
@@ -177,6 +196,7 @@ impl<'a, R> Fit<'a, R> {
     }
 
     pub fn add(&mut self, neighbor: &Record<R>) {
+        // Only other records of the same thing, within reach.
         let (site, other) = (&self.record.site, &neighbor.site);
         if std::ptr::eq(self.record, neighbor) || site.carrier != other.carrier {
             return;
@@ -187,6 +207,8 @@ impl<'a, R> Fit<'a, R> {
         if near2 >= 1.0 {
             return;
         }
+
+        // w: the weight that the neighbor would have for this record, were its radius that of the reach.
         let across = ACROSS / 2.0 * way.dot(site.normal + other.normal) / reach;
         let opener = (other.openness - site.openness) / OPENNESS_TOLERANCE;
         let turn = (1.0 - site.normal.dot(other.normal)) / NORMAL_TOLERANCE;
@@ -194,11 +216,15 @@ impl<'a, R> Fit<'a, R> {
         if w == 0.0 {
             return;
         }
+
+        // r = Eⱼ − Eᵢ − (∂E/∂n)ᵢ (nⱼ − nᵢ) − bᵢ · (xⱼ − xᵢ), the light that the record alone leaves unexplained.
         let f = Vec3A::new(way.dot(self.axes[0]) / self.radius, way.dot(self.axes[1]) / self.radius, opener);
         let r = Vec3A::from(neighbor.estimate.irradiance)
             - self.alone.irradiance
             - self.alone.by_normal * (other.normal - site.normal)
             - (self.own[0] * f.x + self.own[1] * f.y);
+
+        // Other light is across a border: the more it differs, the less it teaches. The last sums have all of it, nevertheless.
         let square = Mat3A::from_cols(f * f.x, f * f.y, f * f.z);
         let light = luminance(r.into());
         let border = OTHER_LIGHT * luminance(self.record.estimate.irradiance);
@@ -217,21 +243,29 @@ impl<'a, R> Fit<'a, R> {
         if self.weights == 0.0 {
             return (alone, 0.0);
         }
+
+        // (Σ w f fᵀ + ρ) s = Σ w f r, with a ridge ρ of its own for slopes and for openness.
         let ridge = Vec3A::new(STIFFNESS, STIFFNESS, STIFFNESS_BY_OPENNESS);
         // A record whose own derivatives say what its neighbors say has nothing to learn from them.
         let variance = self.variance / self.weights;
         let settled = (SETTLED * self.record.estimate.tolerance).powi(2);
         let open_to_learn = variance / (variance + settled).max(f32::MIN_POSITIVE);
         let learnt = unexplained * (square + Mat3A::from_diagonal(ridge.into())).inverse() * open_to_learn;
+
+        // Slopes along both axes, own and learnt, followed only as far as they change the light by a part of itself.
         let along = [own[0] + learnt.x_axis, own[1] + learnt.y_axis];
         let light = |v: Vec3A| luminance(v.into());
         let (change, most) =
             (light(along[0]).hypot(light(along[1])), MOST_CHANGE * luminance(self.record.estimate.irradiance));
         let followed = if change > most { most / change } else { 1.0 };
         let along = along.map(|slope| slope * followed);
-        // Σ w (r − s · f)² of luminance, s being what was added to what the record alone predicts.
+
+        // What neighbors still differ by, in luminance:  Σ w (r − s · f)² = Σ w r² − 2 s · Σ w f r + s · (Σ w f fᵀ) s.
+        // Here s is all that was added to what the record alone predicts.
         let s = Vec3A::new(light(along[0] - own[0]), light(along[1] - own[1]), light(learnt.z_axis));
         let left = self.variance - 2.0 * s.dot(self.all_unexplained) + s.dot(self.all_square * s);
+
+        // From changes over the radius along both axes to a derivative by x, y and z.
         let by_axis = |k: usize| (along[0] * axes[0][k] + along[1] * axes[1][k]) / self.radius;
         let prediction = Prediction {
             by_position: Mat3A::from_cols(by_axis(0), by_axis(1), by_axis(2)),

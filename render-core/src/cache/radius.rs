@@ -31,6 +31,7 @@ pub(super) fn radius(estimate: &LocalIrradiance) -> f32 {
 /// change the irradiance by no more than they may. Where the picture keeps the radius up, they would promise light that is not
 /// there.
 pub(super) fn trust(estimate: &LocalIrradiance, own: f32, radius: f32) -> f32 {
+    // Changes of the irradiance over the radius, and over the largest turn of the normal: the larger one counts.
     let share = if radius > own { KEPT_UP_BY_GRADIENT } else { BY_GRADIENT };
     let most = share * luminance(estimate.irradiance);
     let change = (slope(&estimate.by_position) * radius).max(slope(&estimate.by_normal) * LARGEST_TURN);

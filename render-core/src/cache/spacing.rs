@@ -34,11 +34,16 @@ pub(super) fn least_radius(site: &Site, view: &View) -> f32 {
 /// The picture raises it where it shows the surroundings of the record. Where something else is seen in its place, as when a
 /// thing has moved over it, it keeps its own.
 pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &Picture) -> f32 {
+    // Beside a wall a record may be small on the screen; elsewhere it would serve too few pixels.
     let pixel = record.site.pixel_width(&picture.seen.view);
     let beside_wall = record.estimate.nearest < BESIDE_WALLS * pixel;
     let least = pixel * if beside_wall { BESIDE_WALLS } else { ON_SCREEN.0 };
+
+    // The picture has a say where it shows the record.
     let kept_up = record.radius >= least || picture.shows(&record.site, least);
     let radius = if kept_up { record.radius.clamp(least, ON_SCREEN.1 * pixel) } else { record.radius };
+
+    // A contradicted record answers for a share of that, but for some pixels in any case.
     (radius * record.share).max(radius.min(DOUBTED * pixel))
 }
 
@@ -74,6 +79,7 @@ struct Spheres {
 
 impl Spheres {
     fn of<R>(records: &[Record<R>]) -> Self {
+        // The smallest come first: those that can clamp a radius end where radii are as large as it.
         let mut sorted: Vec<(f32, Vec3A)> = records.iter().map(|r| (r.radius, r.site.position)).collect();
         sorted.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
         let axis = |k: usize| sorted.iter().map(|(_, center)| center[k]).collect();
@@ -82,23 +88,33 @@ impl Spheres {
 
     /// Least |x − y| + R_y over the spheres whose R_y is below `radius`; infinite without any.
     fn reach(&self, place: Vec3A, radius: f32) -> f32 {
+        // A sphere with R_y ≥ R_x cannot make R_x smaller.
         let smaller = self.radii.partition_point(|&other| other < radius);
         let reach = |r: f32, x: f32, y: f32, z: f32| {
             let (dx, dy, dz) = (x - place.x, y - place.y, z - place.z);
             r + (dx * dx + dy * dy + dz * dz).sqrt()
         };
+
+        // Eight spheres at a time, without branches, in one minimum for each lane.
         let (radii, radii_left) = self.radii[..smaller].as_chunks::<TOGETHER>();
         let [(x, x_left), (y, y_left), (z, z_left)] =
             self.centers.each_ref().map(|axis| axis[..smaller].as_chunks::<TOGETHER>());
+        let (x, y, z) = (&x[..radii.len()], &y[..radii.len()], &z[..radii.len()]);
         let mut least = [f32::INFINITY; TOGETHER];
-        for (((r, x), y), z) in radii.iter().zip(x).zip(y).zip(z) {
+        for group in 0..radii.len() {
+            let (r, x, y, z) = (&radii[group], &x[group], &y[group], &z[group]);
             for k in 0..TOGETHER {
                 let reach = reach(r[k], x[k], y[k], z[k]);
                 least[k] = if reach < least[k] { reach } else { least[k] };
             }
         }
-        let left = (0..radii_left.len()).map(|k| reach(radii_left[k], x_left[k], y_left[k], z_left[k]));
-        least.into_iter().chain(left).fold(f32::INFINITY, f32::min)
+
+        // The minimum of the lanes and of what is left of the spheres.
+        let mut whole = least.into_iter().fold(f32::INFINITY, f32::min);
+        for k in 0..radii_left.len() {
+            whole = whole.min(reach(radii_left[k], x_left[k], y_left[k], z_left[k]));
+        }
+        whole
     }
 }
 

@@ -1,4 +1,4 @@
-//! Differences between a record and a pixel at which the record is no use: constants of the error measure in `tile.rs`.
+//! Differences between a record and a pixel at which the record is no use: constants of the error measure in `group.rs`.
 
 /// 1 − cos of the largest angle between the normals of a record and of a pixel that uses it: 37°.
 pub(super) const NORMAL_TOLERANCE: f32 = 0.2;

@@ -30,10 +30,11 @@ impl Sample {
     pub const NONE: Self = Self { position: [f32::NAN; 3], packed: [0; 2] };
 
     pub fn new(position: [f32; 3], normal: Vec3, irradiance: Vec3) -> Self {
+        // All channels have the exponent e of the brightest: E ≈ m 2^e / WHOLE. Black, and what is no number, stays 0.
         let most = irradiance.max_element();
         let mut packed = 0;
         if most.is_normal() && most > 0.0 {
-            // most < 2^exponent
+            // The bits of an f32 hold the least e with most < 2^e, plus 126.
             let exponent = (most.to_bits() >> 23) as i32 - 126;
             let unit = exp2(-exponent) * WHOLE;
             for (k, channel) in (0..).zip(irradiance.to_array()) {
@@ -41,6 +42,8 @@ impl Sample {
             }
             packed |= ((exponent + BIAS) as u64) << (3 * MANTISSA_BITS);
         }
+
+        // The normal's place on the unfolded octahedron, above the light. As −1…1 becomes 1…255, 0 is exact.
         for (k, coordinate) in (0..).zip(octahedral(normal).to_array()) {
             let stored = (coordinate * NORMAL_SCALE + NORMAL_ZERO).round() as u64;
             packed |= stored << (3 * MANTISSA_BITS + EXPONENT_BITS + k * NORMAL_BITS);

@@ -37,16 +37,21 @@ pub(super) struct Balance {
 impl Balance {
     /// The balance of a light whose `pieces` are represented by the points `samples`.
     pub fn new(pieces: &[Polygon], samples: &[AreaSample]) -> Self {
+        // I(ω) = Σ L A max(n · ω, 0), of the whole light and of its samples. Both are sums over vectors n, as long as L A.
         let whole = by_direction(pieces);
         let sampled: Vec<Vec3A> = samples.iter().map(|s| s.normal * luminance(s.intensity)).collect();
-        let intensity =
-            |sides: &[Vec3A], towards: Vec3A| sides.iter().map(|side| side.dot(towards).max(0.0)).sum::<f32>();
-        let ratio = |towards: Vec3A| {
-            let (whole, sampled) = (intensity(&whole, towards), intensity(&sampled, towards));
-            if sampled > 0.0 { (whole / sampled).clamp(MOST.recip(), MOST) } else { 1.0 }
-        };
-        let at = |k: usize| Vec2::new((k % (CELLS + 1)) as f32, (k / (CELLS + 1)) as f32) / CELLS as f32;
-        let ratios = (0..(CELLS + 1) * (CELLS + 1)).map(|k| ratio(unfolded(at(k)))).collect();
+
+        // Their ratio at the corners of all cells. Where no sample shines, no factor would help.
+        let mut ratios = Vec::with_capacity((CELLS + 1) * (CELLS + 1));
+        for row in 0..=CELLS {
+            for column in 0..=CELLS {
+                let towards = unfolded(Vec2::new(column as f32, row as f32) / CELLS as f32);
+                let (whole, sampled) = (intensity(&whole, towards), intensity(&sampled, towards));
+                ratios.push(if sampled > 0.0 { (whole / sampled).clamp(MOST.recip(), MOST) } else { 1.0 });
+            }
+        }
+
+        // The sphere around the light, about the mean of its corners.
         let corners = || pieces.iter().flat_map(|piece| piece.corners);
         let middle = corners().sum::<Vec3A>() / corners().count().max(1) as f32;
         let radius2 = corners().map(|corner| corner.distance_squared(middle)).fold(0.0, f32::max);
@@ -60,18 +65,28 @@ impl Balance {
         if d2 == 0.0 || !d2.is_finite() {
             return 1.0;
         }
+
+        // The ratio I / Iₛ of this direction, bilinearly between the corners of the cell that it falls in.
         let place = folded(way / d2.sqrt()) * CELLS as f32;
         let cell = place.floor().clamp(Vec2::ZERO, Vec2::splat(CELLS as f32 - 1.0));
         let (u, first) = (place - cell, cell.y as usize * (CELLS + 1) + cell.x as usize);
         let row = |first: usize| self.ratios[first] * (1.0 - u.x) + self.ratios[first + 1] * u.x;
         let ratio = row(first) * (1.0 - u.y) + row(first + CELLS + 1) * u.y;
+
+        // 1 + (I/Iₛ − 1) · d² / (d² + R²)
         1.0 + (ratio - 1.0) * d2 / (d2 + self.radius2)
     }
+}
+
+/// I(ω) of sides whose normals n have the length L A.
+fn intensity(sides: &[Vec3A], towards: Vec3A) -> f32 {
+    sides.iter().map(|side| side.dot(towards).max(0.0)).sum()
 }
 
 /// Σ Lₚ Aₚ nₚ over the sides of the pieces that face about the same way, luminance \[W·sr⁻¹\]: one sum for each cell of the map,
 /// so that a light of many triangles costs no more than one of few.
 fn by_direction(pieces: &[Polygon]) -> Vec<Vec3A> {
+    // Each side goes to the cell of its normal; a double-sided piece has two.
     let mut sums = vec![Vec3A::ZERO; CELLS * CELLS];
     let mut add = |side: Vec3A| {
         if let Some(normal) = side.try_normalize() {
@@ -92,8 +107,11 @@ fn by_direction(pieces: &[Polygon]) -> Vec<Vec3A> {
 
 /// A unit vector's place in the unit square: the octahedron |x| + |y| + |z| = 1, its lower half folded out to the corners.
 fn folded(direction: Vec3A) -> Vec2 {
+    // Onto the octahedron. Its upper half is seen from above as a square on its tip, of half the area of −1…1.
     let d = direction / (direction.x.abs() + direction.y.abs() + direction.z.abs());
     let upper = Vec2::new(d.x, d.y);
+
+    // The lower half is mirrored at the sides of that square, into the corners.
     let place =
         if d.z >= 0.0 { upper } else { (Vec2::ONE - Vec2::new(d.y.abs(), d.x.abs())) * Vec2::ONE.copysign(upper) };
     place * 0.5 + 0.5

@@ -1,6 +1,7 @@
 //! Receivers that are lit together: shadow rays of a light sample are traced to all of them.
 
-use super::{Area, Disc, FIRST_AREA_SAMPLES, FIRST_SUN_SAMPLES, ShadingPoint, Sun, WORTH_A_SHAFT, bits, disc_term};
+use super::lights::{Area, FIRST_AREA_SAMPLES, FIRST_SUN_SAMPLES, Sun};
+use super::{Disc, ShadingPoint, WORTH_A_SHAFT, bits, disc_term};
 use crate::accel::{Accelerator, PACKET, Shaft};
 use crate::emitter::{AreaSample, PointLight};
 use glam::{Vec3, Vec3A};
@@ -58,10 +59,13 @@ impl TileVotes {
     fn add(&mut self, intensity: Vec3, terms: &[f32; PACKET], traced: u64, hidden: u64) {
         self.lit |= traced & !hidden;
         self.dark |= traced & hidden;
+
+        // Eight receivers at a time, all of a row together: rows that no ray was traced to are passed over.
         let (terms, _) = terms.as_chunks::<8>();
         for (row, terms) in terms.iter().enumerate().filter(|(row, _)| traced >> (8 * row) & 0xff != 0) {
             let factors = &FACTORS[(hidden >> (8 * row)) as usize & 0xff];
             for (c, intensity) in intensity.to_array().into_iter().enumerate() {
+                // E = I · term, all of it, and what is seen of it. The factor is 0 where the sample is hidden: no branches.
                 let seen = &mut self.seen[c].as_chunks_mut::<8>().0[row];
                 let all = &mut self.all[c].as_chunks_mut::<8>().0[row];
                 for lane in 0..8 {
@@ -96,8 +100,9 @@ pub(super) struct Tile<'a> {
 
 impl<'a> Tile<'a> {
     pub(super) fn new(accelerator: &'a Accelerator, receivers: &'a [ShadingPoint]) -> Self {
-        let mut columns = [[[0.0; PACKET]; 3]; 3];
+        // By axis, so that the terms of a disc are computed for many receivers at once.
         // Places without a receiver repeat the last.
+        let mut columns = [[[0.0; PACKET]; 3]; 3];
         for i in 0..PACKET {
             let ShadingPoint { position, normal, geometric_normal } = receivers[i.min(receivers.len() - 1)];
             for (columns, v) in columns.iter_mut().zip([position, normal, geometric_normal]) {
@@ -141,6 +146,8 @@ impl<'a> Tile<'a> {
         if active == 0 || shaft.is_some_and(Shaft::is_empty) {
             return 0;
         }
+
+        // All the rays of a packet share their origin, the light. Within a shaft they meet fewer boxes of the tree.
         self.rays.set(self.rays.get() + u64::from(active.count_ones()));
         match shaft {
             Some(shaft) => self.accelerator.occluded_packet_within(shaft, light, &self.columns[0], active),
@@ -151,6 +158,7 @@ impl<'a> Tile<'a> {
     /// Adds the irradiance from a glowing surface: exact where all of it is visible, else by the visible share of its samples,
     /// each weighted by its unshadowed irradiance.
     pub(super) fn add_area(&self, area: &Area, sums: &mut [Vec3]) {
+        // A shadow ray votes for a receiver: whether this sample is visible there.
         let shaft = self.shaft(&area.positions);
         let mut votes = TileVotes::NONE;
         let mut trace_samples = |samples: &[AreaSample], among: u64| {
@@ -162,6 +170,8 @@ impl<'a> Tile<'a> {
             }
             among & !votes.agreed()
         };
+
+        // Corners and the first samples go to all receivers, the rest to those of a penumbra: where the votes disagree.
         let (first, rest) = match &shaft {
             // Where nothing can hide it, one sample that shines is enough.
             Some(shaft) if shaft.is_empty() => area.samples.split_at(1),
@@ -174,6 +184,8 @@ impl<'a> Tile<'a> {
         if undecided != 0 {
             trace_samples(rest, undecided);
         }
+
+        // Each receiver's light: all of the lamp where no vote was against, else the share of it that is seen.
         for i in bits(votes.lit) {
             sums[i] += if votes.dark >> i & 1 == 0 {
                 area.unhidden(&self.receivers[i])
@@ -188,6 +200,7 @@ impl<'a> Tile<'a> {
     }
 
     pub(super) fn add_point(&self, light: &PointLight, sums: &mut [Vec3]) {
+        // E = I(ω) cos θ / r², if nothing hides it.
         let mut given = [Vec3::ZERO; PACKET];
         let mut active = 0;
         for (i, receiver) in self.receivers.iter().enumerate() {
@@ -195,6 +208,8 @@ impl<'a> Tile<'a> {
             given[i] = light.intensity_towards(receiver.position) * (cos / r2.max(f32::MIN_POSITIVE));
             active |= u64::from(given[i] != Vec3::ZERO) << i;
         }
+
+        // Shadow rays for those it shines on.
         let shaft = self.shaft(&[light.position]);
         let hidden = self.hidden_from(light.position, active, shaft.as_ref());
         bits(active & !hidden).for_each(|i| sums[i] += given[i]);
@@ -204,6 +219,7 @@ impl<'a> Tile<'a> {
     pub(super) fn add_sun(&self, sun: &Sun, sums: &mut [Vec3]) {
         let share = sun.irradiance / sun.directions.len() as f32;
         for (receiver, sum) in self.receivers.iter().zip(sums) {
+            // Irradiance from a point of the disc, and whether something is in the way.
             let given = |towards: Vec3A| {
                 let above = receiver.geometric_normal.dot(towards) > 0.0;
                 share * if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 }
@@ -212,12 +228,16 @@ impl<'a> Tile<'a> {
                 self.rays.set(self.rays.get() + 1);
                 self.accelerator.occluded_towards(receiver.position, towards)
             };
+
+            // The border of the disc first: its points give nothing, and show whether the sun is partly hidden.
             let mut votes = Votes::default();
             for towards in sun.border {
                 if given(towards) != Vec3::ZERO && !(votes.lit && votes.dark) {
                     votes.add(Vec3::ZERO, hides(towards));
                 }
             }
+
+            // Then points of the disc, each with its share of E cos θ. Once all votes agree the rest follows without rays.
             for (index, &towards) in sun.directions.iter().enumerate() {
                 let e = given(towards);
                 if e != Vec3::ZERO {
