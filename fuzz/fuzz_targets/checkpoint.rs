@@ -61,7 +61,7 @@ impl Film {
                 ..Options::default()
             };
             let settings = Settings::new(path.clone(), &scene, &options).expect("settings");
-            let plan = Plan::new(&scene, &settings);
+            let plan = Plan::new(&scene, &settings.renderer());
             let job = FilmJob::of(&settings).expect("a scene");
             let checkpoints = Checkpoints::new(&job, Some(Duration::ZERO)).expect("a place");
             let mut film = Render::new(&scene, &settings, &plan, &checkpoints).expect("a film");

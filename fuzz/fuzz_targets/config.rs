@@ -14,7 +14,7 @@ fuzz_target!(|data: &[u8]| {
                 Ok(settings) => {
                     assert!(settings.tone_map.check().is_ok());
                     let _ = settings.encoder_config();
-                    let _ = Plan::new(&scene, &settings).table();
+                    let _ = Plan::new(&scene, &settings.renderer()).table();
                 }
                 Err(error) => assert_eq!(error.chain().lines().count(), 1, "{}", error.chain()),
             }

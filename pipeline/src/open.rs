@@ -78,7 +78,7 @@ impl Film {
         if let Some(folder) = &settings.exr {
             std::fs::create_dir_all(folder).map_err(Error::file(folder, "cannot be made"))?;
         }
-        let plan = Plan::new(&self.scene, &settings);
+        let plan = Plan::new(&self.scene, &settings.renderer());
         crate::render(&self.scene, &settings, &plan, run)
     }
 }

@@ -32,9 +32,10 @@ impl<'a> Render<'a> {
     pub fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, checkpoints: &'a Checkpoints) -> Result<Self> {
         let begin = Instant::now();
         let masks = plan.is_on(Stage::Masking);
+        let renderer = settings.renderer();
         let mut parts = Parts {
-            prepare: Preparation::new(scene, settings, plan),
-            shade: Shading::new(settings, plan),
+            prepare: Preparation::new(scene, &renderer, plan),
+            shade: Shading::new(&renderer, plan),
             display: Display::of(settings)?,
             encode: Video::new(settings)?,
             mask: masks.then(|| Masking::new(settings)).transpose()?,

@@ -235,7 +235,7 @@ impl Patches {
     /// `None` if there is no area.
     fn of(surfaces: &Surfaces, on_moving: bool) -> Option<Self> {
         let scene = surfaces.scene();
-        let moving = scene.moving_instances();
+        let moving = surfaces.moving();
         let (mut list, mut areas) = (Vec::new(), Vec::new());
         for (index, instance) in scene.instances.iter().enumerate() {
             if moving[index] != on_moving {

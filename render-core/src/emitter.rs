@@ -149,8 +149,7 @@ impl Emitters {
             let of_kind = move |light: &&PunctualLight| (light.kind == PunctualKind::Directional) == sun;
             scene.punctual_lights.iter().filter(of_kind).map(|light| nodes[light.node])
         };
-        let instances = scene.moving_instances();
-        let moving = areas.iter().map(|area| instances[area.instance]);
+        let moving = areas.iter().map(|area| surfaces.moving()[area.instance]);
         let moving = moving.chain(punctual(false)).chain(punctual(true)).collect();
         for light in &scene.punctual_lights {
             let world = &pose.world[light.node];

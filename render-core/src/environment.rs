@@ -16,7 +16,7 @@ use std::f32::consts::{PI, TAU};
 /// over its solid angle.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    source: Source,
+    source: Sky,
     /// One for each row that any light comes from.
     columns: Vec<Option<Distribution>>,
     rows: Distribution,
@@ -26,7 +26,7 @@ pub struct Environment {
 }
 
 #[derive(Clone, Debug)]
-enum Source {
+enum Sky {
     Gradient(Gradient),
     Image(EquirectangularMap),
 }
@@ -56,7 +56,7 @@ impl Environment {
     /// Light of a gradient; `None` if that is black.
     #[must_use]
     pub fn gradient(gradient: Gradient) -> Option<Self> {
-        Self::new(Source::Gradient(gradient), [1, GRADIENT_ROWS], |_, row| {
+        Self::new(Sky::Gradient(gradient), [1, GRADIENT_ROWS], |_, row| {
             // The mean of a few heights: a gradient is steep only near its horizon.
             let heights = (0..16).map(|i| (PI * (row as f32 + (i as f32 + 0.5) / 16.0) / GRADIENT_ROWS as f32).cos());
             heights.map(|y| gradient.radiance(Vec3::new((1.0 - y * y).sqrt(), y, 0.0))).sum::<Vec3>() / 16.0
@@ -70,11 +70,11 @@ impl Environment {
         let sane = texels.map(|c| if c.is_finite() { c.max(Vec3::ZERO) } else { Vec3::ZERO });
         let map = EquirectangularMap { texels: sane, intensity, turn: rotation.to_radians().sin_cos() };
         let size = [map.texels.width(), map.texels.height()];
-        Self::new(Source::Image(map.clone()), size, |column, row| map.mean_over_texel(column, row) * intensity)
+        Self::new(Sky::Image(map.clone()), size, |column, row| map.mean_over_texel(column, row) * intensity)
     }
 
     /// `mean` gives the radiance of a cell: not zero unless all of the cell is black.
-    fn new(source: Source, size: [usize; 2], mean: impl Fn(usize, usize) -> Vec3) -> Option<Self> {
+    fn new(source: Sky, size: [usize; 2], mean: impl Fn(usize, usize) -> Vec3) -> Option<Self> {
         let mut fluence = glam::DVec3::ZERO;
         let columns: Vec<Option<Distribution>> = (0..size[1])
             .map(|row| {
@@ -95,8 +95,8 @@ impl Environment {
     #[must_use]
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         match &self.source {
-            Source::Gradient(gradient) => gradient.radiance(direction),
-            Source::Image(map) => map.radiance(direction),
+            Sky::Gradient(gradient) => gradient.radiance(direction),
+            Sky::Image(map) => map.radiance(direction),
         }
     }
 
@@ -134,15 +134,15 @@ impl Environment {
 
     fn to_local(&self, d: Vec3) -> Vec3 {
         match &self.source {
-            Source::Gradient(_) => d,
-            Source::Image(map) => map.turned(d, -1.0),
+            Sky::Gradient(_) => d,
+            Sky::Image(map) => map.turned(d, -1.0),
         }
     }
 
     fn to_world(&self, d: Vec3) -> Vec3 {
         match &self.source {
-            Source::Gradient(_) => d,
-            Source::Image(map) => map.turned(d, 1.0),
+            Sky::Gradient(_) => d,
+            Sky::Image(map) => map.turned(d, 1.0),
         }
     }
 }

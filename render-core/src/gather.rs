@@ -46,7 +46,7 @@ pub struct FinalGather {
     bound: [f32; 2],
     gaps: Gaps,
     /// By instance.
-    moving: Vec<bool>,
+    moving: Arc<[bool]>,
     /// Instances whose emission is represented by virtual lights with the bound of the fixed anchors.
     virtual_emitters: Vec<bool>,
 }
@@ -71,7 +71,7 @@ pub struct Gathered {
     pub harmonic_mean: f32,
     /// Distance to the nearest hit \[m\]; infinite without hits.
     pub nearest: f32,
-    sources: Vec<Source>,
+    sources: Vec<SurfelShare>,
     emitted: Vec3,
     emitted_by_position: Mat3A,
 }
@@ -97,7 +97,7 @@ pub struct Compensation {
 /// A nearby surfel and its share in the compensation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Source {
+struct SurfelShare {
     /// Place in [`FinalGather::radiance`].
     surfel: u32,
     /// Irradiance per radiance.
@@ -112,12 +112,12 @@ struct Seen<'a> {
     /// Length of the last segment of the ray \[m\].
     distance: f32,
     /// Share of the ray in the compensation, without its surfel.
-    source: Source,
+    source: SurfelShare,
 }
 
 impl Gathered {
     /// Adds emission that virtual lights stand for.
-    fn emit(&mut self, surface: &Interaction, source: &Source) {
+    fn emit(&mut self, surface: &Interaction, source: &SurfelShare) {
         let radiance = surface.emission();
         if radiance == Vec3::ZERO {
             return;
@@ -155,7 +155,7 @@ impl FinalGather {
             radiance,
             bound: [anchors.geometry_term_bound(true), anchors.dynamic_geometry_term_bound()],
             gaps: Gaps { near: NEAR * anchors.area_share.sqrt(), epsilon: units.epsilon, lamps: Lamps::default() },
-            moving: scene.moving_instances(),
+            moving: surfaces.moving().clone(),
             virtual_emitters: vec![false; scene.instances.len()],
         }
     }
@@ -233,7 +233,7 @@ impl FinalGather {
             let falloff = way * (4.0 / r2 + 2.0 / (r2 + bound));
             let gradient = falloff - surface.geometric_normal / towards;
             let gradient = gradient - normal * gradient.dot(normal);
-            let source = Source { surfel: 0, share: Vec3::splat(weight * share), by_position: gradient };
+            let source = SurfelShare { surfel: 0, share: Vec3::splat(weight * share), by_position: gradient };
             if self.virtual_emitters[hit.instance as usize] {
                 found.emit(&surface, &source);
             }
@@ -287,7 +287,7 @@ impl FinalGather {
         let (position, normal) = (surface.position, surface.geometric_normal);
         let spot = Spot { position, normal, instance: surface.instance, only_own: dynamic, came: None };
         if let Some(surfel) = surfels.nearest(&spot) {
-            found.sources.push(Source { surfel: (first + surfel) as u32, ..*source });
+            found.sources.push(SurfelShare { surfel: (first + surfel) as u32, ..*source });
         }
     }
 

@@ -114,7 +114,7 @@ impl Photons {
                 accelerator,
                 surfaces,
                 source: &source,
-                moving: surfaces.scene().moving_instances(),
+                moving: surfaces.moving().clone(),
                 // An anchor sees its neighborhood blurred: so do the photons that feed it.
                 footprint: anchors.area_share.sqrt(),
                 epsilon: units.epsilon,

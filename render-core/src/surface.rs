@@ -42,6 +42,7 @@ pub struct Surfaces<'a> {
     normals: Vec<Mat3A>,
     /// As in the pose: empty where nothing is deformed.
     deformed: Vec<Option<Arc<DeformedMesh>>>,
+    moving: Arc<[bool]>,
 }
 
 impl std::fmt::Debug for Surfaces<'_> {
@@ -63,7 +64,8 @@ impl<'a> Surfaces<'a> {
         let instances = 0..scene.instances.len();
         let world: Vec<Affine3A> = instances.map(|instance| scene.instance_world(pose, instance)).collect();
         let normals = world.iter().map(normal_matrix).collect();
-        Self { scene, world, normals, deformed: pose.all_deformed().to_vec() }
+        let moving = scene.moving_instances().into();
+        Self { scene, world, normals, deformed: pose.all_deformed().to_vec(), moving }
     }
 
     /// Evaluates `hit` for a ray in the unit `direction` whose cone is `width` meters across at the hit.
@@ -116,6 +118,12 @@ impl<'a> Surfaces<'a> {
     #[must_use]
     pub fn scene(&self) -> &'a Scene {
         self.scene
+    }
+
+    /// By instance, whether it ever moves or changes its shape ([`Scene::moving_instances`]).
+    #[must_use]
+    pub fn moving(&self) -> &Arc<[bool]> {
+        &self.moving
     }
 
     /// World from the space of an instance's vertices.

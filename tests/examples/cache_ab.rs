@@ -67,7 +67,7 @@ fn render(scene: &Path, options: Options) -> Report {
     if let Some(folder) = &settings.exr {
         std::fs::create_dir_all(folder).expect("a folder for linear frames");
     }
-    let plan = Plan::new(&loaded, &settings);
+    let plan = Plan::new(&loaded, &settings.renderer());
     let tell = |frame: &pipeline::report::FrameReport| eprint!("\rframe {}   ", frame.index);
     let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
     let report = pipeline::render(&loaded, &settings, &plan, run);

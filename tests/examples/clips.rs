@@ -43,7 +43,7 @@ fn write_clip(name: &str, base: &Path, size: Size, frames: u32) {
         ..Options::default()
     };
     let (scene, settings) = tests::load(&path, options);
-    let plan = Plan::new(&scene, &settings);
+    let plan = Plan::new(&scene, &settings.renderer());
     let tell = |frame: &pipeline::report::FrameReport| eprint!("\r{name}: frame {}   ", frame.index);
     let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
     pipeline::render(&scene, &settings, &plan, run).expect("the run succeeds");

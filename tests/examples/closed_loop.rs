@@ -96,7 +96,7 @@ impl Job {
     fn render(&self, options: Options) -> Report {
         let scene = render_core::scene::load(&self.scene).expect("the scene loads");
         let settings = Settings::new(self.scene.clone(), &scene, &options).expect("the settings fit");
-        let plan = Plan::new(&scene, &settings);
+        let plan = Plan::new(&scene, &settings.renderer());
         let tell = |frame: &pipeline::report::FrameReport| eprint!("\rframe {}   ", frame.index);
         let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
         let report = pipeline::render(&scene, &settings, &plan, run).expect("the run succeeds");

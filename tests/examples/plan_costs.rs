@@ -39,7 +39,7 @@ fn main() -> anyhow::Result<()> {
             ..Options::default()
         };
         let settings = Settings::new(path.into(), &scene, &options)?;
-        let plan = Plan::new(&scene, &settings);
+        let plan = Plan::new(&scene, &settings.renderer());
         let Report { frames, .. } = pipeline::render(&scene, &settings, &plan, Run::default())?;
         let mean = |seconds: fn(&pipeline::figures::Seconds) -> f64| {
             frames[1..].iter().map(|frame| seconds(&frame.seconds)).sum::<f64>() / (frames.len() - 1) as f64

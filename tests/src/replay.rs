@@ -18,8 +18,8 @@ pub fn load(path: &Path, options: Options) -> (Scene, Settings) {
 
 /// Where the renderer knows each frame's pixels to have been in the frame before; nothing for the first.
 pub fn correspondences(scene: &Scene, settings: &Settings) -> Vec<Option<Arc<Correspondence>>> {
-    let plan = Plan::new(scene, settings);
-    let mut preparation = Preparation::new(scene, settings, &plan);
+    let plan = Plan::new(scene, &settings.renderer());
+    let mut preparation = Preparation::new(scene, &settings.renderer(), &plan);
     let frames = (0..).map_while(|index| preparation.step(index));
     frames.map(|frame| frame.correspondence).collect()
 }

@@ -5,15 +5,16 @@ use crate::error::{Error, Result};
 use crate::figures::FrameFigures;
 use crate::parts::{Prepare, Prepared};
 use crate::plan::{Plan, Stage};
-use crate::settings::{Settings, Size};
+use crate::settings::{RenderSettings, Size};
 use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
 use plane::Correspondence;
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Photons, PosedScene, Surfaces,
-    SweptVolume, Timed, Units, dome_lights,
+    Accelerator, AnchorFlux, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Photons,
+    PosedScene, Surfaces, SweptVolume, Timed, Units, dome_lights,
 };
+use std::f32::consts::PI;
 use std::sync::Arc;
 
 /// Directions that the sky is split into: 5° apart, below the size of the shadows that a sky throws.
@@ -31,7 +32,7 @@ const SMALL_EXTENT: f32 = 0.1;
 /// The first half of the renderer: makes frames 0, 1, 2 … of a film.
 pub struct Preparation<'s> {
     scene: &'s Scene,
-    settings: &'s Settings,
+    settings: RenderSettings,
     plan: &'s Plan,
     /// Made with the first frame, which is not before the files of the film are open.
     work: Option<Work<'s>>,
@@ -40,14 +41,14 @@ pub struct Preparation<'s> {
 impl<'s> Preparation<'s> {
     /// For a film of `scene` from its beginning.
     #[must_use]
-    pub fn new(scene: &'s Scene, settings: &'s Settings, plan: &'s Plan) -> Self {
-        Self { scene, settings, plan, work: None }
+    pub fn new(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan) -> Self {
+        Self { scene, settings: settings.clone(), plan, work: None }
     }
 
     /// Frame `index`, which may follow any other: motion leads to the one that was made before it.
     pub fn frame(&mut self, index: u32) -> PreparedFrame<'s> {
-        let &mut Self { scene, settings, plan, .. } = self;
-        self.work.get_or_insert_with(|| Work::new(scene, settings, plan)).frame(index)
+        let Self { scene, settings, plan, work } = self;
+        work.get_or_insert_with(|| Work::new(scene, settings, plan)).frame(index)
     }
 }
 
@@ -72,7 +73,7 @@ impl<'s> Prepare for Preparation<'s> {
 
     fn restore(&mut self, state: &[u8], last: u32) -> Result<PreparedFrame<'s>> {
         let tree = LightTree::from_bytes(state).map_err(Error::other)?;
-        let mut work = Work::new(self.scene, self.settings, self.plan);
+        let mut work = Work::new(self.scene, &self.settings, self.plan);
         work.tree = Some(Arc::new(tree));
         Ok(self.work.insert(work).frame(last))
     }
@@ -81,7 +82,7 @@ impl<'s> Prepare for Preparation<'s> {
 /// State that is kept from frame to frame.
 struct Work<'s> {
     scene: &'s Scene,
-    settings: &'s Settings,
+    settings: RenderSettings,
     plan: &'s Plan,
     geometry: Geometry,
     units: Units,
@@ -122,7 +123,7 @@ struct Lights {
 }
 
 impl<'s> Work<'s> {
-    fn new(scene: &'s Scene, settings: &'s Settings, plan: &'s Plan) -> Self {
+    fn new(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan) -> Self {
         let units = Units::of(scene);
         let rest = scene.pose(0.0);
         let geometry = Geometry::new(scene);
@@ -142,10 +143,12 @@ impl<'s> Work<'s> {
             let times = (0..settings.frames).map(|n| settings.time(n));
             photons = photons.with_swept_volume(SweptVolume::of(scene, &units, times));
         }
+        let settings = settings.clone();
         Self { scene, settings, plan, geometry, units, anchors, photons, is_split: false, tree: None, kept: None }
     }
 
     fn frame(&mut self, n: u32) -> PreparedFrame<'s> {
+        // Objects take their places, where any moves.
         let mut figures = FrameFigures::default();
         let busy = Busy::default();
         let pose = self.scene.pose(self.settings.time(n));
@@ -156,12 +159,13 @@ impl<'s> Work<'s> {
         };
         figures.seconds.update = busy.seconds();
 
+        // Photons light the anchors.
         let lights = tracing::debug_span!("lights", frame = n).entered();
         let placed = Placed { frame: n, pose: &pose, surfaces: &surfaces, accelerator: &accelerator };
         let Lights { tree, direct, gather } = self.lights(placed, &mut figures);
-
         drop(lights);
 
+        // Primary rays find the visible surfaces.
         let _rays = tracing::debug_span!("primary rays and motion", frame = n).entered();
         let busy = Busy::default();
         let Size { width, height } = self.settings.size;
@@ -172,18 +176,22 @@ impl<'s> Work<'s> {
                 Arc::new(busy.take(GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (width, height))))
             }
         };
+
+        // Motion from the frame before; a picture that stays corresponds to itself, which is found once.
         let correspondence = self.kept.as_ref().map(|before| match &before.of_itself {
             Some(known) if Arc::ptr_eq(&before.seen, &seen) => known.clone(),
             _ => Arc::new(busy.take(seen.reproject(&before.seen))),
         });
         let is_still = self.kept.as_ref().is_some_and(|before| Arc::ptr_eq(&before.seen, &seen));
         let of_itself = correspondence.clone().filter(|_| is_still);
+
         // B pictures are predicted from both sides.
         let wants_forward = self.settings.motion && self.settings.bframes > 0;
         let before = self.kept.as_ref().filter(|_| wants_forward);
         let forward = before.map(|before| Arc::new(busy.take(before.seen.reproject(&seen))));
         figures.seconds.visibility = busy.seconds();
 
+        // The frame shares its parts with what is kept for the next.
         let kept = Kept { accelerator, direct, tree, gather, seen, of_itself };
         let frame = Frame {
             index: n,
@@ -201,12 +209,15 @@ impl<'s> Work<'s> {
 
     /// The light tree and the direct lights of a frame, with their flux there.
     fn lights(&mut self, placed: Placed, figures: &mut FrameFigures) -> Lights {
+        // Where nothing changes, the lights of the frame before are those of this one.
         let Placed { frame: n, pose, surfaces, accelerator } = placed;
         let changing = [Stage::Photons, Stage::TreeUpdate, Stage::ObjectPlacing];
         if let Some(kept) = self.kept.as_ref().filter(|_| !changing.into_iter().any(|stage| self.plan.runs(stage, n))) {
             let Kept { tree, direct, gather, .. } = kept;
             return Lights { tree: tree.clone(), direct: direct.clone(), gather: gather.clone() };
         }
+
+        // Photons bring flux to the anchors. The first frame tells which of them are to be split.
         let emitters = Emitters::new(surfaces, pose, &self.units);
         let scene = PosedScene::new(accelerator, surfaces);
         let Timed { value: mut anchor_flux, seconds } =
@@ -218,41 +229,34 @@ impl<'s> Work<'s> {
         figures.photons_traced = anchor_flux.traced;
         figures.seconds.photons = seconds;
 
+        // The tree: anchors at rest, and glowing surfaces where there are many.
         let busy = Busy::default();
         let sampled = self.sampled_areas(&emitters, surfaces);
-        let mut intensities: Vec<Vec3> = anchor_flux.fixed.iter().map(|&flux| flux / std::f32::consts::PI).collect();
         let tree = match self.kept.as_ref().map(|kept| &kept.tree).or(self.tree.as_ref()) {
             Some(before) => {
-                // After the anchors stand the lights that keep their energy: surfaces and sky.
-                intensities.extend(before.lights()[self.anchors.fixed.len()..].iter().map(|light| light.intensity));
-                let mut tree = before.clone();
-                // The same flux again changes nothing.
-                if tree.lights().iter().map(|light| light.intensity).ne(intensities.iter().copied()) {
-                    let update = busy.measure(|| Arc::make_mut(&mut tree).update_drawn(&intensities));
-                    figures.tree_swaps_share = update.swapped_share;
-                }
+                let (tree, swapped_share) = busy.measure(|| self.updated(before, &anchor_flux));
+                figures.tree_swaps_share = swapped_share;
                 tree
             }
             None => {
-                let anchors = self.anchors.fixed.iter().zip(intensities).map(|(anchor, intensity)| Light {
-                    position: anchor.position.into(),
-                    emission: Emission::Cosine(anchor.normal.into()),
-                    intensity,
-                });
-                let lights: Vec<Light> = anchors.chain(self.lights_that_stay(&emitters, surfaces, &sampled)).collect();
+                let lights = self.tree_lights(&anchor_flux, self.lights_that_stay(&emitters, surfaces, &sampled));
                 let bound = self.anchors.geometry_term_bound(self.plan.is_on(Stage::Compensation));
                 let params = BuildParams::bounded_by(bound).with_seed(self.settings.seed);
                 Arc::new(busy.measure(|| LightTree::build(&lights, params)))
             }
         };
+
+        // Lights that pixels sample for themselves.
         let mut direct = DirectLights::new(&emitters, surfaces, &self.anchors, &anchor_flux.dynamic, &sampled);
         if self.plan.is_on(Stage::Cache) {
             // Light that moving things send back is as smooth as all indirect light: records hold it too.
             direct = direct.with_dynamic_apart();
         }
+
+        // The surroundings, as final gather sees them: with the glow of all that the tree has.
         let mut virtual_emitters = vec![false; self.scene.instances.len()];
-        for place in (0..emitters.areas.len()).filter(|place| !sampled.contains(place)) {
-            virtual_emitters[emitters.areas[place].instance] = true;
+        for (place, area) in emitters.areas.iter().enumerate() {
+            virtual_emitters[area.instance] |= !sampled.contains(&place);
         }
         let gather = busy.measure(|| {
             let gather = FinalGather::new(surfaces, &self.anchors, &anchor_flux, &self.units)
@@ -262,6 +266,30 @@ impl<'s> Work<'s> {
         });
         figures.seconds.tree = busy.seconds();
         Lights { tree, direct: Arc::new(direct), gather: Arc::new(gather) }
+    }
+
+    /// The lights of a new tree: the anchors at rest, and those `that_stay` as they are for the whole film.
+    fn tree_lights(&self, anchor_flux: &AnchorFlux, that_stay: Vec<Light>) -> Vec<Light> {
+        let mut lights = Vec::new();
+        for (anchor, &flux) in self.anchors.fixed.iter().zip(&anchor_flux.fixed) {
+            let emission = Emission::Cosine(anchor.normal.into());
+            lights.push(Light { position: anchor.position.into(), emission, intensity: flux / PI });
+        }
+        lights.extend(that_stay);
+        lights
+    }
+
+    /// The tree with the flux that its anchors have now, and the share of its nodes whose children changed places.
+    fn updated(&self, before: &Arc<LightTree>, anchor_flux: &AnchorFlux) -> (Arc<LightTree>, f64) {
+        // After the anchors stand the lights that keep their energy: surfaces and sky.
+        let mut intensities: Vec<Vec3> = anchor_flux.fixed.iter().map(|&flux| flux / PI).collect();
+        intensities.extend(before.lights()[self.anchors.fixed.len()..].iter().map(|light| light.intensity));
+
+        // The same flux again changes nothing.
+        let mut tree = before.clone();
+        let same = tree.lights().iter().map(|light| light.intensity).eq(intensities.iter().copied());
+        let swapped_share = if same { 0.0 } else { Arc::make_mut(&mut tree).update_drawn(&intensities).swapped_share };
+        (tree, swapped_share)
     }
 
     /// Splits the anchors that are bright in the film's first frame, whatever frame `n` comes first here; `flux` is that of `n`.
@@ -280,8 +308,7 @@ impl<'s> Work<'s> {
 
     /// Places of the glowing surfaces that each pixel samples for itself: few and compact ones, and those that move.
     fn sampled_areas(&self, emitters: &Emitters, surfaces: &Surfaces) -> Vec<usize> {
-        let moving = self.scene.moving_instances();
-        let moves = |place: usize| moving[emitters.areas[place].instance];
+        let moves = |place: usize| surfaces.moving()[emitters.areas[place].instance];
         let compact = |place: usize| {
             let light = &emitters.areas[place];
             light.patch_count() <= FEW_PATCHES || light.extent(surfaces) <= SMALL_EXTENT * self.units.radius

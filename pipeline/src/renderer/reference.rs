@@ -5,7 +5,7 @@ use super::{Preparation, Shading};
 use crate::error::{Error, Result};
 use crate::parts::{LastThresholds, Shade};
 use crate::plan::Plan;
-use crate::settings::{Lighting, Settings, Size};
+use crate::settings::{Lighting, RenderSettings, Size};
 use plane::Plane;
 use render_core::scene::Scene;
 use render_core::{Emitters, Geometry, PathOptions, PathTracer, PosedScene, Surfaces, Units};
@@ -35,12 +35,12 @@ pub struct Reference {
 /// `progress` is called from any thread with the work done and the work there is.
 pub fn by_paths(
     scene: &Scene,
-    settings: &Settings,
+    settings: &RenderSettings,
     frame: u32,
     options: &PathOptions,
     progress: impl Fn(usize, usize) + Sync,
 ) -> Reference {
-    let pose = scene.pose((f64::from(frame) / settings.fps) as f32);
+    let pose = scene.pose(settings.time(frame));
     let surfaces = Surfaces::new(scene, &pose);
     let accelerator = Geometry::new(scene).place(&pose);
     let units = Units::of(scene);
@@ -54,8 +54,8 @@ pub fn by_paths(
 
 /// Frame `frame` of `scene` by all lights, through the parts that films go through.
 #[must_use]
-pub fn by_all_lights(scene: &Scene, settings: &Settings, frame: u32) -> Reference {
-    let settings = Settings { lighting: Lighting::AllLights, ..settings.clone() };
+pub fn by_all_lights(scene: &Scene, settings: &RenderSettings, frame: u32) -> Reference {
+    let settings = RenderSettings { lighting: Lighting::AllLights, ..settings.clone() };
     let plan = Plan::new(scene, &settings);
     let prepared = Preparation::new(scene, &settings, &plan).frame(frame);
     let shaded = Shading::new(&settings, &plan).step(&prepared, LastThresholds::none());

@@ -1,11 +1,13 @@
 //! Choices of a run: [`Options`] as they are made, [`Settings`] with every default filled in for a scene.
 
 mod options;
+mod render;
 mod resolve;
 mod values;
 
 pub use mpeg2enc::Effort;
 pub use options::Options;
+pub use render::RenderSettings;
 pub use values::{Aov, BitRate, CheckpointEvery, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
 
 use crate::error::Result;
@@ -95,11 +97,6 @@ impl Settings {
     /// An option, or a setting of the scene, is out of its range or contradicts another; the message says what works.
     pub fn new(path: PathBuf, scene: &Scene, options: &Options) -> Result<Self> {
         options.clone().fill_in(path, scene)
-    }
-
-    /// Seconds from the start of the animation to frame `n`.
-    pub fn time(&self, n: u32) -> f32 {
-        (f64::from(n) / self.fps) as f32
     }
 
     /// Container of the video.

@@ -146,6 +146,16 @@ pub enum Thresholds {
 }
 
 impl Thresholds {
+    /// Share of its luminance that a pixel may be wrong by where it has no threshold: 2 % \[Walter05\], \[Herzog08, 5.3\], or the
+    /// share that was fixed.
+    #[must_use]
+    pub fn share_elsewhere(self) -> f32 {
+        match self {
+            Self::Fixed(share) => share,
+            _ => perceptual::RELATIVE_FLOOR,
+        }
+    }
+
     /// Whether masking wants to see what the encoder made of each picture.
     pub fn follow_coding(self) -> bool {
         matches!(self, Self::Codec | Self::Quantised)

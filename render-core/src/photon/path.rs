@@ -9,6 +9,7 @@ use crate::luminance;
 use crate::sampling::{cosine_hemisphere, frame, halton, hash_unit};
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3, Vec3A};
+use std::sync::Arc;
 
 /// Roulette ends paths long before; in a box of perfect walls, all have this length, and every one more takes time. What would
 /// come later is left out: 3·10⁻⁵ of all light at a reflectance of 0.99, 0.6 % at 0.995.
@@ -24,7 +25,7 @@ pub(super) struct Walk<'a> {
     pub surfaces: &'a Surfaces<'a>,
     pub source: &'a PhotonSource<'a>,
     /// For each instance, whether it moves.
-    pub moving: Vec<bool>,
+    pub moving: Arc<[bool]>,
     /// Width over which textures are averaged \[m\].
     pub footprint: f32,
     /// Rays start this far off their surface \[m\].

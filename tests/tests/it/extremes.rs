@@ -31,7 +31,7 @@ fn film_in(folder: &Path, glb: &Glb, settings: &str, options: Options) -> Result
     std::fs::create_dir_all(&exr).unwrap();
     let options = Options { output: Some(folder.join("film.m2v")), exr: Some(exr.clone()), ..options };
     let settings = Settings::new(path, &scene, &options).map_err(|error| error.to_string())?;
-    let plan = Plan::new(&scene, &settings);
+    let plan = Plan::new(&scene, &settings.renderer());
     let report = pipeline::render(&scene, &settings, &plan, Run::default());
     let report = report.map_err(|error| error.chain())?;
     let last = exr.join(format!("frame_{:05}.exr", settings.frames - 1));

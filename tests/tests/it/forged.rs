@@ -52,7 +52,7 @@ impl Film {
                 ..Options::default()
             };
             let settings = Settings::new(path.clone(), &scene, &options).unwrap();
-            let plan = Plan::new(&scene, &settings);
+            let plan = Plan::new(&scene, &settings.renderer());
             let checkpoints = Checkpoints::new(&FilmJob::of(&settings).unwrap(), Some(Duration::ZERO)).unwrap();
             run(&checkpoints, &scene, &settings, &plan).unwrap();
             let bytes = std::fs::read(path_for(&settings.output)).unwrap();

@@ -438,7 +438,7 @@ fn survives(path: &Path, video: &Path) -> bool {
     };
     let options = Options { output: Some(video.into()), ..options };
     let Ok(settings) = Settings::new(path.into(), &scene, &options) else { return false };
-    let plan = Plan::new(&scene, &settings);
+    let plan = Plan::new(&scene, &settings.renderer());
     let report = pipeline::render(&scene, &settings, &plan, Run::default());
     report.unwrap_or_else(|error| panic!("{}", error.chain()));
     true

@@ -24,7 +24,7 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     let scene = scene::load(&path)?;
     let settings = Settings::new(path, &scene, &arguments.options)?;
     let _ = settings.encoder_config()?;
-    say!("{}", crate::Plan::new(&scene, &settings).table().trim_end());
+    say!("{}", crate::Plan::new(&scene, &settings.renderer()).table().trim_end());
     scene.warnings.iter().for_each(|warning| say!("note: {warning}"));
     Ok(ExitCode::SUCCESS)
 }

@@ -87,12 +87,12 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     // An output that cannot be written is told of before the work, not after it.
     drop(Output::create(&output)?);
     let picture = match method {
-        ReferenceMethod::AllLights => reference::by_all_lights(&scene, &settings, frame),
+        ReferenceMethod::AllLights => reference::by_all_lights(&scene, &settings.renderer(), frame),
         ReferenceMethod::Path => {
             let pixel = if center { PixelSampling::Center } else { PixelSampling::Area };
             let options = PathOptions { samples: spp, seed: settings.seed, max_bounces: bounces, pixel };
             let bar = progress::of_work(quiet);
-            let picture = reference::by_paths(&scene, &settings, frame, &options, |done, all| {
+            let picture = reference::by_paths(&scene, &settings.renderer(), frame, &options, |done, all| {
                 bar.set_length(all as u64);
                 bar.set_position(done as u64);
             });

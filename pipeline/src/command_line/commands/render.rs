@@ -89,7 +89,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     if let Some(folder) = &settings.exr {
         std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     }
-    let plan = Plan::new(&scene, &settings);
+    let plan = Plan::new(&scene, &settings.renderer());
     let every = checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration);
     let job = FilmJob::of(&settings)?;
     let checkpoints = match resume {

@@ -111,7 +111,7 @@ pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut()
         y4m: Some(uncompressed(folder.path())),
         ..settings.clone()
     };
-    let plan = Plan::new(scene, &with_files);
+    let plan = Plan::new(scene, &with_files.renderer());
     let observer = OnFrame::new(|_: &FrameReport| each());
     let report = crate::render(scene, &with_files, &plan, Run { observer: &observer, stop })?;
     if report.summary.interrupted || stop.load(Ordering::Relaxed) {
@@ -161,7 +161,7 @@ pub fn by_paths(
         let pixel = if settings.antialiasing { PixelSampling::Area } else { PixelSampling::Center };
         let options = PathOptions { samples: spp, seed, max_bounces: settings.bounces, pixel };
         let before = process_cpu_seconds();
-        let radiance = reference::by_paths(scene, &settings, report.index, &options, |_, _| ()).radiance;
+        let radiance = reference::by_paths(scene, &settings.renderer(), report.index, &options, |_, _| ()).radiance;
         let mut report = FrameReport { cut_size_mean: 0.0, cut_size_max: 0, shadow_rays: 0, ..report.clone() };
         report.seconds = Default::default();
         report.seconds.direct = process_cpu_seconds().zip(before).map_or(0.0, |(after, before)| after - before);

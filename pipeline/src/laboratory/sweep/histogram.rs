@@ -13,8 +13,6 @@ const HIGHEST: f64 = 2.0;
 const MOST_PIXELS: usize = 1 << 21;
 /// Pixels darker than this share of the picture's mean do not count: 0/0 says nothing.
 const DARK: f64 = 1e-4;
-/// Share of its luminance that a pixel without a threshold may be wrong by \[Walter05\].
-const WITHOUT_THRESHOLD: f64 = 0.02;
 
 /// Shares of pixels by the ratio of true error to threshold.
 #[derive(Clone, Debug, Serialize)]
@@ -49,10 +47,7 @@ pub struct Ratios {
 impl Ratios {
     /// For `frames` of `film`. A film of fixed thresholds has its own share.
     pub fn of(film: &Film, frames: usize) -> Self {
-        let otherwise = match film.settings.thresholds {
-            crate::settings::Thresholds::Fixed(share) => f64::from(share),
-            _ => WITHOUT_THRESHOLD,
-        };
+        let otherwise = f64::from(film.settings.thresholds.share_elsewhere());
         let Size { width, height } = film.settings.size;
         // Odd, so that not the same columns are taken again and again.
         let stride = (frames * width * height / MOST_PIXELS) | 1;

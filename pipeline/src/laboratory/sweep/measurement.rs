@@ -165,10 +165,7 @@ impl Sums {
 
 /// Thresholds and cuts of `frame`, and how far it is from the reference.
 fn maps_of(settings: &Settings, frame: &FilmFrame, truth: &FilmFrame) -> Maps {
-    let share = match settings.thresholds {
-        Thresholds::Fixed(share) => share,
-        _ => 0.02,
-    };
+    let share = settings.thresholds.share_elsewhere();
     let relative = |x, y| {
         let (threshold, light) = (frame.thresholds.get(x, y), luminance(frame.radiance.get(x, y)));
         if threshold > 0.0 && light > 0.0 { threshold / light } else { share }

@@ -6,7 +6,7 @@
 //! costs what a scene's detail requires, of which the number of triangles is a poor measure.
 
 use super::stage::Stage;
-use crate::settings::{Lighting, Settings, Size};
+use crate::settings::{Lighting, RenderSettings, Size};
 use render_core::scene::Scene;
 
 /// Price of placing everything \[CPU s a frame\].
@@ -53,7 +53,7 @@ pub(super) struct Costs {
 }
 
 impl Costs {
-    pub(super) fn of(scene: &Scene, settings: &Settings, area_lights: usize) -> Self {
+    pub(super) fn of(scene: &Scene, settings: &RenderSettings, area_lights: usize) -> Self {
         let Size { width, height } = settings.size;
         Self {
             pixels: (width * height) as f64 * f64::from(settings.samples),

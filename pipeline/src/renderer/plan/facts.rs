@@ -1,11 +1,11 @@
 //! Facts that the plan depends on: contents of a scene, and motion in it.
 
-use crate::settings::Settings;
+use crate::settings::RenderSettings;
 use render_core::scene::{Alpha, Instance, Scene};
 
 /// Facts about a scene and its settings.
 pub(super) struct Facts<'a> {
-    pub settings: &'a Settings,
+    pub settings: &'a RenderSettings,
     pub object_moves: bool,
     pub light_moves: bool,
     pub camera_moves: bool,
@@ -27,7 +27,7 @@ pub(super) struct Facts<'a> {
 }
 
 impl<'a> Facts<'a> {
-    pub fn new(scene: &Scene, settings: &'a Settings) -> Self {
+    pub fn new(scene: &Scene, settings: &'a RenderSettings) -> Self {
         let moving = scene.moving_nodes();
         let material = |instance: &Instance| &scene.materials[scene.meshes[instance.mesh].material];
         let count = |holds: &dyn Fn(&Instance) -> bool| scene.instances.iter().filter(|one| holds(one)).count();

@@ -9,7 +9,7 @@ mod stage;
 
 pub use stage::{Stage, State};
 
-use crate::settings::Settings;
+use crate::settings::RenderSettings;
 use estimate::Costs;
 use facts::Facts;
 use render_core::scene::Scene;
@@ -42,7 +42,7 @@ pub struct Plan {
 impl Plan {
     /// The plan of `scene` with `settings`.
     #[must_use]
-    pub fn new(scene: &Scene, settings: &Settings) -> Self {
+    pub fn new(scene: &Scene, settings: &RenderSettings) -> Self {
         let facts = Facts::new(scene, settings);
         let shares = shares(&Costs::of(scene, settings, facts.area_lights));
         let step = |(Decision { stage, state, reason }, &share): (Decision, &Option<f64>)| {

@@ -10,7 +10,7 @@ use super::per_pixel::PerPixel;
 use crate::error::{Error, Result};
 use crate::plan::{Plan, Stage};
 use crate::renderer::frame::Frame;
-use crate::settings::{Aov, Lighting, Settings};
+use crate::settings::{Aov, Lighting, RenderSettings};
 use crate::state::NONSENSE;
 
 /// The light of a frame: the sum over these layers, in this order.
@@ -28,7 +28,7 @@ impl Layers {
     /// |---|---|
     /// | direct | [`Direct`], carried where the plan says so; [`Coats`] |
     /// | indirect | [`Cached`], carried where the plan says so; or [`PerPixel`]; or [`AllLights`] |
-    pub fn new(settings: &Settings, plan: &Plan) -> Self {
+    pub fn new(settings: &RenderSettings, plan: &Plan) -> Self {
         let carries = plan.is_on(Stage::CarriedLight);
         let mut direct: Vec<Box<dyn Layer>> = Vec::new();
         direct.push(match carries {

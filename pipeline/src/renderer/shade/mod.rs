@@ -42,7 +42,7 @@ use crate::error::Result;
 use crate::figures::FrameFigures;
 use crate::parts::{Channels, LastThresholds, Shade, Shaded};
 use crate::plan::{Plan, Stage, State};
-use crate::settings::{Aov, Settings, Stopping};
+use crate::settings::{Aov, RenderSettings, Stopping};
 use channels::{Known, colors};
 use glam::Vec3;
 use layers::Layers;
@@ -54,7 +54,7 @@ use render_core::{AuditCounts, Busy, Coverage, GBuffer, PixelSample, PosedScene,
 
 /// The second half of the renderer: lights frame after frame.
 pub struct Shading<'a> {
-    settings: &'a Settings,
+    settings: RenderSettings,
     plan: &'a Plan,
     layers: Layers,
     /// Where the instances were in the frame before; none before the first.
@@ -68,11 +68,11 @@ pub struct Shading<'a> {
 impl<'a> Shading<'a> {
     /// For a film from its beginning.
     #[must_use]
-    pub fn new(settings: &'a Settings, plan: &'a Plan) -> Self {
+    pub fn new(settings: &RenderSettings, plan: &'a Plan) -> Self {
         let calibrated = settings.stopping == Stopping::Calibrated;
         let calibration = calibrated.then(|| Calibration::keeping(settings.within));
         let layers = Layers::new(settings, plan);
-        Self { settings, plan, layers, places: Vec::new(), still: None, calibration }
+        Self { settings: settings.clone(), plan, layers, places: Vec::new(), still: None, calibration }
     }
 
     /// With another layer in place of all that find indirect light.
@@ -93,7 +93,7 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
     fn step(&mut self, prepared: &PreparedFrame<'s>, thresholds: LastThresholds<'_>) -> Shaded {
         // Errors that this frame finds steer the next.
         let mut calibration = self.calibration.take();
-        let Settings { thresholds: policy, size, kappa, .. } = *self.settings;
+        let RenderSettings { thresholds: policy, size, kappa, .. } = self.settings;
         let tolerance = Tolerance::new(thresholds, policy, size, calibration.as_ref());
         let (mut shaded, audits) = self.shade(prepared, &tolerance);
         let learned = calibration.as_mut().and_then(|calibration| calibration.learn(&audits.cuts));
@@ -117,7 +117,7 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
 impl Shading<'_> {
     /// A frame, and what its audits found.
     fn shade(&mut self, prepared: &PreparedFrame, tolerance: &Tolerance) -> (Shaded, Audits) {
-        let (settings, plan, frame) = (self.settings, self.plan, &prepared.frame);
+        let (plan, frame) = (self.plan, &prepared.frame);
         let mut figures = prepared.figures.clone();
 
         // Direct light has no thresholds, and light from a cache takes them into account only where something is new.
@@ -138,7 +138,7 @@ impl Shading<'_> {
         let radiance = lit.light.picture(|sample| sample.whole(), Coverage::blend);
         let known = Known { prepared, tolerance, layers: &self.layers, reused: &lit.reused };
         let mut channels = Channels::new();
-        for &aov in &settings.aov {
+        for &aov in &self.settings.aov {
             channels.extend(match aov {
                 Aov::Direct => colors("direct", &lit.light.picture(|sample| sample.direct.clone(), Coverage::blend)),
                 Aov::Indirect => {

@@ -40,7 +40,7 @@ impl Movement {
     /// Movement to `frame` from the frame before, where the instances were at these places.
     pub fn to(frame: &Frame, before: &[Option<Place>]) -> Self {
         let scene = frame.surfaces.scene();
-        let places = places(scene, &scene.moving_instances(), &frame.seen, before);
+        let places = places(scene, frame.surfaces.moving(), &frame.seen, before);
         Self { swept: swept(before, &places), is_any: before != places, places }
     }
 

@@ -66,10 +66,11 @@ impl<'a> Tolerance<'a> {
         // Thresholds of the quantiser alone stay at their place in the picture.
         let still = (policy == Thresholds::Quantised).then(|| Correspondence::still(width, height));
         let last = still.iter().fold(thresholds, LastThresholds::along);
-        let (thresholds, share) = match policy {
-            Thresholds::Fixed(share) => (ThresholdMap::relative(width, height), share),
-            _ => (last.map(width, height), RELATIVE_FLOOR),
+        let thresholds = match policy {
+            Thresholds::Fixed(_) => ThresholdMap::relative(width, height),
+            _ => last.map(width, height),
         };
+        let share = policy.share_elsewhere();
         let luminance_before = calibration.and_then(|_| last.luminance());
         Self { thresholds, share, luminance_before, calibration, gain: None }
     }

@@ -12,14 +12,14 @@ const LEAST_REFLECTANCE: f32 = 0.05;
 
 /// A pixel whose center tells the light of a part.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Source {
+pub(super) struct Lender {
     /// Its place in raster order.
     pub pixel: u32,
     /// Whether it shows another surface, which is lit alike.
     pub is_borrowed: bool,
 }
 
-impl Source {
+impl Lender {
     /// A center that shows the surface itself.
     pub fn center(pixel: u32) -> Self {
         Self { pixel, is_borrowed: false }
@@ -81,11 +81,11 @@ impl GBuffer {
         &self,
         (x, y): (usize, usize),
         seen: &PixelSurface,
-        known: Option<Source>,
-    ) -> Option<Source> {
+        known: Option<Lender>,
+    ) -> Option<Lender> {
         let size = (self.pixels.width(), self.pixels.height());
         if shows(&self.pixels.row(y)[x], seen) {
-            return Some(Source::center((y * size.0 + x) as u32));
+            return Some(Lender::center((y * size.0 + x) as u32));
         }
         let mut nearest: Option<(f32, usize)> = None;
         for (u, v) in around(x, y, size).flatten() {
@@ -95,7 +95,7 @@ impl GBuffer {
                 nearest = Some((apart, v * size.0 + u));
             }
         }
-        let center = nearest.map(|(_, index)| Source::center(index as u32));
+        let center = nearest.map(|(_, index)| Lender::center(index as u32));
         center.or_else(|| known.filter(|known| shows(&self.pixels.samples()[known.pixel as usize], seen)))
     }
 
@@ -110,12 +110,12 @@ impl GBuffer {
     ///
     /// The nearest ring of pixels that shows the surface, or else the nearest that shows one that faces the same way;
     /// of the ring, the pixel nearest in the scene.
-    pub(super) fn lender(&self, (x, y): (usize, usize), seen: &PixelSurface) -> Option<Source> {
+    pub(super) fn lender(&self, (x, y): (usize, usize), seen: &PixelSurface) -> Option<Lender> {
         if seen.is_unlit() {
             return None;
         }
         let (width, height) = (self.pixels.width(), self.pixels.height());
-        let mut alike: Option<Source> = None;
+        let mut alike: Option<Lender> = None;
         for reach in 1..=REACH {
             let mut same: Option<(f32, usize)> = None;
             let mut other: Option<(f32, usize)> = None;
@@ -136,9 +136,9 @@ impl GBuffer {
                 }
             }
             if let Some((_, index)) = same {
-                return Some(Source::borrowed(index as u32));
+                return Some(Lender::borrowed(index as u32));
             }
-            alike = alike.or(other.map(|(_, index)| Source::borrowed(index as u32)));
+            alike = alike.or(other.map(|(_, index)| Lender::borrowed(index as u32)));
         }
         alike
     }

@@ -4,7 +4,7 @@
 //! light. A thing that few centers show may go on where none does: it is followed to the pixels beside.
 
 use super::SurfacePart;
-use super::borrow::{Source, around, shows};
+use super::borrow::{Lender, around, shows};
 use crate::accel::{Hit, PACKET};
 use crate::gbuffer::{CameraRay, EMPTY, GBuffer, NOTHING, PixelSurface, first_hits, see};
 use crate::{Busy, MACROBLOCK, PosedScene, sample_offsets};
@@ -46,11 +46,11 @@ pub(super) struct Wanted {
     pub index: u32,
     rays: u8,
     /// The part that goes on here, if that is why the pixel is wanted.
-    from: Option<Source>,
+    from: Option<Lender>,
 }
 
 /// What the rays of a pixel have found.
-pub(super) struct Found {
+pub(super) struct SearchedPixel {
     /// Its place in raster order.
     pub pixel: u32,
     /// The surfaces that it shows; none if its own alone.
@@ -102,8 +102,8 @@ impl Search<'_> {
     }
 
     /// Traces the pixels that are `wanted`.
-    pub fn trace(&self, wanted: &[Wanted], busy: &Busy) -> Vec<Found> {
-        let mut found: Vec<Vec<Found>> = Vec::new();
+    pub fn trace(&self, wanted: &[Wanted], busy: &Busy) -> Vec<SearchedPixel> {
+        let mut found: Vec<Vec<SearchedPixel>> = Vec::new();
         for density in &RAYS {
             let rays = Rays::new(density.rays.into());
             let pixels: Vec<Wanted> = wanted.iter().copied().filter(|pixel| pixel.rays == density.rays).collect();
@@ -114,7 +114,7 @@ impl Search<'_> {
     }
 
     /// Traces pixels by a few rays each, and those where these show another surface by the rest.
-    fn areas(&self, pixels: &[Wanted], rays: &Rays) -> Vec<Found> {
+    fn areas(&self, pixels: &[Wanted], rays: &Rays) -> Vec<SearchedPixel> {
         let mut areas: Vec<Area> = pixels.iter().map(|&pixel| Area::new(self, pixel)).collect();
         self.packets(&mut areas.iter_mut().collect::<Vec<_>>(), &rays.first);
         self.packets(&mut areas.iter_mut().filter(|area| area.is_mixed()).collect::<Vec<_>>(), &rays.rest);
@@ -180,7 +180,7 @@ struct Area<'a> {
 
 /// Rays that show the same part.
 struct Sum {
-    source: Source,
+    source: Lender,
     /// Whether few centers around show it.
     is_thin: bool,
     rays: f32,
@@ -214,7 +214,7 @@ impl<'a> Area<'a> {
 
     /// Whether its rays have shown anything but the surface of its center.
     fn is_mixed(&self) -> bool {
-        self.parts.iter().any(|part| part.source != Source::center(self.pixel.index))
+        self.parts.iter().any(|part| part.source != Lender::center(self.pixel.index))
     }
 
     /// A `ray` through `offset` has found this `hit`.
@@ -277,13 +277,13 @@ impl<'a> Area<'a> {
         }
         // What only glows needs nobody's light.
         surface.is_unlit().then(|| {
-            let part = self.part(Source::borrowed(self.pixel.index));
+            let part = self.part(Lender::borrowed(self.pixel.index));
             Shown { part, tint: Vec3::ZERO, emission }
         })
     }
 
     /// Place of the part that takes its light from `source`.
-    fn part(&mut self, source: Source) -> usize {
+    fn part(&mut self, source: Lender) -> usize {
         let place = self.parts.iter().position(|part| part.source == source);
         place.unwrap_or_else(|| {
             let is_thin = source.is_borrowed || self.search.seen.centers_alike(self.place, source.pixel) <= THIN;
@@ -293,7 +293,7 @@ impl<'a> Area<'a> {
     }
 
     /// Wants the pixels beyond the border that `offset` is near.
-    fn follow(&mut self, offset: Vec2, source: Source) {
+    fn follow(&mut self, offset: Vec2, source: Lender) {
         let ((x, y), (width, height)) = (self.place, self.search.size());
         let rays = self.pixel.rays;
         let mut want = |x: usize, y: usize| {
@@ -318,7 +318,7 @@ impl<'a> Area<'a> {
         }
     }
 
-    fn found(self) -> Found {
+    fn found(self) -> SearchedPixel {
         // A pixel of its own surface alone stays as it is.
         let is_mixed = self.is_mixed();
         let Self { pixel, parts, beside, .. } = self;
@@ -330,6 +330,6 @@ impl<'a> Area<'a> {
             emission: emission / rays,
         };
         let parts = if is_mixed { parts.iter().map(of).collect() } else { Vec::new() };
-        Found { pixel: pixel.index, parts, beside }
+        SearchedPixel { pixel: pixel.index, parts, beside }
     }
 }

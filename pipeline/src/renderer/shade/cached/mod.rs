@@ -67,9 +67,9 @@ impl Layer for Cached {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
         let Visible { frame, matte, movement, sample, .. } = *visible;
         let (busy, counts) = (Busy::default(), Counts::default());
-        let moving = frame.surfaces.scene().moving_instances();
+        let moving = frame.surfaces.moving();
         let changes = Changes { light: !self.is_lit_as_before(frame), geometry: movement.is_any };
-        let request = Request { seen: matte, moving: &moving, wanted };
+        let request = Request { seen: matte, moving, wanted };
         let light = TreeLight {
             visible,
             tolerance,
@@ -78,7 +78,7 @@ impl Layer for Cached {
             // Records are brought up to date with the first sample of the pixels.
             swept: if sample == 0 { &movement.swept } else { &[] },
             standing: movement.standing(),
-            moving: &moving,
+            moving,
             compensates: self.compensates,
             at_rest: self.at_rest,
         };

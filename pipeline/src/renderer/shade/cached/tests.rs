@@ -67,10 +67,10 @@ fn what_something_has_moved_over_is_closed_in() {
     let size = Some(Size { width: 16, height: 16 });
     let options = Options { size, vpls: Some(100), photons: Some(1000), frames: Some(26), ..Options::default() };
     let settings = Settings::new("stage.glb".into(), &scene, &options).unwrap();
-    let plan = Plan::new(&scene, &settings);
+    let plan = Plan::new(&scene, &settings.renderer());
     let moving = scene.moving_instances();
     let openness = |frame, x: f32| {
-        let prepared = Preparation::new(&scene, &settings, &plan).frame(frame).frame;
+        let prepared = Preparation::new(&scene, &settings.renderer(), &plan).frame(frame).frame;
         let direct = Plane::filled(16, 16, Vec3::ZERO);
         let visible = Visible::alone(&prepared, &direct);
         let (tolerance, counts) = (Tolerance::of_shares(16, 16, 0.02), Counts::default());
@@ -101,8 +101,8 @@ fn records_draw_the_lights_of_their_clusters_anew() {
     let size = Some(Size { width: 16, height: 16 });
     let options = Options { size, vpls: Some(2000), photons: Some(20_000), frames: Some(26), ..Options::default() };
     let settings = Settings::new("stage.glb".into(), &scene, &options).unwrap();
-    let plan = Plan::new(&scene, &settings);
-    let prepared = Preparation::new(&scene, &settings, &plan).frame(25).frame;
+    let plan = Plan::new(&scene, &settings.renderer());
+    let prepared = Preparation::new(&scene, &settings.renderer(), &plan).frame(25).frame;
     let direct = Plane::filled(16, 16, Vec3::ZERO);
     let visible = Visible::alone(&prepared, &direct);
     let (tolerance, counts) = (Tolerance::of_thresholds(&Plane::filled(16, 16, 0.02)), Counts::default());

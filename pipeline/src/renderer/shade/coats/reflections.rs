@@ -162,6 +162,7 @@ impl Reflections<'_> {
         let (blurred, mut rough) = (coated.is_rough(), coated.is_rough());
         let (mut way, mut first) = (0.0, f32::INFINITY);
         for coats in 0..=MOST_COATS {
+            // What the ray meets; beyond everything is the sky.
             let Some(hit) = accelerator.closest(origin, direction) else {
                 let sky = scene.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
                 return (sum + throughput * sky, first);
@@ -169,6 +170,8 @@ impl Reflections<'_> {
             way += hit.distance;
             first = first.min(way);
             let surface = surfaces.at(&hit, direction, ray.spread * way);
+
+            // Its glow, which counts once.
             let unlit = scene.materials[scene.meshes[scene.instances[hit.instance as usize].mesh].material].unlit;
             // As for paths: what is unlit shines for the camera alone. Rough coats know the areas from their points.
             let known = rough && direct.samples_instance(hit.instance);
@@ -178,6 +181,8 @@ impl Reflections<'_> {
             if unlit || (!surface.front && !surface.double_sided) {
                 break;
             }
+
+            // A coat is followed while its reflection is a large enough part of the pixel's light.
             let met = Coated::of_surface(&surface, direction, *epsilon);
             let (coat, diffuse) = (met.albedo(), met.diffuse_albedo());
             let share = ray.share * luminance(throughput);
@@ -186,7 +191,8 @@ impl Reflections<'_> {
             let ends = coats == MOST_COATS
                 || share * luminance(coat) < least_share
                 || (blurred || met.is_rough()) && !is_metal;
-            // A coat that no ray follows reflects as if it were part of the base.
+
+            // The base is lit. A coat that no ray follows reflects as if it were part of it.
             let albedo = if ends { diffuse + coat } else { diffuse };
             sum += throughput
                 * if blurred {
@@ -199,6 +205,8 @@ impl Reflections<'_> {
             if ends {
                 break;
             }
+
+            // A coat shows sources by its lobe, and all else in the mirrored direction.
             sum += throughput * self.sources(&met);
             throughput *= coat;
             let Some(next) = met.mirrored() else { break };

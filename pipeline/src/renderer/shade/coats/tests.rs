@@ -54,7 +54,7 @@ impl Stage {
     fn reflected(&self) -> (Plane<Vec3>, GBuffer) {
         let (settings, plan) = self.settings();
         assert!(plan.is_on(plan::Stage::Gloss));
-        let prepared = Preparation::new(&self.0, &settings, &plan).frame(0).frame;
+        let prepared = Preparation::new(&self.0, &settings.renderer(), &plan).frame(0).frame;
         let radiance = Plane::filled(SIDE, SIDE, Vec3::ZERO);
         let lit = Coats.light(&Visible::alone(&prepared, &radiance), None, &Tolerance::of_shares(SIDE, SIDE, 0.02));
         (lit.radiance.expect("coats send radiance"), (*prepared.seen).clone())
@@ -64,7 +64,7 @@ impl Stage {
         let size = Some(Size { width: SIDE, height: SIDE });
         let options = Options { size, vpls: Some(100), photons: Some(2000), frames: Some(1), ..Options::default() };
         let settings = Settings::new("stage.glb".into(), &self.0, &options).unwrap();
-        let plan = Plan::new(&self.0, &settings);
+        let plan = Plan::new(&self.0, &settings.renderer());
         (settings, plan)
     }
 }
@@ -229,8 +229,8 @@ fn matte_scenes_stay_as_they_are_to_the_last_bit() {
     assert!(plan.is_off(plan::Stage::Gloss));
     let lit = |gloss| {
         let plan = plan.clone().with(plan::Stage::Gloss, gloss).with(plan::Stage::Cache, State::Off);
-        let prepared = Preparation::new(&stage.0, &settings, &plan).frame(0);
-        let mut shading = Shading::new(&settings, &plan);
+        let prepared = Preparation::new(&stage.0, &settings.renderer(), &plan).frame(0);
+        let mut shading = Shading::new(&settings.renderer(), &plan);
         shading.step(&prepared, LastThresholds::none()).radiance
     };
     let (without, with) = (lit(State::Off), lit(State::On));

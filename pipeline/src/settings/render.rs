@@ -1,0 +1,97 @@
+//! The settings that the renderer reads: what a frame shows, and how exact its light is.
+
+use super::{Aov, Lighting, PixelShading, Settings, Size, Stopping, Thresholds};
+
+/// The part of [`Settings`] that is about light and not about files or coding.
+#[derive(Clone, Debug)]
+pub struct RenderSettings {
+    /// Pictures of the film.
+    pub frames: u32,
+    /// Pictures a second.
+    pub fps: f64,
+    /// Size of the picture.
+    pub size: Size,
+    /// Samples of visibility and direct light to the pixel.
+    pub samples: u32,
+    /// Whether pixels that outlines cross blend the surfaces of their area.
+    pub antialiasing: bool,
+
+    /// How indirect light is computed.
+    pub lighting: Lighting,
+    /// Whether indirect light is cached on surfaces and interpolated.
+    pub cache: bool,
+    /// Which pixels are lit.
+    pub shading: PixelShading,
+    /// Whether bias compensation restores the light that softened virtual lights lose close by.
+    pub compensation: bool,
+    /// Reflections of light on its way, at most; no limit when not stated.
+    pub bounces: Option<u32>,
+    /// Anchor lights on surfaces at rest.
+    pub vpls: usize,
+    /// Anchor lights on surfaces that move.
+    pub moving_vpls: usize,
+    /// Photons a frame.
+    pub photons: u64,
+    /// Seed of photons and representatives.
+    pub seed: u64,
+
+    /// Where thresholds come from.
+    pub thresholds: Thresholds,
+    /// Multiplier on what masking allows, for the report.
+    pub kappa: f32,
+    /// When cuts end.
+    pub stopping: Stopping,
+    /// Share of pixels that calibrated stopping keeps within their thresholds.
+    pub within: f64,
+    /// The quantiser_scale that the film is coded with, 1…112: it says how wrong carried light may be.
+    pub qscale: u32,
+
+    /// Whether the encoder is given motion.
+    pub motion: bool,
+    /// The most B pictures in a row, which need motion from both sides.
+    pub bframes: u32,
+    /// Leave out what the scene does not need.
+    pub leave_out: bool,
+    /// Further channels of a frame's OpenEXR file.
+    pub aov: Vec<Aov>,
+}
+
+impl RenderSettings {
+    /// Seconds from the start of the animation to frame `n`.
+    #[must_use]
+    pub fn time(&self, n: u32) -> f32 {
+        (f64::from(n) / self.fps) as f32
+    }
+}
+
+impl Settings {
+    /// The settings that the renderer reads.
+    #[must_use]
+    pub fn renderer(&self) -> RenderSettings {
+        RenderSettings {
+            frames: self.frames,
+            fps: self.fps,
+            size: self.size,
+            samples: self.samples,
+            antialiasing: self.antialiasing,
+            lighting: self.lighting,
+            cache: self.cache,
+            shading: self.shading,
+            compensation: self.compensation,
+            bounces: self.bounces,
+            vpls: self.vpls,
+            moving_vpls: self.moving_vpls,
+            photons: self.photons,
+            seed: self.seed,
+            thresholds: self.thresholds,
+            kappa: self.kappa,
+            stopping: self.stopping,
+            within: self.within,
+            qscale: self.qscale,
+            motion: self.motion,
+            bframes: self.bframes,
+            leave_out: self.leave_out,
+            aov: self.aov.clone(),
+        }
+    }
+}
