@@ -18,6 +18,7 @@ mod feedback;
 mod forged;
 #[cfg(unix)]
 mod interrupt;
+mod layers;
 mod light_transport;
 mod loader;
 mod mitsuba;
