@@ -168,6 +168,7 @@ impl Shading<'_> {
         let mut samples: Vec<Sample> = Vec::new();
         let [mut direct, mut indirect] = [Lit::default(), Lit::default()];
         let mut reused = Reused::default();
+
         for (sample, &offset) in offsets.iter().enumerate() {
             // The one sample of a pixel is that of the G-buffer.
             let own = (offsets.len() > 1).then(|| {
@@ -179,16 +180,12 @@ impl Shading<'_> {
             let below = self.plan.is_on(Stage::Gloss).then(|| coats::below_coats(surfaces));
             let matte = below.as_ref().unwrap_or(surfaces);
 
-            // Each layer knows the light of those before it.
+            // Layers find their light on these surfaces.
+            let (frame, motion) = (&prepared.frame, prepared.correspondence.as_deref());
             let emitted = matte.pixels.map(|pixel| Vec3::from(pixel.emission));
-            let dark = Plane::filled(emitted.width(), emitted.height(), Vec3::ZERO);
-            let motion = prepared.correspondence.as_deref();
-            let frame = &prepared.frame;
             let visible = Visible { frame, surfaces, matte, sample, motion, radiance: &emitted, movement: &movement };
-            let (of_direct, radiance) = sum_of(&mut self.layers.direct, &visible, tolerance);
-            let visible = Visible { radiance: &radiance, ..visible };
-            let (of_indirect, _) = sum_of(&mut self.layers.indirect, &visible, tolerance);
-            samples.push(Sample { indirect: of_indirect.shown(matte, dark), direct: radiance });
+            let (light, [of_direct, of_indirect]) = self.sample(&visible, tolerance);
+            samples.push(light);
             if sample == 0 {
                 reused = Reused::new([&of_direct, &of_indirect], matte);
             }
@@ -202,6 +199,8 @@ impl Shading<'_> {
             .is_on(Stage::Antialiasing)
             .then(|| visibility.take(Coverage::of(seen, scene, &samples[0].whole())));
         self.places = movement.places;
+
+        // Times and counts of the samples together.
         figures.seconds.visibility += visibility.seconds();
         figures.seconds.direct = direct.seconds;
         figures.seconds.indirect = indirect.seconds;
@@ -212,9 +211,20 @@ impl Shading<'_> {
         let light = Light { samples, coverage, cache_records: direct.records.in_use };
         (LitFrame::new(&prepared.frame, light, reused), direct.audits)
     }
+
+    /// The light of `visible` surfaces, which only emit as yet: as pictures, and as the layers found it, direct and indirect.
+    fn sample(&mut self, visible: &Visible, tolerance: &Tolerance) -> (Sample, [Lit; 2]) {
+        let matte = visible.matte;
+        let (of_direct, direct) = sum_of(&mut self.layers.direct, visible, tolerance);
+        let after_direct = Visible { radiance: &direct, ..*visible };
+        let (of_indirect, _) = sum_of(&mut self.layers.indirect, &after_direct, tolerance);
+        let dark = Plane::filled(direct.width(), direct.height(), Vec3::ZERO);
+        let indirect = of_indirect.shown(matte, dark);
+        (Sample { direct, indirect }, [of_direct, of_indirect])
+    }
 }
 
-/// Light of all `layers` together, and the radiance of the pixels with it.
+/// Light of all `layers` together, and the radiance of the pixels with it. Each layer knows the light of those before it.
 fn sum_of(layers: &mut [Box<dyn Layer>], visible: &Visible, tolerance: &Tolerance) -> (Lit, Plane<Vec3>) {
     let mut sum = Lit::default();
     let mut radiance = visible.radiance.clone();
