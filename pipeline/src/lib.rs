@@ -2,6 +2,8 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "bake")]
+pub mod bake;
 #[cfg(feature = "command-line")]
 pub mod command_line;
 pub mod error;

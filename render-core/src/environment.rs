@@ -36,6 +36,8 @@ enum Sky {
 struct EquirectangularMap {
     texels: Plane<Vec3>,
     intensity: f32,
+    /// Degrees about +y.
+    rotation: f32,
     /// Sine and cosine of the turn about +y.
     turn: (f32, f32),
 }
@@ -68,7 +70,8 @@ impl Environment {
     #[must_use]
     pub fn image(texels: Plane<Vec3>, intensity: f32, rotation: f32) -> Option<Self> {
         let sane = texels.map(|c| if c.is_finite() { c.max(Vec3::ZERO) } else { Vec3::ZERO });
-        let map = EquirectangularMap { texels: sane, intensity, turn: rotation.to_radians().sin_cos() };
+        let turn = rotation.to_radians().sin_cos();
+        let map = EquirectangularMap { texels: sane, intensity, rotation, turn };
         let size = [map.texels.width(), map.texels.height()];
         Self::new(Sky::Image(map.clone()), size, |column, row| map.mean_over_texel(column, row) * intensity)
     }
@@ -130,6 +133,21 @@ impl Environment {
         let column = ((place.x * self.size[0] as f32) as usize).min(self.size[0] - 1);
         let Some(columns) = &self.columns[row] else { return 0.0 };
         (self.rows.probability(row) * columns.probability(column)) as f32 / cell_solid_angle(self.size, row)
+    }
+
+    /// Hands all numbers that the light depends on to `visitor`, in a fixed order.
+    pub fn visit_numbers(&self, visitor: &mut impl FnMut(&[f32])) {
+        match &self.source {
+            Sky::Gradient(Gradient { zenith, horizon, ground }) => {
+                visitor(&[0.0]);
+                [zenith, horizon, ground].into_iter().for_each(|color| visitor(color));
+            }
+            Sky::Image(map) => {
+                let (width, height) = (map.texels.width(), map.texels.height());
+                visitor(&[1.0, width as f32, height as f32, map.intensity, map.rotation]);
+                map.texels.samples().iter().for_each(|texel| visitor(&texel.to_array()));
+            }
+        }
     }
 
     fn to_local(&self, d: Vec3) -> Vec3 {

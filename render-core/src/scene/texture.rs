@@ -163,6 +163,23 @@ impl Texture {
         Filtered { color: color / count as f32, opacity: opacity / count as f32 }
     }
 
+    /// Hands all bytes that look-ups depend on to `visitor`, in a fixed order. Coarser levels follow from the finest.
+    pub fn visit_bytes(&self, visitor: &mut impl FnMut(&[u8])) {
+        let Level { width, height, texels } = &self.levels[0];
+        let wrap = self.wrap.map(|wrap| match wrap {
+            Wrap::Repeat => 0,
+            Wrap::Mirror => 1,
+            Wrap::Clamp => 2,
+        });
+        let encoding = match self.encoding {
+            Encoding::Srgb => 0,
+            Encoding::Linear => 1,
+        };
+        [*width, *height].iter().for_each(|&side| visitor(&(side as u64).to_le_bytes()));
+        visitor(&[wrap[0], wrap[1], encoding]);
+        visitor(texels.as_flattened());
+    }
+
     /// Mean linear color.
     #[must_use]
     pub fn mean(&self) -> Vec3 {
