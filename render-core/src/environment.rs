@@ -145,7 +145,9 @@ impl Environment {
             Sky::Image(map) => {
                 let (width, height) = (map.texels.width(), map.texels.height());
                 visitor(&[1.0, width as f32, height as f32, map.intensity, map.rotation]);
-                map.texels.samples().iter().for_each(|texel| visitor(&texel.to_array()));
+                for row in map.texels.rows() {
+                    visitor(&row.iter().flat_map(Vec3::to_array).collect::<Vec<f32>>());
+                }
             }
         }
     }
