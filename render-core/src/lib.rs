@@ -6,6 +6,8 @@ pub mod scene;
 
 mod accel;
 mod anchor;
+#[cfg(feature = "bake")]
+mod atlas;
 mod bsdf;
 mod busy;
 pub mod cache;
@@ -27,6 +29,8 @@ pub mod sampling;
 
 pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
 pub use anchor::{Anchor, Anchors, DynamicAnchor};
+#[cfg(feature = "bake")]
+pub use atlas::{Atlas, AtlasError, AtlasPoint, TexelBlend, TexelSite};
 pub use bsdf::{Bsdf, BsdfSample};
 pub use busy::{Busy, Timed};
 pub use carried::{AuditCounts, Carried, CarriedLight, Completed, Destination, Reuse, Unseen};

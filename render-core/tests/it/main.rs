@@ -1,6 +1,7 @@
 //! Tests of scenes, rays and light as their users see them, in one program: a module for each subject.
 
 mod accelerator;
+mod atlas;
 mod common;
 mod coverage;
 mod cut_outs;

@@ -1,0 +1,108 @@
+//! The texels that look-ups of a triangle's points may read.
+//!
+//! A look-up at a point reads the four texels whose centers are around it. So a texel is read if the triangle meets the square
+//! of two texels' side around its center.
+
+use glam::Vec2;
+
+/// Squares are larger by this on each side \[texels\]: far more than places of points are rounded.
+const SLACK: f32 = 1.0 / 64.0;
+
+/// The rectangle of texels of a chart.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    pub columns: u32,
+    pub rows: u32,
+    /// Where the chart's corner is, from the corner of the rectangle \[texels\].
+    corner: Vec2,
+    density: f32,
+}
+
+impl Frame {
+    /// For a chart of this size in meters, at a density in texels per meter.
+    ///
+    /// A chart of width w needs n texels so that the first and the last center lie outside of it by the slack s:
+    ///
+    /// ```text
+    /// n = ⌊w + 2s⌋ + 2
+    /// ```
+    ///
+    /// It lies in the middle of them.
+    pub fn new(size: Vec2, density: f32) -> Self {
+        let wide = size * density;
+        let texels = (wide + 2.0 * SLACK).floor() + 2.0;
+        Self { columns: texels.x as u32, rows: texels.y as u32, corner: (texels - wide) / 2.0, density }
+    }
+
+    /// Where a point of the chart is, in texels from the corner of the rectangle.
+    pub fn place(&self, point: Vec2) -> Vec2 {
+        self.corner + point * self.density
+    }
+
+    /// Calls `row(y, first, last)` for the texels that look-ups of a triangle may read, row by row, once each.
+    pub fn rows_of(&self, corners: [Vec2; 3], mut row: impl FnMut(u32, u32, u32)) {
+        let [a, b, c] = corners;
+        let (first, last) = texels(a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y), self.rows);
+        for y in first..=last {
+            let (low, high) = (y as f32 - 0.5 - SLACK, y as f32 + 1.5 + SLACK);
+            if let Some((left, right)) = extent(corners, low, high) {
+                let (first, last) = texels(left, right, self.columns);
+                row(y, first, last);
+            }
+        }
+    }
+}
+
+/// First and last of `count` texels along an axis whose squares meet what extends from `low` to `high`.
+fn texels(low: f32, high: f32, count: u32) -> (u32, u32) {
+    let last = count - 1;
+    let first = (low - 1.5 - SLACK).ceil().max(0.0) as u32;
+    (first.min(last), ((high + 0.5 + SLACK).floor().max(0.0) as u32).min(last))
+}
+
+/// Least and largest x of the part of a triangle with y from `low` to `high`; `None` if there is no such part.
+fn extent(corners: [Vec2; 3], low: f32, high: f32) -> Option<(f32, f32)> {
+    let mut extent = (f32::INFINITY, f32::NEG_INFINITY);
+    for k in 0..3 {
+        let (a, b) = (corners[k], corners[(k + 1) % 3]);
+        if a.y.max(b.y) < low || a.y.min(b.y) > high {
+            continue;
+        }
+        // The ends of the part of this edge.
+        let way = b - a;
+        let at = |y: f32| if way.y == 0.0 { 0.0 } else { ((y - a.y) / way.y).clamp(0.0, 1.0) };
+        let (mut from, mut to) = (at(low), at(high));
+        if way.y == 0.0 {
+            (from, to) = (0.0, 1.0);
+        }
+        for x in [a.x + way.x * from, a.x + way.x * to] {
+            extent = (extent.0.min(x), extent.1.max(x));
+        }
+    }
+    (extent.0 <= extent.1).then_some(extent)
+}
+
+/// A bit for each texel of a rectangle, used for one chart after another.
+#[derive(Default)]
+pub(super) struct Bits(Vec<u64>);
+
+impl Bits {
+    /// How many texels of `frame` look-ups of these triangles may read.
+    pub fn count(&mut self, frame: &Frame, triangles: impl Iterator<Item = [Vec2; 3]>) -> usize {
+        let words = frame.columns.div_ceil(64) as usize;
+        self.0.clear();
+        self.0.resize(words * frame.rows as usize, 0);
+        for corners in triangles {
+            frame.rows_of(corners, |y, first, last| {
+                let row = &mut self.0[words * y as usize..][..words];
+                for word in first / 64..=last / 64 {
+                    // The bits from `first` to `last` that this word has.
+                    let from = first.max(word * 64) - word * 64;
+                    let to = last.min(word * 64 + 63) - word * 64;
+                    row[word as usize] |= u64::MAX << from & u64::MAX >> (63 - to);
+                }
+            });
+        }
+        self.0.iter().map(|word| word.count_ones() as usize).sum()
+    }
+}

@@ -1,0 +1,82 @@
+//! The density at which charts take a wished number of texels.
+
+use super::cover::{Bits, Frame};
+use super::flatten::{AtlasError, FlatChart, FlatMesh};
+use rayon::prelude::*;
+
+/// A chart is no longer than this \[texels\]: places in it are then exact to 0.001 texels.
+const LONGEST: f32 = 8192.0;
+/// Rectangles of charts have no more texels than this together.
+const MOST_AREA: u64 = 1 << 28;
+/// Largest wish.
+const MOST_TEXELS: usize = 1 << 26;
+/// Texels of the smallest chart: two columns and two rows.
+const LEAST_OF_CHART: usize = 4;
+/// The number is met when it differs from the wish by this share.
+const NEAR: f64 = 0.01;
+/// Steps of the bisection at most.
+const STEPS: usize = 24;
+
+/// A chart, and on how many sides it is needed.
+type Needed<'a> = (&'a FlatChart, usize);
+
+/// Texels per meter at which `meshes` take about `wish` texels, at most as many as limits allow.
+pub(super) fn fitting(meshes: &[FlatMesh], wish: usize) -> Result<f32, AtlasError> {
+    let mut charts: Vec<Needed> = Vec::new();
+    for mesh in meshes {
+        charts.extend(mesh.charts.iter().map(|chart| (chart, mesh.sides)));
+    }
+    let sides = charts.iter().map(|(_, sides)| sides).sum::<usize>();
+    let least = LEAST_OF_CHART * sides;
+    if wish < least {
+        return Err(AtlasError::TooFewTexels { texels: wish, charts: sides, least });
+    }
+    if wish > MOST_TEXELS {
+        return Err(AtlasError::TooManyTexels { texels: wish, most: MOST_TEXELS });
+    }
+
+    // Texels are at least as many as the surfaces are large, so this density is an upper bound. So is the longest chart's.
+    let area = |(chart, sides): &Needed| chart.size.as_dvec2().element_product() * *sides as f64;
+    let longest = charts.iter().map(|(chart, _)| chart.size.x).fold(f32::MIN_POSITIVE, f32::max);
+    let most = f64::from(LONGEST / longest).min(f64::from(f32::MAX));
+    let mut low = (wish as f64 / charts.iter().map(area).sum::<f64>()).sqrt().min(most);
+
+    // Bounds on both sides, a factor of two apart.
+    while low < most && !is_over(&charts, low, wish) {
+        low = (2.0 * low).min(most);
+    }
+    let mut high = low;
+    while is_over(&charts, low, wish) {
+        (low, high) = (low / 2.0, low);
+    }
+
+    // Between them the number grows with the density, but for its last few texels.
+    for _ in 0..STEPS {
+        if low == high || (texels(&charts, low) as f64) >= (1.0 - NEAR) * wish as f64 {
+            break;
+        }
+        let middle = (low * high).sqrt();
+        *(if is_over(&charts, middle, wish) { &mut high } else { &mut low }) = middle;
+    }
+    Ok(low as f32)
+}
+
+/// Whether charts at this density take more texels than the wish, or rectangles more than there may be.
+fn is_over(charts: &[Needed], density: f64, wish: usize) -> bool {
+    let mut area = 0;
+    for (chart, sides) in charts {
+        let frame = Frame::new(chart.size, density as f32);
+        area += u64::from(frame.columns) * u64::from(frame.rows) * *sides as u64;
+    }
+    area > MOST_AREA || texels(charts, density) > wish
+}
+
+/// Texels that the charts take at this density.
+fn texels(charts: &[Needed], density: f64) -> usize {
+    let count = |bits: &mut Bits, &(chart, sides): &Needed| {
+        let frame = Frame::new(chart.size, density as f32);
+        let flat = chart.triangles.iter().filter(|triangle| triangle.has_area);
+        sides * bits.count(&frame, flat.map(|triangle| triangle.corners.map(|corner| frame.place(corner))))
+    };
+    charts.par_iter().map_init(Bits::default, count).sum()
+}

@@ -1,0 +1,161 @@
+//! Surfaces cut into charts that lie flat, by `uvunwrap`: an instance at a time, in world space.
+
+use crate::Surfaces;
+use glam::{DVec2, Vec2, Vec3, dvec2};
+use rayon::prelude::*;
+
+/// Side of what `uvunwrap` takes for the atlas of one instance \[texels\]. It packs charts for nothing here: few texels are fast.
+const SIDE: f32 = 256.0;
+
+/// Why there is no atlas.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AtlasError {
+    /// No instance has a surface that is lit and never moves.
+    #[error(
+        "nothing stands still in this scene, so no light of it can be baked; bake a scene with lit surfaces that never move"
+    )]
+    NothingStands,
+    /// Each chart needs four texels.
+    #[error("{texels} texels are too few for {charts} charts of surfaces; ask for {least} or more")]
+    TooFewTexels {
+        /// The wish.
+        texels: usize,
+        /// Pieces of the scene's surfaces.
+        charts: usize,
+        /// The smallest wish that can be met.
+        least: usize,
+    },
+    /// More than there is memory for.
+    #[error("{texels} texels are more than an atlas takes; ask for {most} or less")]
+    TooManyTexels {
+        /// The wish.
+        texels: usize,
+        /// The largest wish.
+        most: usize,
+    },
+    /// Surfaces could not be laid out flat.
+    #[error("surfaces of instance {instance} cannot be laid out flat ({reason}); export the scene without it")]
+    Unwrap {
+        /// Index into the scene's instances.
+        instance: usize,
+        /// What was wrong.
+        reason: String,
+    },
+}
+
+/// A triangle in its chart.
+pub(super) struct FlatTriangle {
+    /// Index into the mesh's triangles.
+    pub index: u32,
+    /// Meters from the chart's corner.
+    pub corners: [Vec2; 3],
+    /// Whether it has an area there. `uvunwrap` puts triangles thinner than a millionth of their instance to one point.
+    pub has_area: bool,
+}
+
+/// A piece of surface laid out flat, no higher than wide.
+pub(super) struct FlatChart {
+    /// Width and height in meters.
+    pub size: Vec2,
+    pub triangles: Vec<FlatTriangle>,
+}
+
+/// The surfaces of an instance.
+pub(super) struct FlatMesh {
+    pub instance: u32,
+    /// How many sides need texels: 2 if the material is double-sided.
+    pub sides: usize,
+    /// Triangles of the mesh, with those that have no chart.
+    pub count: u32,
+    pub charts: Vec<FlatChart>,
+}
+
+/// All lit surfaces that stand still.
+pub(super) fn standing(surfaces: &Surfaces) -> Result<Vec<FlatMesh>, AtlasError> {
+    let (scene, moving) = (surfaces.scene(), surfaces.moving());
+    let is_baked = |instance: &usize| {
+        let mesh = &scene.meshes[scene.instances[*instance].mesh];
+        !moving[*instance] && !scene.materials[mesh.material].unlit
+    };
+    let instances: Vec<usize> = (0..scene.instances.len()).filter(is_baked).collect();
+    let meshes: Vec<_> = instances.into_par_iter().map(|instance| flattened(surfaces, instance)).collect();
+
+    let mut standing = Vec::new();
+    for mesh in meshes {
+        let mesh = mesh?;
+        if !mesh.charts.is_empty() {
+            standing.push(mesh);
+        }
+    }
+    if standing.is_empty() { Err(AtlasError::NothingStands) } else { Ok(standing) }
+}
+
+/// The surfaces of an instance.
+fn flattened(surfaces: &Surfaces, instance: usize) -> Result<FlatMesh, AtlasError> {
+    // World space, so that all instances have the same density.
+    let scene = surfaces.scene();
+    let mesh = &scene.meshes[scene.instances[instance].mesh];
+    let rest = surfaces.deformed(instance).map_or(&mesh.positions, |bent| &bent.positions);
+    let world = surfaces.world(instance);
+    let positions: Vec<[f32; 3]> = rest.iter().map(|&place| world.transform_point3(place).to_array()).collect();
+
+    let input = uvunwrap::MeshInput::new(&positions, mesh.triangles.as_flattened());
+    let options = uvunwrap::Options {
+        density: uvunwrap::Density::Fixed { texels_per_unit: SIDE / length(&positions), page_size: None },
+        padding: 0,
+        packing: uvunwrap::Packing::Fast,
+        ..uvunwrap::Options::default()
+    };
+    let unwrapped = uvunwrap::generate(&[input], &options)
+        .map_err(|error| AtlasError::Unwrap { instance, reason: error.to_string() })?;
+
+    // Its places, from 0…1 back to meters, by chart. Triangles without any area near them have no chart.
+    let density = f64::from(unwrapped.texels_per_unit);
+    let meters = dvec2(f64::from(unwrapped.width), f64::from(unwrapped.height)) / density;
+    let found = &unwrapped.meshes[0];
+    let mut charts: Vec<Vec<(u32, [DVec2; 3])>> = vec![Vec::new(); unwrapped.chart_count as usize];
+    for (index, vertices) in found.indices.chunks_exact(3).enumerate() {
+        let vertices = [0, 1, 2].map(|corner| &found.vertices[vertices[corner] as usize]);
+        if let Some(chart) = vertices[0].chart {
+            let corners = vertices.map(|vertex| Vec2::from(vertex.uv).as_dvec2() * meters);
+            charts[chart as usize].push((index as u32, corners));
+        }
+    }
+    let sides = if scene.materials[mesh.material].double_sided { 2 } else { 1 };
+    let (instance, count) = (instance as u32, mesh.triangles.len() as u32);
+    Ok(FlatMesh { instance, sides, count, charts: charts.into_iter().filter_map(chart).collect() })
+}
+
+/// Length of the longest side of the box around points, within the range of densities that are finite \[m\].
+fn length(positions: &[[f32; 3]]) -> f32 {
+    let mut corners = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for &position in positions {
+        corners = (corners.0.min(position.into()), corners.1.max(position.into()));
+    }
+    (corners.1 - corners.0).max_element().clamp(1e-30, 1e30)
+}
+
+/// The chart of triangles whose places are in one plane, turned so that it is no higher than wide; `None` if it is empty.
+fn chart(mut triangles: Vec<(u32, [DVec2; 3])>) -> Option<FlatChart> {
+    let (mut least, mut most) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    for corner in triangles.iter().flat_map(|(_, corners)| corners) {
+        (least, most) = (least.min(*corner), most.max(*corner));
+    }
+    let mut size = most - least;
+    let is_high = size.y > size.x;
+    for (_, corners) in &mut triangles {
+        let moved = corners.map(|corner| corner - least);
+        *corners = if is_high { moved.map(|corner| dvec2(corner.y, size.x - corner.x)) } else { moved };
+    }
+    if is_high {
+        size = dvec2(size.y, size.x);
+    }
+
+    let single = |(index, corners): (u32, [DVec2; 3])| {
+        let has_area = corners[0] != corners[1] || corners[1] != corners[2];
+        FlatTriangle { index, corners: corners.map(|corner| corner.as_vec2()), has_area }
+    };
+    let triangles: Vec<FlatTriangle> = triangles.into_iter().map(single).collect();
+    triangles.iter().any(|triangle| triangle.has_area).then(|| FlatChart { size: size.as_vec2(), triangles })
+}

@@ -1,0 +1,52 @@
+//! The point of a triangle that is nearest to another point.
+
+use glam::{Vec2, Vec3A};
+
+/// A point of a triangle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Nearest {
+    /// Barycentric weights of the corners; they sum to 1.
+    pub weights: [f32; 3],
+    /// Square of the distance within the triangle's plane: exactly 0 where the other point lies over the triangle.
+    pub distance2: f32,
+}
+
+impl Nearest {
+    /// Works for triangles of any shape, points and lines among them.
+    pub fn new(corners: [Vec3A; 3], point: Vec3A) -> Self {
+        // Over the triangle, weights are shares of its area along its normal: none is negative.
+        let [a, b, c] = corners.map(|corner| corner - point);
+        let normal = (b - a).cross(c - a);
+        let shares = [b.cross(c), c.cross(a), a.cross(b)].map(|area| area.dot(normal));
+        let whole: f32 = shares.iter().sum();
+        if whole > f32::MIN_POSITIVE && shares.iter().all(|&share| share >= 0.0) {
+            return Self { weights: shares.map(|share| share / whole), distance2: 0.0 };
+        }
+
+        // Elsewhere the nearest point lies on an edge.
+        let (corners, mut nearest) = ([a, b, c], Self { weights: [1.0, 0.0, 0.0], distance2: f32::INFINITY });
+        for k in 0..3 {
+            // The point p + t (q − p) nearest to the origin:  t = −p · (q − p) / |q − p|², in 0…1.
+            let (p, q) = (corners[k], corners[(k + 1) % 3]);
+            let way = q - p;
+            let t = (-p.dot(way) / way.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+            let distance2 = (p + way * t).length_squared();
+            if distance2 < nearest.distance2 {
+                let mut weights = [0.0; 3];
+                (weights[k], weights[(k + 1) % 3]) = (1.0 - t, t);
+                nearest = Self { weights, distance2 };
+            }
+        }
+        nearest
+    }
+
+    /// The same in the plane.
+    pub fn in_plane(corners: [Vec2; 3], point: Vec2) -> Self {
+        Self::new(corners.map(|corner| corner.extend(0.0).into()), point.extend(0.0).into())
+    }
+
+    /// Mean of values at the corners by the weights.
+    pub fn mix<T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>>(&self, [a, b, c]: [T; 3]) -> T {
+        a * self.weights[0] + b * self.weights[1] + c * self.weights[2]
+    }
+}

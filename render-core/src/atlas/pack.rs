@@ -1,0 +1,90 @@
+//! Rectangles side by side in a large one.
+
+use super::cover::Frame;
+use std::cmp::Reverse;
+
+/// Unused texels between rectangles.
+const GAP: u32 = 2;
+
+/// A place for each rectangle: column and row of its first texel.
+///
+/// The highest come first, and each goes where its upper edge is the least far down below those that are there.
+pub(super) fn packed(frames: &[Frame]) -> Packed {
+    // A square has room for all if nine tenths of it can be filled.
+    let with_gap = |frame: &Frame| (frame.columns + GAP, frame.rows + GAP);
+    let area: u64 = frames.iter().map(with_gap).map(|(width, height)| u64::from(width) * u64::from(height)).sum();
+    let widest = frames.iter().map(|frame| frame.columns).max().unwrap_or(0);
+    let side = ((area as f64 / 0.9).sqrt().ceil() as u32).max(widest + GAP);
+
+    let mut order: Vec<usize> = (0..frames.len()).collect();
+    order.sort_by_key(|&k| (Reverse(frames[k].rows), Reverse(frames[k].columns)));
+    let mut skyline = Skyline(vec![Step { left: 0, right: side, top: 0 }]);
+    let mut packed = Packed { corners: vec![[0; 2]; frames.len()], width: 0, height: 0 };
+    for k in order {
+        let [left, top] = skyline.add(with_gap(&frames[k]));
+        packed.corners[k] = [left, top];
+        packed.width = packed.width.max(left + frames[k].columns);
+        packed.height = packed.height.max(top + frames[k].rows);
+    }
+    packed
+}
+
+/// Where rectangles are.
+pub(super) struct Packed {
+    pub corners: Vec<[u32; 2]>,
+    pub width: u32,
+    pub height: u32,
+}
+
+/// Columns that are filled down to the same row.
+#[derive(Clone, Copy)]
+struct Step {
+    left: u32,
+    right: u32,
+    /// First free row.
+    top: u32,
+}
+
+/// The lower edge of what is filled, from left to right.
+struct Skyline(Vec<Step>);
+
+impl Skyline {
+    /// Fills a rectangle, which is no wider than all steps together.
+    fn add(&mut self, (width, height): (u32, u32)) -> [u32; 2] {
+        // The best place to begin is the left end of a step.
+        let end = self.0.last().map_or(0, |step| step.right);
+        let (mut best, mut best_top) = (0, u32::MAX);
+        for first in 0..self.0.len() {
+            let left = self.0[first].left;
+            if left + width > end {
+                break;
+            }
+            let under = self.0[first..].iter().take_while(|step| step.left < left + width && step.top < best_top);
+            let (count, top) = under.fold((0, 0), |(count, top), step| (count + 1, step.top.max(top)));
+            if self.0[first + count - 1..].first().is_some_and(|last| last.right >= left + width) && top < best_top {
+                (best, best_top) = (first, top);
+            }
+        }
+
+        // What it lies on becomes one step, and the last one below it may go on beyond.
+        let left = self.0[best].left;
+        let right = left + width;
+        let after = self.0.partition_point(|step| step.left < right);
+        let last = self.0[after - 1];
+        let added = Step { left, right, top: best_top + height };
+        let rest = Step { left: right, ..last };
+        let new = if last.right > right { vec![added, rest] } else { vec![added] };
+        self.0.splice(best..after, new);
+        self.merge(best);
+        [left, best_top]
+    }
+
+    /// Joins a step with those beside it that are as low.
+    fn merge(&mut self, step: usize) {
+        for left in [Some(step), step.checked_sub(1)].into_iter().flatten() {
+            if left + 1 < self.0.len() && self.0[left].top == self.0[left + 1].top {
+                self.0[left].right = self.0.remove(left + 1).right;
+            }
+        }
+    }
+}

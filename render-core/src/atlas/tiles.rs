@@ -1,0 +1,145 @@
+//! Which texels of a large rectangle are in use, and their numbers.
+
+use super::NONE;
+
+/// Side of a tile \[texels\].
+const SIDE: u32 = 16;
+/// Words of a tile's mask.
+const WORDS: usize = 4;
+
+/// A square of 16×16 texels, some of which are in use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Tile {
+    /// Its place among all squares, row by row.
+    cell: u32,
+    /// Index of its first texel in use.
+    first: u32,
+    /// A bit for each texel, row by row from the lowest bit of the first word on.
+    mask: [u64; WORDS],
+}
+
+impl Tile {
+    fn count(&self) -> u32 {
+        self.mask.iter().map(|word| word.count_ones()).sum()
+    }
+}
+
+/// The tiles that have a texel in use, row by row. Texels have their numbers in the order of tiles, row by row within each.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Tiles {
+    /// Squares in a row.
+    columns: u32,
+    /// For each square, index of its tile, or [`NONE`].
+    grid: Vec<u32>,
+    tiles: Vec<Tile>,
+}
+
+/// Texels that are marked, before they have numbers.
+pub(super) struct Marks {
+    columns: u32,
+    masks: Vec<[u64; WORDS]>,
+}
+
+/// The word and the bit of a texel in its tile.
+fn bit(x: u32, y: u32) -> (usize, u32) {
+    let bit = y % SIDE * SIDE + x % SIDE;
+    ((bit / u64::BITS) as usize, bit % u64::BITS)
+}
+
+impl Marks {
+    /// None yet, in a rectangle of this many texels.
+    pub fn new(width: u32, height: u32) -> Self {
+        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        Self { columns, masks: vec![[0; WORDS]; columns as usize * rows as usize] }
+    }
+
+    pub fn set(&mut self, x: u32, y: u32) {
+        let (word, bit) = bit(x, y);
+        self.masks[(y / SIDE * self.columns + x / SIDE) as usize][word] |= 1 << bit;
+    }
+
+    /// Gives numbers to what is marked.
+    pub fn numbered(self) -> Tiles {
+        let mut tiles = Tiles { columns: self.columns, grid: vec![NONE; self.masks.len()], tiles: Vec::new() };
+        let mut first = 0;
+        for (cell, mask) in self.masks.into_iter().enumerate().filter(|(_, mask)| *mask != [0; WORDS]) {
+            tiles.grid[cell] = tiles.tiles.len() as u32;
+            let tile = Tile { cell: cell as u32, first, mask };
+            first += tile.count();
+            tiles.tiles.push(tile);
+        }
+        tiles
+    }
+}
+
+impl Tiles {
+    pub fn len(&self) -> usize {
+        self.tiles.len()
+    }
+
+    /// Texels in use.
+    pub fn texels(&self) -> usize {
+        self.tiles.last().map_or(0, |last| (last.first + last.count()) as usize)
+    }
+
+    /// Width and height in texels.
+    pub fn size(&self) -> (u32, u32) {
+        (self.columns * SIDE, (self.grid.len() as u32).checked_div(self.columns).unwrap_or(0) * SIDE)
+    }
+
+    /// Index of a texel, if it is in use.
+    pub fn index(&self, x: u32, y: u32) -> Option<u32> {
+        let column = x / SIDE;
+        let cell = (y / SIDE) as usize * self.columns as usize + column as usize;
+        let tile = *self.grid.get(cell).filter(|&&tile| column < self.columns && tile != NONE)?;
+        let Tile { first, mask, .. } = self.tiles[tile as usize];
+
+        // Texels before it: in the words before its own, and in the lower bits of that.
+        let (word, bit) = bit(x, y);
+        let before: u32 = mask[..word].iter().map(|word| word.count_ones()).sum();
+        let lower = mask[word] & ((1 << bit) - 1);
+        (mask[word] >> bit & 1 == 1).then(|| first + before + lower.count_ones())
+    }
+
+    /// Column and row of a texel in use, by its index.
+    pub fn place(&self, index: u32) -> (u32, u32) {
+        let Tile { cell, first, mask } = self.tiles[self.tiles.partition_point(|tile| tile.first <= index) - 1];
+        let (mut word, mut rest) = (0, index - first);
+        while rest >= mask[word].count_ones() {
+            (word, rest) = (word + 1, rest - mask[word].count_ones());
+        }
+
+        // The lowest bit that is left after as many were taken away.
+        let mut bits = mask[word];
+        for _ in 0..rest {
+            bits &= bits - 1;
+        }
+        let bit = word as u32 * u64::BITS + bits.trailing_zeros();
+        (cell % self.columns * SIDE + bit % SIDE, cell / self.columns * SIDE + bit / SIDE)
+    }
+
+    /// Whether grid and tiles tell the same, and tiles have their numbers in order.
+    pub fn is_valid(&self) -> bool {
+        let is_rectangle = self.columns > 0 && self.grid.len().is_multiple_of(self.columns as usize);
+        let mut next = (0u32, 0);
+        for (cell, &tile) in self.grid.iter().enumerate().filter(|&(_, &tile)| tile != NONE) {
+            // `next` are the index of the tile that comes now, and that of its first texel.
+            let Some(found) = self.tiles.get(tile as usize) else { return false };
+            let (index, first) = next;
+            if tile != index || found.cell as usize != cell || found.first != first || found.count() == 0 {
+                return false;
+            }
+            let Some(after) = first.checked_add(found.count()) else { return false };
+            next = (index + 1, after);
+        }
+        is_rectangle && next.0 as usize == self.tiles.len() && self.has_size()
+    }
+
+    /// Whether columns and rows of texels can be counted.
+    fn has_size(&self) -> bool {
+        let rows = self.grid.len() / self.columns as usize;
+        [self.columns as usize, rows].iter().all(|&side| side < (1 << 24))
+    }
+}

@@ -1,0 +1,374 @@
+//! Atlases: each surface point has its texels, and these stand for points close by.
+
+use crate::common::{add, material, quad, rest};
+use glam::{Quat, Vec3, Vec3A, vec3};
+use render_core::sampling::{Distribution, hash_unit};
+use render_core::scene::{Channel, Instance, Interpolation, Material, Mesh, Node, Scene, Track, Transform, load};
+use render_core::{Atlas, AtlasError, AtlasPoint, Surfaces, TexelBlend};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// By how much a meter of surface may be longer than in the atlas. Charts keep their area; on bent ones lengths differ.
+const MOST_STRETCH: f32 = 2.0;
+/// Distance of a blend of positions from the point, at most \[texels\].
+const FARTHEST: f32 = 1.5;
+
+/// A ball with `n` rings of 2n quads; those at the poles have a triangle without area, or nearly so.
+fn ball(n: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for ring in 0..=n {
+        for k in 0..2 * n {
+            let (theta, phi) = (ring as f32 / n as f32, k as f32 / n as f32);
+            let ((sin, cos), (y, x)) =
+                ((theta * std::f32::consts::PI).sin_cos(), (phi * std::f32::consts::PI).sin_cos());
+            mesh.positions.push(vec3(sin * x, cos, sin * y));
+        }
+    }
+    mesh.normals.clone_from(&mesh.positions);
+    for ring in 0..n {
+        for k in 0..2 * n {
+            let [a, b] = [k, (k + 1) % (2 * n)].map(|column| ring * 2 * n + column);
+            mesh.triangles.extend([[a, b, a + 2 * n], [b, b + 2 * n, a + 2 * n]]);
+        }
+    }
+    mesh
+}
+
+/// A box with sides of 1 m, facing outward.
+fn cube() -> Mesh {
+    let mut mesh = Mesh::default();
+    for axis in 0..3 {
+        for sign in [-0.5f32, 0.5] {
+            let mut n = Vec3::ZERO;
+            n[axis] = sign;
+            let (a, b) = (vec3(n.z, n.x, n.y).abs(), vec3(n.y, n.z, n.x).abs());
+            let (a, b) = if a.cross(b).dot(n) > 0.0 { (a, b) } else { (b, a) };
+            let base = mesh.positions.len() as u32;
+            let wall = quad(n - a - b, 2.0 * a, 2.0 * b);
+            mesh.positions.extend(wall.positions);
+            mesh.triangles.extend(wall.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + base)));
+        }
+    }
+    mesh
+}
+
+/// A strip of 2 m, as a fan of slivers around one of its corners and a row of steps a millimeter high.
+fn slivers() -> Mesh {
+    let mut mesh = Mesh { positions: vec![Vec3::ZERO], ..Mesh::default() };
+    for k in 0..=200u32 {
+        mesh.positions.push(vec3(2.0, 0.01 * k as f32, 0.0));
+    }
+    mesh.triangles.extend((1..=200).map(|k| [0, k, k + 1]));
+    for k in 0..40u32 {
+        let base = mesh.positions.len() as u32;
+        let step = quad(vec3(0.0, 0.0, -0.001 * k as f32), Vec3::X * 2.0, Vec3::Z * -0.001);
+        mesh.positions.extend(step.positions);
+        mesh.triangles.extend(step.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + base)));
+    }
+    mesh
+}
+
+/// Instance of a box that moves, and of a square that is not lit.
+const MOVING: u32 = 6;
+const UNLIT: u32 = 7;
+/// Instance of a square with two sides.
+const SHEET: u32 = 5;
+
+/// A floor, a ball, slivers, two boxes that touch, of which one is mirrored and flattened, and a double-sided square.
+fn room() -> Scene {
+    let mut scene = Scene::default();
+    let gray = || material(Vec3::splat(0.5), Vec3::ZERO);
+    add(&mut scene, rest(Vec3::ZERO), quad(vec3(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::Z * -6.0), gray());
+    add(&mut scene, rest(vec3(1.0, 1.0, 1.0)), ball(12), gray());
+    add(&mut scene, rest(vec3(-2.0, 0.3, -1.0)), slivers(), gray());
+    add(&mut scene, rest(vec3(-1.5, 0.5, 1.0)), cube(), gray());
+    let mirrored = Transform { scale: vec3(-1.0, 1.0, 0.25), ..rest(vec3(-0.5, 0.5, 1.0)) };
+    scene.nodes.push(Node { name: String::new(), parent: None, rest: mirrored });
+    scene.instances.push(Instance { node: scene.nodes.len() - 1, mesh: 3 });
+    let sheet = Material { double_sided: true, ..gray() };
+    let turned = Transform { rotation: Quat::from_rotation_y(0.4), ..rest(vec3(0.0, 1.0, -1.5)) };
+    add(&mut scene, turned, quad(vec3(0.0, 0.0, 0.0), Vec3::X, Vec3::Y), sheet);
+
+    let node = add(&mut scene, rest(vec3(0.0, 2.0, 0.0)), cube(), gray());
+    let track = Track::Translation(vec![Vec3::ZERO, Vec3::X]);
+    scene.channels.push(Channel { node, times: vec![0.0, 1.0], track, interpolation: Interpolation::Linear });
+    let sky = Material { unlit: true, ..gray() };
+    add(&mut scene, rest(vec3(0.0, 9.0, 0.0)), quad(Vec3::ZERO, Vec3::X * 100.0, Vec3::Z * 100.0), sky);
+    scene
+}
+
+/// A scene in its rest pose, with its atlas.
+fn with_atlas(scene: &Scene, texels: usize, test: impl Fn(&Surfaces, &Atlas)) {
+    let surfaces = Surfaces::new(scene, &scene.pose(0.0));
+    test(&surfaces, &Atlas::new(&surfaces, texels).expect("surfaces that stand still"));
+}
+
+/// Triangles of instances that stand still and are lit, with the sign of a side that has texels.
+fn sides(surfaces: &Surfaces) -> Vec<(u32, u32, f32)> {
+    let (scene, mut sides) = (surfaces.scene(), Vec::new());
+    for (k, instance) in scene.instances.iter().enumerate().filter(|&(k, _)| !surfaces.moving()[k]) {
+        let mesh = &scene.meshes[instance.mesh];
+        let material = &scene.materials[mesh.material];
+        for triangle in (0..mesh.triangles.len() as u32).filter(|_| !material.unlit) {
+            sides.push((k as u32, triangle, 1.0));
+            sides.extend(material.double_sided.then_some((k as u32, triangle, -1.0)));
+        }
+    }
+    sides
+}
+
+/// Points of lit surfaces at rest: half of them spread evenly over the area, the others over the triangles.
+fn points(surfaces: &Surfaces, count: u64) -> Vec<AtlasPoint> {
+    let sides = sides(surfaces);
+    let normal = |&(instance, triangle, sign): &(u32, u32, f32)| {
+        let [a, b, c] = surfaces.corners(instance as usize, triangle as usize);
+        let mirrored = surfaces.world(instance as usize).matrix3.determinant().signum();
+        (b - a).cross(c - a) * mirrored * sign
+    };
+    let areas = Distribution::new(sides.iter().map(|side| f64::from(normal(side).length()))).expect("areas");
+    let mut points = Vec::new();
+    for k in 0..count {
+        let random = |dimension| hash_unit(1, k, dimension);
+        let index =
+            if k % 2 == 0 { areas.pick(f64::from(random(0))).index } else { (random(0) * sides.len() as f32) as usize };
+        let side = sides[index.min(sides.len() - 1)];
+        let geometric_normal = normal(&side);
+        if geometric_normal.length() < 1e-6 {
+            continue;
+        }
+        let [a, b, c] = surfaces.corners(side.0 as usize, side.1 as usize);
+        let (u, v) = render_core::sampling::triangle(glam::Vec2::new(random(1), random(2)));
+        let position = a + (b - a) * u + (c - a) * v;
+        points.push(AtlasPoint { instance: side.0, triangle: side.1, position, geometric_normal });
+    }
+    points
+}
+
+/// Largest distance \[texels\] between points and blends of the positions that their texels stand for.
+fn worst_position(surfaces: &Surfaces, atlas: &Atlas, count: u64) -> f32 {
+    let baked: Vec<Vec3A> = (0..atlas.len()).map(|texel| atlas.sites(texel, surfaces)[0].position).collect();
+    let mut worst = 0.0f32;
+    for point in points(surfaces, count) {
+        let TexelBlend { texels, weights } = atlas.bilinear(surfaces, &point).expect("it stands still");
+        let blend: Vec3A = texels.iter().zip(weights).map(|(&texel, weight)| baked[texel as usize] * weight).sum();
+        worst = worst.max(blend.distance(point.position) * atlas.texels_per_meter());
+    }
+    worst
+}
+
+#[test]
+fn baked_positions_are_close() {
+    let scene = room();
+    for texels in [3_000, 30_000] {
+        with_atlas(&scene, texels, |surfaces, atlas| {
+            let worst = worst_position(surfaces, atlas, 100_000);
+            assert!(worst < FARTHEST * MOST_STRETCH, "{worst} texels off with {texels} texels");
+        });
+    }
+}
+
+#[test]
+fn baked_positions_of_a_church_are_close() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/nave/nave.glb");
+    let scene = load(&path).expect("a scene that ships");
+    with_atlas(&scene, 200_000, |surfaces, atlas| {
+        let worst = worst_position(surfaces, atlas, 100_000);
+        assert!(worst < FARTHEST * MOST_STRETCH, "{worst} texels off");
+        assert!((atlas.len() as f64 / 200_000.0 - 1.0).abs() < 0.05, "{} texels", atlas.len());
+        assert!(atlas.validate(&scene));
+    });
+}
+
+#[test]
+fn a_blend_has_four_texels_of_one_chart() {
+    let scene = room();
+    with_atlas(&scene, 10_000, |surfaces, atlas| {
+        let mut charts = BTreeSet::new();
+        let mut check = |point: &AtlasPoint| {
+            let TexelBlend { texels, weights } = atlas.bilinear(surfaces, point).expect("it stands still");
+            let sum: f32 = weights.iter().sum();
+            assert!(
+                (sum - 1.0).abs() < 1e-5 && weights.iter().all(|weight| (0.0..=1.0).contains(weight)),
+                "{weights:?}"
+            );
+            let [(x, y), right, below, last] = texels.map(|texel| atlas.place(texel as usize));
+            assert_eq!([right, below, last], [(x + 1, y), (x, y + 1), (x + 1, y + 1)]);
+            let chart = atlas.chart(texels[0] as usize);
+            assert!(texels.iter().all(|&texel| atlas.chart(texel as usize) == chart));
+            charts.insert(chart);
+        };
+        points(surfaces, 100_000).iter().for_each(&mut check);
+        // Corners and points beyond them count as well.
+        for mut point in points(surfaces, 2000) {
+            for corner in surfaces.corners(point.instance as usize, point.triangle as usize) {
+                point.position = corner;
+                check(&point);
+                point.position += Vec3A::splat(0.3);
+                check(&point);
+            }
+        }
+        assert_eq!(charts.len(), atlas.charts(), "every chart is found");
+    });
+}
+
+#[test]
+fn what_has_no_texels_is_not_found() {
+    let scene = room();
+    with_atlas(&scene, 5000, |surfaces, atlas| {
+        let found = |instance, triangle, geometric_normal| {
+            atlas.bilinear(surfaces, &AtlasPoint { instance, triangle, position: Vec3A::ZERO, geometric_normal })
+        };
+        for normal in [Vec3A::Y, Vec3A::NEG_Y] {
+            assert_eq!([MOVING, UNLIT, 8, u32::MAX].map(|instance| found(instance, 0, normal)), [None; 4]);
+            assert_eq!(found(0, 2, normal), None, "the floor has two triangles");
+        }
+        assert_eq!(found(0, 0, Vec3A::NEG_Y), None, "the back of a floor");
+        // Triangles at the poles of the ball have no area, or nearly none.
+        assert!([0, 12 * 24 * 2 - 1].into_iter().all(|triangle| found(1, triangle, Vec3A::Y).is_some()));
+
+        // A sheet has other texels on its other side, which face that way.
+        let [front, back] = [Vec3A::Z, Vec3A::NEG_Z].map(|normal| found(SHEET, 0, normal).expect("both sides"));
+        assert!(front.texels.iter().all(|texel| !back.texels.contains(texel)));
+        for (blend, way) in [(front, Vec3A::Z), (back, Vec3A::NEG_Z)] {
+            for site in atlas.sites(blend.texels[0] as usize, surfaces) {
+                assert!(site.geometric_normal.dot(way) > 0.9 && site.shading_normal.dot(way) > 0.9);
+            }
+        }
+    });
+}
+
+#[test]
+fn sites_are_points_of_their_surface() {
+    let scene = room();
+    with_atlas(&scene, 10_000, |surfaces, atlas| {
+        let mut counts = [0; 10];
+        for texel in 0..atlas.len() {
+            let sites = atlas.sites(texel, surfaces);
+            counts[sites.len()] += 1;
+            for site in &sites {
+                // The texel is one of those that a look-up at the site reads, or lies beside them.
+                let blend = atlas.bilinear(surfaces, &site.point()).expect("it has texels");
+                let (x, y) = atlas.place(texel);
+                let near = |&other: &u32| {
+                    let (ox, oy) = atlas.place(other as usize);
+                    x.abs_diff(ox) <= 1 && y.abs_diff(oy) <= 1
+                };
+                assert!(blend.texels.iter().any(near));
+                assert_eq!(atlas.chart(blend.texels[0] as usize), atlas.chart(texel));
+                assert!(site.shading_normal.dot(site.geometric_normal) > 0.5);
+            }
+        }
+        assert_eq!(counts[0], 0);
+        assert!(counts[9] > 5000, "{counts:?}");
+    });
+}
+
+#[test]
+fn boxes_face_outward() {
+    let scene = room();
+    with_atlas(&scene, 10_000, |surfaces, atlas| {
+        for site in (0..atlas.len()).flat_map(|texel| atlas.sites(texel, surfaces)) {
+            if [3, 4].contains(&site.instance) {
+                let middle = surfaces.world(site.instance as usize).translation;
+                assert!(site.geometric_normal.dot(site.position - middle) > 0.1);
+            }
+        }
+    });
+}
+
+#[test]
+fn charts_are_apart() {
+    let scene = room();
+    with_atlas(&scene, 10_000, |_, atlas| {
+        let mut covers = BTreeSet::new();
+        for texel in 0..atlas.len() {
+            let (x, y) = atlas.place(texel);
+            assert_eq!(atlas.texel(x, y), Some(texel as u32));
+            assert!(covers.insert((x, y)), "each has a place of its own");
+            for (ox, oy) in (0..25).map(|k| (x + k % 5, y + k / 5)).filter(|&(ox, oy)| ox > 1 && oy > 1) {
+                if let Some(other) = atlas.texel(ox - 2, oy - 2) {
+                    assert_eq!(atlas.chart(other as usize), atlas.chart(texel));
+                }
+            }
+            let neighbors = atlas.neighbors(texel);
+            let left = neighbors[3].map(|neighbor| atlas.place(neighbor as usize));
+            assert!(left.is_none_or(|left| left == (x - 1, y)));
+        }
+        assert!(atlas.covered() < atlas.len() && atlas.tiles() * 256 >= atlas.len());
+    });
+}
+
+#[test]
+fn the_wished_number_is_met() {
+    let scene = room();
+    for wish in [2_000, 20_000, 100_000] {
+        with_atlas(&scene, wish, |_, atlas| {
+            assert!((atlas.len() as f64 / wish as f64 - 1.0).abs() < 0.05, "{} for {wish}", atlas.len());
+        });
+    }
+}
+
+#[test]
+fn wishes_that_cannot_be_met_are_refused() {
+    let scene = room();
+    let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
+    let Err(AtlasError::TooFewTexels { charts, least, .. }) = Atlas::new(&surfaces, 3) else { panic!("refused") };
+    let smallest = Atlas::new(&surfaces, least).expect("four texels for each chart");
+    assert_eq!((smallest.charts(), smallest.len()), (charts, least));
+    assert!(matches!(Atlas::new(&surfaces, usize::MAX), Err(AtlasError::TooManyTexels { .. })));
+
+    let nothing = Scene::default();
+    let surfaces = Surfaces::new(&nothing, &nothing.pose(0.0));
+    assert_eq!(Atlas::new(&surfaces, 1000), Err(AtlasError::NothingStands));
+}
+
+#[test]
+fn the_same_scene_has_the_same_atlas() {
+    let scene = room();
+    let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
+    let on_threads = |count| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().expect("threads");
+        let atlas = pool.install(|| Atlas::new(&surfaces, 20_000).expect("surfaces"));
+        serde_json::to_string(&atlas).expect("numbers")
+    };
+    assert_eq!(on_threads(1), on_threads(3));
+}
+
+#[test]
+fn forged_atlases_are_refused() {
+    let scene = room();
+    let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
+    let atlas = Atlas::new(&surfaces, 2000).expect("surfaces");
+    let honest = serde_json::to_value(&atlas).expect("numbers");
+    let read = |value| serde_json::from_value::<Atlas>(value).expect("the same fields");
+    assert!(read(honest.clone()) == atlas && atlas.validate(&scene));
+
+    // Each number of the file by itself, set to what may be out of range.
+    for name in ["texels_per_meter", "covered"] {
+        let mut forged = honest.clone();
+        forged[name] = 1e9.into();
+        if name == "covered" {
+            forged[name] = u32::MAX.into();
+        } else {
+            forged[name] = (-1.0).into();
+        }
+        assert!(!read(forged).validate(&scene), "{name}");
+    }
+    let lists = ["sheets", "charts", "triangles", "owners", "tiles/grid", "tiles/tiles"];
+    for list in lists.map(|list| format!("/{list}")) {
+        let mut short = honest.clone();
+        short.pointer_mut(&list).and_then(|list| list.as_array_mut()).expect("a list").pop();
+        assert!(!read(short).validate(&scene), "a shorter {list}");
+    }
+    for number in ["owners/7", "charts/1/0", "triangles/3/chart", "sheets/0/first", "sheets/1/count", "tiles/grid/0"] {
+        let mut forged = honest.clone();
+        *forged.pointer_mut(&format!("/{number}")).expect("a number") = 123_456.into();
+        assert!(!read(forged).validate(&scene), "{number}");
+    }
+
+    // An atlas of one scene is not one of another.
+    let mut other = room();
+    other.meshes[0].triangles.pop();
+    assert!(!atlas.validate(&other));
+    assert!(!atlas.validate(&Scene::default()));
+}
