@@ -10,6 +10,8 @@ use crate::report::{Ending, Report};
 use crate::settings::Settings;
 use render_core::scene::Scene;
 use std::path::Path;
+#[cfg(feature = "bake")]
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
@@ -33,9 +35,15 @@ impl<'a> Render<'a> {
         let begin = Instant::now();
         let masks = plan.is_on(Stage::Masking);
         let renderer = settings.renderer();
+        let shade = Shading::new(&renderer, plan);
+        #[cfg(feature = "bake")]
+        let shade = match &settings.baked {
+            Some(path) => shade.with_baked(Arc::new(crate::bake::read(scene, path)?)),
+            None => shade,
+        };
         let mut parts = Parts {
             prepare: Preparation::new(scene, &renderer, plan),
-            shade: Shading::new(&renderer, plan),
+            shade,
             display: Display::of(settings)?,
             encode: Video::new(settings)?,
             mask: masks.then(|| Masking::new(settings)).transpose()?,

@@ -1,5 +1,7 @@
 //! The arguments of the program.
 
+#[cfg(feature = "bake")]
+use super::commands::bake::Bake;
 #[cfg(feature = "compare")]
 use super::commands::compare::Compare;
 use super::commands::plan::Plan;
@@ -23,6 +25,7 @@ use clap::{Parser, Subcommand};
     after_help = "Examples:
   render2mpeg render scenes/cornell/cornell.glb             a video and a report, in this folder
   render2mpeg plan scene.glb                                what the scene needs, before any ray
+  render2mpeg bake scene.glb                                light once, for many films
   render2mpeg compare film.m2v film.y4m                     what the codec has cost
   render2mpeg sweep scene.glb --qscale 2,16,48              error against run time, as a page
 
@@ -40,6 +43,10 @@ pub enum Command {
     /// Render a scene into a video.
     #[command(args_override_self = true, after_help = examples::RENDER)]
     Render(Box<Render>),
+    /// Compute the light of all that stands still once, for films that look it up: render --lighting baked.
+    #[cfg(feature = "bake")]
+    #[command(after_help = examples::BAKE)]
+    Bake(Bake),
     /// Render one frame as exactly as wanted into a linear OpenEXR picture, with the noise that is left in it.
     #[cfg(feature = "exr")]
     #[command(after_help = examples::REFERENCE)]

@@ -11,6 +11,15 @@ pub const RENDER: &str = "Examples:
 Without options it makes SCENE.m2v of 512x512 pixels as long as the scene's animation, and SCENE.report.json beside it.
 Ctrl-C ends with a video that plays.";
 
+#[cfg(feature = "bake")]
+pub const BAKE: &str = "Examples:
+  render2mpeg bake scene.glb                                    into scene.slf, beside the scene
+  render2mpeg render scene.glb --lighting baked                 a film that looks its light up
+  render2mpeg bake scene.glb --texels 2000000 -o fine.slf
+  render2mpeg render scene.glb --lighting baked --baked fine.slf
+
+Indirect light is baked and direct light is not: shadows stay sharp. Lamps must stand still.";
+
 #[cfg(feature = "exr")]
 pub const REFERENCE: &str = "Examples:
   render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr

@@ -62,6 +62,11 @@ fn run(typed: Vec<OsString>) -> Result<ExitCode> {
             use_threads(arguments.threads)?;
             commands::render::run(*arguments)
         }
+        #[cfg(feature = "bake")]
+        Command::Bake(arguments) => {
+            use_threads(arguments.threads)?;
+            commands::bake::run(arguments)
+        }
         #[cfg(feature = "exr")]
         Command::Reference(arguments) => {
             use_threads(arguments.threads)?;

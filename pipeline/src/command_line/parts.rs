@@ -12,13 +12,13 @@ struct Part {
 
 const PARTS: [Part; 8] = [
     Part { feature: "textures", is_built: cfg!(feature = "textures"), commands: &[] },
+    Part { feature: "bake", is_built: cfg!(feature = "bake"), commands: &["bake"] },
     Part { feature: "exr", is_built: cfg!(feature = "exr"), commands: &["reference"] },
     Part { feature: "compare", is_built: cfg!(feature = "compare"), commands: &["compare"] },
     Part { feature: "html", is_built: cfg!(feature = "html"), commands: &[] },
     Part { feature: "sweep", is_built: cfg!(feature = "sweep"), commands: &["sweep"] },
     Part { feature: "trace", is_built: cfg!(feature = "trace"), commands: &[] },
     Part { feature: "shell", is_built: cfg!(feature = "shell"), commands: &["completions", "man"] },
-    Part { feature: "bake", is_built: cfg!(feature = "bake"), commands: &[] },
 ];
 
 /// Names the missing part where something is requested that needs `feature`.

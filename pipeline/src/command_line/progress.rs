@@ -91,7 +91,7 @@ impl JsonLines {
 }
 
 /// A line for work of a length that is told later.
-#[cfg(feature = "exr")]
+#[cfg(any(feature = "exr", feature = "bake"))]
 pub fn of_work(quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();

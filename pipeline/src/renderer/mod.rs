@@ -7,7 +7,11 @@ pub mod plan;
 mod prepare;
 pub mod reference;
 mod shade;
+#[cfg(feature = "bake")]
+pub mod texels;
 
 pub use frame::{Frame, PreparedFrame};
 pub use prepare::Preparation;
 pub use shade::{Audits, CutCounts, FootprintPixel, Layer, Lit, RecordCounts, Shading, Tolerance, Visible};
+#[cfg(feature = "bake")]
+pub(crate) use shade::{GATHER_RAYS, Visibility, is_above};

@@ -239,7 +239,11 @@ impl<'s> Work<'s> {
                 tree
             }
             None => {
-                let lights = self.tree_lights(&anchor_flux, self.lights_that_stay(&emitters, surfaces, &sampled));
+                // Baked light holds all that the tree would have.
+                let lights = match self.settings.lighting.is_baked() && self.plan.is_off(Stage::TreeUpdate) {
+                    true => Vec::new(),
+                    false => self.tree_lights(&anchor_flux, self.lights_that_stay(&emitters, surfaces, &sampled)),
+                };
                 let bound = self.anchors.geometry_term_bound(self.plan.is_on(Stage::Compensation));
                 let params = BuildParams::bounded_by(bound).with_seed(self.settings.seed);
                 Arc::new(busy.measure(|| LightTree::build(&lights, params)))

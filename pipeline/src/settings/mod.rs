@@ -62,6 +62,9 @@ pub struct Settings {
     pub bounces: Option<u32>,
     /// How indirect light is computed.
     pub lighting: Lighting,
+    /// File of baked light, where there is to be any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub baked: Option<PathBuf>,
     /// Whether indirect light is cached on surfaces and interpolated.
     pub cache: bool,
     /// Whether bias compensation restores the light that softened virtual lights lose close by.

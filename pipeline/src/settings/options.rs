@@ -74,6 +74,9 @@ pub struct Options {
     /// How indirect light is computed [default: lightcuts]
     #[cfg_attr(feature = "command-line", arg(long, value_enum))]
     pub lighting: Option<Lighting>,
+    /// Light by `render2mpeg bake`, for --lighting baked [default: the scene's name with .slf, beside it]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "FILE.slf", hide = !cfg!(feature = "bake")))]
+    pub baked: Option<PathBuf>,
     /// Compute indirect light at few places and interpolate; off: a lightcut for each pixel [default: on]
     #[cfg_attr(feature = "command-line", arg(long, value_enum, value_name = "on|off", hide_possible_values = true))]
     pub cache: Option<Switch>,

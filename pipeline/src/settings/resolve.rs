@@ -59,6 +59,11 @@ impl Options {
         if !(1..=10_000_000).contains(&vpls) {
             fail!("--vpls {vpls} must lie in 1..=10000000");
         }
+        let lighting = *self.lighting.get_or_insert(Lighting::Lightcuts);
+        if self.baked.is_some() && !lighting.is_baked() {
+            fail!("--baked names a file of baked light, which --lighting baked takes; this film has other light");
+        }
+        let baked = lighting.is_baked().then(|| self.baked.clone().unwrap_or_else(|| path.with_extension("slf")));
         let (tone_map, auto_exposure) = tone_map(&path, scene)?;
         let qscale = *self.qscale.get_or_insert(8);
         Ok(Settings {
@@ -82,7 +87,8 @@ impl Options {
             samples,
             antialiasing: self.antialiasing.get_or_insert(Switch::On).is_on(),
             bounces: self.bounces,
-            lighting: *self.lighting.get_or_insert(Lighting::Lightcuts),
+            lighting,
+            baked,
             cache: self.cache.get_or_insert(Switch::On).is_on(),
             compensation: self.compensation.get_or_insert(Switch::On).is_on(),
             vpls,

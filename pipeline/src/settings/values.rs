@@ -18,6 +18,20 @@ pub enum Lighting {
     Lightcuts,
     /// Every light at every pixel: slow, the reference that cuts are measured against.
     AllLights,
+    /// Light of surfaces at rest by `render2mpeg bake`; that of others by cuts.
+    #[cfg(feature = "bake")]
+    Baked,
+}
+
+impl Lighting {
+    /// Whether surfaces at rest have their light from a file.
+    #[must_use]
+    pub fn is_baked(self) -> bool {
+        #[cfg(feature = "bake")]
+        return self == Self::Baked;
+        #[cfg(not(feature = "bake"))]
+        false
+    }
 }
 
 /// How often what a killed run needs to go on is written, as typed.

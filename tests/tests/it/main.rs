@@ -2,6 +2,7 @@
 //!
 //! `allocation` and `panic_hook` are programs of their own: they replace what a whole process has one of.
 
+mod bake;
 mod carried;
 mod closed_loop;
 mod codec_thresholds;

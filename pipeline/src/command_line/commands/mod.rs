@@ -1,5 +1,7 @@
 //! The subcommands, where they are more than a call of the library.
 
+#[cfg(feature = "bake")]
+pub mod bake;
 #[cfg(feature = "compare")]
 pub mod compare;
 pub mod plan;

@@ -22,7 +22,7 @@ impl FilmJob {
     pub fn of(settings: &Settings) -> Result<Self> {
         let text = serde_json::to_string(settings).context("the settings cannot be put into JSON")?;
         let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
-        Ok(Self::new(&settings.output, program, &text, sum_of_scene(&settings.scene)?))
+        Ok(Self::new(&settings.output, program, &text, sum_of_inputs(settings)?))
     }
 
     /// A film at `film` that `program` makes: `settings` is a JSON object with all that its bits depend on, `inputs` a check
@@ -41,6 +41,16 @@ impl FilmJob {
     pub(super) fn identity(&self) -> &Identity {
         &self.identity
     }
+}
+
+/// CRC-32 of all files that a film is made from.
+fn sum_of_inputs(settings: &Settings) -> Result<u32> {
+    let scene = sum_of_scene(&settings.scene)?;
+    let Some(path) = &settings.baked else { return Ok(scene) };
+    let baked = fs::read(path).map_err(Error::file(path, "cannot be read; make it with render2mpeg bake"))?;
+    let mut sum = crc32fast::Hasher::new_with_initial(scene);
+    sum.update(&baked);
+    Ok(sum.finalize())
 }
 
 /// CRC-32 of a scene's own file, of the one beside it with its settings, and of those that its JSON names.

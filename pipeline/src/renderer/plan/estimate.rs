@@ -91,8 +91,9 @@ impl Costs {
     fn indirect(&self) -> f64 {
         let by_pixel = match self.lighting {
             Lighting::AllLights => LIGHT_AT_PIXEL * self.lights,
-            Lighting::Lightcuts if self.cache => CACHED_PIXEL * self.triangles.powf(CACHED_DETAIL),
-            Lighting::Lightcuts => CUT_PIXEL * self.triangles.powf(CUT_DETAIL),
+            _ if self.lighting.is_baked() => CACHED_PIXEL,
+            _ if self.cache => CACHED_PIXEL * self.triangles.powf(CACHED_DETAIL),
+            _ => CUT_PIXEL * self.triangles.powf(CUT_DETAIL),
         };
         by_pixel * self.pixels
     }

@@ -8,6 +8,10 @@ pub(super) struct Facts<'a> {
     pub settings: &'a RenderSettings,
     pub object_moves: bool,
     pub light_moves: bool,
+    /// Whether anything that glows moves.
+    pub glow_moves: bool,
+    /// Whether anything stands still.
+    pub stands: bool,
     pub camera_moves: bool,
     /// Whether any surface reflects light diffusely.
     pub reflects: bool,
@@ -28,7 +32,7 @@ pub(super) struct Facts<'a> {
 
 impl<'a> Facts<'a> {
     pub fn new(scene: &Scene, settings: &'a RenderSettings) -> Self {
-        let moving = scene.moving_nodes();
+        let (moving, moving_instances) = (scene.moving_nodes(), scene.moving_instances());
         let material = |instance: &Instance| &scene.materials[scene.meshes[instance.mesh].material];
         let count = |holds: &dyn Fn(&Instance) -> bool| scene.instances.iter().filter(|one| holds(one)).count();
         let reflects = |instance: &Instance| {
@@ -37,7 +41,13 @@ impl<'a> Facts<'a> {
         };
         Self {
             settings,
-            object_moves: scene.moving_instances().contains(&true),
+            object_moves: moving_instances.contains(&true),
+            stands: moving_instances.contains(&false),
+            glow_moves: scene
+                .instances
+                .iter()
+                .zip(&moving_instances)
+                .any(|(one, &moves)| moves && material(one).emits()),
             light_moves: scene.punctual_lights.iter().any(|light| moving[light.node]),
             camera_moves: scene.filming_camera().is_some_and(|camera| moving[camera.node]),
             reflects: scene.instances.iter().any(reflects),

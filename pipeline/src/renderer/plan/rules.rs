@@ -42,6 +42,7 @@ const NO_REFLECTION: &str = "no surface reflects light";
 const NO_INDIRECT: &str = "there is no indirect light";
 const ONE_REFLECTION: &str = "light is reflected once, as requested";
 const LEFT_OUT: &str = "left out, as requested";
+const BAKED: &str = "all indirect light is baked";
 
 /// The rules of each stage, in the order of [`Stage::ALL`]. The first rule that applies decides.
 const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
@@ -54,6 +55,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         &[
             off(|f| !f.reflects, NO_REFLECTION),
             off(|f| f.reflects_once(), ONE_REFLECTION),
+            off(|f| f.looks_all_up(), BAKED),
             on(|f| f.light_changes(), "what moves changes the way of the light"),
             otherwise(State::Once, "nothing that light meets ever moves"),
         ],
@@ -62,6 +64,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::TreeUpdate,
         &[
             off(|f| !f.reflects, NO_REFLECTION),
+            off(|f| f.looks_all_up(), BAKED),
             on(|f| f.light_changes(), "the energies change"),
             otherwise(State::Once, "the energies stay"),
         ],
@@ -69,7 +72,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
     (
         Stage::KeptPhotons,
         &[
-            off(|f| f.reflects_once(), "there are no photons"),
+            off(|f| f.reflects_once() || f.looks_all_up(), "there are no photons"),
             on(
                 |f| f.reflects && f.light_changes() && f.keeps_photons(),
                 "their ways are traced once up to where something that moves can meet them",
@@ -130,15 +133,30 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::Indirect,
         &[
             off(|f| !f.reflects, NO_REFLECTION),
+            on(|f| f.looks_up(), "surfaces at rest look it up"),
             on(|f| !f.cuts(), "every light at each pixel, as requested"),
             on(|f| f.settings.cache, "a lightcut for each record"),
             otherwise(State::On, "a lightcut for each pixel"),
         ],
     ),
     (
+        Stage::BakedLight,
+        &[
+            off(|f| !f.reflects, NO_INDIRECT),
+            off(|f| f.light_moves || f.glow_moves, "cannot be baked: a lamp moves"),
+            off(|f| !f.stands, "cannot be baked: nothing stands still"),
+            on(|f| f.looks_all_up(), "every surface looks its light up, as requested"),
+            on(|f| f.looks_up(), "what stands still looks its light up, as requested"),
+            off(|f| f.object_moves, "not requested; the light of all that stands still can be baked"),
+            otherwise(State::Off, "not requested; the light of this scene can be baked"),
+        ],
+    ),
+    (
         Stage::Cache,
         &[
             off(|f| !f.reflects, NO_INDIRECT),
+            off(|f| f.looks_up() && !f.object_moves, BAKED),
+            on(|f| f.looks_up() && f.settings.cache, "what moves is not baked"),
             off(|f| !f.cuts(), "the reference has none"),
             on(|f| f.settings.cache, "indirect light varies slowly"),
             otherwise(State::Off, LEFT_OUT),
@@ -149,7 +167,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         &[
             off(|f| f.settings.shading == PixelShading::Full, "every pixel of a frame is lit, as requested"),
             off(|f| !f.reflects, NO_REFLECTION),
-            off(|f| !f.cuts() || !f.settings.cache, "every pixel has its own cut"),
+            off(|f| !f.looks_up() && (!f.cuts() || !f.settings.cache), "every pixel has its own cut"),
             off(|f| f.settings.samples > 1, "every pixel has several samples"),
             off(|f| !f.picture_changes() || f.settings.frames == 1, "no frame differs from the one before"),
             on(|f| !f.light_changes(), "light stays where it is while the camera moves"),
@@ -160,6 +178,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::Compensation,
         &[
             off(|f| !f.reflects, NO_INDIRECT),
+            off(|f| f.looks_up() && !f.object_moves, BAKED),
             on(|f| f.settings.compensation, "corners would be dark without the light of close lights"),
             otherwise(State::Off, LEFT_OUT),
         ],
@@ -168,7 +187,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
     (
         Stage::Masking,
         &[
-            off(|f| !f.cuts(), "without cuts nothing stops at them"),
+            off(|f| !f.cuts() || f.looks_up() && !f.object_moves, "without cuts nothing stops at them"),
             off(|f| matches!(f.settings.thresholds, Thresholds::Fixed(_)), "thresholds are fixed, as requested"),
             on(
                 |f| matches!(f.settings.thresholds, Thresholds::Codec),
@@ -243,9 +262,19 @@ impl Facts<'_> {
         self.settings.bounces == Some(1)
     }
 
-    /// Whether indirect light is found by cuts.
+    /// Whether indirect light is found by cuts, where it is not looked up.
     fn cuts(&self) -> bool {
-        matches!(self.settings.lighting, Lighting::Lightcuts)
+        self.settings.lighting != Lighting::AllLights
+    }
+
+    /// Whether surfaces at rest look their indirect light up.
+    fn looks_up(&self) -> bool {
+        self.settings.lighting.is_baked()
+    }
+
+    /// Whether nothing needs the light of virtual lights: no surface moves, and none reflects a picture of others.
+    fn looks_all_up(&self) -> bool {
+        self.looks_up() && !self.object_moves && self.coats == 0
     }
 }
 

@@ -34,6 +34,8 @@ pub enum Stage {
     Deformation,
     /// Light that surfaces reflect onto each other.
     Indirect,
+    /// Light of surfaces at rest, looked up in a file.
+    BakedLight,
     /// Indirect light cached on surfaces.
     Cache,
     /// Light of the frame before, carried to where it is seen now.
@@ -50,7 +52,7 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 21] = [
         Self::ObjectPlacing,
         Self::Photons,
         Self::TreeUpdate,
@@ -65,6 +67,7 @@ impl Stage {
         Self::CutOuts,
         Self::Deformation,
         Self::Indirect,
+        Self::BakedLight,
         Self::Cache,
         Self::CarriedLight,
         Self::Compensation,
@@ -91,6 +94,7 @@ impl Stage {
             Self::CutOuts => "cut-outs",
             Self::Deformation => "skins and morph targets",
             Self::Indirect => "indirect light",
+            Self::BakedLight => "baked light",
             Self::Cache => "irradiance cache",
             Self::CarriedLight => "carried light",
             Self::Compensation => "compensation",

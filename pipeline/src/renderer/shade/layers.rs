@@ -41,12 +41,17 @@ impl Layers {
 
         let compensates = plan.is_on(Stage::Compensation);
         let mut indirect: Vec<Box<dyn Layer>> = Vec::new();
-        if !plan.is_off(Stage::Indirect) {
+        // Light that is looked up takes the place of these where nothing moves.
+        let is_looked_up =
+            settings.lighting.is_baked() && plan.is_off(Stage::Cache) && plan.is_off(Stage::DynamicAnchors);
+        if !plan.is_off(Stage::Indirect) && !is_looked_up {
             indirect.push(match settings.lighting {
-                _ if plan.is_on(Stage::Cache) && carries => Box::new(Carried::new(Cached::new(plan), settings.qscale)),
+                _ if plan.is_on(Stage::Cache) && carries && !settings.lighting.is_baked() => {
+                    Box::new(Carried::new(Cached::new(plan), settings.qscale))
+                }
                 _ if plan.is_on(Stage::Cache) => Box::new(Cached::new(plan)),
-                Lighting::Lightcuts => Box::new(PerPixel::new(compensates, settings.aov.contains(&Aov::CutSize))),
                 Lighting::AllLights => Box::new(AllLights::new(compensates)),
+                _ => Box::new(PerPixel::new(compensates, settings.aov.contains(&Aov::CutSize))),
             });
         }
         Self { direct, indirect }

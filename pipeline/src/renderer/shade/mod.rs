@@ -6,7 +6,7 @@
 //! | `layer` | a layer, the surfaces that it lights, and what it found |
 //! | `layers` | the list of them for a scene |
 //! | `direct`, `coats` | layers of direct light |
-//! | `cached`, `per_pixel`, `all_lights` | layers of indirect light |
+//! | `cached`, `per_pixel`, `all_lights`, `baked` | layers of indirect light |
 //! | `carried` | a layer around another: its light of the frame before, where that still holds |
 //! | `tolerance` | how wrong the light of a pixel may be |
 //! | `audits`, `counts` | light found twice, and counts of the work |
@@ -15,6 +15,8 @@
 
 mod all_lights;
 mod audits;
+#[cfg(feature = "bake")]
+mod baked;
 mod cached;
 mod carried;
 mod channels;
@@ -36,8 +38,12 @@ pub use audits::Audits;
 pub use counts::{CutCounts, RecordCounts};
 pub use layer::{Layer, Lit, Visible};
 pub use tolerance::{FootprintPixel, Tolerance};
+#[cfg(feature = "bake")]
+pub(crate) use visibility::{GATHER_RAYS, Visibility, is_above};
 
 use super::frame::{Frame, PreparedFrame};
+#[cfg(feature = "bake")]
+use super::texels::BakedTexels;
 use crate::error::Result;
 use crate::figures::FrameFigures;
 use crate::parts::{Channels, LastThresholds, Shade, Shaded};
@@ -51,6 +57,8 @@ use lit_frame::{Light, LitFrame, Reused, Sample};
 use movement::{Movement, Place};
 use plane::Plane;
 use render_core::{AuditCounts, Busy, Coverage, GBuffer, PixelSample, PosedScene, sample_offsets};
+#[cfg(feature = "bake")]
+use std::sync::Arc;
 
 /// The second half of the renderer: lights frame after frame.
 pub struct Shading<'a> {
@@ -73,6 +81,14 @@ impl<'a> Shading<'a> {
         let calibration = calibrated.then(|| Calibration::keeping(settings.within));
         let layers = Layers::new(settings, plan);
         Self { settings: settings.clone(), plan, layers, places: Vec::new(), still: None, calibration }
+    }
+
+    /// With the light of `texels` for the surfaces that stand still.
+    #[cfg(feature = "bake")]
+    #[must_use]
+    pub fn with_baked(mut self, texels: Arc<BakedTexels>) -> Self {
+        let others = self.layers.indirect.pop();
+        self.with_indirect(Box::new(baked::Baked::new(texels, others)))
     }
 
     /// With another layer in place of all that find indirect light.

@@ -8,14 +8,14 @@ use render_core::{Accelerator, GatherDirections, Gathered, Hit, PACKET, PixelSur
 
 /// Rays of a final gather. With as many, films of `cornell` and `nave` at 256×256 came no less near to paths when anchors were
 /// softened over eight shares and more of the light was left to these rays.
-pub(super) const GATHER_RAYS: usize = 64;
+pub(crate) const GATHER_RAYS: usize = 64;
 
 /// Rays that feel how open a pixel is. On `nave` 8 leave a tenth more error than 16 and need one record in a hundred more, 12 leave
 /// one in a hundred more; in a simulation, 32 leave 3 % less than 16.
 const FEELERS: usize = 16;
 
 /// Rays in the scene of a frame, cast by many threads at once.
-pub(super) struct Visibility<'a> {
+pub(crate) struct Visibility<'a> {
     frame: &'a Frame<'a>,
     /// Those of a final gather.
     directions: GatherDirections,
@@ -96,7 +96,7 @@ pub(super) fn sees(accelerator: &Accelerator, receiver: &ShadingPoint, lamp: &Li
 
 /// A light below the triangle's own plane is hidden by it, whatever the smooth normal says.
 #[inline]
-pub(super) fn is_above(receiver: &ShadingPoint, lamp: Vec3A) -> bool {
+pub(crate) fn is_above(receiver: &ShadingPoint, lamp: Vec3A) -> bool {
     receiver.geometric_normal.dot(lamp - receiver.position) > 0.0
 }
 

@@ -1,0 +1,22 @@
+//! Texels that are lit together.
+
+use render_core::Atlas;
+use std::collections::BTreeMap;
+
+/// Side of the squares of texels that are lit together.
+const SIDE: u32 = 8;
+
+/// At most 64 texels of a chart, close together.
+pub(super) struct Block {
+    pub texels: Vec<usize>,
+}
+
+/// All texels of an atlas, in blocks.
+pub(super) fn blocks(atlas: &Atlas) -> Vec<Block> {
+    let mut by_place: BTreeMap<(u32, u32, u32), Vec<usize>> = BTreeMap::new();
+    for texel in 0..atlas.len() {
+        let (x, y) = atlas.place(texel);
+        by_place.entry((y / SIDE, x / SIDE, atlas.chart(texel))).or_default().push(texel);
+    }
+    by_place.into_values().map(|texels| Block { texels }).collect()
+}
