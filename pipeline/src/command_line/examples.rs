@@ -14,10 +14,9 @@ Ctrl-C ends with a video that plays.";
 #[cfg(feature = "bake")]
 pub const BAKE: &str = "Examples:
   render2mpeg bake scene.glb                                    into scene.slf, beside the scene
-  render2mpeg render scene.glb --lighting baked                 a film that looks its light up
-  render2mpeg bake scene.glb --texels 2000000 -o fine.slf
-  render2mpeg render scene.glb --lighting baked --baked fine.slf
+  render2mpeg bake scene.glb --texels 2000000 -o fine.slf       finer, for pictures from nearby
 
+A film looks the light up with render scene.glb --lighting baked, or with --baked fine.slf besides.
 Indirect light is baked and direct light is not: shadows stay sharp. Lamps must stand still.";
 
 #[cfg(feature = "exr")]

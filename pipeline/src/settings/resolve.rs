@@ -63,7 +63,9 @@ impl Options {
         if self.baked.is_some() && !lighting.is_baked() {
             fail!("--baked names a file of baked light, which --lighting baked takes; this film has other light");
         }
-        let baked = lighting.is_baked().then(|| self.baked.clone().unwrap_or_else(|| path.with_extension("slf")));
+        if lighting.is_baked() {
+            self.baked.get_or_insert_with(|| path.with_extension("slf"));
+        }
         let (tone_map, auto_exposure) = tone_map(&path, scene)?;
         let qscale = *self.qscale.get_or_insert(8);
         Ok(Settings {
@@ -88,7 +90,7 @@ impl Options {
             antialiasing: self.antialiasing.get_or_insert(Switch::On).is_on(),
             bounces: self.bounces,
             lighting,
-            baked,
+            baked: self.baked.clone(),
             cache: self.cache.get_or_insert(Switch::On).is_on(),
             compensation: self.compensation.get_or_insert(Switch::On).is_on(),
             vpls,
