@@ -36,7 +36,7 @@ OBJECTS = [
 ]
 SHAPES = ["quad", "ball"]
 MOVING_BALL, CAMERA = len(OBJECTS) - 1, len(OBJECTS)
-# Where what moves is one second later, from where it begins.
+# Where each moving node begins, and its way in one second, in meters.
 BEGIN = {MOVING_BALL: (0.4, 0.3, 0), CAMERA: (0, 1, 3.2)}
 WAY = {MOVING_BALL: (0, 0.4, 0.2), CAMERA: (0.3, 0.1, -0.2)}
 FLOATS, SHORTS = 5126, 5123

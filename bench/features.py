@@ -21,6 +21,7 @@ from running import ROOT, Failure, need_installed, run
 # Features that are measured: name, and what the table says they add.
 PARTS = {
     "textures": "PNG and JPEG on surfaces, skies from `.hdr` files",
+    "bake": "`bake`, `--lighting baked`",
     "exr": "`--exr`, `--aov`, `reference`, skies from `.exr` files",
     "compare": "`compare`, with SSIMULACRA 2",
     "html": "`render --html`",

@@ -104,6 +104,15 @@ pub struct ShadingPoint {
     pub geometric_normal: Vec3A,
 }
 
+impl ShadingPoint {
+    /// `epsilon` meters off the place of a surface with these normals: to shade with, and of the triangle.
+    #[inline]
+    #[must_use]
+    pub fn off_surface(place: Vec3A, [normal, geometric_normal]: [Vec3A; 2], epsilon: f32) -> Self {
+        Self { position: place + geometric_normal * epsilon, normal, geometric_normal }
+    }
+}
+
 impl DirectLights {
     /// Prepares a frame. `areas` are the indices in [`Emitters::areas`] of the glowing surfaces that are sampled here;
     /// `dynamic_flux` is that of [`Anchors::dynamic`] \[W\].

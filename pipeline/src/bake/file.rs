@@ -27,7 +27,7 @@ const AGAIN: &str = "bake it anew with `render2mpeg bake`";
 /// A file of baked light: sections of bytes, each with a tag.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SectionFile {
-    /// That of the scene, by [`fingerprint`](super::fingerprint()).
+    /// Fingerprint of the scene, by [`fingerprint`](super::fingerprint()).
     pub fingerprint: u64,
     /// Tags of four ASCII characters, and what stands under them. Of several with one tag the first counts.
     pub sections: Vec<([u8; 4], Vec<u8>)>,
@@ -84,7 +84,7 @@ impl SectionFile {
 
     /// All that stands before the first section's bytes.
     fn header(&self) -> Vec<u8> {
-        // What is of the same size in every file.
+        // The fixed part: magic, version, fingerprint, number of sections.
         let count = u32::try_from(self.sections.len()).expect("fewer than 2³² sections");
         let mut header = Vec::new();
         header.extend(MAGIC);

@@ -76,14 +76,14 @@ pub fn fingerprint(scene: &Scene) -> u64 {
 
 /// For each node its number among those that light depends on; none for all others.
 fn numbers(scene: &Scene) -> Vec<Option<usize>> {
-    // What light falls on, comes from or is bent by.
+    // Nodes that instances, lights, morph targets and joints are at.
     let mut counts = vec![false; scene.nodes.len()];
     scene.instances.iter().for_each(|instance| counts[instance.node] = true);
     scene.punctual_lights.iter().for_each(|light| counts[light.node] = true);
     scene.morphed_nodes.iter().for_each(|morphed| counts[morphed.node] = true);
     scene.skins.iter().flat_map(|skin| &skin.joints).for_each(|&joint| counts[joint] = true);
 
-    // What these hang from: parents come before their children.
+    // Their ancestors move them. Parents come before their children in the list, so one pass from its end finds all.
     for index in (0..scene.nodes.len()).rev() {
         if let Some(parent) = scene.nodes[index].parent.filter(|_| counts[index]) {
             counts[parent] = true;
@@ -158,7 +158,7 @@ impl SceneHash {
         self.list(triangles, |triangle| triangle);
         self.number(*material);
 
-        // What bends it.
+        // Skin and morph targets bend the mesh.
         self.number(morph_targets.len());
         for MorphTarget { positions, normals, tangents } in morph_targets {
             [positions, normals, tangents].into_iter().for_each(|list| self.points(list));

@@ -12,9 +12,9 @@
 //! of shadow rays.
 
 use super::blocks::{Block, blocks};
-use super::inside::point_of;
+use super::inside::Places;
 use crate::renderer::frame::Frame;
-use crate::renderer::{GATHER_RAYS, Visibility, is_above};
+use crate::renderer::{GATHER_RAYS, Visibility};
 use glam::{Vec3, Vec3A};
 use lighttree::{Cut, Lambert, Light, Receivers, Scratch, Stop};
 use rayon::prelude::*;
@@ -70,9 +70,9 @@ pub(super) fn light(
 ) -> TexelLight {
     // A point for each texel.
     let visibility = Visibility::new(frame, GATHER_RAYS);
-    let texel_side = 1.0 / atlas.texels_per_meter();
+    let places = Places { atlas, surfaces, frame, visibility: &visibility };
     let points: Vec<Option<ShadingPoint>> =
-        (0..atlas.len()).into_par_iter().map(|texel| point_of(atlas, texel, surfaces, frame, texel_side)).collect();
+        (0..atlas.len()).into_par_iter().map(|texel| places.point_of(texel)).collect();
     let bake = Bake { atlas, frame, visibility, points, compensates };
     let blocks = blocks(atlas);
     let done = AtomicUsize::new(0);
@@ -164,20 +164,14 @@ impl Bake<'_> {
             }
         }
 
-        // Rays from a light to the texels share their origin: one packet.
-        let frame = self.frame;
+        // Texels whose thresholds are known share the walk through the tree.
         let positions: Vec<Vec3A> = waiting.iter().map(|receiver| receiver.point.position).collect();
         let sees = |lamp: &Light, _: usize, rays: u64| {
-            let place = Vec3A::from(lamp.position);
-            let mut above = 0;
-            for (k, receiver) in waiting.iter().enumerate() {
-                above |= u64::from(is_above(&receiver.point, place)) << k;
-            }
-            let rays = rays & above;
-            rays & !frame.accelerator.occluded_packet(place, &positions, rays)
+            let points = waiting.iter().map(|receiver| &receiver.point);
+            self.visibility.lit_among(lamp, points, &positions, rays)
         };
         let receivers = Receivers { receivers: &whites, thresholds: &thresholds };
-        frame.tree.lightcuts(receivers, sees, scratch, cuts);
+        self.frame.tree.lightcuts(receivers, sees, scratch, cuts);
         for (receiver, cut) in waiting.iter().zip(&*cuts) {
             let light = cut.radiance + self.compensation(receiver);
             lit.push((receiver.texel, light.to_array()));

@@ -9,7 +9,7 @@ mod inside;
 mod light;
 
 use crate::error::{Context, Error, Result};
-use crate::plan::{Plan, Stage};
+use crate::plan::{Plan, Stage, lamp_moves};
 use crate::renderer::Preparation;
 use crate::renderer::texels::BakedTexels;
 use crate::settings::{RenderSettings, Settings, Size};
@@ -44,14 +44,15 @@ pub fn bake(
     texels: usize,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Bake> {
-    if let Some(reason) = unbakable(scene) {
-        return Err(Error::Options(format!("the light of this scene cannot be baked: {reason}")));
+    if lamp_moves(scene) {
+        let text = "a lamp moves, so the light of this scene cannot be baked; films of it need no baked light";
+        return Err(Error::Options(text.into()));
     }
     let pose = scene.pose(0.0);
     let surfaces = Surfaces::new(scene, &pose);
     let atlas = Atlas::new(&surfaces, texels).map_err(Error::other)?;
 
-    // What moves is neither lit nor a mirror of light: the lights are those of the scene without it.
+    // Moving instances are left out: they would throw shadows and reflect light at one moment of the film only.
     let still = without_moving(scene);
     let settings = RenderSettings {
         size: Size { width: 16, height: 16 },
@@ -87,8 +88,8 @@ impl Bake {
 /// # Errors
 /// The file cannot be read, is damaged, of another version or of another scene, or the scene's light cannot be baked.
 pub fn read(scene: &Scene, path: &Path) -> Result<BakedTexels> {
-    if let Some(reason) = unbakable(scene) {
-        return Err(Error::Options(format!("--lighting baked: {reason}; leave the option out")));
+    if lamp_moves(scene) {
+        return Err(Error::Options("--lighting baked: a lamp moves in this scene; leave the option out".into()));
     }
     let file = SectionFile::read(path)?;
     file.check_scene(path, fingerprint(scene))?;
@@ -101,20 +102,6 @@ pub fn read(scene: &Scene, path: &Path) -> Result<BakedTexels> {
         return Err(Error::content(path, ": its texels make no sense: bake it anew"));
     }
     Ok(texels)
-}
-
-/// The reason for which the light of a scene cannot be baked, if there is one.
-#[must_use]
-pub fn unbakable(scene: &Scene) -> Option<&'static str> {
-    let (nodes, instances) = (scene.moving_nodes(), scene.moving_instances());
-    if scene.punctual_lights.iter().any(|light| nodes[light.node]) {
-        return Some("a light moves");
-    }
-    let shines = |instance: usize| scene.materials[scene.meshes[scene.instances[instance].mesh].material].emits();
-    if (0..instances.len()).any(|instance| instances[instance] && shines(instance)) {
-        return Some("something that glows moves");
-    }
-    None
 }
 
 /// The scene without the instances that ever move.

@@ -14,4 +14,4 @@ pub use frame::{Frame, PreparedFrame};
 pub use prepare::Preparation;
 pub use shade::{Audits, CutCounts, FootprintPixel, Layer, Lit, RecordCounts, Shading, Tolerance, Visible};
 #[cfg(feature = "bake")]
-pub(crate) use shade::{GATHER_RAYS, Visibility, is_above};
+pub(crate) use shade::{GATHER_RAYS, Visibility};

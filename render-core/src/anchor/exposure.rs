@@ -106,7 +106,7 @@ impl<'a> Eye<'a> {
         let (mut found, mut out, mut openness) = (Outlook { rays: self.rays, ..Outlook::default() }, 0, 0.0);
         for u in centered_sobol(self.rays.into()) {
             let direction = cosine_hemisphere(place.normal.into(), Vec2::new(u.x, (u.y + turn).fract())).into();
-            // What meets nothing gets out; what meets a back side, as within a shell, does not.
+            // A ray that meets nothing gets out. One that meets a back side, as within a shell, does not.
             let (length, reflects) = match self.accelerator.closest(place.position, direction) {
                 None => (f32::INFINITY, true),
                 Some(hit) => (hit.distance, !self.surfaces.meet(&hit, direction, 0.0).is_back()),

@@ -39,7 +39,7 @@ pub enum AtlasError {
     Unwrap {
         /// Index into the scene's instances.
         instance: usize,
-        /// What was wrong.
+        /// The reason, as `uvunwrap` states it.
         reason: String,
     },
 }

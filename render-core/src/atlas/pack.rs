@@ -66,7 +66,7 @@ impl Skyline {
             }
         }
 
-        // What it lies on becomes one step, and the last one below it may go on beyond.
+        // The steps below the rectangle become one, and the last of them may go on beyond it.
         let left = self.0[best].left;
         let right = left + width;
         let after = self.0.partition_point(|step| step.left < right);

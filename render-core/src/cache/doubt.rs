@@ -82,7 +82,7 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     pixels.concat()
 }
 
-/// What records predict for the pixels around them.
+/// Predictions of records for the pixels around them.
 struct Opinions<'a, R> {
     tiles: &'a Tiles,
     records: &'a [Record<R>],

@@ -116,7 +116,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         };
         let new: Vec<Record<R>> = numbered.with_min_len(4).map_init(I::Scratch::default, record).collect();
 
-        // What is near to one of them is near to its neighbors, too: radii are clamped.
+        // A surface near to one record is near to its neighbors, too: their radii are clamped.
         self.made = made.wrapping_add(new.len() as u32);
         self.records.extend(new);
         clamp_to_neighbors(&mut self.records, before, picture.busy);

@@ -132,7 +132,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         changes: Changes,
         (illumination, busy): (&I, &Busy),
     ) -> CachedLight {
-        // What the picture shows. Records on moving things move to where it shows them.
+        // Openness of the picture's pixels. Records on moving things move to where the picture shows them.
         self.frame += 1;
         let seen = request.seen;
         let openness = Openness::new(&request, &self.openness, illumination, busy);
@@ -140,7 +140,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         busy.measure(|| self.carry_along(seen));
         openness::renew(&mut self.records, seen, illumination, busy);
 
-        // What is hidden, or too far from every pixel, need not be known.
+        // Records that are hidden, or too far from every pixel, need no light.
         let mut tiles = Tiles::new(&picture);
         tiles.list(&picture, &self.records, 0..self.records.len());
         let needed = self.without_superfluous(&picture, &tiles, tiles.in_use(&picture));
@@ -324,7 +324,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     }
 }
 
-/// What bringing a record up to date depends on.
+/// The changes since the frame before, by which a record is brought up to date.
 struct Update {
     frame: u32,
     /// Whether something that blocks or reflects light has moved.

@@ -97,7 +97,7 @@ impl Openness {
                 return Felt::default();
             }
 
-            // What was felt here in the picture before holds, unless something has moved.
+            // Openness that rays felt here in the picture before still holds, unless something has moved.
             let scale = scale();
             let known = before.at(site.position).filter(|felt| felt.holds_at(&site, scale));
             if let Some(felt) = known

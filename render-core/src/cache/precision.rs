@@ -290,7 +290,7 @@ fn view(pixel: f32) -> View {
     View::new(above, Projection::Orthographic { ymag: 32.0 * pixel }, 64, 64)
 }
 
-/// What a record predicts, by the code under test and in `f64`, with the others of `records` as its neighbors.
+/// Prediction of a record, by the code under test and in `f64`, with the others of `records` as its neighbors.
 fn predicted(one: &Record<()>, records: &[Record<()>], radius: f32, view: &View) -> (Prediction, Exact) {
     // A fit passes over its own record.
     let mut fit = Fit::new(one, radius, view);

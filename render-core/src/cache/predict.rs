@@ -260,7 +260,7 @@ impl<'a, R> Fit<'a, R> {
         let followed = if change > most { most / change } else { 1.0 };
         let along = along.map(|slope| slope * followed);
 
-        // What neighbors still differ by, in luminance:  Σ w (r − s · f)² = Σ w r² − 2 s · Σ w f r + s · (Σ w f fᵀ) s.
+        // Remaining difference of neighbors, in luminance:  Σ w (r − s · f)² = Σ w r² − 2 s · Σ w f r + s · (Σ w f fᵀ) s.
         // Here s is all that was added to what the record alone predicts.
         let s = Vec3A::new(light(along[0] - own[0]), light(along[1] - own[1]), light(learnt.z_axis));
         let left = self.variance - 2.0 * s.dot(self.all_unexplained) + s.dot(self.all_square * s);

@@ -3,11 +3,13 @@
 use glam::{Vec3, vec3};
 use perceptual::psnr;
 use pipeline::bake::{self, Bake};
-use pipeline::{Options, Settings};
+use pipeline::renderer::Preparation;
+use pipeline::{Options, Plan, Settings};
+use plane::Picture;
 use render_core::scene::{Gradient, Instance, Material, Mesh, Node, Scene, Transform};
-use render_core::{Environment, Surfaces, luminance};
+use render_core::{Environment, NOTHING, Surfaces, luminance};
 use std::path::{Path, PathBuf};
-use tests::{assert_fails, cornell, read_y4m, render, render2mpeg};
+use tests::{Moving, Rendered, assert_fails, checkered_room, cornell, load, read_y4m, render, render2mpeg};
 
 /// Parallelograms that face a × b, as one instance.
 fn add(scene: &mut Scene, material: Material, faces: &[[Vec3; 3]]) {
@@ -118,52 +120,91 @@ fn bake_file(folder: &Path, scene: &Path, name: &str, extra: &str) -> Vec<u8> {
     std::fs::read(folder.join(output)).expect("the baked light is there")
 }
 
+/// A film and its frames before coding.
+struct Film {
+    rendered: Rendered,
+    frames: Vec<Picture>,
+}
+
+const SIDE: usize = 64;
+
+/// Three frames of `scene` by cuts, and the same with the light of `folder/FILE`.
+fn films(folder: &Path, scene: &Path, file: &str, vpls: usize) -> [Film; 2] {
+    let baked = format!("--lighting baked --baked {file}");
+    [("cuts", ""), ("baked", &baked)].map(|(name, more)| {
+        let arguments = format!("--size {SIDE}x{SIDE} --frames 3 --vpls {vpls} --y4m {name}.y4m {more}");
+        let rendered = render(folder, name, scene, &arguments);
+        Film { rendered, frames: read_y4m(&folder.join(format!("{name}.y4m")), (SIDE, SIDE)) }
+    })
+}
+
 /// Where nothing moves, the film that looks its light up is that of cuts, nearly, and takes no photon for it.
 #[test]
 fn a_film_of_baked_light_looks_like_one_of_cuts() {
     let folder = tempfile::tempdir().unwrap();
     let (folder, scene) = (folder.path(), cornell_box());
-    let slf = bake_file(folder, &scene, "box", "--texels 20000 --vpls 1000 --threads 2");
-    assert!(
-        slf == bake_file(folder, &scene, "again", "--texels 20000 --vpls 1000 --threads 1"),
-        "any number of threads"
-    );
-    let film = |name: &str, more: &str| {
-        let arguments = format!("--size 64x64 --frames 2 --vpls 1000 --y4m {name}.y4m {more}");
-        let rendered = render(folder, name, &scene, &arguments);
-        (rendered, read_y4m(&folder.join(format!("{name}.y4m")), (64, 64)))
-    };
-    let (_, cuts) = film("cuts", "");
-    let (baked, looked_up) = film("baked", "--lighting baked --baked box.slf");
+    let [two, one] = ["2", "1"]
+        .map(|threads| bake_file(folder, &scene, "box", &format!("--texels 20000 --vpls 1000 --threads {threads}")));
+    assert!(two == one, "the same bytes with any number of threads");
+    let [cuts, baked] = films(folder, &scene, "box.slf", 1000);
     for name in ["cache_records", "cache_new", "photons_traced"] {
-        assert_eq!(baked.figures(&[name]), [0.0; 2], "{name}");
+        assert_eq!(baked.rendered.figures(&[name]), [0.0; 3], "{name}");
     }
-    for (cuts, looked_up) in cuts.iter().zip(&looked_up) {
-        let psnr = psnr(looked_up.luma(), cuts.luma());
+    for (cuts, baked) in cuts.frames.iter().zip(&baked.frames) {
+        let psnr = psnr(baked.luma(), cuts.luma());
         assert!(psnr > 36.0, "{psnr} dB");
     }
 }
 
-/// What moves is lit as usual, on surfaces that look their light up.
+/// Things that move are lit as usual: by records of their own, to the same luma on average.
 #[test]
 fn things_that_move_are_lit_beside_baked_light() {
     let folder = tempfile::tempdir().unwrap();
-    let (folder, scene) = (folder.path(), cornell());
-    bake_file(folder, &scene, "cornell", "--texels 10000 --vpls 500");
-    let film = |name: &str, more: &str| {
-        let arguments = format!("--size 64x64 --frames 3 --vpls 500 --y4m {name}.y4m {more}");
-        let rendered = render(folder, name, &scene, &arguments);
-        (rendered, read_y4m(&folder.join(format!("{name}.y4m")), (64, 64)))
-    };
-    let (usual, cuts) = film("cuts", "");
-    let (baked, looked_up) = film("baked", "--lighting baked --baked cornell.slf");
-    let records = |film: &tests::Rendered| film.figures(&["cache_records"])[0];
-    assert!(records(&baked) > 0.0 && records(&baked) < 0.5 * records(&usual), "records on what moves alone");
-    for (cuts, looked_up) in cuts.iter().zip(&looked_up) {
-        let psnr = psnr(looked_up.luma(), cuts.luma());
-        // Walls and floor know nothing of the blocks: neither of the light that these reflect nor of what they hide.
-        assert!(psnr > 28.0, "{psnr} dB");
+    let (folder, path) = (folder.path(), cornell());
+    bake_file(folder, &path, "cornell", "--texels 10000 --vpls 500");
+    let [cuts, baked] = films(folder, &path, "cornell.slf", 500);
+    let records = |film: &Film| film.rendered.figures(&["cache_records"])[0];
+    assert!(records(&baked) > 0.0 && records(&baked) < 0.5 * records(&cuts), "records on what moves alone");
+
+    // The pixels that show the blocks.
+    let size = format!("{SIDE}x{SIDE}").parse().ok();
+    let (scene, settings) = load(&path, Options { size, frames: Some(3), ..Options::default() });
+    let renderer = settings.renderer();
+    let plan = Plan::new(&scene, &renderer);
+    let mut preparation = Preparation::new(&scene, &renderer, &plan);
+    for index in 0..3 {
+        let frame = preparation.frame(index as u32).frame;
+        let (mut squares, mut sum, mut count) = (0.0, 0.0, 0);
+        for (place, pixel) in frame.seen.pixels.samples().iter().enumerate() {
+            if pixel.instance != NOTHING && frame.surfaces.moving()[pixel.instance as usize] {
+                let luma = |film: &Film| f64::from(film.frames[index].luma().samples()[place]);
+                let change = luma(&baked) - luma(&cuts);
+                (squares, sum, count) = (squares + change * change, sum + change, count + 1);
+            }
+        }
+        let psnr = 10.0 * (255.0 * 255.0 * f64::from(count) / squares).log10();
+        println!("frame {index}: {psnr} dB over {count} pixels, {} in the mean", sum / f64::from(count));
+        assert!(count > 200 && psnr > 38.0, "{psnr} dB over {count} pixels");
     }
+}
+
+/// Where a lamp moves, no light is constant: baking says so, and so do films and plans.
+#[test]
+fn light_of_lamps_that_move_is_not_baked() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut room = checkered_room(Moving::Nothing);
+    let lamp = room.add(&[[vec3(0.9, 2.9, 0.0), Vec3::X * 0.2, Vec3::Z * 0.2]], Vec3::ZERO, Vec3::splat(5.0));
+    room.animate(lamp, Vec3::ZERO, Vec3::X * 0.1);
+    room.write(&folder.join("room.glb"));
+    assert_fails(folder, &["bake", "room.glb"], &["lamp moves", "cannot be baked"]);
+    assert!(!folder.join("room.slf").exists(), "nothing is written");
+    // A film says the same whatever file is named.
+    std::fs::write(folder.join("any.slf"), "not read").expect("a file");
+    let film = ["render", "room.glb", "--lighting", "baked", "--baked", "any.slf"];
+    assert_fails(folder, &film, &["--lighting baked", "lamp moves"]);
+    let plan = render2mpeg(folder, &["plan", "room.glb"]).stdout;
+    assert!(plan.contains("cannot be baked: a lamp moves"), "{plan}");
 }
 
 #[test]

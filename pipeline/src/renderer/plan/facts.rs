@@ -8,8 +8,8 @@ pub(super) struct Facts<'a> {
     pub settings: &'a RenderSettings,
     pub object_moves: bool,
     pub light_moves: bool,
-    /// Whether anything that glows moves.
-    pub glow_moves: bool,
+    /// See [`lamp_moves`].
+    pub lamp_moves: bool,
     /// Whether anything stands still.
     pub stands: bool,
     pub camera_moves: bool,
@@ -43,11 +43,7 @@ impl<'a> Facts<'a> {
             settings,
             object_moves: moving_instances.contains(&true),
             stands: moving_instances.contains(&false),
-            glow_moves: scene
-                .instances
-                .iter()
-                .zip(&moving_instances)
-                .any(|(one, &moves)| moves && material(one).emits()),
+            lamp_moves: lamp_moves(scene),
             light_moves: scene.punctual_lights.iter().any(|light| moving[light.node]),
             camera_moves: scene.filming_camera().is_some_and(|camera| moving[camera.node]),
             reflects: scene.instances.iter().any(reflects),
@@ -60,4 +56,12 @@ impl<'a> Facts<'a> {
             coats: count(&|one| material(one).may_have_coat()),
         }
     }
+}
+
+/// Whether a light or something that glows moves.
+pub(crate) fn lamp_moves(scene: &Scene) -> bool {
+    let (nodes, instances) = (scene.moving_nodes(), scene.moving_instances());
+    let glows = |one: &Instance| scene.materials[scene.meshes[one.mesh].material].emits();
+    scene.punctual_lights.iter().any(|light| nodes[light.node])
+        || scene.instances.iter().zip(instances).any(|(one, moves)| moves && glows(one))
 }

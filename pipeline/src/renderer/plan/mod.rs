@@ -7,6 +7,8 @@ mod facts;
 mod rules;
 mod stage;
 
+#[cfg(feature = "bake")]
+pub(crate) use facts::lamp_moves;
 pub use stage::{Stage, State};
 
 use crate::settings::RenderSettings;

@@ -143,7 +143,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         Stage::BakedLight,
         &[
             off(|f| !f.reflects, NO_INDIRECT),
-            off(|f| f.light_moves || f.glow_moves, "cannot be baked: a lamp moves"),
+            off(|f| f.lamp_moves, "cannot be baked: a lamp moves"),
             off(|f| !f.stands, "cannot be baked: nothing stands still"),
             on(|f| f.looks_all_up(), "every surface looks its light up, as requested"),
             on(|f| f.looks_up(), "what stands still looks its light up, as requested"),
@@ -267,9 +267,9 @@ impl Facts<'_> {
         self.settings.lighting != Lighting::AllLights
     }
 
-    /// Whether surfaces at rest look their indirect light up.
+    /// Whether surfaces at rest look their indirect light up. Films whose lamps move are refused.
     fn looks_up(&self) -> bool {
-        self.settings.lighting.is_baked()
+        self.settings.lighting.is_baked() && !self.lamp_moves
     }
 
     /// Whether nothing needs the light of virtual lights: no surface moves, and none reflects a picture of others.

@@ -31,30 +31,26 @@ impl Layer for Baked {
         let size = (pixels.width(), pixels.height());
         let is_lit = |x, y| pixels.get(x, y).reflects() && wanted.is_none_or(|wanted| wanted.get(x, y));
 
-        // Surfaces of the atlas look their light up; a NaN marks the others.
+        // Surfaces of the atlas look their light up; for others there is none.
         let (busy, surfaces) = (Busy::default(), &visible.frame.surfaces);
-        let of_pixel = |(x, y): (usize, usize)| {
-            if !is_lit(x, y) {
-                return [0.0; 3];
-            }
-            let irradiance = self.texels.indirect_at(&pixels.get(x, y), surfaces);
-            irradiance.map_or([f32::NAN; 3], Into::into)
+        let of_pixel = |(x, y): (usize, usize)| match is_lit(x, y) {
+            true => self.texels.indirect_at(&pixels.get(x, y), surfaces).map(Into::into),
+            false => Some([0.0; 3]),
         };
-        let mut irradiance =
+        let looked_up: Plane<Option<[f32; 3]>> =
             by_macroblock(size, &busy, || (), |(), columns, rows| places(columns, rows).map(of_pixel).collect());
-        let missing = irradiance.map(|light: [f32; 3]| light[0].is_nan());
+        let missing = looked_up.map(|light| light.is_none());
 
-        // The others are lit as usual. What is in nobody's reach stays dark.
+        // The others are lit as usual. Without a layer for them they stay dark.
         let mut lit = match &mut self.others {
             Some(others) if missing.samples().contains(&true) => others.light(visible, Some(&missing), tolerance),
             _ => Lit::default(),
         };
         let found = lit.irradiance.take();
-        for (place, light) in irradiance.samples_mut().iter_mut().enumerate() {
-            if light[0].is_nan() {
-                *light = found.as_ref().map_or([0.0; 3], |found| found.samples()[place]);
-            }
-        }
+        let irradiance = Plane::from_fn(size.0, size.1, |x, y| {
+            let otherwise = || found.as_ref().map_or([0.0; 3], |found| found.get(x, y));
+            looked_up.get(x, y).unwrap_or_else(otherwise)
+        });
         lit += Lit { seconds: busy.seconds(), ..Lit::of_irradiance(irradiance) };
         lit
     }

@@ -30,9 +30,9 @@ pub struct CutCounts {
 /// Records of an irradiance cache.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RecordCounts {
-    /// Those that pixels took light from, in the sample of the pixels that used most.
+    /// Records that pixels took light from: the most of any sample of the pixels.
     pub in_use: u64,
-    /// Those that were made, or made anew.
+    /// Records that were made, or made anew.
     pub computed: u64,
 }
 

@@ -2,7 +2,7 @@
 
 use super::all_lights::AllLights;
 use super::cached::Cached;
-use super::carried::Carried;
+use super::carried::{Carriable, Carried};
 use super::coats::Coats;
 use super::direct::Direct;
 use super::layer::Layer;
@@ -30,26 +30,18 @@ impl Layers {
     /// | indirect | [`Cached`], carried where the plan says so; or [`PerPixel`]; or [`AllLights`] |
     pub fn new(settings: &RenderSettings, plan: &Plan) -> Self {
         let carries = plan.is_on(Stage::CarriedLight);
-        let mut direct: Vec<Box<dyn Layer>> = Vec::new();
-        direct.push(match carries {
-            true => Box::new(Carried::new(Direct::default(), settings.qscale)),
-            false => Box::new(Direct::default()),
-        });
+        let mut direct = vec![carried_if(carries, Direct::default(), settings)];
         if plan.is_on(Stage::Gloss) {
             direct.push(Box::new(Coats));
         }
 
-        let compensates = plan.is_on(Stage::Compensation);
+        // Beside baked light a layer is for surfaces that move: their light changes, and none of it is carried.
+        let (is_baked, compensates) = (settings.lighting.is_baked(), plan.is_on(Stage::Compensation));
+        let is_needed = !plan.is_off(Stage::Indirect) && (!is_baked || plan.is_on(Stage::DynamicAnchors));
         let mut indirect: Vec<Box<dyn Layer>> = Vec::new();
-        // Light that is looked up takes the place of these where nothing moves.
-        let is_looked_up =
-            settings.lighting.is_baked() && plan.is_off(Stage::Cache) && plan.is_off(Stage::DynamicAnchors);
-        if !plan.is_off(Stage::Indirect) && !is_looked_up {
+        if is_needed {
             indirect.push(match settings.lighting {
-                _ if plan.is_on(Stage::Cache) && carries && !settings.lighting.is_baked() => {
-                    Box::new(Carried::new(Cached::new(plan), settings.qscale))
-                }
-                _ if plan.is_on(Stage::Cache) => Box::new(Cached::new(plan)),
+                _ if plan.is_on(Stage::Cache) => carried_if(carries && !is_baked, Cached::new(plan), settings),
                 Lighting::AllLights => Box::new(AllLights::new(compensates)),
                 _ => Box::new(PerPixel::new(compensates, settings.aov.contains(&Aov::CutSize))),
             });
@@ -81,5 +73,13 @@ impl Layers {
             layer.restore(state, last)?;
         }
         Ok(())
+    }
+}
+
+/// `layer`, around which light is carried if `is_carried`.
+fn carried_if<L: Carriable + 'static>(is_carried: bool, layer: L, settings: &RenderSettings) -> Box<dyn Layer> {
+    match is_carried {
+        true => Box::new(Carried::new(layer, settings.qscale)),
+        false => Box::new(layer),
     }
 }

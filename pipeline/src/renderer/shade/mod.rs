@@ -39,7 +39,7 @@ pub use counts::{CutCounts, RecordCounts};
 pub use layer::{Layer, Lit, Visible};
 pub use tolerance::{FootprintPixel, Tolerance};
 #[cfg(feature = "bake")]
-pub(crate) use visibility::{GATHER_RAYS, Visibility, is_above};
+pub(crate) use visibility::{GATHER_RAYS, Visibility};
 
 use super::frame::{Frame, PreparedFrame};
 #[cfg(feature = "bake")]

@@ -12,7 +12,7 @@ use super::layer::{Layer, Lit, Visible};
 use super::macroblock::{by_macroblock, places};
 use super::pixel::{MattePixel, PixelLight, is_dark};
 use super::tolerance::Tolerance;
-use super::visibility::{GATHER_RAYS, Visibility, is_above};
+use super::visibility::{GATHER_RAYS, Visibility};
 use crate::renderer::frame::Frame;
 use crate::settings::Aov;
 use glam::{Vec3, Vec3A};
@@ -124,7 +124,7 @@ struct Block {
 
 impl Block {
     fn new(tolerance: &Tolerance) -> Self {
-        // What is promised may need more clusters than the paper allows.
+        // Calibrated cuts may need more clusters than the paper allows.
         let scratch = match tolerance.audits_per_macroblock() {
             Some(_) => Scratch::with_max_size(Calibration::LARGEST_CUT),
             None => Scratch::default(),
@@ -205,17 +205,10 @@ impl Block {
     /// The cuts of all that wait.
     fn cut_together(&mut self, picture: &Picture) {
         let Self { scratch, together, positions, thresholds, lamberts, cuts, .. } = self;
-        let frame = picture.light.visible.frame;
-        // Rays from a light to the pixels share their origin: one packet.
+        let PixelLight { visible, ref visibility, .. } = picture.light;
         let sees = |lamp: &Light, _: usize, rays: u64| {
-            let place = Vec3A::from(lamp.position);
-            let mut above = 0;
-            for (k, pixel) in together.iter().enumerate() {
-                above |= u64::from(is_above(&pixel.receiver, place)) << k;
-            }
-            let rays = rays & above;
-            rays & !frame.accelerator.occluded_packet(place, positions, rays)
+            visibility.lit_among(lamp, together.iter().map(|pixel| &pixel.receiver), positions, rays)
         };
-        frame.tree.lightcuts(Receivers { receivers: lamberts, thresholds }, sees, scratch, cuts);
+        visible.frame.tree.lightcuts(Receivers { receivers: lamberts, thresholds }, sees, scratch, cuts);
     }
 }

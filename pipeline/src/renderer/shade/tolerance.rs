@@ -201,7 +201,7 @@ impl<'a> Tolerance<'a> {
             lit.push((error, luminance));
         }
 
-        // What is next to black would decide alone.
+        // Pixels next to black have huge ratios, which would decide the mean.
         let mean = lit.iter().map(|&(_, y)| f64::from(y)).sum::<f64>() / lit.len().max(1) as f64;
         let (mut sum, mut count) = (0.0, 0usize);
         for (error, luminance) in lit {

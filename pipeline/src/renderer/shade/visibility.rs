@@ -17,7 +17,7 @@ const FEELERS: usize = 16;
 /// Rays in the scene of a frame, cast by many threads at once.
 pub(crate) struct Visibility<'a> {
     frame: &'a Frame<'a>,
-    /// Those of a final gather.
+    /// Directions of a final gather.
     directions: GatherDirections,
     /// Cosine-distributed about +z.
     feelers: [Vec3; FEELERS],
@@ -58,25 +58,36 @@ impl<'a> Visibility<'a> {
         active & !self.frame.accelerator.occluded_packet(receiver.position, &ends[..lamps.len()], active)
     }
 
+    /// Finds, among the `receivers` whose bits are set in `active`, those that light from `lamp` arrives at; `positions` are theirs.
+    pub fn lit_among<'r>(
+        &self,
+        lamp: &Light,
+        receivers: impl Iterator<Item = &'r ShadingPoint>,
+        positions: &[Vec3A],
+        active: u64,
+    ) -> u64 {
+        let place = Vec3A::from(lamp.position);
+        let mut above = 0;
+        for (k, receiver) in receivers.enumerate() {
+            above |= u64::from(is_above(receiver, place)) << k;
+        }
+        // Rays from the light share their origin: one packet.
+        let active = active & above;
+        active & !self.frame.accelerator.occluded_packet(place, positions, active)
+    }
+
     /// Final gather at `receiver`; `key` turns its rays.
     pub fn final_gather(&self, receiver: &ShadingPoint, key: u64) -> Gathered {
         let Frame { accelerator, surfaces, gather, .. } = self.frame;
         gather.gather(PosedScene::new(accelerator, surfaces), receiver, &self.directions, key)
     }
 
-    /// Mean of d / (d + `scale`) for the distances d of what is around, 0 for what `encloses` the receiver; the same directions
-    /// about the same normal.
+    /// Mean of d / (d + `scale`) for the distances d of the surfaces around, 0 for those that `encloses` names; the same
+    /// directions about the same normal.
     pub fn openness(&self, receiver: &ShadingPoint, scale: f32, encloses: impl Fn(&Hit, Vec3A) -> bool) -> f32 {
-        let normal = Vec3::from(receiver.normal);
-        let (x, y) = frame(normal);
         let (mut sum, mut count) = (0.0, 0);
-        for local in &self.feelers {
-            // Smooth normals lean: directions below the triangle itself feel nothing.
-            let direction = Vec3A::from(x * local.x + y * local.y + normal * local.z);
-            if direction.dot(receiver.geometric_normal) <= 0.0 {
-                continue;
-            }
-            sum += match self.frame.accelerator.closest(receiver.position, direction) {
+        for (direction, met) in self.felt(receiver) {
+            sum += match met {
                 None => 1.0,
                 Some(hit) if encloses(&hit, direction) => 0.0,
                 Some(hit) => hit.distance / (hit.distance + scale),
@@ -84,6 +95,17 @@ impl<'a> Visibility<'a> {
             count += 1;
         }
         if count == 0 { 1.0 } else { sum / count as f32 }
+    }
+
+    /// Directions around `receiver`, and the surface that a ray meets in each; the same about the same normal.
+    pub fn felt(&self, receiver: &ShadingPoint) -> impl Iterator<Item = (Vec3A, Option<Hit>)> {
+        let normal = Vec3::from(receiver.normal);
+        let (x, y) = frame(normal);
+        let &ShadingPoint { position, geometric_normal, .. } = receiver;
+        let around = self.feelers.iter().map(move |local| Vec3A::from(x * local.x + y * local.y + normal * local.z));
+        // Smooth normals lean: directions below the triangle itself feel nothing.
+        let above = around.filter(move |direction| direction.dot(geometric_normal) > 0.0);
+        above.map(move |direction| (direction, self.frame.accelerator.closest(position, direction)))
     }
 }
 
@@ -96,16 +118,12 @@ pub(super) fn sees(accelerator: &Accelerator, receiver: &ShadingPoint, lamp: &Li
 
 /// A light below the triangle's own plane is hidden by it, whatever the smooth normal says.
 #[inline]
-pub(crate) fn is_above(receiver: &ShadingPoint, lamp: Vec3A) -> bool {
+fn is_above(receiver: &ShadingPoint, lamp: Vec3A) -> bool {
     receiver.geometric_normal.dot(lamp - receiver.position) > 0.0
 }
 
 /// The place of a pixel's surface where rays start.
 pub(super) fn receiver(pixel: &PixelSurface, epsilon: f32) -> ShadingPoint {
-    let geometric_normal = Vec3A::from(pixel.geometric_normal);
-    ShadingPoint {
-        position: Vec3A::from(pixel.position) + geometric_normal * epsilon,
-        normal: pixel.shading_normal.into(),
-        geometric_normal,
-    }
+    let normals = [pixel.shading_normal.into(), pixel.geometric_normal.into()];
+    ShadingPoint::off_surface(pixel.position.into(), normals, epsilon)
 }

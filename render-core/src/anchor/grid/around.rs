@@ -144,7 +144,7 @@ impl Grid {
         for z in span(2) {
             for y in span(1) {
                 for x in span(0) {
-                    // What is inside of the shell was found at a smaller reach.
+                    // Cells inside of the shell were searched at a smaller reach.
                     let away = [x.abs_diff(center[0]), y.abs_diff(center[1]), z.abs_diff(center[2])];
                     if away.iter().max() == Some(&reach) {
                         found(self.place([x, y, z]));

@@ -59,7 +59,7 @@ impl TreeLight<'_> {
     fn add_moving_anchors(&self, receiver: &ShadingPoint, sum: &mut Sum) {
         let dynamic = self.visible.frame.direct.dynamic();
         let (position, normal) = (receiver.position.into(), receiver.normal.into());
-        // What would give next to nothing counts as seen.
+        // Anchors that would add next to nothing count as seen, without a ray.
         let untraced = UNTRACED_SHARE * luminance(sum.irradiance);
         let mut rays = 0;
         for anchors in dynamic.anchors.chunks(PACKET) {

@@ -54,9 +54,9 @@ pub(super) struct TreeLight<'a> {
 /// Clusters by draws of a record's own: a bit for each, a word for each [`PACKET`] of them.
 struct Drawn {
     clusters: Box<[Cluster]>,
-    /// Those that are known to be seen.
+    /// Bits of the clusters that are known to be seen.
     visible: Box<[u64]>,
-    /// Those that shadow rays have to tell.
+    /// Bits of the clusters whose visibility shadow rays have to tell.
     unknown: Vec<u64>,
 }
 
@@ -114,7 +114,7 @@ impl Illumination for TreeLight<'_> {
             made.audit(&white, sees, finer, self.counts);
         }
 
-        // What stays at rest is never lit again.
+        // In a scene at rest a record is never lit again, and needs its clusters no more.
         let light = self.estimate(&receiver, &recipe);
         if self.at_rest {
             recipe.forget_light();
@@ -164,7 +164,8 @@ impl Illumination for TreeLight<'_> {
     }
 
     fn openness(&self, site: &Site, scale: f32) -> f32 {
-        // What has moved over a record has taken it in: near its walls it would seem as open within as it is outside.
+        // An instance may have moved over the record, which then lies inside of it. Its inner walls would make the record seem as
+        // open as a place beside it.
         let encloses = |hit: &Hit, direction| {
             let may_have_moved_over = site.carrier != NOTHING || self.moving[hit.instance as usize];
             may_have_moved_over && hit.instance != site.carrier && !self.visible.frame.surfaces.is_front(hit, direction)
@@ -181,7 +182,7 @@ impl TreeLight<'_> {
     /// The place of a record where rays start.
     pub fn receiver(&self, site: &Site) -> ShadingPoint {
         let Site { position, normal, geometric_normal, .. } = *site;
-        ShadingPoint { position: position + geometric_normal * self.visible.frame.epsilon, normal, geometric_normal }
+        ShadingPoint::off_surface(position, [normal, geometric_normal], self.visible.frame.epsilon)
     }
 
     /// Whether any of these things is so near that its own light has lost much by softening; a record's own carrier, which is
@@ -264,7 +265,7 @@ impl TreeLight<'_> {
                 let alike = pixel.instance != NOTHING && site.normal.dot(pixel.shading_normal.into()) >= ALIKE_COSINE;
                 alike.then_some((x, y, pixel))
             };
-            // What glows says nothing about what is lit beside it, and outshines what it reflects itself.
+            // A glowing pixel says nothing about lit pixels beside it, and its glow outshines the light that it reflects.
             let glows = |pixel: &PixelSurface| pixel.emission != [0.0; 3];
             let glows_here = alike(center).is_some_and(|(.., pixel)| glows(&pixel));
 

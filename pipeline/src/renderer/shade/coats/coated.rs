@@ -37,8 +37,7 @@ impl Coated {
     /// The surface that a ray in the unit `direction` has met.
     pub fn of_surface(surface: &Surface, direction: Vec3A, epsilon: f32) -> Self {
         let &Surface { position, geometric_normal, shading_normal, albedo, specular, roughness, .. } = surface;
-        let position = position + geometric_normal * epsilon;
-        let receiver = ShadingPoint { position, normal: shading_normal, geometric_normal };
+        let receiver = ShadingPoint::off_surface(position, [shading_normal, geometric_normal], epsilon);
         Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, direction)
     }
 

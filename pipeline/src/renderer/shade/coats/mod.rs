@@ -99,7 +99,7 @@ impl Layer for Coats {
     }
 }
 
-/// What the pixels of a picture have found by their own rays.
+/// Light that the pixels of a picture have found by their own rays.
 struct Traced {
     own: Plane<Lobe>,
     /// Excess of each pixel's light over that of the pixels around.

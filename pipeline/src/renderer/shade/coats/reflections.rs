@@ -162,7 +162,7 @@ impl Reflections<'_> {
         let (blurred, mut rough) = (coated.is_rough(), coated.is_rough());
         let (mut way, mut first) = (0.0, f32::INFINITY);
         for coats in 0..=MOST_COATS {
-            // What the ray meets; beyond everything is the sky.
+            // The next surface on the ray's way; if there is none, the sky.
             let Some(hit) = accelerator.closest(origin, direction) else {
                 let sky = scene.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
                 return (sum + throughput * sky, first);
