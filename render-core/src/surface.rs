@@ -92,6 +92,12 @@ impl<'a> Surfaces<'a> {
         self.meet(hit, direction, 0.0).front
     }
 
+    /// Whether a ray in the unit `direction` met the back of a surface that reflects on its front alone.
+    #[must_use]
+    pub fn is_back(&self, hit: &Hit, direction: Vec3A) -> bool {
+        self.meet(hit, direction, 0.0).is_back()
+    }
+
     fn mesh(&self, instance: usize) -> &'a Mesh {
         &self.scene.meshes[self.scene.instances[instance].mesh]
     }

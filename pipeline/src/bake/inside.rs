@@ -35,7 +35,7 @@ impl Places<'_> {
     fn is_inside(&self, point: &ShadingPoint) -> bool {
         let reach = NEAR / self.atlas.texels_per_meter();
         self.visibility.felt(point).any(|(direction, met)| {
-            met.is_some_and(|hit| hit.distance < reach && !self.frame.surfaces.is_front(&hit, direction))
+            met.is_some_and(|hit| hit.distance < reach && self.frame.surfaces.is_back(&hit, direction))
         })
     }
 }

@@ -13,30 +13,34 @@ const SLACK: f32 = 1.0 / 64.0;
 pub(super) struct Frame {
     pub columns: u32,
     pub rows: u32,
-    /// Where the chart's corner is, from the corner of the rectangle \[texels\].
-    corner: Vec2,
-    density: f32,
+    /// Texels per meter in both directions.
+    density: Vec2,
 }
 
 impl Frame {
     /// For a chart of this size in meters, at a density in texels per meter.
     ///
-    /// A chart of width w needs n texels so that the first and the last center lie outside of it by the slack s:
+    /// Along each direction the chart of width w is stretched so that its edges are centers of texels:
     ///
     /// ```text
-    /// n = ⌊w + 2s⌋ + 2
+    /// n = ⌊w + ½⌋ + 1                 one column for what is narrower than half a texel
+    /// density' = (n − 1) / w          from two thirds of the density to twice, and 0 for one column
     /// ```
     ///
-    /// It lies in the middle of them.
+    /// A rectangle then has texels inside of it alone. A chart in the middle of whole texels would have one column more, and on
+    /// `nave` most charts are narrower than a texel.
     pub fn new(size: Vec2, density: f32) -> Self {
-        let wide = size * density;
-        let texels = (wide + 2.0 * SLACK).floor() + 2.0;
-        Self { columns: texels.x as u32, rows: texels.y as u32, corner: (texels - wide) / 2.0, density }
+        let steps = (size * density + 0.5).floor();
+        Self {
+            columns: steps.x as u32 + 1,
+            rows: steps.y as u32 + 1,
+            density: steps / size.max(Vec2::splat(f32::MIN_POSITIVE)),
+        }
     }
 
     /// Where a point of the chart is, in texels from the corner of the rectangle.
     pub fn place(&self, point: Vec2) -> Vec2 {
-        self.corner + point * self.density
+        point * self.density + 0.5
     }
 
     /// Calls `row(y, first, last)` for the texels that look-ups of a triangle may read, row by row, once each.

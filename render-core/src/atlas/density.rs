@@ -10,8 +10,6 @@ const LONGEST: f32 = 8192.0;
 const MOST_AREA: u64 = 1 << 28;
 /// Largest wish.
 const MOST_TEXELS: usize = 1 << 26;
-/// Texels of the smallest chart: two columns and two rows.
-const LEAST_OF_CHART: usize = 4;
 /// The number is met when it differs from the wish by this share.
 const NEAR: f64 = 0.01;
 /// Steps of the bisection at most.
@@ -27,9 +25,8 @@ pub(super) fn fitting(meshes: &[FlatMesh], wish: usize) -> Result<f32, AtlasErro
         charts.extend(mesh.charts.iter().map(|chart| (chart, mesh.sides)));
     }
     let sides = charts.iter().map(|(_, sides)| sides).sum::<usize>();
-    let least = LEAST_OF_CHART * sides;
-    if wish < least {
-        return Err(AtlasError::TooFewTexels { texels: wish, charts: sides, least });
+    if wish < sides {
+        return Err(AtlasError::TooFewTexels { texels: wish, charts: sides });
     }
     if wish > MOST_TEXELS {
         return Err(AtlasError::TooManyTexels { texels: wish, most: MOST_TEXELS });

@@ -16,15 +16,13 @@ pub enum AtlasError {
         "nothing stands still in this scene, so no light of it can be baked; bake a scene with lit surfaces that never move"
     )]
     NothingStands,
-    /// Each chart needs four texels.
-    #[error("{texels} texels are too few for {charts} charts of surfaces; ask for {least} or more")]
+    /// Each chart needs one.
+    #[error("{texels} texels are too few for {charts} charts of surfaces; ask for {charts} or more")]
     TooFewTexels {
         /// The wish.
         texels: usize,
-        /// Pieces of the scene's surfaces.
+        /// Pieces of the scene's surfaces: the smallest wish that can be met.
         charts: usize,
-        /// The smallest wish that can be met.
-        least: usize,
     },
     /// More than there is memory for.
     #[error("{texels} texels are more than an atlas takes; ask for {most} or less")]

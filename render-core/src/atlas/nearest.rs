@@ -23,20 +23,27 @@ impl Nearest {
             return Self { weights: shares.map(|share| share / whole), distance2: 0.0 };
         }
 
-        // Elsewhere the nearest point lies on an edge.
+        // Elsewhere the nearest point lies on an edge. Of edges as near it is the mean: of a triangle that lies in a line, a point
+        // within, and not on its rim.
         let (corners, mut nearest) = ([a, b, c], Self { weights: [1.0, 0.0, 0.0], distance2: f32::INFINITY });
+        let mut count = 0.0;
         for k in 0..3 {
             // The point p + t (q − p) nearest to the origin:  t = −p · (q − p) / |q − p|², in 0…1.
             let (p, q) = (corners[k], corners[(k + 1) % 3]);
             let way = q - p;
             let t = (-p.dot(way) / way.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
             let distance2 = (p + way * t).length_squared();
-            if distance2 < nearest.distance2 {
-                let mut weights = [0.0; 3];
-                (weights[k], weights[(k + 1) % 3]) = (1.0 - t, t);
-                nearest = Self { weights, distance2 };
+            if distance2 > nearest.distance2 {
+                continue;
             }
+            if distance2 < nearest.distance2 {
+                (nearest, count) = (Self { weights: [0.0; 3], distance2 }, 0.0);
+            }
+            nearest.weights[k] += 1.0 - t;
+            nearest.weights[(k + 1) % 3] += t;
+            count += 1.0;
         }
+        nearest.weights = nearest.weights.map(|weight| weight / f32::max(count, 1.0));
         nearest
     }
 

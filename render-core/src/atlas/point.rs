@@ -57,13 +57,16 @@ impl TexelSite {
 /// Four texels around a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TexelBlend {
-    /// The upper left texel, its right neighbor, the two below them.
+    /// The upper left texel, its right neighbor, the two below them. A texel stands twice where the other would have no weight.
     pub texels: [u32; 4],
     /// Bilinear weights, 0…1; they sum to 1.
     pub weights: [f32; 4],
 }
 
-/// Where a texel is sampled, from its center \[texels\]: there first, then at the other points of a lattice.
+/// Points as near as this to the center of a texel count as there, in each direction: the edges of charts \[texels\].
+const AT_CENTER: f32 = 1e-3;
+
+/// Points of a texel, from its center \[texels\].
 const LATTICE: [Vec2; 9] = {
     const THIRD: f32 = 1.0 / 3.0;
     [
@@ -78,16 +81,19 @@ const LATTICE: [Vec2; 9] = {
         Vec2::new(0.0, THIRD),
     ]
 };
+/// Places nearer than this to a chart lie on it \[square texels\].
+const ON_CHART: f32 = 1e-6;
 /// Sites nearer than this to each other are one \[texels\].
 const SAME_PLACE: f32 = 0.01;
 /// Unless the cosine between their normals is less than this.
 const SAME_NORMAL: f32 = 0.999;
 
 impl Atlas {
-    /// Surface points that a texel may stand for, one at least and nine at most.
+    /// Surface points that a texel may stand for, one at least and ten at most.
     ///
-    /// The first is the point of the chart that is nearest to the texel's center. Others are near to the points of a 3×3
-    /// lattice of the texel, and lie on the triangles that are nearest to its center and to those of its neighbors.
+    /// All are near to points of the texel, and lie on the triangles that are nearest to its center and to those of its neighbors.
+    /// The first is near to the middle of the part of the texel that lies on the chart: on its edge, half of the texel lies beside
+    /// it, and edges are in corners often. Others are near to the points of a 3×3 lattice.
     ///
     /// `surfaces` are those of the scene that the atlas was made for, or that it was validated with.
     ///
@@ -105,18 +111,26 @@ impl Atlas {
             }
         }
 
-        // The nearest point of the nearest triangle. For the center that is the first one.
+        // The nearest point of the nearest triangle to a place.
         let (x, y) = self.place(texel);
         let [left, top] = self.charts[self.chart(texel) as usize];
         let center = Vec2::new(x.wrapping_sub(left) as f32 + 0.5, y.wrapping_sub(top) as f32 + 0.5);
-        let mut sites: Vec<TexelSite> = Vec::with_capacity(LATTICE.len());
+        let nearest = |place: Vec2| {
+            let of_owner = |&owner: &u32| (owner, Nearest::in_plane(self.triangles[owner as usize].corners(), place));
+            owners.iter().map(of_owner).min_by(|a, b| a.1.distance2.total_cmp(&b.1.distance2))
+        };
+
+        // The middle of the points that lie on the chart, then all.
+        let (mut sum, mut count) = (Vec2::ZERO, 0);
         for offset in LATTICE {
-            let choice = if offset == Vec2::ZERO { &owners[..1] } else { &owners };
-            let nearest = |&owner: &u32| {
-                let corners = self.triangles[owner as usize].corners();
-                (owner, Nearest::in_plane(corners, center + offset))
-            };
-            let found = choice.iter().map(nearest).min_by(|a, b| a.1.distance2.total_cmp(&b.1.distance2));
+            if nearest(center + offset).is_some_and(|(_, nearest)| nearest.distance2 <= ON_CHART) {
+                (sum, count) = (sum + offset, count + 1);
+            }
+        }
+        let middle = sum / (count as f32).max(1.0);
+        let mut sites: Vec<TexelSite> = Vec::with_capacity(1 + LATTICE.len());
+        for offset in std::iter::once(middle).chain(LATTICE) {
+            let found = nearest(center + offset);
             let Some(site) = found.and_then(|(owner, nearest)| self.site(owner, nearest, surfaces)) else { continue };
             if !sites.iter().any(|other| self.is_same(other, &site)) {
                 sites.push(site);
@@ -171,16 +185,18 @@ impl Atlas {
     fn blend(&self, placed: &Placed, nearest: Nearest) -> Option<TexelBlend> {
         // Centers of texels are at halves. The point is f right of and below the center of the upper left one.
         let place = nearest.mix(placed.corners()) - 0.5;
-        let first = place.floor();
-        let f = place - first;
+        let first = (place + AT_CENTER).floor();
+        let f = (place - first).max(Vec2::ZERO);
         let [left, top] = self.charts[placed.chart as usize];
         let (x, y) = (left.checked_add(first.x as u32)?, top.checked_add(first.y as u32)?);
 
-        let (right, below) = (x.checked_add(1)?, y.checked_add(1)?);
+        // At a center there may be no texel on the other side.
+        let (right, f_x) = if f.x <= AT_CENTER { (x, 0.0) } else { (x.checked_add(1)?, f.x) };
+        let (below, f_y) = if f.y <= AT_CENTER { (y, 0.0) } else { (y.checked_add(1)?, f.y) };
         let index = |x, y| self.tiles.index(x, y);
         Some(TexelBlend {
             texels: [index(x, y)?, index(right, y)?, index(x, below)?, index(right, below)?],
-            weights: [(1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y],
+            weights: [(1.0 - f_x) * (1.0 - f_y), f_x * (1.0 - f_y), (1.0 - f_x) * f_y, f_x * f_y],
         })
     }
 }
