@@ -4,6 +4,7 @@ mod dynamics;
 mod feedback;
 mod masking;
 mod metric;
+mod saliency;
 mod thresholds;
 mod tone_map;
 mod ycbcr;

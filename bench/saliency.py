@@ -1,0 +1,153 @@
+"""Our saliency against a second program by the formulas of Itti, Koch & Niebur 1998, in numpy and f64.
+
+    python3 bench/saliency.py FRAMES … [--frame N] [--motion] [--pictures FOLDER] [--program PROGRAM]
+
+FRAMES are films (.y4m, 4:2:0) or pictures (.png, .ppm). For each, one line: the size, the correlation of the two maps
+over all pixels, the largest difference, and the largest saliency. --motion adds a disk that moves by 3 pixels.
+--pictures writes the frame, ours and theirs side by side.
+
+The program is built by `cargo build --release -p render2mpeg-perceptual --example saliency`.
+Needs numpy; pillow for pictures. Exit code 1: a correlation is below 0.98. Exit code 77: numpy is missing.
+
+The formulas are transcribed at full length and share nothing with the Rust crate: two-dimensional kernels, maxima by
+brute force, no map is left out. perceptual/src/saliency/mod.rs has the same formulas and the sources of their numbers.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+try:
+    import numpy as np
+    from numpy.lib.stride_tricks import sliding_window_view
+except ImportError:
+    sys.exit(77)
+
+from running import RELEASE
+
+LEAST_CORRELATION = 0.98
+CENTERS, DELTAS = (2, 3, 4), (3, 4)
+DEEPEST = 8
+MAP_LEVEL = 4
+# Smallest maxima by which maps are divided: intensity, colors, orientations, motion [pixels per frame].
+FLOORS = {"I": 0.01, "RG": 0.06, "BY": 0.06, "O": 0.005, "U": 0.1}
+PERIOD, SPREAD, REACH = 7.0, 7.0 / 3.0, 7
+
+
+def correlated(plane, kernel):
+    """The plane under a two-dimensional kernel of odd sides, borders reflected."""
+    rows, columns = kernel.shape
+    padded = np.pad(plane, ((rows // 2,) * 2, (columns // 2,) * 2), mode="symmetric")
+    return np.einsum("yxij,ij->yx", sliding_window_view(padded, kernel.shape), kernel)
+
+
+def next_level(plane):
+    """Half the width and height: each sample is the weighted mean of the 6x6 samples around two by two."""
+    binomial = np.array([1, 5, 10, 10, 5, 1]) / 32
+    # One more row and column where the number is odd.
+    height, width = plane.shape
+    padded = np.pad(plane, ((2, 2 + height % 2), (2, 2 + width % 2)), mode="symmetric")
+    windows = sliding_window_view(padded, (6, 6))[::2, ::2]
+    return np.einsum("yxij,i,j->yx", windows, binomial, binomial)
+
+
+def pyramid(plane):
+    """Levels 0 to 8, or up to one sample."""
+    levels = [plane]
+    while len(levels) <= DEEPEST and max(levels[-1].shape) > 1:
+        levels.append(next_level(levels[-1]))
+    return levels
+
+
+def interpolated(plane, size, levels):
+    """The plane enlarged by `levels` levels to `size`, linearly between the centers of samples."""
+    def axis(count, wanted):
+        place = np.clip((np.arange(wanted) + 0.5) / 2**levels - 0.5, 0, count - 1)
+        low = np.minimum(place.astype(int), max(count - 2, 0))
+        return low, np.minimum(low + 1, count - 1), place - low
+
+    top, bottom, down = axis(plane.shape[0], size[0])
+    left, right, along = axis(plane.shape[1], size[1])
+    upper = plane[top][:, left] * (1 - along) + plane[top][:, right] * along
+    lower = plane[bottom][:, left] * (1 - along) + plane[bottom][:, right] * along
+    return upper * (1 - down)[:, None] + lower * down[:, None]
+
+
+def promoted(plane, floor):
+    """N of a map: few large maxima count, many alike do not."""
+    highest = plane.max()
+    if highest <= 0:
+        return np.zeros_like(plane)
+    # Half a window of an eighth of the map on each side, one sample at least.
+    reach = [max(1, side // 16) for side in plane.shape]
+    padded = np.pad(plane, [(r, r) for r in reach], constant_values=-np.inf)
+    around = sliding_window_view(padded, [2 * r + 1 for r in reach])
+    maxima = np.argwhere((plane == around.max(axis=(2, 3))) & (plane > highest / 100))
+    # Of equal maxima within a window the first in raster order counts.
+    before = np.arange(around[0, 0].size).reshape(around.shape[2:]) < around[0, 0].size // 2
+    others = [plane[y, x] for y, x in maxima if not (around[y, x][before] == plane[y, x]).any()]
+    if highest in others:
+        others.remove(highest)
+    mean = np.mean(others) if others else 0
+    return plane / max(highest, floor) * (1 - mean / highest) ** 2
+
+
+def gabor_magnitude(plane, degrees):
+    """Magnitude of the even and the odd Gabor response; waves run along `degrees`. A wave of amplitude 1 has 1."""
+    y, x = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1].astype(float)
+    bell = np.exp(-(x**2 + y**2) / (2 * SPREAD**2))
+    phase = 2 * np.pi / PERIOD * (x * np.cos(np.radians(degrees)) + y * np.sin(np.radians(degrees)))
+    # The even part has no mean.
+    even = bell * (np.cos(phase) - (bell * np.cos(phase)).sum() / bell.sum())
+    odd = bell * np.sin(phase)
+    return 2 / bell.sum() * np.hypot(correlated(plane, even), correlated(plane, odd))
+
+
+def features(rgb):
+    """I, R - G and B - Y of a picture of display values."""
+    rgb = np.clip(np.where(np.isfinite(rgb).all(axis=2, keepdims=True), rgb, 0), 0, 1)
+    intensity = rgb.mean(axis=2)
+    bright = intensity > intensity.max() / 10
+    r, g, b = (np.where(bright, rgb[..., i] / np.where(bright, intensity, 1), 0) for i in range(3))
+    red, green, blue = (np.maximum(x, 0) for x in (r - (g + b) / 2, g - (r + b) / 2, b - (r + g) / 2))
+    yellow = np.maximum((r + g) / 2 - abs(r - g) / 2 - b, 0)
+    return intensity, red - green, blue - yellow
+
+
+def feature_maps(levels, floor):
+    """Sum over all pairs of levels of N(|c - s|), at level 4."""
+    components = levels if isinstance(levels[0], list) else [levels]
+    total = 0
+    for c in CENTERS:
+        for s in (c + delta for delta in DELTAS):
+            if s >= len(components[0]):
+                continue
+            differences = [one[c] - interpolated(one[s], one[c].shape, s - c) for one in components]
+            conspicuous = promoted(np.sqrt(sum(d**2 for d in differences)), floor)
+            for _ in range(c, MAP_LEVEL):
+                conspicuous = next_level(conspicuous)
+            total = total + conspicuous
+    return total
+
+
+def saliency(rgb, motion=None):
+    """The saliency of a picture of display values, and of motion [pixels per frame], 0 to 1."""
+    intensity, red_green, blue_yellow = (pyramid(plane) for plane in features(rgb))
+    if len(intensity) <= CENTERS[0] + DELTAS[0]:
+        return np.zeros(rgb.shape[:2])
+    second = lambda total: promoted(total, SECOND)  # noqa: E731
+    orientations = []
+    for degrees in (0, 45, 90, 135):
+        orientations.append([gabor_magnitude(level, degrees) if k >= 2 else level for k, level in enumerate(intensity)])
+    channels = [
+        feature_maps(intensity, FLOORS["I"]),
+        feature_maps(red_green, FLOORS["RG"]) + feature_maps(blue_yellow, FLOORS["BY"]),
+        sum(second(feature_maps(levels, FLOORS["O"])) for levels in orientations),
+    ]
+    if motion is not None:
+        channels.append(feature_maps([pyramid(motion[..., 0]), pyramid(motion[..., 1])], FLOORS["U"]))
+    mean = sum(second(channel) for channel in channels) / len(channels)
+    return interpolated(mean, rgb.shape[:2], MAP_LEVEL)
+SECOND = 1.0

@@ -1,0 +1,69 @@
+//! (S3), (S5) and (S6): differences of center and surround, and their sums at one level.
+
+use super::gabor::orientations;
+use super::normalize::promote;
+use super::pyramid::{CENTERS, DELTAS, Pyramid, enlarged, halved};
+use plane::Plane;
+
+/// Smallest M_max by which a channel is divided: that of one map in which one place alone stands out. Ours: a channel whose
+/// maps have been suppressed stays suppressed.
+const CHANNEL_FLOOR: f32 = 1.0;
+/// Smallest M_max by which maps of O are divided: 0.5 %, where a wave from black to white has ½. Ours.
+const ORIENTATION_FLOOR: f32 = 0.005;
+
+/// Σ_F of a feature, with the floor f of its maps: (S3) to (S5).
+fn feature_map(feature: &Pyramid, f: f32) -> Plane<f32> {
+    let mut sum = Plane::default();
+    for c in CENTERS {
+        // What finer centers gave, taken to this level.
+        let Some(center) = feature.level(c) else { break };
+        sum = if c == CENTERS[0] { Plane::filled(center.width(), center.height(), 0.0) } else { halved(&sum) };
+        for delta in DELTAS {
+            let Some(surround) = feature.level(c + delta) else { continue };
+            let mut map = difference(center, surround, delta);
+            promote(&mut map, f);
+            add(&mut sum, &map);
+        }
+    }
+    sum
+}
+
+/// N of the sum over `features`, with the floor f of their maps: Ī, C̄ or Ū of (S6), promoted.
+pub fn channel(features: &[Pyramid], f: f32) -> Plane<f32> {
+    let mut sum = sum_of(features.iter().map(|feature| feature_map(feature, f)));
+    promote(&mut sum, CHANNEL_FLOOR);
+    sum
+}
+
+/// N(Ō) of (S6): each direction is promoted by itself before.
+pub fn orientation_channel(intensity: &Pyramid) -> Plane<f32> {
+    let directions = intensity.map(orientations);
+    let mut sum = sum_of(directions.iter().map(|o| channel(std::slice::from_ref(o), ORIENTATION_FLOOR)));
+    promote(&mut sum, CHANNEL_FLOOR);
+    sum
+}
+
+/// Sample by sample, for maps of one size.
+pub fn sum_of(maps: impl Iterator<Item = Plane<f32>>) -> Plane<f32> {
+    let add_to = |mut sum, map| {
+        add(&mut sum, &map);
+        sum
+    };
+    maps.reduce(add_to).unwrap_or_default()
+}
+
+/// |F_c − F_s|: (S3).
+fn difference(center: &Plane<f32>, surround: &Plane<f32>, levels: usize) -> Plane<f32> {
+    let mut map = enlarged(surround, levels, center.width(), center.height());
+    for (map, &center) in map.samples_mut().iter_mut().zip(center.samples()) {
+        *map = (center - *map).abs();
+    }
+    map
+}
+
+/// `sum += map`.
+fn add(sum: &mut Plane<f32>, map: &Plane<f32>) {
+    for (sum, &value) in sum.samples_mut().iter_mut().zip(map.samples()) {
+        *sum += value;
+    }
+}

@@ -1,0 +1,143 @@
+//! (S4): maps in which one place stands out count, and maps with many alike do not.
+
+use plane::Plane;
+
+/// Windows of local maxima: this share of a map's width and height. Windows of 3×3 samples find every ripple, so m̄ falls with
+/// the detail of a map rather than with the number of places that stand out.
+const WINDOWS: usize = 8;
+/// Local maxima below this share of M_max do not count: rounding makes them where a map is flat. Ours.
+const LEAST_MAXIMUM: f32 = 0.01;
+
+/// N(M), in place: `M / max(M_max, f) · (1 − m̄ / M_max)²`, for a map without negative values.
+pub fn promote(map: &mut Plane<f32>, f: f32) {
+    let highest = map.samples().iter().copied().fold(0.0, f32::max);
+    if highest <= 0.0 {
+        return;
+    }
+    let m = mean_of_others(&local_maxima(map, LEAST_MAXIMUM * highest), highest);
+    let factor = (1.0 - m / highest).powi(2) / highest.max(f);
+    map.samples_mut().iter_mut().for_each(|value| *value *= factor);
+}
+
+/// m̄: the mean of `maxima` without one that is the `highest`; 0 if there is no other.
+fn mean_of_others(maxima: &[f32], highest: f32) -> f32 {
+    let sum: f64 = maxima.iter().copied().map(f64::from).sum();
+    match maxima.len() {
+        0 | 1 => 0.0,
+        count => ((sum - f64::from(highest)) / (count - 1) as f64) as f32,
+    }
+}
+
+/// Local maxima above `least`: samples that are the largest of the window around them, which the border of the map cuts. Of
+/// equal ones the first in raster order counts.
+///
+/// A tile of half a window fits into the window of each of its samples. So no tile has two local maxima, and its largest
+/// sample alone needs a look at its window.
+fn local_maxima(map: &Plane<f32>, least: f32) -> Vec<f32> {
+    let reach = [map.width(), map.height()].map(|side| (side / (2 * WINDOWS)).max(1));
+    let tile = reach.map(|reach| reach + 1);
+    let mut maxima = Vec::new();
+    for top in (0..map.height()).step_by(tile[1]) {
+        for left in (0..map.width()).step_by(tile[0]) {
+            let candidate = largest(map, [left, top], tile);
+            if candidate.value > least && is_largest(map, &candidate, reach) {
+                maxima.push(candidate.value);
+            }
+        }
+    }
+    maxima
+}
+
+/// A sample and its place.
+struct Candidate {
+    x: usize,
+    y: usize,
+    value: f32,
+}
+
+/// The largest sample of a tile; of equal ones the first in raster order.
+fn largest(map: &Plane<f32>, [left, top]: [usize; 2], [width, height]: [usize; 2]) -> Candidate {
+    let mut found = Candidate { x: left, y: top, value: f32::NEG_INFINITY };
+    for y in top..(top + height).min(map.height()) {
+        for (x, &value) in map.row(y).iter().enumerate().skip(left).take(width) {
+            if value > found.value {
+                found = Candidate { x, y, value };
+            }
+        }
+    }
+    found
+}
+
+/// Whether no sample of the window is larger, and none before it in raster order is equal.
+fn is_largest(map: &Plane<f32>, candidate: &Candidate, [across, down]: [usize; 2]) -> bool {
+    let &Candidate { x, y, value } = candidate;
+    let columns = x.saturating_sub(across)..(x + across + 1).min(map.width());
+    let rows = y.saturating_sub(down)..(y + down + 1).min(map.height());
+    rows.into_iter().all(|row| {
+        // Samples of this row that come before the candidate.
+        let before = match row.cmp(&y) {
+            std::cmp::Ordering::Less => columns.len(),
+            std::cmp::Ordering::Equal => x - columns.start,
+            std::cmp::Ordering::Greater => 0,
+        };
+        let (before, after) = map.row(row)[columns.clone()].split_at(before);
+        before.iter().all(|&other| other < value) && after.iter().all(|&other| other <= value)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Every sample against every sample of its window.
+    fn by_definition(map: &Plane<f32>) -> Vec<f32> {
+        let (width, height) = (map.width(), map.height());
+        let reach = |side: usize| (side / 16).max(1);
+        let is_maximum = |i: usize| {
+            (0..width * height).filter(|&j| j != i).all(|j| {
+                let inside = (i % width).abs_diff(j % width) <= reach(width)
+                    && (i / width).abs_diff(j / width) <= reach(height);
+                let (value, other) = (map.samples()[i], map.samples()[j]);
+                !inside || other < value || other == value && j > i
+            })
+        };
+        (0..width * height).filter(|&i| map.samples()[i] > 0.0 && is_maximum(i)).map(|i| map.samples()[i]).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn saliency_maxima_are_those_of_the_definition(
+            size in (1usize..70, 1usize..20), values in prop::collection::vec(0u8..8, 70 * 20),
+        ) {
+            let map = Plane::from_fn(size.0, size.1, |x, y| f32::from(values[y * size.0 + x]));
+            let sorted = |mut maxima: Vec<f32>| {
+                maxima.sort_by(f32::total_cmp);
+                maxima
+            };
+            prop_assert_eq!(sorted(local_maxima(&map, 0.0)), sorted(by_definition(&map)));
+        }
+    }
+
+    /// A map with values at places of their own.
+    fn map(peaks: &[(usize, usize, f32)]) -> Plane<f32> {
+        let mut map = Plane::filled(64, 64, 0.0);
+        peaks.iter().for_each(|&(x, y, value)| map.set(x, y, value));
+        map
+    }
+
+    #[test]
+    fn saliency_promotes_one_peak_and_not_two() {
+        let promoted = |peaks: &[(usize, usize, f32)], f| {
+            let mut map = map(peaks);
+            promote(&mut map, f);
+            map.get(9, 9)
+        };
+        assert_eq!(promoted(&[(9, 9, 0.4)], 0.01), 1.0, "alone");
+        assert_eq!(promoted(&[(9, 9, 0.4), (40, 50, 0.2)], 0.01), 0.25, "beside half as much");
+        assert_eq!(promoted(&[(9, 9, 0.4), (40, 50, 0.4)], 0.01), 0.0, "beside as much");
+        assert_eq!(promoted(&[(9, 9, 0.4), (10, 9, 0.4)], 0.01), 1.0, "a plateau is one maximum");
+        assert_eq!(promoted(&[(9, 9, 0.004)], 0.016), 0.25, "below the floor");
+        assert_eq!(promoted(&[], 0.01), 0.0);
+    }
+}
