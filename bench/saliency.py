@@ -31,8 +31,9 @@ LEAST_CORRELATION = 0.98
 CENTERS, DELTAS = (2, 3, 4), (3, 4)
 DEEPEST = 8
 MAP_LEVEL = 4
-# Smallest maxima by which maps are divided: intensity, colors, orientations, motion [pixels per frame].
+# Smallest maxima by which maps are divided: intensity, colors, orientations, motion [pixels per frame]; then channels.
 FLOORS = {"I": 0.01, "RG": 0.06, "BY": 0.06, "O": 0.005, "U": 0.1}
+CHANNEL_FLOOR = 1.0
 PERIOD, SPREAD, REACH = 7.0, 7.0 / 3.0, 7
 
 
@@ -116,20 +117,23 @@ def features(rgb):
     return intensity, red - green, blue - yellow
 
 
-def feature_maps(levels, floor):
+def feature_map(levels, floor):
     """Sum over all pairs of levels of N(|c - s|), at level 4."""
-    components = levels if isinstance(levels[0], list) else [levels]
     total = 0
     for c in CENTERS:
         for s in (c + delta for delta in DELTAS):
-            if s >= len(components[0]):
-                continue
-            differences = [one[c] - interpolated(one[s], one[c].shape, s - c) for one in components]
-            conspicuous = promoted(np.sqrt(sum(d**2 for d in differences)), floor)
-            for _ in range(c, MAP_LEVEL):
-                conspicuous = next_level(conspicuous)
-            total = total + conspicuous
+            if s < len(levels):
+                surround = interpolated(levels[s], levels[c].shape, s - c)
+                conspicuous = promoted(abs(levels[c] - surround), floor)
+                for _ in range(c, MAP_LEVEL):
+                    conspicuous = next_level(conspicuous)
+                total = total + conspicuous
     return total
+
+
+def oriented(intensity, degrees):
+    """A pyramid of Gabor magnitudes; levels that no pair reads are left as they are."""
+    return [gabor_magnitude(level, degrees) if k >= CENTERS[0] else level for k, level in enumerate(intensity)]
 
 
 def saliency(rgb, motion=None):
@@ -137,17 +141,103 @@ def saliency(rgb, motion=None):
     intensity, red_green, blue_yellow = (pyramid(plane) for plane in features(rgb))
     if len(intensity) <= CENTERS[0] + DELTAS[0]:
         return np.zeros(rgb.shape[:2])
-    second = lambda total: promoted(total, SECOND)  # noqa: E731
-    orientations = []
-    for degrees in (0, 45, 90, 135):
-        orientations.append([gabor_magnitude(level, degrees) if k >= 2 else level for k, level in enumerate(intensity)])
+    directions = [feature_map(oriented(intensity, degrees), FLOORS["O"]) for degrees in (0, 45, 90, 135)]
     channels = [
-        feature_maps(intensity, FLOORS["I"]),
-        feature_maps(red_green, FLOORS["RG"]) + feature_maps(blue_yellow, FLOORS["BY"]),
-        sum(second(feature_maps(levels, FLOORS["O"])) for levels in orientations),
+        feature_map(intensity, FLOORS["I"]),
+        feature_map(red_green, FLOORS["RG"]) + feature_map(blue_yellow, FLOORS["BY"]),
+        sum(promoted(direction, CHANNEL_FLOOR) for direction in directions),
     ]
     if motion is not None:
-        channels.append(feature_maps([pyramid(motion[..., 0]), pyramid(motion[..., 1])], FLOORS["U"]))
-    mean = sum(second(channel) for channel in channels) / len(channels)
+        channels.append(sum(feature_map(pyramid(motion[..., axis]), FLOORS["U"]) for axis in (0, 1)))
+    mean = sum(promoted(channel, CHANNEL_FLOOR) for channel in channels) / len(channels)
     return interpolated(mean, rgb.shape[:2], MAP_LEVEL)
-SECOND = 1.0
+
+
+def read_film(path, frame):
+    """Display values of a frame of a 4:2:0 film; each chroma sample stands for its 2x2 pixels."""
+    header, _, rest = path.read_bytes().partition(b"\n")
+    words = {word[:1]: word[1:] for word in header.split()[1:]}
+    width, height = int(words[b"W"]), int(words[b"H"])
+    if not words.get(b"C", b"420").startswith(b"420") or width % 2 or height % 2:
+        sys.exit(f"{path} is not 4:2:0, or its size is odd")
+    size = width * height * 3 // 2
+    begin = frame * (len(b"FRAME\n") + size) + len(b"FRAME\n")
+    codes = np.frombuffer(rest[begin : begin + size], np.uint8)
+    if len(codes) != size:
+        sys.exit(f"{path} has no frame {frame}")
+    luma, blue, red = np.split(codes.astype(float), [width * height, width * height * 5 // 4])
+    luma = (luma.reshape(height, width) - 16) / 219
+    blue, red = (((c.reshape(height // 2, width // 2) - 128) / 224).repeat(2, 0).repeat(2, 1) for c in (blue, red))
+    r, b = luma + 1.5748 * red, luma + 1.8556 * blue
+    return np.clip(np.dstack([r, (luma - 0.2126 * r - 0.0722 * b) / 0.7152, b]), 0, 1)
+
+
+def read_picture(path, frame):
+    """Display values of a frame or a picture, in steps of 1/255."""
+    if path.suffix == ".y4m":
+        rgb = read_film(path, frame)
+    else:
+        from PIL import Image
+
+        rgb = np.asarray(Image.open(path).convert("RGB")) / 255
+    return np.round(rgb * 255).astype(np.uint8)
+
+
+def moving_disk(height, width):
+    """Motion [pixels per frame] of a disk in the upper left of a picture that stands still."""
+    y, x = np.mgrid[0:height, 0:width]
+    inside = np.hypot(x - width / 4, y - height / 4) < min(width, height) / 12
+    return np.dstack([3.0 * inside, -1.0 * inside])
+
+
+def ours(program, codes, motion):
+    """The map of the Rust program."""
+    height, width, _ = codes.shape
+    with tempfile.TemporaryDirectory() as folder:
+        names = [str(Path(folder) / name) for name in ("picture.ppm", "map.pfm", "motion.pfm")]
+        Path(names[0]).write_bytes(b"P6\n%d %d\n255\n" % (width, height) + codes.tobytes())
+        if motion is not None:
+            samples = np.dstack([motion, np.zeros((height, width))])[::-1].astype("<f4")
+            Path(names[2]).write_bytes(b"PF\n%d %d\n-1\n" % (width, height) + samples.tobytes())
+        subprocess.run([program, *names[: 2 if motion is None else 3]], check=True)
+        samples = Path(names[1]).read_bytes().split(b"\n", 3)[3]
+        return np.frombuffer(samples, "<f4").reshape(height, width)[::-1].astype(float)
+
+
+def write_picture(path, codes, maps):
+    """The frame and the maps side by side; the largest value of all maps is white."""
+    from PIL import Image
+
+    white = max(map.max() for map in maps) or 1
+    gray = [np.repeat(np.round(255 * map / white).astype(np.uint8)[..., None], 3, axis=2) for map in maps]
+    Image.fromarray(np.hstack([codes, *gray])).save(path)
+
+
+def main():
+    """Compares frame by frame."""
+    style = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=style)
+    parser.add_argument("frames", type=Path, nargs="+", help="films (.y4m) or pictures")
+    parser.add_argument("--frame", type=int, default=0, help="frame of films [default: 0]")
+    parser.add_argument("--motion", action="store_true", help="with a disk that moves")
+    parser.add_argument("--pictures", type=Path, help="folder for frames and maps side by side")
+    parser.add_argument("--program", type=Path, default=RELEASE / "examples" / "saliency", help="our program")
+    options = parser.parse_args()
+    lowest = 1.0
+    for path in options.frames:
+        codes = read_picture(path, options.frame)
+        motion = moving_disk(*codes.shape[:2]) if options.motion else None
+        theirs, found = saliency(codes / 255, motion), ours(options.program, codes, motion)
+        correlation = np.corrcoef(theirs.ravel(), found.ravel())[0, 1]
+        lowest = min(lowest, correlation)
+        size = f"{codes.shape[1]}x{codes.shape[0]}"
+        difference = abs(theirs - found).max()
+        print(f"{path.name:24} {size:9} correlation {correlation:.6f}  difference {difference:.1e}  peak {found.max():.3f}")
+        if options.pictures:
+            options.pictures.mkdir(parents=True, exist_ok=True)
+            write_picture(options.pictures / f"{path.stem}.png", codes, [found, theirs])
+    return 0 if lowest >= LEAST_CORRELATION else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,1 +1,264 @@
 //! Saliency: what stands out is found, what is flat stays flat, and nothing panics.
+
+use perceptual::{saliency, steady_saliency};
+use plane::{Correspondence, NO_MATCH, Plane};
+
+/// Items on a side of the grid.
+const GRID: usize = 5;
+/// Display value of the field around the items.
+const FIELD: f32 = 0.5;
+
+/// In what the odd item differs from the others, by its contrast k.
+#[derive(Clone, Copy, Debug)]
+enum Oddity {
+    /// Its difference from the field is larger by k.
+    Brightness,
+    /// It has a tint, the others are gray: a share k of the way to red.
+    Tint,
+    /// Its hue is turned by k · 180°, at equal intensity and chroma.
+    Hue,
+    /// Its radius is larger by k.
+    Size,
+    /// Bars; it is turned by k · 90°.
+    Orientation,
+    /// Items and field move alike; it is faster by k.
+    Speed,
+    /// Items move over a field at rest; its direction is turned by k · 180°.
+    Direction,
+}
+
+/// Share of a pixel that lies within a border, `inside` pixels away.
+fn coverage(inside: f32) -> f32 {
+    (inside + 0.5).clamp(0.0, 1.0)
+}
+
+/// Color of an item.
+fn color(oddity: Oddity, k: f32) -> [f32; 3] {
+    match oddity {
+        Oddity::Brightness => [FIELD + 0.15 * (1.0 + k); 3],
+        Oddity::Tint => [1.0 + 0.5 * k, 1.0 - 0.25 * k, 1.0 - 0.25 * k].map(|c| 0.6 * c),
+        Oddity::Hue => {
+            let (sin, cos) = (std::f32::consts::PI * k).sin_cos();
+            // From green to red, and to blue from what is between them: at equal I.
+            let axes: [[f32; 2]; 3] = [[-0.5, -1.0 / 3.0], [0.5, -1.0 / 3.0], [0.0, 2.0 / 3.0]];
+            axes.map(|[green, blue]| 0.55 + 0.25 * (green * cos + blue * sin))
+        }
+        _ => [0.75; 3],
+    }
+}
+
+/// Motion of an item, and that of the field.
+fn motion(oddity: Oddity, k: f32) -> Option<[[f32; 2]; 2]> {
+    let (sin, cos) = (std::f32::consts::PI * k).sin_cos();
+    match oddity {
+        Oddity::Speed => Some([[2.0 * (1.0 + k), 0.0], [2.0, 0.0]]),
+        Oddity::Direction => Some([[2.0 * cos, 2.0 * sin], [0.0; 2]]),
+        _ => None,
+    }
+}
+
+/// Share of the pixel that an item around the origin covers, in a cell of `cell` pixels.
+fn shape(oddity: Oddity, k: f32, cell: f32, [x, y]: [f32; 2]) -> f32 {
+    match oddity {
+        Oddity::Orientation => {
+            let (sin, cos) = (std::f32::consts::FRAC_PI_2 * k).sin_cos();
+            let (across, along) = (x * cos + y * sin, y * cos - x * sin);
+            coverage(0.06 * cell - across.abs()) * coverage(0.3 * cell - along.abs())
+        }
+        Oddity::Size => coverage(0.2 * (1.0 + k) * cell - x.hypot(y)),
+        _ => coverage(0.2 * cell - x.hypot(y)),
+    }
+}
+
+/// A picture of `size` × `size` pixels with items in a grid, and their motion.
+fn search(oddity: Oddity, k: f32, odd: usize, size: usize) -> (Plane<[f32; 3]>, Option<Plane<[f32; 2]>>) {
+    let cell = size as f32 / GRID as f32;
+    let place = |x: usize, y: usize| {
+        let center = [x, y].map(|at| at as f32 + 0.5);
+        let [column, row] = center.map(|at| (at / cell) as usize);
+        let k = if row * GRID + column == odd { k } else { 0.0 };
+        let from_middle = [center[0] - (column as f32 + 0.5) * cell, center[1] - (row as f32 + 0.5) * cell];
+        (k, shape(oddity, k, cell, from_middle))
+    };
+    let rgb = Plane::from_fn(size, size, |x, y| {
+        let (k, covered) = place(x, y);
+        color(oddity, k).map(|c| FIELD + covered * (c - FIELD))
+    });
+    let motion = motion(oddity, 0.0).map(|_| {
+        Plane::from_fn(size, size, |x, y| {
+            let (k, covered) = place(x, y);
+            let [item, field] = motion(oddity, k).expect("an oddity of motion");
+            if covered > 0.5 { item } else { field }
+        })
+    });
+    (rgb, motion)
+}
+
+/// How many of the other items have a maximum of saliency as large as the odd one's, plus one.
+fn rank(map: &Plane<f32>, odd: usize) -> usize {
+    let cell = map.width() as f32 / GRID as f32;
+    let mut maxima = [0.0f32; GRID * GRID];
+    for (y, row) in map.rows().enumerate() {
+        for (x, &s) in row.iter().enumerate() {
+            let [column, row] = [x, y].map(|at| ((at as f32 + 0.5) / cell) as usize);
+            let item = row * GRID + column;
+            maxima[item] = maxima[item].max(s);
+        }
+    }
+    maxima.iter().filter(|&&maximum| maximum >= maxima[odd]).count()
+}
+
+/// Ranks of the odd item at different places.
+fn ranks(oddity: Oddity, k: f32, size: usize) -> [usize; 6] {
+    [0, 3, 7, 12, 22, 24].map(|odd| {
+        let (rgb, motion) = search(oddity, k, odd, size);
+        rank(&saliency(&rgb, motion.as_ref()), odd)
+    })
+}
+
+#[test]
+fn saliency_of_the_odd_item_ranks_first() {
+    let least = [
+        (Oddity::Brightness, 0.25),
+        (Oddity::Tint, 0.25),
+        (Oddity::Hue, 0.25),
+        (Oddity::Size, 0.5),
+        (Oddity::Orientation, 0.75),
+        (Oddity::Speed, 0.25),
+        (Oddity::Direction, 0.25),
+    ];
+    for size in [256, 512] {
+        for (oddity, least) in least {
+            for k in [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0] {
+                let ranks = ranks(oddity, k, size);
+                println!("{size} {oddity:?} {k}: {ranks:?}");
+                assert!(k < least || ranks == [1; 6], "{size} {oddity:?} {k}: {ranks:?}");
+            }
+        }
+    }
+}
+
+/// Numbers of a fixed seed, −1…1, with the variance of ⅓.
+fn noise() -> impl FnMut() -> f32 {
+    let mut state = 7u32;
+    move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+    }
+}
+
+fn largest(map: &Plane<f32>) -> f32 {
+    map.samples().iter().copied().fold(0.0, f32::max)
+}
+
+/// A picture with items, waves and a little noise.
+fn busy(width: usize, height: usize) -> Plane<[f32; 3]> {
+    let mut noise = noise();
+    Plane::from_fn(width, height, |x, y| {
+        let (u, v) = (x as f32, y as f32);
+        let wave = 0.1 * (0.07 * u).sin() * (0.11 * v + 0.02 * u).cos();
+        let red = 0.2 * coverage(0.06 * width as f32 - (u - 0.3 * width as f32).hypot(v - 0.4 * height as f32));
+        [0.5 + wave + red, 0.45 + wave - 0.5 * red, 0.4 + wave - 0.5 * red].map(|c| c + 0.01 * noise())
+    })
+}
+
+#[test]
+fn saliency_of_flat_pictures_and_of_noise_is_next_to_nothing() {
+    for rgb in [[0.0; 3], [0.5; 3], [1.0; 3], [0.7, 0.2, 0.1]] {
+        let map = saliency(&Plane::filled(200, 150, rgb), Some(&Plane::filled(200, 150, [3.0, -1.0])));
+        assert!(largest(&map) < 1e-4, "{rgb:?}: {}", largest(&map));
+    }
+    // A standard deviation of 0.01.
+    let mut noise = noise();
+    let mut sample = || 0.5 + 0.01 * 3.0f32.sqrt() * noise();
+    let colored = Plane::from_fn(256, 256, |_, _| [sample(), sample(), sample()]);
+    let gray = Plane::from_fn(256, 256, |_, _| [sample(); 3]);
+    for rgb in [colored, gray] {
+        let map = saliency(&rgb, None);
+        assert!(largest(&map) < 0.02, "{}", largest(&map));
+    }
+}
+
+#[test]
+fn saliency_does_not_depend_on_exposure() {
+    for factor in [0.5, 0.8, 1.2] {
+        let rgb = busy(300, 200);
+        let scaled = rgb.map(|rgb| rgb.map(|c| factor * c));
+        let (a, b) = (saliency(&rgb, None), saliency(&scaled, None));
+        let difference = Plane::from_fn(300, 200, |x, y| (a.get(x, y) - b.get(x, y)).abs());
+        assert!(largest(&difference) < 0.05 * largest(&a), "{factor}: {} of {}", largest(&difference), largest(&a));
+    }
+}
+
+#[test]
+fn saliency_of_the_mirror_image_is_mirrored() {
+    let rgb = busy(256, 128);
+    let map = saliency(&rgb, None);
+    let mirrored = saliency(&Plane::from_fn(256, 128, |x, y| rgb.get(255 - x, 127 - y)), None);
+    let difference = Plane::from_fn(256, 128, |x, y| (map.get(x, y) - mirrored.get(255 - x, 127 - y)).abs());
+    assert!(largest(&difference) < 1e-3, "{}", largest(&difference));
+}
+
+#[test]
+fn saliency_of_small_pictures_is_flat_or_within_range() {
+    let narrow = [(1000, 1), (1, 1000), (600, 3), (33, 17)];
+    let small = (0..=20).flat_map(|width| (0..=20).map(move |height| (width, height)));
+    for (width, height) in small.chain(narrow) {
+        let motion = Plane::from_fn(width, height, |x, y| [x as f32, (y % 3) as f32]);
+        for motion in [None, Some(&motion)] {
+            let map = saliency(&busy(width, height), motion);
+            assert_eq!((map.width(), map.height()), (width, height));
+            assert!(map.samples().iter().all(|s| (0.0..=1.0).contains(s)), "{width}x{height}");
+            assert!(width.max(height) > 16 || largest(&map) == 0.0, "{width}x{height} has no pair of levels");
+        }
+    }
+}
+
+#[test]
+fn saliency_takes_what_is_not_finite_as_black_and_at_rest() {
+    let (mut rgb, mut motion) = (busy(128, 96), Plane::filled(128, 96, [1.0f32, 0.0]));
+    let (mut black, mut at_rest) = (rgb.clone(), motion.clone());
+    let pixels = [[f32::NAN, 0.2, 0.3], [f32::INFINITY; 3], [0.1, f32::NEG_INFINITY, 0.0]];
+    for (i, pixel) in pixels.into_iter().enumerate() {
+        rgb.set(40 * i, 30 + i, pixel);
+        black.set(40 * i, 30 + i, [0.0; 3]);
+        motion.set(30 * i, 20, [pixel[0], pixel[1]]);
+        at_rest.set(30 * i, 20, [0.0; 2]);
+    }
+    let map = saliency(&rgb, Some(&motion));
+    assert_eq!(map, saliency(&black, Some(&at_rest)));
+    assert!(map.samples().iter().all(|s| (0.0..=1.0).contains(s)));
+    // Finite, and beyond all sense.
+    let wild = saliency(&rgb.map(|rgb| rgb.map(|c| 1e30 * c)), Some(&motion.map(|u| u.map(|c| -1e38 * c))));
+    assert!(wild.samples().iter().all(|s| (0.0..=1.0).contains(s)));
+}
+
+#[test]
+fn saliency_of_a_pan_is_that_of_the_picture() {
+    let rgb = busy(200, 200);
+    let (still, pan) = (saliency(&rgb, None), saliency(&rgb, Some(&Plane::filled(200, 200, [-7.0, 2.5]))));
+    // The channel of motion is empty, so three of four are left.
+    assert!(still.samples().iter().zip(pan.samples()).all(|(a, b)| (0.75 * a - b).abs() < 1e-4));
+}
+
+#[test]
+#[should_panic(expected = "every pixel needs its motion")]
+fn saliency_needs_the_motion_of_every_pixel() {
+    let _ = saliency(&busy(30, 20), Some(&Plane::filled(20, 30, [0.0; 2])));
+}
+
+#[test]
+fn saliency_is_steadied_along_the_motion() {
+    let (now, before) = (Plane::filled(4, 1, 0.5), Plane::from_vec(4, 1, vec![0.1, 0.3, f32::NAN, 0.9]));
+    let known = Correspondence::from_matches(Plane::from_vec(4, 1, vec![1, 3, NO_MATCH, 2]));
+    let steady = steady_saliency(&now, &before, &known);
+    let expected = [0.4, 0.7, 1.0, 0.25];
+    assert!(steady.samples().iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{steady:?}");
+    // Nothing was seen before.
+    let first = steady_saliency(&now, &Plane::default(), &known);
+    assert_eq!(first.samples(), [1.0; 4]);
+    // What was uncovered settles within a few frames.
+    let still = Correspondence::still(4, 1);
+    let settled = (0..8).fold(first, |before, _| steady_saliency(&now, &before, &still));
+    assert!(settled.samples().iter().all(|s| (s - 0.5).abs() < 0.01));
+}
