@@ -6,7 +6,7 @@ FRAMES are films (.y4m, 4:2:0) or pictures (.png, .ppm). For each, one line: the
 over all pixels, the largest difference, and the largest saliency. --motion adds a disk that moves by 3 pixels.
 --pictures writes the frame, ours and theirs side by side.
 
-The program is built by `cargo build --release -p render2mpeg-perceptual --example saliency`.
+The program is an example of the crate perceptual; what builds it is told where it is missing.
 Needs numpy; pillow for pictures. Exit code 1: a correlation is below 0.98. Exit code 77: numpy is missing.
 
 The formulas are transcribed at full length and share nothing with the Rust crate: two-dimensional kernels, maxima by
@@ -14,7 +14,6 @@ brute force, no map is left out. perceptual/src/saliency/mod.rs has the same for
 """
 
 import argparse
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -25,8 +24,9 @@ try:
 except ImportError:
     sys.exit(77)
 
-from running import RELEASE
+from running import RELEASE, Failure, need_built, need_files, run
 
+BUILD = "cargo build --release -p render2mpeg-perceptual --example saliency"
 LEAST_CORRELATION = 0.98
 CENTERS, DELTAS = (2, 3, 4), (3, 4)
 DEEPEST = 8
@@ -64,6 +64,7 @@ def pyramid(plane):
 
 def interpolated(plane, size, levels):
     """The plane enlarged by `levels` levels to `size`, linearly between the centers of samples."""
+
     def axis(count, wanted):
         place = np.clip((np.arange(wanted) + 0.5) / 2**levels - 0.5, 0, count - 1)
         low = np.minimum(place.astype(int), max(count - 2, 0))
@@ -159,12 +160,12 @@ def read_film(path, frame):
     words = {word[:1]: word[1:] for word in header.split()[1:]}
     width, height = int(words[b"W"]), int(words[b"H"])
     if not words.get(b"C", b"420").startswith(b"420") or width % 2 or height % 2:
-        sys.exit(f"{path} is not 4:2:0, or its size is odd")
+        raise Failure(f"{path} is not 4:2:0, or its size is odd")
     size = width * height * 3 // 2
     begin = frame * (len(b"FRAME\n") + size) + len(b"FRAME\n")
     codes = np.frombuffer(rest[begin : begin + size], np.uint8)
     if len(codes) != size:
-        sys.exit(f"{path} has no frame {frame}")
+        raise Failure(f"{path} has no frame {frame}")
     luma, blue, red = np.split(codes.astype(float), [width * height, width * height * 5 // 4])
     luma = (luma.reshape(height, width) - 16) / 219
     blue, red = (((c.reshape(height // 2, width // 2) - 128) / 224).repeat(2, 0).repeat(2, 1) for c in (blue, red))
@@ -199,7 +200,7 @@ def ours(program, codes, motion):
         if motion is not None:
             samples = np.dstack([motion, np.zeros((height, width))])[::-1].astype("<f4")
             Path(names[2]).write_bytes(b"PF\n%d %d\n-1\n" % (width, height) + samples.tobytes())
-        subprocess.run([program, *names[: 2 if motion is None else 3]], check=True)
+        run([program, *names[: 2 if motion is None else 3]])
         samples = Path(names[1]).read_bytes().split(b"\n", 3)[3]
         return np.frombuffer(samples, "<f4").reshape(height, width)[::-1].astype(float)
 
@@ -223,11 +224,13 @@ def main():
     parser.add_argument("--pictures", type=Path, help="folder for frames and maps side by side")
     parser.add_argument("--program", type=Path, default=RELEASE / "examples" / "saliency", help="our program")
     options = parser.parse_args()
+    need_files(options.frames)
+    program = need_built(options.program, BUILD)
     lowest = 1.0
     for path in options.frames:
         codes = read_picture(path, options.frame)
         motion = moving_disk(*codes.shape[:2]) if options.motion else None
-        theirs, found = saliency(codes / 255, motion), ours(options.program, codes, motion)
+        theirs, found = saliency(codes / 255, motion), ours(program, codes, motion)
         correlation = np.corrcoef(theirs.ravel(), found.ravel())[0, 1]
         lowest = min(lowest, correlation)
         size = f"{codes.shape[1]}x{codes.shape[0]}"
@@ -240,4 +243,7 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except Failure as failure:
+        sys.exit(f"saliency: {failure}")

@@ -3,7 +3,7 @@
 //! A picture and the codec's quantiser scale go in; out comes, pixel by pixel, how wrong its luminance may be without anybody seeing
 //! it after compression: [`tolerable_error`], after \[Herzog08\] with Watson's masking model \[Watson93\]. [`Feedback`] carries
 //! that from frame to frame along the motion. Around it: [`ToneMap`], curves that can be undone; [`YCbCr`], the picture that an
-//! MPEG-2 encoder takes; [`saliency`], where a viewer looks first; and metrics ([`psnr`], [`ssim`], …) for reports. The README lists the references and what is known of extremes.
+//! MPEG-2 encoder takes; [`saliency()`], where a viewer looks first; and metrics ([`psnr`], [`ssim`], …) for reports. The README lists the references and what is known of extremes.
 //!
 //! ```
 //! use perceptual::{MaskingModel, ToneMap, YCbCr, luminance_plane, tolerable_error};

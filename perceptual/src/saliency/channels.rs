@@ -8,14 +8,12 @@ use plane::Plane;
 /// Smallest M_max by which a channel is divided: that of one map in which one place alone stands out. Ours: a channel whose
 /// maps have been suppressed stays suppressed.
 const CHANNEL_FLOOR: f32 = 1.0;
-/// Smallest M_max by which maps of O are divided: 0.5 %, where a wave from black to white has ½. Ours.
-const ORIENTATION_FLOOR: f32 = 0.005;
 
 /// Σ_F of a feature, with the floor f of its maps: (S3) to (S5).
 fn feature_map(feature: &Pyramid, f: f32) -> Plane<f32> {
     let mut sum = Plane::default();
     for c in CENTERS {
-        // What finer centers gave, taken to this level.
+        // The sum over finer centers, taken to this level.
         let Some(center) = feature.level(c) else { break };
         sum = if c == CENTERS[0] { Plane::filled(center.width(), center.height(), 0.0) } else { halved(&sum) };
         for delta in DELTAS {
@@ -28,17 +26,17 @@ fn feature_map(feature: &Pyramid, f: f32) -> Plane<f32> {
     sum
 }
 
-/// N of the sum over `features`, with the floor f of their maps: Ī, C̄ or Ū of (S6), promoted.
+/// N(Ī), N(C̄) or N(Ū) of (S6): the sum over `features`, with the floor f of their maps, promoted.
 pub fn channel(features: &[Pyramid], f: f32) -> Plane<f32> {
     let mut sum = sum_of(features.iter().map(|feature| feature_map(feature, f)));
     promote(&mut sum, CHANNEL_FLOOR);
     sum
 }
 
-/// N(Ō) of (S6): each direction is promoted by itself before.
-pub fn orientation_channel(intensity: &Pyramid) -> Plane<f32> {
+/// N(Ō) of (S6), with the floor f of its maps: each direction is promoted by itself before.
+pub fn orientation_channel(intensity: &Pyramid, f: f32) -> Plane<f32> {
     let directions = intensity.map(orientations);
-    let mut sum = sum_of(directions.iter().map(|o| channel(std::slice::from_ref(o), ORIENTATION_FLOOR)));
+    let mut sum = sum_of(directions.iter().map(|o| channel(std::slice::from_ref(o), f)));
     promote(&mut sum, CHANNEL_FLOOR);
     sum
 }

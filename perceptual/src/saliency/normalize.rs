@@ -2,15 +2,28 @@
 
 use plane::Plane;
 
-/// Windows of local maxima: this share of a map's width and height. Windows of 3×3 samples find every ripple, so m̄ falls with
-/// the detail of a map rather than with the number of places that stand out.
+/// Windows of local maxima are an eighth of a map's width and height. Ours: windows of 3×3 samples find every ripple, which lowers
+/// m̄. A red item among 24 green ones then ranks as low as 21st on 512×512 pixels.
 const WINDOWS: usize = 8;
 /// Local maxima below this share of M_max do not count: rounding makes them where a map is flat. Ours.
 const LEAST_MAXIMUM: f32 = 0.01;
 
+/// The largest value; 0 if none is larger.
+pub fn largest_of(values: &[f32]) -> f32 {
+    // Eight side by side: one after the other, each comparison would wait for the last.
+    let (groups, rest) = values.as_chunks::<8>();
+    let mut largest = [0.0f32; 8];
+    for group in groups {
+        for (largest, &value) in largest.iter_mut().zip(group) {
+            *largest = largest.max(value);
+        }
+    }
+    largest.iter().chain(rest).copied().fold(0.0, f32::max)
+}
+
 /// N(M), in place: `M / max(M_max, f) · (1 − m̄ / M_max)²`, for a map without negative values.
 pub fn promote(map: &mut Plane<f32>, f: f32) {
-    let highest = map.samples().iter().copied().fold(0.0, f32::max);
+    let highest = largest_of(map.samples());
     if highest <= 0.0 {
         return;
     }
@@ -96,8 +109,8 @@ mod tests {
         let reach = |side: usize| (side / 16).max(1);
         let is_maximum = |i: usize| {
             (0..width * height).filter(|&j| j != i).all(|j| {
-                let inside = (i % width).abs_diff(j % width) <= reach(width)
-                    && (i / width).abs_diff(j / width) <= reach(height);
+                let inside =
+                    (i % width).abs_diff(j % width) <= reach(width) && (i / width).abs_diff(j / width) <= reach(height);
                 let (value, other) = (map.samples()[i], map.samples()[j]);
                 !inside || other < value || other == value && j > i
             })

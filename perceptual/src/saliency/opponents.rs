@@ -1,5 +1,6 @@
 //! Features of single pixels: intensity, opponent colors, axes of motion.
 
+use super::normalize::largest_of;
 use plane::Plane;
 
 /// Share of the largest intensity below which a pixel has no hue \[Itti98\].
@@ -20,7 +21,7 @@ impl Opponents {
     pub fn new(rgb: &Plane<[f32; 3]>) -> Self {
         // I, whose maximum decides which pixels have hues.
         let intensity = rgb.map(|rgb| shown(rgb).iter().sum::<f32>() / 3.0);
-        let darkest = DARKEST_HUE * intensity.samples().iter().copied().fold(0.0, f32::max);
+        let darkest = DARKEST_HUE * largest_of(intensity.samples());
 
         // R − G and B − Y.
         let (width, height) = (rgb.width(), rgb.height());

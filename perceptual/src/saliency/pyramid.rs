@@ -76,7 +76,7 @@ pub fn halved(plane: &Plane<f32>) -> Plane<f32> {
     let mut padded = vec![0.0; width + 6];
     for y in 0..out.height() {
         // Down the columns. Two samples beyond the left border come first.
-        let row = |j: usize| plane.row(reflected((2 * y + j) as isize - 2, height));
+        let row = |j: usize| &plane.row(reflected((2 * y + j) as isize - 2, height))[..width];
         let [b0, b1, b2, b3, b4, b5] = std::array::from_fn(row);
         for (x, sum) in padded[2..2 + width].iter_mut().enumerate() {
             *sum = KERNEL[0] * (b2[x] + b3[x]) + KERNEL[1] * (b1[x] + b4[x]) + KERNEL[2] * (b0[x] + b5[x]);

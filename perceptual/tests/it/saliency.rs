@@ -23,6 +23,8 @@ enum Oddity {
     Orientation,
     /// Items and field move alike; it is faster by k.
     Speed,
+    /// Items move over a field at rest; it is faster by k.
+    Overtaking,
     /// Items move over a field at rest; its direction is turned by k · 180°.
     Direction,
 }
@@ -52,6 +54,7 @@ fn motion(oddity: Oddity, k: f32) -> Option<[[f32; 2]; 2]> {
     let (sin, cos) = (std::f32::consts::PI * k).sin_cos();
     match oddity {
         Oddity::Speed => Some([[2.0 * (1.0 + k), 0.0], [2.0, 0.0]]),
+        Oddity::Overtaking => Some([[2.0 * (1.0 + k), 0.0], [0.0; 2]]),
         Oddity::Direction => Some([[2.0 * cos, 2.0 * sin], [0.0; 2]]),
         _ => None,
     }
@@ -94,7 +97,7 @@ fn search(oddity: Oddity, k: f32, odd: usize, size: usize) -> (Plane<[f32; 3]>, 
     (rgb, motion)
 }
 
-/// How many of the other items have a maximum of saliency as large as the odd one's, plus one.
+/// Rank of the odd item by its largest saliency; the last one of equals.
 fn rank(map: &Plane<f32>, odd: usize) -> usize {
     let cell = map.width() as f32 / GRID as f32;
     let mut maxima = [0.0f32; GRID * GRID];
@@ -108,7 +111,7 @@ fn rank(map: &Plane<f32>, odd: usize) -> usize {
     maxima.iter().filter(|&&maximum| maximum >= maxima[odd]).count()
 }
 
-/// Ranks of the odd item at different places.
+/// Ranks of the odd item at six of the places.
 fn ranks(oddity: Oddity, k: f32, size: usize) -> [usize; 6] {
     [0, 3, 7, 12, 22, 24].map(|odd| {
         let (rgb, motion) = search(oddity, k, odd, size);
@@ -118,21 +121,21 @@ fn ranks(oddity: Oddity, k: f32, size: usize) -> [usize; 6] {
 
 #[test]
 fn saliency_of_the_odd_item_ranks_first() {
-    let least = [
+    // With the least contrast that is found everywhere.
+    let oddities = [
         (Oddity::Brightness, 0.25),
         (Oddity::Tint, 0.25),
         (Oddity::Hue, 0.25),
-        (Oddity::Size, 0.5),
-        (Oddity::Orientation, 0.75),
+        (Oddity::Size, 0.25),
+        (Oddity::Orientation, 0.25),
         (Oddity::Speed, 0.25),
+        (Oddity::Overtaking, 0.75),
         (Oddity::Direction, 0.25),
     ];
     for size in [256, 512] {
-        for (oddity, least) in least {
-            for k in [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0] {
-                let ranks = ranks(oddity, k, size);
-                println!("{size} {oddity:?} {k}: {ranks:?}");
-                assert!(k < least || ranks == [1; 6], "{size} {oddity:?} {k}: {ranks:?}");
+        for (oddity, least) in oddities {
+            for k in [0.25, 0.5, 0.75, 1.0].into_iter().filter(|&k| k >= least) {
+                assert_eq!(ranks(oddity, k, size), [1; 6], "{size} {oddity:?} {k}");
             }
         }
     }
@@ -175,7 +178,7 @@ fn saliency_of_flat_pictures_and_of_noise_is_next_to_nothing() {
     let gray = Plane::from_fn(256, 256, |_, _| [sample(); 3]);
     for rgb in [colored, gray] {
         let map = saliency(&rgb, None);
-        assert!(largest(&map) < 0.02, "{}", largest(&map));
+        assert!(largest(&map) < 0.01, "{}", largest(&map));
     }
 }
 
@@ -257,7 +260,7 @@ fn saliency_is_steadied_along_the_motion() {
     // Nothing was seen before.
     let first = steady_saliency(&now, &Plane::default(), &known);
     assert_eq!(first.samples(), [1.0; 4]);
-    // What was uncovered settles within a few frames.
+    // The uncovered settles within a few frames.
     let still = Correspondence::still(4, 1);
     let settled = (0..8).fold(first, |before, _| steady_saliency(&now, &before, &still));
     assert!(settled.samples().iter().all(|s| (s - 0.5).abs() < 0.01));
