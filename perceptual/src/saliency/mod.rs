@@ -18,7 +18,8 @@
 //! # Differs from the paper
 //! - **Surround.** The paper prints |(R−G)_c − (G−R)_s|. That sign hides a red item among green ones, because its center and its
 //!   surround cancel. Center and surround have the same sign here.
-//! - **Noise.** N has a floor f. Without it, a map that holds only noise is stretched to the range of all others.
+//! - **Noise.** N has a floor f. Without it, a map that holds only noise is stretched to the range of all others. Channels have
+//!   the floor 1, so that a channel stays small whose maps are all suppressed.
 //! - **Local maxima** are sought in windows of an eighth of the map. Equal values in a window count once.
 //! - **Quadrature.** O is the magnitude of an even and an odd filter, so an edge does not count by its phase.
 //! - **Motion** is a fourth channel. Its axes have a map each, as the two pairs of colors have: an item that moves in a direction
