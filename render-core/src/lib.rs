@@ -30,7 +30,7 @@ pub mod sampling;
 pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
 pub use anchor::{Anchor, Anchors, DynamicAnchor};
 #[cfg(feature = "bake")]
-pub use atlas::{Atlas, AtlasError, AtlasPoint, TexelBlend, TexelSite};
+pub use atlas::{Atlas, AtlasError, AtlasPoint, FinePoint, FineTexels, TexelBlend, TexelSite};
 pub use bsdf::{Bsdf, BsdfSample};
 pub use busy::{Busy, Timed};
 pub use carried::{AuditCounts, Carried, CarriedLight, Completed, Destination, Reuse, Unseen};
@@ -46,7 +46,7 @@ pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling};
 pub use photon::{AnchorFlux, Photons, SweptVolume};
 pub use posed_scene::PosedScene;
 pub use reconstruct::{reconstruct, sample_offsets};
-pub use surface::{Surface, Surfaces};
+pub use surface::{Paint, Surface, Surfaces};
 
 use glam::{Vec3, Vec3A};
 

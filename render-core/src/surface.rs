@@ -2,9 +2,11 @@
 
 mod interaction;
 mod normal_map;
+mod paint;
 mod site;
 
 pub(crate) use interaction::Interaction;
+pub use paint::Paint;
 use site::Footprint;
 
 use crate::accel::Hit;

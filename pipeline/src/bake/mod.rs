@@ -1,8 +1,10 @@
 //! Baked light: the light of what stands still, computed once for films that look it up.
 //!
 //! [`bake`] lights the texels of an atlas and writes them as a file `.slf`; [`read`] brings it back for a film of the same scene.
+//! [`export`] paints the light into a copy of the scene.
 
 mod blocks;
+pub mod export;
 mod file;
 mod fingerprint;
 mod inside;

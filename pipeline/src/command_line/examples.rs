@@ -15,9 +15,13 @@ Ctrl-C ends with a video that plays.";
 pub const BAKE: &str = "Examples:
   render2mpeg bake scene.glb                                    into scene.slf, beside the scene
   render2mpeg bake scene.glb --texels 2000000 -o fine.slf       finer, for pictures from nearby
+  render2mpeg bake scene.glb --gltf lit.glb                     with the light painted in, for any viewer
+  render2mpeg bake scene.glb --gltf lit.glb --baked fine.slf --texture 4096   from light that is baked already
 
 A film looks the light up with render scene.glb --lighting baked, or with --baked fine.slf besides.
-Indirect light is baked and direct light is not: shadows stay sharp. Lamps must stand still.";
+Indirect light is baked and direct light is not: shadows stay sharp. Lamps must stand still.
+The export has both, in the colors of a film: all that stands still is unlit there, and reflections of coats are left out.
+Metals are painted as if they were matte. With lit.glb comes lit.toml, by which a film of it looks like one of the scene.";
 
 #[cfg(feature = "exr")]
 pub const REFERENCE: &str = "Examples:

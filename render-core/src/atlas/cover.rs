@@ -65,7 +65,7 @@ fn texels(low: f32, high: f32, count: u32) -> (u32, u32) {
 }
 
 /// Least and largest x of the part of a triangle with y from `low` to `high`; `None` if there is no such part.
-fn extent(corners: [Vec2; 3], low: f32, high: f32) -> Option<(f32, f32)> {
+pub(super) fn extent(corners: [Vec2; 3], low: f32, high: f32) -> Option<(f32, f32)> {
     let mut extent = (f32::INFINITY, f32::NEG_INFINITY);
     for k in 0..3 {
         let (a, b) = (corners[k], corners[(k + 1) % 3]);

@@ -2,13 +2,15 @@
 //!
 //! `flatten` cuts the surfaces into charts and lays these out flat. `density` finds the scale at which they take the wished
 //! number of texels, and `pack` gives each chart a rectangle. A texel is in use if a look-up of some point of a chart reads it:
-//! `cover` finds these, and `tiles` numbers them. `point` goes from a texel to surface points and back.
+//! `cover` finds these, and `tiles` numbers them. `point` goes from a texel to surface points and back, and `fine` from a texel
+//! of a finer picture of the atlas to a surface point.
 //!
 //! Of double-sided surfaces each side has charts of its own, since light differs between them. Others have a front alone.
 //! Unlit surfaces have no charts.
 
 mod cover;
 mod density;
+mod fine;
 mod flatten;
 mod layout;
 mod nearest;
@@ -17,6 +19,7 @@ mod point;
 mod tiles;
 mod validate;
 
+pub use fine::{FinePoint, FineTexels};
 pub use flatten::AtlasError;
 pub use point::{AtlasPoint, TexelBlend, TexelSite};
 

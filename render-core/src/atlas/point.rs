@@ -182,7 +182,7 @@ impl Atlas {
     }
 
     /// The look-up at a point of a triangle.
-    fn blend(&self, placed: &Placed, nearest: Nearest) -> Option<TexelBlend> {
+    pub(super) fn blend(&self, placed: &Placed, nearest: Nearest) -> Option<TexelBlend> {
         // Centers of texels are at halves. The point is f right of and below the center of the upper left one.
         let place = nearest.mix(placed.corners()) - 0.5;
         let first = (place + AT_CENTER).floor();

@@ -17,7 +17,7 @@ pub use crate::environment::Gradient;
 pub use animation::{Channel, Interpolation, Track};
 pub use camera::{Camera, Projected, Projection, View};
 pub use deform::{DeformedMesh, MorphedNode, Skin};
-pub use gltf_file::{LoadError, load};
+pub use gltf_file::{GltfSource, LoadError, load};
 pub use light::{PunctualKind, PunctualLight};
 pub use material::{Alpha, Material, TextureSlot, UV_SETS};
 pub(crate) use mesh::interpolate as mesh_interpolate;

@@ -91,6 +91,13 @@ impl Site<'_> {
         (material.base_color * vertex * self.color(&material.base_color_texture)).clamp(Vec3::ZERO, Vec3::ONE)
     }
 
+    /// Opacity, 0…1: factor, vertex color and texture.
+    pub(super) fn opacity(&self, material: &Material) -> f32 {
+        let vertex = interpolate(&self.mesh.colors, self.indices, self.u, self.v).map_or(1.0, |color| color.w);
+        let texture = material.base_color_texture.as_ref().and_then(|slot| self.look_up(slot));
+        (material.opacity * vertex * texture.map_or(1.0, |found| found.opacity)).clamp(0.0, 1.0)
+    }
+
     /// Metalness and perceptual roughness, 0…1.
     pub(super) fn metallic_roughness(&self, material: &Material) -> (f32, f32) {
         let texel = self.color(&material.metallic_roughness_texture);

@@ -11,8 +11,11 @@ mod materials;
 mod meshes;
 mod nodes;
 mod skins;
+mod source;
 mod textures;
 mod validate;
+
+pub use source::GltfSource;
 
 use super::light::STRONGEST;
 use super::sky::SkySource;

@@ -1,0 +1,147 @@
+//! Elements of accessors as bytes, whatever their type is: they are copied, not understood.
+
+use super::document::{ARRAY_BUFFER, Document, number, offset};
+use serde_json::{Value, json};
+
+/// The layout of the elements of an accessor.
+#[derive(Clone, Copy)]
+struct Layout {
+    /// `componentType` of glTF.
+    component: u64,
+    /// Bytes of a component.
+    width: usize,
+    /// Components of an element.
+    count: usize,
+}
+
+impl Layout {
+    /// The layout that an accessor states; `None` for matrices, and for what glTF does not have.
+    fn of(accessor: &Value) -> Option<Self> {
+        let component = accessor["componentType"].as_u64()?;
+        let width = match component {
+            5120 | 5121 => 1,
+            5122 | 5123 => 2,
+            5125 | 5126 => 4,
+            _ => return None,
+        };
+        let count = match accessor["type"].as_str()? {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            "VEC4" => 4,
+            _ => return None,
+        };
+        Some(Self { component, width, count })
+    }
+
+    fn size(self) -> usize {
+        self.width * self.count
+    }
+
+    /// A component as a number.
+    fn number(self, b: &[u8]) -> f64 {
+        match self.component {
+            5120 => f64::from(b[0] as i8),
+            5121 => f64::from(b[0]),
+            5122 => f64::from(i16::from_le_bytes([b[0], b[1]])),
+            5123 => f64::from(u16::from_le_bytes([b[0], b[1]])),
+            5125 => f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+            _ => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+        }
+    }
+
+    /// Least and largest components of elements that lie `stride` apart.
+    fn bounds(self, bytes: &[u8], stride: usize) -> (Vec<f64>, Vec<f64>) {
+        let (mut least, mut most) = (vec![f64::INFINITY; self.count], vec![f64::NEG_INFINITY; self.count]);
+        for element in bytes.chunks_exact(stride) {
+            for (c, component) in element[..self.size()].chunks_exact(self.width).enumerate() {
+                let value = self.number(component);
+                (least[c], most[c]) = (least[c].min(value), most[c].max(value));
+            }
+        }
+        (least, most)
+    }
+}
+
+impl Document {
+    /// The elements of an accessor, one after the other; `None` if it has not `count` of them, or they lie outside of their
+    /// buffer.
+    fn elements(&self, accessor: &Value, count: usize) -> Option<Vec<u8>> {
+        let layout = Layout::of(accessor)?;
+        let size = layout.size();
+        if number(&accessor["count"])? != count {
+            return None;
+        }
+        let mut elements = match &accessor["bufferView"] {
+            Value::Null => vec![0; size.checked_mul(count)?],
+            view => {
+                let view = number(view)?;
+                let stride = number(&self.list("bufferViews").get(view)?["byteStride"]).unwrap_or(size);
+                strided(self.view(view)?, offset(accessor)?, stride, (size, count))?
+            }
+        };
+
+        // Sparse accessors replace some of them.
+        if let Value::Object(sparse) = &accessor["sparse"] {
+            let (places, values) = (sparse.get("indices")?, sparse.get("values")?);
+            let replaced = number(sparse.get("count")?)?;
+            let index = Layout::of(&json!({ "componentType": places["componentType"], "type": "SCALAR" }))?;
+            let bytes = |part: &Value, size: usize| {
+                strided(self.view(number(&part["bufferView"])?)?, offset(part)?, size, (size, replaced))
+            };
+            let (places, values) = (bytes(places, index.size())?, bytes(values, size)?);
+            for (place, value) in places.chunks_exact(index.size()).zip(values.chunks_exact(size)) {
+                let first = (index.number(place) as usize).checked_mul(size)?;
+                elements.get_mut(first..first.checked_add(size)?)?.copy_from_slice(value);
+            }
+        }
+        Some(elements)
+    }
+
+    /// A new accessor with the elements of another one for these vertices, of `count` that there are; with least and largest
+    /// values if it is `bounded`. `None` if the other one cannot be read.
+    pub fn gather(&mut self, accessor: usize, count: usize, vertices: &[u32], bounded: bool) -> Option<usize> {
+        let old = self.list("accessors").get(accessor)?.clone();
+        let (layout, elements) = (Layout::of(&old)?, self.elements(&old, count)?);
+        let size = layout.size();
+
+        // Elements begin at multiples of four bytes (glTF 2.0, 3.6.2.4).
+        let stride = size.next_multiple_of(4);
+        let mut bytes = Vec::with_capacity(vertices.len() * stride);
+        for &vertex in vertices {
+            bytes.extend(elements.get(vertex as usize * size..)?.get(..size)?);
+            bytes.resize(bytes.len().next_multiple_of(4), 0);
+        }
+
+        let mut new = json!({ "componentType": old["componentType"], "type": old["type"], "count": vertices.len() });
+        if old["normalized"] == json!(true) {
+            new["normalized"] = json!(true);
+        }
+        if bounded {
+            let (least, most) = layout.bounds(&bytes, stride);
+            (new["min"], new["max"]) = (json!(least), json!(most));
+        }
+        let index = self.add_accessor(bytes, ARRAY_BUFFER, new);
+        if stride != size {
+            let view = self.list("bufferViews").len() - 1;
+            self.json["bufferViews"][view]["byteStride"] = json!(stride);
+        }
+        Some(index)
+    }
+}
+
+/// `count` elements of `size` bytes, `stride` apart, one after the other; `None` if they do not fit into `bytes`.
+fn strided(bytes: &[u8], first: usize, stride: usize, (size, count): (usize, usize)) -> Option<Vec<u8>> {
+    if count == 0 {
+        return Some(Vec::new());
+    }
+    let end = stride.checked_mul(count - 1)?.checked_add(first)?.checked_add(size)?;
+    if end > bytes.len() || stride == 0 {
+        return None;
+    }
+    let mut elements = Vec::with_capacity(size * count);
+    for element in 0..count {
+        elements.extend(&bytes[first + element * stride..][..size]);
+    }
+    Some(elements)
+}

@@ -1,0 +1,49 @@
+//! Lamps of the document: they are in the baked light already, and shine on nothing but what moves.
+
+use super::document::Document;
+use render_core::scene::Scene;
+use serde_json::{Value, json};
+
+const EXTENSION: &str = "KHR_lights_punctual";
+
+/// Keeps the punctual lights if something that moves needs them, `exposure` times as bright, and leaves them out otherwise.
+pub(super) fn adapt(document: &mut Document, scene: &Scene, exposure: f32) {
+    let moving = scene.moving_instances();
+    let is_lit = |mesh: usize| !scene.materials[scene.meshes[mesh].material].unlit;
+    let needed = scene.instances.iter().zip(moving).any(|(instance, moves)| moves && is_lit(instance.mesh));
+    if !needed {
+        leave_out(&mut document.json);
+        return;
+    }
+
+    // Their unit stays the film's, before its exposure: a viewer has none.
+    let lights = document.json.pointer_mut(&format!("/extensions/{EXTENSION}/lights"));
+    for light in lights.and_then(Value::as_array_mut).into_iter().flatten() {
+        let intensity = light["intensity"].as_f64().unwrap_or(1.0) * f64::from(exposure);
+        if intensity.is_finite() && light.is_object() {
+            light["intensity"] = json!(intensity);
+        }
+    }
+}
+
+/// Leaves the extension out of the document and of its nodes.
+fn leave_out(json: &mut Value) {
+    let nodes = json["nodes"].as_array_mut().map(std::mem::take).unwrap_or_default();
+    let mut kept = Vec::with_capacity(nodes.len());
+    for mut node in nodes {
+        without_lights(&mut node);
+        kept.push(node);
+    }
+    json["nodes"] = json!(kept);
+    without_lights(json);
+}
+
+/// Leaves the extension out of an object.
+fn without_lights(object: &mut Value) {
+    let Some(map) = object.as_object_mut() else { return };
+    let Some(Value::Object(extensions)) = map.get_mut("extensions") else { return };
+    extensions.remove(EXTENSION);
+    if extensions.is_empty() {
+        map.remove("extensions");
+    }
+}

@@ -1,0 +1,96 @@
+//! Vertices, split where charts end: a vertex has one place in a texture.
+
+use glam::Vec2;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+/// Places of the triangles of one side of an instance; `None` for a triangle without a place.
+pub(super) type Side = Vec<Option<[Vec2; 3]>>;
+
+/// The vertices of a mesh, split so that each has one place on all sides of all instances.
+#[derive(Debug, PartialEq)]
+pub(super) struct Split {
+    /// For each new vertex the old one.
+    pub vertices: Vec<u32>,
+    /// The new vertices of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Split {
+    /// Splits the vertices of `triangles`. Each of `sides` has a place, or none, for each triangle.
+    pub fn new(triangles: &[[u32; 3]], sides: &[Side]) -> Self {
+        // At first corners are of one kind if they have the same vertex; then each side tells more of them apart.
+        let mut kinds: Vec<u32> = triangles.as_flattened().to_vec();
+        for side in sides {
+            let mut known: HashMap<(u32, Option<[u32; 2]>), u32> = HashMap::new();
+            for (corner, kind) in kinds.iter_mut().enumerate() {
+                let place = side[corner / 3].map(|corners| corners[corner % 3].to_array().map(f32::to_bits));
+                let next = known.len() as u32;
+                *kind = *known.entry((*kind, place)).or_insert(next);
+            }
+        }
+
+        // Kinds get their numbers in the order of triangles.
+        let (mut vertices, mut number_of) = (Vec::new(), HashMap::new());
+        let mut new = vec![[0; 3]; triangles.len()];
+        let olds = triangles.as_flattened().iter();
+        for ((new, kind), &old) in new.as_flattened_mut().iter_mut().zip(kinds).zip(olds) {
+            let number = match number_of.entry(kind) {
+                Entry::Occupied(known) => *known.get(),
+                Entry::Vacant(entry) => {
+                    vertices.push(old);
+                    *entry.insert(vertices.len() as u32 - 1)
+                }
+            };
+            *new = number;
+        }
+        Self { vertices, triangles: new }
+    }
+
+    /// The place of each vertex on one of the sides, (0, 0) where it has none.
+    pub fn places(&self, side: &Side) -> Vec<Vec2> {
+        let mut places = vec![Vec2::ZERO; self.vertices.len()];
+        for (triangle, corners) in self.triangles.iter().zip(side) {
+            for (&vertex, place) in triangle.iter().zip(corners.iter().flatten()) {
+                places[vertex as usize] = *place;
+            }
+        }
+        places
+    }
+
+    /// The vertices of the triangles that have a place on a side, as one list; turned round for a `back`.
+    pub fn indices(&self, side: &Side, back: bool) -> Vec<u32> {
+        let mut indices = Vec::with_capacity(3 * self.triangles.len());
+        for (&[a, b, c], _) in self.triangles.iter().zip(side).filter(|(_, corners)| corners.is_some()) {
+            indices.extend(if back { [a, c, b] } else { [a, b, c] });
+        }
+        indices
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::vec2;
+
+    /// Two triangles with a common edge, in one chart or in two.
+    #[test]
+    fn vertices_are_split_between_charts_alone() {
+        let triangles = [[0, 1, 2], [2, 1, 3]];
+        let corners = |shift: f32| [vec2(0.0, 0.0), vec2(1.0, 0.0), vec2(0.0, 1.0)].map(|corner| corner + shift);
+        let (first, beside) = (corners(0.0), [vec2(0.0, 1.0), vec2(1.0, 0.0), vec2(1.0, 1.0)]);
+        let whole: Side = vec![Some(first), Some(beside)];
+        let cut: Side = vec![Some(first), Some(beside.map(|corner| corner + 8.0))];
+
+        let one = Split::new(&triangles, std::slice::from_ref(&whole));
+        assert_eq!(one, Split { vertices: vec![0, 1, 2, 3], triangles: triangles.to_vec() });
+
+        // What one side cuts is cut on all.
+        let two = Split::new(&triangles, &[whole.clone(), cut.clone()]);
+        assert_eq!(two, Split { vertices: vec![0, 1, 2, 2, 1, 3], triangles: vec![[0, 1, 2], [3, 4, 5]] });
+        assert_eq!(two.places(&whole)[2..4], [vec2(0.0, 1.0); 2]);
+        assert_eq!(two.places(&cut)[2..4], [vec2(0.0, 1.0), vec2(8.0, 9.0)]);
+        assert_eq!(two.indices(&whole, true), [0, 2, 1, 3, 5, 4]);
+        assert_eq!(two.indices(&vec![None, cut[1]], false), [3, 4, 5], "no place, no triangle");
+    }
+}

@@ -1,0 +1,38 @@
+//! The tone curve that the picture of baked light is shown by: the film's.
+
+use crate::error::Result;
+use crate::film::display::exposure_for;
+use crate::parts::{LastThresholds, Shade};
+use crate::plan::Plan;
+use crate::renderer::texels::BakedTexels;
+use crate::renderer::{Preparation, Shading};
+use crate::settings::{Lighting, RenderSettings, Settings, Size};
+use glam::Vec3;
+use perceptual::{ToneMap, luminance_plane};
+use render_core::scene::Scene;
+use std::sync::Arc;
+
+/// Side of the frame that an exposure is found from \[pixels\].
+const SIDE: usize = 128;
+
+/// The tone curve of a film by `settings`. Where the scene states no exposure, it is that of the film's first frame: by the
+/// same rule, from a frame of 128×128 pixels in baked light.
+pub(super) fn tone_map(scene: &Scene, settings: &Settings, baked: &Arc<BakedTexels>) -> Result<ToneMap> {
+    if !settings.auto_exposure {
+        return Ok(settings.tone_map);
+    }
+    let settings = Settings { lighting: Lighting::Baked, ..settings.clone() };
+    let renderer =
+        RenderSettings { size: Size { width: SIDE, height: SIDE }, frames: 1, aov: Vec::new(), ..settings.renderer() };
+    let plan = Plan::new(scene, &renderer);
+    let prepared = Preparation::new(scene, &renderer, &plan).frame(0);
+    let mut shading = Shading::new(&renderer, &plan).with_baked(baked.clone());
+    let radiance = shading.step(&prepared, LastThresholds::none()).radiance;
+    Ok(settings.tone_map.with_exposure(exposure_for(&luminance_plane(&radiance))))
+}
+
+/// The radiance that looks as `radiance` does by `tone_map`, where the display's own curve is the only one.
+pub(super) fn shown(tone_map: &ToneMap, radiance: Vec3) -> Vec3 {
+    let display = ToneMap::srgb();
+    Vec3::from(radiance.to_array().map(|light| display.decode(tone_map.encode(light))))
+}

@@ -1,0 +1,210 @@
+//! A finer picture of the atlas: to each of its texels the nearest point of the charts.
+
+use super::cover::extent;
+use super::nearest::Nearest;
+use super::point::TexelBlend;
+use super::{Atlas, NONE};
+use crate::accel::Hit;
+use glam::Vec2;
+use rayon::prelude::*;
+
+/// Texels farther than this from all charts have no point \[fine texels\]. Bilinear look-ups go no farther than one.
+const REACH: f32 = 4.0;
+/// Rows that are filled together.
+const BAND: usize = 32;
+
+/// A picture of the whole atlas at a higher density.
+#[derive(Clone, Debug)]
+pub struct FineTexels<'a> {
+    atlas: &'a Atlas,
+    scale: f32,
+    width: u32,
+    height: u32,
+    /// For each texel the triangle nearest to its center, index into the atlas's triangles, or [`NONE`].
+    owners: Vec<u32>,
+}
+
+/// The point of a chart that a fine texel shows.
+#[derive(Clone, Copy, Debug)]
+pub struct FinePoint {
+    /// The triangle, and where on it; the distance is 0.
+    pub hit: Hit,
+    /// The texels of the atlas around it.
+    pub blend: TexelBlend,
+}
+
+/// A triangle in the picture.
+struct Drawn {
+    index: u32,
+    /// Fine texels.
+    corners: [Vec2; 3],
+}
+
+impl Atlas {
+    /// A picture of the atlas with `scale` texels to each of its own along both sides, 1 or more.
+    ///
+    /// # Panics
+    ///
+    /// If `scale` is less than 1: charts would no longer be apart.
+    #[must_use]
+    pub fn fine(&self, scale: f32) -> FineTexels<'_> {
+        assert!(scale >= 1.0, "{scale} texels to a texel");
+        let (columns, rows) = self.size();
+        let side = |texels: u32| ((texels as f32 * scale).ceil() as u32).max(1);
+        let (width, height) = (side(columns), side(rows));
+
+        // Triangles go to the bands of rows that they may be near to.
+        let mut bands: Vec<Vec<Drawn>> = Vec::new();
+        bands.resize_with((height as usize).div_ceil(BAND), Vec::new);
+        for (index, placed) in self.triangles.iter().enumerate().filter(|(_, placed)| placed.chart != NONE) {
+            let [left, top] = self.charts[placed.chart as usize];
+            let corners = placed.corners().map(|corner| (corner + Vec2::new(left as f32, top as f32)) * scale);
+            let (low, high) = corners
+                .iter()
+                .fold((f32::INFINITY, 0.0f32), |(low, high), corner| (low.min(corner.y), high.max(corner.y)));
+            let band = |y: f32| (y.max(0.0) as usize / BAND).min(bands.len() - 1);
+            for band in band(low - REACH - 1.0)..=band(high + REACH + 1.0) {
+                bands[band].push(Drawn { index: index as u32, corners });
+            }
+        }
+
+        // Each band for itself; of triangles as near, the first counts.
+        let mut owners = vec![NONE; width as usize * height as usize];
+        owners.par_chunks_mut(BAND * width as usize).zip(bands).enumerate().for_each(|(band, (owners, triangles))| {
+            fill(owners, (band * BAND) as u32, width, &triangles);
+        });
+        FineTexels { atlas: self, scale, width, height, owners }
+    }
+}
+
+/// Finds the owners of rows that begin with row `top` of the picture.
+fn fill(owners: &mut [u32], top: u32, width: u32, triangles: &[Drawn]) {
+    let mut nearest = vec![REACH * REACH; owners.len()];
+    for Drawn { index, corners } in triangles {
+        for (row, (owners, nearest)) in
+            owners.chunks_mut(width as usize).zip(nearest.chunks_mut(width as usize)).enumerate()
+        {
+            let y = (top + row as u32) as f32 + 0.5;
+            let Some((left, right)) = extent(*corners, y - REACH, y + REACH) else { continue };
+            let first = (left - REACH).max(0.0) as usize;
+            let last = ((right + REACH) as usize).min(width as usize - 1);
+            for x in first..=last {
+                let distance2 = Nearest::in_plane(*corners, Vec2::new(x as f32 + 0.5, y)).distance2;
+                if distance2 < nearest[x] {
+                    (owners[x], nearest[x]) = (*index, distance2);
+                }
+            }
+        }
+    }
+}
+
+impl FineTexels<'_> {
+    /// Texels in a row.
+    #[must_use]
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Rows.
+    #[must_use]
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Side of a texel on flat surfaces \[m\].
+    #[must_use]
+    pub fn texel_width(&self) -> f32 {
+        1.0 / (self.atlas.texels_per_meter * self.scale)
+    }
+
+    /// Texture coordinates of a place in the atlas, of [`Atlas::triangle_places`]: 0 at the picture's left and upper edge, 1 at
+    /// its right and lower one.
+    #[must_use]
+    pub fn uv(&self, place: Vec2) -> Vec2 {
+        place * self.scale / Vec2::new(self.width as f32, self.height as f32)
+    }
+
+    /// The point of the charts nearest to the center of a texel; `None` if it is more than four texels away, or the texel is
+    /// not in the picture.
+    #[must_use]
+    pub fn point(&self, x: u32, y: u32) -> Option<FinePoint> {
+        let place = (x < self.width).then_some(y as usize * self.width as usize + x as usize)?;
+        let owner = *self.owners.get(place).filter(|owner| **owner != NONE)?;
+        let placed = &self.atlas.triangles[owner as usize];
+        let [left, top] = self.atlas.charts[placed.chart as usize];
+        let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / self.scale - Vec2::new(left as f32, top as f32);
+        let nearest = Nearest::in_plane(placed.corners(), center);
+
+        let before = self.atlas.sheets.partition_point(|sheet| sheet.first <= owner);
+        let sheet = self.atlas.sheets[before.checked_sub(1)?];
+        let [_, u, v] = nearest.weights;
+        let hit = Hit { distance: 0.0, instance: sheet.instance, triangle: owner - sheet.first, u, v };
+        Some(FinePoint { hit, blend: self.atlas.blend(placed, nearest)? })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Surfaces;
+    use crate::scene::{Material, Mesh, Scene};
+    use glam::Vec3;
+
+    /// Two squares that lie apart, seen from both sides.
+    fn squares() -> Scene {
+        let mut mesh = Mesh::default();
+        for (corner, size) in [(Vec3::ZERO, 1.0), (Vec3::Z, 0.37)] {
+            let first = mesh.positions.len() as u32;
+            let [x, y] = [Vec3::X, Vec3::Y].map(|axis| axis * size);
+            mesh.positions.extend([corner, corner + x, corner + x + y, corner + y]);
+            mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        }
+        Scene::of_mesh(mesh, Material { double_sided: true, ..Material::default() })
+    }
+
+    /// Every texel around a place that a triangle's bilinear look-ups read shows a point of the same chart, and that of a place
+    /// within shows the place itself.
+    #[test]
+    fn look_ups_stay_in_their_charts() {
+        let scene = squares();
+        let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
+        let atlas = Atlas::new(&surfaces, 500).unwrap();
+        for scale in [1.0, 1.7, 6.0] {
+            let fine = atlas.fine(scale);
+            for (triangle, front) in (0..4).flat_map(|triangle| [(triangle, true), (triangle, false)]) {
+                let corners = atlas.triangle_places(0, triangle, front).unwrap();
+                for step in 0..=400 {
+                    let (u, v) = (step as f32 / 400.0, (step as f32 * 0.618).fract() * (1.0 - step as f32 / 400.0));
+                    let place = corners[0] * (1.0 - u - v) + corners[1] * u + corners[2] * v;
+                    let pixels = fine.uv(place) * Vec2::new(fine.width as f32, fine.height as f32) - 0.5;
+                    for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+                        let (x, y) = (pixels.x.floor() + dx, pixels.y.floor() + dy);
+                        let point = fine.point(x as u32, y as u32).expect("a texel that look-ups read");
+                        assert_eq!(point.hit.triangle / 2, triangle / 2, "scale {scale}: another square");
+                        let found = surfaces.corners(0, point.hit.triangle as usize);
+                        let [a, b, c] = found;
+                        let found = a + (b - a) * point.hit.u + (c - a) * point.hit.v;
+                        let [a, b, c] = surfaces.corners(0, triangle as usize);
+                        let wanted = a + (b - a) * u + (c - a) * v;
+                        let texels = found.distance(wanted) / fine.texel_width();
+                        assert!(texels < 1.5, "scale {scale}: {texels} texels off");
+                        // The other side has a place of its own.
+                        let first = atlas.place(point.blend.texels[0] as usize);
+                        let apart = (Vec2::new(first.0 as f32, first.1 as f32) - place).abs().max_element();
+                        assert!(apart < 2.0 + 1.5 / scale, "scale {scale}: texel {first:?} for {place}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn far_from_charts_nothing_is_shown() {
+        let scene = squares();
+        let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
+        let atlas = Atlas::new(&surfaces, 500).unwrap();
+        let fine = atlas.fine(8.0);
+        assert!(fine.point(fine.width() - 1, fine.height() - 1).is_none());
+        assert!(fine.point(fine.width(), 0).is_none() && fine.point(0, fine.height()).is_none());
+    }
+}

@@ -1,0 +1,70 @@
+//! The looks of a surface without light and without a viewer.
+
+use super::Surfaces;
+use super::site::{Footprint, Site};
+use crate::accel::Hit;
+use glam::{Vec3, Vec3A};
+
+/// Color, glow and opacity of a place on a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Paint {
+    /// Linear RGB base color, 0…1: the diffuse reflectance, or the color of a metal.
+    pub color: Vec3,
+    /// Emitted radiance \[W·m⁻²·sr⁻¹\]; zero for unlit surfaces.
+    pub emission: Vec3,
+    /// 0…1, whatever the material takes it for.
+    pub opacity: f32,
+}
+
+impl Surfaces<'_> {
+    /// The mean paint of a disk that lies on a surface, `width` meters across, around the point of `hit`.
+    #[must_use]
+    pub fn paint(&self, hit: &Hit, width: f32) -> Paint {
+        let (instance, triangle) = (hit.instance as usize, hit.triangle as usize);
+        let mesh = self.mesh(instance);
+        let material = &self.scene.materials[mesh.material];
+        let corners = self.corners(instance, triangle);
+        let [a, b, c] = corners;
+        let outward = (b - a).cross(c - a).try_normalize().unwrap_or(Vec3A::Y);
+
+        // A cone from straight above meets the surface in a disk.
+        let footprint = Footprint::ellipse(-outward, outward, width);
+        let indices = mesh.triangles[triangle];
+        let site = Site { scene: self.scene, mesh, indices, u: hit.u, v: hit.v, corners, outward, footprint };
+        let emission = if material.emits() && !material.unlit { site.emission(material) } else { Vec3::ZERO };
+        Paint { color: site.base_color(material), emission, opacity: site.opacity(material) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Alpha, Material, Mesh, Scene};
+    use glam::{vec3, vec4};
+
+    /// A metal has its base color here, and opacity is that of material and vertices together.
+    #[test]
+    fn paint_is_what_the_material_says() {
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            colors: vec![vec4(1.0, 0.5, 1.0, 0.5); 3],
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        };
+        let material = Material {
+            base_color: vec3(0.8, 0.6, 0.4),
+            metallic: 1.0,
+            opacity: 0.5,
+            alpha: Alpha::Blend,
+            emission: vec3(1.0, 2.0, 3.0),
+            ..Material::default()
+        };
+        let mut scene = Scene::of_mesh(mesh, material);
+        let hit = Hit { distance: 0.0, instance: 0, triangle: 0, u: 0.25, v: 0.25 };
+        let painted = |scene: &Scene| Surfaces::new(scene, &scene.pose(0.0)).paint(&hit, 0.1);
+        let expected = Paint { color: vec3(0.8, 0.3, 0.4), emission: vec3(1.0, 2.0, 3.0), opacity: 0.25 };
+        assert_eq!(painted(&scene), expected);
+        scene.materials[0].unlit = true;
+        assert_eq!(painted(&scene), Paint { emission: Vec3::ZERO, ..expected });
+    }
+}
