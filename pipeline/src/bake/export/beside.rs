@@ -23,11 +23,9 @@ pub(super) fn settings_text(scene: &Scene, tone_map: &ToneMap) -> String {
     if let Some(name) = &settings.animation.name {
         file.insert("animation".into(), named(name));
     }
-    let diameter = f64::from(settings.sun.angular_diameter);
-    file.insert(
-        "sun".into(),
-        Value::Table([("angular_diameter".to_owned(), Value::from(diameter))].into_iter().collect()),
-    );
+    let diameter = decimal(settings.sun.angular_diameter);
+    let sun = [("angular_diameter".to_owned(), diameter)].into_iter().collect();
+    file.insert("sun".into(), Value::Table(sun));
     let mut video = Table::new();
     if let Some(frames) = settings.video.frames {
         video.insert("frames".into(), Value::from(i64::from(frames)));
@@ -41,6 +39,11 @@ pub(super) fn settings_text(scene: &Scene, tone_map: &ToneMap) -> String {
     let head =
         "# The light of this scene is painted into its texture, as display values: no tone curve comes after it.\n\n";
     format!("{head}{file}")
+}
+
+/// The number with as few digits as tell it apart from its neighbors.
+fn decimal(number: f32) -> Value {
+    Value::from(number.to_string().parse().unwrap_or(f64::from(number)))
 }
 
 fn named(name: &str) -> Value {
@@ -67,7 +70,7 @@ fn sky(scene: &Scene, tone_map: &ToneMap) -> Table {
     };
     for (name, height) in [("zenith", 1.0), ("horizon", 0.0), ("ground", -1.0)] {
         let color = scene.sky.as_ref().map_or(Vec3::ZERO, |sky| shown(tone_map, radiance(sky, height)));
-        let numbers = color.to_array().map(|number| Value::from(f64::from(number)));
+        let numbers = color.to_array().map(decimal);
         table.insert(name.into(), Value::Array(numbers.into()));
     }
     table

@@ -24,7 +24,7 @@ const LISTS: [(&str, fn(&mut Value, Visitor)); 7] = [
 
 /// Leaves out what is not needed. Extensions that may name such objects by index are left out too, if they are not known here.
 pub(super) fn compact(document: &mut Document) -> Result<()> {
-    if let Some(extensions) = document.json["extensions"].as_object_mut() {
+    if let Some(Value::Object(extensions)) = document.json.get_mut("extensions") {
         extensions.retain(|name, _| KEPT.contains(&name.as_str()));
     }
     for (name, references) in LISTS {

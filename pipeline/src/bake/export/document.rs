@@ -22,9 +22,12 @@ impl Document {
     /// Reads a scene file that was loaded before, with all of its buffers.
     pub fn read(path: &Path) -> Result<Self> {
         let mut source = GltfSource::read(path)?;
-        let json = serde_json::from_slice(&source.json)
+        let json: Value = serde_json::from_slice(&source.json)
             .map_err(|error| Error::content(path, format!(": no JSON ({error}); export or copy it again")))?;
         let mut document = Self { path: path.into(), json, buffers: Vec::new(), source: source.clone() };
+        if !document.json.is_object() {
+            return Err(document.damaged("the document"));
+        }
         for (index, buffer) in document.list("buffers").to_vec().iter().enumerate() {
             let bytes = match buffer["uri"].as_str() {
                 Some(uri) => document.source.resource(&format!("buffer {index}"), uri)?,

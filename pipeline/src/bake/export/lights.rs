@@ -28,13 +28,9 @@ pub(super) fn adapt(document: &mut Document, scene: &Scene, exposure: f32) {
 
 /// Leaves the extension out of the document and of its nodes.
 fn leave_out(json: &mut Value) {
-    let nodes = json["nodes"].as_array_mut().map(std::mem::take).unwrap_or_default();
-    let mut kept = Vec::with_capacity(nodes.len());
-    for mut node in nodes {
-        without_lights(&mut node);
-        kept.push(node);
+    if let Some(Value::Array(nodes)) = json.get_mut("nodes") {
+        nodes.iter_mut().for_each(without_lights);
     }
-    json["nodes"] = json!(kept);
     without_lights(json);
 }
 

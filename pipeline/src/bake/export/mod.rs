@@ -3,7 +3,7 @@
 //! ```text
 //! document, elements   the scene's document and bytes, read once more: what is not understood here stays
 //! places               which primitive of which node each instance is
-//! tone, page           the curve of the film, and a picture of the whole atlas by it
+//! tone, page, fill     the curve of the film, and a picture of the whole atlas by it
 //! split, meshes        vertices split along charts, and coordinates in the picture for each node
 //! materials, lights    unlit materials of the picture; lamps stay for what moves
 //! compact, glb         what is needed no more is left out, all other bytes become one file
@@ -17,6 +17,7 @@ mod beside;
 mod compact;
 mod document;
 mod elements;
+mod fill;
 mod glb;
 mod lights;
 mod materials;

@@ -8,8 +8,8 @@
 //! Reflections of coats depend on the viewer and are left out. A metal reflects by nothing else: its base color counts as if
 //! it were diffuse, so that it is not black.
 
-use crate::error::Context;
-use crate::error::Result;
+use super::fill::{Holed, filled};
+use crate::error::{Context, Result};
 use crate::renderer::texels::BakedTexels;
 use glam::Vec3;
 use perceptual::ToneMap;
@@ -26,18 +26,16 @@ pub(super) struct Painter<'a> {
 }
 
 impl Painter<'_> {
-    /// R′G′B′ and opacity of all texels in raster order; black where there is no surface.
+    /// R′G′B′ and opacity of all texels in raster order.
     pub fn painted(&self) -> Vec<[u8; 4]> {
         let (width, height) = (self.texels.width() as usize, self.texels.height() as usize);
-        let mut picture = vec![[0; 4]; width * height];
+        let mut picture: Holed = vec![None; width * height];
         picture.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, texel) in row.iter_mut().enumerate() {
-                if let Some(point) = self.texels.point(x as u32, y as u32) {
-                    *texel = self.texel(&point);
-                }
+                *texel = self.texels.point(x as u32, y as u32).map(|point| self.texel(&point));
             }
         });
-        picture
+        filled(picture, width)
     }
 
     fn texel(&self, point: &FinePoint) -> [u8; 4] {
