@@ -2,7 +2,8 @@
 //
 //     node bench/view_export.mjs FILE.glb OUT.png [WIDTHxHEIGHT] [SECONDS]
 //
-// The camera is the file's first, at that time of its first animation; there is neither a light nor a tone curve.
+// The camera is the file's first, or that of the name CAMERA, at that time of its first animation; there is neither a light nor a
+// tone curve. FROM=[x,y,z] is the place of a camera around a file without one, in radii from its middle.
 // MODULES names the folder of the packages three and playwright-core (node_modules where it is not set), CHROMIUM the browser.
 // LIGHTS=1 adds an even light, for what is not painted.
 import { createServer } from "node:http";
@@ -46,7 +47,9 @@ try {
     mixer.setTime(${Number(seconds)});
   }
   scene.updateMatrixWorld(true);
-  let camera = gltf.cameras[0];
+  const wanted = ${JSON.stringify(process.env.CAMERA ?? "")};
+  const isWanted = (camera) => [camera.name, camera.parent?.name].includes(wanted);
+  let camera = gltf.cameras.find(isWanted) ?? gltf.cameras[0];
   if (!camera) {
     const box = new THREE.Box3().setFromObject(scene);
     const center = box.getCenter(new THREE.Vector3()), radius = box.getSize(new THREE.Vector3()).length() / 2;

@@ -20,8 +20,8 @@ pub const BAKE: &str = "Examples:
 
 A film looks the light up with render scene.glb --lighting baked, or with --baked fine.slf besides.
 Indirect light is baked and direct light is not: shadows stay sharp. Lamps must stand still.
-The export has both, in the colors of a film: all that stands still is unlit there, and reflections of coats are left out.
-Metals are painted as if they were matte. With lit.glb comes lit.toml, by which a film of it looks like one of the scene.";
+The export has both, in the colors of a film: all that stands still is unlit there, coats and metals look matte,
+and what moves waits for a light of the viewer. With lit.glb comes lit.toml, by which a film of it looks like one of the scene.";
 
 #[cfg(feature = "exr")]
 pub const REFERENCE: &str = "Examples:

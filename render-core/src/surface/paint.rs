@@ -3,13 +3,18 @@
 use super::Surfaces;
 use super::site::{Footprint, Site};
 use crate::accel::Hit;
+use crate::bsdf::Bsdf;
 use glam::{Vec3, Vec3A};
 
-/// Color, glow and opacity of a place on a surface.
+/// Cosine of the angle that coats are seen at.
+const SLANT: f32 = std::f32::consts::FRAC_1_SQRT_2;
+
+/// Reflectance, glow and opacity of a place on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Paint {
-    /// Linear RGB base color, 0…1: the diffuse reflectance, or the color of a metal.
-    pub color: Vec3,
+    /// Linear RGB reflectance, 0…1: the share of light that is reflected, in all directions together. For coats and metals it is
+    /// that of a viewer 45° from above; no place between others stands for all better.
+    pub reflectance: Vec3,
     /// Emitted radiance \[W·m⁻²·sr⁻¹\]; zero for unlit surfaces.
     pub emission: Vec3,
     /// 0…1, whatever the material takes it for.
@@ -32,7 +37,13 @@ impl Surfaces<'_> {
         let indices = mesh.triangles[triangle];
         let site = Site { scene: self.scene, mesh, indices, u: hit.u, v: hit.v, corners, outward, footprint };
         let emission = if material.emits() && !material.unlit { site.emission(material) } else { Vec3::ZERO };
-        Paint { color: site.base_color(material), emission, opacity: site.opacity(material) }
+        let (metallic, roughness) = site.metallic_roughness(material);
+        let (albedo, specular) = material.split(site.base_color(material), metallic, roughness);
+        let reflectance = match specular {
+            Vec3::ZERO => albedo,
+            _ => Bsdf::new(albedo, specular, roughness).directional_albedo(SLANT),
+        };
+        Paint { reflectance, emission, opacity: site.opacity(material) }
     }
 }
 
@@ -42,7 +53,7 @@ mod tests {
     use crate::scene::{Alpha, Material, Mesh, Scene};
     use glam::{vec3, vec4};
 
-    /// A metal has its base color here, and opacity is that of material and vertices together.
+    /// A matte surface reflects by its base color, a metal by nearly that; opacity is that of material and vertices together.
     #[test]
     fn paint_is_what_the_material_says() {
         let mesh = Mesh {
@@ -53,7 +64,6 @@ mod tests {
         };
         let material = Material {
             base_color: vec3(0.8, 0.6, 0.4),
-            metallic: 1.0,
             opacity: 0.5,
             alpha: Alpha::Blend,
             emission: vec3(1.0, 2.0, 3.0),
@@ -62,9 +72,13 @@ mod tests {
         let mut scene = Scene::of_mesh(mesh, material);
         let hit = Hit { distance: 0.0, instance: 0, triangle: 0, u: 0.25, v: 0.25 };
         let painted = |scene: &Scene| Surfaces::new(scene, &scene.pose(0.0)).paint(&hit, 0.1);
-        let expected = Paint { color: vec3(0.8, 0.3, 0.4), emission: vec3(1.0, 2.0, 3.0), opacity: 0.25 };
+        let color = vec3(0.8, 0.3, 0.4);
+        let expected = Paint { reflectance: color, emission: vec3(1.0, 2.0, 3.0), opacity: 0.25 };
         assert_eq!(painted(&scene), expected);
-        scene.materials[0].unlit = true;
+        (scene.materials[0].metallic, scene.materials[0].roughness) = (1.0, 0.3);
+        let metal = painted(&scene).reflectance;
+        assert!((metal - color).abs().max_element() < 0.03, "{metal}");
+        scene.materials[0] = Material { unlit: true, metallic: 0.0, roughness: 1.0, ..scene.materials[0].clone() };
         assert_eq!(painted(&scene), Paint { emission: Vec3::ZERO, ..expected });
     }
 }

@@ -1,6 +1,7 @@
 //! Elements of accessors as bytes, whatever their type is: they are copied, not understood.
 
 use super::document::{ARRAY_BUFFER, Document, number, offset};
+use glam::Vec3;
 use serde_json::{Value, json};
 
 /// The layout of the elements of an accessor.
@@ -96,6 +97,20 @@ impl Document {
             }
         }
         Some(elements)
+    }
+
+    /// A new accessor of positions.
+    pub fn add_positions(&mut self, positions: &[Vec3]) -> usize {
+        let (mut least, mut most, mut bytes) = (Vec3::INFINITY, Vec3::NEG_INFINITY, Vec::new());
+        for &position in positions {
+            (least, most) = (least.min(position), most.max(position));
+            position.to_array().iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+        }
+        let bounds = [least, most].map(|corner| corner.to_array());
+        let accessor = json!({
+            "componentType": 5126, "type": "VEC3", "count": positions.len(), "min": bounds[0], "max": bounds[1]
+        });
+        self.add_accessor(bytes, ARRAY_BUFFER, accessor)
     }
 
     /// A new accessor with the elements of another one for these vertices, of `count` that there are; with least and largest

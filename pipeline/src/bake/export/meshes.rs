@@ -1,5 +1,6 @@
 //! Meshes of baked surfaces: vertices split along charts, with the coordinates of the baked texture for each node.
 
+use super::apart;
 use super::document::{ARRAY_BUFFER, Document, ELEMENT_ARRAY_BUFFER, number};
 use super::materials::Materials;
 use super::places::{Place, primitives};
@@ -22,6 +23,8 @@ struct Geometry {
     split: Split,
     attributes: Map<String, Value>,
     targets: Option<Value>,
+    /// An accessor of positions for backs.
+    behind: Option<usize>,
     /// Accessors of indices that are there already.
     indices: BTreeMap<Vec<u32>, usize>,
 }
@@ -117,7 +120,13 @@ impl Meshes<'_> {
             }
         }
         let targets = self.targets(&found, count, &split.vertices)?;
-        Ok(Geometry { split, attributes, targets, indices: BTreeMap::new() })
+        let has_backs = instances.iter().any(|baked| baked.sides.iter().any(|(back, _)| *back));
+        let behind = has_backs.then(|| {
+            let instances: Vec<usize> = instances.iter().map(|baked| baked.instance).collect();
+            let positions = apart::behind(mesh, &split, apart::gap(self.surfaces, &instances));
+            self.document.add_positions(&positions)
+        });
+        Ok(Geometry { split, attributes, targets, behind, indices: BTreeMap::new() })
     }
 
     /// The morph targets of a primitive, for new vertices: a shape that stays may be mixed of several.
@@ -147,6 +156,9 @@ impl Meshes<'_> {
         let mut written = Vec::new();
         for (back, side) in &baked.sides {
             let mut attributes = geometry.attributes.clone();
+            if let Some(behind) = geometry.behind.filter(|_| *back) {
+                attributes.insert("POSITION".into(), json!(behind));
+            }
             let coordinates = self.coordinates(&geometry.split.places(side));
             attributes.insert("TEXCOORD_1".into(), json!(coordinates));
             // Where there is no first set, this one stands for it: sets have no gaps.

@@ -5,14 +5,16 @@
 //! places               which primitive of which node each instance is
 //! tone, page, fill     the curve of the film, and a picture of the whole atlas by it
 //! split, meshes        vertices split along charts, and coordinates in the picture for each node
+//! apart                backs of sheets, a little behind their fronts
 //! materials, lights    unlit materials of the picture; lamps stay for what moves
 //! compact, glb         what is needed no more is left out, all other bytes become one file
 //! beside               the settings for films of the export
 //! ```
 //!
 //! Surfaces that stand still are painted, on both sides where they are double-sided. All that moves keeps its materials, as do
-//! unlit surfaces. Coats are left out: their light depends on the viewer.
+//! unlit surfaces. Coats and metals are painted as if they were matte: what they mirror depends on the viewer.
 
+mod apart;
 mod beside;
 mod compact;
 mod document;
@@ -61,10 +63,10 @@ pub struct Export {
 }
 
 /// Paints the light of `baked` into `scene`, which `settings` are of. The picture's longer side has `side` texels, or a number that
-/// suits the bake. The same bake gives the same bytes, for any number of threads.
+/// suits the bake; never fewer than the bake itself. The same bake gives the same bytes, for any number of threads.
 ///
 /// # Errors
-/// `side` is less than the bake's own side or more than 16384; the scene's file or an image of it cannot be read again; the
+/// The side would be more than 16384; the scene's file or an image of it cannot be read again; the
 /// export would be larger than a .glb file may be.
 pub fn export(scene: &Scene, settings: &Settings, baked: &Arc<BakedTexels>, side: Option<u32>) -> Result<Export> {
     let atlas = &baked.atlas;
@@ -96,13 +98,12 @@ pub fn export(scene: &Scene, settings: &Settings, baked: &Arc<BakedTexels>, side
     Ok(Export { file, settings, size: (fine.width(), fine.height()), tone_map })
 }
 
-/// The longer side of the picture of an atlas of this size.
+/// The longer side of the picture of an atlas of this size: as wished, but no less than the atlas has.
 fn side_for((columns, rows): (u32, u32), wish: Option<u32>) -> Result<u32> {
     let least = columns.max(rows);
-    let side = wish.unwrap_or_else(|| (4 * least).clamp(*USUAL.start(), *USUAL.end()).max(least));
-    if side < least || side > LARGEST_SIDE {
-        let text =
-            format!("--texture {side} must lie in {least}..={LARGEST_SIDE}: the baked light is {least} texels wide");
+    let side = wish.unwrap_or_else(|| (4 * least).clamp(*USUAL.start(), *USUAL.end())).max(least);
+    if side > LARGEST_SIDE {
+        let text = format!("--texture {side}: {LARGEST_SIDE} is the most; with it goes light of fewer --texels");
         return Err(Error::Options(text));
     }
     Ok(side)

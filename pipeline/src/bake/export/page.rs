@@ -1,12 +1,12 @@
 //! The picture of the atlas: each texel the color that a film shows there.
 //!
 //! ```text
-//! L = ρ/π (E_direct + E_indirect) + L_emitted        ρ  base color at the texel's own place, filtered over it
+//! L = ρ/π (E_direct + E_indirect) + L_emitted        ρ  reflectance at the texel's own place, filtered over it
 //! code = 255 display(L)                              E  irradiance, between the four texels of the bake around that place
 //! ```
 //!
-//! Reflections of coats depend on the viewer and are left out. A metal reflects by nothing else: its base color counts as if
-//! it were diffuse, so that it is not black.
+//! Reflections of coats depend on the viewer, which no texture can. They are painted as if coats were matte and reflected as
+//! much: a metal has its color and no mirror image, and polish is a little light over the color of its base.
 
 use super::fill::{Holed, filled};
 use crate::error::{Context, Result};
@@ -45,7 +45,7 @@ impl Painter<'_> {
             irradiance += weight * (Vec3::from(direct) + Vec3::from(indirect));
         }
         let paint = self.surfaces.paint(&point.hit, self.texels.texel_width());
-        let radiance = paint.color / PI * irradiance + paint.emission;
+        let radiance = paint.reflectance / PI * irradiance + paint.emission;
         let [r, g, b] = radiance.to_array().map(|light| code(self.tone_map.encode(light)));
         [r, g, b, code(paint.opacity)]
     }

@@ -26,7 +26,7 @@ pub(crate) struct Bake {
     #[arg(long, value_name = "OUT.glb")]
     gltf: Option<PathBuf>,
     /// Longer side of the picture of the light [default: 4 for each texel of the light, 2048 to 4096]
-    #[arg(long, value_name = "SIDE", requires = "gltf")]
+    #[arg(long, value_name = "SIDE", requires = "gltf", value_parser = clap::value_parser!(u32).range(64..=16384))]
     texture: Option<u32>,
     /// Light that is baked already, for --gltf
     #[arg(long, value_name = "FILE.slf", requires = "gltf",
