@@ -63,8 +63,10 @@ impl Atlas {
                 .iter()
                 .fold((f32::INFINITY, 0.0f32), |(low, high), corner| (low.min(corner.y), high.max(corner.y)));
             let band = |y: f32| (y.max(0.0) as usize / BAND).min(bands.len() - 1);
-            for band in band(low - REACH - 1.0)..=band(high + REACH + 1.0) {
-                bands[band].push(Drawn { index: index as u32, corners });
+            let (first, last) = (band(low - REACH - 1.0), band(high + REACH + 1.0));
+            // None where places are no numbers.
+            for band in bands.get_mut(first..=last).into_iter().flatten() {
+                band.push(Drawn { index: index as u32, corners });
             }
         }
 

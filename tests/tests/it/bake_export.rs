@@ -161,7 +161,7 @@ fn wrong_requests_are_told_before_the_work() {
     fails("--gltf lit.gltf", &["lit.gltf", ".glb"]);
     fails("--gltf room.glb", &["room.glb", "another name"]);
     fails("--gltf ./room.glb", &["room.glb", "another name"]);
-    fails("--gltf none/lit.glb", &["none/lit.glb", "cannot be written"]);
+    fails("--gltf none/lit.glb", &["none/lit.glb", "cannot be written", "--gltf"]);
     fails("--texture 2048", &["--gltf"]);
     fails("--baked room.slf", &["--gltf"]);
     fails("--gltf lit.glb --baked room.slf", &["room.slf", "cannot be read"]);

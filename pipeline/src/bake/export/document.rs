@@ -24,14 +24,15 @@ impl Document {
         let mut source = GltfSource::read(path)?;
         let json: Value = serde_json::from_slice(&source.json)
             .map_err(|error| Error::content(path, format!(": no JSON ({error}); export or copy it again")))?;
-        let mut document = Self { path: path.into(), json, buffers: Vec::new(), source: source.clone() };
+        let mut binary = source.binary.take();
+        let mut document = Self { path: path.into(), json, buffers: Vec::new(), source };
         if !document.json.is_object() {
             return Err(document.damaged("the document"));
         }
         for (index, buffer) in document.list("buffers").to_vec().iter().enumerate() {
             let bytes = match buffer["uri"].as_str() {
                 Some(uri) => document.source.resource(&format!("buffer {index}"), uri)?,
-                None => source.binary.take().ok_or_else(|| document.damaged(&format!("buffer {index}")))?,
+                None => binary.take().ok_or_else(|| document.damaged(&format!("buffer {index}")))?,
             };
             document.buffers.push(bytes);
         }

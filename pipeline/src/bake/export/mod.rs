@@ -134,7 +134,12 @@ pub fn check_path(path: &Path, scene: &Path) -> Result<()> {
     if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("glb")) {
         return Err(Error::Options(format!("--gltf {}: the export is one binary file; name it .glb", path.display())));
     }
-    drop(Output::create(path)?);
+    drop(Output::create(path).map_err(|error| match error {
+        Error::File { path, source, .. } => {
+            Error::File { path, problem: "cannot be written; choose another place with --gltf".into(), source }
+        }
+        other => other,
+    })?);
     // Two files in one folder share their settings if their names differ in the ending alone.
     let folder = |path: &Path| path.parent().filter(|folder| !folder.as_os_str().is_empty()).map(Path::to_owned);
     let same_folder = [path, scene].map(|path| folder(path).unwrap_or(".".into()).canonicalize().ok());
