@@ -2,6 +2,7 @@
 
 use crate::renderer::Visibility;
 use crate::renderer::frame::Frame;
+use rayon::prelude::*;
 use render_core::{Atlas, ShadingPoint, Surfaces};
 
 /// Distance of a back face from a point that is within something, at most \[texels\]. Texels farther in are read by no look-up
@@ -19,16 +20,35 @@ pub(super) struct Places<'a> {
 }
 
 impl Places<'_> {
-    /// A point of a texel that is not within something; none if all are.
-    pub fn point_of(&self, texel: usize) -> Option<ShadingPoint> {
-        for site in self.atlas.sites(texel, self.surfaces) {
-            let normals = [site.shading_normal, site.geometric_normal];
-            let point = ShadingPoint::off_surface(site.position, normals, self.frame.epsilon);
-            if !self.is_inside(&point) {
-                return Some(point);
+    /// For each texel a point that is not within something; none if all are. Where that would leave a whole chart without any, its
+    /// points are what they are: pieces of a scene that overlap are seen in spite of it.
+    pub fn points(&self) -> Vec<Option<ShadingPoint>> {
+        let texels = 0..self.atlas.len();
+        let mut points: Vec<Option<ShadingPoint>> =
+            texels.clone().into_par_iter().map(|texel| self.outside(texel)).collect();
+        let mut has_point = vec![false; self.atlas.charts()];
+        for texel in texels.clone() {
+            has_point[self.atlas.chart(texel) as usize] |= points[texel].is_some();
+        }
+        for texel in texels {
+            if !has_point[self.atlas.chart(texel) as usize] {
+                points[texel] = self.sites(texel).next();
             }
         }
-        None
+        points
+    }
+
+    /// The first point of a texel that is not within something.
+    fn outside(&self, texel: usize) -> Option<ShadingPoint> {
+        self.sites(texel).find(|point| !self.is_inside(point))
+    }
+
+    /// Points that a texel may be lit at.
+    fn sites(&self, texel: usize) -> impl Iterator<Item = ShadingPoint> {
+        self.atlas.sites(texel, self.surfaces).into_iter().map(|site| {
+            let normals = [site.shading_normal, site.geometric_normal];
+            ShadingPoint::off_surface(site.position, normals, self.frame.epsilon)
+        })
     }
 
     /// Whether a back face is near in any of a few directions.

@@ -71,8 +71,7 @@ pub(super) fn light(
     // A point for each texel.
     let visibility = Visibility::new(frame, GATHER_RAYS);
     let places = Places { atlas, surfaces, frame, visibility: &visibility };
-    let points: Vec<Option<ShadingPoint>> =
-        (0..atlas.len()).into_par_iter().map(|texel| places.point_of(texel)).collect();
+    let points = places.points();
     let bake = Bake { atlas, frame, visibility, points, compensates };
     let blocks = blocks(atlas);
     let done = AtomicUsize::new(0);
@@ -231,7 +230,7 @@ fn fill(atlas: &Atlas, points: &[Option<ShadingPoint>], direct: &mut [[f32; 3]],
                 found.push((texel, sum / count as f32, of_direct / count as f32));
             }
         }
-        // A chart that is within something as a whole stays dark.
+        // No surface has a chart without any point, unless it has no site at all.
         if found.is_empty() {
             return;
         }
