@@ -25,7 +25,7 @@ impl Places<'_> {
     pub fn points(&self) -> Vec<Option<ShadingPoint>> {
         let texels = 0..self.atlas.len();
         let mut points: Vec<Option<ShadingPoint>> =
-            texels.clone().into_par_iter().map(|texel| self.outside(texel)).collect();
+            texels.clone().into_par_iter().map(|texel| self.outside(texel).next()).collect();
         let mut has_point = vec![false; self.atlas.charts()];
         for texel in texels.clone() {
             has_point[self.atlas.chart(texel) as usize] |= points[texel].is_some();
@@ -38,9 +38,14 @@ impl Places<'_> {
         points
     }
 
-    /// The first point of a texel that is not within something.
-    fn outside(&self, texel: usize) -> Option<ShadingPoint> {
-        self.sites(texel).find(|point| !self.is_inside(point))
+    /// At most `count` points of a texel beside that of [`Places::points`], none within something.
+    pub fn others(&self, texel: usize, count: usize) -> impl Iterator<Item = ShadingPoint> {
+        self.outside(texel).skip(1).take(count)
+    }
+
+    /// Points of a texel that are not within something.
+    fn outside(&self, texel: usize) -> impl Iterator<Item = ShadingPoint> {
+        self.sites(texel).filter(|point| !self.is_inside(point))
     }
 
     /// Points that a texel may be lit at.

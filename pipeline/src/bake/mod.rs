@@ -66,8 +66,8 @@ pub fn bake(
     let plan = Plan::new(&still, &settings);
     let frame = Preparation::new(&still, &settings, &plan).frame(0).frame;
 
-    // Each texel counts twice: once for each pass over it.
-    let all = 2 * atlas.len();
+    // Each texel counts once for each pass over it.
+    let all = light::PASSES * atlas.len();
     let compensates = plan.is_on(Stage::Compensation);
     let lit = light::light(&atlas, &surfaces, &frame, compensates, &|done| progress(done, all));
     let light::TexelLight { direct, indirect, filled } = lit;

@@ -93,7 +93,7 @@ impl Atlas {
     ///
     /// All are near to points of the texel, and lie on the triangles that are nearest to its center and to those of its neighbors.
     /// The first is near to the middle of the part of the texel that lies on the chart: on its edge, half of the texel lies beside
-    /// it, and edges are in corners often. Others are near to the points of a 3×3 lattice.
+    /// it, and edges are in corners often. Others are near to the points of a 3×3 lattice, those on the chart before those beside it.
     ///
     /// `surfaces` are those of the scene that the atlas was made for, or that it was validated with.
     ///
@@ -120,16 +120,13 @@ impl Atlas {
             owners.iter().map(of_owner).min_by(|a, b| a.1.distance2.total_cmp(&b.1.distance2))
         };
 
-        // The middle of the points that lie on the chart, then all.
-        let (mut sum, mut count) = (Vec2::ZERO, 0);
-        for offset in LATTICE {
-            if nearest(center + offset).is_some_and(|(_, nearest)| nearest.distance2 <= ON_CHART) {
-                (sum, count) = (sum + offset, count + 1);
-            }
-        }
-        let middle = sum / (count as f32).max(1.0);
+        // The middle of the points that lie on the chart, these points, and those beside it.
+        let is_on_chart =
+            |offset: &Vec2| nearest(center + *offset).is_some_and(|(_, nearest)| nearest.distance2 <= ON_CHART);
+        let (on_chart, beside): (Vec<Vec2>, Vec<Vec2>) = LATTICE.into_iter().partition(is_on_chart);
+        let middle = on_chart.iter().sum::<Vec2>() / (on_chart.len() as f32).max(1.0);
         let mut sites: Vec<TexelSite> = Vec::with_capacity(1 + LATTICE.len());
-        for offset in std::iter::once(middle).chain(LATTICE) {
+        for offset in std::iter::once(middle).chain(on_chart).chain(beside) {
             let found = nearest(center + offset);
             let Some(site) = found.and_then(|(owner, nearest)| self.site(owner, nearest, surfaces)) else { continue };
             if !sites.iter().any(|other| self.is_same(other, &site)) {
