@@ -33,8 +33,10 @@ pub struct Packet {
     pub picture_type: PictureType,
     /// The requested quantiser_scale.
     pub quantiser_scale: u32,
-    /// quantiser_scale in force at every macroblock: all the same unless the settings vary it.
+    /// quantiser_scale in force at every macroblock: all the same unless settings or weights vary it.
     pub quantiser_scales: Plane<u8>,
+    /// The same, but for macroblocks without levels the scale with which these became zero: a stream does not write it.
+    scales_of_levels: Plane<u8>,
     /// How every macroblock was coded.
     pub macroblock_kinds: Plane<MacroblockKind>,
     /// For every macroblock, places of the levels of its luma blocks in transmission order.
@@ -205,13 +207,15 @@ impl Coder {
         };
         let reference = (job.picture_type != PictureType::B).then_some(whole);
         let (kinds, levels) = coded.macroblocks.into_iter().unzip();
+        let (in_force, of_levels) = coded.quantiser_scales.into_iter().unzip();
         let packet = Packet {
             bits: 8 * data.len() as u64,
             data,
             display_index: job.display_index,
             picture_type: job.picture_type,
             quantiser_scale: job.quantiser_scale,
-            quantiser_scales: Plane::from_vec(columns, rows, coded.quantiser_scales),
+            quantiser_scales: Plane::from_vec(columns, rows, in_force),
+            scales_of_levels: Plane::from_vec(columns, rows, of_levels),
             macroblock_kinds: Plane::from_vec(columns, rows, kinds),
             levels: Plane::from_vec(columns, rows, levels),
             alternate_scan: header.quantisers.alternate_scan,
@@ -235,12 +239,14 @@ impl Coder {
 impl Packet {
     /// The coded picture as masking sees it. It shares the samples of the reconstruction.
     ///
+    /// A macroblock without levels has the quantiser_scale that made them zero, whichever was in force where it lies.
+    ///
     /// # Panics
     /// If a field was changed that tells of the macroblocks.
     #[must_use]
     pub fn coded(&self) -> plane::Coded {
         let intra = self.macroblock_kinds.map(|kind| kind == MacroblockKind::Intra);
-        plane::Coded::new(self.reconstruction.clone(), self.luma_levels(), intra, self.quantiser_scales.clone())
+        plane::Coded::new(self.reconstruction.clone(), self.luma_levels(), intra, self.scales_of_levels.clone())
             .expect("planes of one picture")
     }
 

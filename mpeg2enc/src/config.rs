@@ -122,9 +122,10 @@ impl Config {
 
     /// The most frames that wait for later ones before they are coded, 0 to 30.
     ///
-    /// At 0 every frame is coded as it comes, as an I or P picture with one quantiser. A look-ahead allows B pictures, new
-    /// groups at scene cuts, quantisers that follow what later pictures inherit, means of quantisers, and bit rates. 30 frames
-    /// give the best quality. [`Effort::Fast`] at a constant quantiser waits only for as many as there are B pictures in a row.
+    /// At 0 every frame is coded as it comes, as an I or P picture with one quantiser or with those of given weights. A look-ahead
+    /// allows B pictures, new groups at scene cuts, quantisers that follow what later pictures inherit, means of quantisers, and
+    /// bit rates. 30 frames give the best quality. [`Effort::Fast`] at a constant quantiser waits only for as many as there are B
+    /// pictures in a row.
     pub fn with_lookahead(self, frames: u32) -> Self {
         Self { lookahead: frames, ..self }
     }
@@ -150,8 +151,8 @@ impl Config {
         Self { scene_cuts, ..self }
     }
 
-    /// Whether an encoder that looks ahead leaves the quantiser of I and P pictures the same everywhere; without a look-ahead
-    /// it always is.
+    /// Whether an encoder that looks ahead leaves the quantiser of I and P pictures the same everywhere. Without a look-ahead it is
+    /// the same unless [`Encoder::push_weighted`](crate::Encoder::push_weighted) is given weights, which this switches off.
     pub fn with_uniform_quantiser(self, uniform: bool) -> Self {
         Self { uniform_quantiser: uniform, ..self }
     }

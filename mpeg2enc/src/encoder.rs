@@ -2,6 +2,7 @@
 
 mod ahead;
 mod immediate;
+mod weighted;
 
 use crate::{
     Config, ConfigError, KnownMotion, Picture, RestoreError,
@@ -17,7 +18,8 @@ use std::fmt;
 
 /// Encodes pictures; made by [`Config::encoder`].
 ///
-/// Without a look-ahead every frame gives its packet at once: I and P pictures, one quantiser for all macroblocks. With
+/// Without a look-ahead every frame gives its packet at once: I and P pictures, one quantiser for all macroblocks unless
+/// weights are given. With
 /// [`Config::with_lookahead`], packets come later and in the order of coding, which is that of the stream: a B picture
 /// follows the I or P picture that is shown after it. [`Packet::display_index`] says which frame a packet is.
 #[must_use = "an encoder codes the frames that are pushed"]
@@ -132,8 +134,13 @@ impl Encoder {
 
     /// The same with a factor of quantiser_scale for every macroblock: below 1 where errors show, above 1 where they do not.
     ///
-    /// The factors replace those of [`Config::with_adaptive_quantisation`]. They have no effect without a look-ahead or with
-    /// [`Config::with_uniform_quantiser`].
+    /// Factors go from 1/16 to 16, and what is not a number counts as 1. They replace those of
+    /// [`Config::with_adaptive_quantisation`], and have no effect with [`Config::with_uniform_quantiser`].
+    ///
+    /// Without a look-ahead only the ratios of factors count: all are multiplied by one number, so that the geometric mean of the
+    /// scales stays quantiser_scale. In each row of macroblocks, a scale between those that exist becomes one of the two around.
+    /// Factors that are all the same give the bits of [`Encoder::push`]. With a look-ahead factors are taken as they are, each scale
+    /// becomes the nearest, and only a bit rate makes up for the mean of the factors.
     ///
     /// # Panics
     /// If frame or motion fields have another size than the [`Config`], or `weights` is not one sample for each 16×16 luma
@@ -148,9 +155,10 @@ impl Encoder {
     fn push_frame(&mut self, frame: &Picture, motion: KnownMotion, weights: Option<&Plane<f32>>) -> Vec<Packet> {
         let KnownMotion { to_previous, to_next } = motion;
         check_input(self.config(), frame, [to_previous, to_next]);
+        let weights = weights.map(weights::given);
         match &mut self.state.mode {
-            Mode::Immediate(immediate) => vec![immediate.push(&mut self.coder, frame, to_previous)],
-            Mode::Ahead(ahead) => ahead.push(&mut self.coder, frame, motion, weights.map(weights::given)),
+            Mode::Immediate(immediate) => vec![immediate.push(&mut self.coder, frame, to_previous, weights)],
+            Mode::Ahead(ahead) => ahead.push(&mut self.coder, frame, motion, weights),
         }
     }
 

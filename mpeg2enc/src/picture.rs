@@ -66,8 +66,7 @@ pub(crate) struct PictureCoder<'a> {
 pub(crate) struct CodedPicture {
     /// The slices one after the other.
     pub slices: Vec<u8>,
-    /// quantiser_scale in force at every macroblock.
-    pub quantiser_scales: Vec<u8>,
+    pub quantiser_scales: Vec<Scales>,
     pub macroblocks: Vec<CodedMacroblock>,
     pub statistics: PictureStatistics,
     /// Sum of squared errors of luma, without padding.
@@ -77,7 +76,7 @@ pub(crate) struct CodedPicture {
 /// A coded slice, with the same of its row of macroblocks.
 struct CodedSlice {
     bytes: Vec<u8>,
-    quantiser_scales: Vec<u8>,
+    quantiser_scales: Vec<Scales>,
     macroblocks: Vec<CodedMacroblock>,
     statistics: PictureStatistics,
     luma_error: u64,
@@ -94,6 +93,9 @@ pub enum MacroblockKind {
     #[default]
     Skipped,
 }
+
+/// quantiser_scale in force at a macroblock, and the one that made its levels, all of them zero perhaps.
+pub(crate) type Scales = (u8, u8);
 
 /// How a macroblock was coded, and the places of the levels that were written of its luma blocks, in transmission order.
 pub(crate) type CodedMacroblock = (MacroblockKind, [u64; 4]);
@@ -189,7 +191,9 @@ impl PictureCoder<'_> {
             }
             let macroblock = work.macroblock();
             let (written, bits) = state.put_macroblock(&mut writer, &slice, column, macroblock);
-            quantiser_scales.push(self.quantisers.of(state.quantiser).scale as u8);
+            let has_levels = macroblock.mode == Mode::Intra || macroblock.coded_block_pattern() != 0;
+            let of_levels = if has_levels { state.quantiser } else { quantiser.1 };
+            quantiser_scales.push([state.quantiser, of_levels].map(|code| self.quantisers.of(code).scale as u8).into());
             let (kind, count) = match macroblock.mode {
                 _ if !written => (MacroblockKind::Skipped, &mut statistics.skipped),
                 Mode::Intra => (MacroblockKind::Intra, &mut statistics.intra),

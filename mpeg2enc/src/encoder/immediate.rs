@@ -1,5 +1,6 @@
 //! Each picture as soon as it comes: I and P.
 
+use super::weighted::scales_x16;
 use crate::{
     Config, Picture, PictureType, RestoreError,
     coder::{Coder, Direction, Job, Packet},
@@ -24,12 +25,22 @@ pub(super) struct Immediate {
 }
 
 impl Immediate {
-    /// Codes the next frame; `motion` is not looked at for an I picture.
-    pub fn push(&mut self, coder: &mut Coder, frame: &Picture, motion: Option<&Correspondence>) -> Packet {
+    /// Codes the next frame, with `weights` as factors of quantiser_scale in 256ths; `motion` is not looked at for an I picture.
+    pub fn push(
+        &mut self,
+        coder: &mut Coder,
+        frame: &Picture,
+        motion: Option<&Correspondence>,
+        weights: Option<Vec<u32>>,
+    ) -> Packet {
         let config = &coder.config;
         let (columns, rows) = macroblock_counts(config.width, config.height);
         let place_in_group = self.count % u64::from(config.gop);
         let quantiser_scale = config.quantiser_scale;
+        let scales_x16 = match weights.filter(|_| !config.uniform_quantiser) {
+            Some(weights) => scales_x16(&weights, columns, quantiser_scale, coder.q_scale_type()),
+            None => vec![16 * quantiser_scale; columns * rows],
+        };
         let padded = (!is_whole(frame, (columns, rows))).then(|| coder.whole(frame));
         let source = padded.as_deref().unwrap_or(frame);
         let reference = self.reference.take().filter(|_| place_in_group != 0);
@@ -55,7 +66,7 @@ impl Immediate {
             source,
             directions: [forward, None],
             quantiser_scale,
-            scales_x16: &vec![16 * quantiser_scale; columns * rows],
+            scales_x16: &scales_x16,
         });
         let mut packet = coded.packet;
         if packet.picture_type == PictureType::I {

@@ -219,7 +219,8 @@ impl Drop for StreamFile {
     }
 }
 
-fn run(program: &str, arguments: &[&str]) -> (Vec<u8>, String) {
+/// Runs a program that must succeed: what it writes, and its messages.
+pub fn run(program: &str, arguments: &[&str]) -> (Vec<u8>, String) {
     let output = Command::new(program).args(arguments).stdin(Stdio::null()).output().unwrap_or_else(|error| {
         panic!("{program} cannot be run ({error}); these tests need the programs ffmpeg and mpeg2dec on the PATH")
     });

@@ -9,3 +9,4 @@ mod extremes;
 mod lookahead;
 mod mpeg1;
 mod report;
+mod weights;

@@ -1,0 +1,113 @@
+//! Scales of macroblocks that follow weights, about the quantiser of the settings.
+//!
+//! ```text
+//! scale = one of the two around base · weight     weight  factor of quantiser_scale, as `weights::given` has it
+//!                                                 base    such that the geometric mean of all scales is quantiser_scale
+//! ```
+//! The row says which of the two, as with a mean quantiser: where few weights occur, nearest scales would miss the mean by up to half
+//! a step of the table. Without a look-ahead nothing else brings bits back to what they were. All is integer, so that it is the same
+//! everywhere.
+
+use crate::quantiser_scale::{QuantiserScaleCode, quantiser_scale_of, spread_over_rows};
+
+/// The largest `base`, in 4096ths: it brings the least factor, a sixteenth, to scale 112.
+const BASE_MAX: u64 = 112 * 16 * 4096;
+
+/// quantiser_scale of all macroblocks in sixteenths, for their `factors` in 256ths; factors that are all the same change nothing.
+pub(super) fn scales_x16(factors: &[u32], columns: usize, quantiser_scale: u32, q_scale_type: bool) -> Vec<u32> {
+    let [finest, coarsest] = [1, 31].map(|code| 16 * quantiser_scale_of(QuantiserScaleCode { q_scale_type, code }));
+    let scale_x16 = |base: u64, factor: u32, row: usize| {
+        let wanted = (base * u64::from(factor) / 65_536) as u32;
+        spread_over_rows(q_scale_type, wanted.clamp(finest, coarsest), row)
+    };
+    let counts = counts(factors, columns);
+    let sum = |base: u64| {
+        let of = |&((factor, row), count): &((u32, usize), u64)| count * logarithm(scale_x16(base, factor, row));
+        counts.iter().map(of).sum::<u64>()
+    };
+    let wanted = factors.len() as u64 * logarithm(16 * quantiser_scale);
+    let (below, above) = around(&sum, wanted);
+    let base = if wanted.abs_diff(sum(below)) <= wanted.abs_diff(sum(above)) { below } else { above };
+    factors.iter().enumerate().map(|(i, &factor)| scale_x16(base, factor, i / columns)).collect()
+}
+
+/// Each factor that occurs in a row of macroblocks, the row, and how often.
+fn counts(factors: &[u32], columns: usize) -> Vec<((u32, usize), u64)> {
+    let mut sorted: Vec<(u32, usize)> = factors.iter().enumerate().map(|(i, &factor)| (factor, i / columns)).collect();
+    sorted.sort_unstable();
+    sorted.chunk_by(|a, b| a == b).map(|same| (same[0], same.len() as u64)).collect()
+}
+
+/// The last base whose `sum`, which never falls, is less than `wanted`, and the one after it.
+fn around(sum: &impl Fn(u64) -> u64, wanted: u64) -> (u64, u64) {
+    let (mut below, mut above) = (0, BASE_MAX);
+    while above - below > 1 {
+        let middle = (below + above) / 2;
+        if sum(middle) < wanted { below = middle } else { above = middle }
+    }
+    (below, above)
+}
+
+/// The logarithm to the base of two, in 65536ths, rounded down.
+fn logarithm(scale: u32) -> u64 {
+    let whole = scale.ilog2();
+    // From 1 to 2, in units of 2⁻³¹; each square tells one more bit.
+    let mut rest = u64::from(scale) << (31 - whole);
+    (0..16).fold(u64::from(whole), |bits, _| {
+        rest = (rest * rest) >> 31;
+        let bit = rest >> 32;
+        rest >>= bit;
+        2 * bits + bit
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn geometric_mean(scales_x16: &[u32]) -> f64 {
+        let sum: f64 = scales_x16.iter().map(|&scale| (f64::from(scale) / 16.0).log2()).sum();
+        (sum / scales_x16.len() as f64).exp2()
+    }
+
+    #[test]
+    fn logarithms_are_the_true_ones() {
+        for scale in 1..=16 * 112 {
+            let error = logarithm(scale) as f64 / 65_536.0 - f64::from(scale).log2();
+            assert!((-2e-5..=0.0).contains(&error), "{scale}: {error}");
+        }
+    }
+
+    #[test]
+    fn equal_factors_change_nothing() {
+        for (q_scale_type, code) in [false, true].into_iter().flat_map(|table| (1..=31).map(move |code| (table, code)))
+        {
+            let scale = quantiser_scale_of(QuantiserScaleCode { q_scale_type, code });
+            for factor in [16, 17, 255, 256, 257, 1000, 4096] {
+                assert_eq!(scales_x16(&[factor; 6], 2, scale, q_scale_type), [16 * scale; 6], "factor {factor}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_geometric_mean_stays() {
+        // Weights of two octaves, no two alike.
+        let factors: Vec<u32> = (0..400).map(|i| 128 + (i * 149) % 389).collect();
+        for (scale, q_scale_type) in [(8, false), (16, false), (30, false), (3, true), (16, true), (64, true)] {
+            let scales = scales_x16(&factors, 20, scale, q_scale_type);
+            let mean = geometric_mean(&scales) / f64::from(scale);
+            assert!((mean - 1.0).abs() < 0.005, "{mean} of {scale}");
+        }
+    }
+
+    #[test]
+    fn scales_are_legal_and_follow_factors() {
+        for (scale, q_scale_type, legal) in
+            [(2, false, 2..=62), (8, false, 2..=62), (62, false, 2..=62), (5, true, 1..=112)]
+        {
+            let scales = scales_x16(&[16, 100, 256, 1000, 4096], 5, scale, q_scale_type);
+            assert!(scales.is_sorted(), "{scales:?}");
+            assert!(scales.iter().all(|&scale| scale % 16 == 0 && legal.contains(&(scale / 16))), "{scales:?}");
+        }
+    }
+}
