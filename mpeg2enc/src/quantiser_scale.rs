@@ -31,10 +31,18 @@ pub(crate) fn nearest_code(q_scale_type: bool, scale_x16: u32) -> u8 {
 
 /// One of the two scales around `scale_x16`, also in sixteenths, such that over many rows their mean is that.
 pub(crate) fn spread_over_rows(q_scale_type: bool, scale_x16: u32, row: usize) -> u32 {
+    neighbors(q_scale_type, scale_x16).map_or(scale_x16, |neighbors| one_of(neighbors, scale_x16, row))
+}
+
+/// The scales around `scale_x16`, it itself twice if it exists; all in sixteenths. None beyond the first and the last.
+pub(crate) fn neighbors(q_scale_type: bool, scale_x16: u32) -> Option<[u32; 2]> {
     let scales = (1..=31).map(|code| 16 * quantiser_scale_of(QuantiserScaleCode { q_scale_type, code }));
-    let below = scales.clone().filter(|&scale| scale <= scale_x16).max();
-    let above = scales.filter(|&scale| scale >= scale_x16).min();
-    let (Some(below), Some(above)) = (below, above) else { return scale_x16 };
+    let below = scales.clone().filter(|&scale| scale <= scale_x16).max()?;
+    Some([below, scales.filter(|&scale| scale >= scale_x16).min()?])
+}
+
+/// The one of two neighbors that a row takes for a scale between them.
+pub(crate) fn one_of([below, above]: [u32; 2], scale_x16: u32, row: usize) -> u32 {
     // Neighbors are far apart in this order: 0, 128, 64, 192, …
     let order = u32::from((row as u8).reverse_bits());
     if 256 * (scale_x16 - below) > order * (above - below) { above } else { below }

@@ -8,27 +8,52 @@
 //! a step of the table. Without a look-ahead nothing else brings bits back to what they were. All is integer, so that it is the same
 //! everywhere.
 
-use crate::quantiser_scale::{QuantiserScaleCode, quantiser_scale_of, spread_over_rows};
+use crate::quantiser_scale::{QuantiserScaleCode, neighbors, one_of, quantiser_scale_of};
 
 /// The largest `base`, in 4096ths: it brings the least factor, a sixteenth, to scale 112.
 const BASE_MAX: u64 = 112 * 16 * 4096;
 
 /// quantiser_scale of all macroblocks in sixteenths, for their `factors` in 256ths; factors that are all the same change nothing.
 pub(super) fn scales_x16(factors: &[u32], columns: usize, quantiser_scale: u32, q_scale_type: bool) -> Vec<u32> {
-    let [finest, coarsest] = [1, 31].map(|code| 16 * quantiser_scale_of(QuantiserScaleCode { q_scale_type, code }));
-    let scale_x16 = |base: u64, factor: u32, row: usize| {
-        let wanted = (base * u64::from(factor) / 65_536) as u32;
-        spread_over_rows(q_scale_type, wanted.clamp(finest, coarsest), row)
-    };
+    let table = Table::new(q_scale_type);
     let counts = counts(factors, columns);
     let sum = |base: u64| {
-        let of = |&((factor, row), count): &((u32, usize), u64)| count * logarithm(scale_x16(base, factor, row));
+        let of = |&((factor, row), count): &((u32, usize), u64)| {
+            count * table.logarithms[table.scale_x16(base, factor, row) as usize / 16]
+        };
         counts.iter().map(of).sum::<u64>()
     };
-    let wanted = factors.len() as u64 * logarithm(16 * quantiser_scale);
+    let wanted = factors.len() as u64 * logarithm(quantiser_scale);
     let (below, above) = around(&sum, wanted);
     let base = if wanted.abs_diff(sum(below)) <= wanted.abs_diff(sum(above)) { below } else { above };
-    factors.iter().enumerate().map(|(i, &factor)| scale_x16(base, factor, i / columns)).collect()
+    factors.iter().enumerate().map(|(i, &factor)| table.scale_x16(base, factor, i / columns)).collect()
+}
+
+/// The scales that exist.
+struct Table {
+    finest_x16: u32,
+    /// The scales around the finest one and each sixteenth after it, up to the coarsest one.
+    neighbors: Vec<[u32; 2]>,
+    /// Logarithms of 0, which counts as 1, and of the numbers up to the coarsest scale.
+    logarithms: Vec<u64>,
+}
+
+impl Table {
+    fn new(q_scale_type: bool) -> Self {
+        let [finest, coarsest] = [1, 31].map(|code| quantiser_scale_of(QuantiserScaleCode { q_scale_type, code }));
+        Self {
+            finest_x16: 16 * finest,
+            neighbors: (16 * finest..=16 * coarsest).filter_map(|x16| neighbors(q_scale_type, x16)).collect(),
+            logarithms: (0..=coarsest).map(|scale| logarithm(scale.max(1))).collect(),
+        }
+    }
+
+    /// The scale that a macroblock takes in this row.
+    fn scale_x16(&self, base: u64, factor: u32, row: usize) -> u32 {
+        let wanted = (base * u64::from(factor) / 65_536) as u32;
+        let place = (wanted.saturating_sub(self.finest_x16) as usize).min(self.neighbors.len() - 1);
+        one_of(self.neighbors[place], self.finest_x16 + place as u32, row)
+    }
 }
 
 /// Each factor that occurs in a row of macroblocks, the row, and how often.
@@ -72,7 +97,7 @@ mod tests {
 
     #[test]
     fn logarithms_are_the_true_ones() {
-        for scale in 1..=16 * 112 {
+        for scale in 1..=112 {
             let error = logarithm(scale) as f64 / 65_536.0 - f64::from(scale).log2();
             assert!((-2e-5..=0.0).contains(&error), "{scale}: {error}");
         }

@@ -57,7 +57,7 @@ fn settings(quantiser_scale: u32) -> Config {
     config(SIZE.0, SIZE.1).with_quantiser_scale(quantiser_scale)
 }
 
-/// Twice the weight in a rectangle, as a factor of 2 to the power of −1/4 or −1/6. Bits stay within 1 % then; with −1 they grow by 2 to
+/// Twice the weight in a rectangle, as a factor of 2 to the power of −1/4 or −1/6. Bits stay within 1 % then; with −1 they grow by 1 to
 /// 8 %: finer quantisers cost more bits than coarser ones elsewhere save.
 #[test]
 fn a_rectangle_gets_better_for_the_same_bits() {
