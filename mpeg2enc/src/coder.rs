@@ -35,7 +35,7 @@ pub struct Packet {
     pub quantiser_scale: u32,
     /// quantiser_scale in force at every macroblock: all the same unless settings or weights vary it.
     pub quantiser_scales: Plane<u8>,
-    /// The same, but for macroblocks without levels the scale with which these became zero: a stream does not write it.
+    /// quantiser_scale that made the levels of every macroblock. Where all became zero the stream does not write it.
     scales_of_levels: Plane<u8>,
     /// How every macroblock was coded.
     pub macroblock_kinds: Plane<MacroblockKind>,

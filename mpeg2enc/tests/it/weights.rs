@@ -128,7 +128,7 @@ fn scales_by_ffmpeg(stream: &[u8]) -> Vec<u8> {
     rows.filter(is_row).flat_map(|row| row.chunks(2)).map(|text| number(text).expect("a number")).collect()
 }
 
-/// What packets tell of quantisers is what ffmpeg reads in the stream, and masking sees what made the levels.
+/// Packets report the quantisers that ffmpeg reads in the stream. Masking gets the quantisers that made the levels.
 #[test]
 fn packets_tell_the_scale_of_every_macroblock() {
     let frame = moving(SIZE.0, SIZE.1, 0);

@@ -26,7 +26,7 @@ use render_core::{Atlas, ShadingPoint, Surfaces, luminance};
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How often each texel is looked at.
+/// Passes over all texels; progress counts each.
 pub(super) const PASSES: usize = 3;
 
 /// Share of its light that a cluster of a texel's cut may be wrong by, alone and where it is known beforehand. With 2 % alone, a box
@@ -34,11 +34,12 @@ pub(super) const PASSES: usize = 3;
 const ALONE: f32 = 0.01;
 const TOGETHER: f32 = 0.01;
 
-/// Share of its luminance, or of that around it if that is more, by which a texel is unlike those around it.
-const UNLIKE: f32 = 0.3;
 /// Receivers that share a walk through the tree, at most.
 const TOGETHER_AT_MOST: usize = 64;
-/// Further points of such a texel, at most.
+
+/// A texel is unlike those around it if its luminance differs from their mean by this share of the larger of both. Tried on `nave`.
+const UNLIKE: f32 = 0.3;
+/// Points that a texel unlike those around it is lit at beside its own, at most.
 const FURTHER: usize = 4;
 
 /// Irradiance of the texels of an atlas \[W·m⁻²\], linear RGB.
@@ -210,23 +211,19 @@ impl Bake<'_> {
         (direct, indirect): (&[[f32; 3]], &[Option<[f32; 3]>]),
         scratch: &mut (Scratch, Vec<Cut>),
     ) -> Vec<TwoLights> {
-        // Their points, and the sums of the light that is known there.
-        let (mut receivers, mut sums) = (Vec::new(), Vec::new());
+        // Further points of texels unlike those around them, and the light at the point that each was lit at.
+        let (mut receivers, mut owners, mut sums) = (Vec::new(), Vec::new(), Vec::new());
         for &texel in &block.texels {
-            let (Some(own), Some(around)) = (indirect[texel].map(Vec3::from), self.around(texel, indirect)) else {
-                continue;
-            };
-            let (of_own, of_around) = (luminance(own), luminance(around));
-            if self.points[texel].is_none() || (of_own - of_around).abs() <= UNLIKE * of_own.max(of_around) {
-                continue;
+            let Some(own) = self.unlike(texel, indirect) else { continue };
+            for point in places.others(texel, FURTHER) {
+                receivers.push(Receiver { texel, point });
+                owners.push(sums.len());
             }
-            receivers.extend(places.others(texel, FURTHER).map(|point| Receiver { texel, point }));
             sums.push((TwoLights { texel, direct: Vec3::from(direct[texel]), indirect: own }, 1.0));
         }
 
-        // The light of the points, whose texels are in the same order.
-        let mut next = 0;
-        for receivers in receivers.chunks(TOGETHER_AT_MOST) {
+        // The light at these points is about as bright as at the own one.
+        for (receivers, owners) in receivers.chunks(TOGETHER_AT_MOST).zip(owners.chunks(TOGETHER_AT_MOST)) {
             let points: Vec<ShadingPoint> = receivers.iter().map(|receiver| receiver.point).collect();
             let of_direct = self.frame.direct.irradiance_tile(&self.frame.accelerator, &points).value;
             let mut thresholds = Vec::new();
@@ -235,20 +232,23 @@ impl Bake<'_> {
                 thresholds.push(TOGETHER * luminance(expected + of_direct));
             }
             let of_indirect = self.together(receivers, &thresholds, scratch);
-            for ((receiver, direct), indirect) in receivers.iter().zip(of_direct).zip(of_indirect) {
-                while sums[next].0.texel != receiver.texel {
-                    next += 1;
-                }
-                let (sum, count) = &mut sums[next];
+            for ((&owner, direct), indirect) in owners.iter().zip(of_direct).zip(of_indirect) {
+                let (sum, count) = &mut sums[owner];
                 (sum.direct, sum.indirect, *count) = (sum.direct + direct, sum.indirect + indirect, *count + 1.0);
             }
         }
-        let mean = |(sum, count): (TwoLights, f32)| TwoLights {
-            direct: sum.direct / count,
-            indirect: sum.indirect / count,
-            ..sum
-        };
-        sums.into_iter().map(mean).collect()
+        for (sum, count) in &mut sums {
+            (sum.direct, sum.indirect) = (sum.direct / *count, sum.indirect / *count);
+        }
+        sums.into_iter().map(|(mean, _)| mean).collect()
+    }
+
+    /// The indirect light at the point of a texel, if it is unlike that around it.
+    fn unlike(&self, texel: usize, indirect: &[Option<[f32; 3]>]) -> Option<Vec3> {
+        self.points[texel]?;
+        let (own, around) = (Vec3::from(indirect[texel]?), self.around(texel, indirect)?);
+        let (of_own, of_around) = (luminance(own), luminance(around));
+        ((of_own - of_around).abs() > UNLIKE * of_own.max(of_around)).then_some(own)
     }
 
     /// Indirect irradiance of at most 64 receivers that are close together, with thresholds known beforehand.

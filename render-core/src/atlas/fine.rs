@@ -64,13 +64,13 @@ impl Atlas {
                 .fold((f32::INFINITY, 0.0f32), |(low, high), corner| (low.min(corner.y), high.max(corner.y)));
             let band = |y: f32| (y.max(0.0) as usize / BAND).min(bands.len() - 1);
             let (first, last) = (band(low - REACH - 1.0), band(high + REACH + 1.0));
-            // None where places are no numbers.
+            // A triangle whose places are not numbers goes to no band.
             for band in bands.get_mut(first..=last).into_iter().flatten() {
                 band.push(Drawn { index: index as u32, corners });
             }
         }
 
-        // Each band for itself; of triangles as near, the first counts.
+        // Bands are filled at the same time. Of triangles that are as near as each other, the first counts.
         let mut owners = vec![NONE; width as usize * height as usize];
         owners.par_chunks_mut(BAND * width as usize).zip(bands).enumerate().for_each(|(band, (owners, triangles))| {
             fill(owners, (band * BAND) as u32, width, &triangles);

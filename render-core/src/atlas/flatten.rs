@@ -16,7 +16,7 @@ pub enum AtlasError {
         "nothing stands still in this scene, so no light of it can be baked; bake a scene with lit surfaces that never move"
     )]
     NothingStands,
-    /// Each chart needs one.
+    /// Fewer texels than charts: each chart needs one.
     #[error("{texels} texels are too few for {charts} charts of surfaces; ask for {charts} or more")]
     TooFewTexels {
         /// The wish.

@@ -91,7 +91,7 @@ const SAME_NORMAL: f32 = 0.999;
 impl Atlas {
     /// Surface points that a texel may stand for, one at least and ten at most.
     ///
-    /// All are near to points of the texel, and lie on the triangles that are nearest to its center and to those of its neighbors.
+    /// All sites are near to points of the texel, and lie on the triangles that are nearest to its center and to those of its neighbors.
     /// The first is near to the middle of the part of the texel that lies on the chart: on its edge, half of the texel lies beside
     /// it, and edges are in corners often. Others are near to the points of a 3×3 lattice, those on the chart before those beside it.
     ///

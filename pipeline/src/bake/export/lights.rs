@@ -16,7 +16,7 @@ pub(super) fn adapt(document: &mut Document, scene: &Scene, exposure: f32) {
         return;
     }
 
-    // Their unit stays the film's, before its exposure: a viewer has none.
+    // Viewers have no exposure, so that of the film goes into the intensities.
     let lights = document.json.pointer_mut(&format!("/extensions/{EXTENSION}/lights"));
     for light in lights.and_then(Value::as_array_mut).into_iter().flatten() {
         let intensity = light["intensity"].as_f64().unwrap_or(1.0) * f64::from(exposure);

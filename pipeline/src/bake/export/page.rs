@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use render_core::{FinePoint, FineTexels, Surfaces};
 use std::f32::consts::PI;
 
-/// What colors depend on.
+/// Light, surfaces and tone curve, which colors are made of.
 pub(super) struct Painter<'a> {
     pub texels: &'a FineTexels<'a>,
     pub baked: &'a BakedTexels,

@@ -85,7 +85,7 @@ mod tests {
         let one = Split::new(&triangles, std::slice::from_ref(&whole));
         assert_eq!(one, Split { vertices: vec![0, 1, 2, 3], triangles: triangles.to_vec() });
 
-        // What one side cuts is cut on all.
+        // A vertex that is split for one side is split for all sides.
         let two = Split::new(&triangles, &[whole.clone(), cut.clone()]);
         assert_eq!(two, Split { vertices: vec![0, 1, 2, 2, 1, 3], triangles: vec![[0, 1, 2], [3, 4, 5]] });
         assert_eq!(two.places(&whole)[2..4], [vec2(0.0, 1.0); 2]);

@@ -32,7 +32,7 @@ impl GltfSource {
     /// Reads a `data:` URI, or a file in the folder of the scene; `name` says what it is, for instance "image 3".
     ///
     /// # Errors
-    /// It is not there or cannot be read, lies outside of the folder, or is not base64.
+    /// The resource cannot be read, lies outside of the folder of the document, or is not base64.
     pub fn resource(&self, name: &str, uri: &str) -> Result<Vec<u8>, LoadError> {
         Loader { path: &self.path, folder: folder_of(&self.path) }.resource(name, uri)
     }
