@@ -45,7 +45,7 @@ pub use gbuffer::{Coverage, GBuffer, MACROBLOCK, MixedPixel, NOTHING, PixelSampl
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling};
 pub use photon::{AnchorFlux, Photons, SweptVolume};
 pub use posed_scene::PosedScene;
-pub use reconstruct::{reconstruct, sample_offsets};
+pub use reconstruct::{reconstruct, reconstruct_counted, sample_offsets};
 pub use surface::{Paint, Surface, Surfaces};
 
 use glam::{Vec3, Vec3A};

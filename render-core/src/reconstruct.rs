@@ -1,9 +1,10 @@
 //! Several samples to the pixel, and the filter that makes a picture of them.
 //!
 //! Samples lie at the same places in every pixel of every frame: what stands still stays still, and an edge that
-//! moves is seen by the filter, not by chance.
+//! moves is seen by the filter, not by chance. Places are nested: the first is the center, so that a pixel may have fewer
+//! samples than its neighbors.
 
-use crate::sampling::centered_sobol;
+use crate::sampling::sobol_point;
 use glam::Vec2;
 use plane::Plane;
 use rayon::prelude::*;
@@ -12,11 +13,11 @@ use rayon::prelude::*;
 /// pixel grid's does.
 const RADIUS: f32 = 1.5;
 
-/// Places of `count` samples in a pixel, from its upper left corner, in 0…1: one sample is the center, more are the
-/// first points of a (0, 2)-sequence, each in the middle of its cell. Powers of two are centered on the pixel.
+/// Places of `count` samples in a pixel, from its upper left corner, in 0…1: the first points of a (0, 2)-sequence, half a
+/// pixel on, around the border. The first is the center, and those of a smaller `count` are the first of a larger one.
 #[must_use]
 pub fn sample_offsets(count: usize) -> Vec<Vec2> {
-    centered_sobol(count.max(1)).collect()
+    (0..count.max(1) as u64).map(|index| (sobol_point(index) + 0.5).fract()).collect()
 }
 
 /// Four-term Blackman–Harris window (Harris 1978, table I, 92 dB) at `x` in −1…1; 0 outside.
@@ -36,20 +37,8 @@ struct Tap {
     weight: f32,
 }
 
-/// The picture that `samples` make, each a plane of values at one of `places` in its pixel.
-///
-/// A single sample in the center is the picture itself. Weights sum to 1; at the border the outermost pixels repeat.
-///
-/// # Panics
-/// If there is not one plane for each place, or they differ in size.
-#[must_use]
-pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 3]> {
-    assert!(!samples.is_empty() && samples.len() == places.len(), "one plane for each place");
-    let (width, height) = (samples[0].width(), samples[0].height());
-    assert!(samples.iter().all(|plane| (plane.width(), plane.height()) == (width, height)), "planes of one size");
-    if samples.len() == 1 {
-        return samples[0].clone();
-    }
+/// The taps of a pixel whose samples lie at `places`, and those of its neighbors there.
+fn taps(places: &[Vec2]) -> Vec<Tap> {
     let mut taps: Vec<Tap> = Vec::new();
     for (sample, place) in places.iter().enumerate() {
         for (row, column) in (-2..=2).flat_map(|row| (-2..=2).map(move |column| (row, column))) {
@@ -60,25 +49,86 @@ pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 
             }
         }
     }
+    taps
+}
+
+/// The picture that `samples` make, each a plane of values at one of `places` in its pixel.
+///
+/// A single sample in the center is the picture itself. Weights sum to 1; at the border the outermost pixels repeat.
+///
+/// # Panics
+/// If there is not one plane for each place, or they differ in size.
+#[must_use]
+pub fn reconstruct(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> Plane<[f32; 3]> {
+    let (width, height) = size_of(samples, places);
+    if samples.len() == 1 {
+        return samples[0].clone();
+    }
+    let mut taps = taps(places);
     let sum: f32 = taps.iter().map(|tap| tap.weight).sum();
     taps.iter_mut().for_each(|tap| tap.weight /= sum);
-    let rows: Vec<Vec<[f32; 3]>> = (0..height)
-        .into_par_iter()
-        .map(|y| {
-            let mut out = vec![[0.0f32; 3]; width];
-            for Tap { sample, column, row, weight } in &taps {
-                let from = samples[*sample].row(y.saturating_add_signed(*row).min(height - 1));
-                for (x, pixel) in out.iter_mut().enumerate() {
-                    let value = from[x.saturating_add_signed(*column).min(width - 1)];
-                    for c in 0..3 {
-                        pixel[c] += weight * value[c];
-                    }
+    let row = |y: usize| {
+        let mut out = vec![[0.0f32; 3]; width];
+        for Tap { sample, column, row, weight } in &taps {
+            let from = samples[*sample].row(y.saturating_add_signed(*row).min(height - 1));
+            for (x, pixel) in out.iter_mut().enumerate() {
+                let value = from[x.saturating_add_signed(*column).min(width - 1)];
+                for c in 0..3 {
+                    pixel[c] += weight * value[c];
                 }
             }
-            out
-        })
-        .collect();
+        }
+        out
+    };
+    let rows: Vec<Vec<[f32; 3]>> = (0..height).into_par_iter().map(row).collect();
     Plane::from_vec(width, height, rows.concat())
+}
+
+/// The picture that `samples` make where each pixel has the first few of them, as many as `counts` says and at least one:
+///
+/// ```text
+/// L(p) = Σ_q Σ_(i < n_q) h(q + s_i − p) L_i(q) / Σ_q Σ_(i < n_q) h(q + s_i − p)        n_p > 1
+/// L(p) = L_0(p)                                                                        n_p = 1
+///
+///   q  pixels around p        n  count        s_i  place of sample i        h  the filter
+/// ```
+/// Where all pixels have all samples it is [`reconstruct`]'s, but for rounding.
+///
+/// # Panics
+/// If there is not one plane for each place, or planes differ in size.
+#[must_use]
+pub fn reconstruct_counted(samples: &[Plane<[f32; 3]>], places: &[Vec2], counts: &Plane<u8>) -> Plane<[f32; 3]> {
+    let (width, height) = size_of(samples, places);
+    assert_eq!((counts.width(), counts.height()), (width, height), "a count for each pixel");
+    let taps = taps(places);
+    let of_pixel = |x: usize, y: usize| {
+        if counts.get(x, y) <= 1 {
+            return samples[0].get(x, y);
+        }
+        let (mut sum, mut weights) = ([0.0f32; 3], 0.0);
+        for Tap { sample, column, row, weight } in &taps {
+            let (u, v) =
+                (x.saturating_add_signed(*column).min(width - 1), y.saturating_add_signed(*row).min(height - 1));
+            // A pixel has its first sample whatever its count.
+            if *sample == 0 || *sample < usize::from(counts.get(u, v)) {
+                let value = samples[*sample].get(u, v);
+                (0..3).for_each(|c| sum[c] += weight * value[c]);
+                weights += weight;
+            }
+        }
+        sum.map(|value| value / weights)
+    };
+    let row = |y: usize| (0..width).map(|x| of_pixel(x, y)).collect();
+    let rows: Vec<Vec<[f32; 3]>> = (0..height).into_par_iter().map(row).collect();
+    Plane::from_vec(width, height, rows.concat())
+}
+
+/// Width and height of the samples.
+fn size_of(samples: &[Plane<[f32; 3]>], places: &[Vec2]) -> (usize, usize) {
+    assert!(!samples.is_empty() && samples.len() == places.len(), "one plane for each place");
+    let (width, height) = (samples[0].width(), samples[0].height());
+    assert!(samples.iter().all(|plane| (plane.width(), plane.height()) == (width, height)), "planes of one size");
+    (width, height)
 }
 
 #[cfg(test)]
@@ -103,15 +153,61 @@ mod tests {
     }
 
     #[test]
-    fn places_lie_in_the_pixel_and_around_its_center() {
+    fn places_are_nested_and_even_from_the_center_on() {
+        let all = sample_offsets(64);
+        assert_eq!(all[0], Vec2::splat(0.5));
+        assert!(all.iter().all(|place| place.min_element() >= 0.0 && place.max_element() < 1.0), "{all:?}");
         for count in 1..=64 {
-            let places = sample_offsets(count);
-            assert_eq!(places.len(), count);
-            assert!(places.iter().all(|p| p.min_element() >= 0.0 && p.max_element() <= 1.0), "{count}: {places:?}");
-            let mean = places.iter().sum::<Vec2>() / count as f32;
-            let off = if count.is_power_of_two() { 1e-5 } else { 0.15 };
-            assert!((mean - 0.5).length() < off, "{count}: mean {mean}");
+            assert_eq!(sample_offsets(count), all[..count]);
         }
+        // One of sixteen in each column, each row and each cell of four by four, as the pixel grid repeats them.
+        for (across, down) in [(16.0, 1.0), (4.0, 4.0), (1.0, 16.0)] {
+            let mut cells: Vec<i32> = Vec::new();
+            for place in &all[..16] {
+                cells.push((place.x * across) as i32 + across as i32 * (place.y * down) as i32);
+            }
+            cells.sort_unstable();
+            assert_eq!(cells, Vec::from_iter(0..16), "{across} by {down}");
+        }
+    }
+
+    /// With equal counts the filter is the same, and a lone sample stays as it is beside pixels with more.
+    #[test]
+    fn counted_samples_make_the_same_picture_where_counts_are_even() {
+        let places = sample_offsets(5);
+        let value = |x: usize, y: usize, k: usize| ((3 * x + 7 * y + 11 * k) % 13) as f32;
+        let planes: Vec<Plane<[f32; 3]>> =
+            (0..5).map(|k| Plane::from_fn(19, 12, |x, y| [value(x, y, k), value(y, x, k), 1.0])).collect();
+        let whole = reconstruct(&planes, &places);
+        let counted = reconstruct_counted(&planes, &places, &Plane::filled(19, 12, 5));
+        for (a, b) in whole.samples().iter().zip(counted.samples()) {
+            assert!((0..3).all(|c| (a[c] - b[c]).abs() < 1e-5 * 13.0), "{a:?} {b:?}");
+        }
+
+        // Five on the right, one on the left: far from the border between them, each side is as if it were everywhere.
+        let counts = Plane::from_fn(19, 12, |x, _| if x < 9 { 1 } else { 5 });
+        let mixed = reconstruct_counted(&planes, &places, &counts);
+        for y in 0..12 {
+            assert!((0..9).all(|x| mixed.get(x, y) == planes[0].get(x, y)));
+            assert!((11..19).all(|x| mixed.get(x, y) == counted.get(x, y)));
+            assert!((9..11).all(|x| (mixed.get(x, y)[2] - 1.0).abs() < 1e-6), "an even channel stays even");
+        }
+    }
+
+    /// Samples that are not there are not read.
+    #[test]
+    fn samples_beyond_the_count_do_not_matter() {
+        let places = sample_offsets(4);
+        let counts = Plane::from_fn(16, 9, |x, y| 1 + ((x / 3 + y) % 4) as u8);
+        let planes = |absent: f32| -> Vec<Plane<[f32; 3]>> {
+            let of = |k: usize| {
+                let there = |x, y| k == 0 || usize::from(counts.get(x, y)) > k;
+                Plane::from_fn(16, 9, |x, y| [if there(x, y) { (x * y + k) as f32 } else { absent }; 3])
+            };
+            (0..4).map(of).collect()
+        };
+        let [dark, bright] = [0.0, 1e6].map(|absent| reconstruct_counted(&planes(absent), &places, &counts));
+        assert_eq!(dark, bright);
     }
 
     /// An even picture stays even, and a ramp stays the same ramp.

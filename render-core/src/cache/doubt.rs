@@ -4,8 +4,9 @@
 //! At last, a pixel whose records predict different things for it gets one. So records crowd where irradiance changes as nobody
 //! foresaw, and are spared where it is smooth. No pixel gets one where records are dense already.
 
+use super::known::KnownPredictions;
 use super::picture::{Picture, Shown};
-use super::predict::{Prediction, predictions};
+use super::predict::{Predicted, predictions};
 use super::record::Record;
 use super::tile::{DENSE, Tile, Tiles};
 use crate::luminance;
@@ -51,6 +52,7 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     picture: &Picture,
     tiles: &Tiles,
     records: &[Record<R>],
+    known: &KnownPredictions,
     places: &[usize],
 ) -> Vec<(usize, usize)> {
     // Tiles that none of these records reaches are passed over.
@@ -68,14 +70,14 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     }
     candidates.sort_unstable();
     candidates.dedup();
-    let known = predictions(picture, tiles, records, candidates.par_iter().map(|&place| place as usize));
+    let predicted = predictions(picture, tiles, records, known, candidates.par_iter().map(|&place| place as usize));
 
     // They stand in the order of `candidates`; tiles look them up by place.
     let mut number = vec![0; tiles.listed.len()];
     for (k, &place) in candidates.iter().enumerate() {
         number[place as usize] = k;
     }
-    let opinions = Opinions { tiles, records, tolerances: Tolerances::of(tiles, records), known, number };
+    let opinions = Opinions { tiles, records, tolerances: Tolerances::of(tiles, records), predicted, number };
 
     let in_tile = |&index: &usize| picture.busy.measure(|| opinions.contradicted_in(picture, index));
     let pixels: Vec<Vec<(usize, usize)>> = chosen.par_iter().map(in_tile).collect();
@@ -87,8 +89,8 @@ struct Opinions<'a, R> {
     tiles: &'a Tiles,
     records: &'a [Record<R>],
     tolerances: Tolerances,
-    known: Vec<(Prediction, f32)>,
-    /// By the place of a record in the list, where its prediction is in `known`.
+    predicted: Vec<Predicted>,
+    /// By the place of a record in the list, where its prediction is in `predicted`.
     number: Vec<usize>,
 }
 
@@ -114,7 +116,7 @@ impl<R> Opinions<'_, R> {
         let (mut whole, mut sum, mut squares, mut tolerance) = (0.0, 0.0, 0.0, 0.0);
         for &(k, weight) in weights {
             let place = tile.candidates[k] as usize;
-            let light = luminance(self.known[self.number[place]].0.at(shown).into());
+            let light = luminance(self.predicted[self.number[place]].prediction.at(shown).into());
             whole += weight;
             sum += weight * light;
             squares += weight * light * light;

@@ -1,22 +1,18 @@
 //! Light between records.
 
 use super::picture::Picture;
-use super::predict::Prediction;
+use super::predict::Predicted;
 use super::tile::Tiles;
 use glam::Vec3A;
 use plane::Plane;
 use rayon::prelude::*;
 
 /// Irradiance of every pixel by what the listed records predict, and the records it came from, ascending.
-pub(super) fn picture(
-    picture: &Picture,
-    tiles: &Tiles,
-    predictions: &[(Prediction, f32)],
-) -> (Plane<[f32; 3]>, Vec<usize>) {
+pub(super) fn picture(picture: &Picture, tiles: &Tiles, predicted: &[Predicted]) -> (Plane<[f32; 3]>, Vec<usize>) {
     let (width, height) = picture.size();
     let lit: Vec<(Vec<[f32; 3]>, Vec<u32>)> = (0..tiles.all.len())
         .into_par_iter()
-        .map(|index| picture.busy.measure(|| tile(picture, tiles, index, predictions)))
+        .map(|index| picture.busy.measure(|| tile(picture, tiles, index, predicted)))
         .collect();
 
     // Tiles hold their pixels row by row. The picture has them side by side.
@@ -32,12 +28,7 @@ pub(super) fn picture(
     (plane, tiles.records(used))
 }
 
-fn tile(
-    picture: &Picture,
-    tiles: &Tiles,
-    index: usize,
-    predictions: &[(Prediction, f32)],
-) -> (Vec<[f32; 3]>, Vec<u32>) {
+fn tile(picture: &Picture, tiles: &Tiles, index: usize, predicted: &[Predicted]) -> (Vec<[f32; 3]>, Vec<u32>) {
     // Which of the candidates give light to any pixel is found on the way.
     let tile = &tiles.all[index];
     let shown = picture.shown(index);
@@ -55,7 +46,7 @@ fn tile(
         let (mut sum, mut whole) = (Vec3A::ZERO, 0.0);
         for &(k, weight) in &weights {
             is_used[k] = true;
-            sum += predictions[tile.candidates[k] as usize].0.at(shown) * weight;
+            sum += predicted[tile.candidates[k] as usize].prediction.at(shown) * weight;
             whole += weight;
         }
         light.push((sum / whole.max(f32::MIN_POSITIVE)).to_array());

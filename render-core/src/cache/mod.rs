@@ -23,6 +23,7 @@ mod fill;
 mod group;
 mod illumination;
 mod interpolate;
+mod known;
 mod openness;
 mod picture;
 mod predict;
@@ -40,6 +41,7 @@ pub use spacing::footprint;
 use crate::gbuffer::{GBuffer, NOTHING};
 use crate::{Busy, Timed};
 use glam::{Affine3A, Vec3A};
+use known::KnownPredictions;
 use openness::Openness;
 use picture::Picture;
 use plane::Plane;
@@ -75,6 +77,9 @@ pub struct IrradianceCache<R> {
     world: Vec<Affine3A>,
     /// Openness in the last picture.
     openness: Openness,
+    /// What the records of this frame predict, for further pictures of it.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    known: KnownPredictions,
 }
 
 impl<R> std::fmt::Debug for IrradianceCache<R> {
@@ -108,8 +113,8 @@ pub struct CachedLight {
 
 impl<R> Default for IrradianceCache<R> {
     fn default() -> Self {
-        let openness = Openness::default();
-        Self { records: Vec::new(), frame: 0, changed: 0, made: 0, world: Vec::new(), openness }
+        let (openness, known) = (Openness::default(), KnownPredictions::default());
+        Self { records: Vec::new(), frame: 0, changed: 0, made: 0, world: Vec::new(), openness, known }
     }
 }
 
@@ -150,11 +155,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let mut computed = self.bring_up_to_date(&needed, changes, illumination, busy);
         tiles.clear();
         tiles.list(&picture, &self.records, needed);
-        let (made, predictions) = self.fill(&picture, &mut tiles, carried, illumination);
+        let (made, predicted) = self.fill(&picture, &mut tiles, carried, &KnownPredictions::default(), illumination);
         computed += made;
 
         // Pixels take their light, and what they took it from stays known.
-        let (irradiance, used) = interpolate::picture(&picture, &tiles, &predictions);
+        let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);
+        self.known = KnownPredictions::default();
+        self.known.keep(&tiles, &self.records, predicted, self.made);
         let in_use = used.len();
         for index in used {
             self.records[index].seen = self.frame;
@@ -183,17 +190,20 @@ impl<R: Send + Sync> IrradianceCache<R> {
         illumination: &I,
         busy: &Busy,
     ) -> CachedLight {
-        let openness = Openness::new(&request, &Openness::default(), illumination, busy);
+        let openness = Openness::new(&request, &self.openness, illumination, busy);
         let picture = Picture::new(request, &openness, busy);
 
         // What this frame has not brought up to date is light of another.
         let mut tiles = Tiles::new(&picture);
         let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
         tiles.list(&picture, &self.records, current);
-        let (computed, predictions) = self.fill(&picture, &mut tiles, Vec::new(), illumination);
+        let mut known = std::mem::take(&mut self.known);
+        let (computed, predicted) = self.fill(&picture, &mut tiles, Vec::new(), &known, illumination);
 
         // Pixels take their light, and what they took it from stays known.
-        let (irradiance, used) = interpolate::picture(&picture, &tiles, &predictions);
+        let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);
+        known.keep(&tiles, &self.records, predicted, self.made);
+        self.known = known;
         let in_use = used.len();
         for index in used {
             self.records[index].seen = self.frame;

@@ -297,7 +297,7 @@ fn predicted(one: &Record<()>, records: &[Record<()>], radius: f32, view: &View)
     records.iter().for_each(|other| fit.add(other));
     let others = records.iter().filter(|other| !std::ptr::eq(*other, one));
     let pixel = f64::from(one.site.pixel_width(view));
-    (fit.solve().0, Exact::new(one, radius.into(), pixel, others))
+    (fit.solve().prediction, Exact::new(one, radius.into(), pixel, others))
 }
 
 /// Fits of up to sixty neighbors, all around or on a needle down to a millionth as thick as long, and what a pixel interpolates

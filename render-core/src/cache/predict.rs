@@ -13,6 +13,7 @@
 
 use super::group::weight;
 use super::illumination::Site;
+use super::known::{Before, KnownPredictions};
 use super::picture::{Picture, Shown};
 use super::radius::trust;
 use super::record::Record;
@@ -82,20 +83,64 @@ impl Prediction {
     }
 }
 
-/// Predictions of the records listed at these `places`, and differences of their neighbors from them: root mean square of the
-/// luminance \[W·m⁻²\].
+/// What a record predicts for a picture, with what its neighbors know.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Predicted {
+    pub prediction: Prediction,
+    /// Difference of the neighbors from it: root mean square of the luminance \[W·m⁻²\].
+    pub difference: f32,
+    /// Radius of the record in the picture \[m\].
+    pub radius: f32,
+    /// By its neighbors.
+    pub taught: Taught,
+}
+
+/// The sums of a record's regression, over its neighbors.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Taught {
+    /// Σ w f fᵀ, with f the way along both axes in radii and the change of openness in tolerances.
+    square: Mat3A,
+    /// Σ w f r, with r what the record alone leaves unexplained: a column for each of f.
+    unexplained: Mat3A,
+    /// Σ w, and by luminance Σ w r², Σ w f fᵀ and Σ w f r, of all neighbors, from however different a light.
+    weights: f32,
+    variance: f32,
+    all_square: Mat3A,
+    all_unexplained: Vec3A,
+}
+
+impl Taught {
+    /// No neighbors.
+    const NOTHING: Self = Self {
+        square: Mat3A::ZERO,
+        unexplained: Mat3A::ZERO,
+        weights: 0.0,
+        variance: 0.0,
+        all_square: Mat3A::ZERO,
+        all_unexplained: Vec3A::ZERO,
+    };
+}
+
+/// What the records listed at these `places` predict. Where their neighbors are `known` of an earlier picture of the frame, only
+/// those that were made since are looked for.
 pub(super) fn predictions<R: Send + Sync>(
     picture: &Picture,
     tiles: &Tiles,
     records: &[Record<R>],
+    known: &KnownPredictions,
     places: impl IntoParallelIterator<Iter: IndexedParallelIterator<Item = usize>, Item = usize>,
-) -> Vec<(Prediction, f32)> {
+) -> Vec<Predicted> {
+    let fresh = known.fresh(tiles, records);
     let no_neighbors = || Neighbors { met_by: vec![u32::MAX; tiles.listed.len()], near: Vec::new() };
     let predict = |neighbors: &mut Neighbors, place| {
         picture.busy.measure(|| {
             let record = &records[tiles.listed[place] as usize];
-            let mut fit = Fit::new(record, radius_in_view(record, picture), &picture.seen.view);
-            neighbors.teach(&mut fit, place, picture, (tiles, records));
+            let radius = radius_in_view(record, picture);
+            let mut fit = Fit::new(record, radius, &picture.seen.view);
+            match known.of(record, radius, &fresh) {
+                Some(before) => fit.go_on(&before, records),
+                None => neighbors.teach(&mut fit, place, picture, (tiles, records)),
+            }
             fit.solve()
         })
     };
@@ -147,7 +192,7 @@ fn tiles_around<'a>(picture: &Picture, tiles: &'a Tiles, site: &Site) -> impl It
     })
 }
 
-/// The sums of a record's regression.
+/// The regression of a record.
 pub(super) struct Fit<'a, R> {
     record: &'a Record<R>,
     alone: Prediction,
@@ -158,15 +203,7 @@ pub(super) struct Fit<'a, R> {
     axes: [Vec3A; 2],
     /// Change over the radius along both axes that the record alone predicts.
     own: [Vec3A; 2],
-    /// Σ w f fᵀ, with f the way along both axes in radii and the change of openness in tolerances.
-    square: Mat3A,
-    /// Σ w f r, with r what the record alone leaves unexplained: a column for each of f.
-    unexplained: Mat3A,
-    /// Σ w, and by luminance Σ w r², Σ w f fᵀ and Σ w f r, of all neighbors, from however different a light.
-    weights: f32,
-    variance: f32,
-    all_square: Mat3A,
-    all_unexplained: Vec3A,
+    taught: Taught,
 }
 
 impl<'a, R> Fit<'a, R> {
@@ -181,18 +218,24 @@ impl<'a, R> Fit<'a, R> {
             widened: (ON_SCREEN * record.site.pixel_width(view) / radius).clamp(least, most),
             axes,
             own: axes.map(|axis| alone.by_position * axis * radius),
-            square: Mat3A::ZERO,
-            unexplained: Mat3A::ZERO,
-            weights: 0.0,
-            variance: 0.0,
-            all_square: Mat3A::ZERO,
-            all_unexplained: Vec3A::ZERO,
+            taught: Taught::NOTHING,
         }
     }
 
     /// Distance up to which neighbors count \[m\].
     fn reach(&self) -> f32 {
         self.radius * self.widened
+    }
+
+    /// Goes on from what neighbors have taught `before`.
+    fn go_on(&mut self, before: &Before, records: &[Record<R>]) {
+        self.taught = *before.taught;
+        let (reach, position) = (self.reach(), self.record.site.position);
+        for fresh in before.since {
+            if fresh.is_within(reach, position) {
+                self.add(&records[fresh.index]);
+            }
+        }
     }
 
     pub fn add(&mut self, neighbor: &Record<R>) {
@@ -229,27 +272,29 @@ impl<'a, R> Fit<'a, R> {
         let light = luminance(r.into());
         let border = OTHER_LIGHT * luminance(self.record.estimate.irradiance);
         let taught = w * (1.0 - (light / border).powi(2)).max(0.0).powi(2);
-        self.square += square * taught;
-        self.unexplained += Mat3A::from_cols(r * f.x, r * f.y, r * f.z) * taught;
-        self.weights += w;
-        self.variance += w * light * light;
-        self.all_square += square * w;
-        self.all_unexplained += f * (w * light);
+        let sums = &mut self.taught;
+        sums.square += square * taught;
+        sums.unexplained += Mat3A::from_cols(r * f.x, r * f.y, r * f.z) * taught;
+        sums.weights += w;
+        sums.variance += w * light * light;
+        sums.all_square += square * w;
+        sums.all_unexplained += f * (w * light);
     }
 
     /// The prediction, and by how much neighbors differ from it.
-    pub fn solve(self) -> (Prediction, f32) {
-        let Self { alone, axes, own, square, unexplained, .. } = self;
-        if self.weights == 0.0 {
-            return (alone, 0.0);
+    pub fn solve(self) -> Predicted {
+        let Self { alone, radius, axes, own, taught, .. } = self;
+        let Taught { square, unexplained, weights, variance, all_square, all_unexplained } = taught;
+        if weights == 0.0 {
+            return Predicted { prediction: alone, difference: 0.0, radius, taught };
         }
 
         // (Σ w f fᵀ + ρ) s = Σ w f r, with a ridge ρ of its own for slopes and for openness.
         let ridge = Vec3A::new(STIFFNESS, STIFFNESS, STIFFNESS_BY_OPENNESS);
         // A record whose own derivatives say what its neighbors say has nothing to learn from them.
-        let variance = self.variance / self.weights;
+        let mean_variance = variance / weights;
         let settled = (SETTLED * self.record.estimate.tolerance).powi(2);
-        let open_to_learn = variance / (variance + settled).max(f32::MIN_POSITIVE);
+        let open_to_learn = mean_variance / (mean_variance + settled).max(f32::MIN_POSITIVE);
         let learnt = unexplained * (square + Mat3A::from_diagonal(ridge.into())).inverse() * open_to_learn;
 
         // Slopes along both axes, own and learnt, followed only as far as they change the light by a part of itself.
@@ -263,7 +308,7 @@ impl<'a, R> Fit<'a, R> {
         // Remaining difference of neighbors, in luminance:  Σ w (r − s · f)² = Σ w r² − 2 s · Σ w f r + s · (Σ w f fᵀ) s.
         // Here s is all that was added to what the record alone predicts.
         let s = Vec3A::new(light(along[0] - own[0]), light(along[1] - own[1]), light(learnt.z_axis));
-        let left = self.variance - 2.0 * s.dot(self.all_unexplained) + s.dot(self.all_square * s);
+        let left = variance - 2.0 * s.dot(all_unexplained) + s.dot(all_square * s);
 
         // From changes over the radius along both axes to a derivative by x, y and z.
         let by_axis = |k: usize| (along[0] * axes[0][k] + along[1] * axes[1][k]) / self.radius;
@@ -272,6 +317,6 @@ impl<'a, R> Fit<'a, R> {
             by_openness: learnt.z_axis / OPENNESS_TOLERANCE,
             ..alone
         };
-        (prediction, (left.max(0.0) / self.weights).sqrt())
+        Predicted { prediction, difference: (left.max(0.0) / weights).sqrt(), radius, taught }
     }
 }

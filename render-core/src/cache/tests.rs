@@ -376,6 +376,29 @@ fn threads_do_not_matter() {
 }
 
 /// Records that stay out of sight are dropped.
+/// A further picture of a frame goes on from what the first one has found of neighbors, as if it had looked for them anew.
+#[test]
+fn known_neighbors_change_nothing() {
+    let lamp = Lamp { wall: true, tolerance: Some(0.002), ..Lamp::default() };
+    let first = floor(|pixel| pixel.instance = 1);
+    let beside = floor_from(Vec3::new(0.006, 5.0, 0.006), |pixel| pixel.instance = 1);
+    let changes = Changes { light: true, geometry: true };
+    let lit = |forgets: bool| {
+        let mut cache = IrradianceCache::default();
+        light(&mut cache, &first, changes, &lamp);
+        if forgets {
+            cache.known = KnownPredictions::default();
+        }
+        cache.light_more(Request::whole(&beside, &[false; 2]), &lamp).value
+    };
+    let (known, anew) = (lit(false), lit(true));
+    assert!(known.computed > 20, "{} new records", known.computed);
+    assert_eq!((known.computed, known.in_use), (anew.computed, anew.in_use));
+    for (a, b) in known.irradiance.samples().iter().zip(anew.irradiance.samples()) {
+        assert!((a[0] - b[0]).abs() <= 1e-5, "{a:?} {b:?}");
+    }
+}
+
 #[test]
 fn unseen_records_are_forgotten() {
     let (seen, lamp) = (floor(|_| ()), Lamp::default());

@@ -7,7 +7,8 @@ use super::SurfacePart;
 use super::borrow::{Lender, around, shows};
 use crate::accel::{Hit, PACKET};
 use crate::gbuffer::{CameraRay, EMPTY, GBuffer, NOTHING, PixelSurface, first_hits, see};
-use crate::{Busy, MACROBLOCK, PosedScene, sample_offsets};
+use crate::sampling::centered_sobol;
+use crate::{Busy, MACROBLOCK, PosedScene};
 use glam::{Vec2, Vec3};
 use plane::Plane;
 use rayon::prelude::*;
@@ -159,7 +160,7 @@ struct Rays {
 
 impl Rays {
     fn new(count: usize) -> Self {
-        let mut first = sample_offsets(count);
+        let mut first: Vec<Vec2> = centered_sobol(count).collect();
         let off_center = |place: &Vec2| (*place - 0.5).abs().max_element();
         first.sort_by(|a, b| off_center(b).total_cmp(&off_center(a)));
         let rest = first.split_off(count.min(FIRST));
