@@ -3,7 +3,7 @@
 //! A picture and the codec's quantiser scale go in; out comes, pixel by pixel, how wrong its luminance may be without anybody seeing
 //! it after compression: [`tolerable_error`], after \[Herzog08\] with Watson's masking model \[Watson93\]. [`Feedback`] carries
 //! that from frame to frame along the motion. Around it: [`ToneMap`], curves that can be undone; [`YCbCr`], the picture that an
-//! MPEG-2 encoder takes; [`saliency()`], where a viewer looks first; and metrics ([`psnr`], [`ssim`], …) for reports. The README lists the references and what is known of extremes.
+//! MPEG-2 encoder takes; [`saliency()`], where a viewer looks first, and [`task_map()`], where one looks who watches something; and metrics ([`psnr`], [`ssim`], …) for reports. The README lists the references and what is known of extremes.
 //!
 //! ```
 //! use perceptual::{MaskingModel, ToneMap, YCbCr, luminance_plane, tolerable_error};
@@ -26,6 +26,7 @@ mod metric;
 mod predicted;
 mod saliency;
 mod table;
+mod task_map;
 mod threshold_map;
 mod tonemap;
 mod ycbcr;
@@ -35,6 +36,7 @@ pub use crate::feedback::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, ObservedFram
 pub use crate::masking::{CONTRAST_MASKING_EXPONENT, LUMINANCE_MASKING_EXPONENT, MaskingModel, mean_dc};
 pub use crate::metric::{Components, flicker, mse, psnr, relative_mse, rmse, ssim};
 pub use crate::saliency::{saliency, steady_saliency};
+pub use crate::task_map::task_map;
 pub use crate::threshold_map::{
     RELATIVE_FLOOR, ThresholdMap, TolerableError, blend, reproject, tolerable_error, tolerable_error_counted,
 };

@@ -9,7 +9,7 @@ pub struct Seconds {
     pub photons: f64,
     /// Build or update of the light tree.
     pub tree: f64,
-    /// Primary rays and motion.
+    /// Primary rays, motion and importance.
     pub visibility: f64,
     /// Direct light.
     pub direct: f64,
@@ -77,6 +77,13 @@ pub struct FrameFigures {
     pub audit_carried_within: Option<f64>,
     /// Mean of threshold by luminance over the pixels that see a surface.
     pub threshold_mean_relative: f64,
+    /// Mean importance of the pixels, 0…1; none where it steers nothing.
+    pub importance_mean: Option<f64>,
+    /// Mean number of samples of the pixels that importance leads to.
+    pub samples_mean: Option<f64>,
+    /// Mean difference of that number from the number that the same surface had in the frame before; none where nothing was seen
+    /// before.
+    pub samples_change: Option<f64>,
     /// Error, in thresholds, that 95 in a hundred of the checked pixels keep within; none if none was checked.
     pub audit_error_p95: Option<f64>,
     /// Multiplier on the thresholds that cuts ended at, on average over these pixels.

@@ -129,6 +129,8 @@ pub struct Shaded {
     pub radiance: Plane<[f32; 3]>,
     /// Pixels that show several surfaces: a display shows the mean of what it shows of these, and not of `radiance`.
     pub outlines: Vec<Outline>,
+    /// How much people look at each pixel, 0…1, where that is to steer the encoder.
+    pub importance: Option<Arc<Plane<f32>>>,
     /// Further channels for the frame's OpenEXR file.
     pub channels: Channels,
     /// CPU seconds and counts, those of [`Prepared`] included.
@@ -146,6 +148,8 @@ pub struct Displayed {
     pub luminance: Arc<Plane<f32>>,
     /// The curve between the two.
     pub tone_map: ToneMap,
+    /// As in [`Shaded`].
+    pub importance: Option<Arc<Plane<f32>>>,
     /// As in [`Prepared`].
     pub correspondence: Option<Arc<Correspondence>>,
     /// As in [`Prepared`].

@@ -88,6 +88,13 @@ pub struct FrameReport {
     pub tree_swaps_share: f64,
     /// Threshold by luminance.
     pub threshold_mean_relative: f64,
+    /// Mean importance of the pixels, 0…1; null without `--importance`, as the two after it.
+    pub importance_mean: Option<f64>,
+    /// Mean number of samples of the pixels.
+    pub samples_mean: Option<f64>,
+    /// Mean difference of that number from the number that the same surface had in the frame before; null where nothing was seen
+    /// before.
+    pub samples_change: Option<f64>,
     /// Multiplier on what masking allows; with calibrated stopping, on the thresholds themselves.
     pub kappa: Option<f64>,
     /// 95th percentile of true error by threshold; null where no pixel is audited.
@@ -157,6 +164,9 @@ impl FrameReport {
             audit_carried_within: figures.audit_carried_within,
             tree_swaps_share: figures.tree_swaps_share,
             threshold_mean_relative: figures.threshold_mean_relative,
+            importance_mean: figures.importance_mean,
+            samples_mean: figures.samples_mean,
+            samples_change: figures.samples_change,
             kappa: figures.kappa,
             audit_error_p95: figures.audit_error_p95,
             non_finite_pixels: figures.non_finite,

@@ -45,26 +45,31 @@ pub const SCENES: &[Shipped] = &[
     Shipped {
         name: "cornell",
         build: cornell::build,
-        settings: Settings { exposure: 1.0, sky: None, frames: frames(cornell::DURATION) },
+        settings: Settings { exposure: 1.0, sky: None, watched: &[], frames: frames(cornell::DURATION) },
     },
     Shipped {
         name: "cornell-box",
         build: cornell::published,
-        settings: Settings { exposure: 3.0, sky: None, frames: 1 },
+        settings: Settings { exposure: 3.0, sky: None, watched: &[], frames: 1 },
     },
     Shipped {
         name: "atrium",
         build: atrium::build,
-        settings: Settings { exposure: 1.25, sky: Some(atrium::SKY), frames: frames(atrium::DURATION) },
+        settings: Settings { exposure: 1.25, sky: Some(atrium::SKY), watched: &[], frames: frames(atrium::DURATION) },
     },
     Shipped {
         name: "conference",
         build: conference::build,
-        settings: Settings { exposure: 1.0, sky: None, frames: frames(conference::DURATION) },
+        settings: Settings {
+            exposure: 1.0,
+            sky: None,
+            watched: &["plant", "table"],
+            frames: frames(conference::DURATION),
+        },
     },
     Shipped {
         name: "nave",
         build: nave::build,
-        settings: Settings { exposure: 0.8, sky: None, frames: frames(nave::DURATION) },
+        settings: Settings { exposure: 0.8, sky: None, watched: &[], frames: frames(nave::DURATION) },
     },
 ];

@@ -22,6 +22,8 @@ pub struct Settings {
     pub exposure: f32,
     /// None where there is no sky.
     pub sky: Option<Sky>,
+    /// Names of the nodes that viewers watch, if any.
+    pub watched: &'static [&'static str],
     /// Frames of the whole animation at 25 a second.
     pub frames: u32,
 }
@@ -41,6 +43,10 @@ impl Settings {
                 rgb(sky.ground)
             );
             s += &format!("\n# Degrees across.\n[sun]\nangular_diameter = {:?}\n", sky.sun_diameter);
+        }
+        if !self.watched.is_empty() {
+            s += &format!("\n# From half a meter, the picture is as wide.\n[importance]\nnodes = {:?}\n", self.watched);
+            s += "viewing_distance = 0.5\nscreen_width = 0.5\n";
         }
         s += "\n[camera]\nname = \"camera\"\n";
         s += &format!("\n[video]\nframes = {}\nfps = 25\n", self.frames);

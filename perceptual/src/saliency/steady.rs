@@ -7,11 +7,16 @@ use plane::{Correspondence, Plane};
 const WEIGHT: f32 = 0.5;
 /// Saliency of what was not seen before: new things attract the eye, and nothing is known of them yet.
 const UNCOVERED: f32 = 1.0;
+/// Pixels around one without match that have none either, from which on it shows a new thing. Fewer are the rim of something, where
+/// a match is missing because the surface is thinner than a pixel.
+const NEW: usize = 5;
 
 /// Saliency of this frame, blended with that of the frame before:
 ///
 /// ```text
-/// (S8)  S'_t(x) = (1 − w) S_t(x) + w S'_(t−1)(x')        w = ½;  1 where x has no match
+/// (S8)  S'_t(x) = (1 − w) S_t(x) + w S'_(t−1)(x')        w = ½
+///       S'_t(x) = 1        where x and at least 5 of the 8 pixels around it have no match
+///       S'_t(x) = S_t(x)   where x has none otherwise
 /// ```
 ///
 /// `now` is S_t, 0…1; `before` is S'_(t−1), as this function returned it, or S itself for the first frame. `known` holds
@@ -23,12 +28,26 @@ const UNCOVERED: f32 = 1.0;
 pub fn steady_saliency(now: &Plane<f32>, before: &Plane<f32>, known: &Correspondence) -> Plane<f32> {
     let size = (known.width(), known.height());
     assert_eq!((now.width(), now.height()), size, "every pixel needs its match");
-    let mut steady = now.clone();
-    for (s, &index) in steady.samples_mut().iter_mut().zip(known.matches().samples()) {
-        *s = match before.samples().get(index as usize) {
-            Some(&before) => (1.0 - WEIGHT) * bounded(*s, 0.0, 1.0) + WEIGHT * bounded(before, 0.0, 1.0),
-            None => UNCOVERED,
-        };
+    let then = known.matches().map(|index| before.samples().get(index as usize).copied());
+    Plane::from_fn(size.0, size.1, |x, y| {
+        let now = bounded(now.get(x, y), 0.0, 1.0);
+        match then.get(x, y) {
+            Some(then) => (1.0 - WEIGHT) * now + WEIGHT * bounded(then, 0.0, 1.0),
+            None if is_new(&then, x, y) => UNCOVERED,
+            None => now,
+        }
+    })
+}
+
+/// Whether most pixels around one without match have none either. Beyond the border nothing has a match.
+fn is_new(then: &Plane<Option<f32>>, x: usize, y: usize) -> bool {
+    let mut missing = 0;
+    for v in [y.wrapping_sub(1), y, y + 1] {
+        for u in [x.wrapping_sub(1), x, x + 1] {
+            let is_inside = u < then.width() && v < then.height();
+            missing += usize::from(!is_inside || then.get(u, v).is_none());
+        }
     }
-    steady
+    // The pixel itself is one of them.
+    missing > NEW
 }

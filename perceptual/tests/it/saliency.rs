@@ -250,6 +250,28 @@ fn saliency_needs_the_motion_of_every_pixel() {
     let _ = saliency(&busy(30, 20), Some(&Plane::filled(20, 30, [0.0; 2])));
 }
 
+/// A new thing is an area without matches; along the rim of an old one some are missing, too.
+#[test]
+fn saliency_of_new_things_is_full_and_that_of_rims_is_not() {
+    let new = |x: usize, y: usize| (2..6).contains(&x) && (2..6).contains(&y);
+    let rim = |x: usize, y: usize| x == 9 && y < 7;
+    let known = Plane::from_fn(12, 8, |x, y| if new(x, y) || rim(x, y) { NO_MATCH } else { (12 * y + x) as u32 });
+    let (now, before) = (Plane::filled(12, 8, 0.5), Plane::filled(12, 8, 0.1));
+    let steady = steady_saliency(&now, &before, &Correspondence::from_matches(known));
+    for (x, y) in (0..8).flat_map(|y| (0..12).map(move |x| (x, y))) {
+        let is_inside = (3..5).contains(&x) && (3..5).contains(&y);
+        let expected = match (new(x, y), rim(x, y)) {
+            (true, _) if is_inside => 1.0,
+            (true, _) => continue,
+            // The rim goes on beyond the border, where all is new.
+            (_, true) if y == 0 => continue,
+            (_, true) => 0.5,
+            _ => 0.3,
+        };
+        assert!((steady.get(x, y) - expected).abs() < 1e-6, "{x}, {y}: {}", steady.get(x, y));
+    }
+}
+
 #[test]
 fn saliency_is_steadied_along_the_motion() {
     let (now, before) = (Plane::filled(4, 1, 0.5), Plane::from_vec(4, 1, vec![0.1, 0.3, f32::NAN, 0.9]));

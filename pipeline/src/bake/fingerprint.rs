@@ -40,7 +40,7 @@ pub fn fingerprint(scene: &Scene) -> u64 {
         settings,
         warnings: _,
     } = scene;
-    let SceneSettings { tone_mapping: _, sky: _, sun, camera: _, animation: _, video: _ } = settings;
+    let SceneSettings { tone_mapping: _, sky: _, sun, camera: _, animation: _, video: _, importance: _ } = settings;
     let mut hash = SceneHash { hash: Xxh3::new(), batch: Vec::new(), numbers: numbers(scene) };
     hash.number(VERSION);
 

@@ -63,7 +63,8 @@ impl Display {
         }
         let luminance = luminance_plane(&radiance);
         let picture = Arc::new(YCbCr::from_radiance(&radiance, &tone_map));
-        Displayed { index, picture, luminance: Arc::new(luminance), tone_map, correspondence: None, forward: None }
+        let (luminance, importance) = (Arc::new(luminance), shaded.importance.clone());
+        Displayed { index, picture, luminance, tone_map, importance, correspondence: None, forward: None }
     }
 
     /// Writes the uncompressed frame into the files that are wanted.

@@ -3,6 +3,7 @@
 pub mod display;
 mod masking;
 mod video;
+mod weights;
 
 pub use display::Display;
 pub use masking::Masking;

@@ -1,12 +1,14 @@
 //! The encoder of a film, with the container that its stream is wrapped into.
 
+use super::weights::weights;
 use crate::error::{Error, Result};
 use crate::parts::{CodedFrame, Coding, Displayed, Encode, Encoded};
 use crate::settings::Settings;
 use crate::state::{NONSENSE, decode, encode};
 use mpeg2enc::{Container, Encoder, Finish, KnownMotion, Multiplexer, Packet, Picture};
 use perceptual::NextPicture;
-use plane::Correspondence;
+use plane::{Correspondence, Plane};
+use render_core::MACROBLOCK;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -35,6 +37,8 @@ struct Stream {
 struct Waiting {
     picture: Arc<Picture>,
     to_previous: Option<Arc<Correspondence>>,
+    /// Of its macroblocks, where people look at some of them more.
+    weights: Option<Plane<f32>>,
 }
 
 impl Video {
@@ -75,9 +79,12 @@ impl Video {
     }
 
     fn push(&mut self, waiting: Waiting, to_next: Option<&Correspondence>) -> Encoded {
-        let Waiting { picture, to_previous } = waiting;
+        let Waiting { picture, to_previous, weights } = waiting;
         let motion = KnownMotion { to_previous: to_previous.as_deref(), to_next };
-        let packets = self.encoder.push(&picture, motion);
+        let packets = match weights {
+            Some(weights) => self.encoder.push_weighted(&picture, motion, &weights),
+            None => self.encoder.push(&picture, motion),
+        };
         self.stream.wrap(packets)
     }
 }
@@ -116,9 +123,10 @@ impl std::fmt::Debug for Video {
 
 impl Encode for Video {
     fn step(&mut self, displayed: &Displayed) -> Result<Encoded> {
-        let Displayed { index, picture, correspondence, forward, .. } = displayed;
+        let Displayed { index, picture, importance, correspondence, forward, .. } = displayed;
         let to_previous = correspondence.clone().filter(|_| self.uses_motion);
-        let taken = Waiting { picture: picture.picture.clone(), to_previous };
+        let weights = importance.as_deref().map(weights);
+        let taken = Waiting { picture: picture.picture.clone(), to_previous, weights };
         let mut coded = if self.waits {
             match self.waiting.replace(taken) {
                 Some(before) => self.push(before, forward.as_deref()),
@@ -152,6 +160,16 @@ impl Encode for Video {
 
     fn restore(&mut self, state: &[u8]) -> Result<()> {
         let (encoder, multiplexer, quantiser_scale, waiting) = decode(state)?;
+        let waiting: Option<Waiting> = waiting;
+
+        // Forged weights are those of another picture.
+        let fits = |Waiting { picture, weights, .. }: &Waiting| {
+            let counts = (picture.width().div_ceil(MACROBLOCK), picture.height().div_ceil(MACROBLOCK));
+            weights.as_ref().is_none_or(|weights| (weights.width(), weights.height()) == counts)
+        };
+        if !waiting.iter().all(fits) {
+            return Err(Error::Checkpoint(NONSENSE.into()));
+        }
         self.encoder.restore(encoder).map_err(|_| Error::Checkpoint(NONSENSE.into()))?;
         (self.stream.multiplexer, self.stream.quantiser_scale, self.waiting) = (multiplexer, quantiser_scale, waiting);
         Ok(())

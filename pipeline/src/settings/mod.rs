@@ -8,7 +8,9 @@ mod values;
 pub use mpeg2enc::Effort;
 pub use options::Options;
 pub use render::RenderSettings;
-pub use values::{Aov, BitRate, CheckpointEvery, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
+pub use values::{
+    Aov, BitRate, CheckpointEvery, Importance, Lighting, PixelShading, Size, Stopping, Switch, Thresholds,
+};
 
 use crate::error::Result;
 use mpeg2enc::{Container, Rate, Standard};
@@ -54,7 +56,13 @@ pub struct Settings {
     pub within: f64,
     /// Which pixels are lit.
     pub shading: PixelShading,
-    /// Samples of visibility and direct light to the pixel.
+    /// Weights of the maps that say where people look, if they are to steer anything.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub importance: Option<Importance>,
+    /// Factor on thresholds between the most and the mean importance.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub importance_gain: Option<f32>,
+    /// Samples of visibility and light to the pixel, at most.
     pub samples: u32,
     /// Whether pixels that outlines cross blend the surfaces of their area.
     pub antialiasing: bool,

@@ -1,6 +1,8 @@
 //! Options, by library, command line and file.
 
-use super::values::{Aov, BitRate, Lighting, PixelShading, Size, Stopping, Switch, Thresholds, size_as_text};
+use super::values::{
+    Aov, BitRate, Importance, Lighting, PixelShading, Size, Stopping, Switch, Thresholds, size_as_text,
+};
 use mpeg2enc::Effort;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::PathBuf;
@@ -62,7 +64,17 @@ pub struct Options {
     /// [default: adaptive]
     #[cfg_attr(feature = "command-line", arg(long, value_enum))]
     pub shading: Option<PixelShading>,
-    /// Samples of visibility and direct light to the pixel: 1 is fast, 4 smooths edges [default: 1]
+    /// Where people look gets more samples, finer thresholds and finer quantisers: "saliency:W" for what catches the eye, "task:W"
+    /// for the nodes that the scene's TOML file names, or both with a comma [default: everywhere alike]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "MAPS"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub importance: Option<Importance>,
+    /// Factor by which thresholds are finer where all people look, and coarser where nobody does, 1 to 8 [default: 2]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "G"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub importance_gain: Option<f32>,
+    /// Samples of visibility and light to the pixel: 1 is fast, 4 smooths edges; with --importance, the most [default: 1; 5 with
+    /// --importance]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
     pub samples: Option<u32>,
     /// Blend the surfaces that the area of a pixel shows, where outlines cross it; more --samples do so everywhere [default: on]

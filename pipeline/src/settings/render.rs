@@ -1,6 +1,7 @@
 //! The settings that the renderer reads: what a frame shows, and how exact its light is.
 
-use super::{Aov, Lighting, PixelShading, Settings, Size, Stopping, Thresholds};
+use super::{Aov, Importance, Lighting, PixelShading, Settings, Size, Stopping, Thresholds};
+use perceptual::ToneMap;
 
 /// The part of [`Settings`] that is about light and not about files or coding.
 #[derive(Clone, Debug)]
@@ -11,7 +12,13 @@ pub struct RenderSettings {
     pub fps: f64,
     /// Size of the picture.
     pub size: Size,
-    /// Samples of visibility and direct light to the pixel.
+    /// Weights of the maps that say where people look, if they are to steer anything.
+    pub importance: Option<Importance>,
+    /// Factor G on thresholds: they are divided by G where importance is 1, and multiplied where it is 0.
+    pub importance_gain: f32,
+    /// How radiance becomes what a display shows, up to its exposure: saliency is that of display values.
+    pub tone_map: ToneMap,
+    /// Samples of visibility and light to the pixel, at most.
     pub samples: u32,
     /// Whether pixels that outlines cross blend the surfaces of their area.
     pub antialiasing: bool,
@@ -72,6 +79,9 @@ impl Settings {
             frames: self.frames,
             fps: self.fps,
             size: self.size,
+            importance: self.importance,
+            importance_gain: self.importance_gain.unwrap_or(1.0),
+            tone_map: self.tone_map,
             samples: self.samples,
             antialiasing: self.antialiasing,
             lighting: self.lighting,

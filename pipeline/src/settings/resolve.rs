@@ -1,7 +1,7 @@
 //! From options to settings: every default, and every check of a single choice. No other place states a default.
 
 use super::options::Options;
-use super::values::{Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
+use super::values::{Aov, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
 use super::{Effort, Settings};
 use crate::error::{Error, Result};
 use lighttree::Calibration;
@@ -10,6 +10,10 @@ use perceptual::ToneMap;
 use render_core::scene::{Scene, SceneSettings};
 use std::path::{Path, PathBuf};
 
+/// Factor of importance on thresholds. Ours: half the error where all people look, twice the error where nobody does.
+const IMPORTANCE_GAIN: f32 = 2.0;
+/// Samples of the most important pixels \[Debattista05, 5\].
+const IMPORTANT_SAMPLES: u32 = 5;
 /// Most samples to the pixel.
 const MOST_SAMPLES: u32 = 64;
 /// Photons for each anchor light: where quantiser_scale is below 4, below 16, and from there on.
@@ -47,7 +51,8 @@ impl Options {
         let (fps, frames) = self.fill_in_length(scene)?;
         let (thresholds, kappa) = self.fill_in_thresholds()?;
         let (stopping, within) = self.fill_in_stopping()?;
-        let samples = *self.samples.get_or_insert(1);
+        self.fill_in_importance(&path, scene)?;
+        let samples = *self.samples.get_or_insert(if self.importance.is_some() { IMPORTANT_SAMPLES } else { 1 });
         if !(1..=MOST_SAMPLES).contains(&samples) {
             fail!("--samples {samples} must lie in 1..={MOST_SAMPLES}; 1 is fast, 4 smooths edges");
         }
@@ -86,6 +91,8 @@ impl Options {
             stopping,
             within,
             shading: *self.shading.get_or_insert(PixelShading::Adaptive),
+            importance: self.importance,
+            importance_gain: self.importance_gain,
             samples,
             antialiasing: self.antialiasing.get_or_insert(Switch::On).is_on(),
             bounces: self.bounces,
@@ -169,6 +176,39 @@ impl Options {
             Stopping::Calibrated => self.within = Some(within),
         }
         Ok((stopping, within))
+    }
+
+    /// The gain of importance, and whether the scene has what the maps are made of.
+    fn fill_in_importance(&mut self, path: &Path, scene: &Scene) -> Result<()> {
+        let Some(weights) = self.importance else {
+            if self.importance_gain.is_some() {
+                fail!("--importance-gain needs --importance, such as --importance saliency:1");
+            }
+            if self.aov.contains(&Aov::Importance) {
+                fail!("--aov importance needs --importance, such as --importance saliency:1");
+            }
+            return Ok(());
+        };
+        let gain = *self.importance_gain.get_or_insert(IMPORTANCE_GAIN);
+        if !(1.0..=8.0).contains(&gain) {
+            fail!("--importance-gain {gain} must lie in 1..=8; 1 leaves thresholds as they are");
+        }
+
+        // A task map of nothing is a slip.
+        if weights.task > 0.0 {
+            let (file, nodes) = (SceneSettings::path_for(path), &scene.settings.importance.nodes);
+            if nodes.is_empty() {
+                let text = ": --importance task needs the names of nodes: add [importance] with nodes = [\"NAME\"]";
+                return Err(Error::content(&file, text));
+            }
+            for name in nodes {
+                if !scene.instances_under(name).contains(&true) {
+                    let text = format!(": [importance] nodes: the scene has no node \"{name}\" that shows anything");
+                    return Err(Error::content(&file, text));
+                }
+            }
+        }
+        Ok(())
     }
 
     fn check_files(&self) -> Result<()> {

@@ -137,6 +137,8 @@ pub enum Aov {
     Threshold,
     /// cache.records: records of the irradiance cache in use at the pixel.
     Cache,
+    /// importance.V: where people look, 0…1, and importance.N: samples of the pixel.
+    Importance,
     /// shading.reused: 0 where all light was computed, 1 where direct light was carried from the frame before, 2 where
     /// indirect light was, 3 where both were.
     Shading,
@@ -216,6 +218,58 @@ impl Serialize for Thresholds {
 }
 
 impl<'de> Deserialize<'de> for Thresholds {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        parsed(deserializer)
+    }
+}
+
+/// Weights of the maps that importance is the sum of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Importance {
+    /// Of what catches the eye, 0…1.
+    pub saliency: f32,
+    /// Of what is watched: the nodes that the scene's TOML file names, 0…1.
+    pub task: f32,
+}
+
+impl FromStr for Importance {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let mut weights = Self::default();
+        let wrong = || {
+            let known = "a list of \"saliency:W\" and \"task:W\" with weights of 0 to 1 that are not all 0";
+            Error::Options(format!("\"{text}\" is not {known}, such as saliency:1 or saliency:0.5,task:1"))
+        };
+        for part in text.split(',') {
+            let (map, weight) = part.split_once(':').ok_or_else(wrong)?;
+            let weight = weight.parse::<f32>().ok().filter(|weight| (0.0..=1.0).contains(weight)).ok_or_else(wrong)?;
+            match map {
+                "saliency" => weights.saliency = weight,
+                "task" => weights.task = weight,
+                _ => return Err(wrong()),
+            }
+        }
+        if weights == Self::default() { Err(wrong()) } else { Ok(weights) }
+    }
+}
+
+impl fmt::Display for Importance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let weights = [("saliency", self.saliency), ("task", self.task)];
+        let parts: Vec<String> =
+            weights.iter().filter(|(_, weight)| *weight > 0.0).map(|(map, weight)| format!("{map}:{weight}")).collect();
+        f.write_str(&parts.join(","))
+    }
+}
+
+impl Serialize for Importance {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Importance {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         parsed(deserializer)
     }
@@ -373,6 +427,13 @@ mod tests {
         assert_eq!("perceptual".parse::<Thresholds>().unwrap(), Thresholds::Perceptual);
         for bad in ["fixed", "fixed:-1", "fixed:nan", "watson"] {
             assert!(bad.parse::<Thresholds>().unwrap_err().to_string().contains("fixed:0.02"), "{bad}");
+        }
+        assert_eq!("task:0.5".parse::<Importance>().unwrap(), Importance { saliency: 0.0, task: 0.5 });
+        for text in ["saliency:1", "saliency:0.25,task:1"] {
+            assert_eq!(text.parse::<Importance>().unwrap().to_string(), text);
+        }
+        for bad in ["", "saliency", "saliency:2", "task:nan", "gaze:1", "saliency:0,task:0", "task:1,"] {
+            assert!(bad.parse::<Importance>().unwrap_err().to_string().contains("saliency:0.5,task:1"), "{bad}");
         }
         for (text, rate) in [("1500k", 1_500_000), ("2M", 2_000_000), ("0.5m", 500_000), ("64000", 64_000)] {
             assert_eq!(text.parse::<BitRate>().unwrap(), BitRate(rate), "{text}");

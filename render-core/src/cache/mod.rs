@@ -148,7 +148,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
         // Records that are hidden, or too far from every pixel, need no light.
         let mut tiles = Tiles::new(&picture);
         tiles.list(&picture, &self.records, 0..self.records.len());
-        let needed = self.without_superfluous(&picture, &tiles, tiles.in_use(&picture));
+        let needed = self.needed(&picture, &tiles, request.is_first_of_many);
+        let needed = self.without_superfluous(&picture, &tiles, needed);
 
         // Their radii follow from their new light: they are listed anew before gaps between them are filled.
         let carried: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].carried).collect();
@@ -223,6 +224,20 @@ impl<R: Send + Sync> IrradianceCache<R> {
             .iter()
             .filter(move |record| record.seen == frame)
             .map(|record| (record.site.position, &record.recipe))
+    }
+
+    /// Indices of the listed records that a picture takes light from. Its first picture brings all of a frame's records up to date:
+    /// those that only further ones needed in the frame before are among them.
+    fn needed(&self, picture: &Picture, tiles: &Tiles, is_first_of_many: bool) -> Vec<usize> {
+        let mut needed = tiles.in_use(picture);
+        if is_first_of_many {
+            let last = self.frame - 1;
+            let listed = tiles.listed.iter().map(|&index| index as usize);
+            needed.extend(listed.filter(|&index| self.records[index].seen == last));
+            needed.sort_unstable();
+            needed.dedup();
+        }
+        needed
     }
 
     /// Drops those of the `needed` records that add nothing to the others; returns the indices of the others.

@@ -16,13 +16,16 @@ pub struct Request<'a> {
     pub moving: &'a [bool],
     /// The pixels whose light is wanted; all if there is none.
     pub wanted: Option<&'a Plane<bool>>,
+    /// Whether further pictures of the frame may follow, by [`light_more`](super::IrradianceCache::light_more): records that only
+    /// those needed in the frame before are brought up to date, too.
+    pub is_first_of_many: bool,
 }
 
 impl<'a> Request<'a> {
     /// All of a picture.
     #[must_use]
     pub fn whole(seen: &'a GBuffer, moving: &'a [bool]) -> Self {
-        Self { seen, moving, wanted: None }
+        Self { seen, moving, wanted: None, is_first_of_many: false }
     }
 
     /// Where light is wanted at a pixel, open whatever is around; none if nothing there reflects.

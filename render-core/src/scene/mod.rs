@@ -22,7 +22,7 @@ pub use light::{PunctualKind, PunctualLight};
 pub use material::{Alpha, Material, TextureSlot, UV_SETS};
 pub(crate) use mesh::interpolate as mesh_interpolate;
 pub use mesh::{Influence, Mesh, MorphTarget, Skinning};
-pub use settings::SceneSettings;
+pub use settings::{Gaze, SceneSettings};
 pub use settings_error::SettingsError;
 pub use sky::SkySettings;
 pub use texture::{Encoding, Filtered, Texture, Wrap};
@@ -215,6 +215,17 @@ impl Scene {
             }
         }
         corners.0.cmple(corners.1).all().then_some(corners)
+    }
+
+    /// Whether each instance hangs from a node of this name, or from one below it.
+    #[must_use]
+    pub fn instances_under(&self, name: &str) -> Vec<bool> {
+        // Parents come before their children.
+        let mut is_under: Vec<bool> = Vec::with_capacity(self.nodes.len());
+        for node in &self.nodes {
+            is_under.push(node.name == name || node.parent.is_some_and(|parent| is_under[parent]));
+        }
+        self.instances.iter().map(|instance| is_under[instance.node]).collect()
     }
 
     /// The camera that films: the one the settings name, else the first that moves, else the first.

@@ -25,6 +25,9 @@ pub struct SceneSettings {
     /// How long, how fast.
     #[serde(default)]
     pub video: Video,
+    /// Where viewers look, and from where.
+    #[serde(default)]
+    pub importance: Gaze,
 }
 
 /// Properties of directional lights that glTF does not have.
@@ -68,6 +71,33 @@ pub struct Video {
     pub fps: Option<f64>,
 }
 
+/// Where viewers look, and from where.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Gaze {
+    /// Names of the nodes that viewers watch, with all that hangs from them; several nodes may share a name.
+    pub nodes: Vec<String>,
+    /// From the viewer to the screen \[m\].
+    pub viewing_distance: f32,
+    /// Width of the picture on the screen \[m\].
+    pub screen_width: f32,
+}
+
+impl Default for Gaze {
+    /// A monitor on a desk: the picture spans 45°.
+    fn default() -> Self {
+        Self { nodes: Vec::new(), viewing_distance: 0.6, screen_width: 0.5 }
+    }
+}
+
+impl Gaze {
+    /// Pixels to a degree in the middle of a picture of this width \[pixels\].
+    #[must_use]
+    pub fn pixels_per_degree(&self, width: usize) -> f32 {
+        width as f32 / self.screen_width * self.viewing_distance * 1f32.to_radians().tan()
+    }
+}
+
 impl SceneSettings {
     /// Where the settings of `scene` are expected: the same name, ending in `.toml`.
     #[must_use]
@@ -95,6 +125,15 @@ impl SceneSettings {
         if settings.video.fps.is_some_and(|fps| !fps.is_finite() || fps <= 0.0) {
             return Err(SettingsError::value("video", "fps must be positive"));
         }
+        let Gaze { viewing_distance, screen_width, .. } = settings.importance;
+        for (name, value) in [("viewing_distance", viewing_distance), ("screen_width", screen_width)] {
+            if !(1e-3..=1e3).contains(&value) {
+                return Err(SettingsError::value(
+                    "importance",
+                    format!("{name} {value} must lie in 0.001..=1000 meters"),
+                ));
+            }
+        }
         Ok(settings)
     }
 }
@@ -119,6 +158,8 @@ mod tests {
             ("[sky]\nimage=\"a.hdr\"\nrotation=inf", "rotation"),
             ("[sky]\nzenith=[nan,0,0]\nhorizon=[0,0,0]", "sky"),
             ("[video", "video"),
+            ("[importance]\nnodes=[\"a\"]\nscreen_width=0", "screen_width"),
+            ("[importance]\nnode=[\"a\"]", "node"),
         ] {
             let message = SceneSettings::parse(text).unwrap_err().to_string();
             assert!(message.contains(word) && !message.contains('\n'), "{message}");

@@ -131,6 +131,7 @@ fn thresholds_follow_the_groups_after_a_scene_cut() {
             picture: Arc::new(YCbCr::from_radiance(&radiance, &tone_map)),
             luminance: Arc::new(luminance_plane(&radiance)),
             tone_map,
+            importance: None,
             correspondence: None,
             forward: None,
         };

@@ -122,7 +122,8 @@ fn masking_allows_two_percent_at_least() {
         let radiance = Plane::from_fn(SIDE, SIDE, |x, y| [level * (1.0 + 0.5 * ((x / 5 + y / 3) % 2) as f32); 3]);
         let luminance = Arc::new(luminance_plane(&radiance));
         let picture = Arc::new(YCbCr::from_radiance(&radiance, &tone_map));
-        let displayed = Displayed { index, picture, luminance, tone_map, correspondence: None, forward: None };
+        let displayed =
+            Displayed { index, picture, luminance, tone_map, importance: None, correspondence: None, forward: None };
         let delta = masking.step(&displayed, &Coding::of_quantiser(8.0));
         // Without a match in the frame before, this is e of eq. (4), never below 2 % of the luminance.
         let least = delta.samples().iter().zip(displayed.luminance.samples()).map(|(delta, y)| delta / y);

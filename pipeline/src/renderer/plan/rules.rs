@@ -103,7 +103,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
     (
         Stage::Antialiasing,
         &[
-            off(|f| f.settings.samples > 1, "every pixel has several samples"),
+            off(|f| f.has_samples_everywhere(), "every pixel has several samples"),
             off(|f| !f.settings.antialiasing, LEFT_OUT),
             otherwise(State::On, "outlines cross pixels"),
         ],
@@ -168,7 +168,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             off(|f| f.settings.shading == PixelShading::Full, "every pixel of a frame is lit, as requested"),
             off(|f| !f.reflects, NO_REFLECTION),
             off(|f| !f.looks_up() && (!f.cuts() || !f.settings.cache), "every pixel has its own cut"),
-            off(|f| f.settings.samples > 1, "every pixel has several samples"),
+            off(|f| f.has_samples_everywhere(), "every pixel has several samples"),
             off(|f| !f.picture_changes() || f.settings.frames == 1, "no frame differs from the one before"),
             on(|f| !f.light_changes(), "light stays where it is while the camera moves"),
             otherwise(State::On, "direct light stays where nothing moves between it and a lamp"),
@@ -184,6 +184,13 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
         ],
     ),
     (Stage::Gloss, &[any(|f| f.coats, "surfaces have a coat"), otherwise(State::Off, "every surface is matte")]),
+    (
+        Stage::Importance,
+        &[
+            on(|f| f.settings.importance.is_some(), "samples, thresholds and bits go where people look, as requested"),
+            otherwise(State::Off, "not requested"),
+        ],
+    ),
     (
         Stage::Masking,
         &[
@@ -255,6 +262,11 @@ impl Facts<'_> {
     /// Whether paths of photons may be kept from the first frame for later ones.
     fn keeps_photons(&self) -> bool {
         self.settings.leave_out && self.settings.frames > 1
+    }
+
+    /// Whether every pixel has several samples, none of which is shared with the frame before.
+    fn has_samples_everywhere(&self) -> bool {
+        self.settings.samples > 1 && self.settings.importance.is_none()
     }
 
     /// Whether light reaches the viewer by its first reflection alone.

@@ -44,6 +44,8 @@ pub enum Stage {
     Compensation,
     /// Light that coats reflect.
     Gloss,
+    /// Importance: where people look.
+    Importance,
     /// The masking model, whose thresholds return to the renderer.
     Masking,
     /// Motion vectors for the encoder.
@@ -52,7 +54,7 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 22] = [
         Self::ObjectPlacing,
         Self::Photons,
         Self::TreeUpdate,
@@ -72,6 +74,7 @@ impl Stage {
         Self::CarriedLight,
         Self::Compensation,
         Self::Gloss,
+        Self::Importance,
         Self::Masking,
         Self::EncoderMotion,
     ];
@@ -99,6 +102,7 @@ impl Stage {
             Self::CarriedLight => "carried light",
             Self::Compensation => "compensation",
             Self::Gloss => "glossy surfaces",
+            Self::Importance => "importance",
             Self::Masking => "masking thresholds",
             Self::EncoderMotion => "motion for the encoder",
         }

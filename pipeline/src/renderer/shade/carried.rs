@@ -56,8 +56,11 @@ impl<L> Carried<L> {
 }
 
 impl<L: Carriable> Layer for Carried<L> {
-    /// Finds the light of all pixels, wanted or not: the next frame may take it from any of them.
-    fn light(&mut self, visible: &Visible<'_>, _: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
+    /// Finds the light of all pixels in their first sample, wanted or not: the next frame may take it from any of them.
+    fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
+        if visible.sample > 0 {
+            return self.layer.light(visible, wanted, tolerance);
+        }
         let Visible { frame, matte, motion, .. } = *visible;
         let busy = Busy::default();
 

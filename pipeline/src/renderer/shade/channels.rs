@@ -1,5 +1,6 @@
 //! Properties of the pixels of a frame, as channels of its OpenEXR file.
 
+use super::importance::ImportanceMap;
 use super::layers::Layers;
 use super::lit_frame::Reused;
 use super::tolerance::Tolerance;
@@ -20,6 +21,7 @@ pub(super) struct Known<'a> {
     pub tolerance: &'a Tolerance<'a>,
     pub layers: &'a Layers,
     pub reused: &'a Reused,
+    pub importance: Option<&'a ImportanceMap>,
 }
 
 impl Known<'_> {
@@ -51,6 +53,11 @@ impl Known<'_> {
             Aov::CutSize => {
                 let sizes = self.layers.channel(aov, frame);
                 single("cut.size", sizes.unwrap_or_else(|| vec![0.0; width * height]))
+            }
+            Aov::Importance => {
+                let Some(ImportanceMap { importance, samples }) = self.importance else { return Channels::new() };
+                let counts = samples.samples().iter().map(|&count| f32::from(count)).collect();
+                vec![("importance.V".into(), importance.samples().to_vec()), ("importance.N".into(), counts)]
             }
             Aov::Shading => single("shading.reused", self.reused.channel(&frame.seen)),
             // Without a cache there is no such channel.

@@ -41,7 +41,9 @@ impl Layers {
         let mut indirect: Vec<Box<dyn Layer>> = Vec::new();
         if is_needed {
             indirect.push(match settings.lighting {
-                _ if plan.is_on(Stage::Cache) => carried_if(carries && !is_baked, Cached::new(plan), settings),
+                _ if plan.is_on(Stage::Cache) => {
+                    carried_if(carries && !is_baked, Cached::new(plan, settings.samples), settings)
+                }
                 Lighting::AllLights => Box::new(AllLights::new(compensates)),
                 _ => Box::new(PerPixel::new(compensates, settings.aov.contains(&Aov::CutSize))),
             });

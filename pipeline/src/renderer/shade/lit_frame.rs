@@ -1,5 +1,6 @@
 //! The light of a frame, kept while nothing changes.
 
+use super::importance::ImportanceMap;
 use super::layer::Lit;
 use crate::parts::Outline;
 use crate::renderer::frame::Frame;
@@ -7,7 +8,10 @@ use glam::Vec3;
 use lighttree::LightTree;
 use perceptual::PixelPart;
 use plane::Plane;
-use render_core::{Accelerator, Coverage, DirectLights, FinalGather, GBuffer, MixedPixel, reconstruct, sample_offsets};
+use render_core::{
+    Accelerator, Coverage, DirectLights, FinalGather, GBuffer, MixedPixel, reconstruct, reconstruct_counted,
+    sample_offsets,
+};
 use std::sync::Arc;
 
 /// The light that the pixels of a picture show through one place of each, before outlines are blended.
@@ -34,6 +38,8 @@ pub(super) struct Light {
     /// The surfaces of pixels that show several, where these are blended.
     pub coverage: Option<Coverage>,
     pub cache_records: u64,
+    /// Where people look, and how many samples each pixel has for it; where none is stated all have the same number.
+    pub importance: Option<ImportanceMap>,
 }
 
 impl Light {
@@ -43,16 +49,23 @@ impl Light {
         of: impl Fn(&Sample) -> Plane<Vec3>,
         blend: impl Fn(&Coverage, &Plane<Vec3>) -> Plane<Vec3>,
     ) -> Plane<[f32; 3]> {
-        let mut planes: Vec<Plane<[f32; 3]>> = Vec::new();
-        for sample in &self.samples {
-            let light = of(sample);
-            let blended = self.coverage.as_ref().map(|coverage| blend(coverage, &light));
-            planes.push(blended.unwrap_or(light).map(|rgb| rgb.to_array()));
+        let triples = |light: Plane<Vec3>| light.map(|rgb| rgb.to_array());
+        let planes: Vec<Plane<[f32; 3]>> = self.samples.iter().map(|sample| triples(of(sample))).collect();
+        let places = sample_offsets(planes.len());
+
+        // Coverage is known of the first sample, and has a say where that is alone.
+        let blended = self.coverage.as_ref().map(|coverage| triples(blend(coverage, &of(&self.samples[0]))));
+        match (&self.importance, blended) {
+            (Some(map), blended) => {
+                let alone = blended.as_ref().unwrap_or(&planes[0]);
+                reconstruct_counted(alone, &planes, &places, &map.samples)
+            }
+            (None, Some(blended)) => blended,
+            (None, None) => reconstruct(&planes, &places),
         }
-        reconstruct(&planes, &sample_offsets(planes.len()))
     }
 
-    /// The light of all parts of the pixels that show several.
+    /// The light of all parts of the pixels that show several, and that have no further samples.
     pub fn outlines(&self) -> Vec<Outline> {
         let Some(coverage) = &self.coverage else { return Vec::new() };
         let light = self.samples[0].whole();
@@ -63,7 +76,8 @@ impl Light {
             }
             Outline { pixel: pixel.index, parts }
         };
-        coverage.pixels().map(of).collect()
+        let is_alone = |index: usize| self.importance.as_ref().is_none_or(|map| map.samples.samples()[index] == 1);
+        coverage.pixels().filter(|pixel| is_alone(pixel.index)).map(of).collect()
     }
 }
 

@@ -9,6 +9,7 @@
 //! | `cached`, `per_pixel`, `all_lights`, `baked` | layers of indirect light |
 //! | `carried` | a layer around another: its light of the frame before, where that still holds |
 //! | `tolerance` | how wrong the light of a pixel may be |
+//! | `importance` | where people look, and what that makes of samples and thresholds |
 //! | `audits`, `counts` | light found twice, and counts of the work |
 //! | `visibility`, `movement`, `macroblock`, `pixel` | rays, what has moved, and pixels as layers share them |
 //! | `lit_frame`, `channels`, `state` | the result, as pictures and as bytes |
@@ -23,6 +24,7 @@ mod channels;
 mod coats;
 mod counts;
 mod direct;
+mod importance;
 mod layer;
 mod layers;
 mod lit_frame;
@@ -51,13 +53,13 @@ use crate::plan::{Plan, Stage, State};
 use crate::settings::{Aov, RenderSettings, Stopping};
 use channels::{Known, colors};
 use glam::Vec3;
+use importance::{ImportanceMap, Looking};
 use layers::Layers;
 use lighttree::Calibration;
 use lit_frame::{Light, LitFrame, Reused, Sample};
 use movement::{Movement, Place};
 use plane::Plane;
 use render_core::{AuditCounts, Busy, Coverage, GBuffer, PixelSample, PosedScene, sample_offsets};
-#[cfg(feature = "bake")]
 use std::sync::Arc;
 
 /// The second half of the renderer: lights frame after frame.
@@ -71,6 +73,8 @@ pub struct Shading<'a> {
     still: Option<LitFrame>,
     /// Errors measured so far, if cuts are to end by them.
     calibration: Option<Calibration>,
+    /// Where people look, if that is to steer anything.
+    looking: Option<Looking>,
 }
 
 impl<'a> Shading<'a> {
@@ -80,7 +84,8 @@ impl<'a> Shading<'a> {
         let calibrated = settings.stopping == Stopping::Calibrated;
         let calibration = calibrated.then(|| Calibration::keeping(settings.within));
         let layers = Layers::new(settings, plan);
-        Self { settings: settings.clone(), plan, layers, places: Vec::new(), still: None, calibration }
+        let looking = settings.importance.map(|weights| Looking::new(weights, settings));
+        Self { settings: settings.clone(), plan, layers, places: Vec::new(), still: None, calibration, looking }
     }
 
     /// With the light of `texels` for the surfaces that stand still.
@@ -110,8 +115,18 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
         // Errors that this frame finds steer the next.
         let mut calibration = self.calibration.take();
         let RenderSettings { thresholds: policy, size, kappa, .. } = self.settings;
-        let tolerance = Tolerance::new(thresholds, policy, size, calibration.as_ref());
-        let (mut shaded, audits) = self.shade(prepared, &tolerance);
+        let mut tolerance = Tolerance::new(thresholds, policy, size, calibration.as_ref());
+
+        // Light that stays has the importance that it was found with.
+        let is_still = self.still.as_ref().is_some_and(|still| still.is_of(&prepared.frame));
+        let (looking, busy) = (self.looking.as_mut().filter(|_| !is_still), Busy::default());
+        let ahead = busy.measure(|| looking.and_then(|looking| looking.ahead(prepared)));
+        let gain = ahead.as_ref().map(|map| map.gain(self.settings.importance_gain));
+        if let Some(gain) = &gain {
+            tolerance = tolerance.divided_by(gain);
+        }
+        let (mut shaded, audits) = self.shade(prepared, &tolerance, ahead);
+        shaded.figures.seconds.visibility += busy.seconds();
         let learned = calibration.as_mut().and_then(|calibration| calibration.learn(&audits.cuts));
         self.calibration = calibration;
 
@@ -131,8 +146,13 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
 }
 
 impl Shading<'_> {
-    /// A frame, and what its audits found.
-    fn shade(&mut self, prepared: &PreparedFrame, tolerance: &Tolerance) -> (Shaded, Audits) {
+    /// A frame, and what its audits found. Its importance may be known ahead.
+    fn shade(
+        &mut self,
+        prepared: &PreparedFrame,
+        tolerance: &Tolerance,
+        ahead: Option<ImportanceMap>,
+    ) -> (Shaded, Audits) {
         let (plan, frame) = (self.plan, &prepared.frame);
         let mut figures = prepared.figures.clone();
 
@@ -144,7 +164,7 @@ impl Shading<'_> {
                 (figures.shaded_share, figures.carried_share) = (0.0, 1.0);
                 (still, Audits::default())
             }
-            None => self.light(prepared, tolerance, &mut figures),
+            None => self.light(prepared, tolerance, ahead, &mut figures),
         };
         figures.cache_records = lit.light.cache_records;
         let whole = triples(&lit.light.samples[0].whole());
@@ -152,7 +172,12 @@ impl Shading<'_> {
 
         // The picture, and what else is wanted of the frame.
         let radiance = lit.light.picture(|sample| sample.whole(), Coverage::blend);
-        let known = Known { prepared, tolerance, layers: &self.layers, reused: &lit.reused };
+        let importance = lit.light.importance.as_ref();
+        if let (Some(looking), Some(map)) = (&mut self.looking, importance) {
+            put_importance(map, looking.change(map, prepared.correspondence.as_deref()), &mut figures);
+            looking.keep(map, &radiance);
+        }
+        let known = Known { prepared, tolerance, layers: &self.layers, reused: &lit.reused, importance };
         let mut channels = Channels::new();
         for &aov in &self.settings.aov {
             channels.extend(match aov {
@@ -165,8 +190,9 @@ impl Shading<'_> {
             });
         }
         let outlines = lit.light.outlines();
+        let importance = importance.map(|map| Arc::new(map.importance.clone()));
         self.still = may_stay.then_some(lit);
-        (Shaded { radiance, outlines, channels, figures }, audits)
+        (Shaded { radiance, outlines, importance, channels, figures }, audits)
     }
 
     /// The light of a frame through every place of a pixel, and what its audits found; `figures` get what it took.
@@ -174,6 +200,7 @@ impl Shading<'_> {
         &mut self,
         prepared: &PreparedFrame,
         tolerance: &Tolerance,
+        ahead: Option<ImportanceMap>,
         figures: &mut FrameFigures,
     ) -> (LitFrame, Audits) {
         let Frame { accelerator, surfaces, seen, .. } = &prepared.frame;
@@ -184,10 +211,18 @@ impl Shading<'_> {
         let mut samples: Vec<Sample> = Vec::new();
         let [mut direct, mut indirect] = [Lit::default(), Lit::default()];
         let mut reused = Reused::default();
+        let mut importance = ahead;
 
         for (sample, &offset) in offsets.iter().enumerate() {
-            // The one sample of a pixel is that of the G-buffer.
-            let own = (offsets.len() > 1).then(|| {
+            // Where people look decides which pixels have further samples.
+            let wanted = importance.as_ref().filter(|_| sample > 0).map(|map| map.wanted(sample));
+            if wanted.as_ref().is_some_and(|wanted| !wanted.samples().contains(&true)) {
+                break;
+            }
+
+            // A sample that is alone, or may be, is that of the G-buffer.
+            let is_center = offsets.len() == 1 || sample == 0 && self.looking.is_some();
+            let own = (!is_center).then(|| {
                 let place = PixelSample::one_of(offsets.len(), offset);
                 let size = (seen.pixels.width(), seen.pixels.height());
                 visibility.take(GBuffer::trace_at(place, scene, &seen.view, size))
@@ -200,11 +235,14 @@ impl Shading<'_> {
             let (frame, motion) = (&prepared.frame, prepared.correspondence.as_deref());
             let emitted = matte.pixels.map(|pixel| Vec3::from(pixel.emission));
             let visible = Visible { frame, surfaces, matte, sample, motion, radiance: &emitted, movement: &movement };
-            let (light, [of_direct, of_indirect]) = self.sample(&visible, tolerance);
-            samples.push(light);
+            let (light, [of_direct, of_indirect]) = self.sample(&visible, wanted.as_ref(), tolerance);
             if sample == 0 {
                 reused = Reused::new([&of_direct, &of_indirect], matte);
+                if let Some(looking) = self.looking.as_mut().filter(|_| importance.is_none()) {
+                    importance = Some(visibility.measure(|| looking.at(prepared, &triples(&light.whole()))));
+                }
             }
+            samples.push(light);
             direct.add_counts(of_direct);
             indirect.add_counts(of_indirect);
         }
@@ -224,16 +262,17 @@ impl Shading<'_> {
         figures.carried_share = 1.0 - figures.shaded_share;
         direct.add_counts(indirect);
         put(&direct, figures);
-        let light = Light { samples, coverage, cache_records: direct.records.in_use };
+        let light = Light { samples, coverage, cache_records: direct.records.in_use, importance };
         (LitFrame::new(&prepared.frame, light, reused), direct.audits)
     }
 
-    /// The light of `visible` surfaces, which only emit as yet: as pictures, and as the layers found it, direct and indirect.
-    fn sample(&mut self, visible: &Visible, tolerance: &Tolerance) -> (Sample, [Lit; 2]) {
+    /// The light of `visible` surfaces, which only emit as yet: as pictures, and as the layers found it, direct and indirect. That
+    /// of pixels that are not `wanted` has no meaning.
+    fn sample(&mut self, visible: &Visible, wanted: Option<&Plane<bool>>, tolerance: &Tolerance) -> (Sample, [Lit; 2]) {
         let matte = visible.matte;
-        let (of_direct, direct) = sum_of(&mut self.layers.direct, visible, tolerance);
+        let (of_direct, direct) = sum_of(&mut self.layers.direct, visible, wanted, tolerance);
         let after_direct = Visible { radiance: &direct, ..*visible };
-        let (of_indirect, _) = sum_of(&mut self.layers.indirect, &after_direct, tolerance);
+        let (of_indirect, _) = sum_of(&mut self.layers.indirect, &after_direct, wanted, tolerance);
         let dark = Plane::filled(direct.width(), direct.height(), Vec3::ZERO);
         let indirect = of_indirect.shown(matte, dark);
         (Sample { direct, indirect }, [of_direct, of_indirect])
@@ -241,12 +280,17 @@ impl Shading<'_> {
 }
 
 /// Light of all `layers` together, and the radiance of the pixels with it. Each layer knows the light of those before it.
-fn sum_of(layers: &mut [Box<dyn Layer>], visible: &Visible, tolerance: &Tolerance) -> (Lit, Plane<Vec3>) {
+fn sum_of(
+    layers: &mut [Box<dyn Layer>],
+    visible: &Visible,
+    wanted: Option<&Plane<bool>>,
+    tolerance: &Tolerance,
+) -> (Lit, Plane<Vec3>) {
     let mut sum = Lit::default();
     let mut radiance = visible.radiance.clone();
     for layer in layers {
         if !layer.is_dark(visible.frame) {
-            sum += layer.light(&Visible { radiance: &radiance, ..*visible }, None, tolerance);
+            sum += layer.light(&Visible { radiance: &radiance, ..*visible }, wanted, tolerance);
             radiance = sum.shown(visible.matte, visible.radiance.clone());
         }
     }
@@ -262,6 +306,14 @@ fn put(lit: &Lit, figures: &mut FrameFigures) {
     figures.cache_new += lit.records.computed;
     let AuditCounts { within, all } = lit.audits.carried;
     figures.audit_carried_within = (all > 0).then(|| within as f64 / all as f64);
+}
+
+/// Writes where people look into the figures of a frame.
+fn put_importance(map: &ImportanceMap, change: Option<f64>, figures: &mut FrameFigures) {
+    let count = map.samples.samples().len().max(1) as f64;
+    figures.importance_mean = Some(map.importance.samples().iter().map(|&v| f64::from(v)).sum::<f64>() / count);
+    figures.samples_mean = Some(map.samples.samples().iter().map(|&n| f64::from(n)).sum::<f64>() / count);
+    figures.samples_change = change;
 }
 
 fn triples(light: &Plane<Vec3>) -> Plane<[f32; 3]> {

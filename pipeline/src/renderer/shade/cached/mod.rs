@@ -31,17 +31,20 @@ pub(super) struct Cached {
     at_rest: bool,
     /// Whether the light that softening takes is found by final gather.
     compensates: bool,
+    /// Whether pixels may have several samples.
+    has_more: bool,
     /// Intensities of the lights in the frame before; none before the first.
     intensities: Vec<Vec3>,
 }
 
 impl Cached {
-    /// Without records, for a film of this plan.
-    pub fn new(plan: &Plan) -> Self {
+    /// Without records, for a film of this plan with at most so many samples to the pixel.
+    pub fn new(plan: &Plan, most_samples: u32) -> Self {
         let changing = [Stage::ObjectPlacing, Stage::Deformation, Stage::Photons, Stage::TreeUpdate];
         let at_rest = !changing.into_iter().any(|stage| plan.is_on(stage));
         let compensates = plan.is_on(Stage::Compensation);
-        Self { records: IrradianceCache::default(), at_rest, compensates, intensities: Vec::new() }
+        let has_more = most_samples > 1;
+        Self { records: IrradianceCache::default(), at_rest, compensates, has_more, intensities: Vec::new() }
     }
 
     /// Whether the lights of the tree shine as in the frame before.
@@ -69,7 +72,8 @@ impl Layer for Cached {
         let (busy, counts) = (Busy::default(), Counts::default());
         let moving = frame.surfaces.moving();
         let changes = Changes { light: !self.is_lit_as_before(frame), geometry: movement.is_any };
-        let request = Request { seen: matte, moving, wanted };
+        let is_first_of_many = sample == 0 && self.has_more;
+        let request = Request { seen: matte, moving, wanted, is_first_of_many };
         let light = TreeLight {
             visible,
             tolerance,

@@ -59,15 +59,19 @@ pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
 pub(super) struct Coats;
 
 impl Layer for Coats {
-    fn light(&mut self, visible: &Visible<'_>, _: Option<&Plane<bool>>, _: &Tolerance<'_>) -> Lit {
+    fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, _: &Tolerance<'_>) -> Lit {
         let Visible { frame, surfaces: seen, .. } = *visible;
         let size = (seen.pixels.width(), seen.pixels.height());
         let (busy, shadow_rays) = (Busy::default(), AtomicU64::new(0));
+        let is_wanted = |(x, y): (usize, usize)| wanted.is_none_or(|wanted| wanted.get(x, y));
 
         // Each pixel traces a few rays of its own.
         let own = by_macroblock(size, &busy, Scratch::default, |scratch, columns, rows| {
             let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
-            let lobes = places(columns, rows).map(|place| own_lobe(&mut reflections, seen, place)).collect();
+            let mut lobes = Vec::with_capacity(columns.len() * rows.len());
+            for place in places(columns, rows) {
+                lobes.push(if is_wanted(place) { own_lobe(&mut reflections, seen, place) } else { Lobe::default() });
+            }
             shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
             lobes
         });

@@ -1,0 +1,42 @@
+//! Importance as weights of macroblocks: where people look, quantisers are finer.
+//!
+//! ```text
+//! weight = 2^(a (v̄ − v))        v  mean importance of a macroblock        v̄  mean of these over the picture
+//! ```
+//! The weights' geometric mean is 1, so that the mean quantiser stays.
+
+use plane::Plane;
+use render_core::MACROBLOCK;
+
+/// a.
+const STRENGTH: f32 = 0.5;
+
+/// Weights of the macroblocks of a picture, of which each pixel has this importance, 0…1.
+pub(super) fn weights(importance: &Plane<f32>) -> Plane<f32> {
+    let (width, height) = (importance.width(), importance.height());
+    let of_macroblock = |column: usize, row: usize| {
+        let (left, top) = (column * MACROBLOCK, row * MACROBLOCK);
+        let (right, bottom) = (width.min(left + MACROBLOCK), height.min(top + MACROBLOCK));
+        let sum: f32 = (top..bottom).map(|y| importance.row(y)[left..right].iter().sum::<f32>()).sum();
+        sum / ((right - left) * (bottom - top)) as f32
+    };
+    let means = Plane::from_fn(width.div_ceil(MACROBLOCK), height.div_ceil(MACROBLOCK), of_macroblock);
+    let mean = means.samples().iter().sum::<f32>() / means.samples().len().max(1) as f32;
+    means.map(|v| (STRENGTH * (mean - v)).exp2())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_fall_where_importance_rises_and_their_geometric_mean_is_one() {
+        // Two and a half macroblocks by one.
+        let weights = weights(&Plane::from_fn(40, 16, |x, _| if x < 16 { 1.0 } else { (x % 2) as f32 }));
+        assert_eq!((weights.width(), weights.height()), (3, 1));
+        let [first, second, third] = [0, 1, 2].map(|column| weights.get(column, 0));
+        assert!(first < second && second == third, "{weights:?}");
+        assert!((first * second * third - 1.0).abs() < 1e-6, "{weights:?}");
+        assert!((second / first - (STRENGTH / 2.0).exp2()).abs() < 1e-6, "{weights:?}");
+    }
+}
