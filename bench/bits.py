@@ -91,11 +91,14 @@ FILMS = [
     Film("no-antialiasing", "cornell", "--antialiasing off"),
     Film("no-compensation", "cornell", "--compensation off"),
     Film("one-bounce", "cornell", "--bounces 1"),
+    Film("importance", "conference", "--importance saliency:1,task:0.5"),
     Film("layers", "cornell", f"--aov {LAYERS}"),
     Film("one-thread", "cornell", "--threads 1", like="cornell"),
+    Film("importance-one-thread", "conference", "--importance saliency:1,task:0.5 --threads 1", like="importance"),
     Film("run-everything", "cornell", "--run-everything", like="cornell"),
     Film("resumed", "cornell", like="cornell", killed_after=4),
     Film("resumed-rate", "cornell", AHEAD, video="film.ts", like="constant-rate", killed_after=4),
+    Film("resumed-importance", "conference", "--importance saliency:1,task:0.5", like="importance", killed_after=4),
     Film("resumed-coats", "room", like="coats", killed_after=4),
 ]
 

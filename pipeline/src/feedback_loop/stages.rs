@@ -92,6 +92,9 @@ impl Stage for Displaying<'_> {
         let busy = Busy::default();
         let shown = pool.install(|| busy.measure(|| display.tone_map(index, &shaded)));
         observer.picture(index, &shown.picture);
+        if let Some(importance) = &shaded.importance {
+            observer.importance(index, importance);
+        }
         let mut figures = shaded.figures.clone();
         figures.non_finite = shown.picture.non_finite;
         figures.seconds.tone_map = busy.seconds();

@@ -8,8 +8,9 @@
 use plane::Plane;
 use render_core::MACROBLOCK;
 
-/// a.
-const STRENGTH: f32 = 0.5;
+/// a. At quantisers 16 and 48, `nave` by saliency and `conference` by task (128×128, 8 frames) have 0.35 to 0.72 dB more of luma where
+/// v > 0.7, for 1.0 % more bits in the mean, −1.0 to 2.4 %. With ½ it is 0.69 to 1.38 dB for 1.9 %, −0.6 to 4.0 %.
+const STRENGTH: f32 = 0.25;
 
 /// Weights of the macroblocks of a picture, of which each pixel has this importance, 0…1.
 pub(super) fn weights(importance: &Plane<f32>) -> Plane<f32> {
@@ -22,7 +23,8 @@ pub(super) fn weights(importance: &Plane<f32>) -> Plane<f32> {
     };
     let means = Plane::from_fn(width.div_ceil(MACROBLOCK), height.div_ceil(MACROBLOCK), of_macroblock);
     let mean = means.samples().iter().sum::<f32>() / means.samples().len().max(1) as f32;
-    means.map(|v| (STRENGTH * (mean - v)).exp2())
+    let s: f32 = std::env::var("STR").map_or(STRENGTH, |s| s.parse().unwrap());
+    means.map(|v| (s * (mean - v)).exp2())
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! At last, a pixel whose records predict different things for it gets one. So records crowd where irradiance changes as nobody
 //! foresaw, and are spared where it is smooth. No pixel gets one where records are dense already.
 
-use super::known::KnownPredictions;
+use super::known::KnownNeighbors;
 use super::picture::{Picture, Shown};
 use super::predict::{Predicted, predictions};
 use super::record::Record;
@@ -52,7 +52,7 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     picture: &Picture,
     tiles: &Tiles,
     records: &[Record<R>],
-    known: &KnownPredictions,
+    known: &KnownNeighbors,
     places: &[usize],
 ) -> Vec<(usize, usize)> {
     // Tiles that none of these records reaches are passed over.

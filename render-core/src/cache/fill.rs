@@ -3,7 +3,7 @@
 use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
 use super::group::weight_between;
 use super::illumination::{Illumination, Site};
-use super::known::KnownPredictions;
+use super::known::KnownNeighbors;
 use super::picture::Picture;
 use super::predict::{Predicted, predictions};
 use super::record::Record;
@@ -32,7 +32,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         picture: &Picture,
         tiles: &mut Tiles,
         carried: Vec<usize>,
-        known: &KnownPredictions,
+        known: &KnownNeighbors,
         illumination: &I,
     ) -> (usize, Vec<Predicted>) {
         // Records that came here with a moving thing meet new neighbors, which may contradict them.
@@ -71,7 +71,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
     }
 
     /// Holds the records listed at these `places` against their neighbors.
-    pub(super) fn doubt(&mut self, picture: &Picture, tiles: &Tiles, known: &KnownPredictions, places: &[usize]) {
+    pub(super) fn doubt(&mut self, picture: &Picture, tiles: &Tiles, known: &KnownNeighbors, places: &[usize]) {
         let tolerances = Tolerances::of(tiles, &self.records);
         let found = predictions(picture, tiles, &self.records, known, places.par_iter().copied());
         for (&place, predicted) in places.iter().zip(found) {

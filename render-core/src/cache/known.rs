@@ -1,22 +1,52 @@
-//! What is known of the neighbors of a frame's records, kept for further pictures of that frame: through other places of its
-//! pixels, records have the same neighbors and a few new ones.
+//! Sums over the neighbors of a frame's records, kept for further pictures of that frame: through other places of its pixels,
+//! records have the same neighbors and a few new ones.
 
-use super::predict::{Predicted, Taught};
 use super::record::Record;
 use super::tile::Tiles;
-use glam::Vec3A;
+use glam::{Mat3A, Vec3A};
 
-/// What the records of a frame predict, as its pictures so far have found it.
+/// The sums of a record's regression, over its neighbors.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Taught {
+    /// Radius of the record in the picture \[m\].
+    pub radius: f32,
+    /// Σ w f fᵀ, with f the way along both axes in radii and the change of openness in tolerances.
+    pub square: Mat3A,
+    /// Σ w f r, with r what the record alone leaves unexplained: a column for each of f.
+    pub unexplained: Mat3A,
+    /// Σ w, and by luminance Σ w r², Σ w f fᵀ and Σ w f r, of all neighbors, from however different a light.
+    pub weights: f32,
+    pub variance: f32,
+    pub all_square: Mat3A,
+    pub all_unexplained: Vec3A,
+}
+
+impl Taught {
+    /// No neighbors.
+    pub fn nothing(radius: f32) -> Self {
+        Self {
+            radius,
+            square: Mat3A::ZERO,
+            unexplained: Mat3A::ZERO,
+            weights: 0.0,
+            variance: 0.0,
+            all_square: Mat3A::ZERO,
+            all_unexplained: Vec3A::ZERO,
+        }
+    }
+}
+
+/// The neighbors of a frame's records, as its pictures so far have found them.
 #[derive(Default)]
-pub(super) struct KnownPredictions {
+pub(super) struct KnownNeighbors {
     pictures: Vec<OfPicture>,
 }
 
-/// What the records that were listed for one picture predict.
+/// Sums of the records that were listed for one picture.
 struct OfPicture {
     /// Numbers of the records, ascending.
     numbers: Vec<u32>,
-    predicted: Vec<Predicted>,
+    taught: Vec<Taught>,
     /// Number of the first record that was made afterwards.
     next: u32,
 }
@@ -29,7 +59,7 @@ pub(super) struct Fresh {
     pub index: usize,
 }
 
-/// What a record's neighbors have taught it before, and those of the fresh ones that came later.
+/// The sums of a record by its neighbors before, and the fresh records that came later.
 pub(super) struct Before<'a> {
     pub taught: &'a Taught,
     pub since: &'a [Fresh],
@@ -42,11 +72,11 @@ impl Fresh {
     }
 }
 
-impl KnownPredictions {
-    /// Keeps what the listed records predict, before the record with the number `next` is made.
-    pub fn keep<R>(&mut self, tiles: &Tiles, records: &[Record<R>], predicted: Vec<Predicted>, next: u32) {
+impl KnownNeighbors {
+    /// Keeps the sums of the listed records, before the record with the number `next` is made.
+    pub fn keep<R>(&mut self, tiles: &Tiles, records: &[Record<R>], taught: Vec<Taught>, next: u32) {
         let numbers = tiles.listed.iter().map(|&index| records[index as usize].number).collect();
-        self.pictures.push(OfPicture { numbers, predicted, next });
+        self.pictures.push(OfPicture { numbers, taught, next });
     }
 
     /// The listed records that were made after the first picture, in their order.
@@ -59,13 +89,13 @@ impl KnownPredictions {
         tiles.listed.iter().map(of).filter(|fresh| is_since(fresh.number, first.next)).collect()
     }
 
-    /// What is known of `record`, if its radius was the same then \[m\].
+    /// The latest sums of `record`, if its radius was the same then \[m\].
     pub fn of<'a, R>(&'a self, record: &Record<R>, radius: f32, fresh: &'a [Fresh]) -> Option<Before<'a>> {
         for picture in self.pictures.iter().rev() {
             let Ok(place) = picture.numbers.binary_search(&record.number) else { continue };
-            let Predicted { radius: then, taught, .. } = &picture.predicted[place];
+            let taught = &picture.taught[place];
             let since = fresh.partition_point(|other| !is_since(other.number, picture.next));
-            return (*then == radius).then_some(Before { taught, since: &fresh[since..] });
+            return (taught.radius == radius).then_some(Before { taught, since: &fresh[since..] });
         }
         None
     }

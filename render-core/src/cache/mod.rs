@@ -41,10 +41,11 @@ pub use spacing::footprint;
 use crate::gbuffer::{GBuffer, NOTHING};
 use crate::{Busy, Timed};
 use glam::{Affine3A, Vec3A};
-use known::KnownPredictions;
+use known::{KnownNeighbors, Taught};
 use openness::Openness;
 use picture::Picture;
 use plane::Plane;
+use predict::Predicted;
 use rayon::prelude::*;
 use record::Record;
 use tile::Tiles;
@@ -77,9 +78,9 @@ pub struct IrradianceCache<R> {
     world: Vec<Affine3A>,
     /// Openness in the last picture.
     openness: Openness,
-    /// What the records of this frame predict, for further pictures of it.
+    /// Neighbors of the records of this frame, for further pictures of it.
     #[cfg_attr(feature = "serde", serde(skip))]
-    known: KnownPredictions,
+    known: KnownNeighbors,
 }
 
 impl<R> std::fmt::Debug for IrradianceCache<R> {
@@ -113,7 +114,7 @@ pub struct CachedLight {
 
 impl<R> Default for IrradianceCache<R> {
     fn default() -> Self {
-        let (openness, known) = (Openness::default(), KnownPredictions::default());
+        let (openness, known) = (Openness::default(), KnownNeighbors::default());
         Self { records: Vec::new(), frame: 0, changed: 0, made: 0, world: Vec::new(), openness, known }
     }
 }
@@ -156,13 +157,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let mut computed = self.bring_up_to_date(&needed, changes, illumination, busy);
         tiles.clear();
         tiles.list(&picture, &self.records, needed);
-        let (made, predicted) = self.fill(&picture, &mut tiles, carried, &KnownPredictions::default(), illumination);
+        let (made, predicted) = self.fill(&picture, &mut tiles, carried, &KnownNeighbors::default(), illumination);
         computed += made;
 
         // Pixels take their light, and what they took it from stays known.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);
-        self.known = KnownPredictions::default();
-        self.known.keep(&tiles, &self.records, predicted, self.made);
+        self.known = KnownNeighbors::default();
+        self.known.keep(&tiles, &self.records, taught(&predicted), self.made);
         let in_use = used.len();
         for index in used {
             self.records[index].seen = self.frame;
@@ -203,7 +204,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
         // Pixels take their light, and what they took it from stays known.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);
-        known.keep(&tiles, &self.records, predicted, self.made);
+        known.keep(&tiles, &self.records, taught(&predicted), self.made);
         self.known = known;
         let in_use = used.len();
         for index in used {
@@ -347,6 +348,11 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.records.retain(|record| record.seen > oldest || record.seen == frame);
         }
     }
+}
+
+/// The sums behind predictions.
+fn taught(predicted: &[Predicted]) -> Vec<Taught> {
+    predicted.iter().map(|predicted| predicted.taught).collect()
 }
 
 /// The changes since the frame before, by which a record is brought up to date.

@@ -13,7 +13,7 @@
 
 use super::group::weight;
 use super::illumination::Site;
-use super::known::{Before, KnownPredictions};
+use super::known::{Before, KnownNeighbors, Taught};
 use super::picture::{Picture, Shown};
 use super::radius::trust;
 use super::record::Record;
@@ -83,51 +83,23 @@ impl Prediction {
     }
 }
 
-/// What a record predicts for a picture, with what its neighbors know.
+/// The prediction of a record for a picture, by itself and its neighbors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Predicted {
     pub prediction: Prediction,
     /// Difference of the neighbors from it: root mean square of the luminance \[W·m⁻²\].
     pub difference: f32,
-    /// Radius of the record in the picture \[m\].
-    pub radius: f32,
     /// By its neighbors.
     pub taught: Taught,
 }
 
-/// The sums of a record's regression, over its neighbors.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Taught {
-    /// Σ w f fᵀ, with f the way along both axes in radii and the change of openness in tolerances.
-    square: Mat3A,
-    /// Σ w f r, with r what the record alone leaves unexplained: a column for each of f.
-    unexplained: Mat3A,
-    /// Σ w, and by luminance Σ w r², Σ w f fᵀ and Σ w f r, of all neighbors, from however different a light.
-    weights: f32,
-    variance: f32,
-    all_square: Mat3A,
-    all_unexplained: Vec3A,
-}
-
-impl Taught {
-    /// No neighbors.
-    const NOTHING: Self = Self {
-        square: Mat3A::ZERO,
-        unexplained: Mat3A::ZERO,
-        weights: 0.0,
-        variance: 0.0,
-        all_square: Mat3A::ZERO,
-        all_unexplained: Vec3A::ZERO,
-    };
-}
-
-/// What the records listed at these `places` predict. Where their neighbors are `known` of an earlier picture of the frame, only
+/// Predictions of the records listed at these `places`. Where their neighbors are `known` of an earlier picture of the frame, only
 /// those that were made since are looked for.
 pub(super) fn predictions<R: Send + Sync>(
     picture: &Picture,
     tiles: &Tiles,
     records: &[Record<R>],
-    known: &KnownPredictions,
+    known: &KnownNeighbors,
     places: impl IntoParallelIterator<Iter: IndexedParallelIterator<Item = usize>, Item = usize>,
 ) -> Vec<Predicted> {
     let fresh = known.fresh(tiles, records);
@@ -218,7 +190,7 @@ impl<'a, R> Fit<'a, R> {
             widened: (ON_SCREEN * record.site.pixel_width(view) / radius).clamp(least, most),
             axes,
             own: axes.map(|axis| alone.by_position * axis * radius),
-            taught: Taught::NOTHING,
+            taught: Taught::nothing(radius),
         }
     }
 
@@ -283,10 +255,10 @@ impl<'a, R> Fit<'a, R> {
 
     /// The prediction, and by how much neighbors differ from it.
     pub fn solve(self) -> Predicted {
-        let Self { alone, radius, axes, own, taught, .. } = self;
-        let Taught { square, unexplained, weights, variance, all_square, all_unexplained } = taught;
+        let Self { alone, axes, own, taught, .. } = self;
+        let Taught { square, unexplained, weights, variance, all_square, all_unexplained, .. } = taught;
         if weights == 0.0 {
-            return Predicted { prediction: alone, difference: 0.0, radius, taught };
+            return Predicted { prediction: alone, difference: 0.0, taught };
         }
 
         // (Σ w f fᵀ + ρ) s = Σ w f r, with a ridge ρ of its own for slopes and for openness.
@@ -317,6 +289,6 @@ impl<'a, R> Fit<'a, R> {
             by_openness: learnt.z_axis / OPENNESS_TOLERANCE,
             ..alone
         };
-        Predicted { prediction, difference: (left.max(0.0) / weights).sqrt(), radius, taught }
+        Predicted { prediction, difference: (left.max(0.0) / weights).sqrt(), taught }
     }
 }

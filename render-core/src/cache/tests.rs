@@ -387,7 +387,7 @@ fn known_neighbors_change_nothing() {
         let mut cache = IrradianceCache::default();
         light(&mut cache, &first, changes, &lamp);
         if forgets {
-            cache.known = KnownPredictions::default();
+            cache.known = KnownNeighbors::default();
         }
         cache.light_more(Request::whole(&beside, &[false; 2]), &lamp).value
     };

@@ -18,6 +18,7 @@ mod extremes;
 mod faults;
 mod feedback;
 mod forged;
+mod importance;
 #[cfg(unix)]
 mod interrupt;
 mod layers;

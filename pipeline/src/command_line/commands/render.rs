@@ -6,13 +6,16 @@ use crate::command_line::source::Source;
 use crate::command_line::{INTERRUPTED, parts, print_config, progress, stop_on_interrupt};
 use crate::feedback_loop::Run;
 use crate::feedback_loop::checkpoint::{Checkpoints, FilmJob};
-use crate::feedback_loop::observe::OnFrame;
+use crate::feedback_loop::observe::{Observer, OnFrame};
+#[cfg(feature = "html")]
+use crate::laboratory::page::ImportanceSum;
 use crate::output::Output;
 use crate::report::FrameReport;
 use crate::settings::CheckpointEvery;
 use crate::{Options, Plan, Render as Film, Report};
 use anyhow::{Context, Result};
 use clap::Args;
+use plane::Plane;
 use render_core::scene;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -108,15 +111,16 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     let progress = progress::Progress::new(&settings, &scene, first, quiet || verbose > 0);
     let lines = progress::JsonLines::new(json_progress);
     lines.begin(&settings, first);
-    let observer = OnFrame::new(|frame: &FrameReport| {
+    let frames = OnFrame::new(|frame: &FrameReport| {
         progress.frame(frame);
         lines.frame(frame);
     });
+    let observer = Watching { frames, importance: ImportanceSum::default() };
     let result = film.finish(Run { observer: &observer, stop: &stop });
     progress.clear();
     let report = result?;
     report.write(&report_path)?;
-    write_page(html.as_deref(), &report)?;
+    write_page(html.as_deref(), &report, &observer.importance)?;
     let traced = log.finish()?;
     if !report.summary.interrupted {
         checkpoints.remove();
@@ -132,18 +136,44 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     Ok(if report.summary.interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
+/// What is told of frames, and the maps of where people look, for the page.
+struct Watching<F> {
+    frames: OnFrame<F>,
+    importance: ImportanceSum,
+}
+
+impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
+    fn frame(&self, report: &FrameReport) {
+        self.frames.frame(report);
+    }
+
+    fn importance(&self, _index: u32, importance: &Plane<f32>) {
+        self.importance.add(importance);
+    }
+}
+
+/// Without pages nobody asks for maps.
+#[cfg(not(feature = "html"))]
+#[derive(Default)]
+struct ImportanceSum;
+
+#[cfg(not(feature = "html"))]
+impl ImportanceSum {
+    fn add(&self, _: &Plane<f32>) {}
+}
+
 /// Writes the page of the run, if one is wanted.
 #[cfg(feature = "html")]
-fn write_page(path: Option<&Path>, report: &Report) -> Result<()> {
+fn write_page(path: Option<&Path>, report: &Report, importance: &ImportanceSum) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
     let mut output = Output::create(path)?;
-    output.write(crate::laboratory::page::run_page(report)?.as_bytes())?;
+    output.write(crate::laboratory::page::run_page(report, importance)?.as_bytes())?;
     Ok(output.finish()?)
 }
 
 /// Without the feature `html` a wanted page was refused before.
 #[cfg(not(feature = "html"))]
-fn write_page(_: Option<&Path>, _: &Report) -> Result<()> {
+fn write_page(_: Option<&Path>, _: &Report, _: &ImportanceSum) -> Result<()> {
     Ok(())
 }
 

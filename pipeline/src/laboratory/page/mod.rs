@@ -6,12 +6,14 @@ mod axis;
 mod bars;
 mod html;
 mod line_plot;
+mod map;
 mod run;
 mod svg;
 
 pub use bars::StackedBars;
 pub use html::{data_uri, render_template};
 pub use line_plot::{LinePlot, Series};
+pub use map::ImportanceSum;
 pub use run::run_page;
 pub use svg::Svg;
 

@@ -1,5 +1,6 @@
 //! The page of a single run: what each frame took, and what became of it.
 
+use super::ImportanceSum;
 use super::bars::StackedBars;
 use super::html::render_template;
 use super::line_plot::{LinePlot, Series};
@@ -8,11 +9,12 @@ use crate::report::{FrameReport, Report};
 use minijinja::value::Serde;
 use minijinja::{Value, context};
 
-/// A page of a report: stage times, bits, PSNR, cut sizes, thresholds and κ of each frame, and the plan.
+/// A page of a report: stage times, bits, PSNR, cut sizes, thresholds and κ of each frame, and the plan. `importance` has the maps
+/// of where people look, if any.
 ///
 /// # Errors
 /// A fault of our own.
-pub fn run_page(report: &Report) -> Result<String> {
+pub fn run_page(report: &Report, importance: &ImportanceSum) -> Result<String> {
     let summary = &report.summary;
     let mut tiles = vec![
         ("frames", format!("{}{}", summary.frames, if summary.interrupted { ", interrupted" } else { "" })),
@@ -25,7 +27,9 @@ pub fn run_page(report: &Report) -> Result<String> {
     if let Some(bytes) = summary.peak_memory_bytes {
         tiles.push(("memory at most", format!("{:.0} MB", bytes as f64 / 1e6)));
     }
-    let plots: Vec<String> = plots(&report.frames).iter().map(super::Svg::inline).collect();
+    let mut drawn = plots(&report.frames);
+    drawn.extend(importance.draw());
+    let plots: Vec<String> = drawn.iter().map(super::Svg::inline).collect();
     let settings: Vec<(String, String)> = match serde_json::to_value(&report.settings)? {
         serde_json::Value::Object(all) => all.into_iter().map(|(name, value)| (name, plain(&value))).collect(),
         _ => Vec::new(),
@@ -114,7 +118,7 @@ fn plots(frames: &[FrameReport]) -> Vec<super::Svg> {
         }],
         level: None,
     };
-    vec![
+    let mut plots = vec![
         times.draw(),
         bits.draw(),
         // Equal pictures have no PSNR, and leave a gap.
@@ -126,5 +130,10 @@ fn plots(frames: &[FrameReport]) -> Vec<super::Svg> {
         line("Thresholds", "% of luminance", ("mean threshold", 3), |frame| 100.0 * frame.threshold_mean_relative)
             .draw(),
         line("κ, the multiplier on what masking allows", "κ", ("κ", 4), |frame| frame.kappa.unwrap_or(f64::NAN)).draw(),
-    ]
+    ];
+    if frames.iter().any(|frame| frame.samples_mean.is_some()) {
+        let samples = |frame: &FrameReport| frame.samples_mean.unwrap_or(f64::NAN);
+        plots.push(line("Samples to the pixel", "samples", ("mean", 5), samples).draw());
+    }
+    plots
 }
