@@ -129,7 +129,7 @@ pub struct Shaded {
     pub radiance: Plane<[f32; 3]>,
     /// Pixels that show several surfaces: a display shows the mean of what it shows of these, and not of `radiance`.
     pub outlines: Vec<Outline>,
-    /// How much people look at each pixel, 0…1, where that is to steer the encoder.
+    /// Importance of each pixel, 0…1, where it is to steer the encoder.
     pub importance: Option<Arc<Plane<f32>>>,
     /// Further channels for the frame's OpenEXR file.
     pub channels: Channels,

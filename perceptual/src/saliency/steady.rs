@@ -7,16 +7,13 @@ use plane::{Correspondence, Plane};
 const WEIGHT: f32 = 0.5;
 /// Saliency of what was not seen before: new things attract the eye, and nothing is known of them yet.
 const UNCOVERED: f32 = 1.0;
-/// Pixels around one without match that have none either, from which on it shows a new thing. Fewer are the rim of something, where
-/// a match is missing because the surface is thinner than a pixel.
-const NEW: usize = 5;
 
 /// Saliency of this frame, blended with that of the frame before:
 ///
 /// ```text
 /// (S8)  S'_t(x) = (1 − w) S_t(x) + w S'_(t−1)(x')        w = ½
-///       S'_t(x) = 1        where x and at least 5 of the 8 pixels around it have no match
-///       S'_t(x) = S_t(x)   where x has none otherwise
+///       S'_t(x) = 1        where neither x nor any of the 8 pixels around it has a match
+///       S'_t(x) = S_t(x)   where x has none, but one of them has
 /// ```
 ///
 /// `now` is S_t, 0…1; `before` is S'_(t−1), as this function returned it, or S itself for the first frame. `known` holds
@@ -39,15 +36,9 @@ pub fn steady_saliency(now: &Plane<f32>, before: &Plane<f32>, known: &Correspond
     })
 }
 
-/// Whether most pixels around one without match have none either. Beyond the border nothing has a match.
+/// Whether no pixel around has a match: on the rim of a thing, one may be missing because the surface is thinner than a pixel.
 fn is_new(then: &Plane<Option<f32>>, x: usize, y: usize) -> bool {
-    let mut missing = 0;
-    for v in [y.wrapping_sub(1), y, y + 1] {
-        for u in [x.wrapping_sub(1), x, x + 1] {
-            let is_inside = u < then.width() && v < then.height();
-            missing += usize::from(!is_inside || then.get(u, v).is_none());
-        }
-    }
-    // The pixel itself is one of them.
-    missing > NEW
+    let is_missing = |u: usize, v: usize| u >= then.width() || v >= then.height() || then.get(u, v).is_none();
+    let beside = |at: usize| [at.wrapping_sub(1), at, at + 1];
+    beside(y).into_iter().all(|v| beside(x).into_iter().all(|u| is_missing(u, v)))
 }

@@ -11,7 +11,7 @@ pub trait Observer: Sync {
     /// Frame `index` as it goes to the encoder, in display order.
     fn picture(&self, _index: u32, _picture: &YCbCr) {}
 
-    /// How much people look at each pixel of frame `index`, 0…1, in display order, where that steers anything.
+    /// Importance of each pixel of frame `index`, 0…1, in display order, where it steers anything.
     fn importance(&self, _index: u32, _importance: &Plane<f32>) {}
 
     /// The luminance that each pixel of frame `index` may be wrong by \[W·m⁻²·sr⁻¹\], in display order; frame `index` + 1 is

@@ -136,7 +136,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     Ok(if report.summary.interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
-/// What is told of frames, and the maps of where people look, for the page.
+/// Lines for each frame, and the maps of where people look for the page.
 struct Watching<F> {
     frames: OnFrame<F>,
     importance: ImportanceSum,

@@ -1,0 +1,158 @@
+"""Films that look where people look: CPU time and error of --importance, beside five samples everywhere and the default.
+
+    python3 bench importance [--film SCENE=MAPS …] [--sheet FOLDER]
+
+MAPS is as for `render --importance`, such as nave=saliency:1. A scene is one that ships, or a path. The films have 128x128
+pixels and 8 frames, and all other settings are the default's. The error of a pixel is relative and squared,
+
+    |L − R|² / (|R|² + 0.01 · mean of |R|² over the picture)
+
+against R, a film with 16 samples to the pixel and another seed: a film with the same seed has errors in common with it. Inside is
+where importance is more than 0.7. CPU seconds are those of the report, a frame, after the first one.
+
+With --sheet, a picture of each film goes to the folder: frame, importance, samples, and errors of the three.
+Needs numpy, pillow and OpenEXR from PyPI. --full has 256x256 pixels.
+"""
+
+import json
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import presets
+import references
+import tables
+from running import Failure, add_program, need_files, need_program, run
+
+try:
+    import numpy as np
+    import OpenEXR
+    from PIL import Image
+except ImportError as missing:
+    np = missing.name
+
+FILMS = ["conference=task:1", "nave=saliency:1", "atrium=saliency:1"]
+FRAMES = 8
+INSIDE = 0.7
+SAMPLES = 5
+
+
+@dataclass
+class Film:
+    """A finished film: its report, and for each frame its channels by name."""
+
+    report: dict
+    frames: list
+
+    def mean(self, *path):
+        """Mean of a figure over the frames after the first."""
+        values = []
+        for frame in self.report["frames"][1:]:
+            for name in path:
+                frame = frame[name]
+            values.append(frame)
+        return sum(values) / len(values)
+
+
+def add_options(parser):
+    """Options of this measurement."""
+    text = "a scene and its maps; may be repeated"
+    parser.add_argument("--film", action="append", metavar="SCENE=MAPS", help=text)
+    parser.add_argument("--sheet", type=Path, metavar="FOLDER", help="where pictures of maps and errors go")
+    add_program(parser)
+
+
+def channels(path):
+    """Color and single channels of an OpenEXR file."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        found = {name: channel.pixels.astype(np.float64) for name, channel in file.channels().items()}
+    found["color"] = np.stack([found.pop(name) for name in "RGB"], axis=-1)
+    return found
+
+
+def rendered(program, scene, side, words):
+    """A film with these options."""
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        files = ["-o", folder / "film.m2v", "--exr", folder / "frames", "--report", folder / "report.json", "-q"]
+        run([program, "render", scene, "--size", f"{side}x{side}", "--frames", FRAMES, *words, *files])
+        frames = [channels(path) for path in sorted((folder / "frames").iterdir())]
+        return Film(json.loads((folder / "report.json").read_text()), frames)
+
+
+def truth(program, scene, side):
+    """Frames with 16 samples to the pixel, kept from run to run."""
+
+    def make(path):
+        film = rendered(program, scene, side, ["--samples", 16, "--seed", 2])
+        with open(path, "wb") as file:
+            np.save(file, np.stack([frame["color"] for frame in film.frames]))
+
+    return np.load(references.kept(scene, [f"{side}x{side}", FRAMES, "16-samples"], ".npy", make))
+
+
+def errors(film, true):
+    """Relative squared error of each pixel of each frame."""
+    square = (true**2).mean(axis=-1)
+    floor = 0.01 * square.mean(axis=(1, 2), keepdims=True)
+    found = np.stack([frame["color"] for frame in film.frames])
+    return ((found - true) ** 2).mean(axis=-1) / (square + floor)
+
+
+def shown(color):
+    """Radiance as a display shows it, its geometric mean in the middle."""
+    gray = color.mean(axis=-1)
+    color = 0.2 * color / np.exp(np.log(gray[gray > 0]).mean())
+    return np.clip(1.3 * color / (1 + color), 0, 1) ** (1 / 2.2)
+
+
+def sheet(films, wrong, index):
+    """A row of pictures of a frame."""
+    default, five, important = films
+    frame = important.frames[index]
+    gray = [frame["importance.V"], (frame["importance.N"] - 1) / (SAMPLES - 1)]
+    gray += [np.clip(3 * np.sqrt(of[index]), 0, 1) for of in wrong]
+    row = [shown(frame["color"]), *[np.repeat(picture[..., None], 3, axis=-1) for picture in gray]]
+    return np.concatenate(row, axis=1)
+
+
+def measured(program, film, side, folder):
+    """The row of the table for a film."""
+    name, _, maps = film.partition("=")
+    scene = presets.shipped(name) if "/" not in name else Path(name)
+    need_files([scene])
+    importance = ["--importance", maps, "--samples", SAMPLES, "--aov", "importance"]
+    options = [[], ["--samples", SAMPLES], importance]
+    true = truth(program, scene, side)
+    films = [rendered(program, scene, side, words) for words in options]
+    wrong = [errors(film, true) for film in films]
+    inside = np.stack([frame["importance.V"] for frame in films[2].frames]) > INSIDE
+    if folder:
+        folder.mkdir(parents=True, exist_ok=True)
+        picture = np.round(255 * sheet(films, wrong, FRAMES - 3)).astype(np.uint8)
+        Image.fromarray(picture).save(folder / f"importance-{scene.stem}.png")
+
+    # Errors of the default and of importance, as ratios to that of five samples.
+    seconds = [film.mean("seconds", "total") for film in films]
+    cells = [f"`{scene.stem}`, {maps}", f"{films[2].mean('samples_mean'):.2f}", f"{films[2].mean('samples_change'):.2f}"]
+    cells += [f"{value:.2f}" for value in seconds] + [f"{seconds[2] / seconds[1]:.2f}", f"{inside.mean():.0%}"]
+    for where in (inside, ~inside):
+        of_default, of_five, of_importance = (error[where].mean() for error in wrong)
+        cells += [f"{of_importance / of_five:.2f}", f"{of_default / of_five:.2f}"]
+    return cells
+
+
+def main(options):
+    """Prints the table."""
+    if isinstance(np, str):
+        raise Failure(f"{np} is missing; install it: python3 -m pip install numpy pillow OpenEXR")
+    program, side = need_program(options), 256 if options.full else 128
+    titles = ["film", "samples", "change", "default s", "five s", "importance s", "of five"]
+    titles += ["inside", "error of five inside", "default's", "outside", "default's"]
+    print(tables.header(titles), flush=True)
+    for film in options.film or FILMS:
+        if "=" not in film:
+            raise Failure(f"{film} is no film such as nave=saliency:1")
+        print(tables.row(measured(program, film, side, options.sheet)), flush=True)
+    sys.stdout.flush()
