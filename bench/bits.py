@@ -92,6 +92,7 @@ FILMS = [
     Film("no-compensation", "cornell", "--compensation off"),
     Film("one-bounce", "cornell", "--bounces 1"),
     Film("importance", "conference", "--importance saliency:1,task:0.5"),
+    Film("masked-quantiser", "cornell", "--aq masking"),
     Film("layers", "cornell", f"--aov {LAYERS}"),
     Film("one-thread", "cornell", "--threads 1", like="cornell"),
     Film("importance-one-thread", "conference", "--importance saliency:1,task:0.5 --threads 1", like="importance"),

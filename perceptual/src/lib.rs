@@ -22,6 +22,7 @@
 mod coded;
 mod feedback;
 mod masking;
+mod masking_weights;
 mod metric;
 mod predicted;
 mod saliency;
@@ -34,6 +35,7 @@ mod ycbcr;
 pub use crate::coded::{NextPicture, QuantiserSteps};
 pub use crate::feedback::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, ObservedFrame};
 pub use crate::masking::{CONTRAST_MASKING_EXPONENT, LUMINANCE_MASKING_EXPONENT, MaskingModel, mean_dc};
+pub use crate::masking_weights::masking_weights;
 pub use crate::metric::{Components, flicker, mse, psnr, relative_mse, rmse, ssim};
 pub use crate::saliency::{saliency, steady_saliency};
 pub use crate::task_map::task_map;

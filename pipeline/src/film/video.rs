@@ -3,7 +3,7 @@
 use super::weights::weights;
 use crate::error::{Error, Result};
 use crate::parts::{CodedFrame, Coding, Displayed, Encode, Encoded};
-use crate::settings::Settings;
+use crate::settings::{AdaptiveQuantiser, Settings};
 use crate::state::{NONSENSE, decode, encode};
 use mpeg2enc::{Container, Encoder, Finish, KnownMotion, Multiplexer, Packet, Picture};
 use perceptual::NextPicture;
@@ -18,6 +18,8 @@ pub struct Video {
     stream: Stream,
     /// Whether the renderer's motion is used.
     uses_motion: bool,
+    /// Whether quantisers follow masking.
+    masks: bool,
     /// Whether pictures wait for the motion into the next one, for B pictures.
     waits: bool,
     waiting: Option<Waiting>,
@@ -57,6 +59,7 @@ impl Video {
                 tells_outcome: settings.thresholds.follow_coding() && !settings.looks_ahead(),
             },
             uses_motion: settings.motion,
+            masks: settings.aq == AdaptiveQuantiser::Masking,
             waits: settings.bframes > 0,
             waiting: None,
         })
@@ -73,6 +76,7 @@ impl Video {
             encoder: config.encoder()?,
             stream: Stream { multiplexer, quantiser_scale: quantiser_scale as f32, tells_outcome: false },
             uses_motion: true,
+            masks: false,
             waits: false,
             waiting: None,
         })
@@ -123,9 +127,9 @@ impl std::fmt::Debug for Video {
 
 impl Encode for Video {
     fn step(&mut self, displayed: &Displayed) -> Result<Encoded> {
-        let Displayed { index, picture, importance, correspondence, forward, .. } = displayed;
+        let Displayed { index, picture, correspondence, forward, .. } = displayed;
         let to_previous = correspondence.clone().filter(|_| self.uses_motion);
-        let weights = importance.as_deref().map(weights);
+        let weights = weights(displayed, self.masks);
         let taken = Waiting { picture: picture.picture.clone(), to_previous, weights };
         let mut coded = if self.waits {
             match self.waiting.replace(taken) {

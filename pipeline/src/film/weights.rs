@@ -1,10 +1,13 @@
-//! Importance as weights of macroblocks: where people look, quantisers are finer.
+//! Weights of macroblocks: quantisers are finer where people look, and where nothing masks what coding loses.
 //!
 //! ```text
-//! weight = 2^(a (v̄ − v))        v  mean importance of a macroblock        v̄  mean of these over the picture
+//! weight = m · 2^(a (v̄ − v))        v  mean importance of a macroblock        v̄  mean of these over the picture
+//!                                   m  weight by masking
 //! ```
 //! The weights' geometric mean is 1, so that the mean quantiser stays.
 
+use crate::parts::Displayed;
+use perceptual::masking_weights;
 use plane::Plane;
 use render_core::MACROBLOCK;
 
@@ -12,8 +15,18 @@ use render_core::MACROBLOCK;
 /// v > 0.7, for 1.0 % more bits in the mean, −1.0 to 2.4 %. With ½ it is 0.69 to 1.38 dB for 1.9 %, −0.6 to 4.0 %.
 const STRENGTH: f32 = 0.25;
 
-/// Weights of the macroblocks of a picture, of which each pixel has this importance, 0…1.
-pub(super) fn weights(importance: &Plane<f32>) -> Plane<f32> {
+/// Weights of the macroblocks of a picture, by masking if that `masks`; none where all are alike.
+pub(super) fn weights(displayed: &Displayed, masks: bool) -> Option<Plane<f32>> {
+    let by_importance = displayed.importance.as_deref().map(of_importance);
+    let by_masking = masks.then(|| masking_weights(&displayed.picture.luma));
+    match (by_importance, by_masking) {
+        (Some(a), Some(b)) => Some(Plane::from_fn(a.width(), a.height(), |x, y| a.get(x, y) * b.get(x, y))),
+        (one, other) => one.or(other),
+    }
+}
+
+/// Weights of macroblocks of whose pixels each has this importance, 0…1.
+fn of_importance(importance: &Plane<f32>) -> Plane<f32> {
     let (width, height) = (importance.width(), importance.height());
     let of_macroblock = |column: usize, row: usize| {
         let (left, top) = (column * MACROBLOCK, row * MACROBLOCK);
@@ -34,7 +47,7 @@ mod tests {
     #[test]
     fn weights_fall_where_importance_rises_and_their_geometric_mean_is_one() {
         // Two and a half macroblocks by one.
-        let weights = weights(&Plane::from_fn(40, 16, |x, _| if x < 16 { 1.0 } else { (x % 2) as f32 }));
+        let weights = of_importance(&Plane::from_fn(40, 16, |x, _| if x < 16 { 1.0 } else { (x % 2) as f32 }));
         assert_eq!((weights.width(), weights.height()), (3, 1));
         let [first, second, third] = [0, 1, 2].map(|column| weights.get(column, 0));
         assert!(first < second && second == third, "{weights:?}");

@@ -9,7 +9,8 @@ pub use mpeg2enc::Effort;
 pub use options::Options;
 pub use render::RenderSettings;
 pub use values::{
-    Aov, BitRate, CheckpointEvery, Importance, Lighting, PixelShading, Size, Stopping, Switch, Thresholds,
+    AdaptiveQuantiser, Aov, BitRate, CheckpointEvery, Importance, Lighting, PixelShading, Size, Stopping, Switch,
+    Thresholds,
 };
 
 use crate::error::Result;
@@ -34,6 +35,8 @@ pub struct Settings {
     pub size: Size,
     /// The standard's quantiser_scale, 1…112.
     pub qscale: u32,
+    /// Choice of the macroblocks that are quantised finer than others.
+    pub aq: AdaptiveQuantiser,
     /// Pictures from one I picture to the next.
     pub gop: u32,
     /// The most bits a second, or with `cbr` just as many; no bound when not stated.

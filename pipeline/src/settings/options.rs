@@ -1,7 +1,8 @@
 //! Options, by library, command line and file.
 
 use super::values::{
-    Aov, BitRate, Importance, Lighting, PixelShading, Size, Stopping, Switch, Thresholds, size_as_text,
+    AdaptiveQuantiser, Aov, BitRate, Importance, Lighting, PixelShading, Size, Stopping, Switch, Thresholds,
+    size_as_text,
 };
 use mpeg2enc::Effort;
 use serde::{Deserialize, Serialize, Serializer};
@@ -27,6 +28,9 @@ pub struct Options {
     /// MPEG-2's quantiser_scale, 1 (best) to 112 (smallest); ffmpeg's -q:v is half of it [default: 8]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "Q"))]
     pub qscale: Option<u32>,
+    /// Choice of the macroblocks of a picture that are quantised finer than others [default: off]
+    #[cfg_attr(feature = "command-line", arg(long, value_enum, value_name = "BY"))]
+    pub aq: Option<AdaptiveQuantiser>,
     /// Pictures from one I picture to the next, at most 132 [default: 15]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
     pub gop: Option<u32>,

@@ -1,7 +1,7 @@
 //! From options to settings: every default, and every check of a single choice. No other place states a default.
 
 use super::options::Options;
-use super::values::{Aov, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
+use super::values::{AdaptiveQuantiser, Aov, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
 use super::{Effort, Settings};
 use crate::error::{Error, Result};
 use lighttree::Calibration;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// Factor of importance on thresholds. Ours: half the error where all people look, twice the error where nobody does.
 const IMPORTANCE_GAIN: f32 = 2.0;
-/// Samples of the most important pixels \[Debattista05, 5\].
+/// Samples of the most important pixels \[Debattista05, 4.2\].
 const IMPORTANT_SAMPLES: u32 = 5;
 /// Most samples to the pixel.
 const MOST_SAMPLES: u32 = 64;
@@ -80,6 +80,7 @@ impl Options {
             fps,
             size: *self.size.get_or_insert(Size { width: 512, height: 512 }),
             qscale,
+            aq: *self.aq.get_or_insert(AdaptiveQuantiser::Off),
             gop: *self.gop.get_or_insert(15),
             bitrate: self.bitrate,
             cbr: self.cbr,

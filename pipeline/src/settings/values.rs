@@ -223,6 +223,18 @@ impl<'de> Deserialize<'de> for Thresholds {
     }
 }
 
+/// Choice of the macroblocks that are quantised finer than others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum AdaptiveQuantiser {
+    /// None, but where people look with `--importance`.
+    Off,
+    /// Those without detail, which would hide what coding loses.
+    Masking,
+}
+
 /// Weights of the maps that importance is the sum of.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Importance {

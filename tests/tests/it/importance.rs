@@ -66,6 +66,7 @@ fn other_kinds_of_films_take_it_too() {
         "--samples 1",
         "--mpeg1 --size 50x38",
         "--lighting all-lights --frames 2",
+        "--aq masking",
     ] {
         let found = film(folder, "film", &format!("{more} --importance saliency:1,task:1"));
         assert!(found.figures(&["samples_mean"]).iter().all(|&mean| (1.0..=5.0).contains(&mean)), "{more}");
@@ -89,6 +90,21 @@ fn the_map_is_a_layer_of_the_frames() {
     let mean = samples.iter().sum::<f32>() / samples.len() as f32;
     assert!((f64::from(mean) - made.figures(&["samples_mean"])[4]).abs() < 1e-5);
     assert!(fs::read_to_string(folder.join("page.html")).unwrap().contains("Where people look"));
+}
+
+/// Quantisers that follow masking make another film of the same pictures, and less of its bits go into detail.
+#[test]
+fn quantisers_follow_masking() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    room(folder, "");
+    let same = "--thresholds fixed:0.02 --qscale 16";
+    let films = ["off", "masking"].map(|by| film(folder, by, &format!("{same} --aq {by} --y4m {by}.y4m")));
+    assert!(films[0].stream == film(folder, "default", same).stream, "off is not the default");
+    assert!(films[0].stream != films[1].stream, "masking changes nothing");
+    assert!(fs::read(folder.join("off.y4m")).unwrap() == fs::read(folder.join("masking.y4m")).unwrap());
+    let bits = films.map(|film| film.figures(&["bits"]).iter().sum::<f64>());
+    assert!(bits[1] < bits[0], "{bits:?}");
 }
 
 #[test]
