@@ -4,7 +4,6 @@
 //! At last, a pixel whose records predict different things for it gets one. So records crowd where irradiance changes as nobody
 //! foresaw, and are spared where it is smooth. No pixel gets one where records are dense already.
 
-use super::known::KnownNeighbors;
 use super::picture::{Picture, Shown};
 use super::predict::{Predicted, predictions};
 use super::record::Record;
@@ -52,7 +51,6 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     picture: &Picture,
     tiles: &Tiles,
     records: &[Record<R>],
-    known: &KnownNeighbors,
     places: &[usize],
 ) -> Vec<(usize, usize)> {
     // Tiles that none of these records reaches are passed over.
@@ -70,7 +68,7 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     }
     candidates.sort_unstable();
     candidates.dedup();
-    let predicted = predictions(picture, tiles, records, known, candidates.par_iter().map(|&place| place as usize));
+    let predicted = predictions(picture, tiles, records, candidates.par_iter().map(|&place| place as usize));
 
     // They stand in the order of `candidates`; tiles look them up by place.
     let mut number = vec![0; tiles.listed.len()];

@@ -3,7 +3,6 @@
 use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
 use super::group::weight_between;
 use super::illumination::{Illumination, Site};
-use super::known::KnownNeighbors;
 use super::picture::Picture;
 use super::predict::{Predicted, predictions};
 use super::record::Record;
@@ -26,19 +25,18 @@ const DOUBTS: usize = 3;
 
 impl<R: Send + Sync> IrradianceCache<R> {
     /// Adds records until every pixel of the picture is covered and none is contradicted; returns how many, and what the
-    /// listed ones predict, some of which may be `known`. Those listed at the places `carried` may fit in no longer.
+    /// listed ones predict. Those listed at the places `carried` may fit in no longer.
     pub(super) fn fill<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &Picture,
         tiles: &mut Tiles,
         carried: Vec<usize>,
-        known: &KnownNeighbors,
         illumination: &I,
     ) -> (usize, Vec<Predicted>) {
         // Records that came here with a moving thing meet new neighbors, which may contradict them.
         let (first, first_place) = (self.records.len(), tiles.listed.len());
         if !carried.is_empty() {
-            self.doubt(picture, tiles, known, &carried);
+            self.doubt(picture, tiles, &carried);
             tiles.list_again(picture, &self.records, 0);
         }
 
@@ -51,14 +49,14 @@ impl<R: Send + Sync> IrradianceCache<R> {
                 break;
             }
             // The newest are not yet known to fit in.
-            self.doubt(picture, tiles, known, &Vec::from_iter(place..tiles.listed.len()));
+            self.doubt(picture, tiles, &Vec::from_iter(place..tiles.listed.len()));
             bare = tiles.list_again(picture, &self.records, place);
         }
 
         // All is covered. Pixels whose records still predict different things get one of their own, for its close surroundings.
         let unsettled: Vec<usize> = carried.into_iter().chain(first_place..tiles.listed.len()).collect();
         if !unsettled.is_empty() {
-            let contradicted = contradicted_pixels(picture, tiles, &self.records, known, &unsettled);
+            let contradicted = contradicted_pixels(picture, tiles, &self.records, &unsettled);
             let new = self.make(picture, contradicted, illumination);
             for record in &mut self.records[new.clone()] {
                 record.share = LEAST_SHARE;
@@ -67,13 +65,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
             // What no pixel takes light from is not known in the next frame, where the same is to come out.
             tiles.keep_used(picture, &self.records, first_place);
         }
-        (self.records.len() - first, predictions(picture, tiles, &self.records, known, 0..tiles.listed.len()))
+        (self.records.len() - first, predictions(picture, tiles, &self.records, 0..tiles.listed.len()))
     }
 
     /// Holds the records listed at these `places` against their neighbors.
-    pub(super) fn doubt(&mut self, picture: &Picture, tiles: &Tiles, known: &KnownNeighbors, places: &[usize]) {
+    pub(super) fn doubt(&mut self, picture: &Picture, tiles: &Tiles, places: &[usize]) {
         let tolerances = Tolerances::of(tiles, &self.records);
-        let found = predictions(picture, tiles, &self.records, known, places.par_iter().copied());
+        let found = predictions(picture, tiles, &self.records, places.par_iter().copied());
         for (&place, predicted) in places.iter().zip(found) {
             let record = &mut self.records[tiles.listed[place] as usize];
             record.share = record.share.min(tolerances.share(record, predicted.difference));

@@ -142,7 +142,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
         self.frame += 1;
         let seen = request.seen;
         let openness = Openness::new(&request, &self.openness, illumination, busy);
-        let picture = Picture::new(request, &openness, busy);
+        let known = KnownNeighbors::default();
+        let picture = Picture::new(request, &openness, &known, busy);
         busy.measure(|| self.carry_along(seen));
         openness::renew(&mut self.records, seen, illumination, busy);
 
@@ -157,7 +158,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let mut computed = self.bring_up_to_date(&needed, changes, illumination, busy);
         tiles.clear();
         tiles.list(&picture, &self.records, needed);
-        let (made, predicted) = self.fill(&picture, &mut tiles, carried, &KnownNeighbors::default(), illumination);
+        let (made, predicted) = self.fill(&picture, &mut tiles, carried, illumination);
         computed += made;
 
         // Pixels take their light, and what they took it from stays known.
@@ -193,14 +194,14 @@ impl<R: Send + Sync> IrradianceCache<R> {
         busy: &Busy,
     ) -> CachedLight {
         let openness = Openness::new(&request, &self.openness, illumination, busy);
-        let picture = Picture::new(request, &openness, busy);
+        let mut known = std::mem::take(&mut self.known);
+        let picture = Picture::new(request, &openness, &known, busy);
 
         // What this frame has not brought up to date is light of another.
         let mut tiles = Tiles::new(&picture);
         let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
         tiles.list(&picture, &self.records, current);
-        let mut known = std::mem::take(&mut self.known);
-        let (computed, predicted) = self.fill(&picture, &mut tiles, Vec::new(), &known, illumination);
+        let (computed, predicted) = self.fill(&picture, &mut tiles, Vec::new(), illumination);
 
         // Pixels take their light, and what they took it from stays known.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);

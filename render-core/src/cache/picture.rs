@@ -1,6 +1,7 @@
 //! The picture that is lit, and what of each pixel says which records serve it.
 
 use super::illumination::Site;
+use super::known::KnownNeighbors;
 use super::openness::Openness;
 use super::request::Request;
 use crate::gbuffer::{GBuffer, NOTHING};
@@ -19,6 +20,8 @@ pub(super) struct Picture<'a> {
     pub busy: &'a Busy,
     request: Request<'a>,
     openness: &'a Openness,
+    /// Neighbors of records that earlier pictures of the frame have found.
+    pub known: &'a KnownNeighbors,
     /// Surfaces of all pixels, by macroblock, in raster order: a whole frame's sites are looked through several times,
     /// and the G-buffer holds three times as much of each.
     shown: Vec<Shown>,
@@ -58,8 +61,8 @@ impl From<&Site> for Shown {
 }
 
 impl<'a> Picture<'a> {
-    pub fn new(request: Request<'a>, openness: &'a Openness, busy: &'a Busy) -> Self {
-        let mut picture = Self { seen: request.seen, busy, request, openness, shown: Vec::new() };
+    pub fn new(request: Request<'a>, openness: &'a Openness, known: &'a KnownNeighbors, busy: &'a Busy) -> Self {
+        let mut picture = Self { seen: request.seen, busy, request, openness, known, shown: Vec::new() };
         // Each macroblock has places for all its pixels, though at the right and lower border it has fewer.
         let mut shown = vec![Shown::NOTHING; picture.tiles() * MACROBLOCK * MACROBLOCK];
         shown.par_chunks_mut(MACROBLOCK * MACROBLOCK).enumerate().for_each(|(tile, shown)| {

@@ -13,7 +13,7 @@
 
 use super::group::weight;
 use super::illumination::Site;
-use super::known::{Before, KnownNeighbors, Taught};
+use super::known::{Before, Taught};
 use super::picture::{Picture, Shown};
 use super::radius::trust;
 use super::record::Record;
@@ -93,15 +93,15 @@ pub(super) struct Predicted {
     pub taught: Taught,
 }
 
-/// Predictions of the records listed at these `places`. Where their neighbors are `known` of an earlier picture of the frame, only
+/// Predictions of the records listed at these `places`. Where their neighbors are known of an earlier picture of the frame, only
 /// those that were made since are looked for.
 pub(super) fn predictions<R: Send + Sync>(
     picture: &Picture,
     tiles: &Tiles,
     records: &[Record<R>],
-    known: &KnownNeighbors,
     places: impl IntoParallelIterator<Iter: IndexedParallelIterator<Item = usize>, Item = usize>,
 ) -> Vec<Predicted> {
+    let known = picture.known;
     let fresh = known.fresh(tiles, records);
     let no_neighbors = || Neighbors { met_by: vec![u32::MAX; tiles.listed.len()], near: Vec::new() };
     let predict = |neighbors: &mut Neighbors, place| {
