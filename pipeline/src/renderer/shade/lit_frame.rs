@@ -65,7 +65,8 @@ impl Light {
         }
     }
 
-    /// The light of all parts of the pixels that show several, and that have no further samples.
+    /// The light of all parts of the pixels that show several. A display shows these also where there are further samples, whose
+    /// filter would let bright light cover what is thin before it.
     pub fn outlines(&self) -> Vec<Outline> {
         let Some(coverage) = &self.coverage else { return Vec::new() };
         let light = self.samples[0].whole();
@@ -76,8 +77,7 @@ impl Light {
             }
             Outline { pixel: pixel.index, parts }
         };
-        let is_alone = |index: usize| self.importance.as_ref().is_none_or(|map| map.samples.samples()[index] == 1);
-        coverage.pixels().filter(|pixel| is_alone(pixel.index)).map(of).collect()
+        coverage.pixels().map(of).collect()
     }
 }
 
