@@ -1,17 +1,16 @@
 //! Choices of a run: [`Options`] as they are made, [`Settings`] with every default filled in for a scene.
 
+mod emphasis;
 mod options;
 mod render;
 mod resolve;
 mod values;
 
+pub use emphasis::{AdaptiveQuantiser, Importance};
 pub use mpeg2enc::Effort;
 pub use options::Options;
 pub use render::RenderSettings;
-pub use values::{
-    AdaptiveQuantiser, Aov, BitRate, CheckpointEvery, Importance, Lighting, PixelShading, Size, Stopping, Switch,
-    Thresholds,
-};
+pub use values::{Aov, BitRate, CheckpointEvery, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
 
 use crate::error::Result;
 use mpeg2enc::{Container, Rate, Standard};

@@ -1,9 +1,7 @@
 //! Options, by library, command line and file.
 
-use super::values::{
-    AdaptiveQuantiser, Aov, BitRate, Importance, Lighting, PixelShading, Size, Stopping, Switch, Thresholds,
-    size_as_text,
-};
+use super::emphasis::{AdaptiveQuantiser, Importance};
+use super::values::{Aov, BitRate, Lighting, PixelShading, Size, Stopping, Switch, Thresholds, size_as_text};
 use mpeg2enc::Effort;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::PathBuf;

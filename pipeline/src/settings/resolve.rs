@@ -1,7 +1,8 @@
 //! From options to settings: every default, and every check of a single choice. No other place states a default.
 
+use super::emphasis::AdaptiveQuantiser;
 use super::options::Options;
-use super::values::{AdaptiveQuantiser, Aov, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
+use super::values::{Aov, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
 use super::{Effort, Settings};
 use crate::error::{Error, Result};
 use lighttree::Calibration;

@@ -223,70 +223,6 @@ impl<'de> Deserialize<'de> for Thresholds {
     }
 }
 
-/// Choice of the macroblocks that are quantised finer than others.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum AdaptiveQuantiser {
-    /// None, but where people look with `--importance`.
-    Off,
-    /// Those without detail, which would hide what coding loses.
-    Masking,
-}
-
-/// Weights of the maps that importance is the sum of.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Importance {
-    /// Of what catches the eye, 0…1.
-    pub saliency: f32,
-    /// Of what is watched: the nodes that the scene's TOML file names, 0…1.
-    pub task: f32,
-}
-
-impl FromStr for Importance {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let mut weights = Self::default();
-        let wrong = || {
-            let known = "a list of \"saliency:W\" and \"task:W\" with weights of 0 to 1 that are not all 0";
-            Error::Options(format!("\"{text}\" is not {known}, such as saliency:1 or saliency:0.5,task:1"))
-        };
-        for part in text.split(',') {
-            let (map, weight) = part.split_once(':').ok_or_else(wrong)?;
-            let weight = weight.parse::<f32>().ok().filter(|weight| (0.0..=1.0).contains(weight)).ok_or_else(wrong)?;
-            match map {
-                "saliency" => weights.saliency = weight,
-                "task" => weights.task = weight,
-                _ => return Err(wrong()),
-            }
-        }
-        if weights == Self::default() { Err(wrong()) } else { Ok(weights) }
-    }
-}
-
-impl fmt::Display for Importance {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let weights = [("saliency", self.saliency), ("task", self.task)];
-        let parts: Vec<String> =
-            weights.iter().filter(|(_, weight)| *weight > 0.0).map(|(map, weight)| format!("{map}:{weight}")).collect();
-        f.write_str(&parts.join(","))
-    }
-}
-
-impl Serialize for Importance {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
-    }
-}
-
-impl<'de> Deserialize<'de> for Importance {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        parsed(deserializer)
-    }
-}
-
 /// When the cut of a pixel ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
@@ -400,7 +336,7 @@ enum Written {
 }
 
 /// Reads a value through its text; `true` and `false` are "on" and "off".
-fn parsed<'de, D: Deserializer<'de>, T: FromStr<Err = Error>>(deserializer: D) -> Result<T, D::Error> {
+pub(super) fn parsed<'de, D: Deserializer<'de>, T: FromStr<Err = Error>>(deserializer: D) -> Result<T, D::Error> {
     let text = match Written::deserialize(deserializer)? {
         Written::Switch(on) => if on { "on" } else { "off" }.to_owned(),
         Written::Number(number) => number.to_string(),
@@ -439,13 +375,6 @@ mod tests {
         assert_eq!("perceptual".parse::<Thresholds>().unwrap(), Thresholds::Perceptual);
         for bad in ["fixed", "fixed:-1", "fixed:nan", "watson"] {
             assert!(bad.parse::<Thresholds>().unwrap_err().to_string().contains("fixed:0.02"), "{bad}");
-        }
-        assert_eq!("task:0.5".parse::<Importance>().unwrap(), Importance { saliency: 0.0, task: 0.5 });
-        for text in ["saliency:1", "saliency:0.25,task:1"] {
-            assert_eq!(text.parse::<Importance>().unwrap().to_string(), text);
-        }
-        for bad in ["", "saliency", "saliency:2", "task:nan", "gaze:1", "saliency:0,task:0", "task:1,"] {
-            assert!(bad.parse::<Importance>().unwrap_err().to_string().contains("saliency:0.5,task:1"), "{bad}");
         }
         for (text, rate) in [("1500k", 1_500_000), ("2M", 2_000_000), ("0.5m", 500_000), ("64000", 64_000)] {
             assert_eq!(text.parse::<BitRate>().unwrap(), BitRate(rate), "{text}");

@@ -102,9 +102,12 @@ impl Looking {
         self.map(&prepared.frame)
     }
 
-    /// Keeps what the next frame needs of this one.
+    /// Keeps what the next frame needs of this one. A frame whose light stayed has the saliency of the one before.
     pub fn keep(&mut self, map: &ImportanceMap, radiance: &Plane<[f32; 3]>) {
-        let seen = self.now.take().map(|saliency| (radiance.clone(), saliency));
+        let seen = match self.now.take() {
+            Some(saliency) => Some((radiance.clone(), saliency)),
+            None => self.before.take().and_then(|before| before.seen),
+        };
         self.before = Some(Before { samples: map.samples.clone(), seen });
     }
 
