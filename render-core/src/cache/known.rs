@@ -2,7 +2,6 @@
 //! records have the same neighbors and a few new ones.
 
 use super::record::Record;
-use super::tile::Tiles;
 use glam::{Mat3A, Vec3A};
 
 /// The sums of a record's regression, over its neighbors.
@@ -73,20 +72,20 @@ impl Fresh {
 }
 
 impl KnownNeighbors {
-    /// Keeps the sums of the listed records, before the record with the number `next` is made.
-    pub fn keep<R>(&mut self, tiles: &Tiles, records: &[Record<R>], taught: Vec<Taught>, next: u32) {
-        let numbers = tiles.listed.iter().map(|&index| records[index as usize].number).collect();
+    /// Keeps the sums of the `listed` records, by their indices, before the record with the number `next` is made.
+    pub fn keep<R>(&mut self, listed: &[u32], records: &[Record<R>], taught: Vec<Taught>, next: u32) {
+        let numbers = listed.iter().map(|&index| records[index as usize].number).collect();
         self.pictures.push(OfPicture { numbers, taught, next });
     }
 
-    /// The listed records that were made after the first picture, in their order.
-    pub fn fresh<R>(&self, tiles: &Tiles, records: &[Record<R>]) -> Vec<Fresh> {
+    /// Those of the `listed` records that were made after the first picture, in their order.
+    pub fn fresh<R>(&self, listed: &[u32], records: &[Record<R>]) -> Vec<Fresh> {
         let Some(first) = self.pictures.first() else { return Vec::new() };
         let of = |&index: &u32| {
             let record = &records[index as usize];
             Fresh { number: record.number, position: record.site.position, index: index as usize }
         };
-        tiles.listed.iter().map(of).filter(|fresh| is_since(fresh.number, first.next)).collect()
+        listed.iter().map(of).filter(|fresh| is_since(fresh.number, first.next)).collect()
     }
 
     /// The latest sums of `record`, if its radius was the same then \[m\].

@@ -102,7 +102,7 @@ pub(super) fn predictions<R: Send + Sync>(
     places: impl IntoParallelIterator<Iter: IndexedParallelIterator<Item = usize>, Item = usize>,
 ) -> Vec<Predicted> {
     let known = picture.known;
-    let fresh = known.fresh(tiles, records);
+    let fresh = known.fresh(&tiles.listed, records);
     let no_neighbors = || Neighbors { met_by: vec![u32::MAX; tiles.listed.len()], near: Vec::new() };
     let predict = |neighbors: &mut Neighbors, place| {
         picture.busy.measure(|| {
