@@ -39,7 +39,7 @@ struct Stream {
 struct Waiting {
     picture: Arc<Picture>,
     to_previous: Option<Arc<Correspondence>>,
-    /// Of its macroblocks, where people look at some of them more.
+    /// Weights of its macroblocks, where they are not all alike.
     weights: Option<Plane<f32>>,
 }
 

@@ -36,8 +36,7 @@ fn of_importance(importance: &Plane<f32>) -> Plane<f32> {
     };
     let means = Plane::from_fn(width.div_ceil(MACROBLOCK), height.div_ceil(MACROBLOCK), of_macroblock);
     let mean = means.samples().iter().sum::<f32>() / means.samples().len().max(1) as f32;
-    let s: f32 = std::env::var("STR").map_or(STRENGTH, |s| s.parse().unwrap());
-    means.map(|v| (s * (mean - v)).exp2())
+    means.map(|v| (STRENGTH * (mean - v)).exp2())
 }
 
 #[cfg(test)]

@@ -78,7 +78,7 @@ impl KnownNeighbors {
         self.pictures.push(OfPicture { numbers, taught, next });
     }
 
-    /// Those of the `listed` records that were made after the first picture, in their order.
+    /// Listed records that were made after the first picture of the frame, in the order of `listed`.
     pub fn fresh<R>(&self, listed: &[u32], records: &[Record<R>]) -> Vec<Fresh> {
         let Some(first) = self.pictures.first() else { return Vec::new() };
         let of = |&index: &u32| {

@@ -246,7 +246,7 @@ mod tests {
         assert!(map.fits((5, 1)) && !map.fits((1, 5)));
     }
 
-    /// What was not seen before keeps what was at its place, and moves like its neighbor.
+    /// A surface that was not seen before takes the light that was at its place, and moves like its neighbor.
     #[test]
     fn light_and_motion_are_carried_where_they_are_known() {
         let before = Plane::from_fn(3, 1, |x, _| [x as f32; 3]);

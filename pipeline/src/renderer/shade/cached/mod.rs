@@ -38,7 +38,7 @@ pub(super) struct Cached {
 }
 
 impl Cached {
-    /// Without records, for a film of this plan with at most so many samples to the pixel.
+    /// A cache without records, for a film of this plan; `most_samples` is the largest number of samples to the pixel.
     pub fn new(plan: &Plan, most_samples: u32) -> Self {
         let changing = [Stage::ObjectPlacing, Stage::Deformation, Stage::Photons, Stage::TreeUpdate];
         let at_rest = !changing.into_iter().any(|stage| plan.is_on(stage));
