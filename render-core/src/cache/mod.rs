@@ -164,7 +164,9 @@ impl<R: Send + Sync> IrradianceCache<R> {
         // Pixels take their light, and what they took it from stays known.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);
         self.known = KnownNeighbors::default();
-        self.known.keep(&tiles.listed, &self.records, taught(&predicted), self.made);
+        if request.is_first_of_many {
+            self.known.keep(&tiles.listed, &self.records, taught(&predicted), self.made);
+        }
         let in_use = used.len();
         for index in used {
             self.records[index].seen = self.frame;
