@@ -227,11 +227,11 @@ impl Coder {
     }
 
     /// Sequence and group headers, which stand in front of an I picture; `number` is the first picture of the group to
-    /// be shown.
+    /// be shown, counted from the encoder's first.
     pub fn group_headers(&self, number: u64, closed: bool) -> Vec<u8> {
         let mut writer = BitWriter::default();
         header::put_sequence_header(&mut writer, &self.config);
-        header::put_group_header(&mut writer, &self.config, number, closed);
+        header::put_group_header(&mut writer, &self.config, self.config.first_number + number, closed);
         writer.into_bytes()
     }
 }

@@ -32,6 +32,8 @@ pub struct Config {
     pub(crate) intra_matrix: [u8; 64],
     pub(crate) non_intra_matrix: [u8; 64],
     pub(crate) rate: Rate,
+    /// Number of the first picture in time codes.
+    pub(crate) first_number: u64,
 }
 
 impl Config {
@@ -65,6 +67,7 @@ impl Config {
             intra_matrix: DEFAULT_INTRA_MATRIX,
             non_intra_matrix: DEFAULT_NON_INTRA_MATRIX,
             rate: Rate::default(),
+            first_number: 0,
         }
     }
 
@@ -87,6 +90,12 @@ impl Config {
     /// Quantiser of every macroblock: 1 to 8, even values to 62, 64, multiples of 8 to 112.
     pub fn with_quantiser_scale(self, quantiser_scale: u32) -> Self {
         Self { quantiser_scale, mean_quantiser_x256: None, ..self }
+    }
+
+    /// Quantiser of every macroblock, where no mean is requested.
+    #[must_use]
+    pub fn quantiser_scale(&self) -> u32 {
+        self.quantiser_scale
     }
 
     /// A quantiser between those that exist, from 1 to 112: each macroblock gets the nearest to what it would have, or, where they do
@@ -192,6 +201,12 @@ impl Config {
     /// How quantisers are chosen; all but [`Rate::ConstantQuantiser`] need a [look-ahead](Config::with_lookahead).
     pub fn with_rate(self, rate: Rate) -> Self {
         Self { rate, ..self }
+    }
+
+    /// Number of the first picture in time codes (6.3.8): that of a stream which is to follow `number` pictures. 0 unless another is
+    /// requested. [`Packet::display_index`](crate::Packet::display_index) counts from 0 all the same.
+    pub fn with_first_number(self, number: u64) -> Self {
+        Self { first_number: number, ..self }
     }
 
     /// May macroblocks have quantisers of their own?

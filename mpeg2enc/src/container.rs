@@ -3,13 +3,15 @@
 //!
 //! Numbers of clauses and tables in this module are those of that standard.
 
+mod access_unit;
 mod clock;
 mod pes;
 mod program;
 mod schedule;
 mod transport;
 
-use crate::{Config, Packet};
+use crate::Config;
+pub use access_unit::AccessUnit;
 use clock::Clock;
 use pes::Picture;
 use schedule::Schedule;
@@ -106,11 +108,13 @@ impl Multiplexer {
         Self { wrapper, clock, waiting: None }
     }
 
-    /// Takes the next packet in the order of coding, and gives what can be written now: all but the last picture.
-    pub fn push(&mut self, packet: Packet) -> Vec<u8> {
-        let times = self.clock.next(packet.display_index);
-        let is_entry = packet.picture_type == crate::PictureType::I;
-        let before = self.waiting.replace(Picture { data: packet.data, times, is_entry });
+    /// Takes the next picture in the order of coding, a [`Packet`](crate::Packet) or one of a stream that was written before, and
+    /// gives what can be written now: all but that picture.
+    pub fn push(&mut self, picture: impl Into<AccessUnit>) -> Vec<u8> {
+        let AccessUnit { data, display_index, picture_type } = picture.into();
+        let times = self.clock.next(display_index);
+        let is_entry = picture_type == crate::PictureType::I;
+        let before = self.waiting.replace(Picture { data, times, is_entry });
         before.map_or(Vec::new(), |picture| self.wrap(picture))
     }
 

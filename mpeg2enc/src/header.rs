@@ -9,12 +9,12 @@ use crate::{
 };
 use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 
-const PICTURE_START_CODE: u8 = 0x00;
-const SEQUENCE_HEADER_CODE: u8 = 0xb3;
+pub(crate) const PICTURE_START_CODE: u8 = 0x00;
+pub(crate) const SEQUENCE_HEADER_CODE: u8 = 0xb3;
 const USER_DATA_START_CODE: u8 = 0xb2;
 const EXTENSION_START_CODE: u8 = 0xb5;
-const SEQUENCE_END_CODE: u8 = 0xb7;
-const GROUP_START_CODE: u8 = 0xb8;
+pub(crate) const SEQUENCE_END_CODE: u8 = 0xb7;
+pub(crate) const GROUP_START_CODE: u8 = 0xb8;
 
 const SEQUENCE_EXTENSION_ID: u32 = 1;
 const SEQUENCE_DISPLAY_EXTENSION_ID: u32 = 2;

@@ -55,6 +55,7 @@ mod restore; // and on from a state
 mod lookahead; // what waiting frames tell: types of pictures, quantisers
 
 mod container; // streams with times
+mod elementary; // streams that were written before
 
 mod coder; // one picture
 mod rate; // bounds of bits
@@ -84,8 +85,9 @@ mod bits;
 pub use crate::{
     coder::Packet,
     config::Config,
-    container::{Container, Multiplexer},
+    container::{AccessUnit, Container, Multiplexer},
     effort::Effort,
+    elementary::{ElementaryStream, StreamError},
     encoder::{Encoder, EncoderState, Finish},
     error::ConfigError,
     frame::psnr,

@@ -10,6 +10,7 @@ pub mod error;
 pub mod feedback_loop;
 pub mod figures;
 pub mod film;
+pub mod join;
 pub mod laboratory;
 pub mod output;
 pub mod parts;

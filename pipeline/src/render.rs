@@ -1,11 +1,11 @@
 //! A film of a scene: this crate's renderer, masking and encoder in the loop.
 
 use crate::error::Result;
-use crate::feedback_loop::checkpoint::Checkpoints;
+use crate::feedback_loop::checkpoint::{Checkpoints, sum_of_inputs};
 use crate::feedback_loop::{Parts, Run, Start, couple};
 use crate::film::{Display, Masking, Video};
 use crate::plan::{Plan, Stage};
-use crate::renderer::{Preparation, Shading};
+use crate::renderer::{Preparation, Shading, exposure_of_first_frame};
 use crate::report::{Ending, Report};
 use crate::settings::Settings;
 use render_core::scene::Scene;
@@ -15,6 +15,9 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
+#[cfg(feature = "bake")]
+use crate::renderer::texels::BakedTexels;
+
 /// A film that is ready to be made, from its beginning or from a checkpoint.
 #[derive(Debug)]
 pub struct Render<'a> {
@@ -22,6 +25,8 @@ pub struct Render<'a> {
     settings: &'a Settings,
     plan: &'a Plan,
     parts: Parts<Preparation<'a>, Shading<'a>, Masking, Video>,
+    #[cfg(feature = "bake")]
+    baked: Option<Arc<BakedTexels>>,
     start: Start<'a>,
     begin: Instant,
 }
@@ -37,10 +42,9 @@ impl<'a> Render<'a> {
         let renderer = settings.renderer();
         let shade = Shading::new(&renderer, plan);
         #[cfg(feature = "bake")]
-        let shade = match &settings.baked {
-            Some(path) => shade.with_baked(Arc::new(crate::bake::read(scene, path)?)),
-            None => shade,
-        };
+        let baked = settings.baked.as_deref().map(|path| crate::bake::read(scene, path)).transpose()?.map(Arc::new);
+        #[cfg(feature = "bake")]
+        let shade = with_baked(shade, baked.as_ref());
         let mut parts = Parts {
             prepare: Preparation::new(scene, &renderer, plan),
             shade,
@@ -48,8 +52,17 @@ impl<'a> Render<'a> {
             encode: Video::new(settings)?,
             mask: masks.then(|| Masking::new(settings)).transpose()?,
         };
-        let start = parts.begin(checkpoints)?;
-        Ok(Self { scene, settings, plan, parts, start, begin })
+        let start = parts.begin_at(settings.frame_range().start, checkpoints)?;
+        Ok(Self {
+            scene,
+            settings,
+            plan,
+            parts,
+            #[cfg(feature = "bake")]
+            baked,
+            start,
+            begin,
+        })
     }
 
     /// Opens the file of the film. Without one, its bytes go only to the observer.
@@ -70,12 +83,41 @@ impl<'a> Render<'a> {
     ///
     /// # Errors
     /// The first failure of a stage: a file that cannot be written, or a fault of this program.
-    pub fn finish(self, run: Run<'_>) -> Result<Report> {
-        let Self { scene, settings, plan, parts, start, begin } = self;
+    pub fn finish(mut self, run: Run<'_>) -> Result<Report> {
+        if let Some(exposure) = self.exposure_of_chunks() {
+            self.parts.display.set_exposure(exposure);
+        }
+        // What a part was made from is told as it was before.
+        let inputs = self.settings.range.map(|_| sum_of_inputs(self.settings)).transpose()?;
+        let Self { scene, settings, plan, parts, start, begin, .. } = self;
         let reports = couple(parts, start, run)?;
-        let interrupted = run.stop.load(Ordering::Relaxed) && (reports.len() as u32) < settings.frames;
+        let interrupted = run.stop.load(Ordering::Relaxed) && reports.len() < settings.frame_range().len();
         let ending = Ending { interrupted, wall_seconds: begin.elapsed().as_secs_f64() };
-        Ok(Report::new(scene, settings, plan.steps(), reports, ending))
+        Ok(Report { inputs, ..Report::new(scene, settings, plan.steps(), reports, ending) })
+    }
+
+    /// The exposure of a film in chunks that begins and has none of its own: none of its chunks may depend on another's frames. One
+    /// that is continued knows it already.
+    fn exposure_of_chunks(&self) -> Option<f32> {
+        let Self { scene, settings, start, .. } = self;
+        let is_wanted = settings.chunk.is_some() && settings.auto_exposure;
+        let begins = start.first_frame() == settings.frame_range().start;
+        (is_wanted && begins).then(|| {
+            exposure_of_first_frame(scene, &settings.renderer(), |settings, plan| {
+                let shading = Shading::new(settings, plan);
+                #[cfg(feature = "bake")]
+                let shading = with_baked(shading, self.baked.as_ref());
+                shading
+            })
+        })
+    }
+}
+
+#[cfg(feature = "bake")]
+fn with_baked<'a>(shading: Shading<'a>, baked: Option<&Arc<BakedTexels>>) -> Shading<'a> {
+    match baked {
+        Some(baked) => shading.with_baked(baked.clone()),
+        None => shading,
     }
 }
 

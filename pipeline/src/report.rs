@@ -27,6 +27,9 @@ pub struct Report {
     pub frames: Vec<FrameReport>,
     /// Over all frames.
     pub summary: Summary,
+    /// Of a part of a film: check sum of the files that it was made from. Parts of other files do not belong to it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inputs: Option<u32>,
 }
 
 /// The rendered scene.
@@ -104,7 +107,7 @@ pub struct FrameReport {
 }
 
 /// Means over the frames, and totals.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Summary {
     /// Frames in the stream.
     pub frames: u32,
@@ -189,15 +192,15 @@ pub struct Ending {
     pub wall_seconds: f64,
 }
 
-impl Report {
-    /// A report of `frames`.
-    pub fn new(scene: &Scene, settings: &Settings, plan: &[Step], frames: Vec<FrameReport>, ending: Ending) -> Self {
+impl Summary {
+    /// Of `frames`, made by this process.
+    pub(crate) fn of(frames: &[FrameReport], ending: Ending) -> Self {
         let Ending { interrupted, wall_seconds } = ending;
         let count = frames.len().max(1) as f64;
         let mean = |f: &dyn Fn(&FrameReport) -> f64| frames.iter().map(f).sum::<f64>() / count;
         let psnrs: Vec<f64> = frames.iter().filter_map(|frame| frame.psnr_y).collect();
         let steered: Vec<f64> = frames.iter().skip(1).map(|frame| frame.threshold_mean_relative).collect();
-        let summary = Summary {
+        Self {
             frames: frames.len() as u32,
             interrupted,
             bits_total: frames.iter().map(|frame| frame.bits).sum(),
@@ -212,7 +215,14 @@ impl Report {
             wall_seconds,
             cpu_seconds: process_cpu_seconds(),
             peak_memory_bytes: peak_memory_bytes(),
-        };
+        }
+    }
+}
+
+impl Report {
+    /// A report of `frames`.
+    pub fn new(scene: &Scene, settings: &Settings, plan: &[Step], frames: Vec<FrameReport>, ending: Ending) -> Self {
+        let summary = Summary::of(&frames, ending);
         Self {
             schema: 1,
             program: concat!("render2mpeg ", env!("CARGO_PKG_VERSION")).into(),
@@ -228,6 +238,7 @@ impl Report {
             plan: plan.to_vec(),
             frames,
             summary,
+            inputs: None,
         }
     }
 
@@ -236,12 +247,20 @@ impl Report {
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let mut output = crate::output::Output::create(path)?;
-        let mut text = serde_json::to_string_pretty(self).context("the report cannot be put into JSON")?;
-        text.push('\n');
-        output.write(text.as_bytes())?;
-        output.finish()
+        write_json(self, path)
     }
+}
+
+/// Writes `value` as JSON, whole or not at all.
+///
+/// # Errors
+/// The file cannot be written.
+pub(crate) fn write_json(value: &impl Serialize, path: &Path) -> Result<()> {
+    let mut output = crate::output::Output::create(path)?;
+    let mut text = serde_json::to_string_pretty(value).context("the report cannot be put into JSON")?;
+    text.push('\n');
+    output.write(text.as_bytes())?;
+    output.finish()
 }
 
 fn picture_type<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static str, D::Error> {

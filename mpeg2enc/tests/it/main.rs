@@ -5,6 +5,7 @@ mod common;
 mod container;
 mod decode;
 mod drift;
+mod elementary;
 mod extremes;
 mod lookahead;
 mod mpeg1;

@@ -4,6 +4,7 @@
 use super::commands::bake::Bake;
 #[cfg(feature = "compare")]
 use super::commands::compare::Compare;
+use super::commands::join::Join;
 use super::commands::plan::Plan;
 #[cfg(feature = "exr")]
 use super::commands::reference::Reference;
@@ -59,6 +60,9 @@ pub enum Command {
     #[cfg(feature = "sweep")]
     #[command(after_help = examples::SWEEP)]
     Sweep(Sweep),
+    /// Join parts that render --range made to the film that one machine would make.
+    #[command(after_help = examples::JOIN)]
+    Join(Join),
     /// Show what a scene needs, what is left out, and why; render nothing.
     #[command(args_override_self = true, after_help = examples::PLAN)]
     Plan(Box<Plan>),

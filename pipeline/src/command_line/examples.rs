@@ -7,6 +7,7 @@ pub const RENDER: &str = "Examples:
   render2mpeg render scene.glb --samples 4                      smooth edges, for final output
   render2mpeg render scene.glb --thresholds fixed:0.02 --shading full   the original Lightcuts
   render2mpeg render --config job.toml --qscale 4               options from a file, overridden
+  render2mpeg render scene.glb --frames 30 --chunk 10 --range 10-19     a part, for join
 
 Without options it makes SCENE.m2v of 512x512 pixels as long as the scene's animation, and SCENE.report.json beside it.
 Ctrl-C ends with a video that plays.";
@@ -44,6 +45,13 @@ pub const SWEEP: &str = "Examples:
   render2mpeg sweep scene.glb --methods perceptual-cache,paths-16
 
 Films lie in files below the output folder while they are needed: long sweeps take disk, not memory.";
+
+pub const JOIN: &str = "Examples:
+  render2mpeg join part_0-9.m2v part_10-19.m2v part_20-29.m2v -o film.m2v
+  render2mpeg join part_0-9.m2v part_10-19.m2v part_20-29.m2v -o film.mpg    with times for players
+
+Parts are made by render --chunk 10 --range 0-9 and so on, anywhere; beside each is its report, SCENE_0-9.report.json.
+Nothing is coded again: the film has the bytes of render --chunk 10 without --range.";
 
 pub const PLAN: &str = "Examples:
   render2mpeg plan scene.glb

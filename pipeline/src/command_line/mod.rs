@@ -22,6 +22,8 @@ mod args;
 mod commands;
 mod config_file;
 mod examples;
+mod interrupt;
+mod lines;
 mod log;
 mod parts;
 mod print_config;
@@ -34,29 +36,36 @@ use anyhow::{Context, Result};
 use args::Command;
 #[cfg(feature = "shell")]
 use clap::CommandFactory;
-use std::ffi::OsString;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+#[cfg(feature = "sweep")]
+use std::sync::atomic::Ordering;
 
-/// As shells report a command that was interrupted: 128 + SIGINT.
-const INTERRUPTED: u8 = 130;
+/// Exit code where the same arguments fail everywhere and always, as clap has it. All other failures are 1.
+const WRONG_ARGUMENTS: u8 = 2;
 
 /// The program `render2mpeg`: runs the command that the process was started with, prints errors, returns the exit code.
 #[must_use]
 pub fn main() -> ExitCode {
-    match run(std::env::args_os().collect()) {
+    let result = config_file::parse(std::env::args_os().collect()).map_err(|error| (error, WRONG_ARGUMENTS));
+    match result.and_then(|arguments| run(arguments.command).map_err(with_exit_code)) {
         Ok(code) => code,
-        Err(error) => {
+        Err((error, code)) => {
             tell!("render2mpeg: {error:#}");
-            ExitCode::FAILURE
+            ExitCode::from(code)
         }
     }
 }
 
+/// The error with the exit code of its kind.
+fn with_exit_code(error: anyhow::Error) -> (anyhow::Error, u8) {
+    let is_of_arguments = matches!(error.downcast_ref(), Some(crate::Error::Options(_) | crate::Error::Encoder(_)));
+    (error, if is_of_arguments { WRONG_ARGUMENTS } else { 1 })
+}
+
 /// Runs the command that was typed.
-fn run(typed: Vec<OsString>) -> Result<ExitCode> {
-    match config_file::parse(typed)?.command {
+fn run(command: Command) -> Result<ExitCode> {
+    match command {
+        Command::Join(arguments) => commands::join::run(&arguments),
         Command::Plan(arguments) => commands::plan::run(*arguments),
         Command::Render(arguments) => {
             use_threads(arguments.threads)?;
@@ -79,11 +88,11 @@ fn run(typed: Vec<OsString>) -> Result<ExitCode> {
         #[cfg(feature = "sweep")]
         Command::Sweep(arguments) => {
             use_threads(arguments.threads)?;
-            let stop = stop_on_interrupt()?;
-            match commands::sweep::run(arguments, &stop) {
-                Err(error) if stop.load(Ordering::Relaxed) => {
+            let interrupt = interrupt::Interrupt::watch()?;
+            match commands::sweep::run(arguments, &interrupt.stop) {
+                Err(error) if interrupt.stop.load(Ordering::Relaxed) => {
                     tell!("render2mpeg: {error:#}");
-                    Ok(ExitCode::from(INTERRUPTED))
+                    Ok(interrupt.exit_code())
                 }
                 result => result,
             }
@@ -99,18 +108,4 @@ fn use_threads(threads: Option<u16>) -> Result<()> {
         pool.build_global().context("the threads cannot be started")?;
     }
     Ok(())
-}
-
-/// A flag that Ctrl-C sets.
-fn stop_on_interrupt() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    ctrlc::set_handler(move || {
-        // The second time, the user means it.
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(INTERRUPTED.into());
-        }
-    })
-    .context("Ctrl-C cannot be watched for")?;
-    Ok(stop)
 }

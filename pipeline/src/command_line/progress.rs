@@ -4,8 +4,6 @@ use crate::Settings;
 use crate::report::{FrameReport, Report};
 use indicatif::{ProgressBar, ProgressStyle};
 use render_core::scene::Scene;
-use serde_json::{Value, json};
-use std::io::Write;
 use std::path::Path;
 
 /// A line that shows how far the run is; nothing when standard error is not a terminal.
@@ -20,10 +18,13 @@ impl Progress {
             return Self { bar: ProgressBar::hidden() };
         }
         tell!(
-            "{}: {} triangles, {} frames of {}x{} at {} fps, quantiser_scale {}",
+            "{}: {} triangles, {} of {}x{} at {} fps, quantiser_scale {}",
             settings.scene.display(),
             scene.triangle_count(),
-            settings.frames,
+            settings.range.map_or_else(
+                || format!("{} frames", settings.frames),
+                |range| format!("frames {range} of {}", settings.frames)
+            ),
             settings.size.width,
             settings.size.height,
             settings.fps,
@@ -32,10 +33,11 @@ impl Progress {
         scene.warnings.iter().for_each(|warning| tell!("note: {warning}"));
         let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {per_sec}  {eta} left  {msg}")
             .expect("the template is correct");
-        let bar = ProgressBar::new(settings.frames.into()).with_style(style);
-        if first_frame > 0 {
+        let frames = settings.frame_range();
+        let bar = ProgressBar::new(frames.len() as u64).with_style(style);
+        if first_frame > frames.start {
             tell!("goes on with frame {first_frame}");
-            bar.set_position(first_frame.into());
+            bar.set_position((first_frame - frames.start).into());
             bar.reset_eta();
         }
         bar.tick();
@@ -53,40 +55,6 @@ impl Progress {
     /// Takes the line away.
     pub fn clear(&self) {
         self.bar.finish_and_clear();
-    }
-}
-
-/// Lines of JSON on standard output, one for each thing that happens; for programs that wait for this one.
-pub struct JsonLines {
-    wanted: bool,
-}
-
-impl JsonLines {
-    /// Nothing is printed unless `wanted`.
-    pub fn new(wanted: bool) -> Self {
-        Self { wanted }
-    }
-
-    /// Announces the run; `first` is the first frame that is still to be made.
-    pub fn begin(&self, settings: &Settings, first: u32) {
-        self.print(|| json!({ "event": "begin", "frames": settings.frames, "first_frame": first }));
-    }
-
-    /// A frame is in the stream, with all that the report says of it up to here.
-    pub fn frame(&self, frame: &FrameReport) {
-        self.print(|| json!({ "event": "frame", "frame": frame }));
-    }
-
-    /// All is done.
-    pub fn end(&self, report: &Report) {
-        self.print(|| json!({ "event": "end", "summary": report.summary }));
-    }
-
-    fn print(&self, line: impl FnOnce() -> Value) {
-        if self.wanted {
-            // Nobody listens any more: the film is made all the same.
-            let _ = writeln!(std::io::stdout(), "{}", line());
-        }
     }
 }
 

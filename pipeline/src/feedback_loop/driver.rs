@@ -47,7 +47,7 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode>(
     run: Run<'_>,
 ) -> Result<Vec<FrameReport>> {
     let Parts { prepare, shade, display, encode, mask } = parts;
-    let Start { checkpoints, first, thresholds, mut masking_seconds, mut log } = start;
+    let Start { checkpoints, begin, first, thresholds, mut masking_seconds, mut log } = start;
     let Run { observer, stop } = run;
     checkpoints.expect(mask.is_some());
     // Prepared frames are handed over without a queue: preparation is one frame ahead, which is all that can be used, and
@@ -59,7 +59,7 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode>(
     // The feedback edge: it holds the thresholds of one frame. Shading frame n takes those of n−1 before it makes anything.
     let (thresholds_out, thresholds_in) = bounded::<LuminanceThresholds>(1);
     let masks = mask.is_some();
-    let last_thresholds = move |frame: u32| match masks && frame > 0 {
+    let last_thresholds = move |frame: u32| match masks && frame > begin {
         true => thresholds_in.recv().map(Some),
         false => Ok(None),
     };

@@ -8,6 +8,7 @@ use crate::parts::{Coding, Encoded};
 use crate::report::FrameReport;
 use crate::state::{NONSENSE, decode, encode};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 
 /// Reports of the coded frames, and figures of the frames that the encoder still holds.
@@ -17,6 +18,8 @@ pub(super) struct FilmLog {
     output: Option<Output>,
     /// Bytes of the film at the checkpoint that it is continued from.
     length: u64,
+    /// The first frame of the film, or of its part.
+    begin: u32,
     reports: Vec<FrameReport>,
     waiting: BTreeMap<u32, FrameFigures>,
 }
@@ -32,16 +35,22 @@ impl FilmLog {
         Ok(encode(&(length, &self.reports, &self.waiting, encoder)))
     }
 
-    /// Continues from a [`state`](Self::state) that was left after frame `first` − 1; gives the encoder's state too.
-    pub fn restored(state: &[u8], first: u32) -> Result<(Self, Vec<u8>)> {
+    /// Nothing yet of a film, or of a part of one, whose first frame is `begin`.
+    pub fn beginning(begin: u32) -> Self {
+        Self { begin, ..Self::default() }
+    }
+
+    /// Continues from a [`state`](Self::state) that was left when the frames `done` were; gives the encoder's state too.
+    pub fn restored(state: &[u8], done: Range<u32>) -> Result<(Self, Vec<u8>)> {
+        let begin = done.start;
         let (length, reports, waiting, encoder): Stored = decode(state)?;
         // Each frame that is done has its line, or waits for it.
         let mut frames: Vec<u32> = reports.iter().map(|line| line.index).chain(waiting.keys().copied()).collect();
         frames.sort_unstable();
-        if !frames.into_iter().eq(0..first) {
+        if !frames.into_iter().eq(done) {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }
-        Ok((Self { output: None, length, reports, waiting }, encoder))
+        Ok((Self { output: None, length, begin, reports, waiting }, encoder))
     }
 
     /// Opens the film's file: anew, or where it was at the checkpoint.
@@ -80,15 +89,17 @@ impl FilmLog {
 
     /// Completes the file, and gives the reports in display order with the seconds that masking each frame took.
     pub fn finish(self, masking_seconds: &[(u32, f64)]) -> Result<Vec<FrameReport>> {
-        let Self { output, mut reports, .. } = self;
+        let Self { output, begin, mut reports, .. } = self;
         // An encoder that looks ahead codes in another order.
         reports.sort_by_key(|frame| frame.index);
         // Only an encoder in a wrong state leaves a frame out, or reports it twice.
-        if !reports.iter().map(|frame| frame.index).eq(0..reports.len() as u32) {
+        if !reports.iter().map(|frame| frame.index).eq((begin..).take(reports.len())) {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }
         for &(of, seconds) in masking_seconds {
-            let frame = reports.get_mut(of as usize).ok_or_else(|| Error::Checkpoint(NONSENSE.into()))?;
+            let place = of.checked_sub(begin).map(|place| place as usize);
+            let frame =
+                place.and_then(|place| reports.get_mut(place)).ok_or_else(|| Error::Checkpoint(NONSENSE.into()))?;
             frame.add_masking(seconds);
         }
         output.map_or(Ok(()), Output::finish)?;

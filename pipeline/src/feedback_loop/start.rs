@@ -28,6 +28,9 @@ pub struct Parts<P, S, M, E> {
 #[derive(Debug)]
 pub struct Start<'a> {
     pub(super) checkpoints: &'a Checkpoints,
+    /// The first frame of the film, or of its part.
+    pub(super) begin: u32,
+    /// The first frame that is still to be made.
     pub(super) first: u32,
     pub(super) thresholds: Option<LuminanceThresholds>,
     pub(super) masking_seconds: Vec<(u32, f64)>,
@@ -43,15 +46,23 @@ impl<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode> Parts<P, S, M, E> {
     /// # Errors
     /// A part cannot read its state, or a file of uncompressed frames cannot be opened.
     pub fn begin<'a>(&mut self, checkpoints: &'a Checkpoints) -> Result<Start<'a>> {
-        let mut start =
-            Start { checkpoints, first: 0, thresholds: None, masking_seconds: Vec::new(), log: FilmLog::default() };
+        self.begin_at(0, checkpoints)
+    }
+
+    /// As [`begin`](Parts::begin), for a part of a film whose first frame is `begin`.
+    ///
+    /// # Errors
+    /// A part cannot read its state, or a file of uncompressed frames cannot be opened.
+    pub fn begin_at<'a>(&mut self, begin: u32, checkpoints: &'a Checkpoints) -> Result<Start<'a>> {
+        let log = FilmLog::beginning(begin);
+        let mut start = Start { checkpoints, begin, first: begin, thresholds: None, masking_seconds: Vec::new(), log };
         let Some(last) = checkpoints.last_frame() else {
             self.display.begin()?;
             return Ok(start);
         };
         let state = |part| checkpoints.state(part);
         start.first = last + 1;
-        let (log, encoder) = FilmLog::restored(state(Part::Encode), start.first)?;
+        let (log, encoder) = FilmLog::restored(state(Part::Encode), begin..start.first)?;
         start.log = log;
         self.encode.restore(&encoder)?;
         if let Some(mask) = &mut self.mask {
@@ -81,6 +92,6 @@ impl Start<'_> {
     /// # Errors
     /// The file cannot be written, or is shorter than it was.
     pub fn write_to(&mut self, path: &Path) -> Result<()> {
-        self.log.write_to(path, self.first > 0)
+        self.log.write_to(path, self.first > self.begin)
     }
 }

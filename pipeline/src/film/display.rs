@@ -38,8 +38,14 @@ impl Display {
     /// The frame rate is not one of the standard's.
     pub fn of(settings: &Settings) -> Result<Self> {
         let y4m = settings.y4m.as_deref().map(|path| Y4m::new(path, settings)).transpose()?;
-        let auto_exposure = settings.auto_exposure;
+        // Chunks that are made apart have one exposure, which is found before: `set_exposure`.
+        let auto_exposure = settings.auto_exposure && settings.chunk.is_none();
         Ok(Self { auto_exposure, exr: settings.exr.clone(), y4m, ..Self::new(settings.tone_map) })
+    }
+
+    /// Shows all frames with this factor on radiance.
+    pub(crate) fn set_exposure(&mut self, exposure: f32) {
+        self.tone_map = self.tone_map.with_exposure(exposure);
     }
 
     /// Opens the files of a film that begins.

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::parts::{Coding, Displayed, LuminanceThresholds, Mask};
-use crate::settings::{Settings, Thresholds};
+use crate::settings::{Settings, Thresholds, begins_chunk};
 use crate::state::{decode, encode};
 use perceptual::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, ToneMap};
 use plane::{Correspondence, Plane};
@@ -12,6 +12,8 @@ use std::sync::Arc;
 pub struct Masking {
     thresholds: Thresholds,
     kappa: f32,
+    /// Frames of a chunk, with the first of which masking begins anew.
+    chunk: Option<u32>,
     steps: QuantiserSteps,
     /// Made with the first frame, which may set the exposure.
     feedback: Option<Feedback>,
@@ -29,7 +31,8 @@ impl Masking {
         let (intra_matrix, non_intra_matrix) = config.matrices();
         let intra_dc_step = f32::from(8u8 >> (config.intra_dc_precision() - 8));
         let steps = QuantiserSteps { intra_matrix, non_intra_matrix, intra_dc_step };
-        Ok(Self { thresholds: settings.thresholds, kappa: settings.kappa, steps, feedback: None, last: None })
+        let &Settings { thresholds, kappa, chunk, .. } = settings;
+        Ok(Self { thresholds, kappa, chunk, steps, feedback: None, last: None })
     }
 
     fn begin(kappa: f32, tone_map: ToneMap, last: Option<(Arc<Plane<f32>>, Plane<u8>)>) -> Feedback {
@@ -50,7 +53,10 @@ impl std::fmt::Debug for Masking {
 
 impl Mask for Masking {
     fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Arc<Plane<f32>> {
-        let Self { thresholds, kappa, steps, feedback, last } = self;
+        let Self { thresholds, kappa, chunk, steps, feedback, last } = self;
+        if begins_chunk(*chunk, displayed.index) {
+            (*feedback, *last) = (None, None);
+        }
         let feedback = feedback.get_or_insert_with(|| Self::begin(*kappa, displayed.tone_map, last.take()));
         let (luma, luminance) = (&displayed.picture.luma, &displayed.luminance);
         let known = displayed.correspondence.as_deref();

@@ -3,9 +3,9 @@
 use super::weights::weights;
 use crate::error::{Error, Result};
 use crate::parts::{CodedFrame, Coding, Displayed, Encode, Encoded};
-use crate::settings::{AdaptiveQuantiser, Settings};
+use crate::settings::{AdaptiveQuantiser, Settings, begins_chunk};
 use crate::state::{NONSENSE, decode, encode};
-use mpeg2enc::{Container, Encoder, Finish, KnownMotion, Multiplexer, Packet, Picture};
+use mpeg2enc::{AccessUnit, Container, Encoder, Finish, KnownMotion, Multiplexer, Packet, Picture};
 use perceptual::NextPicture;
 use plane::{Correspondence, Plane};
 use render_core::MACROBLOCK;
@@ -15,6 +15,10 @@ use std::sync::Arc;
 /// Pictures in, bytes of the file out.
 pub struct Video {
     encoder: Encoder,
+    /// The film's number of the first picture of this encoder.
+    first: u32,
+    /// Frames of a chunk, with the first of which another encoder begins.
+    chunk: Option<u32>,
     stream: Stream,
     /// Whether the renderer's motion is used.
     uses_motion: bool,
@@ -28,6 +32,8 @@ pub struct Video {
 /// The container, and what its packets tell.
 struct Stream {
     multiplexer: Multiplexer,
+    /// The film's number of the first picture in this file.
+    first: u32,
     /// The mean over the finest of the pictures coded last, from which the others are predicted; before any, that of the settings.
     quantiser_scale: f32,
     /// Whether masking sees what became of each picture. An encoder that looks ahead is late: masking is then at another one.
@@ -51,10 +57,14 @@ impl Video {
     pub fn new(settings: &Settings) -> Result<Self> {
         let config = settings.encoder_config()?;
         let multiplexer = Multiplexer::new(settings.container(), &config);
+        let first = settings.frame_range().start;
         Ok(Self {
-            encoder: config.encoder()?,
+            encoder: config.with_first_number(first.into()).encoder()?,
+            first,
+            chunk: settings.chunk,
             stream: Stream {
                 multiplexer,
+                first,
                 quantiser_scale: settings.qscale as f32,
                 tells_outcome: settings.thresholds.follow_coding() && !settings.looks_ahead(),
             },
@@ -74,7 +84,9 @@ impl Video {
         let multiplexer = Multiplexer::new(container, &config);
         Ok(Self {
             encoder: config.encoder()?,
-            stream: Stream { multiplexer, quantiser_scale: quantiser_scale as f32, tells_outcome: false },
+            first: 0,
+            chunk: None,
+            stream: Stream { multiplexer, first: 0, quantiser_scale: quantiser_scale as f32, tells_outcome: false },
             uses_motion: true,
             masks: false,
             waits: false,
@@ -89,13 +101,44 @@ impl Video {
             Some(weights) => self.encoder.push_weighted(&picture, motion, &weights),
             None => self.encoder.push(&picture, motion),
         };
-        self.stream.wrap(packets)
+        self.stream.wrap(packets, self.first)
+    }
+
+    /// The picture that waits for motion into the next one, which there is none of.
+    fn push_last(&mut self) -> Encoded {
+        self.waiting.take().map(|last| self.push(last, None)).unwrap_or_default()
+    }
+
+    /// Ends the chunk before frame `index`, with which another encoder begins. The stream goes on: it has no end here.
+    fn begin_chunk(&mut self, index: u32) -> Result<Encoded> {
+        let last = self.push_last();
+        let config = self.encoder.config().clone().with_first_number(index.into());
+        let quantiser_scale = config.quantiser_scale() as f32;
+        let Finish { packets, .. } = std::mem::replace(&mut self.encoder, config.encoder()?).finish();
+        let rest = self.stream.wrap(packets, self.first);
+        (self.first, self.stream.quantiser_scale) = (index, quantiser_scale);
+        Ok(joined(last, rest))
+    }
+
+    /// Whether frame `index` begins a group, as far as the encoder knows now.
+    fn begins_group(&self, index: u32) -> bool {
+        // Only a forged state has an encoder that began later.
+        self.encoder.begins_group(index.saturating_sub(self.first).into()) == Some(true)
+    }
+}
+
+/// What was coded first, and what came after it, with the `coding` of that.
+fn joined(first: Encoded, then: Encoded) -> Encoded {
+    Encoded {
+        bytes: [first.bytes, then.bytes].concat(),
+        pictures: [first.pictures, then.pictures].concat(),
+        coding: then.coding,
     }
 }
 
 impl Stream {
-    /// Puts packets into the file, and notes their quantiser.
-    fn wrap(&mut self, packets: Vec<Packet>) -> Encoded {
+    /// Puts packets into the file, and notes their quantiser. Their encoder began with the film's picture `first`.
+    fn wrap(&mut self, packets: Vec<Packet>, first: u32) -> Encoded {
         let scales = packets.iter().map(|packet| {
             let scales = packet.quantiser_scales.samples();
             scales.iter().map(|&scale| u32::from(scale)).sum::<u32>() as f32 / scales.len() as f32
@@ -106,14 +149,16 @@ impl Stream {
         let mut coded =
             Encoded { coding: Coding { outcome, ..Coding::of_quantiser(self.quantiser_scale) }, ..Encoded::default() };
         for packet in packets {
+            let index = first.saturating_add(packet.display_index as u32);
             coded.pictures.push(CodedFrame {
-                index: packet.display_index as u32,
+                index,
                 picture_type: packet.picture_type,
                 bits: packet.bits,
                 quantiser_scale: packet.quantiser_scale,
                 psnr_y: packet.psnr_y,
             });
-            coded.bytes.extend(self.multiplexer.push(packet));
+            let unit = AccessUnit { display_index: index.saturating_sub(self.first).into(), ..packet.into() };
+            coded.bytes.extend(self.multiplexer.push(unit));
         }
         coded
     }
@@ -130,41 +175,43 @@ impl Encode for Video {
         let Displayed { index, picture, correspondence, forward, .. } = displayed;
         let to_previous = correspondence.clone().filter(|_| self.uses_motion);
         let weights = weights(displayed, self.masks);
+        let before = match begins_chunk(self.chunk, *index) && *index != self.first {
+            true => self.begin_chunk(*index)?,
+            false => Encoded::default(),
+        };
         let taken = Waiting { picture: picture.picture.clone(), to_previous, weights };
         let mut coded = if self.waits {
             match self.waiting.replace(taken) {
                 Some(before) => self.push(before, forward.as_deref()),
-                None => self.stream.wrap(Vec::new()),
+                None => self.stream.wrap(Vec::new(), self.first),
             }
         } else {
             self.push(taken, None)
         };
-        // As far as the encoder knows now: groups begin at scene cuts too.
-        let begins_group = |index: u32| self.encoder.begins_group(index.into()) == Some(true);
-        coded.coding.begins_group = begins_group(*index);
-        if begins_group(index + 1) {
+        coded.coding.begins_group = self.begins_group(*index);
+        if self.begins_group(index + 1) {
             coded.coding.next = NextPicture::Intra { group: self.encoder.config().gop() };
         }
-        Ok(coded)
+        Ok(joined(before, coded))
     }
 
     fn finish(mut self) -> Result<Encoded> {
-        let last = self.waiting.take().map(|last| self.push(last, None)).unwrap_or_default();
+        let last = self.push_last();
         let Finish { packets, end, .. } = self.encoder.finish();
-        let mut stream = self.stream;
-        let Encoded { bytes, pictures, coding } = stream.wrap(packets);
-        let bytes = [last.bytes, bytes, stream.multiplexer.finish(&end)].concat();
-        Ok(Encoded { bytes, pictures: [last.pictures, pictures].concat(), coding })
+        let mut coded = joined(last, self.stream.wrap(packets, self.first));
+        coded.bytes.extend(self.stream.multiplexer.finish(&end));
+        Ok(coded)
     }
 
     /// Everything that the next bytes depend on, besides settings and frames to come.
     fn state(&self) -> Vec<u8> {
-        encode(&(self.encoder.state(), &self.stream.multiplexer, self.stream.quantiser_scale, &self.waiting))
+        let Self { encoder, first, stream, waiting, .. } = self;
+        encode(&(first, encoder.state(), &stream.multiplexer, stream.quantiser_scale, waiting))
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<()> {
-        let (encoder, multiplexer, quantiser_scale, waiting) = decode(state)?;
-        let waiting: Option<Waiting> = waiting;
+        let (first, encoder, multiplexer, quantiser_scale, waiting) = decode(state)?;
+        let (first, waiting): (u32, Option<Waiting>) = (first, waiting);
 
         // Forged weights are those of another picture.
         let fits = |Waiting { picture, weights, .. }: &Waiting| {
@@ -174,8 +221,10 @@ impl Encode for Video {
         if !waiting.iter().all(fits) {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }
-        self.encoder.restore(encoder).map_err(|_| Error::Checkpoint(NONSENSE.into()))?;
-        (self.stream.multiplexer, self.stream.quantiser_scale, self.waiting) = (multiplexer, quantiser_scale, waiting);
+        let mut same = self.encoder.config().clone().with_first_number(first.into()).encoder()?;
+        same.restore(encoder).map_err(|_| Error::Checkpoint(NONSENSE.into()))?;
+        (self.encoder, self.first, self.waiting) = (same, first, waiting);
+        (self.stream.multiplexer, self.stream.quantiser_scale) = (multiplexer, quantiser_scale);
         Ok(())
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! [`plan`] decides which work a scene needs.
 
+mod exposure;
 pub mod frame;
 pub mod plan;
 mod prepare;
@@ -10,6 +11,7 @@ mod shade;
 #[cfg(feature = "bake")]
 pub mod texels;
 
+pub(crate) use exposure::exposure_of_first_frame;
 pub use frame::{Frame, PreparedFrame};
 pub use prepare::Preparation;
 pub use shade::{Audits, CutCounts, FootprintPixel, Layer, Lit, RecordCounts, Shading, Tolerance, Visible};

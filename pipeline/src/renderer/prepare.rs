@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::figures::FrameFigures;
 use crate::parts::{Prepare, Prepared};
 use crate::plan::{Plan, Stage};
-use crate::settings::{RenderSettings, Size};
+use crate::settings::{RenderSettings, Size, begins_chunk};
 use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
 use plane::Correspondence;
@@ -62,7 +62,10 @@ impl<'s> Prepare for Preparation<'s> {
     type Frame = Frame<'s>;
 
     fn step(&mut self, index: u32) -> Option<PreparedFrame<'s>> {
-        (index < self.settings.frames).then(|| self.frame(index))
+        if begins_chunk(self.settings.chunk, index) {
+            self.work = None;
+        }
+        (index < self.settings.end).then(|| self.frame(index))
     }
 
     /// The light tree.

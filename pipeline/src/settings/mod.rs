@@ -1,11 +1,14 @@
 //! Choices of a run: [`Options`] as they are made, [`Settings`] with every default filled in for a scene.
 
+mod chunks;
 mod emphasis;
 mod options;
 mod render;
 mod resolve;
 mod values;
 
+pub use chunks::FrameRange;
+pub(crate) use chunks::begins_chunk;
 pub use emphasis::{AdaptiveQuantiser, Importance};
 pub use mpeg2enc::Effort;
 pub use options::Options;
@@ -17,6 +20,7 @@ use mpeg2enc::{Container, Rate, Standard};
 use perceptual::ToneMap;
 use render_core::scene::Scene;
 use serde::Serialize;
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// Every choice of a run.
@@ -28,6 +32,12 @@ pub struct Settings {
     pub output: PathBuf,
     /// Pictures to make.
     pub frames: u32,
+    /// Frames of a chunk, where the film is made in chunks that do not depend on each other.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub chunk: Option<u32>,
+    /// The frames to make, whole chunks; all of the film when not stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<FrameRange>,
     /// Pictures a second.
     pub fps: f64,
     /// Size of the picture.
@@ -110,6 +120,12 @@ impl Settings {
     /// An option, or a setting of the scene, is out of its range or contradicts another; the message says what works.
     pub fn new(path: PathBuf, scene: &Scene, options: &Options) -> Result<Self> {
         options.clone().fill_in(path, scene)
+    }
+
+    /// The frames to make: all of the film, or those of its range.
+    #[must_use]
+    pub fn frame_range(&self) -> Range<u32> {
+        self.range.map_or(0..self.frames, |FrameRange { first, last }| first..last + 1)
     }
 
     /// Container of the video.

@@ -1,5 +1,6 @@
 //! Options, by library, command line and file.
 
+use super::chunks::FrameRange;
 use super::emphasis::{AdaptiveQuantiser, Importance};
 use super::values::{Aov, BitRate, Lighting, PixelShading, Size, Stopping, Switch, Thresholds, size_as_text};
 use mpeg2enc::Effort;
@@ -16,6 +17,13 @@ pub struct Options {
     /// Pictures to make [default: as the scene's TOML file says, else as long as its animation, else 100]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
     pub frames: Option<u32>,
+    /// Every N frames all begins anew, so that machines can make parts of the film: the same bits as one machine [default: never]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
+    pub chunk: Option<u32>,
+    /// Make these frames of a film in chunks, counted from 0, for `render2mpeg join`: whole chunks [default: all]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "A-B"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<FrameRange>,
     /// Pictures a second: 23.976, 24, 25, 29.97, 30, 50, 59.94 or 60 [default: as the TOML file says, else 25]
     #[cfg_attr(feature = "command-line", arg(long))]
     pub fps: Option<f64>,
@@ -115,7 +123,7 @@ pub struct Options {
     #[cfg_attr(feature = "command-line", arg(long))]
     pub no_motion: bool,
     /// The video: .m2v (elementary stream), .mpg (program stream) or .ts (transport stream) [default: the scene's name
-    /// with .m2v, in this folder]
+    /// with .m2v, in this folder; with _A-B.m2v for a --range]
     #[cfg_attr(feature = "command-line", arg(short, long, value_name = "FILE"))]
     pub output: Option<PathBuf>,
     /// Also write every frame as linear OpenEXR into this folder

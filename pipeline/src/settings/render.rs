@@ -8,6 +8,10 @@ use perceptual::ToneMap;
 pub struct RenderSettings {
     /// Pictures of the film.
     pub frames: u32,
+    /// The frame after the last that is made.
+    pub end: u32,
+    /// Frames of a chunk, with the first of which all begins anew.
+    pub chunk: Option<u32>,
     /// Pictures a second.
     pub fps: f64,
     /// Size of the picture.
@@ -77,6 +81,8 @@ impl Settings {
     pub fn renderer(&self) -> RenderSettings {
         RenderSettings {
             frames: self.frames,
+            end: self.frame_range().end,
+            chunk: self.chunk,
             fps: self.fps,
             size: self.size,
             importance: self.importance,

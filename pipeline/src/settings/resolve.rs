@@ -1,5 +1,6 @@
 //! From options to settings: every default, and every check of a single choice. No other place states a default.
 
+use super::chunks::{check_part, whole_chunks};
 use super::emphasis::AdaptiveQuantiser;
 use super::options::Options;
 use super::values::{Aov, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
@@ -45,11 +46,12 @@ impl Options {
     /// # Errors
     /// An option, or a setting of the scene, is out of its range or contradicts another; the message says what works.
     pub fn fill_in(&mut self, path: PathBuf, scene: &Scene) -> Result<Settings> {
+        let (fps, frames) = self.fill_in_length(scene)?;
+        self.fill_in_chunks(frames)?;
         let output = self.fill_in_output(&path)?;
         if self.cbr && self.bitrate.is_none() {
             fail!("--cbr needs --bitrate, which says how many bits a second there are to be");
         }
-        let (fps, frames) = self.fill_in_length(scene)?;
         let (thresholds, kappa) = self.fill_in_thresholds()?;
         let (stopping, within) = self.fill_in_stopping()?;
         self.fill_in_importance(&path, scene)?;
@@ -78,6 +80,8 @@ impl Options {
             scene: path,
             output,
             frames,
+            chunk: self.chunk,
+            range: self.range,
             fps,
             size: *self.size.get_or_insert(Size { width: 512, height: 512 }),
             qscale,
@@ -120,12 +124,18 @@ impl Options {
         if self.output.is_none() {
             let stem = path.file_stem();
             let stem = stem.ok_or_else(|| Error::Options("the scene's path has no file name".into()))?;
-            self.output = Some(PathBuf::from(stem).with_extension("m2v"));
+            let mut name = stem.to_owned();
+            if let Some(range) = self.range {
+                name.push(format!("_{range}"));
+            }
+            name.push(".m2v");
+            self.output = Some(name.into());
         }
         let output = self.output.clone().unwrap_or_default();
         if Container::of(&output).is_none() {
             fail!("{}: such files are not written; name the output .m2v, .mpg or .ts", output.display());
         }
+        check_part(self.range, &output)?;
         Ok(output)
     }
 
@@ -142,6 +152,17 @@ impl Options {
             fail!("--frames 0: a video has at least one frame");
         }
         Ok((fps, frames))
+    }
+
+    /// The frames to make, if they are not all.
+    fn fill_in_chunks(&mut self, frames: u32) -> Result<()> {
+        if self.chunk.is_some() && self.bitrate.is_some() {
+            fail!(
+                "--chunk with --bitrate: no bound on bits holds across chunks that are coded apart; leave out one of them"
+            );
+        }
+        self.range = whole_chunks(self.chunk, self.range, frames)?;
+        Ok(())
     }
 
     /// Where thresholds come from, and the multiplier on them.

@@ -69,12 +69,12 @@ impl Drop for Film {
 
 #[test]
 fn ctrl_c_ends_the_stream_in_order() {
-    for signal in [Signal::INT, Signal::TERM] {
+    for (signal, code) in [(Signal::INT, 130), (Signal::TERM, 143), (Signal::HUP, 129)] {
         let folder = tempfile::tempdir().unwrap();
         let mut film = Film::start(folder.path());
         film.wait_for_pictures();
         film.signal(signal);
-        assert_eq!(film.wait().code(), Some(130));
+        assert_eq!(film.wait().code(), Some(code));
         // The film up to here, and what another run needs to go on after it.
         assert_eq!(sorted_names(folder.path()), ["film.m2v", "film.m2v.checkpoint", "film.report.json"]);
         let report = std::fs::read(folder.path().join("film.report.json")).unwrap();

@@ -5,6 +5,8 @@
 mod bake;
 mod bake_export;
 mod carried;
+#[cfg(unix)]
+mod chunks;
 mod closed_loop;
 mod codec_thresholds;
 mod command_line;

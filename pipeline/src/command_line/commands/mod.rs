@@ -4,6 +4,7 @@
 pub mod bake;
 #[cfg(feature = "compare")]
 pub mod compare;
+pub mod join;
 pub mod plan;
 #[cfg(feature = "exr")]
 pub mod reference;

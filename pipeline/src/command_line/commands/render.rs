@@ -1,9 +1,11 @@
 //! `render2mpeg render`.
 
+use crate::command_line::interrupt::Interrupt;
+use crate::command_line::lines::{Lines, ProgressKind};
 use crate::command_line::log::Log;
 use crate::command_line::print_config::ProgramOption;
 use crate::command_line::source::Source;
-use crate::command_line::{INTERRUPTED, parts, print_config, progress, stop_on_interrupt};
+use crate::command_line::{parts, print_config, progress};
 use crate::feedback_loop::Run;
 use crate::feedback_loop::checkpoint::{Checkpoints, FilmJob};
 use crate::feedback_loop::observe::{Observer, OnFrame};
@@ -51,8 +53,11 @@ pub(crate) struct Render {
     /// Print the file for --config that makes the same film, every default filled in; render nothing
     #[arg(long)]
     print_config: bool,
-    /// One line of JSON on standard output for the begin, each frame and the end, for other programs
-    #[arg(long)]
+    /// Progress: as a line at a terminal, as lines of JSON on standard output, or as Open Job Description has it [default: bar]
+    #[arg(long, value_enum, value_name = "KIND")]
+    progress: Option<ProgressKind>,
+    /// The same as --progress json: a line of JSON for the begin, each frame and the end, for other programs
+    #[arg(long, conflicts_with = "progress")]
     json_progress: bool,
     /// Say what happens, line by line: once for frames and checkpoints, twice for every stage
     #[arg(short, long, action = clap::ArgAction::Count, conflicts_with = "quiet", hide = !cfg!(feature = "trace"))]
@@ -68,7 +73,7 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 /// Renders and reports.
 pub fn run(arguments: Render) -> Result<ExitCode> {
     let Render { source, mut options, report, html, resume, checkpoint, threads, trace, .. } = arguments;
-    let Render { print_config: only_print, json_progress, verbose, quiet, .. } = arguments;
+    let Render { print_config: only_print, progress, json_progress, verbose, quiet, .. } = arguments;
     parts::need("html", html.is_some())?;
     parts::need("exr", options.exr.is_some() || !options.aov.is_empty())?;
     parts::need("trace", trace.is_some() || verbose > 0)?;
@@ -106,17 +111,18 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     trace.as_deref().map(Output::create).transpose()?;
     let log = Log::start(verbose, trace);
 
-    let stop = stop_on_interrupt()?;
+    let interrupt = Interrupt::watch()?;
     let first = film.first_frame();
+    let kind = if json_progress { ProgressKind::Json } else { progress.unwrap_or(ProgressKind::Bar) };
     let progress = progress::Progress::new(&settings, &scene, first, quiet || verbose > 0);
-    let lines = progress::JsonLines::new(json_progress);
-    lines.begin(&settings, first);
+    let lines = Lines::new(kind, &settings, first);
+    lines.begin();
     let frames = OnFrame::new(|frame: &FrameReport| {
         progress.frame(frame);
         lines.frame(frame);
     });
     let observer = Watching { frames, importance: ImportanceSum::default() };
-    let result = film.finish(Run { observer: &observer, stop: &stop });
+    let result = film.finish(Run { observer: &observer, stop: &interrupt.stop });
     progress.clear();
     let report = result?;
     report.write(&report_path)?;
@@ -133,7 +139,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
         }
         traced.into_iter().for_each(|line| tell!("trace:  {line}"));
     }
-    Ok(if report.summary.interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+    Ok(if report.summary.interrupted { interrupt.exit_code() } else { ExitCode::SUCCESS })
 }
 
 /// Lines for each frame, and the maps of where people look for the page.

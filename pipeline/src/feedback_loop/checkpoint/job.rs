@@ -44,7 +44,10 @@ impl FilmJob {
 }
 
 /// CRC-32 of all files that a film is made from.
-fn sum_of_inputs(settings: &Settings) -> Result<u32> {
+///
+/// # Errors
+/// A file cannot be read.
+pub(crate) fn sum_of_inputs(settings: &Settings) -> Result<u32> {
     let scene = sum_of_scene(&settings.scene)?;
     let Some(path) = &settings.baked else { return Ok(scene) };
     let baked = fs::read(path).map_err(Error::file(path, "cannot be read; make it with render2mpeg bake"))?;

@@ -17,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::output::part_of;
 use file::Stored;
 pub use job::FilmJob;
+pub(crate) use job::sum_of_inputs;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;

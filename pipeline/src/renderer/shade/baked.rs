@@ -59,6 +59,12 @@ impl Layer for Baked {
         self.others.as_ref()?.channel(aov, frame)
     }
 
+    fn forget(&mut self) {
+        if let Some(others) = &mut self.others {
+            others.forget();
+        }
+    }
+
     fn state(&self) -> Vec<u8> {
         self.others.as_ref().map_or_else(Vec::new, |others| others.state())
     }

@@ -100,6 +100,11 @@ impl<L: Carriable> Layer for Carried<L> {
         self.layer.channel(aov, frame)
     }
 
+    fn forget(&mut self) {
+        self.light = CarriedLight::default();
+        self.layer.forget();
+    }
+
     fn state(&self) -> Vec<u8> {
         encode(&Written { light: &self.light, layer: self.layer.state() })
     }

@@ -44,6 +44,10 @@ impl Layer for Direct {
         Lit { rays: rays.into_inner(), seconds: busy.seconds(), ..Lit::of_irradiance(irradiance) }
     }
 
+    fn forget(&mut self) {
+        self.lamps = None;
+    }
+
     fn restore(&mut self, _: &[u8], last: &Frame<'_>) -> Result<()> {
         self.lamps = Some(last.direct.clone());
         Ok(())

@@ -31,6 +31,9 @@ pub trait Layer: Send {
         None
     }
 
+    /// Forgets the frames before: the next one is lit as the first of a film. Layers that keep nothing have nothing to forget.
+    fn forget(&mut self) {}
+
     /// The state after the last frame, for a checkpoint; empty where the layer keeps nothing.
     fn state(&self) -> Vec<u8> {
         Vec::new()

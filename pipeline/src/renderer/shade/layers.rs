@@ -60,6 +60,11 @@ impl Layers {
         self.all().find_map(|layer| layer.channel(aov, frame))
     }
 
+    /// Lets every layer forget the frames before.
+    pub fn forget(&mut self) {
+        self.direct.iter_mut().chain(&mut self.indirect).for_each(|layer| layer.forget());
+    }
+
     /// The states of all layers, in order.
     pub fn states(&self) -> Vec<Vec<u8>> {
         self.all().map(|layer| layer.state()).collect()

@@ -50,7 +50,7 @@ use crate::error::Result;
 use crate::figures::FrameFigures;
 use crate::parts::{Channels, LastThresholds, Shade, Shaded};
 use crate::plan::{Plan, Stage, State};
-use crate::settings::{Aov, RenderSettings, Stopping};
+use crate::settings::{Aov, RenderSettings, Stopping, begins_chunk};
 use channels::{Known, colors};
 use glam::Vec3;
 use importance::{ImportanceMap, Looking};
@@ -81,11 +81,16 @@ impl<'a> Shading<'a> {
     /// For a film from its beginning.
     #[must_use]
     pub fn new(settings: &RenderSettings, plan: &'a Plan) -> Self {
-        let calibrated = settings.stopping == Stopping::Calibrated;
-        let calibration = calibrated.then(|| Calibration::keeping(settings.within));
         let layers = Layers::new(settings, plan);
-        let looking = settings.importance.map(|weights| Looking::new(weights, settings));
+        let (calibration, looking) = (calibration(settings), looking(settings));
         Self { settings: settings.clone(), plan, layers, places: Vec::new(), still: None, calibration, looking }
+    }
+
+    /// Forgets the frames before: the next one is lit as the first of a film.
+    fn forget(&mut self) {
+        self.layers.forget();
+        (self.places, self.still) = (Vec::new(), None);
+        (self.calibration, self.looking) = (calibration(&self.settings), looking(&self.settings));
     }
 
     /// With the light of `texels` for the surfaces that stand still.
@@ -104,6 +109,16 @@ impl<'a> Shading<'a> {
     }
 }
 
+/// Errors of cuts before any was measured, if cuts are to end by them.
+fn calibration(settings: &RenderSettings) -> Option<Calibration> {
+    (settings.stopping == Stopping::Calibrated).then(|| Calibration::keeping(settings.within))
+}
+
+/// Where people look before any frame, if that is to steer anything.
+fn looking(settings: &RenderSettings) -> Option<Looking> {
+    settings.importance.map(|weights| Looking::new(weights, settings))
+}
+
 impl std::fmt::Debug for Shading<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Shading").finish_non_exhaustive()
@@ -112,6 +127,10 @@ impl std::fmt::Debug for Shading<'_> {
 
 impl<'s> Shade<Frame<'s>> for Shading<'_> {
     fn step(&mut self, prepared: &PreparedFrame<'s>, thresholds: LastThresholds<'_>) -> Shaded {
+        if begins_chunk(self.settings.chunk, prepared.frame.index) {
+            self.forget();
+        }
+
         // Errors that this frame finds steer the next.
         let mut calibration = self.calibration.take();
         let RenderSettings { thresholds: policy, size, kappa, .. } = self.settings;

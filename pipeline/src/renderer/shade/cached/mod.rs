@@ -115,6 +115,10 @@ impl Layer for Cached {
         }
     }
 
+    fn forget(&mut self) {
+        (self.records, self.intensities) = (IrradianceCache::default(), Vec::new());
+    }
+
     fn state(&self) -> Vec<u8> {
         encode(&self.records)
     }

@@ -1,0 +1,118 @@
+//! The film that parts make together: `render2mpeg join`.
+//!
+//! `part` reads a part with its report, `order` checks that parts belong together, and here they become one stream and one report.
+//! Nothing is coded again: the pictures are those of the parts, and a film that one machine made in the same chunks has the same bytes.
+
+mod order;
+mod part;
+
+use crate::error::{Context, Error, Result};
+use crate::output::Output;
+use crate::report::{Ending, FrameReport, Summary, write_json};
+use mpeg2enc::{AccessUnit, Container, Multiplexer};
+use part::Part;
+use serde::Serialize;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// sequence_end_code (13818-2, 6.2.2): parts have one each, and the film has one.
+const SEQUENCE_END: [u8; 4] = [0, 0, 1, 0xb7];
+
+/// The report of a joined film, laid out as [`Report`](crate::Report).
+#[derive(Clone, Debug, Serialize)]
+pub struct JoinedReport {
+    schema: u32,
+    program: String,
+    scene: Value,
+    settings: Value,
+    plan: Value,
+    /// One for each frame.
+    pub frames: Vec<FrameReport>,
+    /// Over all frames. Times are those of the parts together, and memory is the most that one of them took.
+    pub summary: Summary,
+    /// The parts in their order.
+    parts: Vec<JoinedPart>,
+}
+
+/// A part, in the report of its film.
+#[derive(Clone, Debug, Serialize)]
+struct JoinedPart {
+    file: PathBuf,
+    /// First and last frame.
+    range: String,
+    wall_seconds: f64,
+    cpu_seconds: Option<f64>,
+}
+
+impl JoinedReport {
+    /// Of a film at `output`.
+    fn new(parts: Vec<Part>, output: &Path) -> Self {
+        let summaries: Vec<&Summary> = parts.iter().map(|part| &part.report.summary).collect();
+        let wall_seconds = summaries.iter().map(|summary| summary.wall_seconds).sum();
+        let cpu_seconds = summaries.iter().map(|summary| summary.cpu_seconds).sum();
+        let peak_memory_bytes = summaries.iter().filter_map(|summary| summary.peak_memory_bytes).max();
+        let joined = parts.iter().map(|part| JoinedPart {
+            file: part.path.clone(),
+            range: part.range.to_string(),
+            wall_seconds: part.report.summary.wall_seconds,
+            cpu_seconds: part.report.summary.cpu_seconds,
+        });
+        let joined = joined.collect();
+
+        // What holds for all parts is told once, and what is of one part alone is left out.
+        let first = &parts[0].report;
+        let (schema, program) = (first.schema, first.program.clone());
+        let (scene, mut settings, plan) = (first.scene.clone(), first.settings.clone(), first.plan.clone());
+        settings.remove("range");
+        settings.insert("output".into(), output.display().to_string().into());
+        let frames: Vec<FrameReport> = parts.into_iter().flat_map(|part| part.report.frames).collect();
+        let summary = Summary::of(&frames, Ending { interrupted: false, wall_seconds });
+        let summary = Summary { cpu_seconds, peak_memory_bytes, ..summary };
+        Self { schema, program, scene, settings: settings.into(), plan, frames, summary, parts: joined }
+    }
+
+    /// Writes the report, whole or not at all.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        write_json(self, path)
+    }
+}
+
+/// Joins the elementary streams at `paths`, in this order, to the film at `output`: `.m2v`, `.mpg` or `.ts`. The report of each part
+/// is beside it. Nothing is written unless all parts are whole, follow each other, and make all of a film.
+///
+/// # Errors
+/// A part is cut short, of another film, or not where it should be; or a file cannot be read or written. One line names it.
+pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
+    let container = Container::of(output).ok_or_else(|| {
+        let name = output.display();
+        Error::Options(format!("{name}: such files are not written; name the output .m2v, .mpg or .ts"))
+    })?;
+    let mut parts = Vec::new();
+    for path in paths {
+        if same_file(path, output) {
+            return Err(Error::Options(format!("{}: the film cannot take the place of a part", path.display())));
+        }
+        parts.push(Part::read(path)?);
+    }
+    order::check(&parts)?;
+
+    // Each part is read again when its turn comes: a film may be larger than memory.
+    let mut multiplexer = Multiplexer::new(container, &parts[0].encoder_config()?);
+    let mut film = Output::create(output)?;
+    for part in &parts {
+        let first = u64::from(part.range.first);
+        for unit in part.stream()?.units {
+            film.write(&multiplexer.push(AccessUnit { display_index: first + unit.display_index, ..unit }))?;
+        }
+    }
+    film.write(&multiplexer.finish(&SEQUENCE_END))?;
+    film.finish().context("the joined film")?;
+    Ok(JoinedReport::new(parts, output))
+}
+
+fn same_file(one: &Path, other: &Path) -> bool {
+    one == other || matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
+}

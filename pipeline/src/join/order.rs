@@ -1,0 +1,89 @@
+//! Whether parts belong to one film, are all there, and stand in order.
+
+use super::part::Part;
+use crate::error::{Error, Result};
+use crate::settings::FrameRange;
+use serde_json::Value;
+
+/// Settings that change no bit of the stream: places of files, and which part it is.
+const OF_ONE_PART: [&str; 7] = ["scene", "output", "range", "baked", "exr", "aov", "y4m"];
+
+/// Checks `parts`, in the order in which they are to be joined.
+///
+/// # Errors
+/// The first part that is of another film than the first, or does not follow the one before.
+pub(super) fn check(parts: &[Part]) -> Result<()> {
+    let [first, others @ ..] = parts else {
+        return Err(Error::Options("there are no parts to join".into()));
+    };
+    others.iter().try_for_each(|part| check_same_film(first, part))?;
+    check_order(parts)
+}
+
+/// Whether `part` is of the same film as the `first`.
+fn check_same_film(first: &Part, part: &Part) -> Result<()> {
+    let (one, other) = (&first.report, &part.report);
+    let differs = |what: &str, then: &dyn std::fmt::Display, now: &dyn std::fmt::Display| {
+        let beside = first.path.display();
+        Err(Error::content(&part.path, format!(" is of another film: {what} is {now}, and {then} in {beside}")))
+    };
+    if one.program != other.program || one.schema != other.schema {
+        return differs("the program", &one.program, &other.program);
+    }
+    let names = one.settings.keys().chain(other.settings.keys());
+    for name in names.filter(|name| !OF_ONE_PART.contains(&name.as_str())) {
+        let [then, now] = [one, other].map(|report| report.settings.get(name).unwrap_or(&Value::Null));
+        if then != now {
+            return differs(name, then, now);
+        }
+    }
+    if one.inputs != other.inputs {
+        let beside = first.path.display();
+        let text = format!(" was made from another scene than {beside}: a file of the scene has changed between them");
+        return Err(Error::content(&part.path, text));
+    }
+    if first.sequence_header != part.sequence_header {
+        let text = format!(" has another sequence header than {}: it is of another film", first.path.display());
+        return Err(Error::content(&part.path, text));
+    }
+    Ok(())
+}
+
+/// Whether the parts follow each other from the first frame of their film to the last.
+fn check_order(parts: &[Part]) -> Result<()> {
+    let mut next = 0;
+    for part in parts {
+        let wrong = |text: String| Err(Error::content(&part.path, format!(", frames {}, {text}", part.range)));
+        let FrameRange { first, last } = part.range;
+        if let Some(other) = parts.iter().find(|other| !std::ptr::eq(*other, part) && overlap(other, part)) {
+            return wrong(format!("overlaps {}, frames {}", other.path.display(), other.range));
+        }
+        if first != next {
+            // It comes too early, or what it follows is not there.
+            return match parts.iter().find(|other| other.range.first == next) {
+                Some(other) => wrong(format!("is in the wrong place: {} comes first", other.path.display())),
+                None => wrong(format!("cannot come next: the part that begins with frame {next} is missing")),
+            };
+        }
+        let frames = part.film_frames;
+        if last >= frames {
+            return wrong(format!("goes on after the end of its film of {frames} frames"));
+        }
+        next = last + 1;
+    }
+    match parts.last() {
+        Some(part) if next < part.film_frames => {
+            let frames = part.film_frames;
+            let text = format!(
+                ", frames {}, is not the end of its film of {frames} frames: the part that begins with frame {next} is missing",
+                part.range
+            );
+            Err(Error::content(&part.path, text))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn overlap(one: &Part, other: &Part) -> bool {
+    one.range.first <= other.range.last && other.range.first <= one.range.last
+}

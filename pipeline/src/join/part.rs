@@ -1,0 +1,143 @@
+//! A part of a film: an elementary stream, and the report beside it.
+
+use crate::error::{Context, Error, Result};
+use crate::report::{FrameReport, Summary};
+use crate::settings::FrameRange;
+use mpeg2enc::{Config, ElementaryStream, FrameRate, Standard};
+use serde::Deserialize;
+use serde_json::{Map, Value};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A part whose stream is whole and is the one that its report tells of.
+#[derive(Debug)]
+pub(super) struct Part {
+    pub path: PathBuf,
+    pub range: FrameRange,
+    /// Frames of the whole film.
+    pub film_frames: u32,
+    /// Sequence header and extensions of its stream.
+    pub sequence_header: Vec<u8>,
+    pub report: PartReport,
+}
+
+/// The report of a part, as far as it is looked at.
+#[derive(Debug, Deserialize)]
+pub(super) struct PartReport {
+    pub schema: u32,
+    pub program: String,
+    pub scene: Value,
+    pub settings: Map<String, Value>,
+    pub plan: Value,
+    pub frames: Vec<FrameReport>,
+    pub summary: Summary,
+    pub inputs: Option<u32>,
+}
+
+/// Settings of a part by which its stream is wrapped.
+#[derive(Deserialize)]
+struct Coded {
+    size: CodedSize,
+    fps: f64,
+    mpeg1: bool,
+    bframes: u32,
+}
+
+#[derive(Deserialize)]
+struct CodedSize {
+    width: usize,
+    height: usize,
+}
+
+impl Part {
+    /// Reads the stream at `path` and its report.
+    ///
+    /// # Errors
+    /// A file cannot be read, the stream is cut short or was ended early, or the report is of another stream.
+    pub fn read(path: &Path) -> Result<Self> {
+        let stream = stream_at(path)?;
+        let report = report_of(path)?;
+        let wrong = |problem: String| Err(Error::content(path, problem));
+
+        // The frames that it has are those that it was made for.
+        let range = report.settings.get("range").and_then(Value::as_str).and_then(|range| range.parse().ok());
+        let frames = report.settings.get("frames").and_then(Value::as_u64).and_then(|frames| frames.try_into().ok());
+        let (Some(range), Some(film_frames)) = (range, frames) else {
+            return wrong(" is no part of a film: render parts with --chunk N --range A-B".into());
+        };
+        let FrameRange { first, last } = range;
+        let (made, wanted) = (report.frames.len() as u64, u64::from(last) + 1 - u64::from(first));
+        if report.summary.interrupted || made < wanted {
+            return wrong(format!(" was ended early, {made} of its {wanted} frames are there: go on with --resume"));
+        }
+
+        // Sizes of pictures tell streams apart.
+        let mut lines: Vec<(u32, u64)> = report.frames.iter().map(|frame| (frame.index, frame.bits)).collect();
+        let picture = |unit: &mpeg2enc::AccessUnit| (first + unit.display_index as u32, 8 * unit.data.len() as u64);
+        let mut pictures: Vec<(u32, u64)> = stream.units.iter().map(picture).collect();
+        lines.sort_unstable();
+        pictures.sort_unstable();
+        if lines != pictures || !pictures.iter().map(|&(index, _)| index).eq(first..=last) {
+            return wrong(format!(
+                " is not the video that {} tells of: bring both again",
+                report_beside(path).display()
+            ));
+        }
+        if !stream.begins_closed {
+            return wrong(" begins with pictures that need others before them: it is no part of a film".into());
+        }
+        Ok(Self { path: path.into(), range, film_frames, sequence_header: stream.sequence_header, report })
+    }
+
+    /// The stream, read again.
+    ///
+    /// # Errors
+    /// It cannot be read, or has changed meanwhile.
+    pub fn stream(&self) -> Result<ElementaryStream> {
+        let stream = stream_at(&self.path)?;
+        let bits: u64 = stream.units.iter().map(|unit| 8 * unit.data.len() as u64).sum();
+        if bits != self.report.summary.bits_total {
+            return Err(Error::content(&self.path, " has changed while parts were joined"));
+        }
+        Ok(stream)
+    }
+
+    /// Settings of an encoder, as far as containers need them.
+    ///
+    /// # Errors
+    /// The report has none that fit an encoder.
+    pub fn encoder_config(&self) -> Result<Config> {
+        let place = report_beside(&self.path).display().to_string();
+        let coded: Coded = serde_json::from_value(self.report.settings.clone().into()).context(place.clone())?;
+        let Coded { size: CodedSize { width, height }, fps, mpeg1, bframes } = coded;
+        let config = Config::new(width, height, FrameRate::from_fps(fps).context(place.clone())?)
+            .with_standard(if mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
+            .with_lookahead(if bframes > 0 { Config::LOOKAHEAD_MAX } else { 0 })
+            .with_b_pictures(bframes);
+        config.validate().context(place)?;
+        Ok(config)
+    }
+}
+
+/// The whole elementary stream at `path`.
+fn stream_at(path: &Path) -> Result<ElementaryStream> {
+    let bytes = fs::read(path).map_err(Error::file(path, "cannot be read; a part is made by render --range"))?;
+    let stream = ElementaryStream::parse(&bytes).map_err(|error| Error::content(path, format!(" {error}")))?;
+    match stream.is_ended {
+        true => Ok(stream),
+        false => Err(Error::content(path, " is cut short: bring it again, or render it with --resume")),
+    }
+}
+
+/// `part.m2v` → `part.report.json`.
+fn report_beside(path: &Path) -> PathBuf {
+    path.with_extension("report.json")
+}
+
+/// The report beside a part.
+fn report_of(path: &Path) -> Result<PartReport> {
+    let place = report_beside(path);
+    let problem = format!("cannot be read; {} needs its report beside it", path.display());
+    let bytes = fs::read(&place).map_err(Error::file(&place, &problem))?;
+    serde_json::from_slice(&bytes).map_err(|error| Error::content(&place, format!(": no report of a film: {error}")))
+}

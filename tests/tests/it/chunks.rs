@@ -1,0 +1,288 @@
+//! Films in chunks: parts that are made apart and joined are the film that is made at once.
+
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use tests::{
+    Finished, Moving, Rendered, assert_fails, checkered_room, cornell, decode_ffmpeg, decode_mpeg2dec, program, render,
+    render2mpeg, shared_scenes, sorted_names,
+};
+
+const SMALL: &str = "--size 48x48 --vpls 60 --photons 1000";
+
+fn folder_with_room(moving: Moving) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    checkered_room(moving).write(&folder.path().join("room.glb"));
+    folder
+}
+
+/// Makes the chunks of a film each by itself; the names of their files, in order.
+fn render_parts(folder: &Path, scene: &Path, frames: u32, chunk: u32, options: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    for first in (0..frames).step_by(chunk as usize) {
+        let range = format!("{first}-{}", first + chunk - 1);
+        let extra = format!("--frames {frames} --chunk {chunk} --range {range} {options}");
+        render(folder, &format!("part_{range}"), scene, &extra);
+        names.push(format!("part_{range}.m2v"));
+    }
+    names
+}
+
+/// Joins `parts` to `film`, which must go well.
+fn join(folder: &Path, parts: &[String], film: &str) -> Rendered {
+    let mut arguments = vec!["join", "-o", film, "--quiet"];
+    arguments.extend(parts.iter().map(String::as_str));
+    let Finished { code, stdout, stderr } = render2mpeg(folder, &arguments);
+    assert_eq!((code, stdout.as_str(), stderr.as_str()), (Some(0), "", ""), "{arguments:?}");
+    let report = fs::read(folder.join(film).with_extension("report.json")).unwrap();
+    Rendered { stream: fs::read(folder.join(film)).unwrap(), report: serde_json::from_slice(&report).unwrap() }
+}
+
+/// Figures of a frame that do not depend on the machine.
+fn without_seconds(report: &Value) -> Vec<Value> {
+    let mut frames = report["frames"].as_array().expect("frames").clone();
+    frames.iter_mut().for_each(|frame| frame["seconds"] = Value::Null);
+    frames
+}
+
+#[test]
+fn joined_parts_are_the_film_of_one_machine() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (scene, options) = (cornell(), "--size 96x96");
+    let parts = render_parts(folder, &scene, 30, 10, options);
+    for film in ["film.m2v", "film.mpg", "film.ts"] {
+        let alone = render(folder, film, &scene, &format!("--frames 30 --chunk 10 {options}"));
+        let joined = join(folder, &parts, &film.replace("film", "joined"));
+        assert!(alone.stream == joined.stream, "{film}");
+
+        // The report is that of the whole film too, but for what the work took.
+        assert_eq!(without_seconds(&joined.report), without_seconds(&alone.report));
+        assert_eq!(joined.report["plan"], alone.report["plan"]);
+        assert_eq!(joined.report["settings"]["chunk"], 10);
+        assert_eq!(joined.report["settings"]["range"], Value::Null);
+        for figure in ["frames", "interrupted", "bits_total", "bits", "psnr_y", "cut_size_mean", "shadow_rays"] {
+            assert_eq!(joined.report["summary"][figure], alone.report["summary"][figure], "{figure}");
+        }
+    }
+}
+
+/// Whatever a film carries from frame to frame, no chunk knows of the one before.
+#[test]
+fn no_chunk_depends_on_another() {
+    for (moving, frames, chunk, options) in [
+        (Moving::Camera, 14, 5, "--bframes 2 --gop 7"),
+        (Moving::Camera, 10, 4, "--bframes 3 --importance saliency:1 --aq masking"),
+        (Moving::Box, 9, 3, "--stopping calibrated --cache off"),
+        (Moving::Box, 9, 3, "--thresholds perceptual --mpeg1 --gop 2"),
+        (Moving::Camera, 6, 2, "--thresholds quantised --samples 2 --run-everything"),
+        (Moving::Nothing, 5, 2, "--lighting all-lights"),
+        (Moving::Camera, 4, 1, ""),
+    ] {
+        let folder = folder_with_room(moving);
+        let folder = folder.path();
+        let scene = folder.join("room.glb");
+        let parts = render_parts(folder, &scene, frames, chunk, &format!("{SMALL} {options}"));
+        let alone = render(folder, "film", &scene, &format!("--frames {frames} --chunk {chunk} {SMALL} {options}"));
+        assert!(join(folder, &parts, "joined.m2v").stream == alone.stream, "{options}");
+
+        let begins_group = alone.report["frames"][chunk as usize]["picture_type"] == "I";
+        assert!(begins_group, "{options}");
+    }
+}
+
+#[test]
+fn baked_light_is_in_chunks_too() {
+    let folder = folder_with_room(Moving::Box);
+    let folder = folder.path();
+    let baked =
+        render2mpeg(folder, &["bake", "room.glb", "--texels", "2000", "--vpls", "60", "--photons", "2000", "-q"]);
+    assert_eq!(baked.code, Some(0), "{}", baked.stderr);
+    let (scene, options) = (folder.join("room.glb"), format!("--lighting baked {SMALL}"));
+    let parts = render_parts(folder, &scene, 6, 3, &options);
+    let alone = render(folder, "film", &scene, &format!("--frames 6 --chunk 3 {options}"));
+    assert!(join(folder, &parts, "joined.m2v").stream == alone.stream);
+}
+
+#[test]
+fn a_scene_from_elsewhere_without_exposure() {
+    let Some(scenes) = shared_scenes() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scene = scenes.join("sponza-dabrovic/sponza.glb");
+    let options = "--size 64x64 --photons 40000";
+    let parts = render_parts(folder, &scene, 8, 4, options);
+    let alone = render(folder, "film", &scene, &format!("--frames 8 --chunk 4 {options}"));
+    assert!(join(folder, &parts, "joined.m2v").stream == alone.stream);
+}
+
+#[test]
+fn joined_films_play_with_times_at_even_distances() {
+    let folder = folder_with_room(Moving::Camera);
+    let folder = folder.path();
+    for (options, fps) in [("--bframes 2", 25), ("--fps 30", 30)] {
+        let parts = render_parts(folder, &folder.join("room.glb"), 14, 5, &format!("{SMALL} {options}"));
+        for film in ["joined.m2v", "joined.mpg", "joined.ts"] {
+            join(folder, &parts, film);
+            let film = folder.join(film);
+            let decoded = decode_ffmpeg(&film, (48, 48));
+            assert_eq!(decoded.len(), 14, "{film:?}");
+            if film.extension().is_some_and(|ending| ending == "m2v") {
+                assert_eq!(decode_mpeg2dec(&film, (48, 48)).len(), 14, "{film:?}");
+                continue;
+            }
+            let mut times = times_of(&film);
+            times.sort_unstable();
+            let distances: Vec<i64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+            assert_eq!(distances, vec![90_000 / fps; 13], "{film:?}");
+        }
+    }
+}
+
+/// Presentation times of all pictures, in units of 1/90000 s, in the order of the file.
+fn times_of(film: &Path) -> Vec<i64> {
+    let arguments = ["-v", "warning", "-show_entries", "packet=pts", "-of", "csv=p=0"];
+    let output = Command::new("ffprobe").args(arguments).arg(film).stdin(Stdio::null()).output().expect("ffprobe runs");
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let lines = text.lines().map(|line| line.trim_end_matches(',')).filter(|line| !line.is_empty());
+    lines.map(|line| line.parse().expect("a time")).collect()
+}
+
+#[test]
+fn parts_that_make_no_film_are_named_in_one_line() {
+    let folder = folder_with_room(Moving::Camera);
+    let folder = folder.path();
+    let scene = folder.join("room.glb");
+    let parts = render_parts(folder, &scene, 6, 2, SMALL);
+    let more = |name: &str, options: &str| {
+        render(folder, name, &scene, &format!("{SMALL} {options}"));
+    };
+    more("coarse", "--frames 6 --chunk 2 --range 2-3 --qscale 16");
+    more("twice", "--frames 6 --chunk 2 --range 0-3");
+    more("longer", "--frames 8 --chunk 2 --range 2-3");
+    more("other", "--frames 6 --chunk 3 --range 3-5");
+    more("whole", "--frames 6 --chunk 2");
+    let [first, second, third] = [0, 1, 2].map(|part| parts[part].as_str());
+
+    // A stream that lacks its last bytes, or its report; a report of another stream, and one that is none.
+    let bytes = fs::read(folder.join(second)).unwrap();
+    let report = fs::read_to_string(folder.join("part_2-3.report.json")).unwrap();
+    let mut of_another_scene: Value = serde_json::from_str(&report).unwrap();
+    of_another_scene["inputs"] = 1.into();
+    for (name, stream, report) in [
+        ("cut", &bytes[..bytes.len() - 4], report.clone()),
+        ("short", &bytes[..bytes.len() / 2], report.clone()),
+        ("doubled", &[&bytes[..], &bytes].concat(), report.clone()),
+        ("wrong", &bytes, fs::read_to_string(folder.join("part_4-5.report.json")).unwrap()),
+        ("early", &bytes, report.replace("\"interrupted\": false", "\"interrupted\": true")),
+        ("scene", &bytes, of_another_scene.to_string()),
+        ("json", &bytes, report[..report.len() / 2].into()),
+        ("size", &bytes, report.replace("\"width\": 48", "\"width\": 64")),
+        ("text", b"no video", report.clone()),
+        ("empty", b"", report),
+    ] {
+        fs::write(folder.join(format!("{name}.m2v")), stream).unwrap();
+        fs::write(folder.join(format!("{name}.report.json")), report).unwrap();
+    }
+    fs::write(folder.join("alone.m2v"), &bytes).unwrap();
+
+    let before = sorted_names(folder);
+    for (named, words) in [
+        (vec![first, third, second], [third, "wrong place", second]),
+        (vec![second, first, third], [second, "wrong place", first]),
+        (vec![first, third], [third, "begins with frame 2", "missing"]),
+        (vec![second, third], [second, "begins with frame 0", "missing"]),
+        (vec![first, second], [second, "begins with frame 4", "missing"]),
+        (vec![first, first, second, third], [first, "overlaps", first]),
+        (vec!["twice.m2v", second, third], ["twice.m2v", "overlaps", second]),
+        (vec![first, "coarse.m2v", third], ["coarse.m2v", "qscale is 16, and 8 in", first]),
+        (vec![first, "longer.m2v", third], ["longer.m2v", "frames is 8, and 6 in", first]),
+        (vec!["other.m2v", first], [first, "chunk is 2, and 3 in", "other.m2v"]),
+        (vec![first, "size.m2v", third], ["size.m2v", "size is", first]),
+        (vec![first, "scene.m2v", third], ["scene.m2v", "another scene", first]),
+        (vec![first, "cut.m2v", third], ["cut.m2v", "cut short", "--resume"]),
+        (vec![first, "short.m2v", third], ["short.m2v", "cut short", "--resume"]),
+        (vec![first, "doubled.m2v", third], ["doubled.m2v", "after its end", "byte"]),
+        (vec![first, "wrong.m2v", third], ["wrong.m2v", "not the video", "wrong.report.json"]),
+        (vec![first, "early.m2v", third], ["early.m2v", "ended early", "--resume"]),
+        (vec![first, "json.m2v", third], ["json.report.json", "no report", "line"]),
+        (vec![first, "alone.m2v", third], ["alone.report.json", "needs its report", "alone.m2v"]),
+        (vec![first, "text.m2v", third], ["text.m2v", "no sequence header", "elementary"]),
+        (vec![first, "empty.m2v", third], ["empty.m2v", "no sequence header", "elementary"]),
+        (vec![first, "none.m2v", third], ["none.m2v", "cannot be read", "--range"]),
+        (vec!["whole.m2v"], ["whole.m2v", "no part", "--range"]),
+    ] {
+        assert_fails(folder, &[&["join", "-o", "film.m2v"][..], &named].concat(), &words);
+        assert_eq!(sorted_names(folder), before, "{named:?}: nothing half-written stays");
+    }
+    assert_fails(folder, &["join", first, second, third, "-o", first], &[first, "place of a part"]);
+    assert_fails(folder, &["join", first, second, third, "-o", "film.mp4"], &["film.mp4", ".mpg"]);
+    assert_eq!(sorted_names(folder), before);
+    let _ = join(folder, &parts, "film.m2v");
+}
+
+/// Wrong arguments have an exit code of their own, at which schedulers do not try again.
+#[test]
+fn wrong_arguments_end_with_two() {
+    let folder = folder_with_room(Moving::Nothing);
+    for (options, words) in [
+        ("--chunk 5 --bitrate 1M", ["--chunk", "--bitrate"]),
+        ("--range 0-4", ["--range 0-4", "--chunk"]),
+        ("--chunk 5 --range 3-7 --frames 20", ["--range 3-7", "0-9"]),
+        ("--chunk 5 --range 20-24 --frames 20", ["--range 20-24", "19"]),
+        ("--chunk 5 --range 0-4 -o part.mpg --frames 20", ["part.mpg", "join"]),
+        ("--chunk 0", ["--chunk 0", "at least"]),
+        ("--range five", ["five", "10-19"]),
+        ("--qscale 9", ["9", "8 and 10"]),
+    ] {
+        let arguments: Vec<&str> = ["render", "room.glb", "-q"].into_iter().chain(options.split(' ')).collect();
+        let Finished { code, stderr, .. } = render2mpeg(folder.path(), &arguments);
+        assert_eq!(code, Some(2), "{options}: {stderr}");
+        assert!(words.iter().all(|word| stderr.contains(word)), "{options}: {stderr}");
+    }
+    // The same arguments may work on another machine, or later.
+    let absent = render2mpeg(folder.path(), &["render", "absent.glb", "-q"]);
+    assert_eq!(absent.code, Some(1), "{}", absent.stderr);
+}
+
+#[test]
+fn a_terminated_part_plays_and_goes_on_to_the_same_bits() {
+    let folder = folder_with_room(Moving::Box);
+    let folder = folder.path();
+    let words =
+        format!("render room.glb -o part.m2v --frames 400 --chunk 200 --range 200-399 --progress openjd {SMALL}");
+    let words: Vec<&str> = words.split_whitespace().collect();
+    let mut child = Command::new(program())
+        .args(&words)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("render2mpeg starts");
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+    assert_eq!(lines.next().as_deref(), Some("openjd_progress: 0.0"));
+    assert_eq!(lines.next().as_deref(), Some("openjd_status: 0 of 200 frames"));
+    assert_eq!(lines.next().as_deref(), Some("openjd_progress: 0.5"));
+    kill_process(Pid::from_raw(child.id() as i32).unwrap(), Signal::TERM).unwrap();
+    lines.for_each(drop);
+    assert_eq!(child.wait().unwrap().code(), Some(143));
+
+    // The part plays as far as it goes, and cannot be joined yet.
+    let shown = decode_ffmpeg(&folder.join("part.m2v"), (48, 48)).len();
+    assert!((1..200).contains(&shown), "{shown} frames");
+    assert_fails(folder, &["join", "part.m2v", "-o", "film.m2v"], &["part.m2v", "ended early", "--resume"]);
+
+    let resumed = render2mpeg(folder, &[&words[..], &["--resume"]].concat());
+    assert_eq!(resumed.code, Some(0), "{}", resumed.stderr);
+    let first = resumed.stdout.lines().nth(1).unwrap();
+    assert_eq!(first, format!("openjd_status: {shown} of 200 frames"));
+    assert_eq!(resumed.stdout.lines().last().unwrap(), "openjd_status: 200 of 200 frames");
+    let options = format!("--frames 400 --chunk 200 --range 200-399 {SMALL}");
+    let at_once = render(folder, "again", &folder.join("room.glb"), &options);
+    assert!(fs::read(folder.join("part.m2v")).unwrap() == at_once.stream);
+}
