@@ -1,4 +1,4 @@
-"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance [--quick|--full] [options].
+"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints [--quick|--full] [options].
 
 Quick, the default, answers in five minutes on two processors and says how far its figures can be trusted.
 Full makes the tables of the documentation; for bits, larger films.
@@ -15,6 +15,7 @@ import encoders
 import error
 import features
 import importance
+import joints
 import sweep
 from running import Failure
 
@@ -26,6 +27,7 @@ MEASUREMENTS = {
     "features": features,
     "bits": bits,
     "importance": importance,
+    "joints": joints,
 }
 
 

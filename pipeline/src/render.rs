@@ -100,7 +100,7 @@ impl<'a> Render<'a> {
     /// that is continued knows it already.
     fn exposure_of_chunks(&self) -> Option<f32> {
         let Self { scene, settings, start, .. } = self;
-        let is_wanted = settings.chunk.is_some() && settings.auto_exposure;
+        let is_wanted = settings.is_in_chunks() && settings.auto_exposure;
         let begins = start.first_frame() == settings.frame_range().start;
         (is_wanted && begins).then(|| {
             exposure_of_first_frame(scene, &settings.renderer(), |settings, plan| {

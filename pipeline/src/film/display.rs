@@ -39,7 +39,7 @@ impl Display {
     pub fn of(settings: &Settings) -> Result<Self> {
         let y4m = settings.y4m.as_deref().map(|path| Y4m::new(path, settings)).transpose()?;
         // Chunks that are made apart have one exposure, which is found before: `set_exposure`.
-        let auto_exposure = settings.auto_exposure && settings.chunk.is_none();
+        let auto_exposure = settings.auto_exposure && !settings.is_in_chunks();
         Ok(Self { auto_exposure, exr: settings.exr.clone(), y4m, ..Self::new(settings.tone_map) })
     }
 

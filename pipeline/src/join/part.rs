@@ -63,7 +63,7 @@ impl Part {
         let range = report.settings.get("range").and_then(Value::as_str).and_then(|range| range.parse().ok());
         let frames = report.settings.get("frames").and_then(Value::as_u64).and_then(|frames| frames.try_into().ok());
         let (Some(range), Some(film_frames)) = (range, frames) else {
-            return wrong(" is no part of a film: render parts with --chunk N --range A-B".into());
+            return wrong(" is no part of a film: parts are made by render --range A-B".into());
         };
         let FrameRange { first, last } = range;
         let (made, wanted) = (report.frames.len() as u64, u64::from(last) + 1 - u64::from(first));

@@ -1,7 +1,7 @@
 //! Films in chunks, and the part of a film that one machine makes.
 //!
 //! Every `chunk` frames all state begins anew, at a closed group of pictures. So a chunk depends on no frame before it, and machines
-//! that make some chunks each make the film that one machine makes.
+//! that make some chunks each make the film that one machine makes. A range without chunks is a chunk by itself.
 
 use super::values::parsed;
 use crate::error::{Error, Result};
@@ -55,26 +55,21 @@ pub(crate) fn begins_chunk(chunk: Option<u32>, index: u32) -> bool {
     chunk.is_some_and(|frames| index.is_multiple_of(frames))
 }
 
-/// The frames to make of a film of `frames` frames in chunks of `chunk`: those of `range`, which is checked, or all. The last chunk may
-/// have fewer frames than the others, and its range may be stated as if it had as many.
+/// The frames to make of a film of `frames` frames: those of `range`, or all. With `chunk` frames to a chunk a range is whole chunks.
+/// The last one may have fewer frames than the others, and its range may be stated as if it had as many.
 ///
 /// # Errors
-/// The range is not whole chunks, or lies beyond the film, or there are no chunks; the message says what works.
-pub(super) fn whole_chunks(chunk: Option<u32>, range: Option<FrameRange>, frames: u32) -> Result<Option<FrameRange>> {
+/// The range is not whole chunks, or lies beyond the film; the message says what works.
+pub(super) fn checked_range(chunk: Option<u32>, range: Option<FrameRange>, frames: u32) -> Result<Option<FrameRange>> {
     let fail = |text: String| Err(Error::Options(text));
-    let Some(chunk) = chunk else {
-        return match range {
-            None => Ok(None),
-            Some(range) => fail(format!("--range {range} needs --chunk N, the number of frames in a chunk")),
-        };
-    };
-    if chunk == 0 {
+    if chunk == Some(0) {
         return fail("--chunk 0: a chunk has at least one frame".into());
     }
     let Some(FrameRange { first, last }) = range else { return Ok(None) };
-    if first >= frames {
+    if first >= frames || chunk.is_none() && last >= frames {
         return fail(format!("--range {first}-{last} lies beyond the film, whose last frame is {}", frames - 1));
     }
+    let Some(chunk) = chunk else { return Ok(range) };
 
     // The fewest whole chunks that hold the range, and what there is of the last one.
     let begin = first - first % chunk;
@@ -106,7 +101,7 @@ mod tests {
     use super::*;
 
     fn filled(chunk: Option<u32>, range: &str, frames: u32) -> Result<Option<FrameRange>> {
-        whole_chunks(chunk, Some(range.parse()?), frames)
+        checked_range(chunk, Some(range.parse()?), frames)
     }
 
     #[test]
@@ -124,6 +119,8 @@ mod tests {
         ] {
             assert_eq!(filled(Some(chunk), range, frames).unwrap().unwrap().to_string(), expected, "{range}");
         }
+        // Without chunks, any frames that there are.
+        assert_eq!(filled(None, "5-13", 14).unwrap().unwrap().to_string(), "5-13");
     }
 
     #[test]
@@ -135,7 +132,7 @@ mod tests {
             (Some(10), "20-26", 25, "20-24 is"),
             (Some(10), "20-39", 25, "20-24 is"),
             (Some(10), "30-39", 30, "last frame is 29"),
-            (None, "0-9", 30, "--chunk"),
+            (None, "20-30", 30, "last frame is 29"),
             (Some(0), "0-9", 30, "at least one"),
             (Some(10), "9-0", 30, "10-19"),
             (Some(10), "a-b", 30, "10-19"),

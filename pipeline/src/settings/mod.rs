@@ -35,7 +35,7 @@ pub struct Settings {
     /// Frames of a chunk, where the film is made in chunks that do not depend on each other.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub chunk: Option<u32>,
-    /// The frames to make, whole chunks; all of the film when not stated.
+    /// The frames to make; all of the film when not stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<FrameRange>,
     /// Pictures a second.
@@ -126,6 +126,12 @@ impl Settings {
     #[must_use]
     pub fn frame_range(&self) -> Range<u32> {
         self.range.map_or(0..self.frames, |FrameRange { first, last }| first..last + 1)
+    }
+
+    /// Whether the film is made in chunks that do not depend on each other: by `chunk`, or each range by itself.
+    #[must_use]
+    pub fn is_in_chunks(&self) -> bool {
+        self.chunk.is_some() || self.range.is_some()
     }
 
     /// Container of the video.

@@ -20,7 +20,7 @@ pub struct Options {
     /// Every N frames all begins anew, so that machines can make parts of the film: the same bits as one machine [default: never]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
     pub chunk: Option<u32>,
-    /// Make these frames of a film in chunks, counted from 0, for `render2mpeg join`: whole chunks [default: all]
+    /// Make these frames of a film as a part for `render2mpeg join`, counted from 0; with --chunk whole chunks [default: all]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "A-B"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<FrameRange>,

@@ -1,6 +1,6 @@
 //! From options to settings: every default, and every check of a single choice. No other place states a default.
 
-use super::chunks::{check_part, whole_chunks};
+use super::chunks::{check_part, checked_range};
 use super::emphasis::AdaptiveQuantiser;
 use super::options::Options;
 use super::values::{Aov, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
@@ -156,12 +156,13 @@ impl Options {
 
     /// The frames to make, if they are not all.
     fn fill_in_chunks(&mut self, frames: u32) -> Result<()> {
-        if self.chunk.is_some() && self.bitrate.is_some() {
+        let option = if self.chunk.is_some() { "--chunk" } else { "--range" };
+        if self.bitrate.is_some() && (self.chunk.is_some() || self.range.is_some()) {
             fail!(
-                "--chunk with --bitrate: no bound on bits holds across chunks that are coded apart; leave out one of them"
+                "{option} with --bitrate: no bound on bits holds across chunks that are coded apart; leave out one of them"
             );
         }
-        self.range = whole_chunks(self.chunk, self.range, frames)?;
+        self.range = checked_range(self.chunk, self.range, frames)?;
         Ok(())
     }
 

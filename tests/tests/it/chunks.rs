@@ -7,8 +7,8 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use tests::{
-    Finished, Moving, Rendered, assert_fails, checkered_room, cornell, decode_ffmpeg, decode_mpeg2dec, program, render,
-    render2mpeg, shared_scenes, sorted_names,
+    Finished, Moving, Rendered, assert_fails, checkered_room, cornell, decode_ffmpeg, decode_mpeg2dec, need, program,
+    render, render2mpeg, shared_scenes, sorted_names,
 };
 
 const SMALL: &str = "--size 48x48 --vpls 60 --photons 1000";
@@ -68,6 +68,25 @@ fn joined_parts_are_the_film_of_one_machine() {
             assert_eq!(joined.report["summary"][figure], alone.report["summary"][figure], "{figure}");
         }
     }
+}
+
+/// Schedulers may make chunks of any length. Each range is a chunk by itself, and the film is the same where lengths are.
+#[test]
+fn ranges_without_chunks_are_chunks_by_themselves() {
+    let folder = folder_with_room(Moving::Camera);
+    let folder = folder.path();
+    let scene = folder.join("room.glb");
+    let film = render(folder, "film", &scene, &format!("--frames 9 --chunk 3 {SMALL} --bframes 1"));
+    let parts = [("a", "0-2"), ("b", "3-5"), ("c", "6-8")].map(|(name, range)| {
+        render(folder, name, &scene, &format!("--frames 9 --range {range} {SMALL} --bframes 1"));
+        format!("{name}.m2v")
+    });
+    assert!(join(folder, &parts, "joined.m2v").stream == film.stream);
+
+    // Unlike lengths make another film, which is whole too.
+    render(folder, "long", &scene, &format!("--frames 9 --range 0-5 {SMALL} --bframes 1"));
+    let other = join(folder, &["long.m2v".into(), "c.m2v".into()], "other.m2v");
+    assert!(other.stream != film.stream && other.report["summary"]["frames"] == 9);
 }
 
 /// Whatever a film carries from frame to frame, no chunk knows of the one before.
@@ -225,13 +244,39 @@ fn parts_that_make_no_film_are_named_in_one_line() {
     let _ = join(folder, &parts, "film.m2v");
 }
 
+/// The job template for schedulers, by the reference implementation of Open Job Description.
+#[test]
+fn the_job_template_makes_the_film_of_one_machine() {
+    let found = Command::new("openjd").arg("--version").output().ok();
+    if need("openjd", found).is_none() {
+        return;
+    }
+    let folder = folder_with_room(Moving::Camera);
+    let folder = folder.path();
+    let template = concat!(env!("CARGO_MANIFEST_DIR"), "/../farm/render2mpeg.openjd.yaml");
+    let output = Command::new("openjd")
+        .args(["run", template, "--step", "Join", "--run-dependencies", "-p", "Scene=room.glb", "-p", "LastFrame=8"])
+        .args(["-p", "ChunkSize=3", "-p", "Film=the film.ts", "-p", &format!("Program={}", program().display())])
+        .args(["-p", &format!("Options={SMALL} --bframes 1")])
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .output()
+        .expect("openjd starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("openjd_status: 3 of 3 frames"));
+    let scene = folder.join("room.glb");
+    let alone = render(folder, "alone.ts", &scene, &format!("--frames 9 --chunk 3 {SMALL} --bframes 1"));
+    assert!(fs::read(folder.join("the film.ts")).unwrap() == alone.stream);
+}
+
 /// Wrong arguments have an exit code of their own, at which schedulers do not try again.
 #[test]
 fn wrong_arguments_end_with_two() {
     let folder = folder_with_room(Moving::Nothing);
     for (options, words) in [
         ("--chunk 5 --bitrate 1M", ["--chunk", "--bitrate"]),
-        ("--range 0-4", ["--range 0-4", "--chunk"]),
+        ("--range 0-4 --bitrate 1M", ["--range", "--bitrate"]),
+        ("--range 15-20 --frames 20", ["--range 15-20", "19"]),
         ("--chunk 5 --range 3-7 --frames 20", ["--range 3-7", "0-9"]),
         ("--chunk 5 --range 20-24 --frames 20", ["--range 20-24", "19"]),
         ("--chunk 5 --range 0-4 -o part.mpg --frames 20", ["part.mpg", "join"]),
