@@ -1,50 +1,73 @@
 //! Files that are either whole or not there.
 
 use crate::error::{Error, Result};
-use std::fs::{self, File};
-use std::io::{Seek, SeekFrom, Write};
+use serde::{Deserialize, Serialize};
+use std::fs::{self, File, TryLockError};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A file that is written under `NAME.part` and gets its name when it is finished.
 ///
-/// Dropped before that, it leaves nothing behind. Killed, the process leaves the part: for video, a prefix that plays.
+/// While it is written, its part is locked: no other run writes to the same place. Dropped unfinished, it leaves nothing behind,
+/// unless it is [kept](Output::kept_if). Killed, the process leaves the part: for video, a prefix that plays.
 /// Devices and pipes are written directly.
 #[derive(Debug)]
 pub struct Output {
     path: PathBuf,
     part: Option<PathBuf>,
     file: File,
-    /// Bytes written so far.
-    length: u64,
+    written: Written,
+    sum: crc32fast::Hasher,
+    /// Whether the part stays where the file is not finished.
+    kept: Arc<AtomicBool>,
+}
+
+/// Bytes of a file, as far as a checkpoint knows them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Written {
+    /// Number of bytes.
+    pub length: u64,
+    /// CRC-32 of them.
+    pub sum: u32,
 }
 
 impl Output {
     /// Opens the file for writing, before any work is done for it.
     ///
     /// # Errors
-    /// The folder does not exist or may not be written to.
+    /// The folder does not exist or may not be written to, or another run writes there.
     pub fn create(path: &Path) -> Result<Self> {
+        let problem = || Error::file(path, "cannot be written; choose another place with -o");
         let direct = fs::metadata(path).is_ok_and(|metadata| !metadata.is_file());
-        let part = (!direct).then(|| part_of(path));
-        let target = part.as_deref().unwrap_or(path);
-        let file = File::options()
-            .write(true)
-            .create(!direct)
-            .truncate(!direct)
-            .open(target)
-            .map_err(Error::file(path, "cannot be written; choose another place with -o"))?;
-        Ok(Self { path: path.to_owned(), part, file, length: 0 })
+        let (part, file) = if direct {
+            (None, File::options().write(true).open(path).map_err(problem())?)
+        } else {
+            let part = part_of(path);
+            let file = locked(path, &part, File::options().write(true).create(true))?;
+            file.set_len(0).map_err(problem())?;
+            (Some(part), file)
+        };
+        Ok(Self::new(path, part, file))
     }
 
-    /// Opens what an earlier process has left of the file, and goes on after its first `length` bytes.
+    fn new(path: &Path, part: Option<PathBuf>, file: File) -> Self {
+        let (written, sum) = (Written::default(), crc32fast::Hasher::new());
+        Self { path: path.to_owned(), part, file, written, sum, kept: Arc::default() }
+    }
+
+    /// Opens what an earlier process has left of the file, and goes on after the bytes that were `written`.
     ///
     /// # Errors
-    /// There is not as much of it, or it may not be written to.
-    pub fn resume(path: &Path, length: u64) -> Result<Self> {
+    /// There is not as much of it, its bytes are others, it may not be written to, or another run writes there.
+    pub fn resume(path: &Path, written: Written) -> Result<Self> {
         let context = |error| Error::file(path, "cannot be continued")(error);
         let part = part_of(path);
-        let has_enough = |path: &Path| fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() >= length);
-        if !has_enough(&part) {
+        let has_enough =
+            |path: &Path| fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() >= written.length);
+        let is_finished = !has_enough(&part);
+        if is_finished {
             // Finished in order, as after Ctrl-C, it has its name already.
             if !has_enough(path) {
                 let problem = " is shorter than when it was left: start anew, without --resume";
@@ -52,31 +75,45 @@ impl Output {
             }
             fs::copy(path, &part).map_err(context)?;
         }
-        let mut file = File::options().write(true).open(&part).map_err(context)?;
-        file.set_len(length).map_err(context)?;
+        let mut file = locked(path, &part, File::options().read(true).write(true))?;
+
+        // The film would be wrong in silence if its beginning were that of another.
+        let sum = sum_of(&mut file, written.length).map_err(context)?;
+        if sum.clone().finalize() != written.sum {
+            if is_finished {
+                let _ = fs::remove_file(&part);
+            }
+            return Err(Error::content(&part, " has other bytes than when it was left: start anew, without --resume"));
+        }
+        file.set_len(written.length).map_err(context)?;
         file.seek(SeekFrom::End(0)).map_err(context)?;
-        Ok(Self { path: path.to_owned(), part: Some(part), file, length })
+        let mut output = Self::new(path, Some(part), file);
+        (output.written, output.sum) = (written, sum);
+        Ok(output)
+    }
+
+    /// Lets the part stay where the file is not finished, if `kept` is true then: a checkpoint knows what is in it.
+    #[must_use]
+    pub fn kept_if(mut self, kept: Arc<AtomicBool>) -> Self {
+        self.kept = kept;
+        self
     }
 
     /// Bytes written so far.
-    pub fn len(&self) -> u64 {
-        self.length
-    }
-
-    /// Whether nothing was written yet.
-    pub fn is_empty(&self) -> bool {
-        self.length == 0
+    pub fn written(&self) -> Written {
+        Written { sum: self.sum.clone().finalize(), ..self.written }
     }
 
     /// Returns when all that was written is on the disk.
     ///
     /// # Errors
-    /// The disk is full or gone.
+    /// The disk is full or gone, or somebody has removed the part.
     pub fn sync(&self) -> Result<()> {
-        match self.part {
-            Some(_) => self.file.sync_data().map_err(Error::file(&self.path, "cannot be written")),
-            None => Ok(()),
+        let Some(part) = &self.part else { return Ok(()) };
+        if !is_in_place(&self.file, part) {
+            return Err(Error::content(&self.path, ": the part that was written has been removed or replaced"));
         }
+        self.file.sync_data().map_err(Error::file(&self.path, "cannot be written"))
     }
 
     /// Appends `bytes`.
@@ -84,8 +121,10 @@ impl Output {
     /// # Errors
     /// The disk is full or gone.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        self.length += bytes.len() as u64;
-        self.file.write_all(bytes).map_err(Error::file(&self.path, "cannot be written further"))
+        self.file.write_all(bytes).map_err(Error::file(&self.path, "cannot be written further"))?;
+        self.written.length += bytes.len() as u64;
+        self.sum.update(bytes);
+        Ok(())
     }
 
     /// Gives the file its name.
@@ -105,6 +144,53 @@ impl Output {
     }
 }
 
+/// Opens `part` and locks it for the file at `path`.
+fn locked(path: &Path, part: &Path, options: &fs::OpenOptions) -> Result<File> {
+    let problem = || Error::file(path, "cannot be written; choose another place with -o");
+    loop {
+        let file = options.open(part).map_err(problem())?;
+        match file.try_lock() {
+            // Another run may have given the part its name between the two calls.
+            Ok(()) if is_in_place(&file, part) => return Ok(file),
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                let text = " is being written by another run: wait for that, or choose another place with -o";
+                return Err(Error::content(path, text));
+            }
+            // Some network file systems have no locks.
+            Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => return Ok(file),
+            Err(TryLockError::Error(error)) => return Err(problem()(error)),
+        }
+    }
+}
+
+/// Whether `path` still leads to the open `file`.
+#[cfg(unix)]
+fn is_in_place(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let identity = |metadata: &fs::Metadata| (metadata.dev(), metadata.ino());
+    matches!((file.metadata(), fs::metadata(path)), (Ok(own), Ok(there)) if identity(&own) == identity(&there))
+}
+
+/// Elsewhere files that are open cannot be renamed.
+#[cfg(not(unix))]
+fn is_in_place(_: &File, _: &Path) -> bool {
+    true
+}
+
+/// The running sum of the first `length` bytes of `file`.
+fn sum_of(file: &mut File, length: u64) -> std::io::Result<crc32fast::Hasher> {
+    let mut sum = crc32fast::Hasher::new();
+    let mut first = file.take(length);
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match first.read(&mut buffer)? {
+            0 => return Ok(sum),
+            count => sum.update(&buffer[..count]),
+        }
+    }
+}
+
 /// `film.m2v` → `film.m2v.part`.
 pub(crate) fn part_of(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
@@ -114,7 +200,7 @@ pub(crate) fn part_of(path: &Path) -> PathBuf {
 
 impl Drop for Output {
     fn drop(&mut self) {
-        if let Some(part) = &self.part {
+        if let Some(part) = self.part.as_ref().filter(|_| !self.kept.load(Ordering::Relaxed)) {
             let _ = fs::remove_file(part);
         }
     }
@@ -144,18 +230,69 @@ mod tests {
     fn what_was_left_is_continued_where_it_was_known() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.m2v");
+        let written = |bytes: &[u8]| Written { length: bytes.len() as u64, sum: crc32fast::hash(bytes) };
         fs::write(folder.path().join("a.m2v.part"), b"abcdef").unwrap();
-        let mut output = Output::resume(&path, 4).unwrap();
+        let mut output = Output::resume(&path, written(b"abcd")).unwrap();
         output.write(b"xy").unwrap();
-        assert_eq!(output.len(), 6);
+        assert_eq!(output.written(), written(b"abcdxy"));
         output.finish().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"abcdxy");
         // Now it has its name, and its first bytes can be continued all the same.
-        let mut output = Output::resume(&path, 1).unwrap();
+        let mut output = Output::resume(&path, written(b"a")).unwrap();
         output.write(b"z").unwrap();
         output.finish().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"az");
-        assert!(Output::resume(&path, 3).err().unwrap().to_string().contains("start anew"));
+        for left in [written(b"azz"), written(b"ay")] {
+            let error = Output::resume(&path, left).err().unwrap().to_string();
+            assert!(error.contains("start anew") && error.contains("a.m2v.part"), "{error}");
+            assert_eq!(fs::read(&path).unwrap(), b"az");
+        }
+    }
+
+    #[test]
+    fn one_run_writes_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.m2v");
+        let mut first = Output::create(&path).unwrap();
+        first.write(b"abc").unwrap();
+        for second in
+            [Output::create(&path), Output::resume(&path, Written { length: 3, sum: crc32fast::hash(b"abc") })]
+        {
+            let error = second.err().unwrap().to_string();
+            assert!(error.contains("another run") && error.contains("a.m2v"), "{error}");
+        }
+        first.write(b"de").unwrap();
+        first.finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"abcde");
+        Output::create(&path).unwrap().finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"");
+    }
+
+    #[test]
+    fn what_a_checkpoint_knows_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.m2v");
+        let kept = Arc::new(AtomicBool::new(false));
+        for (keeps, stays) in [(false, false), (true, true)] {
+            let mut output = Output::create(&path).unwrap().kept_if(kept.clone());
+            output.write(b"abc").unwrap();
+            kept.store(keeps, Ordering::Relaxed);
+            drop(output);
+            assert_eq!(part_of(&path).exists(), stays);
+        }
+    }
+
+    /// Who removes a part while it is written is told of it, where a file without a name would be written on.
+    #[test]
+    #[cfg(unix)]
+    fn a_part_that_is_gone_is_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.m2v");
+        let mut output = Output::create(&path).unwrap();
+        output.write(b"abc").unwrap();
+        output.sync().unwrap();
+        fs::remove_file(part_of(&path)).unwrap();
+        assert!(output.sync().unwrap_err().to_string().contains("removed"));
     }
 
     #[test]

@@ -44,7 +44,7 @@ impl SectionFile {
         for (_, bytes) in &self.sections {
             file.write(bytes)?;
         }
-        let length = file.len();
+        let length = file.written().length;
         file.finish()?;
         Ok(length)
     }

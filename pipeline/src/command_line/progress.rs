@@ -52,6 +52,11 @@ impl Progress {
         self.bar.inc(1);
     }
 
+    /// Says above the line what went wrong and does not end the run.
+    pub fn warn(&self, warning: &str) {
+        self.bar.suspend(|| tell!("warning: {warning}"));
+    }
+
     /// Takes the line away.
     pub fn clear(&self) {
         self.bar.finish_and_clear();

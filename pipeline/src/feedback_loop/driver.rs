@@ -49,7 +49,7 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode>(
     let Parts { prepare, shade, display, encode, mask } = parts;
     let Start { checkpoints, begin, first, thresholds, mut masking_seconds, mut log } = start;
     let Run { observer, stop } = run;
-    checkpoints.expect(mask.is_some());
+    checkpoints.begin(mask.is_some())?;
     // Prepared frames are handed over without a queue: preparation is one frame ahead, which is all that can be used, and
     // each further one would hold a G-buffer. Elsewhere one frame may wait.
     let (prepared_out, prepared_in) = bounded(0);

@@ -3,13 +3,15 @@
 use super::observe::Observer;
 use crate::error::{Error, Result};
 use crate::figures::FrameFigures;
-use crate::output::Output;
+use crate::output::{Output, Written};
 use crate::parts::{Coding, Encoded};
 use crate::report::FrameReport;
 use crate::state::{NONSENSE, decode, encode};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Reports of the coded frames, and figures of the frames that the encoder still holds.
 #[derive(Debug, Default)]
@@ -17,7 +19,7 @@ pub(super) struct FilmLog {
     /// Where the bytes go; none: only to the observer.
     output: Option<Output>,
     /// Bytes of the film at the checkpoint that it is continued from.
-    length: u64,
+    written: Written,
     /// The first frame of the film, or of its part.
     begin: u32,
     reports: Vec<FrameReport>,
@@ -25,14 +27,14 @@ pub(super) struct FilmLog {
 }
 
 /// As it is stored: bytes of the film, reports, figures that wait, and the state of the encoder.
-type Stored = (u64, Vec<FrameReport>, BTreeMap<u32, FrameFigures>, Vec<u8>);
+type Stored = (Written, Vec<FrameReport>, BTreeMap<u32, FrameFigures>, Vec<u8>);
 
 impl FilmLog {
     /// How much of the film there is, once that is on the disk, with the `encoder`'s state.
     pub fn state(&self, encoder: Vec<u8>) -> Result<Vec<u8>> {
         self.output.as_ref().map_or(Ok(()), Output::sync)?;
-        let length = self.output.as_ref().map_or(0, Output::len);
-        Ok(encode(&(length, &self.reports, &self.waiting, encoder)))
+        let written = self.output.as_ref().map(Output::written).unwrap_or_default();
+        Ok(encode(&(written, &self.reports, &self.waiting, encoder)))
     }
 
     /// Nothing yet of a film, or of a part of one, whose first frame is `begin`.
@@ -43,19 +45,20 @@ impl FilmLog {
     /// Continues from a [`state`](Self::state) that was left when the frames `done` were; gives the encoder's state too.
     pub fn restored(state: &[u8], done: Range<u32>) -> Result<(Self, Vec<u8>)> {
         let begin = done.start;
-        let (length, reports, waiting, encoder): Stored = decode(state)?;
+        let (written, reports, waiting, encoder): Stored = decode(state)?;
         // Each frame that is done has its line, or waits for it.
         let mut frames: Vec<u32> = reports.iter().map(|line| line.index).chain(waiting.keys().copied()).collect();
         frames.sort_unstable();
         if !frames.into_iter().eq(done) {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }
-        Ok((Self { output: None, length, begin, reports, waiting }, encoder))
+        Ok((Self { output: None, written, begin, reports, waiting }, encoder))
     }
 
-    /// Opens the film's file: anew, or where it was at the checkpoint.
-    pub fn write_to(&mut self, path: &Path, continued: bool) -> Result<()> {
-        self.output = Some(if continued { Output::resume(path, self.length)? } else { Output::create(path)? });
+    /// Opens the film's file: anew, or where it was at the checkpoint. Unfinished, it stays if `kept` is true then.
+    pub fn write_to(&mut self, path: &Path, continued: bool, kept: Arc<AtomicBool>) -> Result<()> {
+        let output = if continued { Output::resume(path, self.written)? } else { Output::create(path)? };
+        self.output = Some(output.kept_if(kept));
         Ok(())
     }
 

@@ -57,7 +57,7 @@ impl<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode> Parts<P, S, M, E> {
         let log = FilmLog::beginning(begin);
         let mut start = Start { checkpoints, begin, first: begin, thresholds: None, masking_seconds: Vec::new(), log };
         let Some(last) = checkpoints.last_frame() else {
-            self.display.begin()?;
+            self.display.begin(checkpoints.kept())?;
             return Ok(start);
         };
         let state = |part| checkpoints.state(part);
@@ -75,7 +75,7 @@ impl<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode> Parts<P, S, M, E> {
         let done = self.prepare.restore(state(Part::Prepare), last)?;
         self.shade.restore(state(Part::Shade), &done)?;
         // Last, because this cuts a file to the length that it had.
-        self.display.restore(state(Part::Display))?;
+        self.display.restore(state(Part::Display), checkpoints.kept())?;
         Ok(start)
     }
 }
@@ -92,6 +92,6 @@ impl Start<'_> {
     /// # Errors
     /// The file cannot be written, or is shorter than it was.
     pub fn write_to(&mut self, path: &Path) -> Result<()> {
-        self.log.write_to(path, self.first > self.begin)
+        self.log.write_to(path, self.first > self.begin, self.checkpoints.kept())
     }
 }

@@ -42,7 +42,7 @@ pub(super) trait Stage: Sized {
 /// The stage leaves its state after each marked frame, and after the last frame of a run that was ended early.
 ///
 /// # Errors
-/// The first failure of a step, or a checkpoint that cannot be written.
+/// The first failure of a step, or a state that cannot be had.
 pub(super) fn work<S: Stage>(
     checkpoints: &Checkpoints,
     mut stage: S,
@@ -53,7 +53,7 @@ pub(super) fn work<S: Stage>(
     for Stamped { index, marked, content } in frames {
         let Some(content) = stage.step(index, content)? else { break };
         if marked {
-            checkpoints.leave(index, S::PART, stage.state()?)?;
+            checkpoints.leave(index, S::PART, stage.state()?);
         }
         last = Some(index);
         if !send(Stamped { index, marked, content }) {
@@ -62,7 +62,7 @@ pub(super) fn work<S: Stage>(
         }
     }
     if let Some(index) = last.filter(|&index| checkpoints.ends_after(index)) {
-        checkpoints.leave(index, S::PART, stage.state()?)?;
+        checkpoints.leave(index, S::PART, stage.state()?);
     }
     stage.finish()
 }

@@ -1,7 +1,7 @@
 //! Radiance into what a display shows: tone curve and Y′C_BC_R. Here light changes its unit to code values.
 
 use crate::error::{Error, Result};
-use crate::output::Output;
+use crate::output::{Output, Written};
 use crate::parts::{Channels, Displayed, Outline, Shaded};
 use crate::settings::{Settings, Size};
 use crate::state::{decode, encode};
@@ -10,6 +10,7 @@ use plane::{Picture, Plane};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Luminance that the middle of a picture is brought to when no exposure is set: photography's gray card.
 const MIDDLE_GRAY: f64 = 0.18;
@@ -48,12 +49,12 @@ impl Display {
         self.tone_map = self.tone_map.with_exposure(exposure);
     }
 
-    /// Opens the files of a film that begins.
+    /// Opens the files of a film that begins. Unfinished, they stay if `kept` is true then.
     ///
     /// # Errors
     /// A file cannot be written.
-    pub(crate) fn begin(&mut self) -> Result<()> {
-        self.y4m.as_mut().map_or(Ok(()), Y4m::begin)
+    pub(crate) fn begin(&mut self, kept: Arc<AtomicBool>) -> Result<()> {
+        self.y4m.as_mut().map_or(Ok(()), |file| file.begin(kept))
     }
 
     /// Frame `index` as a picture; its motion is left empty.
@@ -86,17 +87,17 @@ impl Display {
 
     /// The exposure, and how much of the uncompressed film there is on the disk.
     pub(crate) fn state(&self) -> Result<Vec<u8>> {
-        let length = self.y4m.as_ref().map(Y4m::sync).transpose()?;
-        Ok(encode(&(self.tone_map.exposure, length)))
+        let written = self.y4m.as_ref().map(Y4m::sync).transpose()?;
+        Ok(encode(&(self.tone_map.exposure, written)))
     }
 
     /// Continues from a [`state`](Self::state), and cuts the uncompressed film to the length that it had.
-    pub(crate) fn restore(&mut self, state: &[u8]) -> Result<()> {
-        let (exposure, length): (f32, Option<u64>) = decode(state)?;
+    pub(crate) fn restore(&mut self, state: &[u8], kept: Arc<AtomicBool>) -> Result<()> {
+        let (exposure, written): (f32, Option<Written>) = decode(state)?;
         self.tone_map = self.tone_map.with_exposure(exposure);
-        match (&mut self.y4m, length) {
-            (Some(file), Some(length)) => file.resume(length),
-            (Some(file), None) => file.begin(),
+        match (&mut self.y4m, written) {
+            (Some(file), Some(written)) => file.resume(written, kept),
+            (Some(file), None) => file.begin(kept),
             (None, _) => Ok(()),
         }
     }
@@ -152,17 +153,17 @@ impl Y4m {
     #[cfg(feature = "sweep")]
     pub(crate) fn create(path: &Path, settings: &Settings) -> Result<Self> {
         let mut file = Self::new(path, settings)?;
-        file.begin()?;
+        file.begin(Arc::default())?;
         Ok(file)
     }
 
-    fn begin(&mut self) -> Result<()> {
-        let output = self.output.insert(Output::create(&self.path)?);
+    fn begin(&mut self, kept: Arc<AtomicBool>) -> Result<()> {
+        let output = self.output.insert(Output::create(&self.path)?.kept_if(kept));
         output.write(self.header.as_bytes())
     }
 
-    fn resume(&mut self, length: u64) -> Result<()> {
-        self.output = Some(Output::resume(&self.path, length)?);
+    fn resume(&mut self, written: Written, kept: Arc<AtomicBool>) -> Result<()> {
+        self.output = Some(Output::resume(&self.path, written)?.kept_if(kept));
         Ok(())
     }
 
@@ -173,10 +174,10 @@ impl Y4m {
     }
 
     /// Bytes of the file, once they are on the disk.
-    fn sync(&self) -> Result<u64> {
-        let Some(output) = &self.output else { return Ok(0) };
+    fn sync(&self) -> Result<Written> {
+        let Some(output) = &self.output else { return Ok(Written::default()) };
         output.sync()?;
-        Ok(output.len())
+        Ok(output.written())
     }
 
     pub(crate) fn finish(self) -> Result<()> {

@@ -19,9 +19,9 @@ const HEADER: usize = 20;
 const SHADE: usize = 1;
 const ENCODE: usize = 3;
 
-/// As `pipeline/src/feedback_loop/log.rs` leaves it: bytes of the film, the report, figures of frames that wait (none, where
+/// As `pipeline/src/feedback_loop/log.rs` leaves it: bytes of the film and their sum, the report, figures of frames that wait (none, where
 /// each frame is coded as it comes), the encoder.
-type Encoding = (u64, Vec<FrameReport>, BTreeMap<u32, ()>, Vec<u8>);
+type Encoding = ((u64, u32), Vec<FrameReport>, BTreeMap<u32, ()>, Vec<u8>);
 
 struct Film {
     _folder: TempDir,
@@ -53,7 +53,7 @@ impl Film {
             };
             let settings = Settings::new(path.clone(), &scene, &options).unwrap();
             let plan = Plan::new(&scene, &settings.renderer());
-            let checkpoints = Checkpoints::new(&FilmJob::of(&settings).unwrap(), Some(Duration::ZERO)).unwrap();
+            let checkpoints = Checkpoints::new(&FilmJob::of(&settings).unwrap(), Some(Duration::ZERO));
             run(&checkpoints, &scene, &settings, &plan).unwrap();
             let bytes = std::fs::read(path_for(&settings.output)).unwrap();
             let (stored, _): (Stored, _) = bincode::serde::decode_from_slice(&bytes[HEADER..], CONFIG).unwrap();

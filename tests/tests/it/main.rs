@@ -14,6 +14,8 @@ mod compare;
 mod couple;
 mod decode;
 mod determinism;
+#[cfg(target_os = "linux")]
+mod disk;
 mod errors;
 mod extremes;
 #[cfg(unix)]

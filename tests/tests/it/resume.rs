@@ -215,6 +215,15 @@ fn only_the_same_film_is_continued() {
     checkered_room(Moving::Box).write(&folder.join("room.glb"));
     fails(&[], &["film.m2v.checkpoint", "scene has changed"]);
     checkered_room(Moving::Camera).write(&folder.join("room.glb"));
+    // The part itself: as long as it was, with a byte changed at its begin, or where it was last known; and too short.
+    let begun = fs::read(folder.join("film.m2v.part")).unwrap();
+    for place in [0, 1000] {
+        let mut changed = begun.clone();
+        changed[place] ^= 1;
+        fs::write(folder.join("film.m2v.part"), &changed).unwrap();
+        fails(&[], &["film.m2v.part", "other bytes", "--resume"]);
+        assert!(fs::read(folder.join("film.m2v.part")).unwrap() == changed, "it is left as it is");
+    }
     fs::write(folder.join("film.m2v.part"), b"").unwrap();
     fails(&[], &["film.m2v.part", "shorter"]);
 

@@ -117,7 +117,7 @@ impl Export {
     pub fn write(&self, path: &Path) -> Result<u64> {
         let mut file = Output::create(path)?;
         file.write(&self.file)?;
-        let length = file.len();
+        let length = file.written().length;
         let mut settings = Output::create(&SceneSettings::path_for(path))?;
         settings.write(self.settings.as_bytes())?;
         file.finish()?;

@@ -102,7 +102,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     let job = FilmJob::of(&settings)?;
     let checkpoints = match resume {
         true => Checkpoints::resume(&job, every)?,
-        false => Checkpoints::new(&job, every)?,
+        false => Checkpoints::new(&job, every),
     };
     let mut film = Film::new(&scene, &settings, &plan, &checkpoints)?;
     film.write_to(&settings.output)?;
@@ -120,10 +120,12 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     let frames = OnFrame::new(|frame: &FrameReport| {
         progress.frame(frame);
         lines.frame(frame);
+        checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
     });
     let observer = Watching { frames, importance: ImportanceSum::default() };
     let result = film.finish(Run { observer: &observer, stop: &interrupt.stop });
     progress.clear();
+    checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
     let report = result?;
     report.write(&report_path)?;
     write_page(html.as_deref(), &report, &observer.importance)?;

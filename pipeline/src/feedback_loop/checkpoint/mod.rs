@@ -20,7 +20,8 @@ pub use job::FilmJob;
 pub(crate) use job::sum_of_inputs;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// The part of the loop that a state belongs to.
@@ -50,6 +51,8 @@ pub struct Checkpoints {
     place: Option<Place>,
     from: Option<Stored>,
     path: Option<PathBuf>,
+    /// Whether there is a checkpoint, so that an unfinished film is worth keeping.
+    kept: Arc<AtomicBool>,
 }
 
 #[derive(Debug)]
@@ -69,27 +72,26 @@ struct Progress {
     /// States that make up a checkpoint.
     expected: usize,
     waiting: BTreeMap<u32, States>,
+    /// The first checkpoint that could not be written, until it is told.
+    failure: Option<Error>,
 }
 
 impl Checkpoints {
     /// None are written, and the film begins at its beginning.
     #[must_use]
-    pub const fn off() -> Self {
-        Self { place: None, from: None, path: None }
+    pub fn off() -> Self {
+        Self { place: None, from: None, path: None, kept: Arc::default() }
     }
 
     /// For a film that begins at its beginning: a checkpoint beside it every so often, and after each frame if that is zero.
-    /// The checkpoint of another run is removed.
-    ///
-    /// # Errors
-    /// An old checkpoint cannot be removed.
-    pub fn new(job: &FilmJob, every: Option<Duration>) -> Result<Self> {
+    /// The checkpoint of another run is removed when the first frame begins.
+    #[must_use]
+    pub fn new(job: &FilmJob, every: Option<Duration>) -> Self {
         let path = path_for(job.film());
-        remove(&path)?;
         // A device cannot be cut to a length later.
         let is_file = std::fs::metadata(job.film()).map_or(true, |metadata| metadata.is_file());
         let place = every.filter(|_| is_file).map(|every| Place::new(path.clone(), job, every));
-        Ok(Self { place, from: None, path: Some(path) })
+        Self { place, from: None, path: Some(path), kept: Arc::default() }
     }
 
     /// Continues from the checkpoint beside the film; from the beginning if there is none.
@@ -99,7 +101,7 @@ impl Checkpoints {
     pub fn resume(job: &FilmJob, every: Option<Duration>) -> Result<Self> {
         let path = path_for(job.film());
         if !path.exists() {
-            return Self::new(job, every);
+            return Ok(Self::new(job, every));
         }
         let stored = Stored::read(&path)?;
         if let Some(difference) = stored.identity.difference(job.identity()) {
@@ -109,7 +111,7 @@ impl Checkpoints {
             )));
         }
         let place = every.map(|every| Place::new(path.clone(), job, every));
-        Ok(Self { place, from: Some(stored), path: Some(path) })
+        Ok(Self { place, from: Some(stored), path: Some(path), kept: Arc::new(AtomicBool::new(true)) })
     }
 
     /// The last frame that is done; none at the beginning.
@@ -124,11 +126,31 @@ impl Checkpoints {
         self.from.as_ref().map_or(&[], |stored| &stored.states[part as usize])
     }
 
-    /// Says whether masking leaves states too. The driver calls this before the first frame.
-    pub(super) fn expect(&self, masking: bool) {
+    /// Whether there is a checkpoint, now and later.
+    pub(super) fn kept(&self) -> Arc<AtomicBool> {
+        self.kept.clone()
+    }
+
+    /// A line about a checkpoint that could not be written, once: the film goes on, and the checkpoint before stays.
+    #[must_use]
+    pub fn take_warning(&self) -> Option<String> {
+        let failure = self.place.as_ref()?.lock().failure.take()?;
+        Some(format!("{}; the film goes on without it", failure.chain()))
+    }
+
+    /// Says whether masking leaves states too. The driver calls this before the first frame, when the film's file is its own: the
+    /// checkpoint of another run can go.
+    ///
+    /// # Errors
+    /// That checkpoint cannot be removed.
+    pub(super) fn begin(&self, masking: bool) -> Result<()> {
+        if let Some(path) = self.path.as_ref().filter(|_| self.from.is_none()) {
+            remove(path)?;
+        }
         if let Some(place) = &self.place {
             place.lock().expected = if masking { PARTS } else { PARTS - 1 };
         }
+        Ok(())
     }
 
     /// Whether a checkpoint is to be made after the frame that is begun now; called once for each.
@@ -156,23 +178,25 @@ impl Checkpoints {
         self.place.as_ref().is_some_and(|place| place.lock().ends_after == Some(frame))
     }
 
-    /// Leaves the state of a part after `frame`, and writes the checkpoint if this was the last one of it.
-    ///
-    /// # Errors
-    /// The checkpoint cannot be written.
-    pub(super) fn leave(&self, frame: u32, part: Part, state: Vec<u8>) -> Result<()> {
-        let Some(place) = &self.place else { return Ok(()) };
+    /// Leaves the state of a part after `frame`, and writes the checkpoint if this was the last one of it. Where that fails, the
+    /// checkpoint before stays, and [`take_warning`](Self::take_warning) says so.
+    pub(super) fn leave(&self, frame: u32, part: Part, state: Vec<u8>) {
+        let Some(place) = &self.place else { return };
         let mut progress = place.lock();
         let expected = progress.expected;
         let states = progress.waiting.entry(frame).or_default();
         states[part as usize] = Some(state);
         let whole = states.iter().flatten().count() == expected;
-        let Some(states) = whole.then(|| progress.waiting.remove(&frame)).flatten() else { return Ok(()) };
+        let Some(states) = whole.then(|| progress.waiting.remove(&frame)).flatten() else { return };
         // Written under the lock: a later checkpoint never comes before an earlier one.
         let states = states.map(Option::unwrap_or_default).to_vec();
-        Stored { identity: place.job.identity().clone(), frame, states }.write(&place.path)?;
-        tracing::info!("checkpoint after frame {frame}");
-        Ok(())
+        match (Stored { identity: place.job.identity().clone(), frame, states }.write(&place.path)) {
+            Ok(()) => {
+                self.kept.store(true, Ordering::Relaxed);
+                tracing::info!("checkpoint after frame {frame}");
+            }
+            Err(error) => progress.failure = Some(error),
+        }
     }
 
     /// Removes the checkpoint: the film is whole.
@@ -183,7 +207,13 @@ impl Checkpoints {
 
 impl Place {
     fn new(path: PathBuf, job: &FilmJob, every: Duration) -> Self {
-        let progress = Progress { last: Instant::now(), ends_after: None, expected: PARTS, waiting: BTreeMap::new() };
+        let progress = Progress {
+            last: Instant::now(),
+            ends_after: None,
+            expected: PARTS,
+            waiting: BTreeMap::new(),
+            failure: None,
+        };
         Self { path, every, job: job.clone(), progress: Mutex::new(progress) }
     }
 
