@@ -14,6 +14,7 @@ pub mod join;
 pub mod laboratory;
 pub mod output;
 pub mod parts;
+pub mod places;
 pub mod renderer;
 pub mod report;
 pub mod settings;

@@ -88,7 +88,7 @@ impl<'a> Render<'a> {
             self.parts.display.set_exposure(exposure);
         }
         // What a part was made from is told as it was before.
-        let inputs = self.settings.range.map(|_| sum_of_inputs(self.settings)).transpose()?;
+        let inputs = self.settings.range.map(|_| sum_of_inputs(self.scene, self.settings)).transpose()?;
         let Self { scene, settings, plan, parts, start, begin, .. } = self;
         let reports = couple(parts, start, run)?;
         let interrupted = run.stop.load(Ordering::Relaxed) && reports.len() < settings.frame_range().len();

@@ -39,6 +39,7 @@ pub fn fingerprint(scene: &Scene) -> u64 {
         sky,
         settings,
         warnings: _,
+        origin: _,
     } = scene;
     let SceneSettings { tone_mapping: _, sky: _, sun, camera: _, animation: _, video: _, importance: _ } = settings;
     let mut hash = SceneHash { hash: Xxh3::new(), batch: Vec::new(), numbers: numbers(scene) };

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Options that say what the program does now, and not how a film is to be: no file has them.
-const NOT_IN_FILES: [&str; 8] =
-    ["config", "print-config", "resume", "help", "verbose", "quiet", "progress", "json-progress"];
+const NOT_IN_FILES: [&str; 9] =
+    ["allow-outside", "config", "print-config", "resume", "help", "verbose", "quiet", "progress", "json-progress"];
 
 /// Parses the arguments, with defaults from the file that `--config` names. Wrong arguments end the program with a hint.
 ///

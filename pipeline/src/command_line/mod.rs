@@ -6,7 +6,7 @@
 macro_rules! say {
     ($($text:tt)*) => {{
         use std::io::Write;
-        let _ = writeln!(std::io::stdout(), $($text)*);
+        let _ = writeln!(std::io::stdout(), "{}", crate::command_line::print::printable(&format!($($text)*)));
     }};
 }
 
@@ -14,7 +14,7 @@ macro_rules! say {
 macro_rules! tell {
     ($($text:tt)*) => {{
         use std::io::Write;
-        let _ = writeln!(std::io::stderr(), $($text)*);
+        let _ = writeln!(std::io::stderr(), "{}", crate::command_line::print::printable(&format!($($text)*)));
     }};
 }
 
@@ -26,6 +26,7 @@ mod interrupt;
 mod lines;
 mod log;
 mod parts;
+mod print;
 mod print_config;
 mod progress;
 mod source;
@@ -36,6 +37,7 @@ use anyhow::{Context, Result};
 use args::Command;
 #[cfg(feature = "shell")]
 use clap::CommandFactory;
+use print::single_line;
 use std::process::ExitCode;
 #[cfg(feature = "sweep")]
 use std::sync::atomic::Ordering;
@@ -50,7 +52,7 @@ pub fn main() -> ExitCode {
     match result.and_then(|arguments| run(arguments.command).map_err(with_exit_code)) {
         Ok(code) => code,
         Err((error, code)) => {
-            tell!("render2mpeg: {error:#}");
+            tell!("render2mpeg: {}", single_line(&format!("{error:#}")));
             ExitCode::from(code)
         }
     }
@@ -91,7 +93,7 @@ fn run(command: Command) -> Result<ExitCode> {
             let interrupt = interrupt::Interrupt::watch()?;
             match commands::sweep::run(arguments, &interrupt.stop) {
                 Err(error) if interrupt.stop.load(Ordering::Relaxed) => {
-                    tell!("render2mpeg: {error:#}");
+                    tell!("render2mpeg: {}", single_line(&format!("{error:#}")));
                     Ok(interrupt.exit_code())
                 }
                 result => result,

@@ -1,6 +1,7 @@
 //! Progress at a terminal while the frames are made, and a summary at the end.
 
 use crate::Settings;
+use crate::command_line::print::single_line;
 use crate::report::{FrameReport, Report};
 use indicatif::{ProgressBar, ProgressStyle};
 use render_core::scene::Scene;
@@ -30,7 +31,7 @@ impl Progress {
             settings.fps,
             settings.qscale,
         );
-        scene.warnings.iter().for_each(|warning| tell!("note: {warning}"));
+        scene.warnings.iter().for_each(|warning| tell!("note: {}", single_line(warning)));
         let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {per_sec}  {eta} left  {msg}")
             .expect("the template is correct");
         let frames = settings.frame_range();
@@ -54,7 +55,7 @@ impl Progress {
 
     /// Says above the line what went wrong and does not end the run.
     pub fn warn(&self, warning: &str) {
-        self.bar.suspend(|| tell!("warning: {warning}"));
+        self.bar.suspend(|| tell!("warning: {}", single_line(warning)));
     }
 
     /// Takes the line away.

@@ -1,7 +1,8 @@
 //! Where a film comes from.
 
 use clap::Args;
-use std::path::PathBuf;
+use render_core::scene::{self, LoadError, Reach, Scene};
+use std::path::{Path, PathBuf};
 
 /// The scene, and the file with further options.
 #[derive(Args)]
@@ -12,11 +13,41 @@ pub(crate) struct Source {
     /// Take options from a TOML file, by their names here: qscale = 8, cache = "off"; what is typed overrides them
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
+    /// Where files of the scene may lie.
+    #[command(flatten)]
+    pub access: Access,
 }
 
 impl Source {
     /// The scene's path. Without one `config_file::parse` ends the program.
-    pub fn path(self) -> PathBuf {
-        self.scene.unwrap_or_default()
+    pub fn path(&self) -> PathBuf {
+        self.scene.clone().unwrap_or_default()
+    }
+
+    /// The file that options were taken from.
+    pub fn config(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+}
+
+/// Where files may lie that a scene names.
+#[derive(Clone, Copy, Debug, Args)]
+pub(crate) struct Access {
+    /// Read files that the scene names from anywhere, and not from its own folder alone: for scenes that are trusted
+    #[arg(long)]
+    allow_outside: bool,
+}
+
+impl Access {
+    pub fn reach(self) -> Reach {
+        if self.allow_outside { Reach::Anywhere } else { Reach::Folder }
+    }
+
+    /// Loads the scene at `path`.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn load(self, path: &Path) -> Result<Scene, LoadError> {
+        scene::load_within(path, self.reach())
     }
 }

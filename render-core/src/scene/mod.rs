@@ -4,6 +4,7 @@ mod animation;
 mod camera;
 mod deform;
 mod far;
+mod files;
 mod gltf_file;
 mod light;
 mod material;
@@ -17,7 +18,8 @@ pub use crate::environment::Gradient;
 pub use animation::{Channel, Interpolation, Track};
 pub use camera::{Camera, Projected, Projection, View};
 pub use deform::{DeformedMesh, MorphedNode, Skin};
-pub use gltf_file::{GltfSource, LoadError, load};
+pub use files::{Origin, Reach};
+pub use gltf_file::{GltfSource, LoadError, load, load_within};
 pub use light::{PunctualKind, PunctualLight};
 pub use material::{Alpha, Material, TextureSlot, UV_SETS};
 pub(crate) use mesh::interpolate as mesh_interpolate;
@@ -108,6 +110,8 @@ pub struct Scene {
     pub settings: SceneSettings,
     /// Parts that were read but are not rendered, a line each, for the user.
     pub warnings: Vec<String>,
+    /// The files that it was read from.
+    pub origin: Origin,
 }
 
 impl Scene {

@@ -238,7 +238,7 @@ fn parts_that_make_no_film_are_named_in_one_line() {
         assert_fails(folder, &[&["join", "-o", "film.m2v"][..], &named].concat(), &words);
         assert_eq!(sorted_names(folder), before, "{named:?}: nothing half-written stays");
     }
-    assert_fails(folder, &["join", first, second, third, "-o", first], &[first, "place of a part"]);
+    assert_fails(folder, &["join", first, second, third, "-o", first], &[first, "a file of a part"]);
     assert_fails(folder, &["join", first, second, third, "-o", "film.mp4"], &["film.mp4", ".mpg"]);
     assert_eq!(sorted_names(folder), before);
     let _ = join(folder, &parts, "film.m2v");

@@ -66,7 +66,17 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
     for option in
         options.filter(|option| option.chars().all(|c| c.is_ascii_lowercase() || c == '-') && !option.is_empty())
     {
-        let without = ["config", "print-config", "resume", "help", "verbose", "quiet", "progress", "json-progress"];
+        let without = [
+            "allow-outside",
+            "config",
+            "print-config",
+            "resume",
+            "help",
+            "verbose",
+            "quiet",
+            "progress",
+            "json-progress",
+        ];
         let undefined = [
             "baked",
             "bounces",

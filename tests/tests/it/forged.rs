@@ -53,7 +53,7 @@ impl Film {
             };
             let settings = Settings::new(path.clone(), &scene, &options).unwrap();
             let plan = Plan::new(&scene, &settings.renderer());
-            let checkpoints = Checkpoints::new(&FilmJob::of(&settings).unwrap(), Some(Duration::ZERO));
+            let checkpoints = Checkpoints::new(&FilmJob::of(&scene, &settings).unwrap(), Some(Duration::ZERO));
             run(&checkpoints, &scene, &settings, &plan).unwrap();
             let bytes = std::fs::read(path_for(&settings.output)).unwrap();
             let (stored, _): (Stored, _) = bincode::serde::decode_from_slice(&bytes[HEADER..], CONFIG).unwrap();
@@ -71,7 +71,7 @@ impl Film {
         file.extend(crc32fast::hash(&body).to_le_bytes());
         file.extend(body);
         std::fs::write(path_for(&self.settings.output), file).unwrap();
-        let job = FilmJob::of(&self.settings).unwrap();
+        let job = FilmJob::of(&self.scene, &self.settings).unwrap();
         let checkpoints = Checkpoints::resume(&job, None).map_err(|error| error.chain())?;
         run(&checkpoints, &self.scene, &self.settings, &self.plan)
     }

@@ -24,6 +24,8 @@ mod feedback;
 mod forged;
 mod importance;
 #[cfg(unix)]
+mod inputs;
+#[cfg(unix)]
 mod interrupt;
 mod layers;
 mod light_transport;

@@ -1,7 +1,7 @@
 //! A glTF document as JSON with its bytes, open to changes.
 
 use crate::error::{Error, Result};
-use render_core::scene::GltfSource;
+use render_core::scene::{GltfSource, Reach};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -20,8 +20,8 @@ pub(super) struct Document {
 
 impl Document {
     /// Reads a scene file that was loaded before, with all of its buffers.
-    pub fn read(path: &Path) -> Result<Self> {
-        let mut source = GltfSource::read(path)?;
+    pub fn read(path: &Path, reach: Reach) -> Result<Self> {
+        let mut source = GltfSource::read(path, reach)?;
         let json: Value = serde_json::from_slice(&source.json)
             .map_err(|error| Error::content(path, format!(": no JSON ({error}); export or copy it again")))?;
         let mut binary = source.binary.take();

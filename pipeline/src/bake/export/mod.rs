@@ -84,7 +84,7 @@ pub fn export(scene: &Scene, settings: &Settings, baked: &Arc<BakedTexels>, side
     drop(picture);
 
     // The document around it.
-    let mut document = Document::read(&settings.scene)?;
+    let mut document = Document::read(&settings.scene, scene.origin.reach)?;
     let places = places::places(&document, scene)?;
     let materials = Materials::new(&mut document, png);
     let (document_of_meshes, texels) = (&mut document, &fine);

@@ -3,12 +3,14 @@
 use crate::bake;
 use crate::bake::export::check_path;
 use crate::command_line::progress;
+use crate::command_line::source::Access;
 use crate::output::Output;
+use crate::places::FilePlaces;
 use crate::renderer::texels::BakedTexels;
 use crate::{Error, Options, Settings};
 use anyhow::Result;
 use clap::Args;
-use render_core::scene::{self, Scene};
+use render_core::scene::Scene;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -19,6 +21,9 @@ use std::time::Instant;
 pub(crate) struct Bake {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
+    /// Where files of the scene may lie.
+    #[command(flatten)]
+    access: Access,
     /// The baked light [default: the scene's name with .slf, beside it; with --gltf, no such file]
     #[arg(short, long, value_name = "FILE.slf")]
     output: Option<PathBuf>,
@@ -57,10 +62,16 @@ pub(crate) struct Bake {
 
 /// Bakes, and writes the light, the export, or both.
 pub fn run(arguments: Bake) -> Result<ExitCode> {
-    let Bake { scene: path, output, gltf, texture, baked, texels, vpls, photons, bounces, seed, quiet, .. } = arguments;
-    let scene = scene::load(&path)?;
+    let Bake { scene: path, access, output, gltf, texture, baked, texels, vpls, photons, bounces, seed, quiet, .. } =
+        arguments;
+    let scene = access.load(&path)?;
     // Outputs that cannot be written are told of before the work, not after it.
     let output = output.or_else(|| gltf.is_none().then(|| path.with_extension("slf")));
+    FilePlaces::of(&scene)
+        .reads("--baked", baked.as_deref())
+        .writes("-o", output.as_deref())
+        .writes("--gltf", gltf.as_deref())
+        .check()?;
     if let Some(output) = &output {
         drop(Output::create(output)?);
     }

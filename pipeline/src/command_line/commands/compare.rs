@@ -2,6 +2,7 @@
 
 use crate::laboratory::compare::{self, Comparison, HEAT_MAP_RANGE, HeatMap, png_file};
 use crate::output::Output;
+use crate::places::FilePlaces;
 use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
@@ -26,6 +27,8 @@ pub struct Compare {
 pub fn run(arguments: &Compare) -> Result<ExitCode> {
     let Compare { picture, reference, heatmap, json } = arguments;
     // An output that cannot be written is told of before the work.
+    let places = FilePlaces::default().reads("the comparison", Some(picture)).reads("the comparison", Some(reference));
+    places.writes("--heatmap", heatmap.as_deref()).check()?;
     let output = heatmap.as_deref().map(Output::create).transpose()?;
     let single = compare::is_single(picture);
     let mut map = HeatMap::default();

@@ -1,10 +1,10 @@
 //! `render2mpeg plan`.
 
+use crate::command_line::print::single_line;
 use crate::command_line::source::Source;
 use crate::{Options, Settings};
 use anyhow::Result;
 use clap::Args;
-use render_core::scene;
 use std::process::ExitCode;
 
 /// Options of a plan.
@@ -21,10 +21,10 @@ pub(crate) struct Plan {
 /// Prints the plan.
 pub fn run(arguments: Plan) -> Result<ExitCode> {
     let path = arguments.source.path();
-    let scene = scene::load(&path)?;
+    let scene = arguments.source.access.load(&path)?;
     let settings = Settings::new(path, &scene, &arguments.options)?;
     let _ = settings.encoder_config()?;
     say!("{}", crate::Plan::new(&scene, &settings.renderer()).table().trim_end());
-    scene.warnings.iter().for_each(|warning| say!("note: {warning}"));
+    scene.warnings.iter().for_each(|warning| say!("note: {}", single_line(warning)));
     Ok(ExitCode::SUCCESS)
 }

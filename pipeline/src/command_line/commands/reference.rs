@@ -1,13 +1,15 @@
 //! `render2mpeg reference`.
 
 use crate::command_line::progress;
+use crate::command_line::source::Access;
 use crate::output::Output;
+use crate::places::FilePlaces;
 use crate::renderer::reference::{self, ReferenceMethod};
 use crate::settings::{Size, Switch};
 use crate::{Options, Settings};
 use anyhow::Result;
 use clap::Args;
-use render_core::{PathOptions, PixelSampling, scene};
+use render_core::{PathOptions, PixelSampling};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -16,6 +18,9 @@ use std::process::ExitCode;
 pub(crate) struct Reference {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
+    /// Where files of the scene may lie.
+    #[command(flatten)]
+    access: Access,
     /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -61,6 +66,7 @@ pub(crate) struct Reference {
 pub fn run(arguments: Reference) -> Result<ExitCode> {
     let Reference {
         scene: path,
+        access,
         output,
         frame,
         method,
@@ -75,7 +81,8 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
         quiet,
         ..
     } = arguments;
-    let scene = scene::load(&path)?;
+    let scene = access.load(&path)?;
+    FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
     // Settings are those of a film, which has a reflection at least; paths may show what glows alone.
     let film_bounces = bounces.filter(|&bounces| bounces > 0 || method == ReferenceMethod::AllLights);
     let antialiasing = center.then_some(Switch::Off);

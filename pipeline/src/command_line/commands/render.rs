@@ -7,18 +7,18 @@ use crate::command_line::print_config::ProgramOption;
 use crate::command_line::source::Source;
 use crate::command_line::{parts, print_config, progress};
 use crate::feedback_loop::Run;
-use crate::feedback_loop::checkpoint::{Checkpoints, FilmJob};
+use crate::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
 use crate::feedback_loop::observe::{Observer, OnFrame};
 #[cfg(feature = "html")]
 use crate::laboratory::page::ImportanceSum;
 use crate::output::Output;
+use crate::places::FilePlaces;
 use crate::report::FrameReport;
 use crate::settings::CheckpointEvery;
 use crate::{Options, Plan, Render as Film, Report};
 use anyhow::{Context, Result};
 use clap::Args;
 use plane::Plane;
-use render_core::scene;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
@@ -78,7 +78,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     parts::need("exr", options.exr.is_some() || !options.aov.is_empty())?;
     parts::need("trace", trace.is_some() || verbose > 0)?;
     let path = source.path();
-    let scene = scene::load(&path)?;
+    let scene = source.access.load(&path)?;
     let settings = options.fill_in(path, &scene)?;
     // All that can be wrong with the settings or the places of the files is said before the first ray.
     let _ = settings.encoder_config()?;
@@ -94,12 +94,23 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
         say!("{}", print_config::text(&settings.scene, &options, &more)?.trim_end());
         return Ok(ExitCode::SUCCESS);
     }
+    let checkpoint_path = path_for(&settings.output);
+    FilePlaces::of(&scene)
+        .reads("--config", source.config())
+        .reads("--baked", settings.baked.as_deref())
+        .writes("-o", Some(&settings.output))
+        .writes("the checkpoint", Some(&checkpoint_path))
+        .writes("--report", Some(&report_path))
+        .writes("--y4m", settings.y4m.as_deref())
+        .writes("--html", html.as_deref())
+        .writes("--trace", trace.as_deref())
+        .check()?;
     if let Some(folder) = &settings.exr {
         std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     }
     let plan = Plan::new(&scene, &settings.renderer());
     let every = checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration);
-    let job = FilmJob::of(&settings)?;
+    let job = FilmJob::of(&scene, &settings)?;
     let checkpoints = match resume {
         true => Checkpoints::resume(&job, every)?,
         false => Checkpoints::new(&job, every),

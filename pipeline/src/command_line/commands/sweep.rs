@@ -2,11 +2,11 @@
 
 use crate::Options;
 use crate::command_line::progress;
+use crate::command_line::source::Access;
 use crate::laboratory::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method, Source};
 use crate::settings::Size;
 use anyhow::{Context, Result};
 use clap::Args;
-use render_core::scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
@@ -16,6 +16,9 @@ use std::sync::atomic::AtomicBool;
 pub(crate) struct Sweep {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
+    /// Where files of the scene may lie.
+    #[command(flatten)]
+    access: Access,
     /// The folder for sweep.html, sweep.json, sweep.csv, plots and maps [default: the scene's name and "-sweep"]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
@@ -57,9 +60,23 @@ pub(crate) struct Sweep {
 
 /// Sweeps and writes.
 pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
-    let Sweep { scene: path, output, qscale, methods, frames, size, fps, kappa, vpls, photons, seed, quiet, .. } =
-        arguments;
-    let scene = scene::load(&path)?;
+    let Sweep {
+        scene: path,
+        access,
+        output,
+        qscale,
+        methods,
+        frames,
+        size,
+        fps,
+        kappa,
+        vpls,
+        photons,
+        seed,
+        quiet,
+        ..
+    } = arguments;
+    let scene = access.load(&path)?;
     let folder = match output {
         Some(folder) => folder,
         None => {

@@ -3,7 +3,7 @@
 use super::file::Identity;
 use crate::error::{Context, Error, Result};
 use crate::settings::Settings;
-use render_core::scene::SceneSettings;
+use render_core::scene::Scene;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -15,14 +15,14 @@ pub struct FilmJob {
 }
 
 impl FilmJob {
-    /// The film that `settings` describe. Reads the scene's files for their check sum.
+    /// The film of `scene` that `settings` describe. Where the scene and its files lie does not matter, nor how a path is typed.
     ///
     /// # Errors
-    /// The scene cannot be read.
-    pub fn of(settings: &Settings) -> Result<Self> {
-        let text = serde_json::to_string(settings).context("the settings cannot be put into JSON")?;
+    /// The baked light cannot be read.
+    pub fn of(scene: &Scene, settings: &Settings) -> Result<Self> {
+        let text = identity_of(settings).context("the settings cannot be put into JSON")?;
         let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
-        Ok(Self::new(&settings.output, program, &text, sum_of_inputs(settings)?))
+        Ok(Self::new(&settings.output, program, &text, sum_of_inputs(scene, settings)?))
     }
 
     /// A film at `film` that `program` makes: `settings` is a JSON object with all that its bits depend on, `inputs` a check
@@ -43,32 +43,52 @@ impl FilmJob {
     }
 }
 
-/// CRC-32 of all files that a film is made from.
+/// Settings as JSON, without places of what their contents tell apart.
+fn identity_of(settings: &Settings) -> serde_json::Result<String> {
+    let mut value = serde_json::to_value(settings)?;
+    if let Some(names) = value.as_object_mut() {
+        ["scene", "output", "baked"].iter().for_each(|name| drop(names.remove(*name)));
+        // Further outputs are continued where they lie.
+        for name in ["exr", "y4m"] {
+            let Some(path) = names.get_mut(name).filter(|path| path.is_string()) else { continue };
+            let absolute = path.as_str().and_then(|path| std::path::absolute(path).ok());
+            if let Some(absolute) = absolute {
+                *path = absolute.components().collect::<PathBuf>().display().to_string().into();
+            }
+        }
+    }
+    serde_json::to_string(&value)
+}
+
+/// CRC-32 of all files that a film is made from: those that the scene was read from, and its baked light.
 ///
 /// # Errors
-/// A file cannot be read.
-pub(crate) fn sum_of_inputs(settings: &Settings) -> Result<u32> {
-    let scene = sum_of_scene(&settings.scene)?;
-    let Some(path) = &settings.baked else { return Ok(scene) };
+/// The baked light cannot be read.
+pub(crate) fn sum_of_inputs(scene: &Scene, settings: &Settings) -> Result<u32> {
+    let Some(path) = &settings.baked else { return Ok(scene.origin.sum) };
     let baked = fs::read(path).map_err(Error::file(path, "cannot be read; make it with render2mpeg bake"))?;
-    let mut sum = crc32fast::Hasher::new_with_initial(scene);
+    let mut sum = crc32fast::Hasher::new_with_initial(scene.origin.sum);
     sum.update(&baked);
     Ok(sum.finalize())
 }
 
-/// CRC-32 of a scene's own file, of the one beside it with its settings, and of those that its JSON names.
-fn sum_of_scene(path: &Path) -> Result<u32> {
-    let mut sum = crc32fast::Hasher::new();
-    let bytes = fs::read(path).map_err(Error::file(path, "cannot be read"))?;
-    sum.update(&bytes);
-    let mut others = vec![SceneSettings::path_for(path)];
-    let document: serde_json::Value = serde_json::from_slice(&bytes).unwrap_or_default();
-    for list in ["buffers", "images"] {
-        let entries = document[list].as_array().into_iter().flatten();
-        let names = entries.filter_map(|entry| entry["uri"].as_str()).filter(|uri| !uri.starts_with("data:"));
-        others.extend(names.map(|name| path.with_file_name(name)));
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Options;
+
+    #[test]
+    fn paths_may_be_typed_otherwise() {
+        let identity = |scene: &str, y4m: &str, qscale: u32| {
+            let options = Options { y4m: Some(y4m.into()), qscale: Some(qscale), ..Options::default() };
+            identity_of(&Settings::new(scene.into(), &Scene::default(), &options).unwrap()).unwrap()
+        };
+        let first = identity("s.glb", "a/f.y4m", 8);
+        let absolute = std::env::current_dir().unwrap().join("a/f.y4m");
+        for y4m in ["./a/f.y4m", "a//./f.y4m", absolute.to_str().unwrap()] {
+            assert_eq!(first, identity("./s.glb", y4m, 8), "{y4m}");
+        }
+        assert_ne!(first, identity("s.glb", "b/f.y4m", 8));
+        assert_ne!(first, identity("s.glb", "a/f.y4m", 10));
     }
-    // Names may be escaped; what is not found under them was not what was loaded.
-    others.iter().filter_map(|other| fs::read(other).ok()).for_each(|bytes| sum.update(&bytes));
-    Ok(sum.finalize())
 }

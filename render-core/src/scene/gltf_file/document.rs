@@ -1,9 +1,9 @@
 //! The document and the bytes it refers to.
 
 use super::accessor::Buffers;
-use super::{LoadError, Loader, is_inside};
+use super::{LoadError, Loader};
 use std::collections::HashSet;
-use std::path::PathBuf;
+use std::path::Path;
 
 /// Extensions that a file may require.
 const SUPPORTED: [&str; 7] = [
@@ -68,7 +68,7 @@ impl Loader<'_> {
         Ok(buffers)
     }
 
-    /// Reads a `data:` URI or a file inside of the scene's folder.
+    /// Reads a `data:` URI or a file beside the scene.
     pub(super) fn resource(&self, what: &str, uri: &str) -> Result<Vec<u8>, LoadError> {
         let shown =
             if uri.len() > 80 { format!("{}…", uri.chars().take(40).collect::<String>()) } else { uri.into() };
@@ -82,11 +82,10 @@ impl Loader<'_> {
             let encoded = data.split_once(";base64,").ok_or_else(|| fail("only base64 data is read"))?.1;
             return decode_base64(encoded).ok_or_else(|| fail("broken base64 data"));
         }
-        let relative = PathBuf::from(decode_percent(uri));
-        if !is_inside(&relative) || uri.contains("://") {
+        if uri.contains("://") {
             return Err(fail("it lies outside of the scene's folder"));
         }
-        std::fs::read(self.folder.join(relative)).map_err(|error| fail(&error.to_string()))
+        self.files.read_named(Path::new(&decode_percent(uri))).map_err(|why| fail(&why))
     }
 }
 

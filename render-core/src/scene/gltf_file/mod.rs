@@ -17,13 +17,14 @@ mod validate;
 
 pub use source::GltfSource;
 
+use super::files::{Reach, SceneFiles};
 use super::light::STRONGEST;
 use super::sky::SkySource;
 use super::{Gradient, Material, Scene, SceneSettings};
 use crate::environment::Environment;
 use glam::{Affine3A, Vec3, Vec3A};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 /// Farthest from the origin that anything may be \[m\]: its square is far inside of the range of `f32`.
 const FARTHEST: f32 = 1e15;
@@ -73,16 +74,26 @@ pub enum LoadError {
     },
 }
 
-/// Loads `path` (`.gltf` or `.glb`) and, if there is one, the TOML file of the same name beside it.
+/// Loads `path` (`.gltf` or `.glb`) and, if there is one, the TOML file of the same name beside it. Files that these name are read
+/// where they lie in the folder of the scene.
 ///
 /// # Errors
 /// See [`LoadError`]. No panic reaches the caller, whatever the file holds, and the process's panic hook is left alone.
 pub fn load(path: &Path) -> Result<Scene, LoadError> {
-    let bytes = std::fs::read(path).map_err(|error| LoadError::Open { path: path.into(), error })?;
-    let settings = load_settings(path)?;
-    let mut scene =
-        guarded(|| Loader { path, folder: path.parent().unwrap_or(Path::new("")) }.scene(&bytes, &settings))
-            .unwrap_or_else(|| Err(malformed(path, "damaged glTF: an index or offset points outside of its data")))?;
+    load_within(path, Reach::Folder)
+}
+
+/// As [`load`], with files from where `reach` allows.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_within(path: &Path, reach: Reach) -> Result<Scene, LoadError> {
+    let files = SceneFiles::of(path, reach);
+    let bytes = files.read(path).map_err(|error| LoadError::Open { path: path.into(), error })?;
+    let bytes = without_mark(&bytes);
+    let settings = load_settings(path, &files)?;
+    let mut scene = guarded(|| Loader { path, files: &files }.scene(bytes, &settings))
+        .unwrap_or_else(|| Err(malformed(path, "damaged glTF: an index or offset points outside of its data")))?;
     let triangles = scene.triangle_count();
     if triangles > MOST_TRIANGLES {
         return Err(malformed(
@@ -94,7 +105,8 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
         return Err(malformed(path, format!("something is more than {FARTHEST:e} m from the origin; scale the scene")));
     }
     scene.move_to_origin();
-    scene.sky = load_sky(path, &settings)?;
+    scene.sky = load_sky(path, &settings, &files)?;
+    scene.origin = files.into_origin();
     let settings_have_sky = settings.sky.is_some();
     scene.settings = settings;
     // A sky that the author has described, a black one too, is the author's choice.
@@ -109,7 +121,7 @@ pub fn load(path: &Path) -> Result<Scene, LoadError> {
 }
 
 /// The environment of the `[sky]` table.
-fn load_sky(scene: &Path, settings: &SceneSettings) -> Result<Option<Environment>, LoadError> {
+fn load_sky(scene: &Path, settings: &SceneSettings, files: &SceneFiles) -> Result<Option<Environment>, LoadError> {
     let toml = SceneSettings::path_for(scene);
     let Some(sky) = &settings.sky else { return Ok(None) };
     let source = sky.source().map_err(|error| malformed(&toml, error.to_string()))?;
@@ -117,16 +129,12 @@ fn load_sky(scene: &Path, settings: &SceneSettings) -> Result<Option<Environment
         SkySource::Gradient(gradient) => return Ok(Environment::gradient(gradient)),
         SkySource::Image { file, intensity, rotation } => (file, intensity, rotation),
     };
-    if !is_inside(Path::new(&file)) {
-        return Err(malformed(
-            &toml,
-            format!("[sky] image \"{file}\" lies outside of the scene's folder; put it there"),
-        ));
-    }
-    let image = toml.parent().unwrap_or(Path::new("")).join(&file);
+    let refused = |why: String| malformed(&toml, format!("[sky] image \"{file}\": {why}"));
+    let image = files.resolved(Path::new(&file)).map_err(refused)?;
+    let _ = files.read(&image).map_err(|error| refused(format!("{}: {error}", image.display())))?;
     let texels = guarded(|| crate::image_file::read_radiance(&image).map_err(|error| error.to_string()))
         .unwrap_or_else(|| Err(format!("{}: damaged image", image.display())))
-        .map_err(|why| malformed(&toml, format!("[sky] image \"{file}\": {why}")))?;
+        .map_err(refused)?;
     // Texels that are no numbers are black.
     let brightest = texels.samples().iter().filter(|c| c.is_finite()).fold(0.0f32, |most, c| most.max(c.max_element()));
     if brightest * intensity > STRONGEST {
@@ -164,18 +172,21 @@ fn is_within_reach(scene: &Scene) -> bool {
     })
 }
 
-fn load_settings(scene: &Path) -> Result<SceneSettings, LoadError> {
+fn load_settings(scene: &Path, files: &SceneFiles) -> Result<SceneSettings, LoadError> {
     let path = SceneSettings::path_for(scene);
-    match std::fs::read_to_string(&path) {
-        Ok(text) => SceneSettings::parse(&text).map_err(|error| malformed(&path, error.to_string())),
+    match files.read(&path) {
+        Ok(bytes) => {
+            let text = str::from_utf8(without_mark(&bytes)).map_err(|_| malformed(&path, "no text in UTF-8"))?;
+            SceneSettings::parse(text).map_err(|error| malformed(&path, error.to_string()))
+        }
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(SceneSettings::default()),
         Err(error) => Err(LoadError::Open { path, error }),
     }
 }
 
-/// Whether a path leads from a folder to something in it.
-fn is_inside(relative: &Path) -> bool {
-    relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+/// Text without the byte order mark that some editors put in front of UTF-8.
+fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
 }
 
 fn malformed(path: &Path, what: impl Into<String>) -> LoadError {
@@ -190,7 +201,7 @@ fn guarded<T>(f: impl FnOnce() -> T) -> Option<T> {
 /// Reads one file; the parts of the work stand in the modules beside this one.
 struct Loader<'a> {
     path: &'a Path,
-    folder: &'a Path,
+    files: &'a SceneFiles,
 }
 
 impl Loader<'_> {

@@ -1,0 +1,44 @@
+//! Text for terminals: names in files cannot forge what the program says.
+
+use std::borrow::Cow;
+
+/// `text` with control characters as `\u{…}`, but for line breaks and tabs of the program itself.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| is_control(c) && c != '\n' && c != '\t')
+}
+
+/// The same as one line: whatever line breaks came with a name.
+pub fn single_line(text: &str) -> Cow<'_, str> {
+    escaped(text, is_control)
+}
+
+/// Whether a terminal obeys the character in place of showing it: controls (C0, C1), and those that turn the direction of text.
+fn is_control(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(&is_escaped) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        if is_escaped(c) { shown.extend(c.escape_unicode()) } else { shown.push(c) }
+    }
+    Cow::Owned(shown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn terminals_obey_no_name() {
+        assert_eq!(single_line("a\u{1b}[2Jb\nrender2mpeg: done"), "a\\u{1b}[2Jb\\u{a}render2mpeg: done");
+        assert_eq!(printable("one\n\ttwo\r\u{9b}31m"), "one\n\ttwo\\u{d}\\u{9b}31m");
+        assert_eq!(single_line("\u{202e}gnp.exe"), "\\u{202e}gnp.exe");
+        for plain in ["Kirche – Schiff", "日本", "a b"] {
+            assert!(matches!(single_line(plain), Cow::Borrowed(text) if text == plain));
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! Scenes from strangers, and the files that they name.
+
+use serde_json::{Value, json};
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use tests::{Finished, Glb, Moving, assert_fails, checkered_room, program, render2mpeg, sorted_names};
+
+const SMALL: &str = "--size 32x32 --vpls 60 --photons 1000";
+
+/// A picture of one texel as PNG: a color of the palette, which tells two files of one size apart.
+fn png(gray: u8) -> Vec<u8> {
+    pipeline::laboratory::compare::png_file::encode(&plane::Plane::filled(2, 2, [gray; 3]))
+}
+
+/// A Radiance picture of one color.
+fn hdr(value: u8) -> Vec<u8> {
+    [&b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 2\n"[..], &[value, value, value, 129].repeat(4)].concat()
+}
+
+/// A room whose buffer and image lie beside it, under names with spaces, with a sky in another file.
+fn with_files(folder: &Path, name: &str) -> Glb {
+    let mut room = checkered_room(Moving::Box);
+    fs::write(folder.join("my data.bin"), &room.bin).unwrap();
+    fs::write(folder.join("my tex.png"), png(200)).unwrap();
+    fs::write(folder.join("sky.hdr"), hdr(100)).unwrap();
+    room.json["buffers"] = json!([{ "uri": "my%20data.bin", "byteLength": room.bin.len() }]);
+    room.json["images"] = json!([{ "uri": "my%20tex.png" }]);
+    room.json["textures"] = json!([{ "source": 0 }]);
+    room.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
+    fs::write(folder.join(name).with_extension("toml"), "[sky]\nimage = \"sky.hdr\"\n").unwrap();
+    room
+}
+
+/// Renders until a checkpoint is there, and is killed then.
+fn kill_with_checkpoint(folder: &Path, words: &[&str]) {
+    let mut child = Command::new(program())
+        .args(words)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .spawn()
+        .expect("render2mpeg starts");
+    let begin = Instant::now();
+    while !folder.join("film.m2v.checkpoint").exists() {
+        assert!(begin.elapsed() < Duration::from_secs(120), "no checkpoint is made");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+#[test]
+fn a_film_is_continued_with_the_files_it_was_begun_with() {
+    for scene in ["room.gltf", "room.glb"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let room = with_files(folder, scene);
+        let bytes = if scene.ends_with("gltf") { room.json.to_string().into_bytes() } else { room.to_bytes() };
+        fs::write(folder.join(scene), bytes).unwrap();
+        let words = format!("render {scene} -o film.m2v --checkpoint 0 -q --frames 5000 {SMALL}");
+        let words: Vec<&str> = words.split_whitespace().collect();
+        kill_with_checkpoint(folder, &words);
+        let resumed = [&words[..], &["--resume"]].concat();
+
+        // Each file with other bytes of the same number.
+        let mut data = room.bin.clone();
+        *data.last_mut().unwrap() ^= 1;
+        let toml = "[sky]\nimage = \"./sky.hdr\"\n".to_owned();
+        for (name, other) in
+            [("my data.bin", data), ("my tex.png", png(90)), ("sky.hdr", hdr(101)), ("room.toml", toml.into())]
+        {
+            let before = fs::read(folder.join(name)).unwrap();
+            fs::write(folder.join(name), other).unwrap();
+            assert_fails(folder, &resumed, &["film.m2v.checkpoint", "scene has changed"]);
+            fs::write(folder.join(name), before).unwrap();
+        }
+
+        // As it was, it goes on, however its path is typed.
+        let typed = format!("./{scene}");
+        let short: Vec<&str> = resumed.iter().map(|&word| if word == scene { &typed[..] } else { word }).collect();
+        let mut child = Command::new(program())
+            .args(&short)
+            .arg("--json-progress")
+            .current_dir(folder)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("render2mpeg starts");
+        let mut line = String::new();
+        std::io::BufRead::read_line(&mut std::io::BufReader::new(child.stdout.take().unwrap()), &mut line).unwrap();
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let begin: Value = serde_json::from_str(&line).expect("it goes on");
+        assert!(begin["first_frame"].as_u64().is_some_and(|first| first > 0), "{line}");
+    }
+}
+
+#[test]
+fn names_lead_to_regular_files_in_the_folder_of_the_scene() {
+    let outer = tempfile::tempdir().unwrap();
+    let folder = outer.path().join("scene");
+    fs::create_dir(&folder).unwrap();
+    let room = with_files(&folder, "room.gltf");
+    fs::copy(folder.join("my tex.png"), outer.path().join("secret.png")).unwrap();
+    let words = ["plan", "room.gltf"];
+    let written = |uri: &str| {
+        let mut json = room.json.clone();
+        json["images"][0]["uri"] = uri.into();
+        fs::write(folder.join("room.gltf"), json.to_string()).unwrap();
+    };
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("../secret.png", folder.join("link.png")).unwrap();
+        rustix::fs::mknodat(rustix::fs::CWD, folder.join("fifo.png"), rustix::fs::FileType::Fifo, 0o600.into(), 0)
+            .unwrap();
+    }
+    for uri in ["../secret.png", "/etc/passwd", "/dev/zero", "%2e%2e/secret.png", "x/../../secret.png", "link.png"] {
+        written(uri);
+        assert_fails(&folder, &words, &["room.gltf", "image 0", uri, "outside", "--allow-outside"]);
+    }
+    for (uri, why) in [("fifo.png", "regular"), ("absent.png", "No such file"), (".", "regular")] {
+        written(uri);
+        assert_fails(&folder, &words, &["room.gltf", "image 0", uri, why]);
+    }
+    written("../secret.png");
+    let trusted = render2mpeg(&folder, &["plan", "room.gltf", "--allow-outside"]);
+    assert_eq!(trusted.code, Some(0), "{}", trusted.stderr);
+
+    // A sky is found in the same way; an image that nothing shows is not looked at, when a film is begun or continued.
+    written("my%20tex.png");
+    fs::write(folder.join("room.toml"), "[sky]\nimage = \"../secret.png\"\n").unwrap();
+    assert_fails(&folder, &words, &["room.toml", "../secret.png", "outside"]);
+    fs::remove_file(folder.join("room.toml")).unwrap();
+    let mut json = room.json.clone();
+    json["images"].as_array_mut().unwrap().push(json!({ "uri": "/dev/zero" }));
+    fs::write(folder.join("room.gltf"), json.to_string()).unwrap();
+    let words = format!("render room.gltf -o film.m2v -q --frames 1 --resume {SMALL}");
+    let finished = render2mpeg(&folder, &words.split_whitespace().collect::<Vec<_>>());
+    assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""));
+}
+
+#[test]
+fn outputs_take_the_place_of_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let room = with_files(folder, "room.gltf");
+    fs::write(folder.join("room.gltf"), room.json.to_string()).unwrap();
+    fs::write(folder.join("job.toml"), "frames = 1\n").unwrap();
+    fs::create_dir(folder.join("sub")).unwrap();
+    let before = sorted_names(folder);
+    let contents = |name: &str| fs::read(folder.join(name)).unwrap();
+    for (options, words) in [
+        ("--report film.m2v", ["--report", "-o"]),
+        ("--report ./film.m2v", ["--report", "-o"]),
+        ("--report sub/../film.m2v", ["--report", "-o"]),
+        ("--html film.m2v", ["--html", "-o"]),
+        ("--trace film.m2v", ["--trace", "-o"]),
+        ("--y4m film.m2v", ["--y4m", "-o"]),
+        ("--report film.m2v.checkpoint", ["--report", "checkpoint"]),
+        ("--y4m a --html a", ["--html", "--y4m"]),
+        ("--report room.gltf", ["--report", "scene"]),
+        ("--html room.toml", ["--html", "scene"]),
+        ("--y4m sky.hdr", ["--y4m", "scene"]),
+        ("--report", ["--report", "scene"]),
+        ("--config job.toml --report job.toml", ["--report", "--config"]),
+    ] {
+        let mut arguments = vec!["render", "room.gltf", "-o", "film.m2v", "-q"];
+        arguments.extend(options.split_whitespace());
+        if options == "--report" {
+            arguments.push("my data.bin");
+        }
+        let Finished { code, stderr, .. } = render2mpeg(folder, &arguments);
+        assert_eq!(code, Some(2), "{options}: {stderr}");
+        assert!(words.iter().all(|word| stderr.contains(word)), "{options}: {stderr}");
+        assert_eq!((stderr.lines().count(), sorted_names(folder)), (1, before.clone()), "{options}");
+        assert_eq!(contents("my data.bin"), room.bin, "{options}");
+    }
+    assert_fails(folder, &["bake", "room.gltf", "-o", "room.gltf"], &["-o", "scene"]);
+    assert_fails(folder, &["reference", "room.gltf", "-o", "sky.hdr"], &["-o", "scene"]);
+    assert_eq!(sorted_names(folder), before);
+}
+
+#[test]
+fn names_forge_nothing_on_a_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut room = with_files(folder, "room.gltf");
+    let evil = "\u{1b}[2J\nrender2mpeg: all is well\r\u{202e}";
+    room.json["images"][0]["uri"] = evil.into();
+    fs::write(folder.join("room.gltf"), room.json.to_string()).unwrap();
+    let is_plain = |text: &str| !text.chars().any(|c| (c.is_control() && c != '\n') || c == '\u{202e}');
+    let Finished { code, stderr, .. } = render2mpeg(folder, &["plan", "room.gltf"]);
+    assert_eq!((code, stderr.lines().count()), (Some(1), 1), "{stderr:?}");
+    assert!(is_plain(&stderr) && stderr.contains("\\u{1b}"), "{stderr:?}");
+
+    // Notes on what is not rendered name things, too.
+    room.json["images"][0]["uri"] = "my%20tex.png".into();
+    room.json["animations"][0]["name"] = evil.into();
+    let animation = room.json["animations"][0].clone();
+    room.json["animations"].as_array_mut().unwrap().push(animation);
+    room.json["extensionsUsed"] = json!([evil]);
+    fs::write(folder.join("room.gltf"), room.json.to_string()).unwrap();
+    let Finished { code, stdout, stderr } = render2mpeg(folder, &["plan", "room.gltf"]);
+    assert_eq!(code, Some(0), "{stderr:?}");
+    assert!(is_plain(&stdout) && is_plain(&stderr), "{stdout:?} {stderr:?}");
+    assert!(!stdout.lines().any(|line| line.starts_with("render2mpeg: ")), "{stdout}");
+}
+
+/// Editors of some systems put a mark in front of UTF-8.
+#[test]
+fn a_byte_order_mark_is_passed_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let room = with_files(folder, "room.gltf");
+    for (name, text) in [("room.gltf", room.json.to_string()), ("room.toml", "[video]\nframes = 7\n".into())] {
+        fs::write(folder.join(name), [b"\xef\xbb\xbf", text.as_bytes()].concat()).unwrap();
+    }
+    let printed = render2mpeg(folder, &["render", "room.gltf", "--print-config"]);
+    assert_eq!(printed.code, Some(0), "{}", printed.stderr);
+    assert!(printed.stdout.contains("frames = 7"), "{}", printed.stdout);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_folder_that_may_not_be_written_to_is_one_line() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    checkered_room(Moving::Box).write(&folder.join("room.glb"));
+    let closed = folder.join("closed");
+    fs::create_dir(&closed).unwrap();
+    fs::set_permissions(&closed, fs::Permissions::from_mode(0o500)).unwrap();
+    if fs::write(closed.join("probe"), b"").is_ok() {
+        println!("left out: whoever runs this may write anywhere");
+        return;
+    }
+    assert_fails(folder, &["render", "room.glb", "-o", "closed/film.m2v"], &["closed/film.m2v", "-o"]);
+}
