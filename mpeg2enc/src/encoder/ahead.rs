@@ -85,6 +85,16 @@ impl Ahead {
         self.lookahead.begins_group(index, gop)
     }
 
+    /// quantiser_scale of the frames that wait, were no other to come: see
+    /// [`Encoder::planned_quantiser_scale`](crate::Encoder::planned_quantiser_scale).
+    pub fn planned_quantiser_scale(&mut self, config: &Config) -> Option<f32> {
+        let last = self.last_anchor();
+        let rate = self.rate.as_ref().filter(|_| self.lookahead.end() > next_after(last))?;
+        let spans = self.lookahead.plan(config, last);
+        let upcoming = self.lookahead.upcoming(last, &spans);
+        Some(rate.quantiser_x16(&upcoming) as f32 / 16.0)
+    }
+
     /// Takes over the quantiser of changed settings.
     pub fn set_quantiser(&mut self, config: &Config) {
         if let Some(rate) = &mut self.rate {

@@ -1,7 +1,7 @@
 //! Behavior of the encoder for all kinds of input.
 
 use crate::common::*;
-use mpeg2enc::{KnownMotion, Packet, PictureType};
+use mpeg2enc::{Config, FrameRate, KnownMotion, Packet, PictureType, Rate};
 use plane::{Correspondence, Plane};
 use proptest::prelude::*;
 
@@ -125,5 +125,30 @@ proptest! {
             // At most 1.48 in a quarter of a million pictures; those of a few pixels come closest.
             prop_assert!(error <= 2.0 * f64::from(scale + 1), "quantiser_scale {scale}: an error of {error}");
         }
+    }
+}
+
+/// The plan is known while frames wait, and is about what they are coded with.
+#[test]
+fn the_quantiser_of_waiting_frames_is_planned() {
+    let config = || Config::new(96, 80, FrameRate::FPS_25).with_lookahead(20).with_b_pictures(1);
+    let rate = Rate::Constant { bits_per_second: 300_000, buffer_bits: 200_000 };
+    let mut encoder = config().with_rate(rate).encoder().expect("a valid configuration");
+    assert_eq!(encoder.planned_quantiser_scale(), None, "nothing waits");
+    let mut planned = Vec::new();
+    for time in 0..20 {
+        assert!(encoder.push(&moving(96, 80, time), KnownMotion::default()).is_empty(), "it waits");
+        planned.push(encoder.planned_quantiser_scale().expect("a rate, and frames that wait"));
+    }
+    let packets = encoder.finish().packets;
+    let coded = packets.iter().map(|packet| packet.quantiser_scale as f32).sum::<f32>() / packets.len() as f32;
+    let last = planned[planned.len() - 1];
+    assert!((0.5..2.0).contains(&(last / coded)), "{planned:?}, {coded}");
+
+    // Without a bound there is nothing to plan, and without a look-ahead nothing waits.
+    for config in [config(), Config::new(96, 80, FrameRate::FPS_25)] {
+        let mut encoder = config.encoder().expect("a valid configuration");
+        let _ = encoder.push(&moving(96, 80, 0), KnownMotion::default());
+        assert_eq!(encoder.planned_quantiser_scale(), None);
     }
 }

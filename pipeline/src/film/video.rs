@@ -188,6 +188,10 @@ impl Encode for Video {
         } else {
             self.push(taken, None)
         };
+        // A picture that waits will be coded as the rate allows, and not as those coded last.
+        if let Some(planned) = self.encoder.planned_quantiser_scale() {
+            coded.coding.quantiser_scale = planned;
+        }
         coded.coding.begins_group = self.begins_group(*index);
         if self.begins_group(index + 1) {
             coded.coding.next = NextPicture::Intra { group: self.encoder.config().gop() };

@@ -9,7 +9,7 @@ use pipeline::{Options, Plan, Settings};
 use plane::Plane;
 use render_core::scene::Scene;
 use std::sync::Arc;
-use tests::{assert_fails, cornell, load, render};
+use tests::{Moving, Rendered, assert_fails, checkered_room, cornell, load, render};
 
 const SIDE: usize = 48;
 
@@ -24,8 +24,8 @@ fn thresholds_open_after_the_first_frame_and_cuts_shrink() {
     let fixed = film("fixed", "--thresholds fixed:0.02");
     let [fine, middle, coarse] =
         [2, 8, 48].map(|q| film(&format!("q{q}"), &format!("--thresholds perceptual --qscale {q}")));
-    let cuts = |film: &tests::Rendered| film.figures(&["cut_size_mean"]);
-    let shares = |film: &tests::Rendered| film.figures(&["threshold_mean_relative"]);
+    let cuts = |film: &Rendered| film.figures(&["cut_size_mean"]);
+    let shares = |film: &Rendered| film.figures(&["threshold_mean_relative"]);
     for (name, film) in [("fixed", &fixed), ("q2", &fine), ("q8", &middle), ("q48", &coarse)] {
         println!("{name}: cuts {:.1?}, thresholds {:.3?} of luminance", cuts(film), shares(film));
         // Nothing is known before the first frame, so all begin alike.
@@ -129,4 +129,33 @@ fn masking_allows_two_percent_at_least() {
         let least = delta.samples().iter().zip(displayed.luminance.samples()).map(|(delta, y)| delta / y);
         assert!(least.fold(f32::INFINITY, f32::min) >= 0.02 * 0.999);
     }
+}
+
+/// Where a bit rate coarsens quantisers, thresholds know it one frame later, while the encoder still waits for its look-ahead: they
+/// are those of a film at about that quantiser, and not those of the quantiser in the settings.
+#[test]
+fn thresholds_follow_a_bit_rate_from_the_first_frame_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scene = folder.join("room.glb");
+    checkered_room(Moving::Camera).write(&scene);
+    let film = |name: &str, options: &str| {
+        let options = format!("--size 64x64 --vpls 60 --photons 1000 --frames 31 --bframes 1 {options}");
+        render(folder, name, &scene, &options)
+    };
+    let rated = film("rated", "--bitrate 40k");
+    let quantisers = rated.figures(&["qscale"]);
+    let mean = quantisers.iter().sum::<f64>() / quantisers.len() as f64;
+    let like_it = film("like_it", &format!("--qscale {}", 2 * (mean / 2.0) as u32));
+    let fine = film("fine", "--qscale 8");
+
+    // The first frame has 2 % of its luminance; no picture is coded before the last frame is lit.
+    let thresholds = |film: &Rendered| {
+        let figures = film.figures(&["threshold_mean_relative"]);
+        figures[1..].iter().sum::<f64>() / (figures.len() - 1) as f64
+    };
+    let [rated, like_it, fine] = [&rated, &like_it, &fine].map(thresholds);
+    println!("quantiser {mean:.1}: {rated:.4}, at that quantiser {like_it:.4}, at 8 {fine:.4}");
+    assert!(like_it > 1.5 * fine, "the quantisers say nothing here: {like_it} {fine}");
+    assert!((0.6..1.6).contains(&(rated / like_it)), "{rated} is far from {like_it}");
 }
