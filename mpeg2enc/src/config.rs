@@ -3,7 +3,9 @@
 mod fingerprint;
 mod validate;
 
-use crate::{CoefficientTable, Effort, FrameRate, Level, Rate, Standard, limits::LOOKAHEAD_MAX};
+use crate::{
+    AspectRatio, CoefficientTable, ColorDescription, Effort, FrameRate, Level, Rate, Standard, limits::LOOKAHEAD_MAX,
+};
 use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 
 /// Settings of an [`Encoder`](crate::Encoder); [`Config::validate`] checks them.
@@ -34,6 +36,8 @@ pub struct Config {
     pub(crate) rate: Rate,
     /// Number of the first picture in time codes.
     pub(crate) first_number: u64,
+    pub(crate) color: ColorDescription,
+    pub(crate) aspect: AspectRatio,
 }
 
 impl Config {
@@ -68,6 +72,8 @@ impl Config {
             non_intra_matrix: DEFAULT_NON_INTRA_MATRIX,
             rate: Rate::default(),
             first_number: 0,
+            color: ColorDescription::default(),
+            aspect: AspectRatio::default(),
         }
     }
 
@@ -207,6 +213,17 @@ impl Config {
     /// requested. [`Packet::display_index`](crate::Packet::display_index) counts from 0 all the same.
     pub fn with_first_number(self, number: u64) -> Self {
         Self { first_number: number, ..self }
+    }
+
+    /// States these primaries, transfer characteristics and matrix (6.3.6): BT.709 unless others are requested. Samples are coded
+    /// as they come. MPEG-1 states no color.
+    pub fn with_color(self, color: ColorDescription) -> Self {
+        Self { color, ..self }
+    }
+
+    /// States this shape (6.3.3): square samples unless another is requested. MPEG-1 states the nearest shape of a sample.
+    pub fn with_aspect(self, aspect: AspectRatio) -> Self {
+        Self { aspect, ..self }
     }
 
     /// May macroblocks have quantisers of their own?

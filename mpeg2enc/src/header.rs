@@ -78,7 +78,9 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.start_code(SEQUENCE_HEADER_CODE);
     writer.put(horizontal_size & 0xfff, 12); // horizontal_size_value
     writer.put(vertical_size & 0xfff, 12); // vertical_size_value
-    writer.put(1, 4); // aspect_ratio_information: square samples
+    // Settings without a code are refused before.
+    let aspect = config.aspect.code(config.standard, config.width, config.height).unwrap_or(1);
+    writer.put(aspect, 4); // aspect_ratio_information; pel_aspect_ratio in MPEG-1
     writer.put(config.frame_rate.code().into(), 4); // frame_rate_code
     writer.put(bit_rate & 0x3_ffff, 18); // bit_rate_value
     writer.put(1, 1); // marker_bit
@@ -116,9 +118,9 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.put(SEQUENCE_DISPLAY_EXTENSION_ID, 4); // extension_start_code_identifier
     writer.put(5, 3); // video_format: unspecified
     writer.put(1, 1); // colour_description
-    writer.put(1, 8); // colour_primaries: Rec. ITU-R BT.709
-    writer.put(1, 8); // transfer_characteristics: Rec. ITU-R BT.709
-    writer.put(1, 8); // matrix_coefficients: Rec. ITU-R BT.709
+    writer.put(config.color.primaries.code().into(), 8); // colour_primaries
+    writer.put(config.color.transfer.code().into(), 8); // transfer_characteristics
+    writer.put(config.color.matrix.code().into(), 8); // matrix_coefficients
     writer.put(config.width as u32, 14); // display_horizontal_size
     writer.put(1, 1); // marker_bit
     writer.put(config.height as u32, 14); // display_vertical_size

@@ -36,6 +36,8 @@
 #[macro_use]
 mod kernel; // innermost loops, twice: plain and with vector instructions
 
+mod aspect; // shape of samples
+mod color; // meaning of samples
 mod config; // what to encode
 mod effort; // how hard to try
 mod error; // what cannot be encoded
@@ -83,7 +85,9 @@ mod vlc; // code words
 mod bits;
 
 pub use crate::{
+    aspect::AspectRatio,
     coder::Packet,
+    color::{ColorDescription, ColorPrimaries, MatrixCoefficients, TransferCharacteristics},
     config::Config,
     container::{AccessUnit, Container, Multiplexer},
     effort::Effort,

@@ -2,7 +2,7 @@
 
 use super::Config;
 use crate::{
-    ConfigError, Level, Rate, Standard,
+    ColorDescription, ConfigError, Level, Rate, Standard,
     limits::{B_PICTURES_MAX, GROUP_MAX, LOOKAHEAD_MAX, SIZE_MAX},
     quantiser_scale::quantiser_scale_code,
 };
@@ -64,6 +64,13 @@ fn check_standard(config: &Config) -> Result<(), ConfigError> {
         }
         Standard::Mpeg1 if config.intra_dc_precision != 8 => missing("such an intra DC precision", "use 8 bits"),
         Standard::Mpeg1 if config.alternate_scan => missing("the alternate scan", "leave it out"),
+        Standard::Mpeg1 if config.color != ColorDescription::default() => {
+            missing("a description of color", "leave it out, or use MPEG-2")
+        }
+        Standard::Mpeg1 if config.aspect.code(config.standard, config.width, config.height).is_none() => missing(
+            "samples of this shape",
+            "scale to samples that are 0.8 to 1.5 times as wide as high, or use MPEG-2",
+        ),
         Standard::Mpeg1 => Ok(()),
     }
 }

@@ -1,6 +1,7 @@
 //! Tests of the encoder as its users see it, in one program: a module for each subject.
 
 mod behavior;
+mod color;
 mod common;
 mod container;
 mod decode;

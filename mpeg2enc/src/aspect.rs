@@ -1,0 +1,132 @@
+//! The shape of samples, which a display needs to show pictures undistorted.
+
+use crate::Standard;
+
+/// Shape of the samples or of the whole picture (aspect_ratio_information, Table 6-3).
+///
+/// MPEG-2 states the shape of the displayed picture, and square samples. MPEG-1 states the shape of a sample
+/// (pel_aspect_ratio, 11172-2, 2.4.3.2); the nearest of its table is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum AspectRatio {
+    /// Samples are as wide as high.
+    #[default]
+    SquareSamples,
+    /// The picture is 4 wide and 3 high.
+    Display4x3,
+    /// The picture is 16 wide and 9 high.
+    Display16x9,
+    /// The picture is 2.21 times as wide as high.
+    Display221x100,
+}
+
+/// Height of a sample as a share of its width, for pel_aspect_ratio 1, 2, 3, … (11172-2, 2.4.3.2).
+const PEL_ASPECT_RATIOS: [f64; 14] =
+    [1.0, 0.6735, 0.7031, 0.7615, 0.8055, 0.8437, 0.8935, 0.9157, 0.9815, 1.0255, 1.0695, 1.0950, 1.1575, 1.2015];
+/// The most that a shape of MPEG-1 may be off. Neighbors in its table are up to 8 % apart.
+const PEL_TOLERANCE: f64 = 0.05;
+/// The most that a sample's shape may be off. Pictures of 720 columns are called 4:3 or 16:9 although 702 to 711 of
+/// these columns have that shape, which makes 2.5 %.
+const SAMPLE_TOLERANCE: f64 = 0.03;
+
+impl AspectRatio {
+    /// All shapes, in the order of their codes.
+    pub const ALL: &[Self] = &[Self::SquareSamples, Self::Display4x3, Self::Display16x9, Self::Display221x100];
+
+    /// Name in command lines.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::SquareSamples => "square",
+            Self::Display4x3 => "4:3",
+            Self::Display16x9 => "16:9",
+            Self::Display221x100 => "2.21:1",
+        }
+    }
+
+    /// The shape of pictures of `width`×`height` whose samples are `sample.0` wide and `sample.1` high.
+    ///
+    /// `None` where no shape of the standard is within 3 %.
+    ///
+    /// ```
+    /// use mpeg2enc::AspectRatio;
+    /// assert_eq!(AspectRatio::of_samples(720, 576, (16, 15)), Some(AspectRatio::Display4x3));
+    /// assert_eq!(AspectRatio::of_samples(720, 576, (118, 81)), Some(AspectRatio::Display16x9));
+    /// assert_eq!(AspectRatio::of_samples(720, 576, (3, 1)), None);
+    /// ```
+    #[must_use]
+    pub fn of_samples(width: usize, height: usize, sample: (u32, u32)) -> Option<Self> {
+        let requested = f64::from(sample.0) / f64::from(sample.1);
+        let distance = |shape: Self| (shape.sample_width(width, height) / requested).ln().abs();
+        // Of equal distances the first is taken: square samples.
+        let nearest = Self::ALL.iter().copied().min_by(|&a, &b| distance(a).total_cmp(&distance(b)))?;
+        (distance(nearest) <= SAMPLE_TOLERANCE).then_some(nearest)
+    }
+
+    /// Width of a sample as a share of its height, in pictures of `width`×`height`.
+    fn sample_width(self, width: usize, height: usize) -> f64 {
+        let picture = match self {
+            Self::SquareSamples => return 1.0,
+            Self::Display4x3 => 4.0 / 3.0,
+            Self::Display16x9 => 16.0 / 9.0,
+            Self::Display221x100 => 2.21,
+        };
+        picture * height as f64 / width as f64
+    }
+
+    /// aspect_ratio_information, or pel_aspect_ratio in MPEG-1; `None` where MPEG-1 has none that is near.
+    pub(crate) fn code(self, standard: Standard, width: usize, height: usize) -> Option<u32> {
+        if standard == Standard::Mpeg2 {
+            return Some(self as u32 + 1);
+        }
+        let requested = 1.0 / self.sample_width(width, height);
+        let distance = |code: usize| (PEL_ASPECT_RATIOS[code - 1] / requested).ln().abs();
+        let nearest = (1..=PEL_ASPECT_RATIOS.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b)))?;
+        (distance(nearest) <= PEL_TOLERANCE).then_some(nearest as u32)
+    }
+}
+
+impl std::fmt::Display for AspectRatio {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_of_known_formats() {
+        let shape = AspectRatio::of_samples;
+        assert_eq!(shape(720, 540, (1, 1)), Some(AspectRatio::SquareSamples), "4:3 as well");
+        for sample in [(16, 15), (59, 54), (12, 11)] {
+            assert_eq!(shape(720, 576, sample), Some(AspectRatio::Display4x3), "{sample:?}");
+        }
+        for sample in [(8, 9), (10, 11)] {
+            assert_eq!(shape(720, 480, sample), Some(AspectRatio::Display4x3), "{sample:?}");
+        }
+        for sample in [(64, 45), (118, 81), (16, 11)] {
+            assert_eq!(shape(720, 576, sample), Some(AspectRatio::Display16x9), "{sample:?}");
+        }
+        assert_eq!(shape(1440, 1080, (221, 178)), None);
+        assert_eq!(shape(1000, 1000, (221, 100)), Some(AspectRatio::Display221x100));
+        for sample in [(0, 1), (1, 0), (0, 0), (2, 1)] {
+            assert_eq!(shape(720, 576, sample), None, "{sample:?}");
+        }
+    }
+
+    /// The notes beside the table of 11172-2: 0.7031 is 16:9 of 625 lines, 0.8437 of 525; 0.9157 is 4:3 of 625 lines,
+    /// 1.0950 of 525.
+    #[test]
+    fn mpeg1_states_samples() {
+        let code = |shape: AspectRatio, width, height| shape.code(Standard::Mpeg1, width, height);
+        assert_eq!(code(AspectRatio::SquareSamples, 720, 576), Some(1));
+        assert_eq!(code(AspectRatio::Display16x9, 720, 576), Some(3));
+        assert_eq!(code(AspectRatio::Display16x9, 720, 480), Some(6));
+        assert_eq!(code(AspectRatio::Display4x3, 720, 576), Some(8));
+        assert_eq!(code(AspectRatio::Display4x3, 720, 480), Some(12));
+        assert_eq!(code(AspectRatio::Display221x100, 720, 576), None);
+    }
+}

@@ -1,0 +1,121 @@
+//! Color as sequence_display_extension() describes it (6.3.6): primaries, transfer and matrix.
+
+/// An enumeration of values that a table of the standard has a code for, each with its name in command lines.
+macro_rules! coded {
+    ($(#[$doc:meta])* $name:ident { $($(#[$of:meta])* $variant:ident = $code:literal, $text:literal;)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+        #[non_exhaustive]
+        pub enum $name {
+            $($(#[$of])* $variant = $code,)*
+        }
+
+        impl $name {
+            /// All values, in the order of their codes.
+            pub const ALL: &[Self] = &[$(Self::$variant),*];
+
+            /// Name in lower case, which ffmpeg uses too.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $text,)*
+                }
+            }
+
+            /// Code in the standard's table.
+            #[must_use]
+            pub fn code(self) -> u8 {
+                self as u8
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+    };
+}
+
+coded! {
+    /// Chromaticities of red, green, blue and white (colour_primaries, Table 6-7).
+    ColorPrimaries {
+        /// Rec. ITU-R BT.709: high definition.
+        #[default]
+        Bt709 = 1, "bt709";
+        /// The stream does not say.
+        Unspecified = 2, "unknown";
+        /// Rec. ITU-R BT.470-2 System M: the first NTSC.
+        Bt470M = 4, "bt470m";
+        /// Rec. ITU-R BT.470-2 System B, G: 625 lines.
+        Bt470Bg = 5, "bt470bg";
+        /// SMPTE 170M: 525 lines.
+        Smpte170M = 6, "smpte170m";
+        /// SMPTE 240M of 1987.
+        Smpte240M = 7, "smpte240m";
+    }
+}
+
+coded! {
+    /// The curve between light and samples (transfer_characteristics, Table 6-8).
+    TransferCharacteristics {
+        /// Rec. ITU-R BT.709: high definition.
+        #[default]
+        Bt709 = 1, "bt709";
+        /// The stream does not say.
+        Unspecified = 2, "unknown";
+        /// Rec. ITU-R BT.470-2 System M: a display gamma of 2.2.
+        Bt470M = 4, "bt470m";
+        /// Rec. ITU-R BT.470-2 System B, G: a display gamma of 2.8.
+        Bt470Bg = 5, "bt470bg";
+        /// SMPTE 170M: the curve of BT.709.
+        Smpte170M = 6, "smpte170m";
+        /// SMPTE 240M of 1987.
+        Smpte240M = 7, "smpte240m";
+        /// Samples are proportional to light.
+        Linear = 8, "linear";
+    }
+}
+
+coded! {
+    /// The sums that make luma and chroma of red, green and blue (matrix_coefficients, Table 6-9).
+    MatrixCoefficients {
+        /// Rec. ITU-R BT.709: high definition.
+        #[default]
+        Bt709 = 1, "bt709";
+        /// The stream does not say.
+        Unspecified = 2, "unknown";
+        /// FCC: the first NTSC.
+        Fcc = 4, "fcc";
+        /// Rec. ITU-R BT.470-2 System B, G: 625 lines.
+        Bt470Bg = 5, "bt470bg";
+        /// SMPTE 170M: 525 lines, with the same sums as 625.
+        Smpte170M = 6, "smpte170m";
+        /// SMPTE 240M of 1987.
+        Smpte240M = 7, "smpte240m";
+    }
+}
+
+/// Color of the pictures (colour_description, 6.3.6): BT.709 in all three parts unless another is requested.
+///
+/// ```
+/// use mpeg2enc::{ColorDescription, ColorPrimaries, Config, FrameRate, MatrixCoefficients};
+/// let color = ColorDescription {
+///     primaries: ColorPrimaries::Bt470Bg,
+///     matrix: MatrixCoefficients::Bt470Bg,
+///     ..ColorDescription::default()
+/// };
+/// let config = Config::new(720, 576, FrameRate::FPS_25).with_color(color);
+/// # config.validate().unwrap();
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ColorDescription {
+    /// Chromaticities of red, green, blue and white.
+    pub primaries: ColorPrimaries,
+    /// The curve between light and samples.
+    pub transfer: TransferCharacteristics,
+    /// The sums that make luma and chroma.
+    pub matrix: MatrixCoefficients,
+}
