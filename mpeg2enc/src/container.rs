@@ -57,6 +57,8 @@ impl Container {
 /// [`Rate`](crate::Rate) everything is there in time, and at a constant rate just as vbv_delay says. Pictures at a constant
 /// quantiser that exceed what their level allows come late; files play all the same.
 ///
+/// Packs of a program stream have 2048 bytes, and each picture begins with one.
+///
 /// ```
 /// use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Picture};
 ///
@@ -120,23 +122,21 @@ impl Multiplexer {
 
     /// The remaining bytes, with `sequence_end` as the encoder gives it, and the end of the stream.
     pub fn finish(mut self, sequence_end: &[u8]) -> Vec<u8> {
-        let mut out = match self.waiting.take() {
-            Some(mut picture) => {
-                picture.data.extend(sequence_end);
-                self.wrap(picture)
-            }
-            None => sequence_end.to_vec(),
+        let Some(mut picture) = self.waiting.take() else {
+            let end: &[u8] = if let Wrapper::Program(_) = self.wrapper { &program::END } else { &[] };
+            return [sequence_end, end].concat();
         };
-        if let Wrapper::Program(_) = self.wrapper {
-            out.extend(program::END);
+        picture.data.extend(sequence_end);
+        match &mut self.wrapper {
+            Wrapper::Program(writer) => writer.put(&picture, &program::END),
+            _ => self.wrap(picture),
         }
-        out
     }
 
     fn wrap(&mut self, picture: Picture) -> Vec<u8> {
         match &mut self.wrapper {
             Wrapper::Elementary => picture.data,
-            Wrapper::Program(writer) => writer.put(&picture),
+            Wrapper::Program(writer) => writer.put(&picture, &[]),
             Wrapper::Transport(writer) => writer.put(&picture),
         }
     }

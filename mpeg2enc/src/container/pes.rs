@@ -1,10 +1,14 @@
-//! Packets of an elementary stream (PES), which carry its times (2.4.3.6, 2.4.3.7).
+//! Packets of an elementary stream (PES), which carry its times, and packets of padding (2.4.3.6, 2.4.3.7).
 
 use super::clock::{CLOCK, Times};
 use crate::bits::{BitSink, BitWriter};
 
 /// stream_id of video stream number 0 (Table 2-18).
 pub(super) const VIDEO_STREAM: u8 = 0xe0;
+/// stream_id of padding_stream (Table 2-18).
+const PADDING_STREAM: u8 = 0xbe;
+/// The smallest packet of padding: start code, length and one byte.
+pub(super) const PADDING_LEAST: usize = 7;
 /// The clock of time stamps runs at 90 kHz.
 const STAMP: u64 = CLOCK / 90_000;
 
@@ -24,6 +28,8 @@ pub(super) struct Header {
     pub times: Option<Times>,
     /// Size of the decoder's buffer in KiB: the first packet of a program stream has it.
     pub buffer_kib: Option<u64>,
+    /// Bytes of stuffing at the end of the header, 32 at most.
+    pub stuffing: usize,
 }
 
 impl Header {
@@ -31,7 +37,8 @@ impl Header {
     pub fn bytes(self, data: Option<usize>) -> Vec<u8> {
         let mut fields = BitWriter::default();
         let flags = self.put_fields(&mut fields);
-        let fields = fields.into_bytes();
+        let mut fields = fields.into_bytes();
+        fields.resize(fields.len() + self.stuffing, 0xff); // stuffing_byte
         let length = data.map_or(0, |data| 3 + fields.len() + data);
         let mut writer = BitWriter::default();
         writer.start_code(VIDEO_STREAM); // packet_start_code_prefix, stream_id
@@ -70,6 +77,16 @@ impl Header {
         }
         flags
     }
+}
+
+/// A packet of padding of `bytes` bytes, at least [`PADDING_LEAST`]: decoders leave it out.
+pub(super) fn padding(bytes: usize) -> Vec<u8> {
+    let mut writer = BitWriter::default();
+    writer.start_code(PADDING_STREAM); // packet_start_code_prefix, stream_id
+    writer.put(bytes as u32 - 6, 16); // PES_packet_length
+    let mut packet = writer.into_bytes();
+    packet.resize(bytes, 0xff); // padding_byte
+    packet
 }
 
 /// A time stamp of 33 bits in three parts, after four bits that identify it.

@@ -1,15 +1,18 @@
-//! Program streams: packs of one PES packet each (2.5.3).
+//! Program streams: packs of 2048 bytes with one PES packet of video each (2.5.3).
+//!
+//! The last pack of a picture is filled by a packet of padding, or by stuffing where there is no room for one. So each
+//! pack is a sector of a disc.
 
 use super::{
     clock::CLOCK,
-    pes::{Header, Picture, VIDEO_STREAM, put_parts},
-    schedule::Schedule,
+    pes::{Header, PADDING_LEAST, Picture, VIDEO_STREAM, padding, put_parts},
+    schedule::{SLACK, Schedule},
 };
 use crate::bits::{BitSink, BitWriter};
 
 /// MPEG_program_end_code (2.5.3.1).
 pub(super) const END: [u8; 4] = [0, 0, 1, 0xb9];
-/// Bytes of a pack: a sector of a disc, as is usual.
+/// Bytes of a pack: a sector of a disc. [`END`] takes the last four of the last one.
 const PACK: usize = 2048;
 const PACK_HEADER: usize = 14;
 /// The most bytes of headers in a pack: pack_header(), system_header(), PES header with both times and the buffer.
@@ -30,36 +33,55 @@ pub(super) struct Writer {
 
 impl Writer {
     pub fn new(schedule: Schedule, fps: f64) -> Self {
-        // Full packs have the fewest headers; each picture may leave one that is not full, with the most.
+        // Full packs have the fewest headers. Each picture may leave one that is not full, with the most headers. Two of
+        // these in a frame period let pictures that come close together pass in time, one in SLACK a picture alone.
         let full = (schedule.bytes_per_second as usize * PACK).div_ceil(PACK - HEADERS_LEAST);
-        let mux_rate = (full + fps.ceil() as usize * HEADERS).div_ceil(50).min((1 << 22) - 1) as u64;
+        let partial = (2 * fps.ceil() as usize).max((CLOCK / SLACK) as usize) * (PACK + HEADERS);
+        let mux_rate = (full + partial).div_ceil(50).min((1 << 22) - 1) as u64;
         // Room for a pack more: within one, bytes come faster than the schedule knows.
         let buffer_kib = (schedule.buffer + PACK as u64).div_ceil(1024).min((1 << 13) - 1);
         Self { schedule, mux_rate, buffer_kib, passed: 0, is_first: true }
     }
 
-    /// The packs of one picture.
-    pub fn put(&mut self, picture: &Picture) -> Vec<u8> {
+    /// The packs of one picture; `end` follows the last one, within its 2048 bytes.
+    pub fn put(&mut self, picture: &Picture, end: &[u8]) -> Vec<u8> {
         self.schedule.begin(picture.times.decoding);
         let mut out = Vec::with_capacity(picture.data.len() * PACK / (PACK - HEADERS) + PACK);
         let mut rest = &picture.data[..];
         let mut times = Some(picture.times);
         while !rest.is_empty() {
             let begins = times.is_some();
-            let header = Header { times: times.take(), buffer_kib: self.is_first.then_some(self.buffer_kib) };
+            let buffer_kib = self.is_first.then_some(self.buffer_kib);
+            let header = Header { times: times.take(), buffer_kib, stuffing: 0 };
             // Whoever begins to listen at an I picture learns what there is.
             let system_header = if begins && picture.is_entry { self.system_header() } else { Vec::new() };
             let room = PACK - PACK_HEADER - system_header.len() - header.bytes(Some(0)).len();
-            let (data, later) = rest.split_at(room.min(rest.len()));
+
+            // Where data leave no room for the end, the last of them go into a pack more.
+            let (data, later) = rest.split_at(match rest.len() {
+                length if length > room => room,
+                length => length.min(room - end.len()),
+            });
+            let tail = if later.is_empty() { end } else { &[] };
+            let left = room - data.len() - tail.len();
+            let stuffing = if left < PADDING_LEAST { left } else { 0 };
+
             // The next pack cannot come before this one has passed.
             let arrival = self.schedule.arrive(data.len() as u64).max(self.passed);
-            let start = out.len();
             out.extend(self.pack_header(arrival));
             out.extend(system_header);
-            out.extend(header.bytes(Some(data.len())));
+            out.extend(Header { stuffing, ..header }.bytes(Some(data.len())));
             out.extend(data);
-            self.passed = arrival + ((out.len() - start) as u64 * CLOCK).div_ceil(50 * self.mux_rate);
+            if left > stuffing {
+                out.extend(padding(left));
+            }
+            out.extend(tail);
+            self.passed = arrival + (PACK as u64 * CLOCK).div_ceil(50 * self.mux_rate);
             (rest, self.is_first) = (later, false);
+        }
+        // A picture of no bytes makes no pack.
+        if out.is_empty() {
+            out.extend(end);
         }
         out
     }

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 
 /// Bytes are sent this much earlier than the buffer requires, in units of 1/27 000 000 s, so that headers of packs and
 /// packets, which take time as well, make nothing late.
-const SLACK: u64 = CLOCK / 100;
+pub(super) const SLACK: u64 = CLOCK / 100;
 /// No byte waits longer than this in the buffer (2.4.2.6), or than the buffer takes to fill.
 const LONGEST_WAIT: u64 = CLOCK;
 

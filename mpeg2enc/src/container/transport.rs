@@ -60,7 +60,7 @@ impl Writer {
     /// The packets of one picture.
     pub fn put(&mut self, picture: &Picture) -> Vec<u8> {
         self.schedule.begin(picture.times.decoding);
-        let mut data = Header { times: Some(picture.times), buffer_kib: None }.bytes(None);
+        let mut data = Header { times: Some(picture.times), ..Header::default() }.bytes(None);
         let header = data.len();
         data.extend(&picture.data);
         let mut out = Vec::with_capacity(data.len() * PACKET / (PACKET - 12) + 4 * PACKET);

@@ -157,6 +157,14 @@ fn read_program(file: &[u8]) -> Read {
         }
         let data = length - 3 - fields;
         at += 6 + length;
+        if file[at..][..4] == [0, 0, 1, 0xbe] {
+            let padding = bits(&file[at + 4..], 0, 16) as usize;
+            assert!(padding > 0 && file[at + 6..][..padding].iter().all(|&byte| byte == 0xff), "padding at {at}");
+            at += 6 + padding;
+        }
+        // The end belongs to the last sector.
+        let end = if at + 4 == file.len() { 4 } else { 0 };
+        assert_eq!(at + end - start, 2048, "the pack at {start}");
         read.packs.push((clock as f64 / 27e6, at - start, data));
     }
     assert_eq!(at + 4, file.len(), "nothing after the end");
@@ -207,5 +215,19 @@ fn packs_come_one_after_the_other_and_in_time() {
             );
         }
         assert_eq!((sent, picture), (ends, needed.len()));
+    }
+}
+
+/// A last picture of every size around that of a pack, so that padding, stuffing and the end fit in all ways.
+#[test]
+fn packs_are_sectors_whatever_is_left_in_them() {
+    let (packets, end) = packets(&config(96, 80), 1);
+    for size in (1990..2010).chain(4000..4040) {
+        let mut picture = packets[0].clone();
+        picture.data.resize(size, 0xff);
+        let (file, stream) = wrapped(Container::Program, &config(96, 80), &[picture], &end);
+        let read = read_program(&file);
+        assert_eq!(read.packs.iter().map(|&(_, _, data)| data).sum::<usize>(), stream.len(), "{size} bytes");
+        assert_eq!(file.len() % 2048, 0, "{size} bytes");
     }
 }
