@@ -122,14 +122,20 @@ impl Multiplexer {
 
     /// The remaining bytes, with `sequence_end` as the encoder gives it, and the end of the stream.
     pub fn finish(mut self, sequence_end: &[u8]) -> Vec<u8> {
-        let Some(mut picture) = self.waiting.take() else {
-            let end: &[u8] = if let Wrapper::Program(_) = self.wrapper { &program::END } else { &[] };
-            return [sequence_end, end].concat();
-        };
-        picture.data.extend(sequence_end);
-        match &mut self.wrapper {
-            Wrapper::Program(writer) => writer.put(&picture, &program::END),
-            _ => self.wrap(picture),
+        let mut picture = self.waiting.take();
+        if let Some(picture) = &mut picture {
+            picture.data.extend(sequence_end);
+        }
+        match (self.wrapper, picture) {
+            (Wrapper::Elementary, Some(picture)) => picture.data,
+            (Wrapper::Program(mut writer), Some(picture)) => writer.put(&picture, &program::END),
+            (Wrapper::Transport(mut writer), Some(picture)) => {
+                let mut out = writer.put(&picture);
+                out.extend(writer.finish());
+                out
+            }
+            (Wrapper::Program(_), None) => [sequence_end, &program::END].concat(),
+            (_, None) => sequence_end.to_vec(),
         }
     }
 

@@ -16,11 +16,14 @@ const SYNC_BYTE: u32 = 0x47;
 const PAT_PID: u32 = 0;
 const PMT_PID: u32 = 0x1000;
 const VIDEO_PID: u32 = 0x100;
+const NULL_PID: u32 = 0x1fff;
 const PROGRAM: u32 = 1;
 /// The longest time between two clock references is 0.1 s (2.7.2); the tables come as often, so that a receiver finds its
 /// way soon.
 const CLOCK_INTERVAL: u64 = CLOCK / 30;
 const TABLE_INTERVAL: u64 = CLOCK / 10;
+/// The fewest packets of a stream: ffmpeg recognizes none with less than 2040 bytes, ten times the largest packet.
+const LEAST_PACKETS: usize = 11;
 
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Writer {
@@ -31,6 +34,8 @@ pub(super) struct Writer {
     /// When the tables and a clock reference were sent last.
     tables_sent: Option<u64>,
     clock_sent: Option<u64>,
+    /// Packets so far.
+    packets: usize,
 }
 
 /// Adaptation field, in front of the payload of a packet (2.4.3.4).
@@ -54,7 +59,7 @@ struct PacketHeader {
 
 impl Writer {
     pub fn new(schedule: Schedule, standard: Standard) -> Self {
-        Self { schedule, standard, counters: [0; 3], tables_sent: None, clock_sent: None }
+        Self { schedule, standard, counters: [0; 3], tables_sent: None, clock_sent: None, packets: 0 }
     }
 
     /// The packets of one picture.
@@ -81,6 +86,17 @@ impl Writer {
             // Only the elementary stream goes through the buffer.
             self.schedule.take(taken.saturating_sub(if begins { header } else { 0 }) as u64);
             (rest, begins) = (&rest[taken..], false);
+        }
+        self.packets += out.len() / PACKET;
+        out
+    }
+
+    /// Null packets (Table 2-3), if the stream is so short that programs would not recognize it.
+    pub fn finish(self) -> Vec<u8> {
+        let (mut out, mut counter) = (Vec::new(), 0);
+        let header = PacketHeader { pid: NULL_PID, begins: false, adaptation: Adaptation::default() };
+        for _ in self.packets..LEAST_PACKETS {
+            put_packet(&mut out, header, &mut counter, &[0xff; PACKET - 4]);
         }
         out
     }

@@ -231,3 +231,22 @@ fn packs_are_sectors_whatever_is_left_in_them() {
         assert_eq!(file.len() % 2048, 0, "{size} bytes");
     }
 }
+
+/// Films of a few small pictures make few packets, which ffmpeg took for something else or for nothing.
+#[test]
+fn short_transport_streams_are_recognized() {
+    let config = config(96, 80).with_quantiser_scale(62);
+    for count in 1..=6 {
+        let (packets, end) = packets(&config, count);
+        let (file, stream) = wrapped(Container::Transport, &config, &packets, &end);
+        let file = StreamFile::new(&file);
+        let entries = ["-count_packets", "-show_entries", "format=format_name:stream=nb_read_packets"];
+        let arguments = [&["-v", "warning"], &entries[..], &["-of", "default=nw=1:nk=1", file.path()]].concat();
+        let listed = String::from_utf8(output_of("ffprobe", &arguments)).expect("text");
+        let told: Vec<&str> = listed.lines().collect();
+        assert!(told.contains(&"mpegts") && told.contains(&&*count.to_string()), "{count} pictures: {listed}");
+        let input = ["-nostdin", "-v", "warning", "-xerror", "-i", file.path()];
+        let copied = output_of("ffmpeg", &[&input[..], &["-c", "copy", "-f", "mpeg2video", "-"]].concat());
+        assert!(copied == stream, "{count} pictures");
+    }
+}
