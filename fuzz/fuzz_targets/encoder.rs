@@ -115,8 +115,8 @@ fuzz_target!(|data: &[u8]| {
     let Ok(wishes) = Wishes::arbitrary(&mut input) else { return };
     let bytes = input.take_rest();
     let Some(config) = config(&wishes) else { return };
-    let container =
-        [Container::Elementary, Container::Program, Container::Transport][usize::from(wishes.container % 3)];
+    let containers = [Container::Elementary, Container::Program, Container::Transport, Container::Disc];
+    let container = containers[usize::from(wishes.container) % containers.len()];
     let mut multiplexer = Multiplexer::new(container, &config);
     let (width, height) = size(&wishes);
     let count = 1 + usize::from(wishes.frames % 12);

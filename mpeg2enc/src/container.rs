@@ -26,12 +26,14 @@ pub enum Container {
     Elementary,
     /// A program stream, `.mpg`: for files.
     Program,
+    /// A program stream with empty packs for navigation, `.vob`: for programs that author DVD-Video, which fill them.
+    Disc,
     /// A transport stream, `.ts`: for where bytes get lost.
     Transport,
 }
 
 impl Container {
-    /// The container for a file's ending: `.m2v`, `.m1v`, `.mpv` or no ending; `.mpg`, `.mpeg`, `.vob`; `.ts`,
+    /// The container for a file's ending: `.m2v`, `.m1v`, `.mpv` or no ending; `.mpg`, `.mpeg`; `.vob`; `.ts`,
     /// `.m2t`. `None` for all others.
     ///
     /// ```
@@ -43,7 +45,8 @@ impl Container {
         let Some(ending) = path.extension() else { return Some(Self::Elementary) };
         match ending.to_str()?.to_ascii_lowercase().as_str() {
             "m2v" | "m1v" | "mpv" => Some(Self::Elementary),
-            "mpg" | "mpeg" | "vob" => Some(Self::Program),
+            "mpg" | "mpeg" => Some(Self::Program),
+            "vob" => Some(Self::Disc),
             "ts" | "m2t" => Some(Self::Transport),
             _ => None,
         }
@@ -104,7 +107,10 @@ impl Multiplexer {
         };
         let wrapper = match container {
             Container::Elementary => Wrapper::Elementary,
-            Container::Program => Wrapper::Program(program::Writer::new(schedule, config.frame_rate.fps())),
+            Container::Program | Container::Disc => {
+                let is_disc = container == Container::Disc;
+                Wrapper::Program(program::Writer::new(schedule, config.frame_rate.fps(), is_disc))
+            }
             Container::Transport => Wrapper::Transport(transport::Writer::new(schedule, config.standard)),
         };
         Self { wrapper, clock, waiting: None }

@@ -1,7 +1,7 @@
 //! Program streams: packs of 2048 bytes with one PES packet of video each (2.5.3).
 //!
 //! The last pack of a picture is filled by a packet of padding, or by stuffing where there is no room for one. So each
-//! pack is a sector of a disc.
+//! pack is a sector of a disc. DVD-Video has a pack for navigation in front of each I picture, which authoring fills.
 
 use super::{
     clock::CLOCK,
@@ -15,6 +15,13 @@ pub(super) const END: [u8; 4] = [0, 0, 1, 0xb9];
 /// Bytes of a pack: a sector of a disc. [`END`] takes the last four of the last one.
 const PACK: usize = 2048;
 const PACK_HEADER: usize = 14;
+/// Stream identifiers of system_header() (2.5.3.5, Table 2-18): all video, all audio, private streams 1 and 2.
+const ALL_VIDEO: u8 = 0xb9;
+const ALL_AUDIO: u8 = 0xb8;
+const PRIVATE_STREAM_1: u8 = 0xbd;
+const PRIVATE_STREAM_2: u8 = 0xbf;
+/// program_mux_rate of DVD-Video: 10.08 Mbit/s.
+const DISC_MUX_RATE: u64 = 25_200;
 /// The most bytes of headers in a pack: pack_header(), system_header(), PES header with both times and the buffer.
 const HEADERS: usize = PACK_HEADER + 15 + 9 + 10 + 3;
 /// The fewest: those of packs in the middle of a picture.
@@ -29,18 +36,23 @@ pub(super) struct Writer {
     /// When the last pack has passed.
     passed: u64,
     is_first: bool,
+    /// Are there packs for navigation?
+    is_disc: bool,
 }
 
 impl Writer {
-    pub fn new(schedule: Schedule, fps: f64) -> Self {
-        // Full packs have the fewest headers. Each picture may leave one that is not full, with the most headers. Two of
-        // these in a frame period let pictures that come close together pass in time, one in SLACK a picture alone.
+    pub fn new(schedule: Schedule, fps: f64, is_disc: bool) -> Self {
+        // Full packs have the fewest headers. Each picture may leave a pack that is not full, with the most headers. Small
+        // pictures that come close together are in time if two such packs pass in a frame period, and a single picture if
+        // one passes within SLACK.
         let full = (schedule.bytes_per_second as usize * PACK).div_ceil(PACK - HEADERS_LEAST);
-        let partial = (2 * fps.ceil() as usize).max((CLOCK / SLACK) as usize) * (PACK + HEADERS);
-        let mux_rate = (full + partial).div_ceil(50).min((1 << 22) - 1) as u64;
+        let packs_in_period = if is_disc { 3 } else { 2 };
+        let partial = (packs_in_period * fps.ceil() as usize).max((CLOCK / SLACK) as usize) * (PACK + HEADERS);
+        let least = if is_disc { DISC_MUX_RATE } else { 0 };
+        let mux_rate = ((full + partial).div_ceil(50) as u64).clamp(least, (1 << 22) - 1);
         // Room for a pack more: within one, bytes come faster than the schedule knows.
         let buffer_kib = (schedule.buffer + PACK as u64).div_ceil(1024).min((1 << 13) - 1);
-        Self { schedule, mux_rate, buffer_kib, passed: 0, is_first: true }
+        Self { schedule, mux_rate, buffer_kib, passed: 0, is_first: true, is_disc }
     }
 
     /// The packs of one picture; `end` follows the last one, within its 2048 bytes.
@@ -49,12 +61,16 @@ impl Writer {
         let mut out = Vec::with_capacity(picture.data.len() * PACK / (PACK - HEADERS) + PACK);
         let mut rest = &picture.data[..];
         let mut times = Some(picture.times);
+        if picture.is_entry && self.is_disc {
+            self.put_navigation(&mut out);
+        }
         while !rest.is_empty() {
             let begins = times.is_some();
             let buffer_kib = self.is_first.then_some(self.buffer_kib);
             let header = Header { times: times.take(), buffer_kib, stuffing: 0 };
             // Whoever begins to listen at an I picture learns what there is.
-            let system_header = if begins && picture.is_entry { self.system_header() } else { Vec::new() };
+            let is_announced = begins && picture.is_entry && !self.is_disc;
+            let system_header = if is_announced { self.system_header() } else { Vec::new() };
             let room = PACK - PACK_HEADER - system_header.len() - header.bytes(Some(0)).len();
 
             // Where data leave no room for the end, the last of them go into a pack more.
@@ -76,7 +92,7 @@ impl Writer {
                 out.extend(padding(left));
             }
             out.extend(tail);
-            self.passed = arrival + (PACK as u64 * CLOCK).div_ceil(50 * self.mux_rate);
+            self.pass(arrival);
             (rest, self.is_first) = (later, false);
         }
         // A picture of no bytes makes no pack.
@@ -84,6 +100,29 @@ impl Writer {
             out.extend(end);
         }
         out
+    }
+
+    /// A pack comes in, and nothing else until it has passed.
+    fn pass(&mut self, arrival: u64) {
+        self.passed = arrival + (PACK as u64 * CLOCK).div_ceil(50 * self.mux_rate);
+    }
+
+    /// The pack that begins a video object unit of DVD-Video: empty PCI and DSI packets at the places where authoring
+    /// programs look for them. They fill in the contents.
+    fn put_navigation(&mut self, out: &mut Vec<u8>) {
+        let arrival = self.schedule.wait(0).max(self.passed);
+        out.extend(self.pack_header(arrival));
+        out.extend(self.system_header());
+        for (substream_id, length) in [(0, 980), (1, 1018)] {
+            let mut writer = BitWriter::default();
+            writer.start_code(PRIVATE_STREAM_2); // packet_start_code_prefix, stream_id
+            writer.put(length, 16); // PES_packet_length
+            writer.put(substream_id, 8);
+            let mut packet = writer.into_bytes();
+            packet.resize(6 + length as usize, 0);
+            out.extend(packet);
+        }
+        self.pass(arrival);
     }
 
     /// pack_header() (2.5.3.3); `arrival` is when it comes in: system_clock_reference counts up to its last byte but the
@@ -104,9 +143,19 @@ impl Writer {
 
     /// system_header() (2.5.3.5).
     fn system_header(&self) -> Vec<u8> {
+        // stream_id, P-STD_buffer_bound_scale (128 bytes or KiB) and P-STD_buffer_size_bound.
+        let bounds = match self.is_disc {
+            false => vec![(VIDEO_STREAM, 1, self.buffer_kib)],
+            true => vec![
+                (ALL_VIDEO, 1, self.buffer_kib),
+                (ALL_AUDIO, 0, 32),
+                (PRIVATE_STREAM_1, 1, 58),
+                (PRIVATE_STREAM_2, 1, 2),
+            ],
+        };
         let mut writer = BitWriter::default();
         writer.start_code(0xbb); // system_header_start_code
-        writer.put(9, 16); // header_length
+        writer.put(6 + 3 * bounds.len() as u32, 16); // header_length
         writer.put(1, 1); // marker_bit
         writer.put(self.mux_rate as u32, 22); // rate_bound
         writer.put(1, 1); // marker_bit
@@ -119,10 +168,12 @@ impl Writer {
         writer.put(1, 5); // video_bound
         writer.put(0, 1); // packet_rate_restriction_flag
         writer.put(0x7f, 7); // reserved
-        writer.put(VIDEO_STREAM.into(), 8); // stream_id
-        writer.put(0b11, 2);
-        writer.put(1, 1); // P-STD_buffer_bound_scale: KiB
-        writer.put(self.buffer_kib as u32, 13); // P-STD_buffer_size_bound
+        for (stream_id, scale, size) in bounds {
+            writer.put(stream_id.into(), 8); // stream_id
+            writer.put(0b11, 2);
+            writer.put(scale, 1); // P-STD_buffer_bound_scale
+            writer.put(size as u32, 13); // P-STD_buffer_size_bound
+        }
         writer.into_bytes()
     }
 }

@@ -250,3 +250,33 @@ fn short_transport_streams_are_recognized() {
         assert!(copied == stream, "{count} pictures");
     }
 }
+
+/// Authoring programs look for packets of private_stream_2 at bytes 38 and 1024 of the sector before each I picture.
+#[test]
+fn discs_have_packs_for_navigation() {
+    let config = config(96, 80).with_b_pictures(2).with_gop(6);
+    let (packets, end) = packets(&config, 20);
+    let (file, stream) = wrapped(Container::Disc, &config, &packets, &end);
+    let is_navigation = |sector: &[u8]| sector[38..44] == [0, 0, 1, 0xbf, 0x03, 0xd4] && sector[44] == 0;
+    let sectors: Vec<&[u8]> = file.chunks(2048).collect();
+    let mut entries = 0;
+    for (number, sector) in sectors.iter().enumerate() {
+        assert_eq!((sector.len(), &sector[..4]), (2048, &[0, 0, 1, 0xba][..]), "sector {number}");
+        if is_navigation(sector) {
+            assert_eq!(sector[1024..1031], [0, 0, 1, 0xbf, 0x03, 0xfa, 1], "sector {number}");
+            entries += 1;
+        }
+        // The sector of an I picture holds a sequence header behind the packet's header.
+        let header = 14 + 9 + usize::from(sector[22]);
+        if sector[14..18] == [0, 0, 1, 0xe0] && sector[header..][..4] == [0, 0, 1, 0xb3] {
+            assert!(is_navigation(sectors[number - 1]), "sector {number}");
+        }
+    }
+    assert_eq!(entries, packets.iter().filter(|packet| packet.picture_type == PictureType::I).count());
+
+    let file = StreamFile::new(&file);
+    // It warns that packets for navigation have no times, as it does of its own.
+    let input = ["-nostdin", "-v", "error", "-xerror", "-i", file.path()];
+    let copied = output_of("ffmpeg", &[&input[..], &["-c", "copy", "-f", "mpeg2video", "-"]].concat());
+    assert!(copied == stream);
+}
