@@ -67,6 +67,22 @@ pub enum ConfigError {
         /// The level.
         level: Level,
     },
+    /// No picture is so small as this rate and buffer require.
+    #[error(
+        "{bits_per_second} bits a second with a buffer of {buffer_bits} bits hold no pictures of this size, which take {picture_bits} bits each at least; use {rate_least} bits a second and a buffer of {buffer_least} bits, or more"
+    )]
+    TooFewBits {
+        /// Requested bits a second.
+        bits_per_second: u32,
+        /// The requested buffer.
+        buffer_bits: u32,
+        /// Bits of the smallest picture.
+        picture_bits: u64,
+        /// Bits a second of such pictures.
+        rate_least: u64,
+        /// The smallest buffer that holds one.
+        buffer_least: u64,
+    },
     /// A weight that a matrix may not have.
     #[error(
         "a weight of {value} at place {place} of a matrix is not allowed; weights are 1 to 255, the first intra weight is 8"

@@ -63,6 +63,7 @@ mod coder; // one picture
 mod rate; // bounds of bits
 mod rate_control; // the quantiser that keeps to them
 mod vbv; // the buffer of a decoder
+mod verifier; // which follows a stream
 
 mod motion;
 mod vector; // vectors: given, predicted, searched
@@ -104,6 +105,7 @@ pub use crate::{
     rate::{Passes, Rate},
     restore::RestoreError,
     standard::Standard,
+    verifier::BufferVerifier,
     vlc::CoefficientTable,
 };
 

@@ -75,7 +75,18 @@ fn check_standard(config: &Config) -> Result<(), ConfigError> {
     }
 }
 
-/// Whether the level allows the bit rate and its buffer.
+/// Bits that every picture has at least: its headers, and a slice of one macroblock for each row.
+fn least_bits(config: &Config) -> u64 {
+    // picture_header() of a P picture takes 66 bits, picture_coding_extension() as many, and both are filled to whole bytes.
+    let headers = match config.standard {
+        Standard::Mpeg1 => 72,
+        Standard::Mpeg2 => 144,
+    };
+    // 38 bits of slice() without macroblocks, and 6 of a macroblock without coefficients, filled to whole bytes.
+    headers + 48 * config.height.div_ceil(16) as u64
+}
+
+/// Whether the level allows the bit rate and its buffer, and whether they hold any pictures.
 fn check_rate(config: &Config) -> Result<(), ConfigError> {
     if let Rate::Constant { bits_per_second, buffer_bits } | Rate::Capped { bits_per_second, buffer_bits } = config.rate
     {
@@ -85,6 +96,20 @@ fn check_rate(config: &Config) -> Result<(), ConfigError> {
         if rate == 0 || buffer == 0 || 400 * u64::from(rate) > rate_max || u64::from(buffer_bits) > buffer_max {
             let level = config.level();
             return Err(ConfigError::Rate { bits_per_second, buffer_bits, rate_max, buffer_max, level });
+        }
+
+        // Even a film in which nothing changes takes some bits.
+        let picture_bits = least_bits(config);
+        let rate_least = (picture_bits as f64 * config.frame_rate.fps()).ceil() as u64;
+        if 400 * u64::from(rate) < rate_least || 16_384 * u64::from(buffer) < picture_bits {
+            let buffer_least = picture_bits.next_multiple_of(16_384);
+            return Err(ConfigError::TooFewBits {
+                bits_per_second,
+                buffer_bits,
+                picture_bits,
+                rate_least,
+                buffer_least,
+            });
         }
     }
     Ok(())

@@ -11,4 +11,5 @@ mod extremes;
 mod lookahead;
 mod mpeg1;
 mod report;
+mod verifier;
 mod weights;

@@ -1,0 +1,42 @@
+//! The decoder's buffer over a whole stream: whether pictures come in time.
+
+use crate::{Config, rate_control::RateControl, vbv::Buffer};
+
+/// More bits than any picture has.
+const BITS_MAX: u64 = 1 << 40;
+
+/// The video buffering verifier (Annex C): follows the buffer that a stream states, picture by picture.
+///
+/// An encoder keeps to the buffer as long as the coarsest quantiser is coarse enough. Where it is not, pictures come late,
+/// and this tells which.
+///
+/// ```
+/// use mpeg2enc::{BufferVerifier, Config, FrameRate, Rate};
+/// let rate = Rate::Capped { bits_per_second: 1_000_000, buffer_bits: 65_536 };
+/// let config = Config::new(64, 48, FrameRate::FPS_25).with_lookahead(30).with_rate(rate);
+/// let mut verifier = BufferVerifier::new(&config).expect("a bounded rate");
+/// assert_eq!(verifier.take(65_536), 0.0); // all that the buffer holds
+/// assert_eq!(verifier.take(41_000), 0.001); // 40 000 bits have come since
+/// ```
+#[derive(Clone, Debug)]
+#[must_use = "it tells which pictures come late"]
+pub struct BufferVerifier {
+    buffer: Buffer,
+}
+
+impl BufferVerifier {
+    /// The buffer as it is when the first picture is due; `None` where the settings bound no bits.
+    #[must_use]
+    pub fn new(config: &Config) -> Option<Self> {
+        // Macroblocks play no part in the buffer.
+        RateControl::new(config, 0).map(|rate| Self { buffer: rate.buffer })
+    }
+
+    /// Takes out the next picture in the order of coding. Gives the seconds that it comes late, 0 if it is in time.
+    pub fn take(&mut self, bits: u64) -> f64 {
+        let bits = bits.min(BITS_MAX) as i64;
+        let missing = (bits - self.buffer.bits()).max(0);
+        self.buffer.take(bits);
+        missing as f64 / self.buffer.bit_rate as f64
+    }
+}
