@@ -10,6 +10,7 @@ mod elementary;
 mod extremes;
 mod lookahead;
 mod mpeg1;
+mod program;
 mod report;
 mod verifier;
 mod weights;
