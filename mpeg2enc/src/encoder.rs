@@ -163,7 +163,7 @@ impl Encoder {
     }
 
     /// quantiser_scale that the frames which wait are to be coded with, as far as bit rate and buffer tell now; `None` where bits are
-    /// not bounded, and where no frame waits. What is learnt from the frames coded until then, and later frames, may still change it.
+    /// not bounded, and where fewer than two frames wait. What is learnt from the frames coded until then, and later frames, may still change it.
     pub fn planned_quantiser_scale(&mut self) -> Option<f32> {
         match &mut self.state.mode {
             Mode::Immediate(_) => None,

@@ -91,7 +91,16 @@ impl Ahead {
         let last = self.last_anchor();
         let rate = self.rate.as_ref().filter(|_| self.lookahead.end() > next_after(last))?;
         let spans = self.lookahead.plan(config, last);
-        let upcoming = self.lookahead.upcoming(last, &spans);
+        let mut upcoming = self.lookahead.upcoming(last, &spans);
+
+        // An I picture is paid for by those after it: frames that have not come yet count like those that are predicted.
+        let is_predicted = |picture: &&Upcoming| picture.picture_type != PictureType::I;
+        let predicted: Vec<Upcoming> = upcoming.iter().rev().filter(is_predicted).copied().collect();
+        let missing = config.delay().saturating_sub(upcoming.len());
+        upcoming.extend(predicted.iter().cycle().take(missing));
+        if predicted.is_empty() {
+            return None;
+        }
         Some(rate.quantiser_x16(&upcoming) as f32 / 16.0)
     }
 
