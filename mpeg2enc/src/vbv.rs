@@ -40,11 +40,6 @@ impl Buffer {
         self.fullness / self.frame_rate.0
     }
 
-    /// Bits that arrive in a frame period, rounded down.
-    pub fn bits_per_picture(&self) -> i64 {
-        self.bit_rate * self.frame_rate.1 / self.frame_rate.0
-    }
-
     /// vbv_delay of the next picture, of which the headers up to its picture_start_code take `ahead` bits (6.3.9).
     pub fn delay(&self, ahead: i64) -> u32 {
         ((self.bits() - ahead).max(0) * 90_000 / self.bit_rate).min(0xfffe) as u32
@@ -57,6 +52,12 @@ impl Buffer {
         }
         let after = self.fullness + self.bit_rate * self.frame_rate.1 - self.size * self.frame_rate.0;
         (after + self.frame_rate.0 - 1).div_euclid(self.frame_rate.0).max(0)
+    }
+
+    /// Is the buffer full before the picture after one of `bits`, so that bits are stuffed or reading pauses?
+    pub fn is_full_after(&self, bits: i64) -> bool {
+        let after = self.fullness + self.bit_rate * self.frame_rate.1 - bits * self.frame_rate.0;
+        after > self.size * self.frame_rate.0
     }
 
     /// Takes out a picture and fills for a frame period.

@@ -181,19 +181,25 @@ impl Ahead {
             Rate::Constant { .. } => rate.buffer.delay(header_bits + 32), // picture_start_code has 32 bits
             _ => VBV_DELAY_VARIABLE,
         };
-        let mut base_x16 = rate.quantiser_x16(upcoming);
-        // Expensive pictures and the last ones are coded a second time if the prediction of their bits was far off.
-        let mut second_look =
+        let mut base_x16 = rate.quantiser_x16(upcoming, None);
+        // Expensive pictures and the last ones are coded again if the prediction of their bits was far off, others if it was
+        // off by a good part of the buffer; all of them once more if it was too low again.
+        let is_looked_at =
             !rate.knows(picture_type) || picture_type == PictureType::I || complete && upcoming.len() <= 4;
+        let mut looks = 0;
         let mut coded = loop {
             // The quantiser of the settings may lie between sixteenths.
             let base_x256 = if base_x16 == wanted_x256 / 16 { wanted_x256 } else { 16 * base_x16 };
             let coded = self.code_picture(coder, &turn, base_x256, vbv_delay);
             let bits = coded.packet.bits as i64 + header_bits;
-            rate.learn(upcoming[0], base_x16, bits);
-            if second_look {
-                second_look = false;
-                let informed = rate.quantiser_x16(upcoming);
+            let surprise = bits - rate.predicted(upcoming[0], base_x16).bits();
+            let is_surprise =
+                if looks == 0 { surprise.abs() } else { surprise } > rate.buffer.size / SURPRISE_OF_BUFFER;
+            let taken = rate.taken(bits, &coded.packet.statistics);
+            rate.learn(upcoming[0], base_x16, taken);
+            looks += 1;
+            if is_surprise && looks < MOST_LOOKS || is_looked_at && looks == 1 {
+                let informed = rate.quantiser_x16(upcoming, Some((base_x16, taken)));
                 if informed.abs_diff(base_x16) * 16 > base_x16 {
                     base_x16 = informed;
                     continue;
@@ -280,6 +286,10 @@ fn next_after(anchor: Option<usize>) -> usize {
     anchor.map_or(0, |anchor| anchor + 1)
 }
 
+/// Bits that are this part of the buffer away from their prediction are worth a second look.
+const SURPRISE_OF_BUFFER: i64 = 16;
+/// How often a picture is coded at most because its bits were not predicted well.
+const MOST_LOOKS: u32 = 3;
 /// Finer quantisers of I pictures where no tree says it: other pictures inherit from them. Ours, tuned on the clips of
 /// README.md: with 190 moving ones take more bits, still ones less.
 const INTRA_FACTOR_256THS: u32 = 208;

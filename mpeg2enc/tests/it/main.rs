@@ -11,6 +11,7 @@ mod extremes;
 mod lookahead;
 mod mpeg1;
 mod program;
+mod rates;
 mod report;
 mod verifier;
 mod weights;
