@@ -86,6 +86,8 @@ pub(crate) struct RateControl {
     pub buffer: Buffer,
     rate: Rate,
     quantiser_x16: u32,
+    /// That of the last picture, in sixteenths.
+    last_x16: u32,
     start: i64,
     macroblocks: i64,
     /// Bits of an intra macroblock of zeros, without its type.
@@ -107,6 +109,7 @@ impl RateControl {
             buffer: Buffer::new(bit_rate, size, config.frame_rate.fraction(), start, pauses),
             rate: config.rate,
             quantiser_x16: config.quantiser_x256() / 16,
+            last_x16: FINEST_X16,
             start,
             macroblocks,
             // dct_dc_size of zero has 3 bits in a block of luma and 2 in one of chroma; End of block has 2 or 4.
@@ -124,7 +127,8 @@ impl RateControl {
     pub fn check(&self, fresh: &Self) -> Result<(), RestoreError> {
         let settings = |of: &Self| (of.rate, of.start, of.macroblocks, of.empty_intra_bits);
         ensure(settings(self) == settings(fresh) && self.buffer.is_like(&fresh.buffer), "rate control")?;
-        ensure((FINEST_X16..=COARSEST_X16).contains(&self.quantiser_x16), "the quantiser of rate control")?;
+        let is_quantiser = |x16: u32| (FINEST_X16..=COARSEST_X16).contains(&x16);
+        ensure(is_quantiser(self.quantiser_x16) && is_quantiser(self.last_x16), "the quantiser of rate control")?;
         let is_possible = |(model, first): (&Model, i64)| {
             (0..=MOST_BITS).contains(&model.floor) && bounded_c(model.c, first) == model.c
         };
@@ -152,7 +156,8 @@ impl RateControl {
         let (finest, left) = match self.rate {
             Rate::ConstantQuantiser => return self.quantiser_x16,
             Rate::Capped { .. } => (self.quantiser_x16, i64::MIN),
-            Rate::Constant { .. } => (FINEST_X16, self.start),
+            // Where all levels were zero, nothing tells how many a far finer quantiser makes.
+            Rate::Constant { .. } => ((self.last_x16 * 2 / 3).max(FINEST_X16), self.start),
         };
         least(finest, |q| {
             let first = tried.map(|tried| self.rescaled(upcoming[0], tried, q));
@@ -226,6 +231,12 @@ impl RateControl {
         let empty = self.empty_intra_bits * i64::from(statistics.intra);
         let levels = (statistics.coefficient_bits as i64 - empty).clamp(0, bits);
         Taken { floor: bits - levels, levels }
+    }
+
+    /// Takes a picture out of the buffer that is finished with this quantiser.
+    pub fn take(&mut self, bits: i64, quantiser_x16: u32) {
+        self.buffer.take(bits);
+        self.last_x16 = quantiser_x16;
     }
 
     /// Was anything learnt of this type?

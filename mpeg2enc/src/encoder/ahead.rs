@@ -212,7 +212,7 @@ impl Ahead {
         };
         coded.fill_to(rate.buffer.least() - header_bits);
         coded.packet.prepend(turn.headers);
-        rate.buffer.take(coded.packet.bits as i64);
+        rate.take(coded.packet.bits as i64, base_x16);
         self.rate = Some(rate);
         coded
     }
