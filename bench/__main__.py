@@ -1,4 +1,4 @@
-"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints [--quick|--full] [options].
+"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints|rates [--quick|--full] [options].
 
 Quick, the default, answers in five minutes on two processors and says how far its figures can be trusted.
 Full makes the tables of the documentation; for bits, larger films.
@@ -16,6 +16,7 @@ import error
 import features
 import importance
 import joints
+import rates
 import sweep
 from running import Failure
 
@@ -28,6 +29,7 @@ MEASUREMENTS = {
     "bits": bits,
     "importance": importance,
     "joints": joints,
+    "rates": rates,
 }
 
 
