@@ -286,9 +286,11 @@ fn next_after(anchor: Option<usize>) -> usize {
     anchor.map_or(0, |anchor| anchor + 1)
 }
 
-/// Bits that are this part of the buffer away from their prediction are worth a second look.
+/// Bits that are this part of the buffer away from their prediction are worth a second look: as much as planning keeps in
+/// reserve.
 const SURPRISE_OF_BUFFER: i64 = 16;
-/// How often a picture is coded at most because its bits were not predicted well.
+/// A picture is coded at most this many times because its bits were not predicted well. Chosen, not tuned: the second corrects
+/// the prediction, the third what the second has overdone.
 const MOST_LOOKS: u32 = 3;
 /// Finer quantisers of I pictures where no tree says it: other pictures inherit from them. Ours, tuned on the clips of
 /// README.md: with 190 moving ones take more bits, still ones less.
