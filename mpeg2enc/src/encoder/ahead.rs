@@ -101,7 +101,7 @@ impl Ahead {
         if predicted.is_empty() {
             return None;
         }
-        Some(rate.quantiser_x16(&upcoming) as f32 / 16.0)
+        Some(rate.quantiser_x16(&upcoming, None) as f32 / 16.0)
     }
 
     /// Takes over the quantiser of changed settings.
