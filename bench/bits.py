@@ -13,13 +13,13 @@ If any film differs, the command fails.
 
 --list names the films. They show each scene that ships, and a room with coats (coated_room.py), with a moving ball or not.
 The others show cornell, where camera and blocks move, with other options. Some must be equal to another film:
-with one thread, with every stage run, and killed in the middle and resumed. To be killed after a given frame needs Linux.
+with one thread, with every stage run, and killed in the middle and resumed. To be killed needs a system with signals.
 
 Films have 128x128 pixels and 8 frames. The slow ones are smaller: 64x64 without the cache, with 4 frames in the room, and
 48x48 with 2 frames for all lights. --full doubles width and height.
 """
 
-import fcntl
+import contextlib
 import hashlib
 import json
 import os
@@ -42,8 +42,6 @@ SHIPPED = ["cornell", "cornell-box", "atrium", "conference", "nave"]
 ROOMS = {"room": False, "room-moving": True}
 LAYERS = "direct,indirect,albedo,normal,depth,motion,cut-size,threshold,cache,shading"
 AHEAD = "--bframes 2 --cbr --bitrate 150k --stopping calibrated"
-# Linux: sets the size of a pipe. The module `fcntl` has the name since Python 3.10.
-F_SETPIPE_SZ = 1031
 
 
 @dataclass(frozen=True)
@@ -144,30 +142,28 @@ def need_coats(program, scene):
         raise Failure(f"{program} finds no glossy surfaces in {scene.name}")
 
 
-def render_and_kill(command, after):
-    """Renders until the program has told of some frames, and kills it."""
-    if not sys.platform.startswith("linux"):
-        raise Failure("films that are killed and resumed need Linux; name others with --film")
-    # Each line waits in the pipe until the one before is read, so the program is at most two frames ahead.
-    reading, writing = os.pipe2(os.O_DIRECT | os.O_CLOEXEC)
-    fcntl.fcntl(writing, F_SETPIPE_SZ, 1)
-    with open(reading) as lines:
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=writing, stderr=subprocess.DEVNULL)
-        os.close(writing)
-        try:
-            while after and (line := lines.readline()):
-                after -= json.loads(line)["event"] == "frame"
-        finally:
-            process.kill()
-            code = process.wait()
+def render_and_kill(command, checkpoint, after):
+    """Renders until some checkpoints were written, each in the place of the one before, and kills the program."""
+    seen = set()
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        while len(seen) < after and process.poll() is None:
+            with contextlib.suppress(FileNotFoundError):
+                seen.add(os.stat(checkpoint).st_mtime_ns)
+            time.sleep(0.0005)
+    finally:
+        process.kill()
+        code = process.wait()
     if code != -signal.SIGKILL:
         raise Failure(f"the film that was to be killed ended with code {code}")
 
 
-def render_and_resume(command, film):
+def render_and_resume(command, film, video):
     """Renders with a checkpoint after each frame, is killed, and goes on."""
+    if os.name != "posix":
+        raise Failure("films that are killed and resumed need a system with signals; name others with --film")
     command = [*map(str, command), "--checkpoint", "0", "--json-progress"]
-    render_and_kill(command, film.killed_after)
+    render_and_kill(command, video.with_name(video.name + ".checkpoint"), film.killed_after)
     begin = json.loads(run([*command, "--resume"]).output.splitlines()[0])
     if not 0 < begin["first_frame"] < film.frames:
         raise Failure(f"{film.name} was not resumed in the middle but at frame {begin['first_frame']}")
@@ -184,7 +180,7 @@ def hashes(program, film, scene, full):
     with tempfile.TemporaryDirectory() as folder:
         video, frames = Path(folder) / film.video, Path(folder) / "frames"
         command = [program, "render", scene, *words, "-o", video, "--exr", frames, "--quiet"]
-        render_and_resume(command, film) if film.killed_after else run(command)
+        render_and_resume(command, film, video) if film.killed_after else run(command)
         return {
             "scene": references.content_hash(scene),
             "options": words,
