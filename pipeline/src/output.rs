@@ -282,7 +282,7 @@ mod tests {
         }
     }
 
-    /// Who removes a part while it is written is told of it, where a file without a name would be written on.
+    /// Removing a part while it is written ends in an error: the file would have no name.
     #[test]
     #[cfg(unix)]
     fn a_part_that_is_gone_is_noticed() {

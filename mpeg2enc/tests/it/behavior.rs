@@ -145,7 +145,7 @@ fn the_quantiser_of_waiting_frames_is_planned() {
     let coded = packets.iter().map(|packet| packet.quantiser_scale as f32).sum::<f32>() / packets.len() as f32;
     assert!(planned.iter().all(|planned| (0.5..2.0).contains(&(planned / coded))), "{planned:?}, {coded}");
 
-    // Without a bound there is nothing to plan, and without a look-ahead nothing waits.
+    // Nothing is planned at a constant quantiser, and nothing waits at zero look-ahead.
     for config in [config(), Config::new(96, 80, FrameRate::FPS_25)] {
         let mut encoder = config.encoder().expect("a valid configuration");
         let _ = encoder.push(&moving(96, 80, 0), KnownMotion::default());

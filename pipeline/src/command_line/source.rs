@@ -13,7 +13,7 @@ pub(crate) struct Source {
     /// Take options from a TOML file, by their names here: qscale = 8, cache = "off"; what is typed overrides them
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
-    /// Where files of the scene may lie.
+    /// Folders of the scene's files.
     #[command(flatten)]
     pub access: Access,
 }
@@ -30,7 +30,7 @@ impl Source {
     }
 }
 
-/// Where files may lie that a scene names.
+/// Folders from which files are read that a scene names.
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct Access {
     /// Read files that the scene names from anywhere, and not from its own folder alone: for scenes that are trusted

@@ -127,7 +127,7 @@ impl Video {
     }
 }
 
-/// What was coded first, and what came after it, with the `coding` of that.
+/// Two steps as one: the bytes and pictures of both, and the `coding` of the later.
 fn joined(first: Encoded, then: Encoded) -> Encoded {
     Encoded {
         bytes: [first.bytes, then.bytes].concat(),

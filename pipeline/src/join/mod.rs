@@ -59,7 +59,7 @@ impl JoinedReport {
         });
         let joined = joined.collect();
 
-        // What holds for all parts is told once, and what is of one part alone is left out.
+        // Settings of all parts are told once; a range and an output belong to one part alone.
         let first = &parts[0].report;
         let (schema, program) = (first.schema, first.program.clone());
         let (scene, mut settings, plan) = (first.scene.clone(), first.settings.clone(), first.plan.clone());

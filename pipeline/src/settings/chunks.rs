@@ -119,7 +119,7 @@ mod tests {
         ] {
             assert_eq!(filled(Some(chunk), range, frames).unwrap().unwrap().to_string(), expected, "{range}");
         }
-        // Without chunks, any frames that there are.
+        // A range without chunks may hold any frames of the film.
         assert_eq!(filled(None, "5-13", 14).unwrap().unwrap().to_string(), "5-13");
     }
 

@@ -11,7 +11,7 @@ use std::path::{Component, Path, PathBuf};
 /// Most bytes of all files of a scene together: glTF counts the bytes of a buffer in 32 bits.
 const MOST_BYTES: u64 = 1 << 32;
 
-/// Where the files may lie that a scene names.
+/// Folders from which files are read that a scene names.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reach {
     /// In the folder of the scene file, or below it, after links are followed.
@@ -24,9 +24,9 @@ pub enum Reach {
 /// The files that a scene was read from.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Origin {
-    /// Where they were allowed to lie.
+    /// The folders from which they could be read.
     pub reach: Reach,
-    /// Their paths, resolved, in the order of reading.
+    /// Paths with all links followed, in the order of reading.
     pub files: Vec<PathBuf>,
     /// CRC-32 of the sizes and contents of all of them, in that order.
     pub sum: u32,
@@ -111,7 +111,7 @@ impl SceneFiles {
         Ok(size)
     }
 
-    /// What was read.
+    /// All files that were read, and their sum.
     pub fn into_origin(self) -> Origin {
         let State { files, sum, .. } = self.state.into_inner();
         Origin { reach: self.reach, files, sum: sum.finalize() }

@@ -72,7 +72,7 @@ fn a_checkpoint_that_cannot_be_written_ends_no_film() {
     let folder = folder_with_room();
     let folder = folder.path();
     let truth = render(folder, "film", &folder.join("room.glb"), &format!("--frames 6 {SMALL}"));
-    // Where the checkpoint is to be written there is something else.
+    // A folder stands in the place of the checkpoint.
     fs::create_dir_all(folder.join("film.m2v.checkpoint.part/in the way")).unwrap();
     let words = format!("render room.glb -o film.m2v -q --checkpoint 0 --frames 6 {SMALL}");
     let words: Vec<&str> = words.split_whitespace().collect();

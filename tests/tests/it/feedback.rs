@@ -131,7 +131,7 @@ fn masking_allows_two_percent_at_least() {
     }
 }
 
-/// Where a bit rate coarsens quantisers, thresholds know it one frame later, while the encoder still waits for its look-ahead: they
+/// Thresholds know of quantisers that a bit rate coarsens one frame later, while the encoder still waits for its look-ahead: they
 /// are those of a film at about that quantiser, and not those of the quantiser in the settings.
 #[test]
 fn thresholds_follow_a_bit_rate_from_the_first_frame_on() {

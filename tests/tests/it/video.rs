@@ -59,7 +59,7 @@ fn a_constant_rate_is_kept_and_steers_the_thresholds() {
         (0..50).map(f64::from).collect::<Vec<f64>>(),
         "the report is in order of display"
     );
-    // What is coded more coarsely may be rendered more coarsely, also at first, when nothing is coded yet.
+    // Coarser coding allows coarser rendering, also at first, when nothing is coded yet.
     for frames in [3..8, 45..50] {
         let mean =
             |film: &Rendered| film.figures(&["threshold_mean_relative"])[frames.clone()].iter().sum::<f64>() / 5.0;

@@ -21,7 +21,7 @@ use std::time::Instant;
 pub(crate) struct Bake {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// Where files of the scene may lie.
+    /// Folders of the scene's files.
     #[command(flatten)]
     access: Access,
     /// The baked light [default: the scene's name with .slf, beside it; with --gltf, no such file]

@@ -18,7 +18,7 @@ use std::process::ExitCode;
 pub(crate) struct Reference {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// Where files of the scene may lie.
+    /// Folders of the scene's files.
     #[command(flatten)]
     access: Access,
     /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means

@@ -16,7 +16,7 @@ use std::sync::atomic::AtomicBool;
 pub(crate) struct Sweep {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// Where files of the scene may lie.
+    /// Folders of the scene's files.
     #[command(flatten)]
     access: Access,
     /// The folder for sweep.html, sweep.json, sweep.csv, plots and maps [default: the scene's name and "-sweep"]

@@ -114,7 +114,7 @@ fn calibration(settings: &RenderSettings) -> Option<Calibration> {
     (settings.stopping == Stopping::Calibrated).then(|| Calibration::keeping(settings.within))
 }
 
-/// Where people look before any frame, if that is to steer anything.
+/// The state of importance before any frame, if importance is to steer anything.
 fn looking(settings: &RenderSettings) -> Option<Looking> {
     settings.importance.map(|weights| Looking::new(weights, settings))
 }
