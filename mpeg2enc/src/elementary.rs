@@ -54,6 +54,9 @@ pub enum StreamError {
 }
 
 impl ElementaryStream {
+    /// sequence_end_code (6.2.2), which ends a stream once.
+    pub const END: [u8; 4] = [0, 0, 1, SEQUENCE_END_CODE];
+
     /// Takes `bytes` apart.
     ///
     /// # Errors

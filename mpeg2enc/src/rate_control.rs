@@ -47,8 +47,8 @@ const C_RANGE: i64 = 4;
 const LEAST_COST: u64 = 2;
 /// Levels tell c where they take more than this part of the floor, or were to take it. Chosen, not tuned.
 const LEVELS_OF_FLOOR: i64 = 8;
-/// At a constant rate the quantiser is at least so many thirds of the last one. With two, slow waves after a dark rest gain
-/// 0.8 dB (fast, 70 kbit/s), and the clips of the rate table 0.04 dB in the mean at 300 kbit/s.
+/// Least ratio of a quantiser to the one before, in thirds, at a constant rate. With 2 instead of no limit, a clip of slow waves
+/// after dark still frames gains 0.8 dB (effort fast, 70 kbit/s). The clips of the rate table gain 0.04 dB on average at 300 kbit/s.
 const LEAST_OF_LAST_THIRDS: u32 = 2;
 /// Part of the buffer that planning does not touch, in 16ths: predicted bits are never exact.
 const RESERVE_SIXTEENTHS: i64 = 1;

@@ -8,7 +8,7 @@ use crate::settings::Settings;
 use mpeg2enc::PictureType;
 use render_core::scene::Scene;
 use serde::{Deserialize, Deserializer, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The whole report.
 #[derive(Clone, Debug, Serialize)]
@@ -36,7 +36,7 @@ pub struct Report {
 #[derive(Clone, Debug, Serialize)]
 pub struct SceneReport {
     /// The scene file.
-    pub file: std::path::PathBuf,
+    pub file: PathBuf,
     /// Triangles of all instances.
     pub triangles: usize,
     /// Meshes in their places.
@@ -249,6 +249,12 @@ impl Report {
     pub fn write(&self, path: &Path) -> Result<()> {
         write_json(self, path)
     }
+}
+
+/// `film.m2v` → `film.report.json`: the report of a video, unless another place was chosen.
+#[must_use]
+pub fn path_beside(video: &Path) -> PathBuf {
+    video.with_extension("report.json")
 }
 
 /// Writes `value` as JSON, whole or not at all.

@@ -15,6 +15,7 @@ pub use glb::{Glb, Moving, Quad, checkered_room, furnace};
 pub use hostile::{Hostile, Random, damaged, hostile_scenes};
 pub use program::{
     Finished, Rendered, assert_fails, cornell, program, render, render2mpeg, shared_scenes, sorted_names,
+    start_until_checkpoint,
 };
 pub use replay::{correspondences, encode, load};
 pub use tools::{is_required, need};

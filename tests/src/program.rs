@@ -2,8 +2,9 @@
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
 /// The binary of this package that is all of `render2mpeg`. Cargo builds it before the tests, two folders above them.
 ///
@@ -37,6 +38,21 @@ pub fn render2mpeg(folder: &Path, arguments: &[&str]) -> Finished {
     let output = output.expect("render2mpeg starts");
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     Finished { code: output.status.code(), stdout: text(&output.stdout), stderr: text(&output.stderr) }
+}
+
+/// Starts `render2mpeg`, and returns once the checkpoint of `film` is there.
+///
+/// # Panics
+/// If none is made within two minutes.
+pub fn start_until_checkpoint(folder: &Path, arguments: &[&str], film: &str) -> Child {
+    let mut command = Command::new(program());
+    let child = command.args(arguments).current_dir(folder).stdin(Stdio::null()).spawn().expect("render2mpeg starts");
+    let (begin, checkpoint) = (Instant::now(), folder.join(format!("{film}.checkpoint")));
+    while !checkpoint.exists() {
+        assert!(begin.elapsed() < Duration::from_secs(120), "no checkpoint is made");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    child
 }
 
 /// A finished film.

@@ -8,15 +8,13 @@ mod part;
 
 use crate::error::{Context, Error, Result};
 use crate::output::Output;
-use crate::report::{Ending, FrameReport, Summary, write_json};
-use mpeg2enc::{AccessUnit, Container, Multiplexer};
+use crate::places::FilePlaces;
+use crate::report::{Ending, FrameReport, Summary, path_beside, write_json};
+use mpeg2enc::{AccessUnit, Container, ElementaryStream, Multiplexer};
 use part::Part;
 use serde::Serialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-
-/// sequence_end_code (13818-2, 6.2.2): parts have one each, and the film has one.
-const SEQUENCE_END: [u8; 4] = [0, 0, 1, 0xb7];
 
 /// The report of a joined film, laid out as [`Report`](crate::Report).
 #[derive(Clone, Debug, Serialize)]
@@ -80,6 +78,16 @@ impl JoinedReport {
     }
 }
 
+/// The files that the parts at `paths` are read from: streams and reports.
+#[must_use]
+pub fn places(paths: &[PathBuf]) -> FilePlaces {
+    let mut places = FilePlaces::default();
+    for path in paths {
+        places = places.reads("a part", Some(path)).reads("a part", Some(&path_beside(path)));
+    }
+    places
+}
+
 /// Joins the elementary streams at `paths`, in this order, to the film at `output`: `.m2v`, `.mpg` or `.ts`. The report of each part
 /// is beside it. Nothing is written unless all parts are whole, follow each other, and make all of a film.
 ///
@@ -90,13 +98,8 @@ pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
         let name = output.display();
         Error::Options(format!("{name}: such files are not written; name the output .m2v, .mpg or .ts"))
     })?;
-    let mut parts = Vec::new();
-    for path in paths {
-        if same_file(path, output) {
-            return Err(Error::Options(format!("{}: the film cannot take the place of a part", path.display())));
-        }
-        parts.push(Part::read(path)?);
-    }
+    places(paths).writes("-o", Some(output)).check()?;
+    let parts = paths.iter().map(|path| Part::read(path)).collect::<Result<Vec<Part>>>()?;
     order::check(&parts)?;
 
     // Each part is read again when its turn comes: a film may be larger than memory.
@@ -108,11 +111,7 @@ pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
             film.write(&multiplexer.push(AccessUnit { display_index: first + unit.display_index, ..unit }))?;
         }
     }
-    film.write(&multiplexer.finish(&SEQUENCE_END))?;
+    film.write(&multiplexer.finish(&ElementaryStream::END))?;
     film.finish().context("the joined film")?;
     Ok(JoinedReport::new(parts, output))
-}
-
-fn same_file(one: &Path, other: &Path) -> bool {
-    one == other || matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }

@@ -1,7 +1,7 @@
 //! A part of a film: an elementary stream, and the report beside it.
 
 use crate::error::{Context, Error, Result};
-use crate::report::{FrameReport, Summary};
+use crate::report::{FrameReport, Summary, path_beside};
 use crate::settings::FrameRange;
 use mpeg2enc::{Config, ElementaryStream, FrameRate, Standard};
 use serde::Deserialize;
@@ -78,10 +78,7 @@ impl Part {
         lines.sort_unstable();
         pictures.sort_unstable();
         if lines != pictures || !pictures.iter().map(|&(index, _)| index).eq(first..=last) {
-            return wrong(format!(
-                " is not the video that {} tells of: bring both again",
-                report_beside(path).display()
-            ));
+            return wrong(format!(" is not the video that {} tells of: bring both again", path_beside(path).display()));
         }
         if !stream.begins_closed {
             return wrong(" begins with pictures that need others before them: it is no part of a film".into());
@@ -107,7 +104,7 @@ impl Part {
     /// # Errors
     /// The report has none that fit an encoder.
     pub fn encoder_config(&self) -> Result<Config> {
-        let place = report_beside(&self.path).display().to_string();
+        let place = path_beside(&self.path).display().to_string();
         let coded: Coded = serde_json::from_value(self.report.settings.clone().into()).context(place.clone())?;
         let Coded { size: CodedSize { width, height }, fps, mpeg1, bframes } = coded;
         let config = Config::new(width, height, FrameRate::from_fps(fps).context(place.clone())?)
@@ -129,14 +126,9 @@ fn stream_at(path: &Path) -> Result<ElementaryStream> {
     }
 }
 
-/// `part.m2v` → `part.report.json`.
-fn report_beside(path: &Path) -> PathBuf {
-    path.with_extension("report.json")
-}
-
 /// The report beside a part.
 fn report_of(path: &Path) -> Result<PartReport> {
-    let place = report_beside(path);
+    let place = path_beside(path);
     let problem = format!("cannot be read; {} needs its report beside it", path.display());
     let bytes = fs::read(&place).map_err(Error::file(&place, &problem))?;
     serde_json::from_slice(&bytes).map_err(|error| Error::content(&place, format!(": no report of a film: {error}")))

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
-use tests::{Moving, assert_fails, checkered_room, program, render, render2mpeg, sorted_names};
+use tests::{Moving, assert_fails, checkered_room, program, render, render2mpeg, sorted_names, start_until_checkpoint};
 
 const SMALL: &str = "--size 48x48 --vpls 60 --photons 1000";
 
@@ -110,17 +110,7 @@ fn two_runs_do_not_write_to_one_file() {
     let truth = render(folder, "truth", &folder.join("room.glb"), &format!("--frames 150 {SMALL}"));
     let words = format!("render room.glb -o film.m2v -q --checkpoint 0 --frames 150 {SMALL}");
     let words: Vec<&str> = words.split_whitespace().collect();
-    let mut first = Command::new(program())
-        .args(&words)
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .spawn()
-        .expect("render2mpeg starts");
-    let begin = Instant::now();
-    while !folder.join("film.m2v.checkpoint").exists() {
-        assert!(begin.elapsed() < Duration::from_secs(120), "no checkpoint is made");
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    let mut first = start_until_checkpoint(folder, &words, "film.m2v");
     for more in [&[][..], &["--resume"], &["--frames", "3"], &["--y4m", "film.m2v"]] {
         let expected = if more.contains(&"--y4m") { "film.m2v" } else { "another run" };
         assert_fails(folder, &[&words[..], more].concat(), &["film.m2v", expected]);

@@ -4,8 +4,9 @@ use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
-use tests::{Finished, Glb, Moving, assert_fails, checkered_room, program, render2mpeg, sorted_names};
+use tests::{
+    Finished, Glb, Moving, assert_fails, checkered_room, program, render2mpeg, sorted_names, start_until_checkpoint,
+};
 
 const SMALL: &str = "--size 32x32 --vpls 60 --photons 1000";
 
@@ -33,23 +34,6 @@ fn with_files(folder: &Path, name: &str) -> Glb {
     room
 }
 
-/// Renders until a checkpoint is there, and is killed then.
-fn kill_with_checkpoint(folder: &Path, words: &[&str]) {
-    let mut child = Command::new(program())
-        .args(words)
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .spawn()
-        .expect("render2mpeg starts");
-    let begin = Instant::now();
-    while !folder.join("film.m2v.checkpoint").exists() {
-        assert!(begin.elapsed() < Duration::from_secs(120), "no checkpoint is made");
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    child.kill().unwrap();
-    child.wait().unwrap();
-}
-
 #[test]
 fn a_film_is_continued_with_the_files_it_was_begun_with() {
     for scene in ["room.gltf", "room.glb"] {
@@ -60,7 +44,9 @@ fn a_film_is_continued_with_the_files_it_was_begun_with() {
         fs::write(folder.join(scene), bytes).unwrap();
         let words = format!("render {scene} -o film.m2v --checkpoint 0 -q --frames 5000 {SMALL}");
         let words: Vec<&str> = words.split_whitespace().collect();
-        kill_with_checkpoint(folder, &words);
+        let mut child = start_until_checkpoint(folder, &words, "film.m2v");
+        child.kill().unwrap();
+        child.wait().unwrap();
         let resumed = [&words[..], &["--resume"]].concat();
 
         // Each file with other bytes of the same number.

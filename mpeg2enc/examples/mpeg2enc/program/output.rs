@@ -30,7 +30,8 @@ pub fn is_stream(path: &Path) -> bool {
 }
 
 impl<'a> Output<'a> {
-    /// Begins to write. A file gets the ending `.part` for now. Standard output is `standard`, if that is free.
+    /// Begins to write. A file is named `NAME.part` until [`finish`](Self::finish) gives it its name. Standard output is `standard`, if
+    /// that is free.
     pub fn create(path: &Path, standard: Option<&'a mut (dyn Write + Send)>) -> Result<Self> {
         let name = path.display().to_string();
         let fail = |path: &Path| format!("{} cannot be written", path.display());

@@ -1,14 +1,11 @@
 //! The tone curve that the picture of baked light is shown by: the film's.
 
 use crate::error::Result;
-use crate::film::display::exposure_for;
-use crate::parts::{LastThresholds, Shade};
-use crate::plan::Plan;
 use crate::renderer::texels::BakedTexels;
-use crate::renderer::{Preparation, Shading};
+use crate::renderer::{Shading, exposure_of_first_frame};
 use crate::settings::{Lighting, RenderSettings, Settings, Size};
 use glam::Vec3;
-use perceptual::{ToneMap, luminance_plane};
+use perceptual::ToneMap;
 use render_core::scene::Scene;
 use std::sync::Arc;
 
@@ -21,14 +18,13 @@ pub(super) fn tone_map(scene: &Scene, settings: &Settings, baked: &Arc<BakedTexe
     if !settings.auto_exposure {
         return Ok(settings.tone_map);
     }
+    let tone_map = settings.tone_map;
     let settings = Settings { lighting: Lighting::Baked, ..settings.clone() };
-    let renderer =
-        RenderSettings { size: Size { width: SIDE, height: SIDE }, frames: 1, aov: Vec::new(), ..settings.renderer() };
-    let plan = Plan::new(scene, &renderer);
-    let prepared = Preparation::new(scene, &renderer, &plan).frame(0);
-    let mut shading = Shading::new(&renderer, &plan).with_baked(baked.clone());
-    let radiance = shading.step(&prepared, LastThresholds::none()).radiance;
-    Ok(settings.tone_map.with_exposure(exposure_for(&luminance_plane(&radiance))))
+    let renderer = RenderSettings { size: Size { width: SIDE, height: SIDE }, ..settings.renderer() };
+    let exposure = exposure_of_first_frame(scene, &renderer, |settings, plan| {
+        Shading::new(settings, plan).with_baked(baked.clone())
+    });
+    Ok(tone_map.with_exposure(exposure))
 }
 
 /// The radiance that looks as `radiance` does by `tone_map`, where the display's own curve is the only one.

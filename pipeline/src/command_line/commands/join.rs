@@ -1,8 +1,8 @@
 //! `render2mpeg join`.
 
-use crate::join::join;
+use crate::join::{join, places};
 use crate::output::Output;
-use crate::places::FilePlaces;
+use crate::report::path_beside;
 use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
@@ -28,12 +28,8 @@ pub(crate) struct Join {
 /// Joins parts, and reports.
 pub fn run(arguments: &Join) -> Result<ExitCode> {
     let Join { parts, output, report, quiet } = arguments;
-    let report_path = report.clone().unwrap_or_else(|| output.with_extension("report.json"));
-    let mut places = FilePlaces::default();
-    for part in parts {
-        places = places.reads("a part", Some(part)).reads("a part", Some(&part.with_extension("report.json")));
-    }
-    places.writes("-o", Some(output)).writes("--report", Some(&report_path)).check()?;
+    let report_path = report.clone().unwrap_or_else(|| path_beside(output));
+    places(parts).writes("-o", Some(output)).writes("--report", Some(&report_path)).check()?;
     drop(Output::create(&report_path)?);
     let report = join(parts, output)?;
     report.write(&report_path)?;

@@ -13,7 +13,7 @@ use crate::feedback_loop::observe::{Observer, OnFrame};
 use crate::laboratory::page::ImportanceSum;
 use crate::output::Output;
 use crate::places::FilePlaces;
-use crate::report::FrameReport;
+use crate::report::{FrameReport, path_beside};
 use crate::settings::CheckpointEvery;
 use crate::{Options, Plan, Render as Film, Report};
 use anyhow::{Context, Result};
@@ -199,5 +199,5 @@ fn write_page(_: Option<&Path>, _: &Report, _: &ImportanceSum) -> Result<()> {
 /// `film.m2v` → `film.report.json`; a device has no neighbors, so its report goes to this folder.
 fn report_beside(output: &Path) -> PathBuf {
     let device = std::fs::metadata(output).is_ok_and(|metadata| !metadata.is_file());
-    if device { PathBuf::from("render2mpeg.report.json") } else { output.with_extension("report.json") }
+    if device { PathBuf::from("render2mpeg.report.json") } else { path_beside(output) }
 }
