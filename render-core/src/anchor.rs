@@ -5,17 +5,18 @@
 
 mod exposure;
 mod grid;
+mod patches;
 mod surfels;
 
 use exposure::Eye;
 use grid::Grid;
+use patches::Patches;
 pub(crate) use grid::{SplatScratch, Spot};
 pub(crate) use surfels::{SurfelMap, Surfels};
 
 use crate::Units;
 use crate::accel::Geometry;
 use crate::luminance;
-use crate::sampling::{Distribution, hash, owen_sobol_point, triangle};
 use crate::scene::Scene;
 use crate::surface::Surfaces;
 use glam::{Vec3, Vec3A};
@@ -220,71 +221,5 @@ impl DynamicAnchor {
         let (u, v) = self.barycentric;
         let position = a + (b - a) * u + (c - a) * v + normal * self.offset;
         Anchor { position, normal, instance: self.instance }
-    }
-}
-
-/// All sides of triangles that reflect, of what stands still or of what moves.
-struct Patches {
-    /// Instance, triangle, whether it is the front.
-    list: Vec<(usize, usize, bool)>,
-    /// By area \[m²\].
-    choice: Distribution,
-}
-
-impl Patches {
-    /// `None` if there is no area.
-    fn of(surfaces: &Surfaces, on_moving: bool) -> Option<Self> {
-        let scene = surfaces.scene();
-        let moving = surfaces.moving();
-        let (mut list, mut areas) = (Vec::new(), Vec::new());
-        for (index, instance) in scene.instances.iter().enumerate() {
-            if moving[index] != on_moving {
-                continue;
-            }
-            // Both sides of a sheet reflect, each with its own anchors; unlit surfaces reflect nothing.
-            let mesh = &scene.meshes[instance.mesh];
-            let material = &scene.materials[mesh.material];
-            let sides: &[bool] = match (material.unlit, material.double_sided) {
-                (true, _) => &[],
-                (false, false) => &[true],
-                (false, true) => &[true, false],
-            };
-
-            // Each side is as likely to be chosen as it is large:  |(b − a) × (c − a)| / 2.
-            for t in 0..mesh.triangles.len() {
-                for &front in sides {
-                    let [a, b, c] = surfaces.corners(index, t);
-                    list.push((index, t, front));
-                    areas.push(f64::from((b - a).cross(c - a).length() / 2.0));
-                }
-            }
-        }
-        Some(Self { list, choice: Distribution::new(areas)? })
-    }
-
-    /// Square meters.
-    fn area(&self) -> f32 {
-        self.choice.total() as f32
-    }
-
-    /// `count` points, evenly by area.
-    fn spread(&self, count: usize, units: &Units) -> Vec<DynamicAnchor> {
-        let mut points = Vec::with_capacity(count);
-        // Each patch has a sequence of its own: one for all would tie the place in a patch to its number, and front sides to
-        // one half of their triangles where each side has a single point.
-        let (mut last, mut within) = (usize::MAX, 0);
-        for i in 0..count {
-            // Even steps through the sum of the areas: points of a patch follow each other.
-            let patch = self.choice.pick((i as f64 + 0.5) / count as f64).index;
-            within = if patch == last { within + 1 } else { 0 };
-            last = patch;
-
-            // The next point of the patch's own sequence.
-            let (instance, t, front) = self.list[patch];
-            let barycentric = triangle(owen_sobol_point(within, hash(count as u64, patch as u64, PLACEMENT)));
-            let (instance, t) = (instance as u32, t as u32);
-            points.push(DynamicAnchor { instance, triangle: t, barycentric, front, offset: units.epsilon });
-        }
-        points
     }
 }

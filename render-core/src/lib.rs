@@ -22,6 +22,7 @@ mod photon;
 mod polygon;
 mod posed_scene;
 mod reconstruct;
+mod steps;
 mod surface;
 
 pub mod image_file;

@@ -1,13 +1,17 @@
 //! The trees that rays walk: everything that never moves is one, every moving instance has its own, built once; what changes
 //! its shape is built anew for each frame. Surfaces with holes stand in trees of their own, so that rays need not test all others for holes.
+//! Instances of one mesh share its tree where they move, and where they stand if they are many triangles together.
 
 use super::cut_outs::CutOuts;
 use super::group::Group;
+use super::sharing::Sharing;
 use super::triangles::Owner;
 use super::{Accelerator, Placed};
-use crate::scene::{Mesh, Pose, Scene};
-use glam::{Affine3A, Vec3, Vec3A};
-use obvhs::{BvhBuildParams, aabb::Aabb, triangle::Triangle};
+use crate::scene::{Instance, Mesh, Pose, Scene};
+use crate::steps;
+use glam::{Affine3A, Vec3};
+use obvhs::{BvhBuildParams, triangle::Triangle};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// How trees are built that last. Splitting large triangles saves Sponza's rays a quarter of the leaves they visit and a
@@ -30,10 +34,10 @@ impl std::fmt::Debug for Geometry {
 
 /// Triangles that stand, move or bend together.
 enum Part {
-    /// In the scaled world.
-    Fixed(Arc<Group>),
-    /// In the space of a node.
-    Carried { group: Arc<Group>, node: usize },
+    /// Where it stands in the scaled world.
+    Fixed(Placed),
+    /// The tree of a mesh in its own space, and the node that carries it.
+    Carried { group: Arc<Group>, instance: usize, node: usize },
     /// Built when it is placed: the instance, and the node it hangs from unless a skin places it.
     Deforming { instance: usize, node: Option<usize> },
 }
@@ -58,9 +62,42 @@ impl Soup {
         }
     }
 
-    fn group(self, params: BvhBuildParams, cut_outs: Option<Arc<CutOuts>>) -> Option<Arc<Group>> {
+    /// Without triangles that lie exactly where an earlier one does: rays never meet them, and each would test them all. With
+    /// `cut_outs` they stay, as the earlier one may have a hole there.
+    fn group(mut self, params: BvhBuildParams, cut_outs: Option<Arc<CutOuts>>) -> Option<Arc<Group>> {
+        if cut_outs.is_none() {
+            let is_copy = copies(&self.triangles);
+            let mut place = is_copy.iter();
+            self.triangles.retain(|_| place.next() == Some(&false));
+            let mut place = is_copy.iter();
+            self.owners.retain(|_| place.next() == Some(&false));
+        }
         (!self.triangles.is_empty()).then(|| Arc::new(Group::new(&self.triangles, self.owners, params, cut_outs)))
     }
+}
+
+/// For each triangle, whether an earlier one has the same corners in the same order.
+fn copies(triangles: &[Triangle]) -> Vec<bool> {
+    let bits = |index: u32| {
+        let Triangle { v0, v1, v2 } = &triangles[index as usize];
+        [v0, v1, v2].map(|corner| corner.to_array().map(f32::to_bits))
+    };
+    // Sorted by a short key first, so that few pairs are compared in full.
+    let mut order: Vec<(u32, u32)> = Vec::with_capacity(triangles.len());
+    for index in 0..triangles.len() as u32 {
+        let key = bits(index).into_iter().flatten().fold(0u32, |key, bits| key.rotate_left(5).wrapping_add(bits));
+        order.push((key, index));
+    }
+    order.sort_unstable_by(|a, b| {
+        steps::count(1);
+        a.0.cmp(&b.0).then_with(|| bits(a.1).cmp(&bits(b.1))).then(a.1.cmp(&b.1))
+    });
+
+    let mut is_copy = vec![false; triangles.len()];
+    for pair in order.windows(2) {
+        is_copy[pair[1].1 as usize] = pair[0].0 == pair[1].0 && bits(pair[0].1) == bits(pair[1].1);
+    }
+    is_copy
 }
 
 /// Corners of all triangles of an instance, as its mesh has them or as they are bent.
@@ -79,34 +116,47 @@ impl Geometry {
         let scale = (64.0 / extent).log2().ceil().exp2();
         let cut_outs = CutOuts::new(scene, &pose, extent).map(Arc::new);
         let holes_of = |instance| cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(instance));
+        let sharing = Sharing::of(scene, &pose);
+        // The tree of a mesh in its own space, if it has any triangles.
+        let mut of_mesh: HashMap<usize, Option<Arc<Group>>> = HashMap::new();
+        let mut own_tree = |index: usize, mesh: usize| {
+            let build = || {
+                let mut own = Soup::default();
+                own.add(index, &Affine3A::IDENTITY, corners(&scene.meshes[mesh], &pose, index));
+                own.group(QUALITY, holes_of(index))
+            };
+            // What a skin or weights bend differs from one instance to the next.
+            if pose.deformed(index).is_some() { build() } else { of_mesh.entry(mesh).or_insert_with(build).clone() }
+        };
+
         let (mut whole, mut with_holes) = (Soup::default(), Soup::default());
         let mut parts = Vec::new();
-        for (index, instance) in scene.instances.iter().enumerate() {
-            let mesh = &scene.meshes[instance.mesh];
+        for (index, &Instance { node, mesh }) in scene.instances.iter().enumerate() {
+            let to_tree = Affine3A::from_scale(Vec3::splat(scale)) * scene.instance_world(&pose, index);
             if deforming[index] {
-                let node = mesh.skinning.is_none().then_some(instance.node);
+                let node = scene.meshes[mesh].skinning.is_none().then_some(node);
                 parts.push(Part::Deforming { instance: index, node });
             } else if moving[index] {
-                let mut own = Soup::default();
-                own.add(index, &Affine3A::IDENTITY, corners(mesh, &pose, index));
-                let group = own.group(QUALITY, holes_of(index));
-                parts.extend(group.map(|group| Part::Carried { group, node: instance.node }));
+                let group = own_tree(index, mesh);
+                parts.extend(group.map(|group| Part::Carried { group, instance: index, node }));
+            } else if sharing.shares(scene, &pose, index) {
+                let placed = own_tree(index, mesh).and_then(|group| Placed::carried(group, index, to_tree));
+                parts.extend(placed.map(Part::Fixed));
             } else {
-                let to_tree = Affine3A::from_scale(Vec3::splat(scale)) * scene.instance_world(&pose, index);
                 let soup = if holes_of(index).is_some() { &mut with_holes } else { &mut whole };
-                soup.add(index, &to_tree, corners(mesh, &pose, index));
+                soup.add(index, &to_tree, corners(&scene.meshes[mesh], &pose, index));
             }
         }
         let fixed = [(whole, None), (with_holes, cut_outs.clone())];
         let fixed = fixed.into_iter().filter_map(|(soup, holes)| soup.group(QUALITY, holes));
-        parts.extend(fixed.map(Part::Fixed));
+        parts.extend(fixed.map(|group| Part::Fixed(Placed::in_world(group))));
         Self { parts, cut_outs, scale }
     }
 
     /// Places what stands still, and nothing else.
     pub(crate) fn place_still(&self) -> Accelerator {
         let still = self.parts.iter().filter_map(|part| match part {
-            Part::Fixed(group) => Some(Placed { bounds: group.bounds, to_local: None, group: group.clone() }),
+            Part::Fixed(placed) => Some(placed.clone()),
             Part::Carried { .. } | Part::Deforming { .. } => None,
         });
         Accelerator::new(still.collect(), self.scale)
@@ -116,22 +166,10 @@ impl Geometry {
     #[must_use]
     pub fn place(&self, pose: &Pose) -> Accelerator {
         let scaling = Affine3A::from_scale(Vec3::splat(self.scale));
-        let in_world = |group: Arc<Group>| Placed { bounds: group.bounds, to_local: None, group };
         let placed = |part: &Part| match part {
-            Part::Fixed(group) => Some(in_world(group.clone())),
-            Part::Carried { group, node } => {
-                let to_world = scaling * pose.world[*node];
-                // An object squeezed flat by its animation has no inside to shoot at.
-                if to_world.matrix3.determinant() == 0.0 || !to_world.is_finite() {
-                    return None;
-                }
-                let (min, max) = (group.bounds.min, group.bounds.max);
-                let corners: Vec<Vec3A> = (0..8)
-                    .map(|i| Vec3A::select(glam::BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), min, max))
-                    .map(|corner| to_world.transform_point3a(corner))
-                    .collect();
-                let bounds = Aabb::from_points(&corners);
-                Some(Placed { group: group.clone(), to_local: Some(to_world.inverse()), bounds })
+            Part::Fixed(placed) => Some(placed.clone()),
+            Part::Carried { group, instance, node } => {
+                Placed::carried(group.clone(), *instance, scaling * pose.world[*node])
             }
             Part::Deforming { instance, node } => {
                 let bent = pose.deformed(*instance)?;
@@ -139,10 +177,22 @@ impl Geometry {
                 let mut own = Soup::default();
                 own.add(*instance, &to_tree, (0..bent.triangles.len()).map(|t| bent.corners(t)));
                 let holes = self.cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(*instance));
-                own.group(BvhBuildParams::fast_build(), holes).map(in_world)
+                own.group(BvhBuildParams::fast_build(), holes).map(Placed::in_world)
             }
         };
         let groups: Vec<Placed> = self.parts.iter().filter_map(placed).collect();
         Accelerator::new(groups, self.scale)
+    }
+
+    /// Triangles of all trees that are built once.
+    #[cfg(test)]
+    pub(super) fn triangles_held(&self) -> usize {
+        let mut groups = HashMap::new();
+        for part in &self.parts {
+            if let Part::Fixed(Placed { group, .. }) | Part::Carried { group, .. } = part {
+                groups.insert(Arc::as_ptr(group), group.owners.len());
+            }
+        }
+        groups.into_values().sum()
     }
 }

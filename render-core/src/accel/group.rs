@@ -21,7 +21,7 @@ pub(super) struct Group {
     /// Its leaves are places in `blocks`, see [`Group::leaf`].
     pub(super) tree: Tree,
     pub(super) blocks: Vec<Block>,
-    /// The place of each triangle in the scene.
+    /// The place of each triangle in the scene; its instance does not count where a mesh is shared, see [`Group::owner`].
     pub(super) owners: Vec<Owner>,
     pub(super) bounds: Aabb,
     /// `None` if every triangle is there as a whole.
@@ -93,24 +93,31 @@ impl Group {
         Leaf::new(&self.blocks[content as usize / LANES..], content as usize % LANES + 1)
     }
 
-    /// The first triangle before `best`, holes passed through.
+    /// What a triangle is part of in the scene: of `shown`, if that instance shows the group.
     #[inline(always)]
-    pub(super) fn closest<L: Lanes>(&self, lanes: L, ray: &Ray, best: Met) -> Met {
+    pub(super) fn owner(&self, triangle: u32, shown: Option<u32>) -> Owner {
+        let owner = self.owners[triangle as usize];
+        Owner { instance: shown.unwrap_or(owner.instance), ..owner }
+    }
+
+    /// The first triangle before `best`, holes passed through: those of `shown`, if that instance shows the group.
+    #[inline(always)]
+    pub(super) fn closest<L: Lanes>(&self, lanes: L, ray: &Ray, best: Met, shown: Option<u32>) -> Met {
         match &self.cut_outs {
             None => self.closest_where(lanes, ray, best, |_, _, _| true),
             Some(cut_outs) => self.closest_where(lanes, ray, best, |triangle, u, v| {
-                cut_outs.opaque_at(self.owners[triangle as usize], u, v)
+                cut_outs.opaque_at(self.owner(triangle, shown), u, v)
             }),
         }
     }
 
-    /// Whether any triangle is met before `limit`, holes passed through.
+    /// Whether any triangle is met before `limit`, holes passed through: those of `shown`, if that instance shows the group.
     #[inline(always)]
-    pub(super) fn blocks<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32) -> bool {
+    pub(super) fn blocks<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32, shown: Option<u32>) -> bool {
         match &self.cut_outs {
             None => self.blocks_where(lanes, ray, limit, |_, _, _| true),
             Some(cut_outs) => self.blocks_where(lanes, ray, limit, |triangle, u, v| {
-                cut_outs.opaque_at(self.owners[triangle as usize], u, v)
+                cut_outs.opaque_at(self.owner(triangle, shown), u, v)
             }),
         }
     }

@@ -1,8 +1,8 @@
 //! Ray queries: two levels of bounding volumes over the triangles of the scene.
 //!
-//! Everything that never moves is one tree in world space, built once; every moving instance has a tree of its own in its
-//! local space, built once too; what bends is built for each frame, and surfaces with holes stand apart. Over these stands
-//! a small tree that is rebuilt for each frame.
+//! Everything that never moves is one tree in world space, built once; every mesh that moves, or is shown very often, has a
+//! tree in its local space, built once too; what bends is built for each frame, and surfaces with holes stand apart. Over
+//! these stands a small tree that is rebuilt for each frame.
 //! `obvhs` builds binary trees; [`tree`] makes them eight wide and walks them, a ray alone or a [`packet`] of up to 64.
 //! Inside, lengths are scaled by a power of two so that the scene spans 64…128 units: products of four lengths then
 //! neither overflow nor vanish, whatever the unit.
@@ -14,6 +14,7 @@ mod packet;
 mod query;
 mod ray;
 mod shaft;
+mod sharing;
 mod tree;
 mod triangles;
 
@@ -21,7 +22,7 @@ pub use geometry::Geometry;
 pub use packet::PACKET;
 pub use shaft::Shaft;
 
-use glam::{Affine3A, DVec3, Vec3A};
+use glam::{Affine3A, BVec3A, DVec3, Vec3A};
 use group::Group;
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2};
 use packet::PacketRay;
@@ -65,14 +66,34 @@ impl std::fmt::Debug for Accelerator {
 /// The boxes of groups are this much larger than what they hold, in units of the largest coordinate.
 const GROUP_SLACK: f32 = 1e-5;
 
+#[derive(Clone)]
 struct Placed {
     group: Arc<Group>,
+    /// The instance that is shown here; `None` if each triangle of the group knows its own.
+    instance: Option<u32>,
     /// Local from scaled world; `None` for the identity.
     to_local: Option<Affine3A>,
     bounds: Aabb,
 }
 
 impl Placed {
+    /// A group in the scaled world.
+    fn in_world(group: Arc<Group>) -> Self {
+        Self { bounds: group.bounds, instance: None, to_local: None, group }
+    }
+
+    /// A group in the space of a mesh that `instance` shows. `None` for an object squeezed flat: it has no inside to shoot at.
+    fn carried(group: Arc<Group>, instance: usize, to_world: Affine3A) -> Option<Self> {
+        if to_world.matrix3.determinant() == 0.0 || !to_world.is_finite() {
+            return None;
+        }
+        let (min, max) = (group.bounds.min, group.bounds.max);
+        let corner = |i: usize| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), min, max);
+        let corners: [Vec3A; 8] = std::array::from_fn(|i| to_world.transform_point3a(corner(i)));
+        let bounds = Aabb::from_points(&corners);
+        Some(Self { group, instance: Some(instance as u32), to_local: Some(to_world.inverse()), bounds })
+    }
+
     /// A ray in the group's own space. Its direction is not made a unit vector again, so that lengths of it mean the
     /// same in both spaces.
     #[inline(always)]
@@ -178,7 +199,8 @@ impl Accelerator {
     #[inline]
     fn hit(&self, Found { met, place }: Found) -> Option<Hit> {
         met.is_something().then(|| {
-            let Owner { instance, triangle } = self.groups[place].group.owners[met.triangle as usize];
+            let placed = &self.groups[place];
+            let Owner { instance, triangle } = placed.group.owner(met.triangle, placed.instance);
             Hit { distance: met.t / self.scale, instance, triangle, u: met.u, v: met.v }
         })
     }
@@ -197,7 +219,7 @@ impl Accelerator {
                     else {
                         continue;
                     };
-                    let owner = placed.group.owners[index as usize];
+                    let owner = placed.group.owner(index, placed.instance);
                     let there = |cut_outs: &Arc<cut_outs::CutOuts>| cut_outs.opaque_at(owner, u as f32, v as f32);
                     if best.is_none_or(|(nearest, _)| t < nearest) && placed.group.cut_outs.as_ref().is_none_or(there) {
                         let Owner { instance, triangle } = owner;

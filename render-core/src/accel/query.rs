@@ -51,7 +51,7 @@ impl Kernel for Closest<'_> {
         let Self { scene, origin, direction } = self;
         let ray = Ray::new(origin, direction);
         if let Some(group) = scene.sole_group() {
-            return Found { met: group.closest(lanes, &ray, Met::NOTHING), place: 0 };
+            return Found { met: group.closest(lanes, &ray, Met::NOTHING, None), place: 0 };
         }
         let mut visitor = ClosestGroup { scene, origin, direction, found: Found::NOTHING };
         scene.top.walk(lanes, &ray, Met::NOTHING.t, &mut visitor);
@@ -73,7 +73,7 @@ impl Visit for ClosestGroup<'_> {
         let placed = &self.scene.groups[place];
         let (origin, direction) = placed.local(self.origin, self.direction);
         let to_beat = self.found.to_beat(place);
-        let met = placed.group.closest(lanes, &Ray::new(origin, direction), to_beat);
+        let met = placed.group.closest(lanes, &Ray::new(origin, direction), to_beat, placed.instance);
         if met != to_beat {
             self.found = Found { met, place };
         }
@@ -97,7 +97,7 @@ impl Kernel for Blocked<'_> {
         let Self { scene, origin, direction, limit } = self;
         let ray = Ray::new(origin, direction);
         if let Some(group) = scene.sole_group() {
-            return group.blocks(lanes, &ray, limit);
+            return group.blocks(lanes, &ray, limit, None);
         }
         let mut visitor = AnyGroup { scene, origin, direction, blocked: false };
         scene.top.walk(lanes, &ray, limit, &mut visitor);
@@ -117,7 +117,7 @@ impl Visit for AnyGroup<'_> {
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
         let placed = &self.scene.groups[content as usize];
         let (origin, direction) = placed.local(self.origin, self.direction);
-        self.blocked = placed.group.blocks(lanes, &Ray::new(origin, direction), limit);
+        self.blocked = placed.group.blocks(lanes, &Ray::new(origin, direction), limit, placed.instance);
         if self.blocked { -1.0 } else { limit }
     }
 }
@@ -211,7 +211,7 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
         if placed.group.cut_outs.is_some() || !CLOSEST && count < WORTH_A_PACKET {
             // Each hit is tested whether it counts, and few rays are faster alone.
             for ray in &local[..count] {
-                if let Some(met) = alone::<L, CLOSEST>(lanes, &placed.group, origin, ray) {
+                if let Some(met) = alone::<L, CLOSEST>(lanes, placed, origin, ray) {
                     packet.set_limit(ray.index, met.t);
                     if CLOSEST {
                         self.found[self.rays[ray.index].index] = Found { met, place };
@@ -241,15 +241,16 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
 
 /// The triangle of a group that a ray of a packet meets when it goes alone: the same as in the packet.
 #[inline(always)]
-fn alone<L: Lanes, const CLOSEST: bool>(lanes: L, group: &Group, origin: Vec3A, ray: &PacketRay) -> Option<Met> {
+fn alone<L: Lanes, const CLOSEST: bool>(lanes: L, placed: &Placed, origin: Vec3A, ray: &PacketRay) -> Option<Met> {
+    let Placed { group, instance, .. } = placed;
     let PacketRay { limit, triangle, .. } = *ray;
     let ray = Ray::new(origin, ray.direction);
     if CLOSEST {
         let to_beat = Met { t: limit, triangle, ..Met::NOTHING };
-        let met = group.closest(lanes, &ray, to_beat);
+        let met = group.closest(lanes, &ray, to_beat, *instance);
         (met != to_beat).then_some(met)
     } else {
-        group.blocks(lanes, &ray, limit).then_some(Met { t: -1.0, ..Met::NOTHING })
+        group.blocks(lanes, &ray, limit, *instance).then_some(Met { t: -1.0, ..Met::NOTHING })
     }
 }
 

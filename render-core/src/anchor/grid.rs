@@ -1,11 +1,14 @@
 //! Anchors or surfels near a point of a surface, and on the same side of it.
 
 mod around;
+mod nearest;
 
 use super::Anchor;
 use super::exposure::Outlook;
 use around::{Around, Near};
 use glam::Vec3A;
+use nearest::Boxes;
+use std::sync::OnceLock;
 
 /// Where anchors or surfels are: a grid of cells at least a kernel's radius wide over the box around them.
 #[derive(Clone, Debug, Default)]
@@ -21,6 +24,8 @@ pub(crate) struct Grid {
     size: [usize; 3],
     cell: f32,
     radius: f32,
+    /// For [`Grid::nearest`], made when it is first asked.
+    boxes: OnceLock<Boxes>,
 }
 
 /// A place on a surface that is to be shared out among what is near.
@@ -63,11 +68,16 @@ const OTHER_FARTHER: f32 = 64.0;
 /// A point of the same instance up to so far away goes before all others, in radii.
 const OWN_REACH: f32 = 2.0;
 
+/// Radius R \[m\] of the kernel over points that stand for `area_share` m² each.
+pub(super) fn kernel_radius(area_share: f32) -> f32 {
+    // A disc of radius R holds as many points as its area has shares:  π R² = POINTS_PER_KERNEL · share.
+    (POINTS_PER_KERNEL * area_share / std::f32::consts::PI).sqrt().max(f32::MIN_POSITIVE)
+}
+
 impl Grid {
     /// Sorts `points`, each standing for `area_share` m², with their `outlooks` if these are known.
     pub fn new(points: &[Anchor], outlooks: &[Outlook], area_share: f32) -> Self {
-        // A disc of radius R holds as many points as its area has shares:  π R² = POINTS_PER_KERNEL · share.
-        let radius = (POINTS_PER_KERNEL * area_share / std::f32::consts::PI).sqrt().max(f32::MIN_POSITIVE);
+        let radius = kernel_radius(area_share);
         let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for point in points {
             (low, high) = (low.min(point.position), high.max(point.position));

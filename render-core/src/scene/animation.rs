@@ -1,6 +1,7 @@
 //! Keys and what lies between them (glTF 2.0, appendix C).
 
 use super::Transform;
+use crate::steps;
 use glam::{Quat, Vec3};
 use std::ops::{Add, Mul};
 
@@ -56,6 +57,7 @@ impl Channel {
     pub fn apply_weights(&self, time: f32, weights: &mut [f32]) {
         let Track::Weights(keys) = &self.track else { return };
         let count = weights.len();
+        steps::count(count);
         for (target, weight) in weights.iter_mut().enumerate() {
             *weight = self.value(time, |k| keys[k * count + target]);
         }
@@ -65,6 +67,7 @@ impl Channel {
     #[must_use]
     pub fn changes(&self) -> bool {
         let several = self.times.len() > 1;
+        steps::count(self.times.len());
         // Splines may also leave their keys between them, along non-zero tangents.
         let spline = self.interpolation == Interpolation::CubicSpline;
         several

@@ -1,8 +1,10 @@
 //! Meshes that bend: morph targets are mixed in first, then a skin's joints carry the vertices (glTF 2.0, 3.7.2.2 and 3.7.3).
 
 use super::{Influence, Mesh, MorphTarget, Scene, Skinning, Track, normal_matrix};
+use crate::steps;
 use glam::{Affine3A, Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A node whose mesh has morph targets.
@@ -95,51 +97,76 @@ impl Skinning {
 }
 
 impl Scene {
-    /// The shapes of all instances that have a skin or morph targets; empty where none has.
+    /// The shapes of all instances that have a skin or morph targets; empty where none has. Instances that show one mesh with
+    /// the same weights share one shape.
     pub(super) fn deformed_meshes(&self, world: &[Affine3A], time: f32) -> Vec<Option<Arc<DeformedMesh>>> {
         if self.skins.is_empty() && self.morphed_nodes.is_empty() {
             return Vec::new();
         }
-        let weights: Vec<Vec<f32>> = self
-            .morphed_nodes
-            .iter()
-            .map(|morphed| {
-                let mut weights = morphed.weights.clone();
-                for channel in self.channels.iter().filter(|channel| channel.node == morphed.node) {
-                    channel.apply_weights(time, &mut weights);
-                }
-                weights
-            })
-            .collect();
+        let (place_of, weights) = (self.morphed_places(), self.weights_at(time));
         let joints: Vec<Vec<Affine3A>> = self
             .skins
             .iter()
             .map(|skin| skin.joints.iter().zip(&skin.inverse_bind).map(|(&node, bind)| world[node] * *bind).collect())
             .collect();
+
+        // A shape is a function of its mesh, which names its skin, and of the weights.
+        let mut shapes: HashMap<(usize, Vec<u32>), Arc<DeformedMesh>> = HashMap::new();
         let deformed = self.instances.iter().map(|instance| {
             let mesh = &self.meshes[instance.mesh];
-            let morphed = self.morphed_nodes.iter().position(|morphed| morphed.node == instance.node);
-            let weights: &[f32] = morphed.map_or(&[], |place| &weights[place]);
+            if mesh.skinning.is_none() && mesh.morph_targets.is_empty() {
+                return None;
+            }
+            let weights: &[f32] = place_of.get(&instance.node).map_or(&[], |&place| &weights[place]);
+            let weights = &weights[..weights.len().min(mesh.morph_targets.len())];
             let joints: &[Affine3A] = mesh.skinning.as_ref().map_or(&[], |skinning| &joints[skinning.skin]);
-            let bends = mesh.skinning.is_some() || !mesh.morph_targets.is_empty();
-            bends.then(|| Arc::new(mesh.deformed(weights, joints)))
+            let key = (instance.mesh, weights.iter().map(|weight| weight.to_bits()).collect());
+            let shape = shapes.entry(key).or_insert_with(|| {
+                steps::count(mesh.positions.len());
+                Arc::new(mesh.deformed(weights, joints))
+            });
+            Some(shape.clone())
         });
         deformed.collect()
+    }
+
+    /// For each node with morph targets, its place in [`Scene::morphed_nodes`].
+    pub(super) fn morphed_places(&self) -> HashMap<usize, usize> {
+        // Of several for one node the first counts.
+        self.morphed_nodes.iter().enumerate().rev().map(|(place, morphed)| (morphed.node, place)).collect()
+    }
+
+    /// The weights of all morphed nodes at `time` seconds.
+    fn weights_at(&self, time: f32) -> Vec<Vec<f32>> {
+        let place_of = self.morphed_places();
+        let mut weights: Vec<Vec<f32>> = self.morphed_nodes.iter().map(|morphed| morphed.weights.clone()).collect();
+        for channel in &self.channels {
+            if let Some(&place) = place_of.get(&channel.node) {
+                channel.apply_weights(time, &mut weights[place]);
+            }
+        }
+        weights
     }
 
     /// For each instance, whether its shape changes with time.
     #[must_use]
     pub fn deforming_instances(&self) -> Vec<bool> {
+        // Nodes whose weights change, and skins of which a joint moves.
         let moving = self.moving_nodes();
-        let morphing = |node: usize| {
-            let own = |channel: &&super::Channel| channel.node == node && matches!(channel.track, Track::Weights(_));
-            self.channels.iter().filter(own).any(super::Channel::changes)
-        };
+        let mut morphing = vec![false; self.nodes.len()];
+        for channel in &self.channels {
+            morphing[channel.node] |= matches!(channel.track, Track::Weights(_)) && channel.changes();
+        }
+        let mut bending = Vec::with_capacity(self.skins.len());
+        for skin in &self.skins {
+            steps::count(skin.joints.len());
+            bending.push(skin.joints.iter().any(|&joint| moving[joint]));
+        }
+
         let deforms = |instance: &super::Instance| {
             let mesh = &self.meshes[instance.mesh];
-            let skin = mesh.skinning.as_ref().map(|skinning| &self.skins[skinning.skin]);
-            skin.is_some_and(|skin| skin.joints.iter().any(|&joint| moving[joint]))
-                || (!mesh.morph_targets.is_empty() && morphing(instance.node))
+            mesh.skinning.as_ref().is_some_and(|skinning| bending[skinning.skin])
+                || (!mesh.morph_targets.is_empty() && morphing[instance.node])
         };
         self.instances.iter().map(deforms).collect()
     }

@@ -30,7 +30,8 @@ pub use sky::SkySettings;
 pub use texture::{Encoding, Filtered, Texture, Wrap};
 
 use crate::environment::Environment;
-use glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A};
+use crate::steps;
+use glam::{Affine3A, BVec3A, Mat3A, Quat, Vec3, Vec3A};
 use std::sync::Arc;
 
 /// A node of the hierarchy with its transform at rest.
@@ -208,17 +209,27 @@ impl Scene {
     /// Corners of the box around all meshes in `pose`; `None` when nothing has a volume to show.
     #[must_use]
     pub fn bounds(&self, pose: &Pose) -> Option<(Vec3A, Vec3A)> {
-        let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let mut around = Around::NOTHING;
+        let mut of_mesh: Vec<Option<Around>> = vec![None; self.meshes.len()];
         for (index, instance) in self.instances.iter().enumerate() {
             let world = self.instance_world(pose, index);
-            let positions =
-                pose.deformed(index).map_or(&self.meshes[instance.mesh].positions, |shape| &shape.positions);
+            let mesh = &self.meshes[instance.mesh].positions;
+            let positions = pose.deformed(index).map_or(mesh, |shape| &shape.positions);
+
+            // A mesh whose own box lies within what is known adds nothing: coordinates of a box and of what is in it are rounded
+            // alike, and rounding keeps their order.
+            if pose.deformed(index).is_none() {
+                let own = of_mesh[instance.mesh].get_or_insert_with(|| Around::of(mesh.iter().map(|&p| p.into())));
+                let image = Around::of(own.corners().into_iter().map(|corner| world.transform_point3a(corner)));
+                if around.holds(&image) {
+                    continue;
+                }
+            }
             for &position in positions {
-                let point = world.transform_point3a(position.into());
-                corners = (corners.0.min(point), corners.1.max(point));
+                around.add(world.transform_point3a(position.into()));
             }
         }
-        corners.0.cmple(corners.1).all().then_some(corners)
+        around.low.cmple(around.high).all().then_some((around.low, around.high))
     }
 
     /// Whether each instance hangs from a node of this name, or from one below it.
@@ -263,10 +274,108 @@ impl Scene {
     }
 }
 
+/// The box around some points.
+#[derive(Clone, Copy)]
+struct Around {
+    low: Vec3A,
+    high: Vec3A,
+}
+
+impl Around {
+    const NOTHING: Self = Self { low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
+
+    fn of(points: impl Iterator<Item = Vec3A>) -> Self {
+        let mut around = Self::NOTHING;
+        points.for_each(|point| around.add(point));
+        around
+    }
+
+    fn add(&mut self, point: Vec3A) {
+        steps::count(1);
+        (self.low, self.high) = (self.low.min(point), self.high.max(point));
+    }
+
+    /// Its eight corners.
+    fn corners(&self) -> [Vec3A; 8] {
+        let pick = |i: usize| BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0);
+        std::array::from_fn(|i| Vec3A::select(pick(i), self.low, self.high))
+    }
+
+    /// Whether all of the `other` lies within it; what is no number does not.
+    fn holds(&self, other: &Self) -> bool {
+        (self.low.cmple(other.low) & self.high.cmpge(other.high)).all()
+    }
+}
+
 /// Normals go through the inverse transpose; written with cofactors so that singular maps stay finite.
 pub(crate) fn normal_matrix(world: &Affine3A) -> Mat3A {
     let m = world.matrix3;
     let cofactors = Mat3A::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
     // Mirroring flips the cross products: keep normals on the side the file put them.
     if m.determinant() < 0.0 { cofactors * -1.0 } else { cofactors }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A ball of 400 points, shown by `times` nodes in a row, which an animation of weights may bend.
+    fn row(times: usize, bends: bool) -> Scene {
+        let mut mesh = Mesh { triangles: vec![[0, 1, 2]], ..Mesh::default() };
+        for k in 0..400 {
+            let direction = Quat::from_rotation_y(k as f32) * Quat::from_rotation_x(0.1 * k as f32) * Vec3::Z;
+            mesh.positions.push(direction);
+        }
+        if bends {
+            mesh.morph_targets.push(MorphTarget { positions: mesh.positions.clone(), ..MorphTarget::default() });
+        }
+        let mut scene = Scene::of_mesh(mesh, Material::default());
+        scene.instances.clear();
+        for k in 0..times {
+            // From the ends to the middle: the first two make the box.
+            let x = if k % 2 == 0 { k as f32 } else { (2 * times - k) as f32 };
+            let node = scene.nodes.len();
+            let rest = Transform { translation: Vec3::X * x, ..Transform::IDENTITY };
+            scene.nodes.push(Node { name: String::new(), parent: None, rest });
+            scene.instances.push(Instance { node, mesh: 0 });
+            if bends {
+                let track = Track::Weights(vec![0.0, 1.0]);
+                let interpolation = Interpolation::Linear;
+                scene.morphed_nodes.push(MorphedNode { node, weights: vec![0.0] });
+                scene.channels.push(Channel { node, times: vec![0.0, 1.0], track, interpolation });
+            }
+        }
+        scene
+    }
+
+    #[test]
+    fn the_box_is_that_of_all_points_and_few_are_looked_at() {
+        let scene = row(1000, false);
+        let pose = scene.pose(0.0);
+        let mut corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for (index, instance) in scene.instances.iter().enumerate() {
+            for &position in &scene.meshes[instance.mesh].positions {
+                let point = scene.instance_world(&pose, index).transform_point3a(position.into());
+                corners = (corners.0.min(point), corners.1.max(point));
+            }
+        }
+        let steps = steps::taken(|| assert_eq!(scene.bounds(&pose), Some(corners)));
+        // Eight corners of each, and the points of a few.
+        assert!(steps < 1000 * 16 + 20 * 400, "{steps} steps");
+    }
+
+    #[test]
+    fn work_for_weights_grows_as_nodes_and_channels_do() {
+        let steps = |times| {
+            let scene = row(times, true);
+            let all = steps::taken(|| assert!(scene.deforming_instances().iter().all(|&bends| bends)));
+            all + steps::taken(|| drop(scene.pose(0.5)))
+        };
+        // Nodes of equal weights share one shape, which is bent once.
+        let (few, many) = (steps(100), steps(1600));
+        assert!(many <= 16 * few, "{few} and {many} steps");
+        let scene = row(3, true);
+        let pose = scene.pose(0.5);
+        assert!(Arc::ptr_eq(pose.deformed(0).unwrap(), pose.deformed(2).unwrap()));
+    }
 }

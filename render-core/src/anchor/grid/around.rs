@@ -1,6 +1,6 @@
-//! What is around a place: the points of the cells beside it, those of them that share what is left there, and the nearest.
+//! What is around a place: the points of the cells beside it, and those of them that share what is left there.
 
-use super::{Grid, LEAST_COSINE, MOST_HEIGHT, OTHER_FARTHER, OTHER_INSTANCE, Spot};
+use super::{Grid, LEAST_COSINE, MOST_HEIGHT, OTHER_INSTANCE, Spot};
 
 /// Most points that share what is left at one place.
 const MOST_NEAR: usize = 64;
@@ -110,67 +110,5 @@ impl Near {
             *weight /= self.sum;
         }
         parts
-    }
-}
-
-impl Grid {
-    /// The nearest point that faces to the same side, else the nearest at all, those of other instances counted as farther: in
-    /// cubes of cells that grow until what they hold is nearer than anything outside of them could be.
-    pub(super) fn nearest(&self, spot: &Spot) -> Option<usize> {
-        if self.points.is_empty() {
-            return None;
-        }
-
-        // Each cube adds the cells of its shell to those of the one before.
-        let center = self.cell_of(spot.position);
-        let most = *self.size.iter().max()?;
-        let mut best = [None, None];
-        for reach in 0..=most {
-            self.shell(center, reach, |place| self.nearer(place, spot, &mut best));
-
-            // Cells beyond this shell are at least so far away.
-            let beyond = reach as f32 * self.cell;
-            if best[0].is_some_and(|(d2, _)| d2 <= beyond * beyond) {
-                break;
-            }
-        }
-        best[0].or(best[1]).map(|(_, p)| p)
-    }
-
-    /// Calls `found(place)` for the cells of the grid that are `reach` cells from `center` along the axis where they are
-    /// farthest.
-    fn shell(&self, center: [usize; 3], reach: usize, mut found: impl FnMut(usize)) {
-        let span = |axis: usize| center[axis].saturating_sub(reach)..=(center[axis] + reach).min(self.size[axis] - 1);
-        for z in span(2) {
-            for y in span(1) {
-                for x in span(0) {
-                    // Cells inside of the shell were searched at a smaller reach.
-                    let away = [x.abs_diff(center[0]), y.abs_diff(center[1]), z.abs_diff(center[2])];
-                    if away.iter().max() == Some(&reach) {
-                        found(self.place([x, y, z]));
-                    }
-                }
-            }
-        }
-    }
-
-    /// Replaces the `best` by points of a cell that are nearer to `spot`: squared distance and place in `points`, of those that
-    /// face to the same side and of those that face away.
-    fn nearer(&self, cell: usize, spot: &Spot, best: &mut [Option<(f32, usize)>; 2]) {
-        for p in self.first[cell] as usize..self.first[cell + 1] as usize {
-            let point = &self.points[p];
-            let is_own = spot.instance == point.instance;
-            if spot.only_own && !is_own {
-                continue;
-            }
-
-            // Another sheet may lie closer than the next point of this one: its points count as farther.
-            let farther = if is_own { 1.0 } else { OTHER_FARTHER };
-            let d2 = point.position.distance_squared(spot.position) * farther;
-            let best = &mut best[usize::from(point.normal.dot(spot.normal) <= 0.0)];
-            if best.is_none_or(|(nearest, _)| d2 < nearest) {
-                *best = Some((d2, p));
-            }
-        }
     }
 }

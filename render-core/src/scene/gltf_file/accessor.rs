@@ -12,7 +12,7 @@ use std::collections::HashSet;
 /// Most elements of an accessor without a buffer view: zeros that no byte of the file stands for.
 const ELEMENTS_WITHOUT_DATA: usize = 1 << 24;
 
-/// Memory that accessors may take together, as bytes and as a multiple of those that the file has: many may point to the same
+/// Memory that accessors and weights of nodes may take together, as bytes and as a multiple of those that the file has: many may point to the same
 /// bytes, each for a mesh of its own.
 const ALLOWANCE: (usize, usize) = (1 << 28, 256);
 
@@ -36,6 +36,13 @@ impl Buffers {
     /// Whether accessors stand for more than a file of this size may.
     pub(super) fn is_exhausted(&self) -> bool {
         self.allowance.get().is_none()
+    }
+
+    /// Takes `bytes` from the allowance; `None` once it is exhausted.
+    pub(super) fn charge(&self, bytes: usize) -> Option<()> {
+        let left = self.allowance.get().and_then(|left| left.checked_sub(bytes));
+        self.allowance.set(left);
+        left.map(|_| ())
     }
 
     /// The bytes of a view; `None` if they lie outside of their buffer.
@@ -79,9 +86,7 @@ impl Buffers {
         let size = accessor.data_type().size();
         let element = |bytes: &[u8]| std::array::from_fn(|c| component(&bytes[c * size..]));
         let (count, whole) = (accessor.count(), N * size);
-        let left = self.allowance.get().and_then(|left| left.checked_sub(count.checked_mul(size_of::<[T; N]>())?));
-        self.allowance.set(left);
-        left?;
+        self.charge(count.saturating_mul(size_of::<[T; N]>()))?;
         let mut list: Vec<[T; N]> = match accessor.view().filter(|_| !self.zeros.contains(&accessor.index())) {
             Some(view) => {
                 let stride = view.stride().unwrap_or(whole);

@@ -42,21 +42,24 @@ impl Loader<'_> {
         node_of: &NodeOf,
         scene: &mut Scene,
     ) -> Result<(), LoadError> {
+        let morphed_places = scene.morphed_places();
+        let weights_of = |node| morphed_places.get(&node).map(|&place| scene.morphed_nodes[place].weights.len());
+        let mut channels = Vec::new();
         for channel in clip.channels() {
             let Some(&node) = node_of.get(&channel.target().node().index()) else { continue };
-            let channel = self.channel(&channel, node, buffers, scene)?;
-            scene.channels.extend(channel);
+            channels.extend(self.channel(&channel, node, buffers, weights_of(node))?);
         }
+        scene.channels.extend(channels);
         Ok(())
     }
 
-    /// A track of keys; `None` for weights of a node that has nothing to morph.
+    /// A track of keys for a node with so many `weights`; `None` for weights of a node that has nothing to morph.
     fn channel(
         &self,
         channel: &gltf::animation::Channel,
         node: usize,
         buffers: &Buffers,
-        scene: &Scene,
+        weights: Option<usize>,
     ) -> Result<Option<Channel>, LoadError> {
         let place = format!("animation of node {}", channel.target().node().index());
         let sampler = channel.sampler();
@@ -82,8 +85,8 @@ impl Loader<'_> {
         };
         let times: Vec<f32> = times.into_iter().flatten().collect();
         let width = match &track {
-            Track::Weights(_) => match scene.morphed_nodes.iter().find(|morphed| morphed.node == node) {
-                Some(morphed) => morphed.weights.len(),
+            Track::Weights(_) => match weights {
+                Some(weights) => weights,
                 None => return Ok(None),
             },
             _ => 1,

@@ -60,6 +60,10 @@ impl Loader<'_> {
             let meshes = read[&key].clone();
             let targets = meshes.clone().map(|mesh| scene.meshes[mesh].morph_targets.len()).max().unwrap_or(0);
             if targets > 0 {
+                buffers.charge(targets.saturating_mul(size_of::<f32>()));
+                if buffers.is_exhausted() {
+                    return Ok(());
+                }
                 let mut weights = node.weights().or(mesh.weights()).unwrap_or_default().to_vec();
                 weights.resize(targets, 0.0);
                 scene.morphed_nodes.push(MorphedNode { node: index, weights });

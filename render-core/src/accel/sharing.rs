@@ -1,0 +1,144 @@
+//! Which instances that stand still share the tree of their mesh.
+//!
+//! Rays find their way fastest through one tree over all that stands. But a small file may show one mesh a million times, and
+//! a tree over all of that would take memory for each.
+
+use crate::scene::{Instance, Pose, Scene};
+use glam::Affine3A;
+
+/// Meshes that are shown more than once stand in the one tree while they have at most so many triangles together, all of their
+/// instances counted: 400 MB while it is built.
+const MOST_TOGETHER: usize = 1 << 20;
+/// Smaller meshes are never shared: a place for each instance takes as much memory as its triangles.
+const LEAST_TRIANGLES: usize = 16;
+/// Least volume of a unit cube's image beside the product of its edges: what is squeezed flatter has no space of its own.
+const LEAST_VOLUME: f32 = 1e-3;
+
+/// For each mesh, whether its standing instances share a tree.
+pub(crate) struct Sharing(Vec<bool>);
+
+impl Sharing {
+    pub(crate) fn of(scene: &Scene, pose: &Pose) -> Self {
+        // How often each mesh is shown in the shape that it has in the file, without motion.
+        let moving = scene.moving_instances();
+        let mut shown = vec![0usize; scene.meshes.len()];
+        for (index, &Instance { mesh, .. }) in scene.instances.iter().enumerate() {
+            shown[mesh] += usize::from(!moving[index] && pose.deformed(index).is_none());
+        }
+
+        // Shared where it saves something, if all that could be is much.
+        let mut shared = Vec::with_capacity(shown.len());
+        let mut together = 0usize;
+        for (&times, mesh) in shown.iter().zip(&scene.meshes) {
+            let triangles = mesh.triangles.len();
+            let saves = times > 1 && triangles >= LEAST_TRIANGLES;
+            together = together.saturating_add(if saves { times.saturating_mul(triangles) } else { 0 });
+            shared.push(saves);
+        }
+        if together <= MOST_TOGETHER {
+            shared.fill(false);
+        }
+        Self(shared)
+    }
+
+    /// Whether an `instance` that stands still uses the tree of its mesh.
+    pub(crate) fn shares(&self, scene: &Scene, pose: &Pose, instance: usize) -> bool {
+        let world = scene.instance_world(pose, instance);
+        self.0[scene.instances[instance].mesh] && pose.deformed(instance).is_none() && has_volume(&world)
+    }
+}
+
+/// Is the image of a cube a solid?
+fn has_volume(world: &Affine3A) -> bool {
+    let m = &world.matrix3;
+    let edges = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
+    edges.is_finite() && m.determinant().abs() > LEAST_VOLUME * edges && world.is_finite()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::accel::Geometry;
+    use crate::sampling::hash_unit;
+    use crate::scene::{Instance, Material, Mesh, Node, Scene, Transform};
+    use crate::steps;
+    use glam::{Quat, Vec3, Vec3A};
+
+    fn random(key: u64, dimension: u64) -> Vec3 {
+        Vec3::new(hash_unit(key, dimension, 0), hash_unit(key, dimension, 1), hash_unit(key, dimension, 2))
+    }
+
+    /// A cloud of `triangles` in the unit cube.
+    fn cloud(triangles: u32) -> Mesh {
+        let corner = |k| random(u64::from(k / 3), 0) + random(u64::from(k), 1) * 0.1;
+        Mesh {
+            positions: (0..3 * triangles).map(corner).collect(),
+            triangles: (0..triangles).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+            ..Mesh::default()
+        }
+    }
+
+    /// `times` clouds, turned and scaled, at random places of a cube.
+    fn many(triangles: u32, times: usize) -> Scene {
+        let mut scene = Scene::of_mesh(cloud(triangles), Material::default());
+        scene.instances.clear();
+        for k in 0..times {
+            let rest = Transform {
+                translation: random(k as u64, 2) * 40.0,
+                rotation: Quat::from_scaled_axis(random(k as u64, 3) * 3.0),
+                scale: random(k as u64, 4) + 0.2,
+            };
+            scene.nodes.push(Node { name: String::new(), parent: None, rest });
+            scene.instances.push(Instance { node: scene.nodes.len() - 1, mesh: 0 });
+        }
+        scene
+    }
+
+    #[test]
+    fn a_mesh_shown_many_times_is_held_once_and_rays_meet_all_of_it() {
+        let scene = many(2000, 600);
+        let geometry = Geometry::new(&scene);
+        assert_eq!(geometry.triangles_held(), 2000);
+        let accelerator = geometry.place(&scene.pose(0.0));
+        for key in 0..24 {
+            // To the middle of a triangle: that is met, or one before it.
+            let (origin, instance) = (Vec3A::from(random(key, 5) * 40.0), 25 * key as usize);
+            let middle = scene.meshes[0].corners(key as usize).into_iter().sum::<Vec3>() / 3.0;
+            let towards = scene.instance_world(&scene.pose(0.0), instance).transform_point3a(middle.into());
+            let direction = (towards - origin).normalize();
+            let found = accelerator.closest(origin, direction).unwrap();
+            let expected = accelerator.closest_by_exhaustion(origin, direction).unwrap();
+            assert_eq!((found.instance, found.triangle), (expected.instance, expected.triangle));
+            assert!(accelerator.occluded(origin, origin + direction * (found.distance * 1.01)));
+        }
+    }
+
+    #[test]
+    fn few_triangles_stand_in_one_tree_and_what_is_flat_is_not_lost() {
+        assert_eq!(Geometry::new(&many(100, 20)).triangles_held(), 2000);
+        let mut flat = many(2000, 600);
+        flat.nodes[1].rest.scale.z = 0.0;
+        assert_eq!(Geometry::new(&flat).triangles_held(), 4000);
+    }
+
+    #[test]
+    fn triangles_on_top_of_each_other_are_held_once() {
+        let pile = |copies: usize| {
+            let mut mesh = cloud(3);
+            mesh.triangles = mesh.triangles.repeat(copies);
+            Scene::of_mesh(mesh, Material::default())
+        };
+        // Sorting them takes some n log n comparisons, and no more is done for each.
+        let steps = steps::taken(|| assert_eq!(Geometry::new(&pile(30_000)).triangles_held(), 3));
+        assert!(steps < 90_000 * 20, "{steps} steps");
+
+        // Rays meet the first of each pile.
+        let scene = pile(100);
+        let accelerator = Geometry::new(&scene).place(&scene.pose(0.0));
+        for t in 0..3 {
+            let middle = Vec3A::from(scene.meshes[0].corners(t).into_iter().sum::<Vec3>() / 3.0);
+            let from = Vec3A::new(0.3, 0.4, 9.0);
+            let hit = accelerator.closest(from, (middle - from).normalize()).unwrap();
+            assert!(hit.triangle < 3);
+        }
+    }
+}

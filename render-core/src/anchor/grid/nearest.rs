@@ -1,0 +1,204 @@
+//! The nearest point that faces to one side: a tree of boxes over the points, so that what lies far off or faces away is passed
+//! over in large parts.
+
+use super::{Grid, OTHER_FARTHER, Spot};
+use crate::anchor::Anchor;
+use crate::steps;
+use glam::Vec3A;
+
+/// Points of a leaf.
+const LEAF: usize = 8;
+
+/// Boxes within boxes over the points of a grid.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Boxes {
+    /// Places in [`Grid::points`], those of a node side by side.
+    order: Vec<u32>,
+    /// Parents first; the first child of a node comes right after it.
+    nodes: Vec<Node>,
+}
+
+/// What a node holds: where its points are, which way they face, whose they are.
+#[derive(Clone, Debug)]
+struct Node {
+    positions: [Vec3A; 2],
+    normals: [Vec3A; 2],
+    instances: [u32; 2],
+    /// Its points in [`Boxes::order`].
+    points: std::ops::Range<u32>,
+    /// Place of the second child in [`Boxes::nodes`]; 0 for a leaf.
+    second: u32,
+}
+
+impl Boxes {
+    /// Halves the points at the middle of their widest axis, down to leaves.
+    pub fn over(points: &[Anchor]) -> Self {
+        let mut boxes = Self { order: (0..points.len() as u32).collect(), nodes: Vec::new() };
+        // Ranges that wait for a node, each with the parent whose second child it is.
+        let mut open = vec![(0..points.len(), None)];
+        while let Some((range, parent)) = open.pop() {
+            if range.is_empty() {
+                continue;
+            }
+            let place = boxes.nodes.len();
+            if let Some(parent) = parent {
+                let parent: &mut Node = &mut boxes.nodes[parent];
+                parent.second = place as u32;
+            }
+            let own = &mut boxes.order[range.clone()];
+            let node = Node::around(points, own, range.start as u32);
+            let extent = (node.positions[1] - node.positions[0]).to_array();
+            boxes.nodes.push(node);
+            if own.len() > LEAF {
+                let axis = (1..3).fold(0, |widest, axis| if extent[axis] > extent[widest] { axis } else { widest });
+                let along = |&p: &u32| points[p as usize].position[axis];
+                let half = own.len() / 2;
+                own.select_nth_unstable_by(half, |a, b| along(a).total_cmp(&along(b)));
+                open.push((range.start + half..range.end, Some(place)));
+                open.push((range.start..range.start + half, None));
+            }
+        }
+        boxes
+    }
+
+    /// The nearest of the `grid`'s points that `spot` may choose from, facing to its side or, if not `facing`, away from it. Of
+    /// those equally far the first.
+    fn nearest(&self, grid: &Grid, spot: &Spot, facing: bool) -> Option<usize> {
+        let mut best: Option<(f32, u32)> = None;
+        let mut open = vec![0u32];
+        while let Some(place) = open.pop() {
+            // What holds nothing that is nearer, or that may be chosen, is passed over.
+            steps::count(1);
+            let Some(node) = self.nodes.get(place as usize) else { continue };
+            let distance2 = node.distance2(spot);
+            if best.is_some_and(|(least, _)| distance2 > least) || !node.may_hold(spot, facing) {
+                continue;
+            }
+
+            // The nearer child first: what it holds may rule out the other.
+            if node.second != 0 {
+                let children = [place + 1, node.second];
+                let [a, b] = children.map(|child| self.nodes[child as usize].distance2(spot));
+                open.extend(if a <= b { [children[1], children[0]] } else { children });
+                continue;
+            }
+            for &p in &self.order[node.points.start as usize..node.points.end as usize] {
+                steps::count(1);
+                let point = &grid.points[p as usize];
+                let is_own = spot.instance == point.instance;
+                if ((spot.normal * point.normal).element_sum() > 0.0) != facing || (spot.only_own && !is_own) {
+                    continue;
+                }
+                let found = (point.position.distance_squared(spot.position) * farther(is_own), p);
+                if best.is_none_or(|best| found < best) {
+                    best = Some(found);
+                }
+            }
+        }
+        best.map(|(_, p)| p as usize)
+    }
+}
+
+impl Node {
+    /// A leaf with the points that `own` names.
+    fn around(points: &[Anchor], own: &[u32], first: u32) -> Self {
+        let mut node = Self {
+            positions: [Vec3A::INFINITY, Vec3A::NEG_INFINITY],
+            normals: [Vec3A::INFINITY, Vec3A::NEG_INFINITY],
+            instances: [u32::MAX, 0],
+            points: first..first + own.len() as u32,
+            second: 0,
+        };
+        for &p in own {
+            let Anchor { position, normal, instance } = points[p as usize];
+            node.positions = [node.positions[0].min(position), node.positions[1].max(position)];
+            node.normals = [node.normals[0].min(normal), node.normals[1].max(normal)];
+            node.instances = [node.instances[0].min(instance), node.instances[1].max(instance)];
+        }
+        node
+    }
+
+    fn may_hold_own(&self, spot: &Spot) -> bool {
+        (self.instances[0]..=self.instances[1]).contains(&spot.instance)
+    }
+
+    /// No point in it is nearer: squared distance, points of other instances counted as farther.
+    fn distance2(&self, spot: &Spot) -> f32 {
+        let closest = spot.position.clamp(self.positions[0], self.positions[1]);
+        closest.distance_squared(spot.position) * farther(self.may_hold_own(spot))
+    }
+
+    /// Whether a point in it may face to the side of `spot`, or away from it, and be one of those it may choose from.
+    fn may_hold(&self, spot: &Spot, facing: bool) -> bool {
+        // The products n · m of all normals m in a box lie between the sums of the least and of the greatest terms, in rounded
+        // numbers too.
+        let (a, b) = (spot.normal * self.normals[0], spot.normal * self.normals[1]);
+        let (least, greatest) = (a.min(b).element_sum(), a.max(b).element_sum());
+        let faces = if facing { greatest > 0.0 } else { least <= 0.0 };
+        faces && (!spot.only_own || self.may_hold_own(spot))
+    }
+}
+
+/// Factor on the squared distance: another sheet may lie closer than the next point of the own one.
+fn farther(is_own: bool) -> f32 {
+    if is_own { 1.0 } else { OTHER_FARTHER }
+}
+
+impl Grid {
+    /// The nearest point that faces to the side of `spot`, else the nearest at all; those of other instances count as farther.
+    pub(super) fn nearest(&self, spot: &Spot) -> Option<usize> {
+        let boxes = self.boxes.get_or_init(|| Boxes::over(&self.points));
+        boxes.nearest(self, spot, true).or_else(|| boxes.nearest(self, spot, false))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::hash_unit;
+
+    /// Places on the unit square of the plane y = 0, for points of a `count`.
+    fn on_plane(key: u64, count: u64) -> Vec3A {
+        Vec3A::new(hash_unit(count, key, 0), 0.0, hash_unit(count, key, 1))
+    }
+
+    fn points(count: u64, normal: impl Fn(u64) -> Vec3A) -> Vec<Anchor> {
+        let point =
+            |k| Anchor { position: on_plane(k, count), normal: normal(k), instance: (k * 4 / count) as u32 };
+        (0..count).map(point).collect()
+    }
+
+    fn spot(key: u64, normal: Vec3A) -> Spot {
+        let position = on_plane(key, 77) + Vec3A::Y * 0.1 * (key % 3) as f32;
+        Spot { position, normal, instance: (key % 5) as u32, only_own: key % 2 == 0, came: None }
+    }
+
+    #[test]
+    fn searches_look_at_few_of_many_points() {
+        // A plane that faces up, seen from above, from below and from the side; half of the searches are for an instance, one in
+        // five of them for one that has no point.
+        for normal in [Vec3A::Y, Vec3A::NEG_Y, Vec3A::X] {
+            let mean_steps = |count| {
+                let grid = Grid::new(&points(count, |_| Vec3A::Y), &[], 1.0 / count as f32);
+                grid.boxes.get_or_init(|| Boxes::over(&grid.points));
+                let search = || assert_eq!((0..200).filter_map(|k| grid.nearest(&spot(k, normal))).count(), 180);
+                steps::taken(search) / 200
+            };
+            // Points of four instances lie among each other: four times as many are looked at as of one.
+            let (few, many) = (mean_steps(1000), mean_steps(64_000));
+            assert!(many <= few + 400 && many < 600, "{normal}: {few} and {many} steps");
+        }
+    }
+
+    #[test]
+    fn of_points_that_all_face_away_the_nearest_is_found() {
+        let points = points(500, |_| Vec3A::Y);
+        let grid = Grid::new(&points, &[], 0.01);
+        for key in 0..100 {
+            let spot = Spot { only_own: false, instance: 9, ..spot(key, Vec3A::NEG_Y) };
+            let nearest = points.iter().map(|p| p.position.distance_squared(spot.position)).fold(f32::MAX, f32::min);
+            let found = &grid.points[grid.nearest(&spot).unwrap()];
+            assert_eq!(found.position.distance_squared(spot.position), nearest);
+        }
+    }
+}

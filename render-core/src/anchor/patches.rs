@@ -1,0 +1,190 @@
+//! The surfaces that anchors and surfels are spread over, by area.
+
+use super::grid::kernel_radius;
+use super::{DynamicAnchor, PLACEMENT};
+use crate::Units;
+use crate::sampling::{hash, owen_sobol_point, triangle};
+use crate::scene::Instance;
+use crate::surface::Surfaces;
+use glam::Vec3A;
+use std::collections::HashMap;
+
+/// Most points in a cube with edges of the kernel's radius. A wall has three there, the densest foliage of the scenes tried
+/// some tens.
+const CROWD: usize = 256;
+
+/// All sides of triangles that reflect, of what stands still or of what moves. They are not listed: a small mesh may be shown
+/// many times over.
+pub(super) struct Patches<'a> {
+    surfaces: &'a Surfaces<'a>,
+    on_moving: bool,
+    /// Square meters, above 0.
+    area: f64,
+}
+
+/// A side of a triangle.
+struct Patch {
+    /// How many patches come before it.
+    number: usize,
+    instance: usize,
+    triangle: usize,
+    front: bool,
+    /// Square meters.
+    area: f64,
+}
+
+impl<'a> Patches<'a> {
+    /// `None` if there is no area.
+    pub fn of(surfaces: &'a Surfaces<'a>, on_moving: bool) -> Option<Self> {
+        let mut patches = Self { surfaces, on_moving, area: 0.0 };
+        let mut area = 0.0;
+        patches.for_each(|patch| area += patch.area);
+        patches.area = area;
+        (area > 0.0).then_some(patches)
+    }
+
+    /// Calls `visit` with each in turn.
+    fn for_each(&self, mut visit: impl FnMut(Patch)) {
+        let scene = self.surfaces.scene();
+        let moving = self.surfaces.moving();
+        let mut number = 0;
+        for (instance, Instance { mesh, .. }) in scene.instances.iter().enumerate() {
+            if moving[instance] != self.on_moving {
+                continue;
+            }
+            // Both sides of a sheet reflect, each with its own anchors; unlit surfaces reflect nothing.
+            let mesh = &scene.meshes[*mesh];
+            let material = &scene.materials[mesh.material];
+            let sides: &[bool] = match (material.unlit, material.double_sided) {
+                (true, _) => &[],
+                (false, false) => &[true],
+                (false, true) => &[true, false],
+            };
+
+            // Each side is as likely to be chosen as it is large:  |(b − a) × (c − a)| / 2.
+            for triangle in 0..mesh.triangles.len() {
+                let [a, b, c] = self.surfaces.corners(instance, triangle);
+                let area = f64::from((b - a).cross(c - a).length() / 2.0);
+                let area = if area.is_finite() { area } else { 0.0 };
+                for &front in sides {
+                    visit(Patch { number, instance, triangle, front, area });
+                    number += 1;
+                }
+            }
+        }
+    }
+
+    /// Square meters.
+    pub fn area(&self) -> f32 {
+        self.area as f32
+    }
+
+    /// `count` points, evenly by area; fewer where sheets lie so close together that their points would be a crowd.
+    pub fn spread(&self, count: usize, units: &Units) -> Vec<DynamicAnchor> {
+        let mut points = Vec::with_capacity(count);
+        // Even steps through the sum of the areas: points of a patch follow each other, and one walk finds them all.
+        let step = |i: usize| (i as f64 + 0.5) / count as f64 * self.area;
+        let (mut sum, mut last) = (0.0, None);
+        self.for_each(|patch| {
+            sum += patch.area;
+            let first = points.len();
+            while points.len() < count && step(points.len()) < sum {
+                points.push(patch.point(points.len() - first, count, units));
+            }
+            if patch.area > 0.0 {
+                last = Some((patch, first));
+            }
+        });
+        // A step that was rounded up to the end belongs to the last.
+        if let Some((patch, first)) = last {
+            while points.len() < count {
+                points.push(patch.point(points.len() - first, count, units));
+            }
+        }
+
+        let radius = kernel_radius(self.area() / count.max(1) as f32);
+        let places: Vec<Vec3A> = points.iter().map(|point| point.in_world(self.surfaces).position).collect();
+        let mut is_in_crowd = crowded(&places, radius).into_iter();
+        points.retain(|_| is_in_crowd.next() == Some(false));
+        points
+    }
+}
+
+/// For each of the `places`, whether `CROWD` (256) earlier ones lie in the same cell of a grid as wide as the kernel's
+/// `radius`. Whoever looks for points there goes through all of them; those that stay share the light of all.
+fn crowded(places: &[Vec3A], radius: f32) -> Vec<bool> {
+    let mut counts: HashMap<[i64; 3], usize> = HashMap::new();
+    let mut is_crowded = Vec::with_capacity(places.len());
+    for place in places {
+        let count = counts.entry((*place / radius).floor().to_array().map(|x| x as i64)).or_default();
+        *count += 1;
+        is_crowded.push(*count > CROWD);
+    }
+    is_crowded
+}
+
+impl Patch {
+    /// Its point number `within`, of the `count` that all patches have together.
+    fn point(&self, within: usize, count: usize, units: &Units) -> DynamicAnchor {
+        // Each patch has a sequence of its own: one for all would tie the place in a patch to its number, and front sides to
+        // one half of their triangles where each side has a single point.
+        let key = hash(count as u64, self.number as u64, PLACEMENT);
+        DynamicAnchor {
+            instance: self.instance as u32,
+            triangle: self.triangle as u32,
+            barycentric: triangle(owen_sobol_point(within as u32, key)),
+            front: self.front,
+            offset: units.epsilon,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::Distribution;
+    use crate::scene::{Material, Mesh, Scene};
+    use glam::Vec3;
+
+    /// `copies` of two triangles, the second one four times as large as the first.
+    fn pile(copies: usize) -> Scene {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [3.0, 0.0], [5.0, 0.0], [3.0, 2.0]];
+        let mesh = Mesh {
+            positions: corners.map(|[x, y]| Vec3::new(x, y, 0.0)).into(),
+            triangles: [[0, 1, 2], [3, 4, 5]].repeat(copies),
+            ..Mesh::default()
+        };
+        Scene::of_mesh(mesh, Material { double_sided: true, ..Material::default() })
+    }
+
+    #[test]
+    fn one_walk_picks_as_a_table_of_areas_does() {
+        let scene = pile(3);
+        let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
+        let patches = Patches::of(&surfaces, false).unwrap();
+        let table = Distribution::new([0.5, 0.5, 2.0, 2.0].repeat(3)).unwrap();
+        for count in [1, 7, 100] {
+            let points = patches.spread(count, &Units::of(&scene));
+            assert_eq!(points.len(), count);
+            for (i, point) in points.iter().enumerate() {
+                let patch = table.pick((i as f64 + 0.5) / count as f64).index;
+                assert_eq!((point.triangle as usize, point.front), (patch / 2, patch % 2 == 0), "{i} of {count}");
+            }
+        }
+    }
+
+    #[test]
+    fn points_on_many_sheets_in_one_place_are_no_crowd() {
+        // All sheets lie within a few cells, and each of these holds a limited number, however many sheets there are.
+        for copies in [1000, 4000] {
+            let scene = pile(copies);
+            let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
+            let patches = Patches::of(&surfaces, false).unwrap();
+            let points = patches.spread(10_000, &Units::of(&scene));
+            let radius = kernel_radius(patches.area() / 10_000.0);
+            let places: Vec<Vec3A> = points.iter().map(|point| point.in_world(&surfaces).position).collect();
+            let first = places.iter().filter(|place| place.distance(places[0]) < radius).count();
+            assert!((100..=8 * CROWD).contains(&first), "{copies}: {first}");
+        }
+    }
+}

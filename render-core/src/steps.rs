@@ -1,0 +1,23 @@
+//! Counts of elementary steps, with which tests show that work grows no faster than its input. Nothing is counted outside of
+//! tests.
+
+#[cfg(test)]
+thread_local! {
+    static TAKEN: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
+}
+
+/// Adds `steps` to those that the calling thread has taken.
+#[inline(always)]
+pub(crate) fn count(steps: usize) {
+    #[cfg(test)]
+    TAKEN.set(TAKEN.get() + steps);
+    let _ = steps;
+}
+
+/// The steps that `work` takes on the calling thread.
+#[cfg(test)]
+pub(crate) fn taken(work: impl FnOnce()) -> usize {
+    let before = TAKEN.get();
+    work();
+    TAKEN.get() - before
+}
