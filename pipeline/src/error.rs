@@ -26,6 +26,19 @@ pub enum Error {
     /// The text names the option as on the command line, and a value that works.
     #[error("{0}")]
     Options(String),
+    /// The film would take more memory than there is, or than is allowed.
+    #[error(
+        "{}: a film of this size takes some {needed} of memory, and {allowed}; choose a smaller --size or a simpler scene",
+        path.display()
+    )]
+    Memory {
+        /// The scene.
+        path: PathBuf,
+        /// The estimate, with its unit.
+        needed: String,
+        /// Who allows how much, with its unit.
+        allowed: String,
+    },
     /// The operating system refuses to open, read or write a file or folder.
     #[error("{} {problem}", path.display())]
     File {

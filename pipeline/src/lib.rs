@@ -12,6 +12,7 @@ pub mod figures;
 pub mod film;
 pub mod join;
 pub mod laboratory;
+pub mod memory;
 pub mod output;
 pub mod parts;
 pub mod places;

@@ -10,8 +10,8 @@ mod surfels;
 
 use exposure::Eye;
 use grid::Grid;
-use patches::Patches;
 pub(crate) use grid::{SplatScratch, Spot};
+use patches::Patches;
 pub(crate) use surfels::{SurfelMap, Surfels};
 
 use crate::Units;

@@ -1,5 +1,8 @@
 //! Where a film comes from.
 
+use crate::error::Result;
+use crate::memory;
+use crate::settings::{MemorySize, Settings};
 use clap::Args;
 use render_core::scene::{self, LoadError, Reach, Scene};
 use std::path::{Path, PathBuf};
@@ -49,5 +52,23 @@ impl Access {
     /// It cannot be read.
     pub fn load(self, path: &Path) -> Result<Scene, LoadError> {
         scene::load_within(path, self.reach())
+    }
+}
+
+/// Bound on memory.
+#[derive(Clone, Copy, Debug, Args)]
+pub(crate) struct MemoryLimit {
+    /// Refuse, before work begins, what takes more memory than this by an estimate [default: what the machine has]
+    #[arg(long, value_name = "SIZE")]
+    max_memory: Option<MemorySize>,
+}
+
+impl MemoryLimit {
+    /// Holds a film of `scene` against the bound.
+    ///
+    /// # Errors
+    /// It would take more.
+    pub fn check(self, scene: &Scene, settings: &Settings) -> Result<()> {
+        memory::check(&settings.scene, scene, settings.size, self.max_memory)
     }
 }

@@ -13,7 +13,9 @@ pub use emphasis::{AdaptiveQuantiser, Importance};
 pub use mpeg2enc::Effort;
 pub use options::Options;
 pub use render::RenderSettings;
-pub use values::{Aov, BitRate, CheckpointEvery, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
+pub use values::{
+    Aov, BitRate, CheckpointEvery, Lighting, MemorySize, PixelShading, Size, Stopping, Switch, Thresholds,
+};
 
 use crate::error::Result;
 use mpeg2enc::{Container, Rate, Standard};

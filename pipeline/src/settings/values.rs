@@ -309,6 +309,31 @@ impl<'de> Deserialize<'de> for BitRate {
     }
 }
 
+/// An amount of memory \[bytes\], as typed with a unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MemorySize(pub u64);
+
+impl fmt::Display for MemorySize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let megabytes = self.0 as f64 / 1e6;
+        if megabytes < 9999.5 { write!(f, "{megabytes:.0} MB") } else { write!(f, "{:.0} GB", megabytes / 1e3) }
+    }
+}
+
+impl FromStr for MemorySize {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let units = [("M", 1e6), ("G", 1e9), ("T", 1e12)];
+        let unit = units.iter().find_map(|(unit, bytes)| Some((text.strip_suffix(unit)?, bytes)));
+        let bytes = unit.and_then(|(number, bytes)| Some(number.parse::<f64>().ok()? * bytes));
+        let bytes = bytes.filter(|bytes| (1e6..=1e15).contains(bytes));
+        bytes.map(|bytes| Self(bytes.round() as u64)).ok_or_else(|| {
+            Error::Options(format!("\"{text}\" is no amount of memory such as 500M or 8G, from 1M to 1000T bytes"))
+        })
+    }
+}
+
 /// Parser of the names of efforts, for clap.
 #[cfg(feature = "command-line")]
 pub(super) fn effort() -> impl clap::builder::TypedValueParser<Value = Effort> {

@@ -153,6 +153,22 @@ impl Geometry {
         Self { parts, cut_outs, scale }
     }
 
+    /// Triangles that the trees of `scene` hold at the beginning, each as often as it is held: a mesh whose instances share a
+    /// tree counts once. Nothing is built for it.
+    #[must_use]
+    pub fn triangles_to_hold(scene: &Scene) -> usize {
+        let pose = scene.pose(0.0);
+        let (moving, sharing) = (scene.moving_instances(), Sharing::of(scene, &pose));
+        let mut has_tree = vec![false; scene.meshes.len()];
+        let mut triangles = 0;
+        for (index, instance) in scene.instances.iter().enumerate() {
+            let has_own = pose.deformed(index).is_none() && (moving[index] || sharing.shares(scene, &pose, index));
+            let is_held = has_own && std::mem::replace(&mut has_tree[instance.mesh], true);
+            triangles += if is_held { 0 } else { scene.meshes[instance.mesh].triangles.len() };
+        }
+        triangles
+    }
+
     /// Places what stands still, and nothing else.
     pub(crate) fn place_still(&self) -> Accelerator {
         let still = self.parts.iter().filter_map(|part| match part {

@@ -98,6 +98,7 @@ mod tests {
         let scene = many(2000, 600);
         let geometry = Geometry::new(&scene);
         assert_eq!(geometry.triangles_held(), 2000);
+        assert_eq!(Geometry::triangles_to_hold(&scene), 2000);
         let accelerator = geometry.place(&scene.pose(0.0));
         for key in 0..24 {
             // To the middle of a triangle: that is met, or one before it.
@@ -118,6 +119,7 @@ mod tests {
         let mut flat = many(2000, 600);
         flat.nodes[1].rest.scale.z = 0.0;
         assert_eq!(Geometry::new(&flat).triangles_held(), 4000);
+        assert_eq!(Geometry::triangles_to_hold(&flat), 4000);
     }
 
     #[test]

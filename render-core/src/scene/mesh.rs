@@ -35,6 +35,19 @@ impl Mesh {
     pub fn corners(&self, index: usize) -> [Vec3; 3] {
         self.triangles[index].map(|vertex| self.positions[vertex as usize])
     }
+
+    /// Bytes of all its lists.
+    #[must_use]
+    pub fn byte_count(&self) -> usize {
+        let Self { positions, normals, tangents, colors, triangles, .. } = self;
+        let mut bytes = size_of_val(&positions[..]) + size_of_val(&normals[..]) + size_of_val(&tangents[..]);
+        bytes += size_of_val(&colors[..]) + size_of_val(&triangles[..]);
+        bytes += self.uvs.iter().map(|uvs| size_of_val(&uvs[..])).sum::<usize>();
+        for MorphTarget { positions, normals, tangents } in &self.morph_targets {
+            bytes += size_of_val(&positions[..]) + size_of_val(&normals[..]) + size_of_val(&tangents[..]);
+        }
+        bytes + self.skinning.as_ref().map_or(0, |skinning| size_of_val(&skinning.influences[..]))
+    }
 }
 
 /// Displacements of the vertices of a mesh at full weight. Every list is as long as the mesh's positions, or empty.

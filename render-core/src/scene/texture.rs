@@ -163,6 +163,12 @@ impl Texture {
         Filtered { color: color / count as f32, opacity: opacity / count as f32 }
     }
 
+    /// Bytes of the texels of all levels.
+    #[must_use]
+    pub fn byte_count(&self) -> usize {
+        self.levels.iter().map(|level| size_of_val(&level.texels[..])).sum()
+    }
+
     /// Hands all bytes that look-ups depend on to `visitor`, in a fixed order. Coarser levels follow from the finest.
     pub fn visit_bytes(&self, visitor: &mut impl FnMut(&[u8])) {
         let Level { width, height, texels } = &self.levels[0];

@@ -89,6 +89,7 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
             "html",
             "importance",
             "importance-gain",
+            "max-memory",
         ];
         let named = printed.lines().any(|line| line.starts_with(&format!("{option} = ")));
         assert!(named || without.contains(&option) || undefined.contains(&option), "{option} is not printed");

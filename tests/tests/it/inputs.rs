@@ -1,11 +1,13 @@
 //! Scenes from strangers, and the files that they name.
 
+use glam::{Vec3, vec3};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use tests::{
-    Finished, Glb, Moving, assert_fails, checkered_room, program, render2mpeg, sorted_names, start_until_checkpoint,
+    Finished, Glb, Moving, Quad, assert_fails, checkered_room, program, render2mpeg, sorted_names,
+    start_until_checkpoint,
 };
 
 const SMALL: &str = "--size 32x32 --vpls 60 --photons 1000";
@@ -222,4 +224,55 @@ fn a_folder_that_may_not_be_written_to_is_one_line() {
         return;
     }
     assert_fails(folder, &["render", "room.glb", "-o", "closed/film.m2v"], &["closed/film.m2v", "-o"]);
+}
+
+/// Sheets of one mesh, `triangles` in each, at `instances` places beside each other, and a camera.
+fn sheets(triangles: usize, instances: usize) -> Glb {
+    let mut scene = checkered_room(Moving::Nothing);
+    let side = |k: usize| k as f32 * 0.01;
+    let quads: Vec<Quad> =
+        (0..triangles / 2).map(|k| [vec3(side(k % 70), side(k / 70), 0.0), Vec3::X * 0.01, Vec3::Y * 0.01]).collect();
+    let first = scene.add(&quads, Vec3::splat(0.5), Vec3::ZERO);
+    let mesh = scene.json["nodes"][first]["mesh"].clone();
+    for k in 1..instances {
+        let place = [side(k % 40) - 0.2, side(k / 40) - 0.2, -0.5 - side(k)];
+        scene.json["nodes"].as_array_mut().unwrap().push(json!({ "mesh": mesh, "translation": place }));
+        scene.json["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(first + k));
+    }
+    scene
+}
+
+#[test]
+fn ten_million_triangles_of_one_mesh_take_little_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scene = sheets(10_000, 1000);
+    assert!(scene.to_bytes().len() < 1_000_000);
+    scene.write(&folder.join("sheets.glb"));
+    let words = format!("render sheets.glb -o film.m2v --frames 1 {SMALL}");
+    let finished = render2mpeg(folder, &words.split_whitespace().collect::<Vec<_>>());
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    let report: Value = serde_json::from_slice(&fs::read(folder.join("film.report.json")).unwrap()).unwrap();
+    // Where the system tells it.
+    if let Some(bytes) = report["summary"]["peak_memory_bytes"].as_u64() {
+        assert!(bytes < 300_000_000, "{bytes}");
+    }
+}
+
+#[test]
+fn what_takes_too_much_memory_is_refused_before_work_begins() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    sheets(10_000, 2).write(&folder.join("sheets.glb"));
+    for (limit, size) in [("200M", "1024x1024"), ("1G", "2048x2048")] {
+        let words = ["render", "sheets.glb", "-o", "film.m2v", "--size", size, "--max-memory", limit];
+        assert_fails(folder, &words, &["sheets.glb", "--max-memory", "--size"]);
+        assert_eq!(sorted_names(folder), ["sheets.glb"]);
+    }
+    for limit in ["8", "0G", "lots", "-1G", "1e30G", "NaNM"] {
+        let words = ["render", "sheets.glb", "--max-memory", limit];
+        assert_eq!(render2mpeg(folder, &words).code, Some(2), "{limit}");
+    }
+    let plan = render2mpeg(folder, &["plan", "sheets.glb", "--size", "1024x1024"]);
+    assert!(plan.stdout.contains("memory: some ") && plan.stdout.contains("1024x1024"), "{}", plan.stdout);
 }

@@ -2,7 +2,8 @@
 
 use crate::command_line::print::single_line;
 use crate::command_line::source::Source;
-use crate::{Options, Settings};
+use crate::settings::MemorySize;
+use crate::{Options, Settings, memory};
 use anyhow::Result;
 use clap::Args;
 use std::process::ExitCode;
@@ -25,6 +26,8 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     let settings = Settings::new(path, &scene, &arguments.options)?;
     let _ = settings.encoder_config()?;
     say!("{}", crate::Plan::new(&scene, &settings.renderer()).table().trim_end());
+    let (needed, size) = (MemorySize(memory::estimate(&scene, settings.size)), settings.size);
+    say!("memory: some {needed} for {}x{} pixels", size.width, size.height);
     scene.warnings.iter().for_each(|warning| say!("note: {}", single_line(warning)));
     Ok(ExitCode::SUCCESS)
 }

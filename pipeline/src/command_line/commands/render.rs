@@ -4,7 +4,7 @@ use crate::command_line::interrupt::Interrupt;
 use crate::command_line::lines::{Lines, ProgressKind};
 use crate::command_line::log::Log;
 use crate::command_line::print_config::ProgramOption;
-use crate::command_line::source::Source;
+use crate::command_line::source::{MemoryLimit, Source};
 use crate::command_line::{parts, print_config, progress};
 use crate::feedback_loop::Run;
 use crate::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
@@ -50,6 +50,9 @@ pub(crate) struct Render {
     /// Write when each stage worked on which frame, for chrome://tracing or Perfetto
     #[arg(long, value_name = "FILE.json", hide = !cfg!(feature = "trace"))]
     trace: Option<PathBuf>,
+    /// How much memory it may take.
+    #[command(flatten)]
+    memory: MemoryLimit,
     /// Print the file for --config that makes the same film, every default filled in; render nothing
     #[arg(long)]
     print_config: bool,
@@ -73,7 +76,7 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 /// Renders and reports.
 pub fn run(arguments: Render) -> Result<ExitCode> {
     let Render { source, mut options, report, html, resume, checkpoint, threads, trace, .. } = arguments;
-    let Render { print_config: only_print, progress, json_progress, verbose, quiet, .. } = arguments;
+    let Render { memory, print_config: only_print, progress, json_progress, verbose, quiet, .. } = arguments;
     parts::need("html", html.is_some())?;
     parts::need("exr", options.exr.is_some() || !options.aov.is_empty())?;
     parts::need("trace", trace.is_some() || verbose > 0)?;
@@ -105,6 +108,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
         .writes("--html", html.as_deref())
         .writes("--trace", trace.as_deref())
         .check()?;
+    memory.check(&scene, &settings)?;
     if let Some(folder) = &settings.exr {
         std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     }

@@ -163,8 +163,7 @@ mod tests {
     }
 
     fn points(count: u64, normal: impl Fn(u64) -> Vec3A) -> Vec<Anchor> {
-        let point =
-            |k| Anchor { position: on_plane(k, count), normal: normal(k), instance: (k * 4 / count) as u32 };
+        let point = |k| Anchor { position: on_plane(k, count), normal: normal(k), instance: (k * 4 / count) as u32 };
         (0..count).map(point).collect()
     }
 

@@ -29,7 +29,8 @@ use std::path::{Path, PathBuf};
 /// Farthest from the origin that anything may be \[m\]: its square is far inside of the range of `f32`.
 const FARTHEST: f32 = 1e15;
 
-/// Most triangles of all instances together: a small file may show one mesh many times over, and memory is taken for each.
+/// Most triangles of all instances together: a small file may show one mesh many times over, and anchors are spread by the area of
+/// each.
 const MOST_TRIANGLES: usize = 1 << 27;
 
 /// Why a scene could not be read; the message names the file, the place and the remedy.
