@@ -10,7 +10,7 @@ mod program;
 mod schedule;
 mod transport;
 
-use crate::Config;
+use crate::{Config, header::SEQUENCE_END_CODE};
 pub use access_unit::AccessUnit;
 use clock::Clock;
 use pes::Picture;
@@ -33,6 +33,17 @@ pub enum Container {
 }
 
 impl Container {
+    /// Bytes that end a stream in this container, for one that is cut short after any picture: sequence_end_code (H.262, 6.2.1),
+    /// MPEG_program_end_code (H.222.0, 2.5.3.2), nothing for a transport stream.
+    #[must_use]
+    pub fn end_code(self) -> &'static [u8] {
+        match self {
+            Self::Elementary => &[0, 0, 1, SEQUENCE_END_CODE],
+            Self::Program | Self::Disc => &program::END,
+            Self::Transport => &[],
+        }
+    }
+
     /// The container for a file's ending: `.m2v`, `.m1v`, `.mpv` or no ending; `.mpg`, `.mpeg`; `.vob`; `.ts`,
     /// `.m2t`. `None` for all others.
     ///

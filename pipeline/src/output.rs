@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use std::fs::{self, File, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A file that is written under `NAME.part` and gets its name when it is finished.
 ///
@@ -22,6 +22,44 @@ pub struct Output {
     sum: crc32fast::Hasher,
     /// Whether the part stays where the file is not finished.
     kept: Arc<AtomicBool>,
+    /// Whether more may be written: not after an early end.
+    is_open: Arc<Mutex<bool>>,
+}
+
+/// Completes an [`Output`] from another thread at once; what is written to it afterwards fails.
+#[derive(Clone, Debug)]
+pub struct EarlyEnd {
+    path: PathBuf,
+    part: Option<PathBuf>,
+    is_open: Arc<Mutex<bool>>,
+}
+
+impl EarlyEnd {
+    /// Appends the `last` bytes and gives the file its name, unless it has it already. What holds nothing, or is no file, stays
+    /// as it is. Tells whether there is a file now.
+    ///
+    /// # Errors
+    /// The file cannot be written or renamed.
+    pub fn end(&self, last: &[u8]) -> Result<bool> {
+        // Held to the end: a write that is under way comes first, and none comes after it.
+        let mut is_open = held(&self.is_open);
+        let Some(part) = self.part.as_ref().filter(|_| *is_open) else { return Ok(false) };
+        *is_open = false;
+        let context = |error| Error::file(&self.path, "cannot be completed")(error);
+        let mut file = File::options().append(true).open(part).map_err(context)?;
+        if file.metadata().map_err(context)?.len() == 0 {
+            return Ok(false);
+        }
+        file.write_all(last).map_err(context)?;
+        file.sync_all().map_err(context)?;
+        fs::rename(part, &self.path).map_err(context)?;
+        Ok(true)
+    }
+}
+
+/// The lock of a flag that is valid at any time, also after a panic elsewhere.
+fn held(flag: &Mutex<bool>) -> MutexGuard<'_, bool> {
+    flag.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Bytes of a file, as far as a checkpoint knows them.
@@ -54,7 +92,14 @@ impl Output {
 
     fn new(path: &Path, part: Option<PathBuf>, file: File) -> Self {
         let (written, sum) = (Written::default(), crc32fast::Hasher::new());
-        Self { path: path.to_owned(), part, file, written, sum, kept: Arc::default() }
+        let is_open = Arc::new(Mutex::new(true));
+        Self { path: path.to_owned(), part, file, written, sum, kept: Arc::default(), is_open }
+    }
+
+    /// A way to complete the file from another thread, while this one may be busy for long.
+    #[must_use]
+    pub fn early_end(&self) -> EarlyEnd {
+        EarlyEnd { path: self.path.clone(), part: self.part.clone(), is_open: self.is_open.clone() }
     }
 
     /// Opens what an earlier process has left of the file, and goes on after the bytes that were `written`.
@@ -119,8 +164,12 @@ impl Output {
     /// Appends `bytes`.
     ///
     /// # Errors
-    /// The disk is full or gone.
+    /// The disk is full or gone, or the file was ended early.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        let is_open = held(&self.is_open);
+        if !*is_open {
+            return Err(Error::content(&self.path, " was ended early"));
+        }
         self.file.write_all(bytes).map_err(Error::file(&self.path, "cannot be written further"))?;
         self.written.length += bytes.len() as u64;
         self.sum.update(bytes);
@@ -132,6 +181,11 @@ impl Output {
     /// # Errors
     /// The written file cannot be kept.
     pub fn finish(mut self) -> Result<()> {
+        let is_open = self.is_open.clone();
+        let mut is_open = held(&is_open);
+        if !std::mem::replace(&mut *is_open, false) {
+            return Err(Error::content(&self.path, " was ended early"));
+        }
         let context = |error| Error::file(&self.path, "cannot be completed")(error);
         if let Some(part) = &self.part {
             self.file.sync_all().map_err(context)?;

@@ -73,6 +73,14 @@ impl<'a> Render<'a> {
         self.start.write_to(path)
     }
 
+    /// Ends the film's file when it is called, from any thread and at once, as a film of the frames written until then; it tells
+    /// whether there are any. What goes on in [`finish`](Self::finish) then fails. `None` before [`write_to`](Self::write_to).
+    #[must_use]
+    pub fn early_end(&self) -> Option<impl Fn() -> Result<bool> + Send + 'static> {
+        let (end, last) = (self.start.early_end()?, self.settings.container().end_code());
+        Some(move || end.end(last))
+    }
+
     /// The first frame that is still to be made.
     #[must_use]
     pub fn first_frame(&self) -> u32 {

@@ -16,25 +16,42 @@ pub struct Interrupt {
     code: Arc<AtomicU8>,
 }
 
+/// What a command does when signals come, on a thread that waits for them.
+pub struct Reactions {
+    /// After the first, with which the command begins to end.
+    pub first: Box<dyn Fn() + Send>,
+    /// After the second, before the process ends at once.
+    pub second: Box<dyn Fn() + Send>,
+}
+
+impl Default for Reactions {
+    /// Nothing more than that.
+    fn default() -> Self {
+        Self { first: Box::new(|| ()), second: Box::new(|| ()) }
+    }
+}
+
 impl Interrupt {
     /// Watches for signals from now on. The second one ends the process at once.
     ///
     /// # Errors
     /// The system refuses it.
-    pub fn watch() -> Result<Self> {
+    pub fn watch(reactions: Reactions) -> Result<Self> {
         let interrupt = Self { stop: Arc::default(), code: Arc::new(AtomicU8::new(INTERRUPTED)) };
         let watching = interrupt.clone();
-        on_signal(move |code| watching.note(code)).context("Ctrl-C cannot be watched for")?;
+        on_signal(move |code| watching.note(code, &reactions)).context("Ctrl-C cannot be watched for")?;
         Ok(interrupt)
     }
 
-    fn note(&self, code: u8) {
+    fn note(&self, code: u8, reactions: &Reactions) {
         if self.stop.load(Ordering::Relaxed) {
             // The second time, the user means it.
+            (reactions.second)();
             std::process::exit(code.into());
         }
         self.code.store(code, Ordering::Relaxed);
         self.stop.store(true, Ordering::Relaxed);
+        (reactions.first)();
     }
 
     /// 130 after Ctrl-C, 143 after SIGTERM, 129 after a terminal was closed: 128 and the number of the signal, as shells report it.

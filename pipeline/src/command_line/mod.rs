@@ -90,7 +90,7 @@ fn run(command: Command) -> Result<ExitCode> {
         #[cfg(feature = "sweep")]
         Command::Sweep(arguments) => {
             use_threads(arguments.threads)?;
-            let interrupt = interrupt::Interrupt::watch()?;
+            let interrupt = interrupt::Interrupt::watch(interrupt::Reactions::default())?;
             match commands::sweep::run(arguments, &interrupt.stop) {
                 Err(error) if interrupt.stop.load(Ordering::Relaxed) => {
                     tell!("render2mpeg: {}", single_line(&format!("{error:#}")));

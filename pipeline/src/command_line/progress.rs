@@ -10,13 +10,14 @@ use std::path::Path;
 /// A line that shows how far the run is; nothing when standard error is not a terminal.
 pub(crate) struct Progress {
     bar: ProgressBar,
+    is_quiet: bool,
 }
 
 impl Progress {
     /// Says what is about to happen, and starts the line.
     pub fn new(settings: &Settings, scene: &Scene, first_frame: u32, quiet: bool) -> Self {
         if quiet {
-            return Self { bar: ProgressBar::hidden() };
+            return Self { bar: ProgressBar::hidden(), is_quiet: quiet };
         }
         tell!(
             "{}: {} triangles, {} of {}x{} at {} fps, quantiser_scale {}",
@@ -42,7 +43,7 @@ impl Progress {
             bar.reset_eta();
         }
         bar.tick();
-        Self { bar }
+        Self { bar, is_quiet: quiet }
     }
 
     /// Moves on by a frame.
@@ -56,6 +57,16 @@ impl Progress {
     /// Says above the line what went wrong and does not end the run.
     pub fn warn(&self, warning: &str) {
         self.bar.suspend(|| tell!("warning: {}", single_line(warning)));
+    }
+
+    /// Says something above the line, from any thread; nothing in a quiet run.
+    pub fn teller(&self) -> impl Fn(&str) + Send + 'static {
+        let (bar, is_quiet) = (self.bar.clone(), self.is_quiet);
+        move |text| {
+            if !is_quiet {
+                bar.suspend(|| tell!("{}", single_line(text)));
+            }
+        }
     }
 
     /// Takes the line away.

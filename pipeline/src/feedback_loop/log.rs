@@ -3,7 +3,7 @@
 use super::observe::Observer;
 use crate::error::{Error, Result};
 use crate::figures::FrameFigures;
-use crate::output::{Output, Written};
+use crate::output::{EarlyEnd, Output, Written};
 use crate::parts::{Coding, Encoded};
 use crate::report::FrameReport;
 use crate::state::{NONSENSE, decode, encode};
@@ -60,6 +60,11 @@ impl FilmLog {
         let output = if continued { Output::resume(path, self.written)? } else { Output::create(path)? };
         self.output = Some(output.kept_if(kept));
         Ok(())
+    }
+
+    /// A way to end the film's file from another thread; none without a file.
+    pub fn early_end(&self) -> Option<EarlyEnd> {
+        self.output.as_ref().map(Output::early_end)
     }
 
     /// Keeps the figures of frame `index`, which has come to the encoder.

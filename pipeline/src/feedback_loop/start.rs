@@ -4,6 +4,7 @@ use super::checkpoint::{Checkpoints, Part};
 use super::log::FilmLog;
 use crate::error::{Error, Result};
 use crate::film::display::Display;
+use crate::output::EarlyEnd;
 use crate::parts::{Encode, LuminanceThresholds, Mask, Prepare, Shade};
 use crate::state::{NONSENSE, decode};
 use plane::Plane;
@@ -93,5 +94,11 @@ impl Start<'_> {
     /// The file cannot be written, or is shorter than it was.
     pub fn write_to(&mut self, path: &Path) -> Result<()> {
         self.log.write_to(path, self.first > self.begin, self.checkpoints.kept())
+    }
+
+    /// A way to end the film's file from another thread, at once; none before [`write_to`](Self::write_to).
+    #[must_use]
+    pub fn early_end(&self) -> Option<EarlyEnd> {
+        self.log.early_end()
     }
 }

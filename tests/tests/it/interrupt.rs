@@ -19,17 +19,22 @@ struct Film {
 
 impl Film {
     fn start(folder: &Path) -> Self {
+        let words = "--output film.m2v --size 128x128 --frames 5000 --vpls 200 --photons 20000 --quiet";
+        Self::with_options(folder, "film.m2v.part", words)
+    }
+
+    fn with_options(folder: &Path, part: &str, words: &str) -> Self {
         let child = Command::new(program())
             .arg("render")
             .arg(cornell())
-            .args(["--output", "film.m2v", "--size", "128x128", "--frames", "5000", "--quiet"])
-            .args(["--vpls", "200", "--photons", "20000", "--threads", "2"])
+            .args(words.split_whitespace())
+            .args(["--threads", "2"])
             .current_dir(folder)
             .stdin(Stdio::null())
             .stderr(Stdio::inherit())
             .spawn()
             .expect("render2mpeg starts");
-        Self { child, part: folder.join("film.m2v.part") }
+        Self { child, part: folder.join(part) }
     }
 
     /// Waits until some pictures are written.
@@ -88,6 +93,35 @@ fn ctrl_c_ends_the_stream_in_order() {
         assert_eq!(report["summary"]["frames"], shown);
         assert_eq!(report["frames"].as_array().map(Vec::len), Some(shown));
         assert!(std::fs::read(&video).unwrap().ends_with(&[0, 0, 1, 0xb7]), "sequence_end_code");
+    }
+}
+
+#[test]
+fn a_second_signal_ends_the_film_at_once() {
+    for ending in ["m2v", "mpg", "ts"] {
+        let folder = tempfile::tempdir().unwrap();
+        // Frames of a few seconds: the first signal alone would wait for them.
+        let words =
+            format!("--output film.{ending} --size 128x128 --frames 5000 --vpls 20000 --photons 3000000 --quiet");
+        let mut film = Film::with_options(folder.path(), &format!("film.{ending}.part"), &words);
+        film.wait_for_pictures();
+        film.signal(Signal::INT);
+        std::thread::sleep(Duration::from_millis(50));
+        film.signal(Signal::INT);
+        assert_eq!(film.wait().code(), Some(130));
+        let name = format!("film.{ending}");
+        let mut names = sorted_names(folder.path());
+        names.retain(|name| !name.ends_with(".checkpoint"));
+        assert_eq!(names, [name.as_str()], "under its name, and nothing half-written");
+        let video = folder.path().join(name);
+        let shown = decode_ffmpeg(&video, SIZE).len();
+        assert!(shown > 0, "{ending}");
+        let bytes = std::fs::read(&video).unwrap();
+        match ending {
+            "m2v" => assert!(bytes.ends_with(&[0, 0, 1, 0xb7])),
+            "mpg" => assert!(bytes.ends_with(&[0, 0, 1, 0xb9])),
+            _ => assert_eq!(bytes.len() % 188, 0),
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! `render2mpeg render`.
 
-use crate::command_line::interrupt::Interrupt;
+use crate::command_line::interrupt::{Interrupt, Reactions};
 use crate::command_line::lines::{Lines, ProgressKind};
 use crate::command_line::log::Log;
 use crate::command_line::print_config::ProgramOption;
@@ -14,7 +14,7 @@ use crate::laboratory::page::ImportanceSum;
 use crate::output::Output;
 use crate::places::FilePlaces;
 use crate::report::{FrameReport, path_beside};
-use crate::settings::CheckpointEvery;
+use crate::settings::{CheckpointEvery, Settings};
 use crate::{Options, Plan, Render as Film, Report};
 use anyhow::{Context, Result};
 use clap::Args;
@@ -126,10 +126,10 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     trace.as_deref().map(Output::create).transpose()?;
     let log = Log::start(verbose, trace);
 
-    let interrupt = Interrupt::watch()?;
     let first = film.first_frame();
     let kind = if json_progress { ProgressKind::Json } else { progress.unwrap_or(ProgressKind::Bar) };
     let progress = progress::Progress::new(&settings, &scene, first, quiet || verbose > 0);
+    let interrupt = Interrupt::watch(reactions(&film, &progress, &settings))?;
     let lines = Lines::new(kind, &settings, first);
     lines.begin();
     let frames = OnFrame::new(|frame: &FrameReport| {
@@ -157,6 +157,19 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
         traced.into_iter().for_each(|line| tell!("trace:  {line}"));
     }
     Ok(if report.summary.interrupted { interrupt.exit_code() } else { ExitCode::SUCCESS })
+}
+
+/// What is said and done when signals come: the first lets the frames that are begun be finished, the second does not.
+fn reactions(film: &Film, progress: &progress::Progress, settings: &Settings) -> Reactions {
+    let (tell, end, output) = (progress.teller(), film.early_end(), settings.output.display().to_string());
+    let tell_again = progress.teller();
+    let first = move || tell("stopping after this frame; again to stop now");
+    let second = move || match end.as_ref().map(|end| end()) {
+        Some(Ok(true)) => tell_again(&format!("video:  {output}, as far as it was written")),
+        Some(Err(error)) => tell_again(&error.chain()),
+        Some(Ok(false)) | None => {}
+    };
+    Reactions { first: Box::new(first), second: Box::new(second) }
 }
 
 /// Lines for each frame, and the maps of where people look for the page.
