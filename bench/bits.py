@@ -179,7 +179,7 @@ def hashes(program, film, scene, full):
     words = film.words(full)
     with tempfile.TemporaryDirectory() as folder:
         video, frames = Path(folder) / film.video, Path(folder) / "frames"
-        command = [program, "render", scene, *words, "-o", video, "--exr", frames, "--quiet"]
+        command = [program, "render", scene, "--overwrite", *words, "-o", video, "--exr", frames, "--quiet"]
         render_and_resume(command, film, video) if film.killed_after else run(command)
         return {
             "scene": references.content_hash(scene),

@@ -78,7 +78,7 @@ class Film:
 def render(options, scene, base, words):
     """Renders a film; its files begin with `base`."""
     video, raw, report = (Path(f"{base}{ending}") for ending in (".m2v", ".y4m", ".json"))
-    command = [options.program, "render", scene, "--size", options.size, "--frames", options.frames, "--quiet"]
+    command = [options.program, "render", scene, "--size", options.size, "--frames", options.frames, "--quiet", "--overwrite"]
     finished = run([*command, "-o", video, "--y4m", raw, "--report", report, *words])
     return Film(json.loads(report.read_text())["frames"], finished.cpu, video, raw)
 

@@ -76,7 +76,7 @@ def rendered(program, scene, side, words):
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         files = ["-o", folder / "film.m2v", "--exr", folder / "frames", "--report", folder / "report.json", "-q"]
-        run([program, "render", scene, "--size", f"{side}x{side}", "--frames", FRAMES, *words, *files])
+        run([program, "render", scene, "--overwrite", "--size", f"{side}x{side}", "--frames", FRAMES, *words, *files])
         frames = [channels(path) for path in sorted((folder / "frames").iterdir())]
         return Film(json.loads((folder / "report.json").read_text()), frames)
 

@@ -79,7 +79,7 @@ def rendered(program, scene, side, words):
     with tempfile.TemporaryDirectory() as folder:
         film = Path(folder) / "film.m2v"
         files = ["-o", film, "--y4m", film.with_suffix(".y4m"), "-q"]
-        run([program, "render", scene, "--size", f"{side}x{side}", "--frames", FRAMES, *words, *files])
+        run([program, "render", scene, "--overwrite", "--size", f"{side}x{side}", "--frames", FRAMES, *words, *files])
         summary = json.loads(film.with_suffix(".report.json").read_text())["summary"]
         shown, decoded = shown_luma(film.with_suffix(".y4m"), side), decoded_luma(film, side)
         return Film(shown, decoded, summary["cpu_seconds"], summary["bits_total"])
@@ -104,7 +104,7 @@ def reference(program, scene, side):
             folder = Path(folder)
             files = ["-o", folder / "film.m2v", "--y4m", folder / "film.y4m", "--exr", folder / "frames", "-q"]
             size = ["--size", f"{side}x{side}", "--frames", FRAMES, "--aov", "motion"]
-            run([program, "render", scene, *size, *REFERENCE, *files])
+            run([program, "render", scene, "--overwrite", *size, *REFERENCE, *files])
             motion = np.stack([motion_of(frame) for frame in sorted((folder / "frames").iterdir())])
             with open(path, "wb") as file:
                 np.savez(file, luma=shown_luma(folder / "film.y4m", side), motion=motion)

@@ -95,8 +95,7 @@ impl<'a> Render<'a> {
         if let Some(exposure) = self.exposure_of_chunks() {
             self.parts.display.set_exposure(exposure);
         }
-        // The report of a part has the sum of the files that the scene was read from.
-        let inputs = self.settings.range.map(|_| sum_of_inputs(self.scene, self.settings)).transpose()?;
+        let inputs = Some(sum_of_inputs(self.scene, self.settings)?);
         let Self { scene, settings, plan, parts, start, begin, .. } = self;
         let reports = couple(parts, start, run)?;
         let interrupted = run.stop.load(Ordering::Relaxed) && reports.len() < settings.frame_range().len();

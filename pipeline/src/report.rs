@@ -27,7 +27,7 @@ pub struct Report {
     pub frames: Vec<FrameReport>,
     /// Over all frames.
     pub summary: Summary,
-    /// Of a part of a film: check sum of the files that it was made from. Parts of other files do not belong to it.
+    /// Check sum of the files that the film was made from: parts of other files do not belong to it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inputs: Option<u32>,
 }

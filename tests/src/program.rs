@@ -78,7 +78,7 @@ pub fn render(folder: &Path, name: &str, scene: &Path, extra: &str) -> Rendered 
     let (stem, ending) = name.split_once('.').unwrap_or((name, "m2v"));
     let (video, report) = (format!("{stem}.{ending}"), format!("{stem}.report.json"));
     let scene = scene.to_str().expect("a path in UTF-8");
-    let mut arguments = vec!["render", scene, "--output", &video, "--quiet"];
+    let mut arguments = vec!["render", scene, "--output", &video, "--quiet", "--overwrite"];
     arguments.extend(extra.split_whitespace());
     let finished = render2mpeg(folder, &arguments);
     assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""), "render2mpeg {arguments:?}");

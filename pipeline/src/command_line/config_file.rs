@@ -1,7 +1,7 @@
 //! `--config job.toml`: options from a file, by the names they have on the command line, which overrides them.
 
 use super::args::Arguments;
-use super::parts;
+use super::{foreign, parts};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{ArgAction, ArgMatches, Command, CommandFactory, FromArgMatches};
 use std::ffi::OsString;
@@ -9,14 +9,26 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Options that say what the program does now, and not how a film is to be: no file has them.
-const NOT_IN_FILES: [&str; 9] =
-    ["allow-outside", "config", "print-config", "resume", "help", "verbose", "quiet", "progress", "json-progress"];
+const NOT_IN_FILES: [&str; 11] = [
+    "allow-outside",
+    "config",
+    "print-config",
+    "resume",
+    "help",
+    "verbose",
+    "quiet",
+    "progress",
+    "json-progress",
+    "overwrite",
+    "keep-checkpoint",
+];
 
 /// Parses the arguments, with defaults from the file that `--config` names. Wrong arguments end the program with a hint.
 ///
 /// # Errors
 /// The file cannot be read, or has an option that does not exist or has no such value.
 pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
+    let typed = with_command(typed);
     if let Some(command) = typed.get(1).and_then(|word| word.to_str()) {
         parts::need_for(command)?;
     }
@@ -31,6 +43,14 @@ pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
     };
     let matches = with_file.map_or(matches, |words| command.get_matches_from(words));
     Ok(Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()))
+}
+
+/// A scene alone is rendered: `render2mpeg scene.glb` is `render2mpeg render scene.glb`.
+fn with_command(mut typed: Vec<OsString>) -> Vec<OsString> {
+    if typed.get(1).and_then(|word| word.to_str()).is_some_and(foreign::is_scene) {
+        typed.insert(1, "render".into());
+    }
+    typed
 }
 
 fn file_named_by(options: &ArgMatches) -> Option<PathBuf> {
@@ -66,7 +86,7 @@ fn with_file(
             bail!("{place}: there is no option {key}; the nearest is {}", nearest(key, all));
         }
         if let Some(option) = option(own, key) {
-            words.extend(word(option, key, value).with_context(|| format!("{place}: {key} = {value}"))?);
+            words.extend(words_of(option, key, value).with_context(|| format!("{place}: {key} = {value}"))?);
         }
     }
     if !has_scene && scene.is_none() {
@@ -90,8 +110,8 @@ fn option<'a>(command: &'a Command, key: &str) -> Option<&'a clap::Arg> {
     command.get_arguments().find(|option| option.get_long() == Some(key) && !NOT_IN_FILES.contains(&key))
 }
 
-/// As it would be typed; nothing for a switch that is off.
-fn word(option: &clap::Arg, key: &str, value: &Value) -> Result<Option<String>> {
+/// The words as they would be typed; none for a switch that is off.
+fn words_of(option: &clap::Arg, key: &str, value: &Value) -> Result<Vec<String>> {
     let is_flag = matches!(option.get_action(), ArgAction::SetTrue);
     let plain = |value: &Value| match value {
         Value::String(text) => Ok(text.clone()),
@@ -100,13 +120,16 @@ fn word(option: &clap::Arg, key: &str, value: &Value) -> Result<Option<String>> 
         _ => bail!("a text, a number, true or false is wanted"),
     };
     match (value, is_flag) {
-        (Value::Boolean(on), true) => Ok(on.then(|| format!("--{key}"))),
+        (Value::Boolean(on), true) => Ok(on.then(|| format!("--{key}")).into_iter().collect()),
         (_, true) => bail!("true or false is wanted"),
         (Value::Array(list), false) => {
             let list: Vec<String> = list.iter().map(plain).collect::<Result<_>>()?;
-            Ok((!list.is_empty()).then(|| format!("--{key}={}", list.join(","))))
+            let is_repeated =
+                matches!(option.get_action(), ArgAction::Append) && option.get_value_delimiter().is_none();
+            let words = if is_repeated || list.is_empty() { list } else { vec![list.join(",")] };
+            Ok(words.into_iter().map(|word| format!("--{key}={word}")).collect())
         }
-        (_, false) => Ok(Some(format!("--{key}={}", plain(value)?))),
+        (_, false) => Ok(vec![format!("--{key}={}", plain(value)?)]),
     }
 }
 
@@ -154,12 +177,16 @@ mod tests {
     fn values_become_what_is_typed() {
         let command = Arguments::command();
         let render = command.get_subcommands().find(|one| one.get_name() == "render").unwrap();
-        let typed = |key: &str, value: Value| word(option(render, key).unwrap(), key, &value);
-        assert_eq!(typed("qscale", Value::Integer(4)).unwrap().unwrap(), "--qscale=4");
-        assert_eq!(typed("cache", Value::Boolean(false)).unwrap().unwrap(), "--cache=off");
-        assert_eq!(typed("cbr", Value::Boolean(true)).unwrap().unwrap(), "--cbr");
-        assert_eq!(typed("cbr", Value::Boolean(false)).unwrap(), None);
-        assert_eq!(typed("aov", vec!["albedo", "depth"].into()).unwrap().unwrap(), "--aov=albedo,depth");
+        let typed = |key: &str, value: Value| words_of(option(render, key).unwrap(), key, &value);
+        assert_eq!(typed("qscale", Value::Integer(4)).unwrap(), ["--qscale=4"]);
+        assert_eq!(typed("cache", Value::Boolean(false)).unwrap(), ["--cache=off"]);
+        assert_eq!(typed("cbr", Value::Boolean(true)).unwrap(), ["--cbr"]);
+        assert!(typed("cbr", Value::Boolean(false)).unwrap().is_empty());
+        assert_eq!(typed("aov", vec!["albedo", "depth"].into()).unwrap(), ["--aov=albedo,depth"]);
+        assert_eq!(
+            typed("set", vec!["fps=5", "zenith=[1,2,3]"].into()).unwrap(),
+            ["--set=fps=5", "--set=zenith=[1,2,3]"]
+        );
         assert!(typed("cbr", Value::Integer(1)).is_err() && typed("size", Value::Table(Table::new())).is_err());
         assert!(option(render, "config").is_none() && option(render, "resume").is_none());
     }

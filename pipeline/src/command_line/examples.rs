@@ -5,6 +5,7 @@ pub const RENDER: &str = "Examples:
   render2mpeg render scene.glb -o film.ts --bitrate 2M --cbr --bframes 2    a constant rate
   render2mpeg render scene.glb -o film.m2v --resume             go on where the last run ended
   render2mpeg render scene.glb --samples 4                      smooth edges, for final output
+  render2mpeg render scene.glb --set exposure=1.5               in place of what scene.toml says
   render2mpeg render scene.glb --thresholds fixed:0.02 --shading full   the original Lightcuts
   render2mpeg render --config job.toml --qscale 4               options from a file, overridden
   render2mpeg render scene.glb --frames 30 --chunk 10 --range 10-19     a part, for join

@@ -1,10 +1,11 @@
 //! Where a film comes from.
 
+use super::foreign;
 use crate::error::Result;
 use crate::memory;
 use crate::settings::{MemorySize, Settings};
 use clap::Args;
-use render_core::scene::{self, LoadError, Reach, Scene};
+use render_core::scene::{self, Reach, Scene, Setting};
 use std::path::{Path, PathBuf};
 
 /// The scene, and the file with further options.
@@ -16,9 +17,9 @@ pub(crate) struct Source {
     /// Take options from a TOML file, by their names here: qscale = 8, cache = "off"; what is typed overrides them
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
-    /// Folders of the scene's files.
+    /// How the scene is read.
     #[command(flatten)]
-    pub access: Access,
+    pub reading: Reading,
 }
 
 impl Source {
@@ -33,25 +34,40 @@ impl Source {
     }
 }
 
-/// Folders from which files are read that a scene names.
-#[derive(Clone, Copy, Debug, Args)]
-pub(crate) struct Access {
+/// Where the scene's files may lie, and what takes the place of its settings.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct Reading {
     /// Read files that the scene names from anywhere, and not from its own folder alone: for scenes that are trusted
     #[arg(long)]
     allow_outside: bool,
+    /// The camera that films, by its name or its number from 0 [default: the first that moves, else the first]
+    #[arg(long, value_name = "NAME|N")]
+    pub camera: Option<String>,
+    /// The animation that plays [default: the first]
+    #[arg(long, value_name = "NAME")]
+    pub animation: Option<String>,
+    /// A setting in place of one in the scene's TOML file: exposure=1.5, sky.intensity=2, horizon=[1,1,1]; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<Setting>,
 }
 
-impl Access {
-    pub fn reach(self) -> Reach {
+impl Reading {
+    /// Where files may lie.
+    pub fn reach(&self) -> Reach {
         if self.allow_outside { Reach::Anywhere } else { Reach::Folder }
     }
 
     /// Loads the scene at `path`.
     ///
     /// # Errors
-    /// It cannot be read.
-    pub fn load(self, path: &Path) -> Result<Scene, LoadError> {
-        scene::load_within(path, self.reach())
+    /// It cannot be read, or it is in another program's format.
+    pub fn load(&self, path: &Path) -> anyhow::Result<Scene> {
+        foreign::check(path)?;
+        let mut set = self.set.clone();
+        for (table, name) in [("camera", &self.camera), ("animation", &self.animation)] {
+            set.extend(name.as_deref().map(|name| Setting::text(table, "name", name)));
+        }
+        Ok(scene::load_with(path, self.reach(), &set)?)
     }
 }
 

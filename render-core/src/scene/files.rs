@@ -28,7 +28,7 @@ pub struct Origin {
     pub reach: Reach,
     /// Paths with all links followed, in the order of reading.
     pub files: Vec<PathBuf>,
-    /// CRC-32 of the sizes and contents of all of them, in that order.
+    /// CRC-32 of the sizes and contents of all of them, in that order, and of settings that were given besides.
     pub sum: u32,
 }
 
@@ -109,6 +109,11 @@ impl SceneFiles {
         }
         state.bytes_left -= size;
         Ok(size)
+    }
+
+    /// Adds to the sum what the user has set beside the files.
+    pub fn note(&self, text: &str) {
+        self.state.borrow_mut().sum.update(text.as_bytes());
     }
 
     /// All files that were read, and their sum.

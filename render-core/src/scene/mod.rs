@@ -9,6 +9,7 @@ mod gltf_file;
 mod light;
 mod material;
 mod mesh;
+mod setting;
 mod settings;
 mod settings_error;
 mod sky;
@@ -19,11 +20,12 @@ pub use animation::{Channel, Interpolation, Track};
 pub use camera::{Camera, Projected, Projection, View};
 pub use deform::{DeformedMesh, MorphedNode, Skin};
 pub use files::{Origin, Reach};
-pub use gltf_file::{GltfSource, LoadError, load, load_within};
+pub use gltf_file::{GltfSource, LoadError, load, load_with};
 pub use light::{PunctualKind, PunctualLight};
 pub use material::{Alpha, Material, TextureSlot, UV_SETS};
 pub(crate) use mesh::interpolate as mesh_interpolate;
 pub use mesh::{Influence, Mesh, MorphTarget, Skinning};
+pub use setting::Setting;
 pub use settings::{Gaze, SceneSettings};
 pub use settings_error::SettingsError;
 pub use sky::SkySettings;
@@ -243,13 +245,20 @@ impl Scene {
         self.instances.iter().map(|instance| is_under[instance.node]).collect()
     }
 
+    /// The camera of this name, or with this number, counted from 0.
+    #[must_use]
+    pub fn camera(&self, name: &str) -> Option<&Camera> {
+        let named = self.cameras.iter().find(|camera| camera.name == name);
+        named.or_else(|| self.cameras.get(name.parse::<usize>().ok()?))
+    }
+
     /// The camera that films: the one the settings name, else the first that moves, else the first.
     #[must_use]
     pub fn filming_camera(&self) -> Option<&Camera> {
         let named = self.settings.camera.name.as_deref();
         let moving = self.moving_nodes();
         named
-            .and_then(|name| self.cameras.iter().find(|camera| camera.name == name))
+            .and_then(|name| self.camera(name))
             .or_else(|| self.cameras.iter().find(|camera| moving[camera.node]))
             .or(self.cameras.first())
     }

@@ -1,5 +1,6 @@
 //! The TOML file beside a scene: what glTF cannot say.
 
+use super::setting::Setting;
 use super::settings_error::SettingsError;
 use super::sky::SkySettings;
 use serde::Deserialize;
@@ -49,7 +50,7 @@ impl Default for Sun {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraChoice {
-    /// Name of a camera or of its node; the first moving camera, else the first, when left out.
+    /// Name of a camera or of its node, or its number, counted from 0; the first moving camera, else the first, when left out.
     pub name: Option<String>,
 }
 
@@ -110,8 +111,23 @@ impl SceneSettings {
     /// # Errors
     /// Bad TOML, unknown keys, values out of range.
     pub fn parse(text: &str) -> Result<Self, SettingsError> {
-        let one_line = |error: toml::de::Error| error.to_string().trim_end().replace('\n', " ");
-        let settings: Self = toml::from_str(text).map_err(|error| SettingsError::Toml(one_line(error)))?;
+        Self::parse_with(text, &[])
+    }
+
+    /// As [`parse`](Self::parse), with settings that take the place of those in the text.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse).
+    pub fn parse_with(text: &str, set: &[Setting]) -> Result<Self, SettingsError> {
+        let wrong = |error: toml::de::Error| SettingsError::Toml(error.to_string().trim_end().replace('\n', " "));
+        let settings: Self = if set.is_empty() {
+            toml::from_str(text).map_err(wrong)?
+        } else {
+            // The file by itself first: its errors name lines.
+            let mut tables: toml::Table = toml::from_str(text).map_err(wrong)?;
+            set.iter().for_each(|setting| setting.put_into(&mut tables));
+            tables.try_into().map_err(wrong)?
+        };
         if let Some(sky) = &settings.sky {
             sky.source()?;
         }

@@ -33,7 +33,7 @@ fn render_parts(folder: &Path, scene: &Path, frames: u32, chunk: u32, options: &
 
 /// Joins `parts` to `film`, which must go well.
 fn join(folder: &Path, parts: &[String], film: &str) -> Rendered {
-    let mut arguments = vec!["join", "-o", film, "--quiet"];
+    let mut arguments = vec!["join", "--overwrite", "-o", film, "--quiet"];
     arguments.extend(parts.iter().map(String::as_str));
     let Finished { code, stdout, stderr } = render2mpeg(folder, &arguments);
     assert_eq!((code, stdout.as_str(), stderr.as_str()), (Some(0), "", ""), "{arguments:?}");
@@ -235,7 +235,7 @@ fn parts_that_make_no_film_are_named_in_one_line() {
         (vec![first, "none.m2v", third], ["none.m2v", "cannot be read", "--range"]),
         (vec!["whole.m2v"], ["whole.m2v", "no part", "--range"]),
     ] {
-        assert_fails(folder, &[&["join", "-o", "film.m2v"][..], &named].concat(), &words);
+        assert_fails(folder, &[&["join", "--overwrite", "-o", "film.m2v"][..], &named].concat(), &words);
         assert_eq!(sorted_names(folder), before, "{named:?}: nothing half-written stays");
     }
     assert_fails(folder, &["join", first, second, third, "-o", first], &[first, "a file of a part"]);

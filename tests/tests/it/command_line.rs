@@ -76,6 +76,8 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
             "quiet",
             "progress",
             "json-progress",
+            "overwrite",
+            "keep-checkpoint",
         ];
         let undefined = [
             "baked",
@@ -90,6 +92,9 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
             "importance",
             "importance-gain",
             "max-memory",
+            "camera",
+            "animation",
+            "set",
         ];
         let named = printed.lines().any(|line| line.starts_with(&format!("{option} = ")));
         assert!(named || without.contains(&option) || undefined.contains(&option), "{option} is not printed");
@@ -148,10 +153,10 @@ fn other_programs_can_follow_and_so_can_people() {
     }
     assert_eq!(lines[5]["summary"]["bits_total"], report["summary"]["bits_total"]);
 
-    let told = run(folder.path(), &[&SMALL[..], &["-v", "--checkpoint", "0"]].concat()).stderr;
+    let told = run(folder.path(), &[&SMALL[..], &["-v", "--checkpoint", "0", "--overwrite"]].concat()).stderr;
     assert!(told.contains("frame 3: P, ") && told.contains("checkpoint after frame 3"), "{told}");
     assert!(!told.contains('\x1b') && !told.contains("shade"), "{told}");
-    let told = run(folder.path(), &[&SMALL[..], &["-vv"]].concat()).stderr;
+    let told = run(folder.path(), &[&SMALL[..], &["-vv", "--overwrite"]].concat()).stderr;
     assert!(told.contains("shade"), "{told}");
     assert_fails(folder.path(), &[&SMALL[..], &["-v", "--quiet"]].concat(), &["--quiet"]);
 }
@@ -185,4 +190,101 @@ fn the_trace_shows_every_stage_of_every_frame() {
     assert!((trace["otherData"]["stage_seconds"].as_f64().unwrap() - sum / 1e6).abs() < 1e-3);
     let names: Vec<&str> = events.iter().filter_map(|event| event["args"]["name"].as_str()).collect();
     assert!(["prepare", "shade", "display", "encode", "mask"].iter().all(|stage| names.contains(stage)), "{names:?}");
+}
+
+#[test]
+fn files_are_replaced_only_where_the_user_says_so() {
+    let folder = folder_with_room();
+    let folder = folder.path();
+    let render =
+        |words: &[&str]| render2mpeg(folder, &[&SMALL[..], &["-o", "film.m2v", "--frames", "2"], words].concat());
+    assert_eq!(render(&[]).code, Some(0));
+    let first = fs::read(folder.join("film.m2v")).unwrap();
+
+    // Another film in its place, and a report that says so, only with the word.
+    let refused = render(&["--qscale", "40"]);
+    assert_eq!(refused.code, Some(1), "{}", refused.stderr);
+    assert!(refused.stderr.contains("film.m2v is there already") && refused.stderr.contains("--overwrite"));
+    assert_eq!(fs::read(folder.join("film.m2v")).unwrap(), first);
+    assert_eq!(render(&["--qscale", "40", "--overwrite"]).code, Some(0));
+    let second = fs::read(folder.join("film.m2v")).unwrap();
+    assert_ne!(second, first);
+
+    // A finished film has nothing left to do; one of other settings or length is not replaced.
+    let finished = render(&["--qscale", "40", "--resume"]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    for words in [&["--qscale", "30", "--resume"][..], &["--qscale", "40", "--resume", "--frames", "3"]] {
+        let refused = render(words);
+        assert_eq!(refused.code, Some(1), "{}", refused.stderr);
+        assert!(refused.stderr.contains("--keep-checkpoint"), "{}", refused.stderr);
+    }
+    assert_eq!(fs::read(folder.join("film.m2v")).unwrap(), second);
+}
+
+#[test]
+fn a_finished_film_is_lengthened() {
+    let folder = folder_with_room();
+    let folder = folder.path();
+    for more in [&["-o", "film.m2v"][..], &["-o", "film.m2v", "--bframes", "2"], &["-o", "film.mpg"]] {
+        let render = |words: &[&str]| render2mpeg(folder, &[&SMALL[..], more, &["--overwrite"], words].concat());
+        assert_eq!(render(&["--frames", "7"]).code, Some(0));
+        let whole = fs::read(folder.join(more[1])).unwrap();
+        assert_eq!(render(&["--frames", "4", "--keep-checkpoint"]).code, Some(0));
+        assert_ne!(fs::read(folder.join(more[1])).unwrap(), whole);
+        let fewer = render(&["--frames", "3", "--resume"]);
+        assert_eq!(fewer.code, Some(1), "{}", fewer.stderr);
+        assert!(fewer.stderr.contains("--frames"), "{}", fewer.stderr);
+        let longer = render(&["--frames", "7", "--resume"]);
+        assert_eq!(longer.code, Some(0), "{}", longer.stderr);
+        assert_eq!(fs::read(folder.join(more[1])).unwrap(), whole, "{more:?}");
+    }
+}
+
+#[test]
+fn a_scene_alone_is_rendered_and_scenes_of_other_programs_are_named() {
+    let folder = folder_with_room();
+    let folder = folder.path();
+    let words = [&SMALL[1..], &["--frames", "1", "-o", "film.m2v"]].concat();
+    assert_eq!(run(folder, &words).code, Some(0));
+    for (name, word) in [("a.blend", "Blender"), ("a.obj", "Blender"), ("a.FBX", "FBX"), ("a.usdz", "USD")] {
+        fs::write(folder.join(name), b"x").unwrap();
+        for words in [&["render", name][..], &[name], &["plan", name]] {
+            let refused = render2mpeg(folder, words);
+            assert_eq!(refused.code, Some(1), "{words:?} {}", refused.stderr);
+            assert!(refused.stderr.contains(word) && refused.stderr.contains("glTF"), "{}", refused.stderr);
+        }
+    }
+}
+
+#[test]
+fn cameras_animations_and_settings_are_chosen_on_the_command_line() {
+    let folder = folder_with_room();
+    let folder = folder.path();
+    let film = |name: &str, words: &[&str]| {
+        let done = run(folder, &[&SMALL[..], &["--frames", "1", "-o", name], words].concat());
+        assert_eq!(done.code, Some(0), "{}", done.stderr);
+        fs::read(folder.join(name)).unwrap()
+    };
+    let plain = film("a.m2v", &[]);
+    assert_ne!(film("b.m2v", &["--set", "exposure=0.1"]), plain);
+    assert_ne!(film("c.m2v", &["--set", "sky.zenith=[0,0,9]", "--set", "horizon=[9,0,0]"]), plain);
+    assert_eq!(film("d.m2v", &["--camera", "0"]), plain);
+    for (words, word) in [
+        (&["--camera", "nobody"][..], "nobody"),
+        (&["--camera", "7"], "7"),
+        (&["--animation", "none"], "none"),
+        (&["--set", "sky.zenit=1"], "zenit"),
+    ] {
+        let refused = render2mpeg(folder, &[&SMALL[..], words].concat());
+        assert_eq!(refused.code, Some(1), "{}", refused.stderr);
+        assert!(refused.stderr.contains(word), "{}", refused.stderr);
+    }
+    assert_eq!(render2mpeg(folder, &[&SMALL[..], &["--set", "exposure"]].concat()).code, Some(2));
+
+    // Printed and read again they make the same film.
+    let printed = run(folder, &[&SMALL[..], &["--set", "exposure=0.1", "--camera", "0", "--print-config"]].concat());
+    fs::write(folder.join("job.toml"), &printed.stdout).unwrap();
+    let again = run(folder, &["render", "--config", "job.toml", "--frames", "1", "-o", "e.m2v", "-q"]);
+    assert_eq!(again.code, Some(0), "{}", again.stderr);
+    assert_eq!(fs::read(folder.join("e.m2v")).unwrap(), fs::read(folder.join("b.m2v")).unwrap());
 }

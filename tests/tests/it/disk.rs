@@ -31,7 +31,7 @@ fn a_disk_that_fills_up_loses_nothing_that_a_checkpoint_knows() {
     let truth = render(folder, "film", &folder.join("room.glb"), &options);
     let frames = fs::read(folder.join("film.y4m")).unwrap();
     let names = sorted_names(folder);
-    let words = format!("render room.glb -o film.m2v -q --checkpoint 0 {options}");
+    let words = format!("render room.glb -o film.m2v -q --overwrite --checkpoint 0 {options}");
     let words: Vec<&str> = words.split_whitespace().collect();
     let resumed = [&words[..], &["--resume"]].concat();
 
@@ -74,7 +74,7 @@ fn a_checkpoint_that_cannot_be_written_ends_no_film() {
     let truth = render(folder, "film", &folder.join("room.glb"), &format!("--frames 6 {SMALL}"));
     // A folder stands in the place of the checkpoint.
     fs::create_dir_all(folder.join("film.m2v.checkpoint.part/in the way")).unwrap();
-    let words = format!("render room.glb -o film.m2v -q --checkpoint 0 --frames 6 {SMALL}");
+    let words = format!("render room.glb -o film.m2v -q --overwrite --checkpoint 0 --frames 6 {SMALL}");
     let words: Vec<&str> = words.split_whitespace().collect();
     let refused = render2mpeg(folder, &words);
     assert_eq!(refused.code, Some(1), "what is left of another run has to go: {}", refused.stderr);
@@ -108,7 +108,7 @@ fn two_runs_do_not_write_to_one_file() {
     let folder = folder_with_room();
     let folder = folder.path();
     let truth = render(folder, "truth", &folder.join("room.glb"), &format!("--frames 150 {SMALL}"));
-    let words = format!("render room.glb -o film.m2v -q --checkpoint 0 --frames 150 {SMALL}");
+    let words = format!("render room.glb -o film.m2v -q --overwrite --checkpoint 0 --frames 150 {SMALL}");
     let words: Vec<&str> = words.split_whitespace().collect();
     let mut first = start_until_checkpoint(folder, &words, "film.m2v");
     for more in [&[][..], &["--resume"], &["--frames", "3"], &["--y4m", "film.m2v"]] {

@@ -17,7 +17,7 @@ use tests::{Moving, assert_fails, checkered_room, program, render, render2mpeg, 
 const SMALL: &str = "--size 48x48 --vpls 60 --photons 1000 --frames 14";
 
 fn arguments(film: &str, more: &str) -> Vec<String> {
-    let words = format!("render room.glb -o {film} --checkpoint 0 {SMALL} {more}");
+    let words = format!("render room.glb -o {film} --overwrite --checkpoint 0 {SMALL} {more}");
     words.split_whitespace().map(str::to_owned).collect()
 }
 
@@ -113,7 +113,9 @@ fn ended_by_ctrl_c_it_goes_on_after_its_last_frame() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         checkered_room(moving).write(&folder.join("room.glb"));
-        let words = format!("render room.glb -o {film} --size 48x48 --vpls 60 --photons 1000 --json-progress {more}");
+        let words = format!(
+            "render room.glb -o {film} --size 48x48 --vpls 60 --photons 1000 --json-progress --overwrite {more}"
+        );
         let words: Vec<&str> = words.split_whitespace().collect();
         let whole = render2mpeg(folder, &words);
         assert_eq!(whole.code, Some(0), "{}", whole.stderr);

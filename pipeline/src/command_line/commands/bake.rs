@@ -2,8 +2,9 @@
 
 use crate::bake;
 use crate::bake::export::check_path;
+use crate::command_line::overwrite::Overwrite;
 use crate::command_line::progress;
-use crate::command_line::source::Access;
+use crate::command_line::source::Reading;
 use crate::output::Output;
 use crate::places::FilePlaces;
 use crate::renderer::texels::BakedTexels;
@@ -21,9 +22,9 @@ use std::time::Instant;
 pub(crate) struct Bake {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// Folders of the scene's files.
+    /// How the scene is read.
     #[command(flatten)]
-    access: Access,
+    reading: Reading,
     /// The baked light [default: the scene's name with .slf, beside it; with --gltf, no such file]
     #[arg(short, long, value_name = "FILE.slf")]
     output: Option<PathBuf>,
@@ -55,6 +56,9 @@ pub(crate) struct Bake {
     /// Threads [default: one per processor]; the result is the same for any number
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+    /// Whether files may be replaced.
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// No progress: only errors are shown
     #[arg(short, long)]
     quiet: bool,
@@ -62,9 +66,23 @@ pub(crate) struct Bake {
 
 /// Bakes, and writes the light, the export, or both.
 pub fn run(arguments: Bake) -> Result<ExitCode> {
-    let Bake { scene: path, access, output, gltf, texture, baked, texels, vpls, photons, bounces, seed, quiet, .. } =
-        arguments;
-    let scene = access.load(&path)?;
+    let Bake {
+        scene: path,
+        reading,
+        output,
+        gltf,
+        texture,
+        baked,
+        texels,
+        vpls,
+        photons,
+        bounces,
+        seed,
+        overwrite,
+        quiet,
+        ..
+    } = arguments;
+    let scene = reading.load(&path)?;
     // Outputs that cannot be written are told of before the work, not after it.
     let output = output.or_else(|| gltf.is_none().then(|| path.with_extension("slf")));
     FilePlaces::of(&scene)
@@ -72,6 +90,9 @@ pub fn run(arguments: Bake) -> Result<ExitCode> {
         .writes("-o", output.as_deref())
         .writes("--gltf", gltf.as_deref())
         .check()?;
+    for path in output.iter().chain(&gltf) {
+        overwrite.check(path)?;
+    }
     if let Some(output) = &output {
         drop(Output::create(output)?);
     }

@@ -1,5 +1,6 @@
 //! `render2mpeg join`.
 
+use crate::command_line::overwrite::Overwrite;
 use crate::join::{join, places};
 use crate::output::Output;
 use crate::report::path_beside;
@@ -20,6 +21,9 @@ pub(crate) struct Join {
     /// Where the JSON report of the film goes [default: beside the film, .report.json]
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// Whether the film may take the place of another.
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// No summary: only errors are shown
     #[arg(short, long)]
     quiet: bool,
@@ -27,9 +31,10 @@ pub(crate) struct Join {
 
 /// Joins parts, and reports.
 pub fn run(arguments: &Join) -> Result<ExitCode> {
-    let Join { parts, output, report, quiet } = arguments;
+    let Join { parts, output, report, overwrite, quiet } = arguments;
     let report_path = report.clone().unwrap_or_else(|| path_beside(output));
     places(parts).writes("-o", Some(output)).writes("--report", Some(&report_path)).check()?;
+    overwrite.check(output)?;
     drop(Output::create(&report_path)?);
     let report = join(parts, output)?;
     report.write(&report_path)?;

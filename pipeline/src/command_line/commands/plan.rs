@@ -22,7 +22,7 @@ pub(crate) struct Plan {
 /// Prints the plan.
 pub fn run(arguments: Plan) -> Result<ExitCode> {
     let path = arguments.source.path();
-    let scene = arguments.source.access.load(&path)?;
+    let scene = arguments.source.reading.load(&path)?;
     let settings = Settings::new(path, &scene, &arguments.options)?;
     let _ = settings.encoder_config()?;
     say!("{}", crate::Plan::new(&scene, &settings.renderer()).table().trim_end());

@@ -1,7 +1,8 @@
 //! `render2mpeg reference`.
 
+use crate::command_line::overwrite::Overwrite;
 use crate::command_line::progress;
-use crate::command_line::source::Access;
+use crate::command_line::source::Reading;
 use crate::output::Output;
 use crate::places::FilePlaces;
 use crate::renderer::reference::{self, ReferenceMethod};
@@ -18,9 +19,9 @@ use std::process::ExitCode;
 pub(crate) struct Reference {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// Folders of the scene's files.
+    /// How the scene is read.
     #[command(flatten)]
-    access: Access,
+    reading: Reading,
     /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -57,6 +58,9 @@ pub(crate) struct Reference {
     /// Threads [default: one per processor]; the result is the same for any number
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+    /// Whether files may be replaced.
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// No progress: only errors are shown
     #[arg(short, long)]
     quiet: bool,
@@ -66,7 +70,7 @@ pub(crate) struct Reference {
 pub fn run(arguments: Reference) -> Result<ExitCode> {
     let Reference {
         scene: path,
-        access,
+        reading,
         output,
         frame,
         method,
@@ -78,11 +82,13 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
         vpls,
         photons,
         fps,
+        overwrite,
         quiet,
         ..
     } = arguments;
-    let scene = access.load(&path)?;
+    let scene = reading.load(&path)?;
     FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
+    overwrite.check(&output)?;
     // Settings are those of a film, which has a reflection at least; paths may show what glows alone.
     let film_bounces = bounces.filter(|&bounces| bounces > 0 || method == ReferenceMethod::AllLights);
     let antialiasing = center.then_some(Switch::Off);

@@ -3,6 +3,7 @@
 use crate::command_line::interrupt::{Interrupt, Reactions};
 use crate::command_line::lines::{Lines, ProgressKind};
 use crate::command_line::log::Log;
+use crate::command_line::overwrite::Overwrite;
 use crate::command_line::print_config::ProgramOption;
 use crate::command_line::source::{MemoryLimit, Source};
 use crate::command_line::{parts, print_config, progress};
@@ -41,6 +42,12 @@ pub(crate) struct Render {
     /// Go on where a killed or interrupted run of the same film was, to the same bits; begin at the beginning if there was none
     #[arg(long)]
     resume: bool,
+    /// Keep the checkpoint of the finished film, so that --resume with more --frames can lengthen it
+    #[arg(long)]
+    keep_checkpoint: bool,
+    /// Whether files may be replaced.
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Seconds between checkpoints, beside the video in .checkpoint, for --resume: 0 is each frame, off is none [default: 60]
     #[arg(long, value_name = "SECONDS")]
     checkpoint: Option<CheckpointEvery>,
@@ -76,23 +83,36 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 /// Renders and reports.
 pub fn run(arguments: Render) -> Result<ExitCode> {
     let Render { source, mut options, report, html, resume, checkpoint, threads, trace, .. } = arguments;
-    let Render { memory, print_config: only_print, progress, json_progress, verbose, quiet, .. } = arguments;
+    let Render {
+        memory,
+        overwrite,
+        keep_checkpoint,
+        print_config: only_print,
+        progress,
+        json_progress,
+        verbose,
+        quiet,
+        ..
+    } = arguments;
     parts::need("html", html.is_some())?;
     parts::need("exr", options.exr.is_some() || !options.aov.is_empty())?;
     parts::need("trace", trace.is_some() || verbose > 0)?;
     let path = source.path();
-    let scene = source.access.load(&path)?;
+    let scene = source.reading.load(&path)?;
     let settings = options.fill_in(path, &scene)?;
     // All that can be wrong with the settings or the places of the files is said before the first ray.
     let _ = settings.encoder_config()?;
     let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
     if only_print {
         let more = [
-            ProgramOption { name: "report", value: Some(report_path.display().to_string()) },
-            ProgramOption { name: "html", value: html.map(|path| path.display().to_string()) },
-            ProgramOption { name: "checkpoint", value: checkpoint.map(|every| every.to_string()) },
-            ProgramOption { name: "trace", value: trace.map(|path| path.display().to_string()) },
-            ProgramOption { name: "threads", value: threads.map(|threads| threads.to_string()) },
+            ProgramOption::text("report", Some(report_path.display().to_string())),
+            ProgramOption::text("html", html.map(|path| path.display().to_string())),
+            ProgramOption::text("checkpoint", checkpoint.map(|every| every.to_string())),
+            ProgramOption::text("trace", trace.map(|path| path.display().to_string())),
+            ProgramOption::text("threads", threads.map(|threads| threads.to_string())),
+            ProgramOption::text("camera", source.reading.camera.clone()),
+            ProgramOption::text("animation", source.reading.animation.clone()),
+            ProgramOption::list("set", source.reading.set.iter().map(ToString::to_string)),
         ];
         say!("{}", print_config::text(&settings.scene, &options, &more)?.trim_end());
         return Ok(ExitCode::SUCCESS);
@@ -108,17 +128,36 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
         .writes("--html", html.as_deref())
         .writes("--trace", trace.as_deref())
         .check()?;
+    let job = FilmJob::of(&scene, &settings)?;
+    let goes_on = resume && checkpoint_path.exists();
+    if resume && !goes_on && settings.output.is_file() {
+        let made = std::fs::read(&report_path).ok().and_then(|report| FilmJob::of_report(&settings.output, &report));
+        let made = made.filter(|made| made.is_same(&job)).and_then(|made| made.end());
+        if made == job.end() {
+            if !quiet {
+                tell!("{} is finished: nothing is left to do", settings.output.display());
+            }
+            return Ok(ExitCode::SUCCESS);
+        }
+        overwrite.check_for(&settings.output, "is finished, and --keep-checkpoint has left nothing to go on from")?;
+    } else if !goes_on {
+        overwrite.check_for(&checkpoint_path, "is there: --resume goes on with its film")?;
+        overwrite.check(&settings.output)?;
+        settings.y4m.iter().try_for_each(|path| overwrite.check(path))?;
+    }
     memory.check(&scene, &settings)?;
     if let Some(folder) = &settings.exr {
         std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     }
     let plan = Plan::new(&scene, &settings.renderer());
     let every = checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration);
-    let job = FilmJob::of(&scene, &settings)?;
     let checkpoints = match resume {
         true => Checkpoints::resume(&job, every)?,
         false => Checkpoints::new(&job, every),
     };
+    if keep_checkpoint {
+        checkpoints.leave_at_end(settings.frame_range().end);
+    }
     let mut film = Film::new(&scene, &settings, &plan, &checkpoints)?;
     film.write_to(&settings.output)?;
     drop(Output::create(&report_path)?);
@@ -145,7 +184,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     report.write(&report_path)?;
     write_page(html.as_deref(), &report, &observer.importance)?;
     let traced = log.finish()?;
-    if !report.summary.interrupted {
+    if !report.summary.interrupted && !keep_checkpoint {
         checkpoints.remove();
     }
     lines.end(&report);

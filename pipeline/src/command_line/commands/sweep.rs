@@ -2,7 +2,7 @@
 
 use crate::Options;
 use crate::command_line::progress;
-use crate::command_line::source::Access;
+use crate::command_line::source::Reading;
 use crate::laboratory::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method, Source};
 use crate::settings::Size;
 use anyhow::{Context, Result};
@@ -16,9 +16,9 @@ use std::sync::atomic::AtomicBool;
 pub(crate) struct Sweep {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// Folders of the scene's files.
+    /// How the scene is read.
     #[command(flatten)]
-    access: Access,
+    reading: Reading,
     /// The folder for sweep.html, sweep.json, sweep.csv, plots and maps [default: the scene's name and "-sweep"]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
@@ -62,7 +62,7 @@ pub(crate) struct Sweep {
 pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
     let Sweep {
         scene: path,
-        access,
+        reading,
         output,
         qscale,
         methods,
@@ -76,7 +76,7 @@ pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
         quiet,
         ..
     } = arguments;
-    let scene = access.load(&path)?;
+    let scene = reading.load(&path)?;
     let folder = match output {
         Some(folder) => folder,
         None => {

@@ -4,6 +4,7 @@ use super::file::Identity;
 use crate::error::{Context, Error, Result};
 use crate::settings::Settings;
 use render_core::scene::Scene;
+use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -12,6 +13,8 @@ use std::path::{Path, PathBuf};
 pub struct FilmJob {
     film: PathBuf,
     identity: Identity,
+    /// The frame after the last; none where that is not known.
+    end: Option<u32>,
 }
 
 impl FilmJob {
@@ -20,16 +23,49 @@ impl FilmJob {
     /// # Errors
     /// The baked light cannot be read.
     pub fn of(scene: &Scene, settings: &Settings) -> Result<Self> {
-        let text = identity_of(settings).context("the settings cannot be put into JSON")?;
+        let context = "the settings cannot be put into JSON";
+        let text = serde_json::to_string(settings).context(context)?;
+        let text = identity_of(&text).context(context)?;
         let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
-        Ok(Self::new(&settings.output, program, &text, sum_of_inputs(scene, settings)?))
+        let job = Self::new(&settings.output, program, &text, sum_of_inputs(scene, settings)?);
+        Ok(Self { end: Some(settings.frame_range().end), ..job })
+    }
+
+    /// The finished film that a report describes; `None` if it describes none, or none that is whole.
+    #[must_use]
+    pub fn of_report(film: &Path, report: &[u8]) -> Option<Self> {
+        let report: Value = serde_json::from_slice(report).ok()?;
+        let (settings, inputs) = (report.get("settings")?, u32::try_from(report.get("inputs")?.as_u64()?).ok()?);
+        if report["summary"]["interrupted"] != false {
+            return None;
+        }
+        let job = Self::new(film, report["program"].as_str()?, &identity_of(&settings.to_string()).ok()?, inputs);
+        let frames = report["frames"].as_array()?;
+        let end = frames.last()?["index"].as_u64()? + 1;
+        Some(Self { end: u32::try_from(end).ok(), ..job })
+    }
+
+    /// Whether both are the same film, as far as both go.
+    #[must_use]
+    pub fn is_same(&self, other: &Self) -> bool {
+        self.identity.difference(&other.identity).is_none()
+    }
+
+    /// The frame after the last, if it is known.
+    #[must_use]
+    pub fn end(&self) -> Option<u32> {
+        self.end
     }
 
     /// A film at `film` that `program` makes: `settings` is a JSON object with all that its bits depend on, `inputs` a check
     /// sum of the files that are read.
     #[must_use]
     pub fn new(film: &Path, program: &str, settings: &str, inputs: u32) -> Self {
-        Self { film: film.into(), identity: Identity { program: program.into(), settings: settings.into(), inputs } }
+        Self {
+            film: film.into(),
+            identity: Identity { program: program.into(), settings: settings.into(), inputs },
+            end: None,
+        }
     }
 
     /// The path of the film.
@@ -43,11 +79,12 @@ impl FilmJob {
     }
 }
 
-/// Settings as JSON, without places of what their contents tell apart.
-fn identity_of(settings: &Settings) -> serde_json::Result<String> {
-    let mut value = serde_json::to_value(settings)?;
+/// Settings as JSON, without places of what their contents tell apart, and without the number of frames: no frame depends on how
+/// many there are.
+fn identity_of(settings: &str) -> serde_json::Result<String> {
+    let mut value: Value = serde_json::from_str(settings)?;
     if let Some(names) = value.as_object_mut() {
-        ["scene", "output", "baked"].iter().for_each(|name| drop(names.remove(*name)));
+        ["scene", "output", "baked", "frames"].iter().for_each(|name| drop(names.remove(*name)));
         // Further outputs are continued where they lie.
         for name in ["exr", "y4m"] {
             let Some(path) = names.get_mut(name).filter(|path| path.is_string()) else { continue };
@@ -81,7 +118,8 @@ mod tests {
     fn paths_may_be_typed_otherwise() {
         let identity = |scene: &str, y4m: &str, qscale: u32| {
             let options = Options { y4m: Some(y4m.into()), qscale: Some(qscale), ..Options::default() };
-            identity_of(&Settings::new(scene.into(), &Scene::default(), &options).unwrap()).unwrap()
+            let settings = Settings::new(scene.into(), &Scene::default(), &options).unwrap();
+            identity_of(&serde_json::to_string(&settings).unwrap()).unwrap()
         };
         let first = identity("s.glb", "a/f.y4m", 8);
         let absolute = std::env::current_dir().unwrap().join("a/f.y4m");

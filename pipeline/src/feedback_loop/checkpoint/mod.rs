@@ -110,6 +110,14 @@ impl Checkpoints {
                 path.display()
             )));
         }
+        let done = stored.frame + 1;
+        if let Some(end) = job.end().filter(|&end| end < done) {
+            return Err(Error::Checkpoint(format!(
+                "{} is after frame {}, and the film would end before frame {end}: take more --frames, or start anew without --resume",
+                path.display(),
+                stored.frame
+            )));
+        }
         let place = every.map(|every| Place::new(path.clone(), job, every));
         Ok(Self { place, from: Some(stored), path: Some(path), kept: Arc::new(AtomicBool::new(true)) })
     }
@@ -162,6 +170,13 @@ impl Checkpoints {
             progress.last = Instant::now();
         }
         due
+    }
+
+    /// Has a checkpoint made after the last frame of a film whose next one would be `end`: with more frames it goes on from there.
+    pub fn leave_at_end(&self, end: u32) {
+        if let Some(place) = &self.place {
+            place.lock().ends_after = end.checked_sub(1);
+        }
     }
 
     /// Says that the run ends early, before frame `next`; told before the first part hands over nothing more. A run that began

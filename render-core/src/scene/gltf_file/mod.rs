@@ -20,7 +20,7 @@ pub use source::GltfSource;
 use super::files::{Reach, SceneFiles};
 use super::light::STRONGEST;
 use super::sky::SkySource;
-use super::{Gradient, Material, Scene, SceneSettings};
+use super::{Gradient, Material, Scene, SceneSettings, Setting};
 use crate::environment::Environment;
 use glam::{Affine3A, Vec3, Vec3A};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -81,18 +81,18 @@ pub enum LoadError {
 /// # Errors
 /// See [`LoadError`]. No panic reaches the caller, whatever the file holds, and the process's panic hook is left alone.
 pub fn load(path: &Path) -> Result<Scene, LoadError> {
-    load_within(path, Reach::Folder)
+    load_with(path, Reach::Folder, &[])
 }
 
-/// As [`load`], with files from where `reach` allows.
+/// As [`load`], with files from where `reach` allows, and with settings that take the place of those in the TOML file.
 ///
 /// # Errors
 /// As [`load`].
-pub fn load_within(path: &Path, reach: Reach) -> Result<Scene, LoadError> {
+pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, LoadError> {
     let files = SceneFiles::of(path, reach);
     let bytes = files.read(path).map_err(|error| LoadError::Open { path: path.into(), error })?;
     let bytes = without_mark(&bytes);
-    let settings = load_settings(path, &files)?;
+    let settings = load_settings(path, &files, set)?;
     let mut scene = guarded(|| Loader { path, files: &files }.scene(bytes, &settings))
         .unwrap_or_else(|| Err(malformed(path, "damaged glTF: an index or offset points outside of its data")))?;
     let triangles = scene.triangle_count();
@@ -110,6 +110,7 @@ pub fn load_within(path: &Path, reach: Reach) -> Result<Scene, LoadError> {
     scene.origin = files.into_origin();
     let settings_have_sky = settings.sky.is_some();
     scene.settings = settings;
+    check_camera(path, &scene)?;
     // A sky that the author has described, a black one too, is the author's choice.
     let lit = settings_have_sky
         || !scene.punctual_lights.is_empty()
@@ -148,6 +149,17 @@ fn load_sky(scene: &Path, settings: &SceneSettings, files: &SceneFiles) -> Resul
     Ok(Environment::image(texels, intensity, rotation))
 }
 
+/// A camera that the settings name must be there.
+fn check_camera(path: &Path, scene: &Scene) -> Result<(), LoadError> {
+    let Some(name) = scene.settings.camera.name.as_deref().filter(|name| scene.camera(name).is_none()) else {
+        return Ok(());
+    };
+    let known = scene.cameras.iter().enumerate().map(|(number, camera)| format!("{number} \"{}\"", camera.name));
+    let known = known.collect::<Vec<_>>().join(", ");
+    let known = if known.is_empty() { "it has none".into() } else { format!("it has {known}") };
+    Err(malformed(path, format!("there is no camera \"{name}\"; {known}")))
+}
+
 /// Is every corner of every mesh, and every node, near enough to compute with, all through the animation?
 fn is_within_reach(scene: &Scene) -> bool {
     let largest = |positions: &[Vec3]| positions.iter().fold(0.0f32, |most, p| most.max(p.abs().max_element()));
@@ -173,16 +185,21 @@ fn is_within_reach(scene: &Scene) -> bool {
     })
 }
 
-fn load_settings(scene: &Path, files: &SceneFiles) -> Result<SceneSettings, LoadError> {
+fn load_settings(scene: &Path, files: &SceneFiles, set: &[Setting]) -> Result<SceneSettings, LoadError> {
     let path = SceneSettings::path_for(scene);
-    match files.read(&path) {
-        Ok(bytes) => {
-            let text = str::from_utf8(without_mark(&bytes)).map_err(|_| malformed(&path, "no text in UTF-8"))?;
-            SceneSettings::parse(text).map_err(|error| malformed(&path, error.to_string()))
-        }
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(SceneSettings::default()),
-        Err(error) => Err(LoadError::Open { path, error }),
+    let bytes = match files.read(&path) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+        Err(error) => return Err(LoadError::Open { path, error }),
+    };
+    let text = str::from_utf8(without_mark(&bytes)).map_err(|_| malformed(&path, "no text in UTF-8"))?;
+    let settings = SceneSettings::parse(text).map_err(|error| malformed(&path, error.to_string()))?;
+    if set.is_empty() {
+        return Ok(settings);
     }
+    // What is wrong now is none of the file's.
+    set.iter().for_each(|setting| files.note(&setting.to_string()));
+    SceneSettings::parse_with(text, set).map_err(|error| malformed(scene, format!("a setting: {error}")))
 }
 
 /// Text without the byte order mark that some editors put in front of UTF-8.
