@@ -1,30 +1,7 @@
 //! Writes what the fuzz targets begin with: `cargo run --release -p tests --example fuzz_seeds -- fuzz/corpus`.
 
-use glam::Vec3;
-use serde_json::json;
 use std::path::{Path, PathBuf};
-use tests::{Glb, Moving, checkered_room, render};
-
-/// A texel, as PNG and base64.
-const PNG: &str = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
-
-/// A lit square with a texture, a point of light, a camera that moves: small enough that most changes hit something.
-fn square() -> Glb {
-    let mut glb = Glb::default();
-    glb.add(&[[Vec3::ZERO, Vec3::X, Vec3::Y]], Vec3::splat(0.5), Vec3::ZERO);
-    glb.add(&[[Vec3::new(0.0, 2.0, 1.0), Vec3::X, Vec3::Z]], Vec3::ONE, Vec3::splat(5.0));
-    let camera = glb.add_camera(Vec3::new(0.5, 0.5, 2.0));
-    glb.animate(camera, Vec3::ZERO, Vec3::Z);
-    glb.json["images"] = json!([{ "uri": format!("data:image/png;base64,{PNG}") }]);
-    glb.json["textures"] = json!([{ "source": 0 }]);
-    glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
-    glb.json["materials"][0]["alphaMode"] = json!("MASK");
-    glb.json["extensions"] =
-        json!({ "KHR_lights_punctual": { "lights": [{ "type": "spot", "spot": {}, "intensity": 9 }] } });
-    glb.json["nodes"][camera]["extensions"] = json!({ "KHR_lights_punctual": { "light": 0 } });
-    glb.json["extensionsUsed"] = json!(["KHR_materials_emissive_strength", "KHR_lights_punctual"]);
-    glb
-}
+use tests::{Moving, checkered_room, render, textured_square};
 
 /// A seed that begins with the byte by which a target tells its inputs apart.
 fn seed(folder: &Path, target: &str, name: &str, kind: u8, bytes: &[u8]) {
@@ -35,7 +12,7 @@ fn seed(folder: &Path, target: &str, name: &str, kind: u8, bytes: &[u8]) {
 
 fn main() {
     let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "fuzz/corpus".into()));
-    for (name, glb) in [("square", square()), ("room", checkered_room(Moving::Box))] {
+    for (name, glb) in [("square", textured_square()), ("room", checkered_room(Moving::Box))] {
         seed(&folder, "scene", &format!("{name}.glb"), 1, &glb.to_bytes());
         seed(&folder, "scene", &format!("{name}.gltf"), 0, glb.json.to_string().as_bytes());
     }

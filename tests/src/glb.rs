@@ -123,31 +123,36 @@ impl Glb {
         }]);
     }
 
-    /// The file: header, JSON chunk, binary chunk (glTF 2.0, 4.4).
+    /// The file.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut document = self.json.clone();
         // A test may have named a buffer of its own.
         if document.get("buffers").is_none() && !self.bin.is_empty() {
             document["buffers"] = json!([{ "byteLength": self.bin.len() }]);
         }
-        let mut text = document.to_string().into_bytes();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let mut bin = self.bin.clone();
-        bin.resize(bin.len().next_multiple_of(4), 0);
-        let mut file = b"glTF\x02\0\0\0".to_vec();
-        file.extend((12 + 8 + text.len() as u32 + 8 + bin.len() as u32).to_le_bytes());
-        for (kind, chunk) in [(b"JSON", text), (b"BIN\0", bin)] {
-            file.extend((chunk.len() as u32).to_le_bytes());
-            file.extend(kind);
-            file.extend(chunk);
-        }
-        file
+        glb_file(&document.to_string(), &self.bin)
     }
 
     /// Writes the file.
     pub fn write(&self, path: &Path) {
         std::fs::write(path, self.to_bytes()).expect("a scene can be written");
     }
+}
+
+/// A .glb file of this document and this binary part: header, JSON chunk, binary chunk (glTF 2.0, 4.4).
+pub(crate) fn glb_file(document: &str, bin: &[u8]) -> Vec<u8> {
+    let mut text = document.as_bytes().to_vec();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut bin = bin.to_vec();
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    let mut file = b"glTF\x02\0\0\0".to_vec();
+    file.extend((12 + 8 + text.len() as u32 + 8 + bin.len() as u32).to_le_bytes());
+    for (kind, chunk) in [(b"JSON", text), (b"BIN\0", bin)] {
+        file.extend((chunk.len() as u32).to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+    }
+    file
 }
 
 /// The moving part of [`checkered_room`].
@@ -224,5 +229,26 @@ pub fn furnace(albedo: Vec3, emission: Vec3) -> Glb {
     glb.add_camera(Vec3::ZERO);
     // Wide enough to see most of the wall in front.
     glb.json["cameras"][0]["perspective"]["yfov"] = json!(1.5);
+    glb
+}
+
+/// A texel, as PNG and base64.
+const PNG: &str = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
+
+/// A lit square with a texture, a point of light, a camera that moves: small enough that most changes hit something.
+pub fn textured_square() -> Glb {
+    let mut glb = Glb::default();
+    glb.add(&[[Vec3::ZERO, Vec3::X, Vec3::Y]], Vec3::splat(0.5), Vec3::ZERO);
+    glb.add(&[[vec3(0.0, 2.0, 1.0), Vec3::X, Vec3::Z]], Vec3::ONE, Vec3::splat(5.0));
+    let camera = glb.add_camera(vec3(0.5, 0.5, 2.0));
+    glb.animate(camera, Vec3::ZERO, Vec3::Z);
+    glb.json["images"] = json!([{ "uri": format!("data:image/png;base64,{PNG}") }]);
+    glb.json["textures"] = json!([{ "source": 0 }]);
+    glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
+    glb.json["materials"][0]["alphaMode"] = json!("MASK");
+    glb.json["extensions"] =
+        json!({ "KHR_lights_punctual": { "lights": [{ "type": "spot", "spot": {}, "intensity": 9 }] } });
+    glb.json["nodes"][camera]["extensions"] = json!({ "KHR_lights_punctual": { "light": 0 } });
+    glb.json["extensionsUsed"] = json!(["KHR_materials_emissive_strength", "KHR_lights_punctual"]);
     glb
 }

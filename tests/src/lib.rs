@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod decoders;
+pub mod fuzz;
 mod glb;
 mod hostile;
 mod program;
@@ -11,7 +12,7 @@ mod replay;
 mod tools;
 
 pub use decoders::{decode_ffmpeg, decode_mpeg2dec, read_y4m, tolerant_frame_count};
-pub use glb::{Glb, Moving, Quad, checkered_room, furnace};
+pub use glb::{Glb, Moving, Quad, checkered_room, furnace, textured_square};
 pub use hostile::{Hostile, Random, damaged, hostile_scenes};
 pub use program::{
     Finished, Rendered, assert_fails, cornell, program, render, render2mpeg, shared_scenes, sorted_names,

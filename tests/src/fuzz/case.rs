@@ -1,0 +1,140 @@
+//! Cases, each a function of the seed and its number.
+
+use super::verdict::Verdict;
+use super::{Draft, Film, Forger, mutate};
+use crate::{Random, sorted_names};
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// Of so many cases one is a checkpoint.
+const CHECKPOINTS: u64 = 12;
+
+/// What all films are made with.
+const SMALL: &str = "--output film.m2v --quiet --checkpoint off --threads 2 --size 16x16 --vpls 20 --photons 200";
+
+/// What some are made with besides: the plain film most often.
+const OPTIONS: [&str; 12] = [
+    "--frames 2",
+    "--frames 2",
+    "--frames 2",
+    "--frames 2",
+    "--frames 3 --bframes 1",
+    "--frames 2 --cache off",
+    "--frames 2 --samples 2",
+    "--frames 2 --lighting all-lights",
+    "--frames 2 --thresholds fixed:0.02 --shading full",
+    "--frames 2 --importance saliency:1",
+    "--frames 2 --run-everything --antialiasing off",
+    "--frames 9 --fps 24 --no-motion",
+];
+
+/// What a case was, and what came of it.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Its number.
+    pub number: u64,
+    /// What was changed.
+    pub subject: String,
+    /// The changes, in their order.
+    pub changes: Vec<&'static str>,
+    /// The command.
+    pub command: String,
+    /// What came of it.
+    pub verdict: Verdict,
+}
+
+/// A case whose verdict is a fault.
+#[derive(Clone, Debug)]
+pub struct Finding {
+    /// The folder that it is kept in.
+    pub folder: PathBuf,
+    /// What must not be.
+    pub fault: String,
+}
+
+/// Makes cases and runs them.
+#[derive(Debug)]
+pub struct Fuzzer {
+    seeds: Vec<Draft>,
+    seed: u64,
+    work: TempDir,
+    forger: Option<Forger>,
+}
+
+impl Fuzzer {
+    /// Cases that begin with `seeds`, which are not empty.
+    pub fn new(seeds: Vec<Draft>, seed: u64) -> io::Result<Self> {
+        assert!(!seeds.is_empty(), "cases begin with a scene");
+        Ok(Self { seeds, seed, work: tempfile::tempdir()?, forger: None })
+    }
+
+    /// Runs one case.
+    pub fn run(&mut self, number: u64) -> io::Result<Case> {
+        let mut random = random_of(self.seed, number);
+        if number % CHECKPOINTS == CHECKPOINTS - 1 {
+            self.run_checkpoint(number, &mut random)
+        } else {
+            self.run_scene(number, &mut random)
+        }
+    }
+
+    /// A scene that is changed, and rendered where it loads.
+    fn run_scene(&self, number: u64, random: &mut Random) -> io::Result<Case> {
+        let mut draft = random.pick(&self.seeds).clone();
+        let changes = mutate(&mut draft, random);
+        let mut film = Film::new(&self.work.path().join("case"))?;
+        let name = draft.write(&film.scene(), random)?;
+        let words = format!("render ../scene/{name} {SMALL} {}", random.pick(&OPTIONS));
+        film.arguments = words.split_whitespace().map(str::to_owned).collect();
+        let before = sorted_names(&film.scene());
+        let verdict = Verdict::of(&film, &film.run()?, &before, &["film.m2v", "film.report.json"]);
+        Ok(Case { number, subject: draft.name, changes, command: film.command(), verdict })
+    }
+
+    /// A checkpoint that is changed, and continued where it is taken.
+    fn run_checkpoint(&mut self, number: u64, random: &mut Random) -> io::Result<Case> {
+        let forger = match &mut self.forger {
+            Some(forger) => forger,
+            empty => empty.insert(Forger::new(&self.work.path().join("forged"))?),
+        };
+        let (changes, verdict) = forger.run(random)?;
+        Ok(Case { number, subject: "checkpoint".into(), changes, command: forger.film().command(), verdict })
+    }
+
+    /// Writes the files of the case that ran last below `folder`, with a text that says what it was.
+    pub fn keep(&self, case: &Case, folder: &Path) -> io::Result<Option<Finding>> {
+        let Verdict::Fault(fault) = &case.verdict else { return Ok(None) };
+        let folder = folder.join(format!("seed-{}-case-{}", self.seed, case.number));
+        let name = if case.subject == "checkpoint" { "forged" } else { "case" };
+        copy(&self.work.path().join(name), &folder)?;
+        let Case { subject, changes, command, .. } = case;
+        let text = format!("from: {subject}\nchanges: {}\ncommand: {command}\n{fault}\n", changes.join(", "));
+        fs::write(folder.join("finding.txt"), text)?;
+        Ok(Some(Finding { folder, fault: fault.clone() }))
+    }
+}
+
+/// The numbers of a case: those of neighbors have nothing in common (splitmix64).
+fn random_of(seed: u64, number: u64) -> Random {
+    let mut bits = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ number.wrapping_mul(0xd134_2543_de82_ef95);
+    bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    Random::new((bits ^ bits >> 31).max(1))
+}
+
+/// Copies a folder with all in it.
+fn copy(from: &Path, to: &Path) -> io::Result<()> {
+    fs::create_dir_all(to)?;
+    for entry in fs::read_dir(from)? {
+        let entry = entry?;
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy(&entry.path(), &target)?;
+        } else {
+            fs::copy(entry.path(), target)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,100 @@
+//! Names and addresses.
+
+use super::places::put;
+use super::{Draft, Mutation};
+use crate::Random;
+use crate::fuzz::draft::data_uri;
+use serde_json::{Value, json};
+
+/// These changes.
+pub(super) const MUTATIONS: [Mutation; 4] =
+    [("name", name), ("buffer uri", buffer), ("image uri", image), ("text", text)];
+
+/// Texts that terminals, files or people may misread.
+fn odd_text(random: &mut Random) -> Value {
+    let texts = [
+        "",
+        "two\nlines",
+        "\u{1b}[31mred\u{7}\u{8}\r",
+        "\0",
+        "\u{202e}turned",
+        "\u{9b}31m\u{85}\u{2028}",
+        "a\"b\\c'd`e$f%n",
+        "..",
+        "/etc/passwd",
+        "ü€😀",
+        "\u{fffd}\u{feff}",
+    ];
+    match random.below(14) {
+        0 => json!("x".repeat(100_000)),
+        1 => json!("\u{1b}".repeat(1000)),
+        2 => Draft::raw(random),
+        _ => json!(random.pick(&texts)),
+    }
+}
+
+/// Addresses out of the folder, of devices, of nothing, and of bytes that are damaged.
+fn odd_address(draft: &Draft, random: &mut Random) -> Value {
+    let addresses = [
+        "../out/film.m2v",
+        "../../x",
+        "/etc/passwd",
+        "/dev/zero",
+        "/dev/stdin",
+        "file:///etc/passwd",
+        "http://127.0.0.1/x",
+        "%2e%2e%2f%2e%2e%2fetc%2fpasswd",
+        "%00",
+        "%ff%fe",
+        "a%",
+        ".",
+        "scene.glb",
+        "scene.toml",
+        "data:",
+        "data:;base64,",
+        "data:image/png;base64,%%%",
+        "data:application/octet-stream;base64,AAA",
+        "data:application/octet-stream;base64,AAAA====AAAA",
+        "data:text/plain,hello",
+    ];
+    match random.below(8) {
+        0 => json!(data_uri(&draft.bin)),
+        1 => json!(data_uri(&draft.bin[..random.below(draft.bin.len() + 1)])),
+        2 => odd_text(random),
+        _ => json!(random.pick(&addresses)),
+    }
+}
+
+/// The name of anything.
+fn name(draft: &mut Draft, random: &mut Random) -> Option<()> {
+    let text = odd_text(random);
+    let lists = ["nodes", "meshes", "materials", "animations", "cameras", "skins", "images", "textures", "scenes"];
+    let list = *random.pick(&lists);
+    let (_, thing) = draft.entry(list, random)?;
+    put(thing, "name", text)
+}
+
+/// The address of a buffer.
+fn buffer(draft: &mut Draft, random: &mut Random) -> Option<()> {
+    let address = odd_address(draft, random);
+    let (_, buffer) = draft.entry("buffers", random)?;
+    put(buffer, "uri", address)
+}
+
+/// The address of an image, instead of its view or beside it.
+fn image(draft: &mut Draft, random: &mut Random) -> Option<()> {
+    let address = odd_address(draft, random);
+    let alone = !random.one_in(4);
+    let (_, image) = draft.entry("images", random)?;
+    if alone {
+        image.as_object_mut()?.remove("bufferView");
+    }
+    put(image, "uri", address)
+}
+
+/// What says who made the file, and for which version.
+fn text(draft: &mut Draft, random: &mut Random) -> Option<()> {
+    let key = *random.pick(&["version", "minVersion", "generator", "copyright", "extras"]);
+    let text = if random.one_in(2) { odd_text(random) } else { json!(random.pick(&["1.0", "2.1", "3.0", "-2", "2"])) };
+    put(draft.json.get_mut("asset")?, key, text)
+}

@@ -1,0 +1,100 @@
+//! The settings file beside a scene.
+
+use super::{Draft, Mutation};
+use crate::Random;
+
+/// These changes.
+pub(super) const MUTATIONS: [Mutation; 3] = [("settings", settings), ("settings", settings), ("settings text", text)];
+
+/// Tables with one key each; `#` stands for a number, `@` for a text.
+const LINES: [&str; 24] = [
+    "[sky]\nzenith = [#, 1, 1]\nhorizon = [1, #, 1]",
+    "[sky]\nzenith = [1, 1, 1]\nhorizon = [1, 1, 1]\nintensity = #",
+    "[sky]\nzenith = [0, 0, 0]\nhorizon = [0, 0, 0]\nground = [#, #, #]",
+    "[sky]\nimage = @",
+    "[sky]\nimage = @\nrotation = #",
+    "[sun]\nangular_diameter = #",
+    "[camera]\nname = @",
+    "[animation]\nname = @",
+    "[video]\nframes = #",
+    "[video]\nfps = #",
+    "[importance]\nnodes = [@, @]",
+    "[importance]\nviewing_distance = #",
+    "[importance]\nscreen_width = #",
+    "[tone_mapping]\noperator = \"filmic\"\nexposure = #",
+    "[tone_mapping]\noperator = \"gamma\"\ngamma = #",
+    "[tone_mapping]\noperator = \"extended_reinhard\"\nwhite = #",
+    "[tone_mapping]\noperator = \"clamp\"\nexposure = #",
+    "[tone_mapping]\noperator = @",
+    "[tone_mapping]\nexposure = @",
+    "[tone_mapping]\ndisplay = @",
+    "[@]\na = #",
+    "@ = #",
+    "sky = #",
+    "[video",
+];
+
+/// Numbers as TOML has them.
+const NUMBERS: [&str; 20] = [
+    "0",
+    "1",
+    "-1",
+    "0.5",
+    "2.0",
+    "24",
+    "25",
+    "29.97",
+    "90",
+    "91",
+    "1e-45",
+    "1e-20",
+    "1e10",
+    "1e15",
+    "1e20",
+    "1e38",
+    "nan",
+    "inf",
+    "-0.0",
+    "9223372036854775807",
+];
+
+/// Texts as TOML has them.
+const TEXTS: [&str; 11] = [
+    "\"\"",
+    "\"camera\"",
+    "\"first\"",
+    "\"gamma\"",
+    "\"two\\nlines \\u001B[31m\"",
+    "\"../scene/scene.glb\"",
+    "\"scene.glb\"",
+    "\"/dev/zero\"",
+    "\"%2e%2e/x.hdr\"",
+    "'\\'",
+    "\"\\u202E\"",
+];
+
+/// A table with numbers at the borders of what is allowed, in front of what is there or instead of it.
+fn settings(draft: &mut Draft, random: &mut Random) -> Option<()> {
+    let mut line = String::new();
+    for c in random.pick(&LINES).chars() {
+        match c {
+            '#' => line += *random.pick(&NUMBERS),
+            '@' => line += *random.pick(&TEXTS),
+            c => line.push(c),
+        }
+    }
+    draft.toml = if random.one_in(2) { format!("{line}\n") } else { format!("{}\n{line}\n", draft.toml) };
+    Some(())
+}
+
+/// A letter of the settings becomes another.
+fn text(draft: &mut Draft, random: &mut Random) -> Option<()> {
+    let mut letters: Vec<char> = draft.toml.chars().collect();
+    if letters.is_empty() {
+        return None;
+    }
+    let place = random.below(letters.len());
+    letters[place] = *random.pick(&['"', '[', ']', '=', '\n', '#', '9', '-', '\u{1b}', '\0', 'ü', '\'']);
+    draft.toml = letters.into_iter().collect();
+    Some(())
+}

@@ -1,0 +1,82 @@
+//! What cases begin with: small scenes that load, each in one piece.
+
+use super::Draft;
+use crate::{Moving, checkered_room, textured_square};
+use render_core::scene::{GltfSource, Reach};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Larger scenes would take the time of many others \[bytes\].
+const LARGEST: usize = 200_000;
+
+/// Scenes of the tests: a room in which something moves, a textured square with a spot light.
+pub fn own_seeds() -> Vec<Draft> {
+    let rooms = [("room, box", Moving::Box), ("room, camera", Moving::Camera)];
+    let mut seeds: Vec<Draft> = rooms.map(|(name, moving)| Draft::of(name, &checkered_room(moving))).into();
+    seeds.push(Draft::of("square", &textured_square()));
+    seeds
+}
+
+/// The scenes below `folder` that are small, and whose files are all there, in the order of their paths.
+pub fn seeds_below(folder: &Path) -> Vec<Draft> {
+    let (mut found, mut open) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            let is_scene = path.extension().is_some_and(|ending| ending == "glb" || ending == "gltf");
+            if path.is_dir() {
+                open.push(path);
+            } else if is_scene {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found.iter().filter_map(|path| in_one_piece(path)).collect()
+}
+
+/// A scene with all that it names in its binary part.
+fn in_one_piece(path: &Path) -> Option<Draft> {
+    let source = GltfSource::read(path, Reach::Folder).ok()?;
+    let mut json: Value = serde_json::from_slice(&source.json).ok()?;
+    let mut bin = Vec::new();
+
+    // Buffers, one after the other; views begin later by what stands before.
+    let mut starts = Vec::new();
+    let buffers = json.get("buffers").and_then(Value::as_array).cloned().unwrap_or_default();
+    for (index, buffer) in buffers.iter().enumerate() {
+        bin.resize(bin.len().next_multiple_of(4), 0);
+        starts.push(bin.len());
+        bin.extend(match buffer.get("uri").and_then(Value::as_str) {
+            Some(uri) => source.resource(&format!("buffer {index}"), uri).ok()?,
+            None => source.binary.clone()?,
+        });
+    }
+    for view in json.get_mut("bufferViews").and_then(Value::as_array_mut).into_iter().flatten() {
+        let number = |key: &str| view.get(key).and_then(Value::as_u64).unwrap_or(0) as usize;
+        let start = starts.get(number("buffer"))? + number("byteOffset");
+        view["buffer"] = json!(0);
+        view["byteOffset"] = json!(start);
+    }
+
+    // Images behind them, each with a view of its own.
+    let mut views = json.get("bufferViews").and_then(Value::as_array).cloned().unwrap_or_default();
+    for image in json.get_mut("images").and_then(Value::as_array_mut).into_iter().flatten() {
+        let Some(uri) = image.get("uri").and_then(Value::as_str) else { continue };
+        let bytes = source.resource("image", uri).ok()?;
+        let kind = if bytes.starts_with(b"\x89PNG") { "image/png" } else { "image/jpeg" };
+        *image = json!({ "bufferView": views.len(), "mimeType": kind });
+        views.push(json!({ "buffer": 0, "byteOffset": bin.len(), "byteLength": bytes.len() }));
+        bin.extend(bytes);
+    }
+    if !bin.is_empty() {
+        json["bufferViews"] = json!(views);
+        json["buffers"] = json!([{ "byteLength": bin.len() }]);
+    }
+
+    // Settings that name no further files come along.
+    let toml = std::fs::read_to_string(path.with_extension("toml")).unwrap_or_default();
+    let toml = if toml.contains("image") { String::new() } else { toml };
+    let name = path.file_name()?.to_string_lossy().into_owned();
+    (bin.len() + source.json.len() <= LARGEST).then_some(Draft { name, json, bin, toml })
+}
