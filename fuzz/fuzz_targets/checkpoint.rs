@@ -62,8 +62,8 @@ impl Film {
             };
             let settings = Settings::new(path.clone(), &scene, &options).expect("settings");
             let plan = Plan::new(&scene, &settings.renderer());
-            let job = FilmJob::of(&settings).expect("a scene");
-            let checkpoints = Checkpoints::new(&job, Some(Duration::ZERO)).expect("a place");
+            let job = FilmJob::of(&scene, &settings).expect("a scene");
+            let checkpoints = Checkpoints::new(&job, Some(Duration::ZERO));
             let mut film = Render::new(&scene, &settings, &plan, &checkpoints).expect("a film");
             film.write_to(&settings.output).expect("a place");
             film.finish(Run::default()).expect("a film");
@@ -132,7 +132,7 @@ fuzz_target!(|data: &[u8]| {
     };
     let Film { scene, settings, plan, .. } = film;
     std::fs::write(path_for(&settings.output), file).expect("a file");
-    let job = FilmJob::of(settings).expect("a scene");
+    let job = FilmJob::of(scene, settings).expect("a scene");
     let Ok(checkpoints) = Checkpoints::resume(&job, None) else { return };
     let Ok(mut continued) = Render::new(scene, settings, plan, &checkpoints) else { return };
     if kind % 28 < 14 {

@@ -61,9 +61,16 @@ impl<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode> Parts<P, S, M, E> {
             self.display.begin(checkpoints.kept())?;
             return Ok(start);
         };
+        self.restore(&mut start, last).map_err(|error| checkpoints.named(error))?;
+        Ok(start)
+    }
+
+    /// Brings every part to where it was after frame `last`.
+    fn restore(&mut self, start: &mut Start, last: u32) -> Result<()> {
+        let checkpoints = start.checkpoints;
         let state = |part| checkpoints.state(part);
-        start.first = last + 1;
-        let (log, encoder) = FilmLog::restored(state(Part::Encode), begin..start.first)?;
+        start.first = last.checked_add(1).ok_or_else(|| Error::Checkpoint(NONSENSE.into()))?;
+        let (log, encoder) = FilmLog::restored(state(Part::Encode), start.begin..start.first)?;
         start.log = log;
         self.encode.restore(&encoder)?;
         if let Some(mask) = &mut self.mask {
@@ -76,8 +83,7 @@ impl<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode> Parts<P, S, M, E> {
         let done = self.prepare.restore(state(Part::Prepare), last)?;
         self.shade.restore(state(Part::Shade), &done)?;
         // Last, because this cuts a file to the length that it had.
-        self.display.restore(state(Part::Display), checkpoints.kept())?;
-        Ok(start)
+        self.display.restore(state(Part::Display), checkpoints.kept())
     }
 }
 

@@ -1,11 +1,12 @@
 //! Everything about a frame that needs no thresholds: objects, photons, light tree, primary rays, motion.
 
 use super::frame::{Frame, PreparedFrame};
-use crate::error::{Error, Result};
+use crate::error::{Context, Result};
 use crate::figures::FrameFigures;
 use crate::parts::{Prepare, Prepared};
 use crate::plan::{Plan, Stage};
 use crate::settings::{RenderSettings, Size, begins_chunk};
+use crate::state::NONSENSE;
 use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
 use plane::Correspondence;
@@ -75,7 +76,7 @@ impl<'s> Prepare for Preparation<'s> {
     }
 
     fn restore(&mut self, state: &[u8], last: u32) -> Result<PreparedFrame<'s>> {
-        let tree = LightTree::from_bytes(state).map_err(Error::other)?;
+        let tree = LightTree::from_bytes(state).context(NONSENSE)?;
         let mut work = Work::new(self.scene, &self.settings, self.plan);
         work.tree = Some(Arc::new(tree));
         Ok(self.work.insert(work).frame(last))

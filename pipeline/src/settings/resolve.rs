@@ -7,7 +7,7 @@ use super::values::{Aov, Lighting, PixelShading, Size, Stopping, Switch, Thresho
 use super::{Effort, Settings};
 use crate::error::{Error, Result};
 use lighttree::Calibration;
-use mpeg2enc::Container;
+use mpeg2enc::{Container, FrameRate};
 use perceptual::ToneMap;
 use render_core::scene::{Scene, SceneSettings};
 use std::path::{Path, PathBuf};
@@ -46,7 +46,7 @@ impl Options {
     /// # Errors
     /// An option, or a setting of the scene, is out of its range or contradicts another; the message says what works.
     pub fn fill_in(&mut self, path: PathBuf, scene: &Scene) -> Result<Settings> {
-        let (fps, frames) = self.fill_in_length(scene)?;
+        let (fps, frames) = self.fill_in_length(&path, scene)?;
         self.fill_in_chunks(frames)?;
         let output = self.fill_in_output(&path)?;
         if self.cbr && self.bitrate.is_none() {
@@ -140,8 +140,12 @@ impl Options {
     }
 
     /// Pictures a second, and how many.
-    fn fill_in_length(&mut self, scene: &Scene) -> Result<(f64, u32)> {
+    fn fill_in_length(&mut self, path: &Path, scene: &Scene) -> Result<(f64, u32)> {
+        // A rate that nobody typed is one of the scene's settings: the message says where it stands.
         let video = scene.settings.video;
+        if let Some(Err(error)) = video.fps.filter(|_| self.fps.is_none()).map(FrameRate::from_fps) {
+            return Err(Error::content(&SceneSettings::path_for(path), format!(": [video] fps: {error}")));
+        }
         let fps = *self.fps.get_or_insert(video.fps.unwrap_or(25.0));
         if !(fps.is_finite() && fps > 0.0) {
             fail!("--fps {fps} must be positive");

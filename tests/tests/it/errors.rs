@@ -93,6 +93,8 @@ fn files_beside_the_scene() {
         ("[tone_mapping]\noperator = \"gamma\"\nexposure = -1.0", &["room.toml", "exposure"]),
         ("[video]\nframes = 0", &["room.toml", "frames"]),
         ("[video]\nlength = 5", &["room.toml", "length"]),
+        // As an option, the same is wrong at the place where it was typed.
+        ("[video]\nfps = 0.5", &["room.toml", "[video] fps", "0.5", "23.976"]),
         ("[sky]\nzenith = [-1, 0, 0]\nhorizon = [0, 0, 0]", &["room.toml", "sky"]),
     ] {
         std::fs::write(folder.path().join("room.toml"), text).unwrap();

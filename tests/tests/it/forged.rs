@@ -110,6 +110,7 @@ fn a_part_that_cannot_be_read_leaves_the_film_as_it_is() {
             stored.2[part] = forged;
             let error = film.go_on(&stored).unwrap_err();
             assert!(error.lines().count() == 1, "{error}");
+            assert!(error.contains("film.m2v.checkpoint") && error.contains("start anew"), "{error}");
             assert!(std::fs::read(&film.settings.output).unwrap() == before, "part {part}");
         }
     }
@@ -130,4 +131,16 @@ fn a_report_that_leaves_a_frame_out_is_refused() {
     encoding.1 = [1, 0].map(|index| FrameReport { index, ..encoding.1[0].clone() }).into();
     stored.2[ENCODE] = bincode::serde::encode_to_vec(&encoding, CONFIG).unwrap();
     film.go_on(&stored).expect("the order is that of coding");
+}
+
+/// Frames beyond the end of the film, up to the last that can be counted: the number after that one was computed.
+#[test]
+fn a_last_frame_beyond_the_film_is_refused() {
+    let film = Film::new(10);
+    for last in [2, 1000, u32::MAX] {
+        let mut stored = film.stored.clone();
+        stored.1 = last;
+        let error = film.go_on(&stored).unwrap_err();
+        assert!(error.contains("film.m2v.checkpoint") && error.contains("makes no sense"), "{last}: {error}");
+    }
 }

@@ -134,6 +134,14 @@ impl Checkpoints {
         self.from.as_ref().map_or(&[], |stored| &stored.states[part as usize])
     }
 
+    /// The error of a part that could not read its state, with the name of the checkpoint. What names a file already stays.
+    pub(super) fn named(&self, error: Error) -> Error {
+        match (&self.path, error) {
+            (_, error @ (Error::File { .. } | Error::Content { .. })) | (None, error) => error,
+            (Some(path), error) => Error::Context { context: path.display().to_string(), source: error.into() },
+        }
+    }
+
     /// Whether there is a checkpoint, now and later.
     pub(super) fn kept(&self) -> Arc<AtomicBool> {
         self.kept.clone()

@@ -49,7 +49,7 @@ fn root(draft: &mut Draft, random: &mut Random) -> Option<()> {
 /// A mesh is shown many times, at places near each other or all at one.
 fn many_instances(draft: &mut Draft, random: &mut Random) -> Option<()> {
     let mesh = random.below(draft.count("meshes").max(1));
-    let (many, step) = (1 + random.below(200), *random.pick(&[0.0, 0.01, 1.0, 1e6]));
+    let (many, step) = (1 + random.below(200), *random.pick(&[0.0, 0.0, 0.01, 0.01, 1.0, 1.0, 30.0, 1e6]));
     for number in 0..many {
         let node = json!({ "mesh": mesh, "translation": [step * number as f64, 0.0, 0.0] });
         let node = draft.push("nodes", node)?;
