@@ -22,6 +22,8 @@ mod extremes;
 mod faults;
 mod feedback;
 mod forged;
+#[cfg(unix)]
+mod fuzz;
 mod importance;
 #[cfg(unix)]
 mod inputs;
