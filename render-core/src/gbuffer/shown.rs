@@ -23,6 +23,7 @@ impl CameraRay {
         width: impl Fn(&Hit) -> f32,
     ) -> Option<(Hit, Interaction<'a>)> {
         let Self { origin, direction } = self;
+        let mut step = BEHIND;
         for _ in 0..MOST_BACKS {
             let width = width(&hit);
             let surface = scene.surfaces.point(&hit, direction, width);
@@ -33,8 +34,12 @@ impl CameraRay {
             if beside.is_some() || !surface.is_back() {
                 return beside.or(Some((hit, surface)));
             }
-            let behind = hit.distance * (1.0 + BEHIND);
+            let behind = hit.distance * (1.0 + step);
             let next = scene.accelerator.closest(origin + direction * behind, direction)?;
+
+            // A triangle is met once. One that is met again is so large that its rounding exceeds the step.
+            let is_same = (next.instance, next.triangle) == (hit.instance, hit.triangle);
+            step = if is_same { 2.0 * step } else { BEHIND };
             hit = Hit { distance: behind + next.distance, ..next };
         }
         None

@@ -12,14 +12,19 @@ use tempfile::TempDir;
 const CHECKPOINTS: u64 = 12;
 
 /// What all films are made with.
-const SMALL: &str = "--output film.m2v --quiet --checkpoint off --threads 2 --size 16x16 --vpls 20 --photons 200";
+const ALL: &str = "--output film.m2v --checkpoint off --threads 2";
+/// What films are made with whose options name no size.
+const SMALL: &str = "--size 16x16 --vpls 20 --photons 200";
 
 /// What some are made with besides: the plain film most often.
-const OPTIONS: [&str; 12] = [
+const OPTIONS: [&str; 15] = [
     "--frames 2",
     "--frames 2",
     "--frames 2",
     "--frames 2",
+    LAYERS,
+    "--frames 2 --size 40x24 --vpls 300 --photons 4000",
+    "--frames 2 --y4m film.y4m --chunk 1",
     "--frames 3 --bframes 1",
     "--frames 2 --cache off",
     "--frames 2 --samples 2",
@@ -29,6 +34,10 @@ const OPTIONS: [&str; 12] = [
     "--frames 2 --run-everything --antialiasing off",
     "--frames 9 --fps 24 --no-motion",
 ];
+
+/// All that a frame is made of, in files of its own.
+const LAYERS: &str =
+    "--frames 2 --exr frames --aov direct,indirect,albedo,normal,depth,motion,cut-size,threshold,shading";
 
 /// What a case was, and what came of it.
 #[derive(Clone, Debug)]
@@ -86,10 +95,21 @@ impl Fuzzer {
         let changes = mutate(&mut draft, random);
         let mut film = Film::new(&self.work.path().join("case"))?;
         let name = draft.write(&film.scene(), random)?;
-        let words = format!("render ../scene/{name} {SMALL} {}", random.pick(&OPTIONS));
+        let options = *random.pick(&OPTIONS);
+        let quiet = if random.one_in(4) { "" } else { "--quiet" };
+        let small = if options.contains("--size") { "" } else { SMALL };
+        let words = format!("render ../scene/{name} {ALL} {small} {options} {quiet}");
         film.arguments = words.split_whitespace().map(str::to_owned).collect();
+
+        // What the options promise, in the order of names.
+        let mut outputs = vec!["film.m2v", "film.report.json"];
+        outputs.extend(options.contains("--y4m").then_some("film.y4m"));
+        outputs.extend((options == LAYERS).then_some("frames"));
         let before = sorted_names(&film.scene());
-        let verdict = Verdict::of(&film, &film.run()?, &before, &["film.m2v", "film.report.json"]);
+        let mut verdict = Verdict::of(&film, &film.run()?, &before, &outputs);
+        if verdict == Verdict::Rendered && random.one_in(3) {
+            verdict = again_on_one_thread(&mut film)?;
+        }
         Ok(Case { number, subject: draft.name, changes, command: film.command(), verdict })
     }
 
@@ -114,6 +134,19 @@ impl Fuzzer {
         fs::write(folder.join("finding.txt"), text)?;
         Ok(Some(Finding { folder, fault: fault.clone() }))
     }
+}
+
+/// Renders the film again: one thread makes the same bytes.
+fn again_on_one_thread(film: &mut Film) -> io::Result<Verdict> {
+    let first = fs::read(film.out().join("film.m2v"))?;
+    film.clear()?;
+    if let Some(place) = film.arguments.iter().position(|argument| argument == "--threads") {
+        film.arguments[place + 1] = "1".into();
+    }
+    let outcome = film.run()?;
+    let second = fs::read(film.out().join("film.m2v")).unwrap_or_default();
+    let fault = || format!("another film on one thread: exit code {:?}", outcome.code);
+    Ok(if first == second { Verdict::Rendered } else { Verdict::Fault(fault()) })
 }
 
 /// The numbers of a case: those of neighbors have nothing in common (splitmix64).

@@ -173,8 +173,7 @@ impl Forger {
     /// Puts the checkpoint beside what there was of the film, runs, and judges.
     fn continue_from(&self, forged: &Forged) -> io::Result<Verdict> {
         let out = self.film.out();
-        fs::remove_dir_all(&out)?;
-        fs::create_dir(&out)?;
+        self.film.clear()?;
         fs::write(out.join("film.m2v.part"), &forged.part)?;
         fs::write(out.join("film.m2v.checkpoint"), &forged.file)?;
         let outcome = self.film.run()?;
@@ -183,7 +182,7 @@ impl Forger {
 
     fn judged(&self, outcome: &Outcome, is_noticed: bool) -> Result<Verdict, String> {
         let film = fs::read(self.film.out().join("film.m2v"));
-        match (told(outcome)?, film) {
+        match (told(outcome, true)?, film) {
             // Where states are others and all sums are right, no program can know the true film.
             (true, Ok(film)) if film == self.truth || (!is_noticed && !film.is_empty()) => Ok(Verdict::Rendered),
             (true, Ok(_)) => Err("another film at exit code 0".into()),

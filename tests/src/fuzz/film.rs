@@ -60,6 +60,17 @@ impl Film {
         self.folder.join("out")
     }
 
+    /// Whether the program is to say nothing but errors.
+    pub fn is_quiet(&self) -> bool {
+        self.arguments.iter().any(|argument| argument == "--quiet")
+    }
+
+    /// Removes what the run before has written.
+    pub fn clear(&self) -> io::Result<()> {
+        fs::remove_dir_all(self.out())?;
+        fs::create_dir(self.out())
+    }
+
     /// The command as it is typed in the folder of the output.
     pub fn command(&self) -> String {
         format!("ulimit -v {MEMORY}; ulimit -t {PROCESSOR}; render2mpeg {}", self.arguments.join(" "))

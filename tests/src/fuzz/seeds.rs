@@ -2,7 +2,7 @@
 
 use super::Draft;
 use crate::{Moving, checkered_room, textured_square};
-use render_core::scene::{GltfSource, Reach};
+use render_core::scene::{self, GltfSource, Reach};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -17,7 +17,7 @@ pub fn own_seeds() -> Vec<Draft> {
     seeds
 }
 
-/// The scenes below `folder` that are small, and whose files are all there, in the order of their paths.
+/// The scenes below `folder` that are small and load, in the order of their paths.
 pub fn seeds_below(folder: &Path) -> Vec<Draft> {
     let (mut found, mut open) = (Vec::new(), vec![folder.to_owned()]);
     while let Some(folder) = open.pop() {
@@ -78,5 +78,6 @@ fn in_one_piece(path: &Path) -> Option<Draft> {
     let toml = std::fs::read_to_string(path.with_extension("toml")).unwrap_or_default();
     let toml = if toml.contains("image") { String::new() } else { toml };
     let name = path.file_name()?.to_string_lossy().into_owned();
-    (bin.len() + source.json.len() <= LARGEST).then_some(Draft { name, json, bin, toml })
+    let is_small = bin.len() + source.json.len() <= LARGEST;
+    (is_small && scene::load(path).is_ok()).then_some(Draft { name, json, bin, toml })
 }

@@ -22,7 +22,7 @@ pub enum Verdict {
 impl Verdict {
     /// Judges a run that had to read `scene` and write `outputs`, or nothing.
     pub fn of(film: &Film, outcome: &Outcome, scene: &[String], outputs: &[&str]) -> Self {
-        let judged = told(outcome).and_then(|rendered| {
+        let judged = told(outcome, film.is_quiet()).and_then(|rendered| {
             // Nothing is written elsewhere.
             same("around the scene", &sorted_names(&film.folder), &["out", "scene", "tmp"])?;
             let expected: Vec<&str> = scene.iter().map(String::as_str).collect();
@@ -35,8 +35,9 @@ impl Verdict {
     }
 }
 
-/// Whether there is a film, by exit code and messages; an error where these are not as they should be.
-pub(super) fn told(outcome: &Outcome) -> Result<bool, String> {
+/// Whether there is a film, by exit code and messages; an error where these are not as they should be. Where a run is not quiet,
+/// notes and a summary stand before the line that counts.
+pub(super) fn told(outcome: &Outcome, is_quiet: bool) -> Result<bool, String> {
     let message = String::from_utf8_lossy(&outcome.stderr);
     let fault = |what: &str| Err(format!("{what}: exit code {:?}, {message}", outcome.code));
     if outcome.endless {
@@ -52,14 +53,15 @@ pub(super) fn told(outcome: &Outcome) -> Result<bool, String> {
         return fault("control characters");
     }
     match outcome.code {
-        Some(0) if message.is_empty() => Ok(true),
+        Some(0) if message.is_empty() || !is_quiet => Ok(true),
         Some(0) => fault("words in spite of --quiet"),
         Some(1 | 2) => {
-            let is_one_line = message.lines().count() == 1 && message.ends_with('\n');
-            if !is_one_line || !message.starts_with("render2mpeg: ") {
+            let is_one_line = message.lines().count() == 1 || !is_quiet;
+            let line = message.lines().last().unwrap_or_default();
+            if !is_one_line || !message.ends_with('\n') || !line.starts_with("render2mpeg: ") {
                 return fault("other than one line");
             }
-            if !message.contains("scene.") && !message.contains("film.") {
+            if !line.contains("scene.") && !line.contains("film.") {
                 return fault("a message that names no file");
             }
             Ok(false)

@@ -42,7 +42,8 @@ fn cases_can_be_repeated() {
 #[test]
 fn verdicts_notice_faults() {
     let folder = tempfile::tempdir().unwrap();
-    let film = Film::new(&folder.path().join("case")).unwrap();
+    let mut film = Film::new(&folder.path().join("case")).unwrap();
+    film.arguments = vec!["--quiet".into()];
     let scene = sorted_names(&film.scene());
     let judge = |code: Option<i32>, signal: Option<i32>, text: &str| {
         let outcome = Outcome { code, signal, endless: false, stderr: text.into() };

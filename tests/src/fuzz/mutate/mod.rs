@@ -16,8 +16,8 @@ use crate::Random;
 /// A change, by name. One that finds nothing to change does nothing.
 type Mutation = (&'static str, fn(&mut Draft, &mut Random) -> Option<()>);
 
-/// All changes, by subject: subjects are drawn evenly.
-const SUBJECTS: [&[Mutation]; 9] = [
+/// All changes, by subject: subjects are drawn evenly. What mostly loads stands here twice.
+const SUBJECTS: [&[Mutation]; 12] = [
     &structure::MUTATIONS,
     &hierarchy::MUTATIONS,
     &accessors::MUTATIONS,
@@ -27,6 +27,9 @@ const SUBJECTS: [&[Mutation]; 9] = [
     &names::MUTATIONS,
     &settings::MUTATIONS,
     &hierarchy::TRANSFORMS,
+    &hierarchy::TRANSFORMS,
+    &animations::MUTATIONS,
+    &looks::MUTATIONS,
 ];
 
 /// Changes the scene one to six times; the names of the changes.
