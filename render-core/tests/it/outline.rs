@@ -98,15 +98,16 @@ fn the_back_of_a_single_sided_surface_is_not_shown() {
     }
 }
 
-/// A back whose triangle is so large that hits on it are off by more than a step past them: what lies behind is shown.
+/// A back whose triangle is so large that hits on it are off by more than a step past them, or in which the viewer stands, where
+/// a share of the way is none: what lies behind is shown.
 #[test]
-fn huge_backs_are_seen_through() {
+fn huge_and_close_backs_are_seen_through() {
     let view = View::new(glam::Affine3A::IDENTITY, Projection::Perspective { yfov: 1.2 }, SIZE, SIZE);
-    for side in [1e2, 1e5, 1e6, 1e7] {
+    for (side, distance) in [(1e2, 4.0), (1e5, 4.0), (1e6, 4.0), (1e7, 4.0), (1e2, 0.0), (1e7, 0.0)] {
         let mut scene = Scene::default();
         // The front is small and far enough behind the back to be another hit whatever the rounding.
         let tilted = vec3(0.0, 1.0, -0.3).normalize();
-        let corner = vec3(0.0, 0.0, -4.0) - side * (0.31 * Vec3::X + 0.37 * tilted);
+        let corner = vec3(0.0, 0.0, -distance) - side * (0.31 * Vec3::X + 0.37 * tilted);
         add(&mut scene, rest(Vec3::ZERO), quad(corner, side * tilted, side * Vec3::X), material(Vec3::ONE, Vec3::ZERO));
         let front = quad(vec3(-400.0, -400.0, -90.0), 800.0 * Vec3::X, 800.0 * Vec3::Y);
         add(&mut scene, rest(Vec3::ZERO), front, material(Vec3::ONE, Vec3::ZERO));
@@ -114,6 +115,6 @@ fn huge_backs_are_seen_through() {
         let (surfaces, accelerator) = (Surfaces::new(&scene, &pose), Geometry::new(&scene).place(&pose));
         let picture = GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (SIZE, SIZE)).value;
         let shown = picture.pixels.samples().iter().filter(|pixel| pixel.instance == 1).count();
-        assert_eq!(shown, SIZE * SIZE, "{side} m");
+        assert_eq!(shown, SIZE * SIZE, "{side} m wide, {distance} m away");
     }
 }
