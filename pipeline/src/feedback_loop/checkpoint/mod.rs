@@ -110,7 +110,7 @@ impl Checkpoints {
                 path.display()
             )));
         }
-        let done = stored.frame + 1;
+        let done = stored.frame.saturating_add(1);
         if let Some(end) = job.end().filter(|&end| end < done) {
             return Err(Error::Checkpoint(format!(
                 "{} is after frame {}, and the film would end before frame {end}: take more --frames, or start anew without --resume",
