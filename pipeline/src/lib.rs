@@ -15,10 +15,12 @@ pub mod laboratory;
 pub mod memory;
 pub mod output;
 pub mod parts;
+pub mod picture_file;
 pub mod places;
 pub mod renderer;
 pub mod report;
 pub mod settings;
+pub mod still;
 
 mod open;
 mod render;

@@ -75,7 +75,7 @@ impl Film {
         let options = Options { output: Some(output.as_ref().to_owned()), ..self.options.clone() };
         let settings = Settings::new(self.path.clone(), &self.scene, &options)?;
         let _ = settings.encoder_config()?;
-        if let Some(folder) = &settings.exr {
+        for folder in settings.exr.iter().chain(&settings.png) {
             std::fs::create_dir_all(folder).map_err(Error::file(folder, "cannot be made"))?;
         }
         let plan = Plan::new(&self.scene, &settings.renderer());

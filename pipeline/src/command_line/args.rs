@@ -9,6 +9,8 @@ use super::commands::plan::Plan;
 #[cfg(feature = "exr")]
 use super::commands::reference::Reference;
 use super::commands::render::Render;
+#[cfg(feature = "still")]
+use super::commands::still::StillArguments;
 #[cfg(feature = "sweep")]
 use super::commands::sweep::Sweep;
 use super::examples;
@@ -25,6 +27,7 @@ use clap::{Parser, Subcommand};
     version,
     after_help = "Examples:
   render2mpeg render scenes/cornell/cornell.glb             a video and a report, in this folder
+  render2mpeg still scene.glb -o picture.png                one picture
   render2mpeg plan scene.glb                                what the scene needs, before any ray
   render2mpeg bake scene.glb                                light once, for many films
   render2mpeg compare film.m2v film.y4m                     what the codec has cost
@@ -44,11 +47,15 @@ pub enum Command {
     /// Render a scene into a video.
     #[command(args_override_self = true, after_help = examples::RENDER)]
     Render(Box<Render>),
+    /// Render one picture: PNG or JPEG as a display shows it, or OpenEXR.
+    #[cfg(feature = "still")]
+    #[command(after_help = examples::STILL)]
+    Still(Box<StillArguments>),
     /// Compute the light of all that stands still once, for films that look it up: render --lighting baked.
     #[cfg(feature = "bake")]
     #[command(after_help = examples::BAKE)]
     Bake(Bake),
-    /// Render one frame as exactly as wanted into a linear OpenEXR picture, with the noise that is left in it.
+    /// Render one frame as exactly as wanted, by paths, into a linear OpenEXR picture with the noise that is left in it.
     #[cfg(feature = "exr")]
     #[command(after_help = examples::REFERENCE)]
     Reference(Reference),

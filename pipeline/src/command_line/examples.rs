@@ -5,6 +5,8 @@ pub const RENDER: &str = "Examples:
   render2mpeg render scene.glb -o film.ts --bitrate 2M --cbr --bframes 2    a constant rate
   render2mpeg render scene.glb -o film.m2v --resume             go on where the last run ended
   render2mpeg render scene.glb --samples 4                      smooth edges, for final output
+  render2mpeg render scene.glb --preset draft --every 4         a fast preview, four times as fast
+  render2mpeg render scene.glb --from 100 --to 200              these frames of the scene alone
   render2mpeg render scene.glb --set exposure=1.5               in place of what scene.toml says
   render2mpeg render scene.glb --thresholds fixed:0.02 --shading full   the original Lightcuts
   render2mpeg render --config job.toml --qscale 4               options from a file, overridden
@@ -25,9 +27,19 @@ Indirect light is baked and direct light is not: shadows stay sharp. Lamps must 
 The export has both, in the colors of a film: all that stands still is unlit there, coats and metals look matte,
 and what moves waits for a light of the viewer. With lit.glb comes lit.toml, by which a film of it looks like one of the scene.";
 
+#[cfg(feature = "still")]
+pub const STILL: &str = "Examples:
+  render2mpeg still scene.glb                                   into scene.png, in this folder
+  render2mpeg still scene.glb -o picture.jpg --frame 50 --size 1920x1080 --samples 8
+  render2mpeg still scene.glb --preset draft --camera 1         fast, by another camera
+  render2mpeg still scene.glb -o light.exr                      linear light, for other programs
+
+reference renders the same frame by paths: slower, and without the simplifications of films.";
+
 #[cfg(feature = "exr")]
 pub const REFERENCE: &str = "Examples:
   render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr
+  render2mpeg reference scene.glb --spp 1024 -o picture.png     as a display shows it
   render2mpeg reference scene.glb --method all-lights -o lights.exr    what cuts approximate
   render2mpeg reference scene.glb --center -o truth.exr         to compare with render --antialiasing off --exr";
 

@@ -85,6 +85,11 @@ fn run(command: Command) -> Result<ExitCode> {
             use_threads(arguments.threads)?;
             commands::reference::run(arguments)
         }
+        #[cfg(feature = "still")]
+        Command::Still(arguments) => {
+            use_threads(arguments.threads)?;
+            commands::still::run(*arguments)
+        }
         #[cfg(feature = "shell")]
         Command::Completions { shell } => commands::shell::completions(args::Arguments::command(), shell),
         #[cfg(feature = "shell")]

@@ -10,10 +10,11 @@ struct Part {
     commands: &'static [&'static str],
 }
 
-const PARTS: [Part; 8] = [
+const PARTS: [Part; 9] = [
     Part { feature: "textures", is_built: cfg!(feature = "textures"), commands: &[] },
     Part { feature: "bake", is_built: cfg!(feature = "bake"), commands: &["bake"] },
     Part { feature: "exr", is_built: cfg!(feature = "exr"), commands: &["reference"] },
+    Part { feature: "still", is_built: cfg!(feature = "still"), commands: &["still"] },
     Part { feature: "compare", is_built: cfg!(feature = "compare"), commands: &["compare"] },
     Part { feature: "html", is_built: cfg!(feature = "html"), commands: &[] },
     Part { feature: "sweep", is_built: cfg!(feature = "sweep"), commands: &["sweep"] },

@@ -1,6 +1,7 @@
 //! Where a film comes from.
 
 use super::foreign;
+use super::print_config::ProgramOption;
 use crate::error::Result;
 use crate::memory;
 use crate::settings::{MemorySize, Settings};
@@ -42,19 +43,28 @@ pub(crate) struct Reading {
     allow_outside: bool,
     /// The camera that films, by its name or its number from 0 [default: the first that moves, else the first]
     #[arg(long, value_name = "NAME|N")]
-    pub camera: Option<String>,
+    camera: Option<String>,
     /// The animation that plays [default: the first]
     #[arg(long, value_name = "NAME")]
-    pub animation: Option<String>,
+    animation: Option<String>,
     /// A setting in place of one in the scene's TOML file: exposure=1.5, sky.intensity=2, horizon=[1,1,1]; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
-    pub set: Vec<Setting>,
+    set: Vec<Setting>,
 }
 
 impl Reading {
     /// Where files may lie.
     pub fn reach(&self) -> Reach {
         if self.allow_outside { Reach::Anywhere } else { Reach::Folder }
+    }
+
+    /// As a file for `--config` has them.
+    pub fn options(&self) -> [ProgramOption; 3] {
+        [
+            ProgramOption::text("camera", self.camera.clone()),
+            ProgramOption::text("animation", self.animation.clone()),
+            ProgramOption::list("set", self.set.iter().map(ToString::to_string)),
+        ]
     }
 
     /// Loads the scene at `path`.

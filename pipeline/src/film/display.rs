@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::output::{Output, Written};
 use crate::parts::{Channels, Displayed, Outline, Shaded};
+use crate::picture_file::{shown, write_shown};
 use crate::settings::{Settings, Size};
 use crate::state::{decode, encode};
 use perceptual::{ToneMap, YCbCr, luminance_plane};
@@ -21,6 +22,8 @@ pub struct Display {
     tone_map: ToneMap,
     /// Whether the first frame sets the exposure.
     auto_exposure: bool,
+    /// Folder for frames as displays show them.
+    png: Option<PathBuf>,
     /// Folder for linear frames.
     exr: Option<PathBuf>,
     y4m: Option<Y4m>,
@@ -30,7 +33,7 @@ impl Display {
     /// Shows frames by `tone_map`, and writes no files.
     #[must_use]
     pub fn new(tone_map: ToneMap) -> Self {
-        Self { tone_map, auto_exposure: false, exr: None, y4m: None }
+        Self { tone_map, auto_exposure: false, png: None, exr: None, y4m: None }
     }
 
     /// The tone curve and the files that `settings` name.
@@ -41,7 +44,8 @@ impl Display {
         let y4m = settings.y4m.as_deref().map(|path| Y4m::new(path, settings)).transpose()?;
         // Chunks that are made apart have one exposure, which is found before: `set_exposure`.
         let auto_exposure = settings.auto_exposure && !settings.is_in_chunks();
-        Ok(Self { auto_exposure, exr: settings.exr.clone(), y4m, ..Self::new(settings.tone_map) })
+        let (png, exr) = (settings.png.clone(), settings.exr.clone());
+        Ok(Self { auto_exposure, png, exr, y4m, ..Self::new(settings.tone_map) })
     }
 
     /// Shows all frames with this factor on radiance.
@@ -63,11 +67,7 @@ impl Display {
             self.tone_map = self.tone_map.with_exposure(exposure_for(&luminance_plane(&shaded.radiance)));
         }
         let tone_map = self.tone_map;
-        // A light far above white would cover what is thin before it, if it were blended before the curve.
-        let mut radiance = Cow::Borrowed(&shaded.radiance);
-        for Outline { pixel, parts } in &shaded.outlines {
-            radiance.to_mut().samples_mut()[*pixel] = tone_map.mean_shown(parts.iter().copied());
-        }
+        let radiance = blended(shaded, &tone_map);
         let luminance = luminance_plane(&radiance);
         let picture = Arc::new(YCbCr::from_radiance(&radiance, &tone_map));
         let (luminance, importance) = (Arc::new(luminance), shaded.importance.clone());
@@ -79,6 +79,10 @@ impl Display {
     /// # Errors
     /// A file cannot be written.
     pub(crate) fn write(&mut self, index: u32, shaded: Shaded, picture: &YCbCr) -> Result<()> {
+        if let Some(folder) = &self.png {
+            let shown = shown(&blended(&shaded, &self.tone_map), &self.tone_map);
+            write_shown(&folder.join(format!("frame_{index:05}.png")), &shown)?;
+        }
         if let Some(folder) = &self.exr {
             write_linear(&folder.join(format!("frame_{index:05}.exr")), &shaded.radiance, shaded.channels)?;
         }
@@ -106,6 +110,16 @@ impl Display {
     pub(crate) fn finish(self) -> Result<()> {
         self.y4m.map_or(Ok(()), Y4m::finish)
     }
+}
+
+/// Radiance of which each pixel is shown as the mean of what is shown of its surfaces: a light far above white would cover what is
+/// thin before it, if it were blended before the curve.
+pub(crate) fn blended<'a>(shaded: &'a Shaded, tone_map: &ToneMap) -> Cow<'a, Plane<[f32; 3]>> {
+    let mut radiance = Cow::Borrowed(&shaded.radiance);
+    for Outline { pixel, parts } in &shaded.outlines {
+        radiance.to_mut().samples_mut()[*pixel] = tone_map.mean_shown(parts.iter().copied());
+    }
+    radiance
 }
 
 /// A frame as linear light, with further channels.

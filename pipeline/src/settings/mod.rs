@@ -3,6 +3,7 @@
 mod chunks;
 mod emphasis;
 mod options;
+mod preset;
 mod render;
 mod resolve;
 mod values;
@@ -12,6 +13,7 @@ pub(crate) use chunks::begins_chunk;
 pub use emphasis::{AdaptiveQuantiser, Importance};
 pub use mpeg2enc::Effort;
 pub use options::Options;
+pub use preset::Preset;
 pub use render::RenderSettings;
 pub use values::{
     Aov, BitRate, CheckpointEvery, Lighting, MemorySize, PixelShading, Size, Stopping, Switch, Thresholds,
@@ -34,6 +36,12 @@ pub struct Settings {
     pub output: PathBuf,
     /// Pictures to make.
     pub frames: u32,
+    /// The frame of the scene that the film begins with.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub from: u32,
+    /// Frames of the scene from one picture of the film to the next.
+    #[serde(skip_serializing_if = "is_one")]
+    pub every: u32,
     /// Frames of a chunk, where the film is made in chunks that do not depend on each other.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub chunk: Option<u32>,
@@ -107,12 +115,23 @@ pub struct Settings {
     pub tone_map: ToneMap,
     /// Whether the first frame sets the exposure.
     pub auto_exposure: bool,
+    /// Folder for frames as PNG, if wanted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub png: Option<PathBuf>,
     /// Folder for linear frames as OpenEXR, if wanted.
     pub exr: Option<PathBuf>,
     /// Further layers of a frame's OpenEXR file.
     pub aov: Vec<Aov>,
     /// File for the frames before compression, if wanted.
     pub y4m: Option<PathBuf>,
+}
+
+fn is_zero(number: &u32) -> bool {
+    *number == 0
+}
+
+fn is_one(number: &u32) -> bool {
+    *number == 1
 }
 
 impl Settings {

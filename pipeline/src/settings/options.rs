@@ -2,6 +2,7 @@
 
 use super::chunks::FrameRange;
 use super::emphasis::{AdaptiveQuantiser, Importance};
+use super::preset::Preset;
 use super::values::{Aov, BitRate, Lighting, PixelShading, Size, Stopping, Switch, Thresholds, size_as_text};
 use mpeg2enc::Effort;
 use serde::{Deserialize, Serialize, Serializer};
@@ -14,9 +15,26 @@ use std::path::PathBuf;
 #[cfg_attr(feature = "command-line", derive(clap::Args))]
 #[serde(rename_all = "kebab-case", default, deny_unknown_fields)]
 pub struct Options {
+    /// How good and how slow: "draft" is small and coarse, "good" the defaults, "final" large, with smooth edges; what is typed
+    /// besides overrides it [default: good]
+    #[cfg_attr(feature = "command-line", arg(long, value_enum, value_name = "HOW", hide_possible_values = true))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<Preset>,
     /// Pictures to make [default: as the scene's TOML file says, else as long as its animation, else 100]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
     pub frames: Option<u32>,
+    /// Begin with this frame of the scene, counted from 0 [default: 0]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "K"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from: Option<u32>,
+    /// End with this frame of the scene [default: the last]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "K", conflicts_with = "frames"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to: Option<u32>,
+    /// Show each N-th frame of the scene alone, N times as fast: a preview [default: 1]
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub every: Option<u32>,
     /// Every N frames all begins anew, so that machines can make parts of the film: the same bits as one machine [default: never]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N"))]
     pub chunk: Option<u32>,
@@ -126,6 +144,10 @@ pub struct Options {
     /// with .m2v, in this folder; with _A-B.m2v for a --range]
     #[cfg_attr(feature = "command-line", arg(short, long, value_name = "FILE"))]
     pub output: Option<PathBuf>,
+    /// Also write every frame as PNG into this folder, as displays show it
+    #[cfg_attr(feature = "command-line", arg(long, value_name = "DIR", hide = !cfg!(feature = "still")))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub png: Option<PathBuf>,
     /// Also write every frame as linear OpenEXR into this folder
     #[cfg_attr(feature = "command-line", arg(long, value_name = "DIR", hide = !cfg!(feature = "exr")))]
     pub exr: Option<PathBuf>,

@@ -14,6 +14,10 @@ pub struct RenderSettings {
     pub chunk: Option<u32>,
     /// Pictures a second.
     pub fps: f64,
+    /// The frame of the scene that the film begins with.
+    pub from: u32,
+    /// Frames of the scene from one picture of the film to the next.
+    pub every: u32,
     /// Size of the picture.
     pub size: Size,
     /// Weights of the maps that say where people look, if they are to steer anything.
@@ -68,10 +72,10 @@ pub struct RenderSettings {
 }
 
 impl RenderSettings {
-    /// Seconds from the start of the animation to frame `n`.
+    /// Seconds from the start of the animation to frame `n` of the film.
     #[must_use]
     pub fn time(&self, n: u32) -> f32 {
-        (f64::from(n) / self.fps) as f32
+        ((f64::from(self.from) + f64::from(n) * f64::from(self.every)) / self.fps) as f32
     }
 }
 
@@ -84,6 +88,8 @@ impl Settings {
             end: self.frame_range().end,
             chunk: self.chunk,
             fps: self.fps,
+            from: self.from,
+            every: self.every,
             size: self.size,
             importance: self.importance,
             importance_gain: self.importance_gain.unwrap_or(1.0),

@@ -3,6 +3,7 @@
 use super::chunks::{check_part, checked_range};
 use super::emphasis::AdaptiveQuantiser;
 use super::options::Options;
+use super::preset::Preset;
 use super::values::{Aov, Lighting, PixelShading, Size, Stopping, Switch, Thresholds};
 use super::{Effort, Settings};
 use crate::error::{Error, Result};
@@ -16,6 +17,8 @@ use std::path::{Path, PathBuf};
 const IMPORTANCE_GAIN: f32 = 2.0;
 /// Samples of the most important pixels \[Debattista05, 4.2\].
 const IMPORTANT_SAMPLES: u32 = 5;
+/// One in so many of the anchor lights of a scene are enough for a draft.
+const DRAFT_SHARE: usize = 4;
 /// Most samples to the pixel.
 const MOST_SAMPLES: u32 = 64;
 /// Photons for each anchor light: where quantiser_scale is below 4, below 16, and from there on.
@@ -46,6 +49,9 @@ impl Options {
     /// # Errors
     /// An option, or a setting of the scene, is out of its range or contradicts another; the message says what works.
     pub fn fill_in(&mut self, path: PathBuf, scene: &Scene) -> Result<Settings> {
+        if let Some(preset) = self.preset {
+            self.fill_in_preset(preset, scene);
+        }
         let (fps, frames) = self.fill_in_length(&path, scene)?;
         self.fill_in_chunks(frames)?;
         let output = self.fill_in_output(&path)?;
@@ -80,6 +86,8 @@ impl Options {
             scene: path,
             output,
             frames,
+            from: self.from.unwrap_or(0),
+            every: self.every.unwrap_or(1),
             chunk: self.chunk,
             range: self.range,
             fps,
@@ -114,10 +122,30 @@ impl Options {
             motion: !self.no_motion,
             tone_map,
             auto_exposure,
+            png: self.png.clone(),
             exr: self.exr.clone(),
             aov: self.aov.clone(),
             y4m: self.y4m.clone(),
         })
+    }
+
+    /// What a preset says where nothing else does.
+    fn fill_in_preset(&mut self, preset: Preset, scene: &Scene) {
+        match preset {
+            Preset::Draft => {
+                self.size.get_or_insert(Size { width: 256, height: 256 });
+                self.qscale.get_or_insert(16);
+                self.effort.get_or_insert(Effort::Fast);
+                self.vpls.get_or_insert_with(|| render_core::Anchors::default_count(scene).div_ceil(DRAFT_SHARE));
+            }
+            Preset::Good => {}
+            Preset::Final => {
+                self.size.get_or_insert(Size { width: 1024, height: 1024 });
+                self.qscale.get_or_insert(4);
+                self.samples.get_or_insert(4);
+                self.effort.get_or_insert(Effort::Best);
+            }
+        }
     }
 
     fn fill_in_output(&mut self, path: &Path) -> Result<PathBuf> {
@@ -150,8 +178,25 @@ impl Options {
         if !(fps.is_finite() && fps > 0.0) {
             fail!("--fps {fps} must be positive");
         }
+        // What the scene has, and what of it the film shows.
         let animated = (f64::from(scene.duration()) * fps).round().clamp(0.0, 1e6) as u32;
-        let frames = *self.frames.get_or_insert(video.frames.unwrap_or(if animated > 0 { animated } else { 100 }));
+        let all = video.frames.unwrap_or(if animated > 0 { animated } else { 100 });
+        let (from, every) = (self.from.unwrap_or(0), self.every.unwrap_or(1));
+        if every == 0 {
+            fail!("--every 0: a film shows each frame (1), each second one (2) and so on");
+        }
+        let end = match self.to {
+            Some(to) if to < from => fail!("--to {to} lies before --from {from}"),
+            Some(to) => to.saturating_add(1),
+            None if self.frames.is_none() && from >= all => {
+                fail!("--from {from} lies beyond the scene, whose last frame is {}; --frames takes more", all - 1)
+            }
+            None => all,
+        };
+        let shown = end.saturating_sub(from).div_ceil(every);
+        let frames = *self.frames.get_or_insert(shown);
+        // From here on the number of frames says where the film ends.
+        self.to = None;
         if frames == 0 {
             fail!("--frames 0: a video has at least one frame");
         }
@@ -242,6 +287,9 @@ impl Options {
     fn check_files(&self) -> Result<()> {
         if self.exr.is_some() && !cfg!(feature = "exr") {
             fail!("--exr: this build writes no OpenEXR; build it with the feature exr");
+        }
+        if self.png.is_some() && !cfg!(feature = "still") {
+            fail!("--png: this build writes no pictures; build it with the feature still");
         }
         if !self.aov.is_empty() && self.exr.is_none() {
             fail!("--aov needs --exr DIR, the folder for the files that it adds to");

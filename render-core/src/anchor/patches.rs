@@ -168,7 +168,11 @@ mod tests {
             assert_eq!(points.len(), count);
             for (i, point) in points.iter().enumerate() {
                 let patch = table.pick((i as f64 + 0.5) / count as f64).index;
-                assert_eq!((point.triangle as usize, point.front), (patch / 2, patch % 2 == 0), "{i} of {count}");
+                assert_eq!(
+                    (point.triangle as usize, point.front),
+                    (patch / 2, patch.is_multiple_of(2)),
+                    "{i} of {count}"
+                );
             }
         }
     }

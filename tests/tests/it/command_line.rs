@@ -95,6 +95,11 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
             "camera",
             "animation",
             "set",
+            "preset",
+            "from",
+            "to",
+            "every",
+            "png",
         ];
         let named = printed.lines().any(|line| line.starts_with(&format!("{option} = ")));
         assert!(named || without.contains(&option) || undefined.contains(&option), "{option} is not printed");

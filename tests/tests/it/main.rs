@@ -41,6 +41,7 @@ mod report;
 #[cfg(target_os = "linux")]
 mod resume;
 mod scale;
+mod still;
 mod structure;
 mod sweep;
 mod tools;

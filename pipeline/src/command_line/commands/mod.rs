@@ -11,5 +11,7 @@ pub mod reference;
 pub mod render;
 #[cfg(feature = "shell")]
 pub mod shell;
+#[cfg(feature = "still")]
+pub mod still;
 #[cfg(feature = "sweep")]
 pub mod sweep;

@@ -1,15 +1,18 @@
 //! `render2mpeg reference`.
 
 use crate::command_line::overwrite::Overwrite;
-use crate::command_line::progress;
 use crate::command_line::source::Reading;
+use crate::command_line::{parts, progress};
+use crate::film::display::exposure_for;
 use crate::output::Output;
+use crate::picture_file::{PictureFormat, shown, write_shown};
 use crate::places::FilePlaces;
 use crate::renderer::reference::{self, ReferenceMethod};
 use crate::settings::{Size, Switch};
 use crate::{Options, Settings};
 use anyhow::Result;
 use clap::Args;
+use perceptual::luminance_plane;
 use render_core::{PathOptions, PixelSampling};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -22,7 +25,8 @@ pub(crate) struct Reference {
     /// How the scene is read.
     #[command(flatten)]
     reading: Reading,
-    /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means
+    /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means; .png or .jpg as a display shows
+    /// it
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Number of the frame, counted from 0
@@ -86,6 +90,8 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
         quiet,
         ..
     } = arguments;
+    let format = PictureFormat::of(&output)?;
+    parts::need("still", format != PictureFormat::Linear)?;
     let scene = reading.load(&path)?;
     FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
     overwrite.check(&output)?;
@@ -113,6 +119,13 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
             picture
         }
     };
-    picture.write(&output)?;
+    match format {
+        PictureFormat::Linear => picture.write(&output)?,
+        PictureFormat::Shown(_) => {
+            let exposure = settings.auto_exposure.then(|| exposure_for(&luminance_plane(&picture.radiance)));
+            let tone_map = settings.tone_map.with_exposure(exposure.unwrap_or(settings.tone_map.exposure));
+            write_shown(&output, &shown(&picture.radiance, &tone_map))?;
+        }
+    }
     Ok(ExitCode::SUCCESS)
 }

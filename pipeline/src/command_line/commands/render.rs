@@ -83,19 +83,10 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 /// Renders and reports.
 pub fn run(arguments: Render) -> Result<ExitCode> {
     let Render { source, mut options, report, html, resume, checkpoint, threads, trace, .. } = arguments;
-    let Render {
-        memory,
-        overwrite,
-        keep_checkpoint,
-        print_config: only_print,
-        progress,
-        json_progress,
-        verbose,
-        quiet,
-        ..
-    } = arguments;
+    let Render { memory, overwrite, print_config: only_print, progress, json_progress, verbose, quiet, .. } = arguments;
     parts::need("html", html.is_some())?;
     parts::need("exr", options.exr.is_some() || !options.aov.is_empty())?;
+    parts::need("still", options.png.is_some())?;
     parts::need("trace", trace.is_some() || verbose > 0)?;
     let path = source.path();
     let scene = source.reading.load(&path)?;
@@ -104,16 +95,15 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     let _ = settings.encoder_config()?;
     let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
     if only_print {
+        let text = |path: Option<&PathBuf>| path.map(|path| path.display().to_string());
         let more = [
-            ProgramOption::text("report", Some(report_path.display().to_string())),
-            ProgramOption::text("html", html.map(|path| path.display().to_string())),
+            ProgramOption::text("report", text(Some(&report_path))),
+            ProgramOption::text("html", text(html.as_ref())),
+            ProgramOption::text("trace", text(trace.as_ref())),
             ProgramOption::text("checkpoint", checkpoint.map(|every| every.to_string())),
-            ProgramOption::text("trace", trace.map(|path| path.display().to_string())),
             ProgramOption::text("threads", threads.map(|threads| threads.to_string())),
-            ProgramOption::text("camera", source.reading.camera.clone()),
-            ProgramOption::text("animation", source.reading.animation.clone()),
-            ProgramOption::list("set", source.reading.set.iter().map(ToString::to_string)),
         ];
+        let more: Vec<ProgramOption> = more.into_iter().chain(source.reading.options()).collect();
         say!("{}", print_config::text(&settings.scene, &options, &more)?.trim_end());
         return Ok(ExitCode::SUCCESS);
     }
@@ -129,24 +119,17 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
         .writes("--trace", trace.as_deref())
         .check()?;
     let job = FilmJob::of(&scene, &settings)?;
-    let goes_on = resume && checkpoint_path.exists();
-    if resume && !goes_on && settings.output.is_file() {
-        let made = std::fs::read(&report_path).ok().and_then(|report| FilmJob::of_report(&settings.output, &report));
-        let made = made.filter(|made| made.is_same(&job)).and_then(|made| made.end());
-        if made == job.end() {
-            if !quiet {
-                tell!("{} is finished: nothing is left to do", settings.output.display());
-            }
-            return Ok(ExitCode::SUCCESS);
+    if resume && is_finished(&job, &report_path) {
+        if !quiet {
+            tell!("{} is finished: nothing is left to do", settings.output.display());
         }
-        overwrite.check_for(&settings.output, "is finished, and --keep-checkpoint has left nothing to go on from")?;
-    } else if !goes_on {
-        overwrite.check_for(&checkpoint_path, "is there: --resume goes on with its film")?;
-        overwrite.check(&settings.output)?;
-        settings.y4m.iter().try_for_each(|path| overwrite.check(path))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    if !(resume && checkpoint_path.exists()) {
+        check_replaced(overwrite, resume, &settings)?;
     }
     memory.check(&scene, &settings)?;
-    if let Some(folder) = &settings.exr {
+    for folder in settings.exr.iter().chain(&settings.png) {
         std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     }
     let plan = Plan::new(&scene, &settings.renderer());
@@ -155,7 +138,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
         true => Checkpoints::resume(&job, every)?,
         false => Checkpoints::new(&job, every),
     };
-    if keep_checkpoint {
+    if arguments.keep_checkpoint {
         checkpoints.leave_at_end(settings.frame_range().end);
     }
     let mut film = Film::new(&scene, &settings, &plan, &checkpoints)?;
@@ -184,7 +167,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     report.write(&report_path)?;
     write_page(html.as_deref(), &report, &observer.importance)?;
     let traced = log.finish()?;
-    if !report.summary.interrupted && !keep_checkpoint {
+    if !report.summary.interrupted && !arguments.keep_checkpoint {
         checkpoints.remove();
     }
     lines.end(&report);
@@ -196,6 +179,27 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
         traced.into_iter().for_each(|line| tell!("trace:  {line}"));
     }
     Ok(if report.summary.interrupted { interrupt.exit_code() } else { ExitCode::SUCCESS })
+}
+
+/// Whether the film of the job is there, and the report beside it says that it is whole.
+fn is_finished(job: &FilmJob, report: &Path) -> bool {
+    let made = std::fs::read(report).ok().and_then(|report| FilmJob::of_report(job.film(), &report));
+    let is_whole = made.is_some_and(|made| made.is_same(job) && made.end() == job.end());
+    is_whole && job.film().is_file() && !path_for(job.film()).exists()
+}
+
+/// Asks before a film begins in the place of another, or of one that could be continued.
+///
+/// # Errors
+/// The user says no.
+fn check_replaced(overwrite: Overwrite, resume: bool, settings: &Settings) -> Result<()> {
+    let film = &settings.output;
+    if resume {
+        return overwrite.check_for(film, "is finished, and --keep-checkpoint has left nothing to go on from");
+    }
+    overwrite.check_for(&path_for(film), "is there: --resume goes on with its film")?;
+    overwrite.check(film)?;
+    settings.y4m.iter().try_for_each(|path| overwrite.check(path))
 }
 
 /// What is said and done when signals come: the first lets the frames that are begun be finished, the second does not.

@@ -86,7 +86,7 @@ fn identity_of(settings: &str) -> serde_json::Result<String> {
     if let Some(names) = value.as_object_mut() {
         ["scene", "output", "baked", "frames"].iter().for_each(|name| drop(names.remove(*name)));
         // Further outputs are continued where they lie.
-        for name in ["exr", "y4m"] {
+        for name in ["png", "exr", "y4m"] {
             let Some(path) = names.get_mut(name).filter(|path| path.is_string()) else { continue };
             let absolute = path.as_str().and_then(|path| std::path::absolute(path).ok());
             if let Some(absolute) = absolute {

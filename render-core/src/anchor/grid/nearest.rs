@@ -169,7 +169,7 @@ mod tests {
 
     fn spot(key: u64, normal: Vec3A) -> Spot {
         let position = on_plane(key, 77) + Vec3A::Y * 0.1 * (key % 3) as f32;
-        Spot { position, normal, instance: (key % 5) as u32, only_own: key % 2 == 0, came: None }
+        Spot { position, normal, instance: (key % 5) as u32, only_own: key.is_multiple_of(2), came: None }
     }
 
     #[test]

@@ -1,0 +1,87 @@
+//! `render2mpeg still`.
+
+use crate::Options;
+use crate::command_line::overwrite::Overwrite;
+use crate::command_line::source::{MemoryLimit, Reading};
+use crate::output::Output;
+use crate::picture_file::PictureFormat;
+use crate::places::FilePlaces;
+use crate::settings::{Preset, Size};
+use crate::still::Still;
+use anyhow::Result;
+use clap::Args;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// The frame, and how good its picture is to be.
+#[derive(Args)]
+pub(crate) struct StillArguments {
+    /// A glTF 2.0 scene, .glb or .gltf
+    scene: PathBuf,
+    /// The picture: .png or .jpg as a display shows it, .exr with linear light [default: the scene's name with .png, here]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Number of the frame, counted from 0
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    frame: u32,
+    /// How good and how slow: draft, good or final, as for films
+    #[arg(long, value_enum, value_name = "HOW")]
+    preset: Option<Preset>,
+    /// Size of the picture, in pixels [default: 512x512]
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+    /// Samples of visibility and light to the pixel: 4 smooths edges [default: 4]
+    #[arg(long, value_name = "N")]
+    samples: Option<u32>,
+    /// Pictures a second, which say when the frame is [default: as the TOML file says, else 25]
+    #[arg(long)]
+    fps: Option<f64>,
+    /// Anchor lights that carry the indirect light [default: as for films]
+    #[arg(long, value_name = "N")]
+    vpls: Option<usize>,
+    /// How the scene is read.
+    #[command(flatten)]
+    reading: Reading,
+    /// How much memory it may take.
+    #[command(flatten)]
+    memory: MemoryLimit,
+    /// Whether a picture may be replaced.
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// Threads [default: one per processor]; the result is the same for any number
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Only errors are shown
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Samples to the pixel: a picture is looked at for longer than a frame.
+const SAMPLES: u32 = 4;
+
+/// Renders and writes.
+pub fn run(arguments: StillArguments) -> Result<ExitCode> {
+    let StillArguments { scene: path, output, frame, preset, size, samples, fps, vpls, .. } = arguments;
+    let StillArguments { reading, memory, overwrite, quiet, .. } = arguments;
+    let output = output.unwrap_or_else(|| PathBuf::from(path.file_stem().unwrap_or_default()).with_extension("png"));
+    let _ = PictureFormat::of(&output)?;
+    let scene = reading.load(&path)?;
+    FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
+    overwrite.check(&output)?;
+
+    // A film of enough frames, at a quantiser as fine as pictures are.
+    let samples = samples.or_else(|| preset.is_none().then_some(SAMPLES));
+    let (frames, qscale) = (Some(frame.saturating_add(1)), Some(1));
+    let options = Options { preset, size, samples, fps, vpls, frames, qscale, ..Options::default() };
+    let settings = options.clone().fill_in(path, &scene)?;
+    memory.check(&scene, &settings)?;
+    // An output that cannot be written is told of before the work, not after it.
+    drop(Output::create(&output)?);
+    let begin = std::time::Instant::now();
+    Still::render(&scene, &settings, frame).write(&output)?;
+    if !quiet {
+        let Size { width, height } = settings.size;
+        tell!("{}: {width}x{height} pixels in {:.1} s", output.display(), begin.elapsed().as_secs_f64());
+    }
+    Ok(ExitCode::SUCCESS)
+}

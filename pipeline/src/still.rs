@@ -1,0 +1,66 @@
+//! One picture: a frame of a scene as a display shows it, or its light.
+
+use crate::error::Result;
+use crate::film::display::{blended, exposure_for};
+use crate::parts::{LastThresholds, Shade};
+use crate::picture_file::{PictureFormat, shown, write_shown};
+use crate::plan::Plan;
+use crate::renderer::{Preparation, Shading, exposure_of_first_frame};
+use crate::settings::Settings;
+use perceptual::luminance_plane;
+use plane::Plane;
+use render_core::scene::Scene;
+use std::path::Path;
+
+/// A picture of one frame.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Still {
+    /// Linear RGB \[W·m⁻²·sr⁻¹\].
+    pub radiance: Plane<[f32; 3]>,
+    /// As a display shows it: red, green and blue of sRGB, codes of 8 bits.
+    pub shown: Plane<[u8; 3]>,
+}
+
+impl Still {
+    /// Frame `frame` of `scene`, counted from 0, with the light that a film's first frame has.
+    #[must_use]
+    pub fn render(scene: &Scene, settings: &Settings, frame: u32) -> Self {
+        let renderer = settings.renderer();
+        let plan = Plan::new(scene, &renderer);
+        let prepared = Preparation::new(scene, &renderer, &plan).frame(frame);
+        let shaded = Shading::new(&renderer, &plan).step(&prepared, LastThresholds::none());
+
+        // Without an exposure of its own a film has that of its first frame.
+        let exposure = match (settings.auto_exposure, frame) {
+            (false, _) => settings.tone_map.exposure,
+            (true, 0) => exposure_for(&luminance_plane(&shaded.radiance)),
+            (true, _) => exposure_of_first_frame(scene, &renderer, |settings, plan| Shading::new(settings, plan)),
+        };
+        let tone_map = settings.tone_map.with_exposure(exposure);
+        let shown = shown(&blended(&shaded, &tone_map), &tone_map);
+        Self { radiance: shaded.radiance, shown }
+    }
+
+    /// Writes `.png` or `.jpg` as a display shows it, or `.exr` with linear light.
+    ///
+    /// # Errors
+    /// The ending is another, or the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        match PictureFormat::of(path)? {
+            PictureFormat::Linear => write_linear(path, &self.radiance),
+            PictureFormat::Shown(_) => write_shown(path, &self.shown),
+        }
+    }
+}
+
+/// Writes linear light.
+#[cfg(feature = "exr")]
+fn write_linear(path: &Path, radiance: &Plane<[f32; 3]>) -> Result<()> {
+    crate::renderer::reference::Reference { radiance: radiance.clone(), variance: None }.write(path)
+}
+
+#[cfg(not(feature = "exr"))]
+fn write_linear(path: &Path, _: &Plane<[f32; 3]>) -> Result<()> {
+    Err(crate::Error::content(path, ": this build writes no OpenEXR; build it with the feature exr"))
+}

@@ -1,0 +1,129 @@
+//! Single pictures, frames as pictures, and films of some of a scene's frames.
+
+use pipeline::laboratory::compare::png_file;
+use plane::Plane;
+use std::fs;
+use std::path::Path;
+use tests::{Finished, Moving, assert_fails, checkered_room, render, render2mpeg, sorted_names};
+
+const SMALL: &str = "--size 48x32 --vpls 60";
+
+fn folder_with_room(moving: Moving) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    checkered_room(moving).write(&folder.path().join("room.glb"));
+    folder
+}
+
+/// Runs the words, which must go well.
+fn run(folder: &Path, words: &str) -> Finished {
+    let finished = render2mpeg(folder, &words.split_whitespace().collect::<Vec<_>>());
+    assert_eq!(finished.code, Some(0), "{words}: {}", finished.stderr);
+    finished
+}
+
+fn png(path: &Path) -> Plane<[u8; 3]> {
+    png_file::read(path).unwrap()
+}
+
+/// Mean difference of two pictures, in codes.
+fn difference(a: &Plane<[u8; 3]>, b: &Plane<[u8; 3]>) -> f64 {
+    let (a, b) = (a.samples().as_flattened(), b.samples().as_flattened());
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(&a, &b)| f64::from(a.abs_diff(b))).sum::<f64>() / a.len() as f64
+}
+
+#[test]
+fn a_still_is_the_frame_of_a_film() {
+    let folder = folder_with_room(Moving::Camera);
+    let folder = folder.path();
+    run(folder, &format!("still room.glb {SMALL} --samples 1"));
+    run(folder, &format!("still room.glb {SMALL} --samples 1 --frame 20 -o late.png"));
+    render(folder, "film", &folder.join("room.glb"), &format!("{SMALL} --qscale 1 --frames 21 --png frames"));
+    let (first, late) = (png(&folder.join("frames/frame_00000.png")), png(&folder.join("frames/frame_00020.png")));
+    assert!(difference(&png(&folder.join("room.png")), &first) < 0.01, "the first frame is lit alike");
+    // A film's later frames keep light of the frames before; the exposure is found from a smaller picture.
+    let apart = difference(&png(&folder.join("late.png")), &late);
+    assert!(apart < 4.0 && difference(&first, &late) > 2.0 * apart, "{apart} of {}", difference(&first, &late));
+
+    // A reference as a picture agrees, within its noise.
+    run(folder, "reference room.glb --size 48x32 --spp 64 -o truth.png --quiet");
+    let apart = difference(&png(&folder.join("truth.png")), &first);
+    assert!(apart < 12.0, "{apart}");
+}
+
+#[test]
+fn the_ending_of_a_picture_says_what_it_is() {
+    let folder = folder_with_room(Moving::Nothing);
+    let folder = folder.path();
+    for (name, magic) in [("a.png", &b"\x89PNG"[..]), ("a.jpg", b"\xff\xd8\xff"), ("a.exr", b"\x76\x2f\x31\x01")] {
+        for command in ["still", "reference --spp 1"] {
+            let words = format!("{command} room.glb --size 16x16 --vpls 20 -o {name} --overwrite --quiet");
+            run(folder, &words);
+            assert!(fs::read(folder.join(name)).unwrap().starts_with(magic), "{words}");
+        }
+    }
+    for name in ["a.bmp", "a", "a.m2v"] {
+        for command in ["still", "reference"] {
+            assert_fails(folder, &[command, "room.glb", "-o", name], &[name, ".png", ".exr"]);
+            assert!(!folder.join(name).exists());
+        }
+    }
+    assert_fails(folder, &["still", "room.glb", "-o", "a.png"], &["a.png", "--overwrite"]);
+}
+
+#[test]
+fn films_show_the_frames_that_are_wanted() {
+    let folder = folder_with_room(Moving::Camera);
+    let folder = folder.path();
+    let film = |name: &str, words: &str| {
+        let report =
+            render(folder, name, &folder.join("room.glb"), &format!("{SMALL} --photons 3000 --exr {name} {words}"))
+                .report;
+        (report["summary"]["frames"].as_u64().unwrap(), sorted_names(&folder.join(name)).len())
+    };
+    // Frames 6, 8 and 10 of the scene: each is where it is in the film of all.
+    assert_eq!(film("whole", "--frames 12"), (12, 12));
+    assert_eq!(film("some", "--from 6 --to 11 --every 2"), (3, 3));
+    let linear = |name: &str, frame: u32| {
+        let picture =
+            render_core::image_file::read_radiance(&folder.join(format!("{name}/frame_{frame:05}.exr"))).unwrap();
+        let sum: f32 = picture.samples().iter().map(|rgb| rgb.element_sum()).sum();
+        (picture, sum)
+    };
+    for (frame, of_whole) in [(0, 6), (1, 8), (2, 10)] {
+        let ((a, sum), (b, _), (elsewhere, _)) =
+            (linear("some", frame), linear("whole", of_whole), linear("whole", of_whole + 1));
+        let apart = |a: &Plane<glam::Vec3>, b: &Plane<glam::Vec3>| -> f32 {
+            a.samples().iter().zip(b.samples()).map(|(a, b)| (*a - *b).abs().element_sum()).sum()
+        };
+        assert!(apart(&a, &b) < 0.5 * apart(&a, &elsewhere) && apart(&a, &b) < 0.1 * sum, "{frame}");
+    }
+    assert_eq!(film("tail", "--from 90 --frames 2").0, 2);
+    for (words, word) in [
+        ("--from 5 --to 3", "--from"),
+        ("--from 100000", "--from"),
+        ("--every 0", "--every"),
+        ("--to 3 --frames 4", "--frames"),
+    ] {
+        let words = format!("render room.glb {words}");
+        let refused = render2mpeg(folder, &words.split_whitespace().collect::<Vec<_>>());
+        assert_eq!(refused.code, Some(2), "{words}: {}", refused.stderr);
+        assert!(refused.stderr.contains(word), "{}", refused.stderr);
+    }
+}
+
+#[test]
+fn presets_fill_in_what_is_left_open() {
+    let folder = folder_with_room(Moving::Nothing);
+    let folder = folder.path();
+    let printed = |words: &str| run(folder, &format!("render room.glb --print-config {words}")).stdout;
+    for (words, lines) in [
+        ("--preset draft", &["size = \"256x256\"", "qscale = 16", "effort = \"fast\""][..]),
+        ("--preset good", &["size = \"512x512\"", "qscale = 8", "samples = 1"]),
+        ("--preset final", &["size = \"1024x1024\"", "qscale = 4", "samples = 4", "effort = \"best\""]),
+        ("--preset final --samples 2", &["samples = 2", "qscale = 4"]),
+    ] {
+        let text = printed(words);
+        assert!(lines.iter().all(|line| text.contains(line)), "{words}: {text}");
+    }
+}
