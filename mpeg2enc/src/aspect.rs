@@ -66,13 +66,19 @@ impl AspectRatio {
 
     /// Width of a sample as a share of its height, in pictures of `width`×`height`.
     fn sample_width(self, width: usize, height: usize) -> f64 {
-        let picture = match self {
-            Self::SquareSamples => return 1.0,
-            Self::Display4x3 => 4.0 / 3.0,
-            Self::Display16x9 => 16.0 / 9.0,
-            Self::Display221x100 => 2.21,
-        };
+        let Some((wide, high)) = self.of_display() else { return 1.0 };
+        let picture = f64::from(wide) / f64::from(high);
         picture * height as f64 / width as f64
+    }
+
+    /// Width and height of the displayed picture, as a ratio; `None` where samples are square.
+    pub(crate) fn of_display(self) -> Option<(u32, u32)> {
+        match self {
+            Self::SquareSamples => None,
+            Self::Display4x3 => Some((4, 3)),
+            Self::Display16x9 => Some((16, 9)),
+            Self::Display221x100 => Some((221, 100)),
+        }
     }
 
     /// aspect_ratio_information, or pel_aspect_ratio in MPEG-1; `None` where MPEG-1 has none that is near.

@@ -1,18 +1,23 @@
 //! Streams that say when each picture is due: program streams (`.mpg`) and transport streams (`.ts`) of ISO/IEC
-//! 13818-1:2000 around the elementary stream.
+//! 13818-1:2000, MP4 in fragments (`.mp4`) and Matroska (`.mkv`) around the elementary stream.
 //!
-//! Numbers of clauses and tables in this module are those of that standard.
+//! Numbers of clauses and tables in this module are those of 13818-1, but for the last two, whose files name their own standards.
+//! All of them are written from the first byte to the last, and nothing that was written changes later.
 
 mod access_unit;
 mod clock;
+mod description;
+mod matroska;
+mod mp4;
 mod pes;
 mod program;
 mod schedule;
 mod transport;
 
-use crate::{Config, header::SEQUENCE_END_CODE};
+use crate::{Config, PictureType, header::SEQUENCE_END_CODE};
 pub use access_unit::AccessUnit;
 use clock::Clock;
+use description::Description;
 use pes::Picture;
 use schedule::Schedule;
 use std::{fmt, path::Path};
@@ -30,35 +35,30 @@ pub enum Container {
     Disc,
     /// A transport stream, `.ts`: for where bytes get lost.
     Transport,
+    /// MP4 in fragments of a group of pictures each, `.mp4`: for editing programs, and players that show MPEG-2.
+    Mp4,
+    /// Matroska, `.mkv`: for players.
+    Matroska,
 }
 
 impl Container {
-    /// Bytes that end a stream in this container, for one that is cut short after any picture: sequence_end_code (H.262, 6.2.1),
-    /// MPEG_program_end_code (H.222.0, 2.5.3.2), nothing for a transport stream.
-    #[must_use]
-    pub fn end_code(self) -> &'static [u8] {
-        match self {
-            Self::Elementary => &[0, 0, 1, SEQUENCE_END_CODE],
-            Self::Program | Self::Disc => &program::END,
-            Self::Transport => &[],
-        }
-    }
-
-    /// The container for a file's ending: `.m2v`, `.m1v`, `.mpv` or no ending; `.mpg`, `.mpeg`; `.vob`; `.ts`,
-    /// `.m2t`. `None` for all others.
+    /// The container for a file's ending: `.m2v`, `.m1v`, `.mpv`; `.mpg`, `.mpeg`; `.vob`; `.ts`, `.m2t`; `.mp4`; `.mkv`.
+    /// `None` for all others, and where there is no ending.
     ///
     /// ```
     /// use mpeg2enc::Container;
     /// assert_eq!(Container::of("film.TS".as_ref()), Some(Container::Transport));
-    /// assert_eq!(Container::of("film.mp4".as_ref()), None);
+    /// assert_eq!(Container::of("film.avi".as_ref()), None);
+    /// assert_eq!(Container::of("film".as_ref()), None);
     /// ```
     pub fn of(path: &Path) -> Option<Self> {
-        let Some(ending) = path.extension() else { return Some(Self::Elementary) };
-        match ending.to_str()?.to_ascii_lowercase().as_str() {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "m2v" | "m1v" | "mpv" => Some(Self::Elementary),
             "mpg" | "mpeg" => Some(Self::Program),
             "vob" => Some(Self::Disc),
             "ts" | "m2t" => Some(Self::Transport),
+            "mp4" => Some(Self::Mp4),
+            "mkv" => Some(Self::Matroska),
             _ => None,
         }
     }
@@ -71,7 +71,8 @@ impl Container {
 /// [`Rate`](crate::Rate) everything is there in time, and at a constant rate just as vbv_delay says. Pictures at a constant
 /// quantiser that exceed what their level allows come late; files play all the same.
 ///
-/// Packs of a program stream have 2048 bytes, and each picture begins with one.
+/// Packs of a program stream have 2048 bytes, and each picture begins with one. In MP4 and Matroska a group of pictures is written
+/// when the next one begins.
 ///
 /// ```
 /// use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Picture};
@@ -89,6 +90,7 @@ impl Container {
 /// assert_eq!(file[..4], [0, 0, 1, 0xba]); // pack_start_code
 /// # Ok::<(), mpeg2enc::ConfigError>(())
 /// ```
+#[derive(Clone)]
 #[must_use = "packets are wrapped by it"]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Multiplexer {
@@ -98,11 +100,14 @@ pub struct Multiplexer {
     waiting: Option<Picture>,
 }
 
+#[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum Wrapper {
     Elementary,
     Program(program::Writer),
     Transport(transport::Writer),
+    Mp4(mp4::Writer),
+    Matroska(matroska::Writer),
 }
 
 impl Multiplexer {
@@ -110,12 +115,13 @@ impl Multiplexer {
     pub fn new(container: Container, config: &Config) -> Self {
         let schedule = Schedule::new(config);
         let (numerator, denominator) = config.frame_rate.fraction();
-        let clock = Clock {
-            frame_rate: (numerator.into(), denominator.into()),
-            start: schedule.start(),
-            count: 0,
-            reorder: u64::from(config.b_pictures > 0),
+        // Only streams of 13818-1 have times of bytes, and only in Matroska are there none of decoding.
+        let start = match container {
+            Container::Mp4 | Container::Matroska => 0,
+            _ => schedule.start(),
         };
+        let reorder = u64::from(config.b_pictures > 0 && container != Container::Matroska);
+        let clock = Clock { frame_rate: (numerator.into(), denominator.into()), start, count: 0, reorder };
         let wrapper = match container {
             Container::Elementary => Wrapper::Elementary,
             Container::Program | Container::Disc => {
@@ -123,8 +129,24 @@ impl Multiplexer {
                 Wrapper::Program(program::Writer::new(schedule, config.frame_rate.fps(), is_disc))
             }
             Container::Transport => Wrapper::Transport(transport::Writer::new(schedule, config.standard)),
+            Container::Mp4 => {
+                let description = Description::new(config);
+                let begin = reorder * description.period();
+                Wrapper::Mp4(mp4::Writer::new(description, begin))
+            }
+            Container::Matroska => Wrapper::Matroska(matroska::Writer::new(Description::new(config))),
         };
         Self { wrapper, clock, waiting: None }
+    }
+
+    /// States at the beginning of the file, where the container can, how long `count` pictures are. A film of fewer states too much.
+    pub fn with_pictures(mut self, count: u64) -> Self {
+        match &mut self.wrapper {
+            Wrapper::Mp4(writer) => writer.set_pictures(count),
+            Wrapper::Matroska(writer) => writer.set_pictures(count),
+            Wrapper::Elementary | Wrapper::Program(_) | Wrapper::Transport(_) => {}
+        }
+        self
     }
 
     /// Takes the next picture in the order of coding, a [`Packet`](crate::Packet) or one of a stream that was written before, and
@@ -132,27 +154,34 @@ impl Multiplexer {
     pub fn push(&mut self, picture: impl Into<AccessUnit>) -> Vec<u8> {
         let AccessUnit { data, display_index, picture_type } = picture.into();
         let times = self.clock.next(display_index);
-        let is_entry = picture_type == crate::PictureType::I;
-        let before = self.waiting.replace(Picture { data, times, is_entry });
+        let (is_entry, is_disposable) = (picture_type == PictureType::I, picture_type == PictureType::B);
+        let before = self.waiting.replace(Picture { data, times, is_entry, is_disposable });
         before.map_or(Vec::new(), |picture| self.wrap(picture))
+    }
+
+    /// What [`finish`](Self::finish) would give now, after the sequence_end_code that ends any stream (13818-2, 6.2.1): for a file that
+    /// is to end here in case no more comes. Nothing before the first picture.
+    #[must_use]
+    pub fn ending(&self) -> Vec<u8> {
+        match self.waiting {
+            Some(_) => self.clone().finish(&[0, 0, 1, SEQUENCE_END_CODE]),
+            None => Vec::new(),
+        }
     }
 
     /// The remaining bytes, with `sequence_end` as the encoder gives it, and the end of the stream.
     pub fn finish(mut self, sequence_end: &[u8]) -> Vec<u8> {
-        let mut picture = self.waiting.take();
-        if let Some(picture) = &mut picture {
-            picture.data.extend(sequence_end);
-        }
-        match (self.wrapper, picture) {
-            (Wrapper::Elementary, Some(picture)) => picture.data,
-            (Wrapper::Program(mut writer), Some(picture)) => writer.put(&picture, &program::END),
-            (Wrapper::Transport(mut writer), Some(picture)) => {
-                let mut out = writer.put(&picture);
-                out.extend(writer.finish());
-                out
-            }
-            (Wrapper::Program(_), None) => [sequence_end, &program::END].concat(),
-            (_, None) => sequence_end.to_vec(),
+        let Some(mut picture) = self.waiting.take() else {
+            let end: &[u8] = if matches!(self.wrapper, Wrapper::Program(_)) { &program::END } else { &[] };
+            return [sequence_end, end].concat();
+        };
+        picture.data.extend(sequence_end);
+        match self.wrapper {
+            Wrapper::Elementary => picture.data,
+            Wrapper::Program(mut writer) => writer.put(&picture, &program::END),
+            Wrapper::Transport(mut writer) => [writer.put(&picture), writer.finish()].concat(),
+            Wrapper::Mp4(mut writer) => [writer.put(picture), writer.finish()].concat(),
+            Wrapper::Matroska(mut writer) => [writer.put(picture), writer.finish()].concat(),
         }
     }
 
@@ -161,6 +190,8 @@ impl Multiplexer {
             Wrapper::Elementary => picture.data,
             Wrapper::Program(writer) => writer.put(&picture, &[]),
             Wrapper::Transport(writer) => writer.put(&picture),
+            Wrapper::Mp4(writer) => writer.put(picture),
+            Wrapper::Matroska(writer) => writer.put(picture),
         }
     }
 }

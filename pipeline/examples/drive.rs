@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = PathBuf::from(std::env::args().nth(1).ok_or("name a scene: drive SCENE.glb")?);
     let scene = render_core::scene::load(&path)?;
     let options = Options {
-        output: Some("drive.m2v".into()),
+        output: Some("drive.mpg".into()),
         size: "128x128".parse().ok(),
         frames: Some(5),
         vpls: Some(200),

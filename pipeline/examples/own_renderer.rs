@@ -2,7 +2,7 @@
 //! works only as hard as the decoded picture requires.
 //!
 //! ```text
-//! cargo run --release -p render2mpeg --example own_renderer -- orbit.m2v
+//! cargo run --release -p render2mpeg --example own_renderer -- orbit.mpg
 //! ```
 //! A disc of fine rings moves over a gradient. Each pixel is the mean of samples, and takes them until its standard error is
 //! below its threshold: the same rule that stops a lightcut.
@@ -129,8 +129,8 @@ impl Observer for Widest {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let path = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "own_renderer.m2v".into()));
-    let container = Container::of(&path).ok_or("name the output .m2v, .mpg or .ts")?;
+    let path = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "own_renderer.mpg".into()));
+    let container = Container::of(&path).ok_or("name the output .mpg, .mp4, .mkv, .ts or .m2v")?;
     for quantiser_scale in [2, 16] {
         let config = Config::new(SIZE.0, SIZE.1, FrameRate::FPS_25);
         let video = Video::immediate(config, container, quantiser_scale)?;

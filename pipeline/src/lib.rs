@@ -2,10 +2,12 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+pub mod also;
 #[cfg(feature = "bake")]
 pub mod bake;
 #[cfg(feature = "command-line")]
 pub mod command_line;
+pub mod early_end;
 pub mod error;
 pub mod feedback_loop;
 pub mod figures;

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// use pipeline::{Film, Options};
 ///
 /// let options = Options { frames: Some(25), qscale: Some(4), ..Options::default() };
-/// let report = Film::open("scene.glb")?.with_options(options).render_to("film.m2v")?;
+/// let report = Film::open("scene.glb")?.with_options(options).render_to("film.mpg")?;
 /// println!("{} frames, {} bits", report.summary.frames, report.summary.bits_total);
 /// # Ok::<(), pipeline::Error>(())
 /// ```
@@ -58,7 +58,7 @@ impl Film {
         Ok(settings)
     }
 
-    /// Renders into a file, `.m2v`, `.mpg` or `.ts`, and reports what it took. Blocks until the film is finished.
+    /// Renders into a file, `.mpg`, `.mp4`, `.mkv`, `.ts`, `.vob` or `.m2v`, and reports what it took. Blocks until the film is finished.
     ///
     /// # Errors
     /// Errors of [`Film::settings`], an [`Error::File`] if the film cannot be written, and errors of [`render`](crate::render).

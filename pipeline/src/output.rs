@@ -1,18 +1,20 @@
 //! Files that are either whole or not there.
 
+use crate::early_end::{EarlyEnd, Tail, held};
 use crate::error::{Error, Result};
+use crate::places::{is_standard_output, is_stream};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// A file that is written under `NAME.part` and gets its name when it is finished.
 ///
 /// While it is written, its part is locked: no other run writes to the same place. Dropped unfinished, it leaves nothing behind,
 /// unless it is [kept](Output::kept_if). Killed, the process leaves the part: for video, a prefix that plays.
-/// Devices and pipes are written directly.
+/// Devices and pipes are written directly, and so is standard output, whose name is `-`.
 #[derive(Debug)]
 pub struct Output {
     path: PathBuf,
@@ -22,44 +24,8 @@ pub struct Output {
     sum: crc32fast::Hasher,
     /// Whether the part stays where the file is not finished.
     kept: Arc<AtomicBool>,
-    /// Whether more may be written: not after an early end.
-    is_open: Arc<Mutex<bool>>,
-}
-
-/// Completes an [`Output`] from another thread at once; what is written to it afterwards fails.
-#[derive(Clone, Debug)]
-pub struct EarlyEnd {
-    path: PathBuf,
-    part: Option<PathBuf>,
-    is_open: Arc<Mutex<bool>>,
-}
-
-impl EarlyEnd {
-    /// Appends the `last` bytes and gives the file its name, unless it has it already. What holds nothing, or is no file, stays
-    /// as it is. Tells whether there is a file now.
-    ///
-    /// # Errors
-    /// The file cannot be written or renamed.
-    pub fn end(&self, last: &[u8]) -> Result<bool> {
-        // Held to the end: a write that is under way comes first, and none comes after it.
-        let mut is_open = held(&self.is_open);
-        let Some(part) = self.part.as_ref().filter(|_| *is_open) else { return Ok(false) };
-        *is_open = false;
-        let context = |error| Error::file(&self.path, "cannot be completed")(error);
-        let mut file = File::options().append(true).open(part).map_err(context)?;
-        if file.metadata().map_err(context)?.len() == 0 {
-            return Ok(false);
-        }
-        file.write_all(last).map_err(context)?;
-        file.sync_all().map_err(context)?;
-        fs::rename(part, &self.path).map_err(context)?;
-        Ok(true)
-    }
-}
-
-/// The lock of a flag that is valid at any time, also after a panic elsewhere.
-fn held(flag: &Mutex<bool>) -> MutexGuard<'_, bool> {
-    flag.lock().unwrap_or_else(PoisonError::into_inner)
+    /// What another thread ends the file with.
+    tail: Arc<Mutex<Tail>>,
 }
 
 /// Bytes of a file, as far as a checkpoint knows them.
@@ -78,8 +44,11 @@ impl Output {
     /// The folder does not exist or may not be written to, or another run writes there.
     pub fn create(path: &Path) -> Result<Self> {
         let problem = || Error::file(path, "cannot be written; choose another place with -o");
-        let direct = fs::metadata(path).is_ok_and(|metadata| !metadata.is_file());
-        let (part, file) = if direct {
+        if is_standard_output(path) {
+            let file = standard_output().map_err(Error::file(path, "is standard output, which is closed"))?;
+            return Ok(Self::new(Path::new("standard output"), None, file));
+        }
+        let (part, file) = if is_stream(path) {
             (None, File::options().write(true).open(path).map_err(problem())?)
         } else {
             let part = part_of(path);
@@ -92,14 +61,13 @@ impl Output {
 
     fn new(path: &Path, part: Option<PathBuf>, file: File) -> Self {
         let (written, sum) = (Written::default(), crc32fast::Hasher::new());
-        let is_open = Arc::new(Mutex::new(true));
-        Self { path: path.to_owned(), part, file, written, sum, kept: Arc::default(), is_open }
+        Self { path: path.to_owned(), part, file, written, sum, kept: Arc::default(), tail: Tail::of_nothing() }
     }
 
     /// A way to complete the file from another thread, while this one may be busy for long.
     #[must_use]
     pub fn early_end(&self) -> EarlyEnd {
-        EarlyEnd { path: self.path.clone(), part: self.part.clone(), is_open: self.is_open.clone() }
+        EarlyEnd::new(&self.path, self.part.clone(), self.tail.clone())
     }
 
     /// Opens what an earlier process has left of the file, and goes on after the bytes that were `written`.
@@ -166,11 +134,20 @@ impl Output {
     /// # Errors
     /// The disk is full or gone, or the file was ended early.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        let is_open = held(&self.is_open);
-        if !*is_open {
+        self.write_before(bytes, Vec::new())
+    }
+
+    /// Appends `bytes`. What an early end would append next, to make the file whole, is `ending`.
+    ///
+    /// # Errors
+    /// The disk is full or gone, or the file was ended early.
+    pub fn write_before(&mut self, bytes: &[u8], ending: Vec<u8>) -> Result<()> {
+        let mut tail = held(&self.tail);
+        if !tail.is_open {
             return Err(Error::content(&self.path, " was ended early"));
         }
         self.file.write_all(bytes).map_err(Error::file(&self.path, "cannot be written further"))?;
+        tail.ending = ending;
         self.written.length += bytes.len() as u64;
         self.sum.update(bytes);
         Ok(())
@@ -181,9 +158,9 @@ impl Output {
     /// # Errors
     /// The written file cannot be kept.
     pub fn finish(mut self) -> Result<()> {
-        let is_open = self.is_open.clone();
-        let mut is_open = held(&is_open);
-        if !std::mem::replace(&mut *is_open, false) {
+        let tail = self.tail.clone();
+        let mut tail = held(&tail);
+        if !std::mem::replace(&mut tail.is_open, false) {
             return Err(Error::content(&self.path, " was ended early"));
         }
         let context = |error| Error::file(&self.path, "cannot be completed")(error);
@@ -196,6 +173,20 @@ impl Output {
         self.part = None;
         Ok(())
     }
+}
+
+/// Standard output as a file of its own.
+#[cfg(unix)]
+fn standard_output() -> std::io::Result<File> {
+    use std::os::fd::AsFd;
+    std::io::stdout().as_fd().try_clone_to_owned().map(File::from)
+}
+
+/// The same of Windows.
+#[cfg(windows)]
+fn standard_output() -> std::io::Result<File> {
+    use std::os::windows::io::AsHandle;
+    std::io::stdout().as_handle().try_clone_to_owned().map(File::from)
 }
 
 /// Opens `part` and locks it for the file at `path`.

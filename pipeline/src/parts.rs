@@ -85,6 +85,12 @@ pub trait Encode: Send {
     /// A picture cannot be coded.
     fn finish(self) -> Result<Encoded>;
 
+    /// Bytes that would make a file of what the steps gave until now, without the pictures that wait to be coded: a film that is ended
+    /// at once ends with them.
+    fn ending(&self) -> Vec<u8> {
+        Vec::new()
+    }
+
     /// The state after the last step, for a checkpoint.
     fn state(&self) -> Vec<u8> {
         Vec::new()

@@ -1,4 +1,4 @@
-//! FilePlaces of the files of a run: no two are the same, and none that is read is written.
+//! Places of the files of a run: no two are the same, and none that is read is written.
 
 use crate::error::{Error, Result};
 use render_core::scene::Scene;
@@ -57,9 +57,24 @@ impl FilePlaces {
     }
 }
 
+/// Whether this is standard output by any of its names.
+#[must_use]
+pub fn is_standard_output(path: &Path) -> bool {
+    ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
+}
+
+/// Whether this is standard output, a device or a pipe: written directly, never continued, and with nothing beside it.
+#[must_use]
+pub fn is_stream(path: &Path) -> bool {
+    is_standard_output(path) || fs::metadata(path).is_ok_and(|metadata| !metadata.is_file())
+}
+
 /// The file that a path leads to, links and `..` followed, whether it is there or not yet; none for devices and pipes, which any number
-/// of outputs may go to.
+/// of outputs may go to. Standard output counts as a file: two outputs would get mixed up there.
 fn resolved(path: &Path) -> Option<PathBuf> {
+    if is_standard_output(path) {
+        return Some("-".into());
+    }
     match fs::metadata(path) {
         Ok(metadata) if !metadata.is_file() => None,
         Ok(_) => Some(fs::canonicalize(path).unwrap_or_else(|_| path.into())),
@@ -90,6 +105,8 @@ mod tests {
         check("film.m2v", "film.json").unwrap();
         check("film.m2v", "sub/film.m2v").unwrap();
         check("/dev/null", "/dev/null").unwrap();
+        let both = FilePlaces::default().writes("-o", Some("-".as_ref()));
+        assert!(both.writes("--report", Some("/dev/stdout".as_ref())).check().is_err());
         for (film, report, words) in [
             ("film.m2v", "film.m2v", ["--report", "file of -o"]),
             ("film.m2v", "./film.m2v", ["--report", "file of -o"]),

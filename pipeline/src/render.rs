@@ -77,8 +77,8 @@ impl<'a> Render<'a> {
     /// whether there are any. What goes on in [`finish`](Self::finish) then fails. `None` before [`write_to`](Self::write_to).
     #[must_use]
     pub fn early_end(&self) -> Option<impl Fn() -> Result<bool> + Send + 'static> {
-        let (end, last) = (self.start.early_end()?, self.settings.container().end_code());
-        Some(move || end.end(last))
+        let end = self.start.early_end()?;
+        Some(move || end.end())
     }
 
     /// The first frame that is still to be made.

@@ -12,15 +12,21 @@ fn run(decoder: &str, arguments: &[&str]) -> Output {
     })
 }
 
+/// ffmpeg's name of what a video is, by its ending.
+fn format_of(video: &str) -> &'static str {
+    match video.rsplit('.').next() {
+        Some("mpg") => "mpeg",
+        Some("ts") => "mpegts",
+        Some("mp4") => "mov",
+        Some("mkv") => "matroska",
+        _ => "mpegvideo",
+    }
+}
+
 /// Decodes with ffmpeg; any warning is a failure.
 pub fn decode_ffmpeg(video: &Path, (width, height): (usize, usize)) -> Vec<Picture> {
     let video = video.to_str().expect("a path in UTF-8");
-    let format = match video.rsplit('.').next() {
-        Some("mpg") => "mpeg",
-        Some("ts") => "mpegts",
-        _ => "mpegvideo",
-    };
-    let strict = ["-nostdin", "-v", "warning", "-xerror", "-f", format, "-i", video];
+    let strict = ["-nostdin", "-v", "warning", "-xerror", "-f", format_of(video), "-i", video];
     let raw = ["-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", "yuv420p", "-"];
     let output = run("ffmpeg", &[&strict[..], &raw].concat());
     let messages = String::from_utf8_lossy(&output.stderr);
@@ -31,7 +37,7 @@ pub fn decode_ffmpeg(video: &Path, (width, height): (usize, usize)) -> Vec<Pictu
 /// Pictures that ffmpeg finds in a stream that may be cut off anywhere.
 pub fn tolerant_frame_count(video: &Path, (width, height): (usize, usize)) -> usize {
     let video = video.to_str().expect("a path in UTF-8");
-    let arguments = ["-nostdin", "-v", "quiet", "-f", "mpegvideo", "-i", video, "-fps_mode", "passthrough"];
+    let arguments = ["-nostdin", "-v", "quiet", "-f", format_of(video), "-i", video, "-fps_mode", "passthrough"];
     let output = run("ffmpeg", &[&arguments[..], &["-f", "rawvideo", "-pix_fmt", "yuv420p", "-"]].concat());
     pictures(&output.stdout, (width, height)).len()
 }

@@ -12,6 +12,7 @@ pub(super) struct Times {
 }
 
 /// When pictures are decoded and shown.
+#[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Clock {
     /// Numerator and denominator of the frame rate.

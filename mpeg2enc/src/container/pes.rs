@@ -13,12 +13,15 @@ pub(super) const PADDING_LEAST: usize = 7;
 const STAMP: u64 = CLOCK / 90_000;
 
 /// A picture's part of the elementary stream.
+#[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Picture {
     pub data: Vec<u8>,
     pub times: Times,
     /// Can a decoder begin here?
     pub is_entry: bool,
+    /// Is it a B picture, which no other needs?
+    pub is_disposable: bool,
 }
 
 /// Contents of the header of a PES packet.

@@ -27,6 +27,7 @@ const HEADERS: usize = PACK_HEADER + 15 + 9 + 10 + 3;
 /// The fewest: those of packs in the middle of a picture.
 const HEADERS_LEAST: usize = PACK_HEADER + 9;
 
+#[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Writer {
     schedule: Schedule,

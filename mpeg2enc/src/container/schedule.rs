@@ -11,6 +11,7 @@ pub(super) const SLACK: u64 = CLOCK / 100;
 const LONGEST_WAIT: u64 = CLOCK;
 
 /// A buffer that fills at a rate as long as there is room.
+#[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Schedule {
     pub bytes_per_second: u64,

@@ -25,6 +25,7 @@ const TABLE_INTERVAL: u64 = CLOCK / 10;
 /// The fewest packets of a stream: ffmpeg recognizes none with less than 2040 bytes, ten times the largest packet.
 const LEAST_PACKETS: usize = 11;
 
+#[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Writer {
     schedule: Schedule,

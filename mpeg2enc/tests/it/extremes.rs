@@ -238,7 +238,8 @@ fn containers_of_impossible_rates() {
         Rate::Constant { bits_per_second: u32::MAX, buffer_bits: u32::MAX },
     ] {
         let settings = config(16, 16).with_rate(rate);
-        for container in [Container::Elementary, Container::Program, Container::Transport] {
+        use Container::{Elementary, Matroska, Mp4, Program, Transport};
+        for container in [Elementary, Program, Transport, Mp4, Matroska] {
             let _ = Multiplexer::new(container, &settings);
         }
         assert!(settings.with_lookahead(Config::LOOKAHEAD_MAX).encoder().is_err());

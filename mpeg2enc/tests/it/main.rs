@@ -8,6 +8,7 @@ mod decode;
 mod drift;
 mod elementary;
 mod extremes;
+mod groups;
 mod lookahead;
 mod mpeg1;
 mod program;

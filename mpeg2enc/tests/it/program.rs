@@ -211,7 +211,8 @@ fn numbers_out_of_range_are_wrong_arguments() {
     wrong(&["-b", "100", "--maxrate", "200"], &["--two-pass"]);
     wrong(&["-b", "90000"], &["80000000"]);
     wrong(&["--mpeg1", "--matrix", "fcc"], &["MPEG-1"]);
-    call(&[&input, "-o", &folder.path("film.mp4")]).fails(WRONG_ARGUMENTS, &["film.mp4", "--container"]);
+    call(&[&input, "-o", &folder.path("film.avi")]).fails(WRONG_ARGUMENTS, &["film.avi", "--container"]);
+    call(&[&input, "-o", &folder.path("film")]).fails(WRONG_ARGUMENTS, &["film", ".mkv", "--container"]);
     assert_eq!(folder.names(), ["clip.y4m"]);
 }
 

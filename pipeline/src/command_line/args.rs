@@ -30,7 +30,7 @@ use clap::{Parser, Subcommand};
   render2mpeg still scene.glb -o picture.png                one picture
   render2mpeg plan scene.glb                                what the scene needs, before any ray
   render2mpeg bake scene.glb                                light once, for many films
-  render2mpeg compare film.m2v film.y4m                     what the codec has cost
+  render2mpeg compare film.mpg film.y4m                     what the codec has cost
   render2mpeg sweep scene.glb --qscale 2,16,48              error against run time, as a page
 
 Each command has examples of its own: render2mpeg render --help"

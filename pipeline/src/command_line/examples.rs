@@ -1,9 +1,11 @@
 //! Examples below the options of `--help`: a line to type for each purpose.
 
 pub const RENDER: &str = "Examples:
-  render2mpeg render scene.glb -o film.m2v --size 1280x720 --frames 50 --qscale 16
+  render2mpeg render scene.glb -o film.mpg --size 1280x720 --frames 50 --qscale 16
   render2mpeg render scene.glb -o film.ts --bitrate 2M --cbr --bframes 2    a constant rate
-  render2mpeg render scene.glb -o film.m2v --resume             go on where the last run ended
+  render2mpeg render scene.glb -o film.mkv --also film.mp4      H.264 too, by ffmpeg, for any player and browser
+  render2mpeg render scene.glb -o - | mpv -                     to another program
+  render2mpeg render scene.glb -o film.mpg --resume             go on where the last run ended
   render2mpeg render scene.glb --samples 4                      smooth edges, for final output
   render2mpeg render scene.glb --preset draft --every 4         a fast preview, four times as fast
   render2mpeg render scene.glb --from 100 --to 200              these frames of the scene alone
@@ -12,7 +14,7 @@ pub const RENDER: &str = "Examples:
   render2mpeg render --config job.toml --qscale 4               options from a file, overridden
   render2mpeg render scene.glb --frames 30 --chunk 10 --range 10-19     a part, for join
 
-Without options it makes SCENE.m2v of 512x512 pixels as long as the scene's animation, and SCENE.report.json beside it.
+Without options it makes SCENE.mpg of 512x512 pixels as long as the scene's animation, and SCENE.report.json beside it.
 Ctrl-C ends with a video that plays.";
 
 #[cfg(feature = "bake")]
@@ -46,7 +48,7 @@ pub const REFERENCE: &str = "Examples:
 #[cfg(feature = "compare")]
 pub const COMPARE: &str = "Examples:
   render2mpeg compare frame_00010.exr truth.exr                 linear light
-  render2mpeg compare film.m2v film.y4m --heatmap where.png     what the codec cost, and where
+  render2mpeg compare film.mpg film.y4m --heatmap where.png     what the codec cost, and where
   render2mpeg compare frames others --json                      two folders, for other programs
 
 SSIMULACRA 2: 90 is hardly told apart, 70 good, 50 fair.";
@@ -60,8 +62,8 @@ pub const SWEEP: &str = "Examples:
 Films lie in files below the output folder while they are needed: long sweeps take disk, not memory.";
 
 pub const JOIN: &str = "Examples:
-  render2mpeg join part_0-9.m2v part_10-19.m2v part_20-29.m2v -o film.m2v
-  render2mpeg join part_0-9.m2v part_10-19.m2v part_20-29.m2v -o film.mpg    with times for players
+  render2mpeg join part_0-9.m2v part_10-19.m2v part_20-29.m2v -o film.mpg
+  render2mpeg join part_0-9.m2v part_10-19.m2v part_20-29.m2v -o - | mpv -
 
 Parts are made by render --chunk 10 --range 0-9 and so on, anywhere; beside each is its report, SCENE_0-9.report.json.
 Nothing is coded again: the film has the bytes of render --chunk 10 without --range.";

@@ -96,7 +96,7 @@ pub fn of_long_work(quiet: bool) -> ProgressBar {
 }
 
 /// The figures that matter most, and where everything is.
-pub fn summary(report: &Report, video: &Path, report_path: &Path) {
+pub fn summary(report: &Report, video: &Path, report_path: Option<&Path>) {
     let s = &report.summary;
     let rate = s.bits * report.settings.fps / 1000.0;
     let psnr = s.psnr_y.map_or("equal to the source".into(), |psnr| format!("{psnr:.1} dB"));
@@ -117,5 +117,7 @@ pub fn summary(report: &Report, video: &Path, report_path: &Path) {
         tell!("  warning   {broken} pixels were not finite and are shown black");
     }
     tell!("video:  {}", video.display());
-    tell!("report: {}", report_path.display());
+    if let Some(path) = report_path {
+        tell!("report: {}", path.display());
+    }
 }

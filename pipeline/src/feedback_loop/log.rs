@@ -1,9 +1,10 @@
 //! The film as far as it is made: its bytes, and a line of the report for each coded picture.
 
 use super::observe::Observer;
+use crate::early_end::EarlyEnd;
 use crate::error::{Error, Result};
 use crate::figures::FrameFigures;
-use crate::output::{EarlyEnd, Output, Written};
+use crate::output::{Output, Written};
 use crate::parts::{Coding, Encoded};
 use crate::report::FrameReport;
 use crate::state::{NONSENSE, decode, encode};
@@ -79,10 +80,15 @@ impl FilmLog {
         }
     }
 
-    /// Writes the bytes, and a line for each coded picture with the figures that waited for it.
-    pub fn hand_out(&mut self, coded: Encoded, observer: &dyn Observer) -> Result<Coding> {
+    /// Says what makes the film whole, if it ends with what was written at the checkpoint.
+    pub fn end_with(&mut self, ending: Vec<u8>) -> Result<()> {
+        self.output.as_mut().map_or(Ok(()), |output| output.write_before(&[], ending))
+    }
+
+    /// Writes the bytes, and a line for each coded picture with the figures that waited for it. The film may end early with `ending`.
+    pub fn hand_out(&mut self, coded: Encoded, ending: Vec<u8>, observer: &dyn Observer) -> Result<Coding> {
         let Encoded { bytes, pictures, coding } = coded;
-        self.output.as_mut().map_or(Ok(()), |output| output.write(&bytes))?;
+        self.output.as_mut().map_or(Ok(()), |output| output.write_before(&bytes, ending))?;
         observer.bytes(&bytes);
         for picture in &pictures {
             let figures = self.waiting.remove(&picture.index).unwrap_or_default();

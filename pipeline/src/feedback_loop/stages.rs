@@ -119,8 +119,9 @@ pub(super) struct Encoding<'a, E> {
     pool: ThreadPool,
 }
 
-impl<'a, E> Encoding<'a, E> {
+impl<'a, E: Encode> Encoding<'a, E> {
     pub fn new(part: E, log: &'a mut FilmLog, observer: &'a dyn Observer) -> Result<Self> {
+        log.end_with(part.ending())?;
         Ok(Self { part, log, observer, pool: pool_of_one()? })
     }
 }
@@ -137,7 +138,7 @@ impl<E: Encode> Stage for Encoding<'_, E> {
         let coded = pool.install(|| busy.measure(|| part.step(&displayed)))?;
         figures.seconds.encode = busy.seconds();
         log.expect(index, figures);
-        let coding = log.hand_out(coded, *observer)?;
+        let coding = log.hand_out(coded, part.ending(), *observer)?;
         Ok(Some((displayed, coding)))
     }
 
@@ -150,7 +151,7 @@ impl<E: Encode> Stage for Encoding<'_, E> {
         let busy = Busy::default();
         let coded = pool.install(|| busy.measure(|| part.finish()))?;
         log.spend_on_last(busy.seconds());
-        log.hand_out(coded, observer).map(drop)
+        log.hand_out(coded, Vec::new(), observer).map(drop)
     }
 }
 

@@ -2,9 +2,9 @@
 
 use super::checkpoint::{Checkpoints, Part};
 use super::log::FilmLog;
+use crate::early_end::EarlyEnd;
 use crate::error::{Error, Result};
 use crate::film::display::Display;
-use crate::output::EarlyEnd;
 use crate::parts::{Encode, LuminanceThresholds, Mask, Prepare, Shade};
 use crate::state::{NONSENSE, decode};
 use plane::Plane;

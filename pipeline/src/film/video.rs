@@ -56,8 +56,9 @@ impl Video {
     /// The standard does not have what the settings request; the message names what it has.
     pub fn new(settings: &Settings) -> Result<Self> {
         let config = settings.encoder_config()?;
-        let multiplexer = Multiplexer::new(settings.container(), &config);
-        let first = settings.frame_range().start;
+        let frames = settings.frame_range();
+        let (first, count) = (frames.start, frames.len() as u64);
+        let multiplexer = Multiplexer::new(settings.container(), &config).with_pictures(count);
         Ok(Self {
             encoder: config.with_first_number(first.into()).encoder()?,
             first,
@@ -205,6 +206,10 @@ impl Encode for Video {
         let mut coded = joined(last, self.stream.wrap(packets, self.first));
         coded.bytes.extend(self.stream.multiplexer.finish(&end));
         Ok(coded)
+    }
+
+    fn ending(&self) -> Vec<u8> {
+        self.stream.multiplexer.ending()
     }
 
     /// Everything that the next bytes depend on, besides settings and frames to come.

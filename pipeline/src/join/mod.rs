@@ -6,11 +6,12 @@
 mod order;
 mod part;
 
-use crate::error::{Context, Error, Result};
+use crate::error::{Context, Result};
 use crate::output::Output;
 use crate::places::FilePlaces;
 use crate::report::{Ending, FrameReport, Summary, path_beside, write_json};
-use mpeg2enc::{AccessUnit, Container, ElementaryStream, Multiplexer};
+use crate::settings::{container_of, unknown_ending};
+use mpeg2enc::{AccessUnit, ElementaryStream, Multiplexer};
 use part::Part;
 use serde::Serialize;
 use serde_json::Value;
@@ -88,22 +89,20 @@ pub fn places(paths: &[PathBuf]) -> FilePlaces {
     places
 }
 
-/// Joins the elementary streams at `paths`, in this order, to the film at `output`: `.m2v`, `.mpg` or `.ts`. The report of each part
-/// is beside it. Nothing is written unless all parts are whole, follow each other, and make all of a film.
+/// Joins the elementary streams at `paths`, in this order, to the film at `output`, whose ending says its container. The report of each
+/// part is beside it. Nothing is written unless all parts are whole, follow each other, and make all of a film.
 ///
 /// # Errors
 /// A part is cut short, of another film, or not where it should be; or a file cannot be read or written. One line names it.
 pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
-    let container = Container::of(output).ok_or_else(|| {
-        let name = output.display();
-        Error::Options(format!("{name}: such files are not written; name the output .m2v, .mpg or .ts"))
-    })?;
+    let container = container_of(output, None).ok_or_else(|| unknown_ending(output))?;
     places(paths).writes("-o", Some(output)).check()?;
     let parts = paths.iter().map(|path| Part::read(path)).collect::<Result<Vec<Part>>>()?;
     order::check(&parts)?;
 
     // Each part is read again when its turn comes: a film may be larger than memory.
-    let mut multiplexer = Multiplexer::new(container, &parts[0].encoder_config()?);
+    let config = parts[0].encoder_config()?;
+    let mut multiplexer = Multiplexer::new(container, &config).with_pictures(parts[0].film_frames.into());
     let mut film = Output::create(output)?;
     for part in &parts {
         let first = u64::from(part.range.first);

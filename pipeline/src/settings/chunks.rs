@@ -5,10 +5,8 @@
 
 use super::values::parsed;
 use crate::error::{Error, Result};
-use mpeg2enc::Container;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
-use std::path::Path;
 use std::str::FromStr;
 
 /// Frames of a film, from 0, the last one included: `10-19`, or `10` for one.
@@ -80,20 +78,6 @@ pub(super) fn checked_range(chunk: Option<u32>, range: Option<FrameRange>, frame
         return fail(format!("--range {first}-{last} is not whole chunks of {chunk} frames; {whole} is"));
     }
     Ok(Some(whole))
-}
-
-/// A part of a film is an elementary stream, which can be joined to others.
-///
-/// # Errors
-/// `output` is another file.
-pub(super) fn check_part(range: Option<FrameRange>, output: &Path) -> Result<()> {
-    if range.is_none() || Container::of(output) == Some(Container::Elementary) {
-        return Ok(());
-    }
-    let name = output.display();
-    Err(Error::Options(format!(
-        "{name}: --range makes a part, which is an elementary stream; name it .m2v, and let render2mpeg join make the film"
-    )))
 }
 
 #[cfg(test)]

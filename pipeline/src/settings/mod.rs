@@ -1,6 +1,7 @@
 //! Choices of a run: [`Options`] as they are made, [`Settings`] with every default filled in for a scene.
 
 mod chunks;
+mod container;
 mod emphasis;
 mod options;
 mod preset;
@@ -10,6 +11,7 @@ mod values;
 
 pub use chunks::FrameRange;
 pub(crate) use chunks::begins_chunk;
+pub(crate) use container::{container_of, unknown_ending};
 pub use emphasis::{AdaptiveQuantiser, Importance};
 pub use mpeg2enc::Effort;
 pub use options::Options;
@@ -157,7 +159,7 @@ impl Settings {
 
     /// Container of the video.
     pub fn container(&self) -> Container {
-        Container::of(&self.output).unwrap_or_default()
+        container_of(&self.output, self.range).unwrap_or_default()
     }
 
     /// Whether pictures may wait for later ones before they are coded: the frame that thresholds are derived from is then

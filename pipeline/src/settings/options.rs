@@ -140,8 +140,8 @@ pub struct Options {
     /// Keep the renderer's motion from the encoder, which then searches
     #[cfg_attr(feature = "command-line", arg(long))]
     pub no_motion: bool,
-    /// The video: .m2v (elementary stream), .mpg (program stream) or .ts (transport stream) [default: the scene's name
-    /// with .m2v, in this folder; with _A-B.m2v for a --range]
+    /// The video: .mpg, .mp4, .mkv, .ts, .vob, or .m2v without times; - is standard output [default: the scene's name with .mpg,
+    /// in this folder; with _A-B.m2v for a --range]
     #[cfg_attr(feature = "command-line", arg(short, long, value_name = "FILE"))]
     pub output: Option<PathBuf>,
     /// Also write every frame as PNG into this folder, as displays show it

@@ -1,6 +1,7 @@
 //! From options to settings: every default, and every check of a single choice. No other place states a default.
 
-use super::chunks::{check_part, checked_range};
+use super::chunks::checked_range;
+use super::container::{check_part, container_of, unknown_ending};
 use super::emphasis::AdaptiveQuantiser;
 use super::options::Options;
 use super::preset::Preset;
@@ -8,7 +9,7 @@ use super::values::{Aov, Lighting, PixelShading, Size, Stopping, Switch, Thresho
 use super::{Effort, Settings};
 use crate::error::{Error, Result};
 use lighttree::Calibration;
-use mpeg2enc::{Container, FrameRate};
+use mpeg2enc::FrameRate;
 use perceptual::ToneMap;
 use render_core::scene::{Scene, SceneSettings};
 use std::path::{Path, PathBuf};
@@ -153,16 +154,14 @@ impl Options {
             let stem = path.file_stem();
             let stem = stem.ok_or_else(|| Error::Options("the scene's path has no file name".into()))?;
             let mut name = stem.to_owned();
-            if let Some(range) = self.range {
-                name.push(format!("_{range}"));
+            match self.range {
+                Some(range) => name.push(format!("_{range}.m2v")),
+                None => name.push(".mpg"),
             }
-            name.push(".m2v");
             self.output = Some(name.into());
         }
         let output = self.output.clone().unwrap_or_default();
-        if Container::of(&output).is_none() {
-            fail!("{}: such files are not written; name the output .m2v, .mpg or .ts", output.display());
-        }
+        container_of(&output, self.range).ok_or_else(|| unknown_ending(&output))?;
         check_part(self.range, &output)?;
         Ok(output)
     }

@@ -54,8 +54,15 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
 
     // What is printed makes the same film again, and is the same when printed again.
     let words = ["render", "--config", "job.toml", "--kappa", "0.3", "--within", "0.99", "--print-config"];
-    let printed = run(folder, &words).stdout;
-    for line in ["qscale = 10\n", "kappa = 0.3\n", "stopping = \"calibrated\"\n", "within = 0.99\n"] {
+    let also = ["--also", "film.mp4", "--also", "film.webm"];
+    let printed = run(folder, &[&words[..], &also].concat()).stdout;
+    for line in [
+        "also = \"film.mp4,film.webm\"\n",
+        "qscale = 10\n",
+        "kappa = 0.3\n",
+        "stopping = \"calibrated\"\n",
+        "within = 0.99\n",
+    ] {
         assert!(printed.contains(line), "{line}{printed}");
     }
     fs::write(folder.join("printed.toml"), &printed).unwrap();

@@ -79,7 +79,11 @@ fn settings() {
         fails_cleanly(folder.path(), &["plan", "room.glb", option, value], words);
     }
     fails_cleanly(folder.path(), &["render", "room.glb", "--threads", "0"], &["0"]);
-    fails_cleanly(folder.path(), &["render", "room.glb", "--output", "film.mp4"], &["film.mp4", ".m2v", ".mpg", ".ts"]);
+    for name in ["film.avi", "film.m2", "film", "film.", ".mpg", "./-", "a.mp4/film"] {
+        let words = [name, ".mpg", ".mp4", ".mkv", ".ts", ".vob", ".m2v"];
+        fails_cleanly(folder.path(), &["render", "room.glb", "--output", name], &words);
+        fails_cleanly(folder.path(), &["plan", "room.glb", "--output", name], &words);
+    }
     fails_cleanly(folder.path(), &["render", "room.glb", "--cbr"], &["--bitrate"]);
     fails_cleanly(folder.path(), &["render", "room.glb", "--mpeg1", "--qscale", "7"], &["MPEG-1", "even"]);
 }
@@ -113,6 +117,7 @@ fn places_that_cannot_be_written() {
         (&["--output", "film.m2v", "--report", "no/report.json"], "no/report.json"),
         (&["--output", "film.m2v", "--exr", "file"], "file"),
         (&["--output", "film.m2v", "--y4m", "no/film.y4m"], "no/film.y4m"),
+        (&["--output", "film.m2v", "--also", "no/film.mp4"], "no/film.mp4"),
     ] {
         fails_cleanly(folder.path(), &[&SMALL[..], options].concat(), &[word]);
     }

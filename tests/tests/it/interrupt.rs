@@ -98,11 +98,12 @@ fn ctrl_c_ends_the_stream_in_order() {
 
 #[test]
 fn a_second_signal_ends_the_film_at_once() {
-    for ending in ["m2v", "mpg", "ts"] {
+    for (ending, options) in [("m2v", ""), ("mpg", ""), ("ts", ""), ("mp4", "--gop 4"), ("mkv", "--gop 4")] {
         let folder = tempfile::tempdir().unwrap();
         // Frames of a few seconds: the first signal alone would wait for them.
-        let words =
-            format!("--output film.{ending} --size 128x128 --frames 5000 --vpls 20000 --photons 3000000 --quiet");
+        let words = format!(
+            "--output film.{ending} --size 128x128 --frames 5000 --vpls 20000 --photons 3000000 --quiet {options}"
+        );
         let mut film = Film::with_options(folder.path(), &format!("film.{ending}.part"), &words);
         film.wait_for_pictures();
         film.signal(Signal::INT);
@@ -120,6 +121,9 @@ fn a_second_signal_ends_the_film_at_once() {
         match ending {
             "m2v" => assert!(bytes.ends_with(&[0, 0, 1, 0xb7])),
             "mpg" => assert!(bytes.ends_with(&[0, 0, 1, 0xb9])),
+            // The tables of groups are there, and the last group as far as it was coded.
+            "mp4" => assert!(bytes.windows(4).any(|word| word == b"mfra")),
+            "mkv" => assert!(bytes.windows(4).any(|word| word == [0x1c, 0x53, 0xbb, 0x6b]), "Cues"),
             _ => assert_eq!(bytes.len() % 188, 0),
         }
     }

@@ -11,6 +11,7 @@ mod closed_loop;
 mod codec_thresholds;
 mod command_line;
 mod compare;
+mod containers;
 mod couple;
 mod decode;
 mod determinism;

@@ -63,7 +63,8 @@ fn run_until(folder: &Path, arguments: &[String], lines: usize) -> usize {
 #[test]
 fn killed_at_any_moment_it_goes_on_to_the_same_bits() {
     // What is carried differs: a moving box with everything; an encoder that looks ahead, into a transport stream; a still
-    // picture, more samples, uncompressed frames; no cache, fixed thresholds; importance; chunks; chunks of a part.
+    // picture, more samples, uncompressed frames; no cache, fixed thresholds; importance; chunks; chunks of a part; groups of pictures
+    // that are not whole yet.
     let kinds = [
         (Moving::Box, "film.m2v", "--gop 7"),
         (Moving::Camera, "film.ts", "--cbr --bitrate 100k --bframes 2 --stopping calibrated"),
@@ -72,6 +73,8 @@ fn killed_at_any_moment_it_goes_on_to_the_same_bits() {
         (Moving::Camera, "film.m2v", "--importance saliency:1 --bframes 1 --aq masking"),
         (Moving::Box, "film.ts", "--chunk 5 --bframes 2 --y4m film.y4m"),
         (Moving::Camera, "film.m2v", "--frames 30 --chunk 7 --range 14-27"),
+        (Moving::Camera, "film.mp4", "--bframes 2 --gop 6"),
+        (Moving::Box, "film.mkv", "--gop 5"),
     ];
     for (kind, (moving, film, more)) in (0..).zip(kinds) {
         let folder = tempfile::tempdir().unwrap();

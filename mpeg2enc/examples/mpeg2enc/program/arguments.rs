@@ -1,6 +1,6 @@
 //! Options, and the settings that they make.
 
-use super::y4m::Format;
+use super::{output::is_stream, y4m::Format};
 use anyhow::{Context, Result, bail};
 use clap::{
     Parser,
@@ -39,7 +39,7 @@ impl std::error::Error for WrongArguments {}
 pub struct Arguments {
     /// YUV4MPEG2, 4:2:0, 8 bits, progressive; - for standard input
     pub input: PathBuf,
-    /// The stream to be written: .m2v (elementary), .mpg (program), .vob (program, for authoring) or .ts (transport);
+    /// The stream to be written: .m2v (elementary), .mpg (program), .vob (program, for authoring), .ts (transport), .mp4 or .mkv;
     /// - for standard output
     #[arg(short, long)]
     pub output: PathBuf,
@@ -181,12 +181,14 @@ impl Arguments {
         })
     }
 
-    /// The kind of stream, by `--container` or by the output's name. Standard output has none, and takes an elementary stream.
+    /// The kind of stream, by `--container` or by the output's name. Standard output and devices have none, and take an elementary
+    /// stream.
     pub fn container(&self) -> Result<Container> {
         match self.container.or_else(|| Container::of(&self.output)) {
             Some(container) => Ok(container),
+            None if is_stream(&self.output) => Ok(Container::Elementary),
             None => {
-                let text = "name the output .m2v, .mpg, .vob or .ts, or say --container";
+                let text = "name the output .m2v, .mpg, .vob, .ts, .mp4 or .mkv, or say --container";
                 bail!(WrongArguments(format!("{}: {text}", self.output.display())))
             }
         }
@@ -205,7 +207,7 @@ where
 /// Parser of the kinds of streams, by the endings of their files.
 fn container() -> impl TypedValueParser<Value = Container> {
     let parsed = |ending: String| Container::of(Path::new(&format!("film.{ending}"))).expect("an ending");
-    PossibleValuesParser::new(["m2v", "mpg", "vob", "ts"]).map(parsed)
+    PossibleValuesParser::new(["m2v", "mpg", "vob", "ts", "mp4", "mkv"]).map(parsed)
 }
 
 /// Parser of quantiser_scale.

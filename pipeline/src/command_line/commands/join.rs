@@ -3,6 +3,7 @@
 use crate::command_line::overwrite::Overwrite;
 use crate::join::{join, places};
 use crate::output::Output;
+use crate::places::is_standard_output;
 use crate::report::path_beside;
 use anyhow::Result;
 use clap::Args;
@@ -15,7 +16,7 @@ pub(crate) struct Join {
     /// The parts in the order of their frames, .m2v; the report of each is beside it
     #[arg(required = true, value_name = "PART.m2v")]
     parts: Vec<PathBuf>,
-    /// The film: .m2v (elementary stream), .mpg (program stream) or .ts (transport stream)
+    /// The film: .mpg, .mp4, .mkv, .ts, .vob, or .m2v without times; - is standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Where the JSON report of the film goes [default: beside the film, .report.json]
@@ -32,16 +33,19 @@ pub(crate) struct Join {
 /// Joins parts, and reports.
 pub fn run(arguments: &Join) -> Result<ExitCode> {
     let Join { parts, output, report, overwrite, quiet } = arguments;
-    let report_path = report.clone().unwrap_or_else(|| path_beside(output));
-    places(parts).writes("-o", Some(output)).writes("--report", Some(&report_path)).check()?;
+    let beside = || (!is_standard_output(output)).then(|| path_beside(output));
+    let report_path = report.clone().or_else(beside);
+    places(parts).writes("-o", Some(output)).writes("--report", report_path.as_deref()).check()?;
     overwrite.check(output)?;
-    drop(Output::create(&report_path)?);
+    report_path.as_deref().map(Output::create).transpose()?;
     let report = join(parts, output)?;
-    report.write(&report_path)?;
+    report_path.as_deref().map_or(Ok(()), |path| report.write(path))?;
     if !quiet {
         tell!("{} frames of {} parts", report.summary.frames, parts.len());
         tell!("video:  {}", output.display());
-        tell!("report: {}", report_path.display());
+        if let Some(path) = &report_path {
+            tell!("report: {}", path.display());
+        }
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,5 +1,6 @@
 //! `render2mpeg render`.
 
+use crate::also::Companion;
 use crate::command_line::interrupt::{Interrupt, Reactions};
 use crate::command_line::lines::{Lines, ProgressKind};
 use crate::command_line::log::Log;
@@ -13,7 +14,7 @@ use crate::feedback_loop::observe::{Observer, OnFrame};
 #[cfg(feature = "html")]
 use crate::laboratory::page::ImportanceSum;
 use crate::output::Output;
-use crate::places::FilePlaces;
+use crate::places::{FilePlaces, is_standard_output, is_stream};
 use crate::report::{FrameReport, path_beside};
 use crate::settings::{CheckpointEvery, Settings};
 use crate::{Options, Plan, Render as Film, Report};
@@ -39,6 +40,9 @@ pub(crate) struct Render {
     /// Also write a page with plots of every frame's time, bits, PSNR and cut size
     #[arg(long, value_name = "FILE.html", hide = !cfg!(feature = "html"))]
     html: Option<PathBuf>,
+    /// When the film is whole, code its pictures again for players of today, by ffmpeg: .mp4 (H.264) or .webm (AV1 or VP9)
+    #[arg(long, value_name = "FILE", value_delimiter = ',')]
+    also: Vec<PathBuf>,
     /// Go on where a killed or interrupted run of the same film was, to the same bits; begin at the beginning if there was none
     #[arg(long)]
     resume: bool,
@@ -82,7 +86,7 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// Renders and reports.
 pub fn run(arguments: Render) -> Result<ExitCode> {
-    let Render { source, mut options, report, html, resume, checkpoint, threads, trace, .. } = arguments;
+    let Render { source, mut options, report, html, also, resume, checkpoint, threads, trace, .. } = arguments;
     let Render { memory, overwrite, print_config: only_print, progress, json_progress, verbose, quiet, .. } = arguments;
     parts::need("html", html.is_some())?;
     parts::need("exr", options.exr.is_some() || !options.aov.is_empty())?;
@@ -93,40 +97,31 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     let settings = options.fill_in(path, &scene)?;
     // All that can be wrong with the settings or the places of the files is said before the first ray.
     let _ = settings.encoder_config()?;
-    let report_path = report.unwrap_or_else(|| report_beside(&settings.output));
+    let kind = if json_progress { ProgressKind::Json } else { progress.unwrap_or(ProgressKind::Bar) };
+    check_streams(&settings.output, kind, &also)?;
+    let files = Files { report: report.or_else(|| report_beside(&settings.output)), html, trace, also };
     if only_print {
-        let text = |path: Option<&PathBuf>| path.map(|path| path.display().to_string());
         let more = [
-            ProgramOption::text("report", text(Some(&report_path))),
-            ProgramOption::text("html", text(html.as_ref())),
-            ProgramOption::text("trace", text(trace.as_ref())),
             ProgramOption::text("checkpoint", checkpoint.map(|every| every.to_string())),
             ProgramOption::text("threads", threads.map(|threads| threads.to_string())),
         ];
-        let more: Vec<ProgramOption> = more.into_iter().chain(source.reading.options()).collect();
+        let more: Vec<ProgramOption> =
+            files.options().into_iter().chain(more).chain(source.reading.options()).collect();
         say!("{}", print_config::text(&settings.scene, &options, &more)?.trim_end());
         return Ok(ExitCode::SUCCESS);
     }
-    let checkpoint_path = path_for(&settings.output);
-    FilePlaces::of(&scene)
-        .reads("--config", source.config())
-        .reads("--baked", settings.baked.as_deref())
-        .writes("-o", Some(&settings.output))
-        .writes("the checkpoint", Some(&checkpoint_path))
-        .writes("--report", Some(&report_path))
-        .writes("--y4m", settings.y4m.as_deref())
-        .writes("--html", html.as_deref())
-        .writes("--trace", trace.as_deref())
-        .check()?;
+    files.places(FilePlaces::of(&scene).reads("--config", source.config()), &settings).check()?;
+    let companions =
+        files.also.iter().map(|path| Companion::new(path, settings.size)).collect::<Result<Vec<_>, _>>()?;
     let job = FilmJob::of(&scene, &settings)?;
-    if resume && is_finished(&job, &report_path) {
+    if resume && files.is_finished(&job) {
         if !quiet {
             tell!("{} is finished: nothing is left to do", settings.output.display());
         }
         return Ok(ExitCode::SUCCESS);
     }
-    if !(resume && checkpoint_path.exists()) {
-        check_replaced(overwrite, resume, &settings)?;
+    if !(resume && path_for(&settings.output).exists()) {
+        files.check_replaced(overwrite, resume, &settings)?;
     }
     memory.check(&scene, &settings)?;
     for folder in settings.exr.iter().chain(&settings.png) {
@@ -143,13 +138,11 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     }
     let mut film = Film::new(&scene, &settings, &plan, &checkpoints)?;
     film.write_to(&settings.output)?;
-    drop(Output::create(&report_path)?);
-    html.as_deref().map(Output::create).transpose()?;
-    trace.as_deref().map(Output::create).transpose()?;
+    files.try_out()?;
+    let Files { report: report_path, html, trace, .. } = files;
     let log = Log::start(verbose, trace);
 
     let first = film.first_frame();
-    let kind = if json_progress { ProgressKind::Json } else { progress.unwrap_or(ProgressKind::Bar) };
     let progress = progress::Progress::new(&settings, &scene, first, quiet || verbose > 0);
     let interrupt = Interrupt::watch(reactions(&film, &progress, &settings))?;
     let lines = Lines::new(kind, &settings, first);
@@ -164,7 +157,7 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     progress.clear();
     checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
     let report = result?;
-    report.write(&report_path)?;
+    report_path.as_deref().map_or(Ok(()), |path| report.write(path))?;
     write_page(html.as_deref(), &report, &observer.importance)?;
     let traced = log.finish()?;
     if !report.summary.interrupted && !arguments.keep_checkpoint {
@@ -172,34 +165,104 @@ pub fn run(arguments: Render) -> Result<ExitCode> {
     }
     lines.end(&report);
     if !quiet {
-        progress::summary(&report, &settings.output, &report_path);
-        if report.summary.interrupted && every.is_some() {
+        progress::summary(&report, &settings.output, report_path.as_deref());
+        if report.summary.interrupted && every.is_some() && !is_stream(&settings.output) {
             tell!("ended early: the same command with --resume goes on after the last frame");
         }
         traced.into_iter().for_each(|line| tell!("trace:  {line}"));
     }
-    Ok(if report.summary.interrupted { interrupt.exit_code() } else { ExitCode::SUCCESS })
+    if report.summary.interrupted {
+        return Ok(interrupt.exit_code());
+    }
+    for companion in &companions {
+        companion.make(&settings.output)?;
+        if !quiet {
+            tell!("also:   {}, by {}", companion.path().display(), companion.encoder());
+        }
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
-/// Whether the film of the job is there, and the report beside it says that it is whole.
-fn is_finished(job: &FilmJob, report: &Path) -> bool {
-    let made = std::fs::read(report).ok().and_then(|report| FilmJob::of_report(job.film(), &report));
-    let is_whole = made.is_some_and(|made| made.is_same(job) && made.end() == job.end());
-    is_whole && job.film().is_file() && !path_for(job.film()).exists()
+/// Files beside the film.
+struct Files {
+    report: Option<PathBuf>,
+    html: Option<PathBuf>,
+    trace: Option<PathBuf>,
+    also: Vec<PathBuf>,
 }
 
-/// Asks before a film begins in the place of another, or of one that could be continued.
+impl Files {
+    /// Adds them to what is read, with the film itself.
+    fn places(&self, read: FilePlaces, settings: &Settings) -> FilePlaces {
+        let places = read
+            .reads("--baked", settings.baked.as_deref())
+            .writes("-o", Some(&settings.output))
+            .writes("the checkpoint", Some(&path_for(&settings.output)))
+            .writes("--report", self.report.as_deref())
+            .writes("--y4m", settings.y4m.as_deref())
+            .writes("--html", self.html.as_deref())
+            .writes("--trace", self.trace.as_deref());
+        self.also.iter().fold(places, |places, path| places.writes("--also", Some(path)))
+    }
+
+    /// As a file for `--config` has them.
+    fn options(&self) -> [ProgramOption; 4] {
+        let text = |path: &PathBuf| path.display().to_string();
+        [
+            ProgramOption::text("report", self.report.as_ref().map(text)),
+            ProgramOption::text("html", self.html.as_ref().map(text)),
+            ProgramOption::text("trace", self.trace.as_ref().map(text)),
+            ProgramOption::list("also", self.also.iter().map(text)),
+        ]
+    }
+
+    /// Whether the film of the job is there, and the report beside it says that it is whole.
+    fn is_finished(&self, job: &FilmJob) -> bool {
+        let report = self.report.as_ref().and_then(|report| std::fs::read(report).ok());
+        let made = report.and_then(|report| FilmJob::of_report(job.film(), &report));
+        let is_whole = made.is_some_and(|made| made.is_same(job) && made.end() == job.end());
+        is_whole && job.film().is_file() && !path_for(job.film()).exists()
+    }
+
+    /// Asks before a film begins in the place of another, or of one that could be continued.
+    ///
+    /// # Errors
+    /// The user says no.
+    fn check_replaced(&self, overwrite: Overwrite, resume: bool, settings: &Settings) -> Result<()> {
+        let film = &settings.output;
+        if resume {
+            return overwrite.check_for(film, "is finished, and --keep-checkpoint has left nothing to go on from");
+        }
+        overwrite.check_for(&path_for(film), "is there: --resume goes on with its film")?;
+        overwrite.check(film)?;
+        settings.y4m.iter().chain(&self.also).try_for_each(|path| overwrite.check(path))
+    }
+
+    /// Whether they can be written.
+    ///
+    /// # Errors
+    /// A folder does not exist or may not be written to.
+    fn try_out(&self) -> crate::Result<()> {
+        let paths = [&self.report, &self.html, &self.trace];
+        paths.into_iter().flatten().chain(&self.also).try_for_each(|path| Output::create(path).map(drop))
+    }
+}
+
+/// Whether a film on standard output, or in a device, gets along with what else is wanted.
 ///
 /// # Errors
-/// The user says no.
-fn check_replaced(overwrite: Overwrite, resume: bool, settings: &Settings) -> Result<()> {
-    let film = &settings.output;
-    if resume {
-        return overwrite.check_for(film, "is finished, and --keep-checkpoint has left nothing to go on from");
+/// Lines of progress would get into the film, or it cannot be read again.
+fn check_streams(output: &Path, progress: ProgressKind, also: &[PathBuf]) -> Result<()> {
+    let fail = |text: &str| Err(crate::Error::Options(format!("-o {}: {text}", output.display())).into());
+    if is_standard_output(output) && progress != ProgressKind::Bar {
+        return fail(
+            "standard output cannot take both the film and lines of progress; choose another place for the film",
+        );
     }
-    overwrite.check_for(&path_for(film), "is there: --resume goes on with its film")?;
-    overwrite.check(film)?;
-    settings.y4m.iter().try_for_each(|path| overwrite.check(path))
+    if is_stream(output) && !also.is_empty() {
+        return fail("--also makes its files from the film when that is whole; write the film into a file");
+    }
+    Ok(())
 }
 
 /// What is said and done when signals come: the first lets the frames that are begun be finished, the second does not.
@@ -256,8 +319,12 @@ fn write_page(_: Option<&Path>, _: &Report, _: &ImportanceSum) -> Result<()> {
     Ok(())
 }
 
-/// `film.m2v` → `film.report.json`; a device has no neighbors, so its report goes to this folder.
-fn report_beside(output: &Path) -> PathBuf {
-    let device = std::fs::metadata(output).is_ok_and(|metadata| !metadata.is_file());
-    if device { PathBuf::from("render2mpeg.report.json") } else { path_beside(output) }
+/// `film.mpg` → `film.report.json`; a device has no neighbors, so its report goes to this folder. Of standard output there is one only
+/// where `--report` names it.
+fn report_beside(output: &Path) -> Option<PathBuf> {
+    match output {
+        _ if is_standard_output(output) => None,
+        _ if is_stream(output) => Some("render2mpeg.report.json".into()),
+        _ => Some(path_beside(output)),
+    }
 }

@@ -15,6 +15,7 @@ mod job;
 
 use crate::error::{Error, Result};
 use crate::output::part_of;
+use crate::places::is_stream;
 use file::Stored;
 pub use job::FilmJob;
 pub(crate) use job::sum_of_inputs;
@@ -88,8 +89,8 @@ impl Checkpoints {
     #[must_use]
     pub fn new(job: &FilmJob, every: Option<Duration>) -> Self {
         let path = path_for(job.film());
-        // A device cannot be cut to a length later.
-        let is_file = std::fs::metadata(job.film()).map_or(true, |metadata| metadata.is_file());
+        // A stream cannot be cut to a length later.
+        let is_file = !is_stream(job.film());
         let place = every.filter(|_| is_file).map(|every| Place::new(path.clone(), job, every));
         Self { place, from: None, path: Some(path), kept: Arc::default() }
     }

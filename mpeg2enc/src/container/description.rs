@@ -1,0 +1,94 @@
+//! What a container says of its one video besides the pictures.
+
+use super::{clock::CLOCK, pes::Picture};
+use crate::{ColorDescription, Config, Standard, header::GROUP_START_CODE};
+
+/// The video of a file, as its header describes it.
+#[derive(Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Description {
+    /// Samples of luma.
+    pub width: u32,
+    /// Lines.
+    pub height: u32,
+    /// Width and height of a sample, as a ratio.
+    pub sample: (u32, u32),
+    /// What the samples mean; MPEG-1 does not say.
+    pub color: Option<ColorDescription>,
+    /// The standard that the stream follows.
+    pub standard: Standard,
+    /// Does it need a decoder of High Profile?
+    pub is_high: bool,
+    /// Numerator and denominator of the frame rate.
+    pub frame_rate: (u64, u64),
+    /// The decoder's buffer, in bytes.
+    pub buffer: u32,
+    /// Bits a second, if the stream is bound to a rate.
+    pub bit_rate: u32,
+    /// Pictures that there are to be, where that is known.
+    pub pictures: Option<u64>,
+}
+
+impl Description {
+    /// For a stream with these settings.
+    pub fn new(config: &Config) -> Self {
+        let (bit_rate, buffer_size) = config.stated_rate();
+        let (numerator, denominator) = config.frame_rate.fraction();
+        Self {
+            width: config.width as u32,
+            height: config.height as u32,
+            sample: sample(config),
+            color: (config.standard == Standard::Mpeg2).then_some(config.color),
+            standard: config.standard,
+            is_high: config.intra_dc_precision > 10,
+            frame_rate: (numerator.into(), denominator.into()),
+            buffer: buffer_size.saturating_mul(2048),
+            bit_rate: config.rate.stated().map_or(0, |_| bit_rate.saturating_mul(400)),
+            pictures: None,
+        }
+    }
+
+    /// Width of the picture in samples as wide as high, rounded.
+    pub fn display_width(&self) -> u32 {
+        let (width, height) = self.sample;
+        (f64::from(self.width) * f64::from(width) / f64::from(height)).round() as u32
+    }
+
+    /// How long a picture is shown, in units of 1/27 000 000 s.
+    pub fn period(&self) -> u64 {
+        let (numerator, denominator) = self.frame_rate;
+        CLOCK * denominator / numerator
+    }
+}
+
+/// Width and height of a sample, as a ratio.
+fn sample(config: &Config) -> (u32, u32) {
+    let Some((wide, high)) = config.aspect.of_display() else { return (1, 1) };
+    let ratio = reduced((u64::from(wide) * config.height as u64, u64::from(high) * config.width as u64));
+    (ratio.0 as u32, ratio.1 as u32)
+}
+
+/// Where a reader can begin.
+#[derive(Clone, Copy)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Entry {
+    /// When its picture is shown, in the file's own units.
+    pub time: u64,
+    /// The byte at which the part of the file begins that holds it.
+    pub place: u64,
+}
+
+/// The sequence header and its extensions in front of an I picture (13818-2, 6.2.2.1).
+pub(super) fn sequence_header(picture: &Picture) -> &[u8] {
+    let group = picture.data.windows(4).position(|bytes| bytes == [0, 0, 1, GROUP_START_CODE]);
+    &picture.data[..group.unwrap_or(0)]
+}
+
+/// A ratio without a common factor.
+pub(super) fn reduced(ratio: (u64, u64)) -> (u64, u64) {
+    let (mut divisor, mut rest) = ratio;
+    while rest > 0 {
+        (divisor, rest) = (rest, divisor % rest);
+    }
+    (ratio.0 / divisor.max(1), ratio.1 / divisor.max(1))
+}

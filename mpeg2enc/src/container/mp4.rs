@@ -1,0 +1,290 @@
+//! MP4 in fragments: ISO/IEC 14496-12:2015, with the descriptors of ISO/IEC 14496-1 as ISO/IEC 14496-14 stores them.
+//!
+//! Numbers of clauses in this file are those of 14496-12, unless another part is named.
+//!
+//! A file of one piece has the sizes of all pictures in front, or in a table at its end without which nothing plays. In fragments
+//! it is written as it is made: each group of pictures is a `moof` with its sizes and times, and a `mdat`. The table at the end,
+//! `mfra`, only tells where they lie.
+
+use super::{
+    clock::CLOCK,
+    description::{Description, Entry},
+    pes::Picture,
+};
+use crate::Standard;
+
+/// The one track (8.3.2).
+const TRACK: u32 = 1;
+/// Fewest units of time in a second: players are used to finer ones than 24.
+const TIMESCALE_LEAST: u64 = 1000;
+/// The unit matrix of video headers (8.2.2): 16.16 and, in the last column, 2.30.
+const MATRIX: [u32; 9] = [0x1_0000, 0, 0, 0, 0x1_0000, 0, 0, 0, 0x4000_0000];
+/// Fields of default-base-is-moof and default-sample-duration-present (8.8.7).
+const FRAGMENT_HEADER_FLAGS: u32 = 0x02_0008;
+/// Fields of data-offset, sample-size, sample-flags and sample-composition-time-offsets (8.8.8).
+const RUN_FLAGS: u32 = 0x00_0e01;
+/// sample_depends_on: no other picture (8.6.4.3, 8.8.3.1).
+const FLAGS_ENTRY: u32 = 2 << 24;
+/// sample_depends_on others, and sample_is_non_sync_sample.
+const FLAGS_PREDICTED: u32 = 1 << 24 | 1 << 16;
+/// sample_is_depended_on: by none.
+const FLAGS_DISPOSABLE: u32 = 2 << 22;
+/// is_leading: shown before the I picture that it follows, and needs the group before.
+const FLAGS_LEADING: u32 = 1 << 26;
+
+/// Writes fragments.
+#[derive(Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Writer {
+    description: Description,
+    /// When the first picture is shown, in units of 1/27 000 000 s: all before is left out by the edit list.
+    begin: u64,
+    /// Bytes written so far.
+    length: u64,
+    /// The pictures of the group that is not whole yet.
+    group: Vec<Picture>,
+    entries: Vec<Entry>,
+}
+
+impl Writer {
+    /// For pictures of which the first is shown at `begin`, in units of 1/27 000 000 s.
+    pub fn new(description: Description, begin: u64) -> Self {
+        Self { description, begin, length: 0, group: Vec::new(), entries: Vec::new() }
+    }
+
+    /// States how many pictures there are to be.
+    pub fn set_pictures(&mut self, count: u64) {
+        self.description.pictures = Some(count);
+    }
+
+    /// Takes a picture, and gives the fragment of the group before if it begins one.
+    pub fn put(&mut self, picture: Picture) -> Vec<u8> {
+        let out = if picture.is_entry { self.flush() } else { Vec::new() };
+        self.group.push(picture);
+        out
+    }
+
+    /// The last fragment, and the table of all (8.8.9).
+    pub fn finish(mut self) -> Vec<u8> {
+        let mut out = self.flush();
+        out.extend(self.random_access());
+        out
+    }
+
+    /// The fragment of the pictures that wait, after the headers if it is the first.
+    fn flush(&mut self) -> Vec<u8> {
+        let Some(first) = self.group.first() else { return Vec::new() };
+        let mut out = if self.length == 0 { self.headers() } else { Vec::new() };
+        let place = self.length + out.len() as u64;
+        self.entries.push(Entry { time: self.ticks(first.times.presentation), place });
+        out.extend(self.fragment());
+        self.group.clear();
+        self.length += out.len() as u64;
+        out
+    }
+
+    /// `ftyp` and `moov` (4.3, 8.2.1).
+    fn headers(&self) -> Vec<u8> {
+        let mut out = atom(b"ftyp", &[b"iso6", &[0, 0, 2, 0], b"iso6iso5mp41"]);
+        out.extend(atom(b"moov", &[&self.movie_header(), &self.track(), &self.extends()]));
+        out
+    }
+
+    /// `mvhd` (8.2.2).
+    fn movie_header(&self) -> Vec<u8> {
+        let mut body = words(&[0, 0, self.timescale() as u32, 0]); // times of creation and modification, timescale, duration
+        body.extend(words(&[0x1_0000])); // rate
+        body.extend([1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]); // volume, reserved
+        body.extend(words(&MATRIX));
+        body.extend([0; 24]); // pre_defined
+        body.extend(words(&[TRACK + 1])); // next_track_ID
+        full_atom(b"mvhd", (0, 0), &[&body])
+    }
+
+    /// `trak` (8.3.1).
+    fn track(&self) -> Vec<u8> {
+        let Description { height, .. } = self.description;
+        let mut header = words(&[0, 0, TRACK, 0, 0]); // times of creation and modification, track_ID, reserved, duration
+        header.extend([0; 16]); // reserved, layer, alternate_group, volume, reserved
+        header.extend(words(&MATRIX));
+        header.extend(words(&[self.description.display_width() << 16, height << 16]));
+        let header = full_atom(b"tkhd", (0, 3), &[&header]); // enabled, in the movie
+        atom(b"trak", &[&header, &self.edits(), &self.media()])
+    }
+
+    /// `edts` (8.6.5): from the first picture that is shown to the end. Without B pictures there is nothing to leave out.
+    fn edits(&self) -> Vec<u8> {
+        if self.begin == 0 {
+            return Vec::new();
+        }
+        // entry_count, segment_duration of all fragments, media_time, media_rate
+        let list = words(&[1, 0, self.ticks(self.begin) as u32, 0x1_0000]);
+        atom(b"edts", &[&full_atom(b"elst", (0, 0), &[&list])])
+    }
+
+    /// `mdia` (8.4.1).
+    fn media(&self) -> Vec<u8> {
+        let header = words(&[0, 0, self.timescale() as u32, 0, 0x55c4_0000]); // …, timescale, duration, language: und
+        let handler: [&[u8]; 4] = [&[0; 4], b"vide", &[0; 12], b"video\0"];
+        let reference = full_atom(b"dref", (0, 0), &[&words(&[1]), &full_atom(b"url ", (0, 1), &[])]); // in this file
+        let none = words(&[0]);
+        let samples = atom(
+            b"stbl",
+            &[
+                &full_atom(b"stsd", (0, 0), &[&words(&[1]), &self.sample_entry()]),
+                &full_atom(b"stts", (0, 0), &[&none]),
+                &full_atom(b"stsc", (0, 0), &[&none]),
+                &full_atom(b"stsz", (0, 0), &[&none, &none]),
+                &full_atom(b"stco", (0, 0), &[&none]),
+            ],
+        );
+        let information =
+            atom(b"minf", &[&full_atom(b"vmhd", (0, 1), &[&[0; 8]]), &atom(b"dinf", &[&reference]), &samples]);
+        let header = full_atom(b"mdhd", (0, 0), &[&header]);
+        atom(b"mdia", &[&header, &full_atom(b"hdlr", (0, 0), &handler), &information])
+    }
+
+    /// `mp4v` (12.1.3; 14496-14, 5.6), with the shape of samples and their color.
+    fn sample_entry(&self) -> Vec<u8> {
+        let Description { width, height, sample, color, .. } = &self.description;
+        let size = [*width as u16, *height as u16].map(u16::to_be_bytes).concat();
+        let shape = atom(b"pasp", &[&words(&[sample.0, sample.1])]);
+        let color = color.map_or(Vec::new(), |color| {
+            let codes = [color.primaries.code(), color.transfer.code(), color.matrix.code()];
+            let codes = codes.map(|code| [0, code]).concat();
+            atom(b"colr", &[b"nclx", &codes, &[0]]) // the last bit: no full range
+        });
+        let fields: [&[u8]; 8] = [
+            &[0, 0, 0, 0, 0, 0, 0, 1], // reserved, data_reference_index
+            &[0; 16],                  // pre_defined, reserved
+            &size,
+            &words(&[0x48_0000, 0x48_0000, 0]), // horizresolution, vertresolution: 72 dpi; reserved
+            &[0, 1],                            // frame_count
+            &[0; 32],                           // compressorname
+            &[0, 0x18, 0xff, 0xff],             // depth, pre_defined
+            &self.stream_descriptor(),
+        ];
+        atom(b"mp4v", &[&fields.concat(), &shape, &color])
+    }
+
+    /// `esds`: ES_Descriptor (14496-1, 7.2.6.5).
+    fn stream_descriptor(&self) -> Vec<u8> {
+        let Description { standard, is_high, buffer, bit_rate, .. } = self.description;
+        // objectTypeIndication (14496-1, Table 5).
+        let object_type = match standard {
+            Standard::Mpeg1 => 0x6a,
+            Standard::Mpeg2 if is_high => 0x64,
+            Standard::Mpeg2 => 0x61,
+        };
+        let mut decoder = vec![object_type, 4 << 2 | 1]; // streamType: visual; upStream, reserved
+        decoder.extend(&buffer.min(0xff_ffff).to_be_bytes()[1..]); // bufferSizeDB
+        decoder.extend(words(&[bit_rate, 0])); // maxBitrate, avgBitrate: it varies
+        let mut stream = vec![0, 0, 0]; // ES_ID, flags and streamPriority
+        stream.extend(descriptor(4, &decoder)); // DecoderConfigDescriptor (7.2.6.6)
+        stream.extend(descriptor(6, &[2])); // SLConfigDescriptor: as 14496-14 has it
+        full_atom(b"esds", (0, 0), &[&descriptor(3, &stream)])
+    }
+
+    /// `mvex` (8.8.1): there are fragments, and how long all are together.
+    fn extends(&self) -> Vec<u8> {
+        let length = self.description.pictures.map_or(Vec::new(), |count| {
+            let duration = self.ticks(count.saturating_mul(self.description.period()));
+            full_atom(b"mehd", (1, 0), &[&duration.to_be_bytes()])
+        });
+        let defaults = words(&[TRACK, 1, 0, 0, 0]); // sample description 1; duration, size and flags are stated below
+        atom(b"mvex", &[&length, &full_atom(b"trex", (0, 0), &[&defaults])])
+    }
+
+    /// `moof` and `mdat` of the group (8.8.4, 8.1.1).
+    fn fragment(&self) -> Vec<u8> {
+        let size: u64 = self.group.iter().map(|picture| picture.data.len() as u64).sum();
+        let data_header = match u32::try_from(size + 8) {
+            Ok(size) => [&words(&[size])[..], b"mdat"].concat(),
+            Err(_) => [&words(&[1])[..], b"mdat", &(size + 16).to_be_bytes()].concat(),
+        };
+        // The data begin behind the header whose size does not depend on that place.
+        let length = self.fragment_header(0).len() + data_header.len();
+        let mut out = self.fragment_header(length as u32);
+        out.extend(data_header);
+        self.group.iter().for_each(|picture| out.extend(&picture.data));
+        out
+    }
+
+    /// `moof`, behind whose first byte the data begin at `offset`.
+    fn fragment_header(&self, offset: u32) -> Vec<u8> {
+        let number = full_atom(b"mfhd", (0, 0), &[&words(&[self.entries.len() as u32])]);
+        let duration = self.ticks(self.description.period()) as u32;
+        let header = full_atom(b"tfhd", (0, FRAGMENT_HEADER_FLAGS), &[&words(&[TRACK, duration])]);
+        let decoding = self.group.first().map_or(0, |picture| self.ticks(picture.times.decoding));
+        let time = full_atom(b"tfdt", (1, 0), &[&decoding.to_be_bytes()]);
+
+        let mut run = words(&[self.group.len() as u32, offset]); // sample_count, data_offset
+        for picture in &self.group {
+            let wait = picture.times.presentation.saturating_sub(picture.times.decoding);
+            // sample_size, sample_flags, sample_composition_time_offset
+            run.extend(words(&[picture.data.len() as u32, self.flags(picture), self.ticks(wait) as u32]));
+        }
+        let run = full_atom(b"trun", (0, RUN_FLAGS), &[&run]);
+        atom(b"moof", &[&number, &atom(b"traf", &[&header, &time, &run])])
+    }
+
+    /// What a picture of the group needs, and is needed for (8.8.3.1).
+    fn flags(&self, picture: &Picture) -> u32 {
+        let entry = self.group.first().map_or(0, |first| first.times.presentation);
+        match picture {
+            Picture { is_entry: true, .. } => FLAGS_ENTRY,
+            Picture { is_disposable: false, .. } => FLAGS_PREDICTED,
+            Picture { times, .. } if times.presentation < entry => FLAGS_PREDICTED | FLAGS_DISPOSABLE | FLAGS_LEADING,
+            Picture { .. } => FLAGS_PREDICTED | FLAGS_DISPOSABLE,
+        }
+    }
+
+    /// `mfra` (8.8.9 to 8.8.11).
+    fn random_access(&self) -> Vec<u8> {
+        let mut table = words(&[TRACK, 0, self.entries.len() as u32]); // numbers of traf, trun and sample take a byte each
+        for Entry { time, place } in &self.entries {
+            table.extend(time.to_be_bytes());
+            table.extend(place.to_be_bytes()); // moof_offset
+            table.extend([1, 1, 1]); // traf_number, trun_number, sample_number
+        }
+        let table = full_atom(b"tfra", (1, 0), &[&table]);
+        // Its own header, the table, and the box that tells the size of all three.
+        let size = 8 + table.len() as u32 + 16;
+        atom(b"mfra", &[&table, &full_atom(b"mfro", (0, 0), &[&words(&[size])])])
+    }
+
+    /// Units of time in a second: the frame rate's numerator, or a thousand of it.
+    fn timescale(&self) -> u64 {
+        match self.description.frame_rate.0 {
+            numerator if numerator < TIMESCALE_LEAST => numerator * TIMESCALE_LEAST,
+            numerator => numerator,
+        }
+    }
+
+    /// A time of the system clock in the file's units, exact for whole frame periods.
+    fn ticks(&self, time: u64) -> u64 {
+        (u128::from(time) * u128::from(self.timescale()) / u128::from(CLOCK)) as u64
+    }
+}
+
+/// A box of these contents (4.2).
+fn atom(kind: &[u8; 4], contents: &[&[u8]]) -> Vec<u8> {
+    let contents = contents.concat();
+    [&words(&[contents.len() as u32 + 8])[..], kind, &contents].concat()
+}
+
+/// A box with version and flags (4.2).
+fn full_atom(kind: &[u8; 4], (version, flags): (u8, u32), contents: &[&[u8]]) -> Vec<u8> {
+    let head = words(&[u32::from(version) << 24 | flags]);
+    atom(kind, &[&head, &contents.concat()])
+}
+
+/// A descriptor of fewer than 128 bytes (14496-1, 8.3.3).
+fn descriptor(tag: u8, contents: &[u8]) -> Vec<u8> {
+    [&[tag, contents.len() as u8], contents].concat()
+}
+
+/// Numbers of 32 bits, the highest byte first.
+fn words(numbers: &[u32]) -> Vec<u8> {
+    numbers.iter().flat_map(|number| number.to_be_bytes()).collect()
+}
