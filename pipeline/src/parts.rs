@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::figures::FrameFigures;
 use mpeg2enc::PictureType;
 use perceptual::{Feedback, NextPicture, ObservedFrame, PixelPart, ThresholdMap, ToneMap, YCbCr, reproject};
-use plane::{Coded, Correspondence, Plane};
+use plane::{Coded, Correspondence, Picture, Plane};
 use std::sync::Arc;
 
 /// The first half of a renderer: everything that needs no thresholds. It works one frame ahead of the rest.
@@ -139,6 +139,8 @@ pub struct Shaded {
     pub importance: Option<Arc<Plane<f32>>>,
     /// Further channels for the frame's OpenEXR file.
     pub channels: Channels,
+    /// Channels that observers alone want: they go into no file.
+    pub watched: Channels,
     /// CPU seconds and counts, those of [`Prepared`] included.
     pub figures: FrameFigures,
 }
@@ -186,6 +188,8 @@ pub struct CodedFrame {
     pub quantiser_scale: u32,
     /// PSNR of luma \[dB\]; infinite when nothing is lost.
     pub psnr_y: f64,
+    /// The picture that a decoder shows, for observers; an encoder need not tell.
+    pub decoded: Option<Arc<Picture>>,
 }
 
 /// How a picture was coded, or will be where the encoder has not come to it yet.

@@ -7,7 +7,7 @@ use crate::film::{Display, Masking, Video};
 use crate::plan::{Plan, Stage};
 use crate::renderer::{Preparation, Shading, exposure_of_first_frame};
 use crate::report::{Ending, Report};
-use crate::settings::Settings;
+use crate::settings::{Aov, Settings};
 use render_core::scene::Scene;
 use std::path::Path;
 #[cfg(feature = "bake")]
@@ -79,6 +79,11 @@ impl<'a> Render<'a> {
     pub fn early_end(&self) -> Option<impl Fn() -> Result<bool> + Send + 'static> {
         let end = self.start.early_end()?;
         Some(move || end.end())
+    }
+
+    /// Lets observers see these channels of each frame, in [`Shaded::watched`](crate::parts::Shaded::watched); no file has them.
+    pub fn watch(&mut self, aov: &[Aov]) {
+        self.parts.shade.watch(aov);
     }
 
     /// The first frame that is still to be made.

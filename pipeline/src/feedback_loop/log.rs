@@ -95,6 +95,9 @@ impl FilmLog {
             let line = FrameReport::new(picture, figures);
             let FrameReport { index, picture_type, bits, psnr_y, .. } = &line;
             tracing::info!("frame {index}: {picture_type}, {bits} bits, {:.2} dB", psnr_y.unwrap_or(f64::INFINITY));
+            if let Some(decoded) = &picture.decoded {
+                observer.decoded(picture.index, decoded);
+            }
             observer.frame(&line);
             self.reports.push(line);
         }

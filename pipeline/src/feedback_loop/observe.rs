@@ -1,13 +1,17 @@
 //! Observers of a run while it goes on.
 
+use crate::parts::Shaded;
 use crate::report::FrameReport;
 use perceptual::YCbCr;
-use plane::Plane;
+use plane::{Picture, Plane};
 use std::sync::Mutex;
 
 /// Sees what the stages of a run make. Each method is called from the thread of its stage, which goes on when it returns;
 /// who wants to do more with what comes sends it on through a channel.
 pub trait Observer: Sync {
+    /// Frame `index` as light, with the channels that are kept of it, in display order.
+    fn shaded(&self, _index: u32, _shaded: &Shaded) {}
+
     /// Frame `index` as it goes to the encoder, in display order.
     fn picture(&self, _index: u32, _picture: &YCbCr) {}
 
@@ -17,6 +21,9 @@ pub trait Observer: Sync {
     /// The luminance that each pixel of frame `index` may be wrong by \[W·m⁻²·sr⁻¹\], in display order; frame `index` + 1 is
     /// rendered with them.
     fn thresholds(&self, _index: u32, _delta: &Plane<f32>) {}
+
+    /// Frame `index` as decoders show it, in the order of coding, where the encoder tells.
+    fn decoded(&self, _index: u32, _picture: &Picture) {}
 
     /// The next bytes of the film.
     fn bytes(&self, _bytes: &[u8]) {}

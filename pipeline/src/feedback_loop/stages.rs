@@ -91,6 +91,7 @@ impl Stage for Displaying<'_> {
         let Self { display, observer, pool } = self;
         let busy = Busy::default();
         let shown = pool.install(|| busy.measure(|| display.tone_map(index, &shaded)));
+        observer.shaded(index, &shaded);
         observer.picture(index, &shown.picture);
         if let Some(importance) = &shaded.importance {
             observer.importance(index, importance);

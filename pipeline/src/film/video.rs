@@ -157,6 +157,7 @@ impl Stream {
                 bits: packet.bits,
                 quantiser_scale: packet.quantiser_scale,
                 psnr_y: packet.psnr_y,
+                decoded: Some(packet.reconstruction.clone()),
             });
             let unit = AccessUnit { display_index: index.saturating_sub(self.first).into(), ..packet.into() };
             coded.bytes.extend(self.multiplexer.push(unit));

@@ -57,7 +57,7 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
     let also = ["--also", "film.mp4", "--also", "film.webm"];
     let printed = run(folder, &[&words[..], &also].concat()).stdout;
     for line in [
-        "also = \"film.mp4,film.webm\"\n",
+        "also = [\"film.mp4\", \"film.webm\"]\n",
         "qscale = 10\n",
         "kappa = 0.3\n",
         "stopping = \"calibrated\"\n",

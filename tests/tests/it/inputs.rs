@@ -165,7 +165,7 @@ fn outputs_take_the_place_of_nothing_else() {
         assert_eq!(contents("my data.bin"), room.bin, "{options}");
     }
     assert_fails(folder, &["bake", "room.gltf", "-o", "room.gltf"], &["-o", "scene"]);
-    assert_fails(folder, &["reference", "room.gltf", "-o", "sky.hdr"], &["-o", "scene"]);
+    assert_fails(folder, &["reference", "room.gltf", "-o", "my tex.png"], &["-o", "scene"]);
     assert_eq!(sorted_names(folder), before);
 }
 

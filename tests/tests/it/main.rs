@@ -35,6 +35,7 @@ mod light_transport;
 mod loader;
 mod mitsuba;
 mod motion;
+mod page;
 mod plan;
 mod reference;
 mod regions;

@@ -83,7 +83,8 @@ fn a_sweep_says_what_single_commands_say() {
 fn a_run_has_a_page() {
     let folder = folder_with_room();
     render(folder.path(), "film", &folder.path().join("room.glb"), &format!("{COMMON} --html film.html"));
-    check_page(&folder.path().join("film.html"), 6);
+    // What the stages took, bits, PSNR, cuts, thresholds, carried light and rays; κ and the quantiser stay.
+    check_page(&folder.path().join("film.html"), 7);
 }
 
 #[test]

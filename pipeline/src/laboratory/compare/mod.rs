@@ -3,13 +3,12 @@
 //! Everything is measured twice: as linear light, where light adds up, and as luma, what a viewer is shown. Linear pictures
 //! are shown with the exposure that brings the middle of the (first) reference to middle gray, and the sRGB curve.
 
-pub mod false_color;
 mod heat_map;
 mod measure;
 mod picture;
-pub mod png_file;
 mod read;
 
+pub use super::{false_color, png_file};
 pub use heat_map::{HeatMap, RANGE as HEAT_MAP_RANGE};
 pub use measure::{Comparison, measure};
 pub use picture::{Picture, View};

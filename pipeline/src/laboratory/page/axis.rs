@@ -28,6 +28,11 @@ impl Axis {
         Self { low, high, log, from, to }
     }
 
+    /// The `name` of what lies along it, which says if it goes by ratio.
+    pub(super) fn label(&self, name: &str) -> String {
+        if self.log { format!("{name} (logarithmic)") } else { name.to_owned() }
+    }
+
     /// Where `value` lies; none where it cannot be drawn.
     pub(super) fn place(&self, value: f64) -> Option<f64> {
         if !value.is_finite() || (self.log && value <= 0.0) {

@@ -1,9 +1,11 @@
 //! Columns that are made of parts.
 
-use super::PALETTE;
 use super::axis::Axis;
-use super::line_plot::{AREA, SIZE, frame, legend};
+use super::line_plot::{AREA, Entry, SIZE, frame, legend};
 use super::svg::{Svg, TextStyle};
+
+/// Of more columns the numbers do not show when they are pointed at: they would take most of a page.
+const MOST_TITLED: usize = 150;
 
 /// Columns side by side.
 #[derive(Clone, Debug)]
@@ -14,7 +16,7 @@ pub struct StackedBars {
     pub x_label: String,
     /// Name and unit at the left.
     pub y_label: String,
-    /// Parts from below: names and places in [`PALETTE`].
+    /// Parts from below: names and numbers of their colors.
     pub parts: Vec<(String, usize)>,
     /// Under each column; some are left out where there is no room.
     pub names: Vec<String>,
@@ -35,6 +37,7 @@ impl StackedBars {
         let width = (right - left) / self.columns.len().max(1) as f64;
         let gap = if width > 8.0 { 0.16 * width } else { 0.0 };
         let every = (self.columns.len() as f64 * 34.0 / (right - left)).ceil().max(1.0) as usize;
+        let titled = self.columns.len() <= MOST_TITLED;
         for (i, column) in self.columns.iter().enumerate() {
             let x = left + width * i as f64;
             let mut below = 0.0;
@@ -42,8 +45,12 @@ impl StackedBars {
                 let (Some(low), Some(high)) = (y.place(below), y.place(below + value)) else { continue };
                 below += value;
                 if low - high > 0.02 {
-                    let about = format!("{} {}: {name} {value:.3}", self.x_label, self.names[i]);
-                    svg.bar((x + 0.5 * gap, high), (width - gap, low - high), PALETTE[color % PALETTE.len()], &about);
+                    let about = if titled {
+                        format!("{} {}: {name} {value:.3}", self.x_label, self.names[i])
+                    } else {
+                        String::new()
+                    };
+                    svg.bar((x + 0.5 * gap, high), (width - gap, low - high), *color, &about);
                 }
             }
             if i % every == 0 {
@@ -55,8 +62,8 @@ impl StackedBars {
             }
         }
         if self.parts.len() > 1 {
-            let entries: Vec<(&str, usize, bool)> =
-                self.parts.iter().map(|(name, color)| (name.as_str(), *color, false)).collect();
+            let entry = |(name, color): &(String, usize)| Entry { name: name.clone(), color: *color, dashed: None };
+            let entries: Vec<Entry> = self.parts.iter().map(entry).collect();
             legend(&mut svg, &entries, bottom + 56.0);
         }
         svg

@@ -21,5 +21,6 @@ pub fn render_template(template: &str, values: Value) -> Result<String> {
     environment.add_template("run.html", include_str!("templates/run.html")).map_err(Error::other)?;
     let program = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
     let template = environment.get_template(template).map_err(Error::other)?;
-    template.render(context! { program, ..values }).context("the page cannot be made")
+    let colors = super::palette::rules_for_pages();
+    template.render(context! { program, colors, ..values }).context("the page cannot be made")
 }

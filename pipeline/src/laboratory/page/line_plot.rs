@@ -1,6 +1,5 @@
 //! Lines through points.
 
-use super::PALETTE;
 use super::axis::{Axis, short};
 use super::svg::{Svg, TextStyle};
 
@@ -10,6 +9,8 @@ pub(super) const SIZE: (f64, f64) = (520.0, 360.0);
 pub(super) const AREA: (f64, f64, f64) = (74.0, 508.0, 34.0);
 /// Height of a row of the legend.
 const LEGEND_ROW: f64 = 19.0;
+/// Marks of a line whose points are too many to be marked each.
+const MARKS: usize = 6;
 /// Letters of a name that has room in the legend beside two others.
 const SHORT_NAME: usize = 17;
 
@@ -18,7 +19,7 @@ const SHORT_NAME: usize = 17;
 pub struct Series {
     /// In the legend.
     pub name: String,
-    /// Place in [`PALETTE`].
+    /// Number of its color and of its mark.
     pub color: usize,
     /// Dashed with hollow points, or solid with filled ones.
     pub dashed: bool,
@@ -65,30 +66,32 @@ impl LinePlot {
             svg.rule((left, place), (right, place), "axis");
             svg.text((right - 4.0, place - 5.0), TextStyle { class: "soft", anchor: "end", size: 12.0 }, name);
         }
-        for series in &self.series {
-            let color = PALETTE[series.color % PALETTE.len()];
-            let placed: Vec<(usize, (f64, f64))> =
-                (0..).zip(&series.points).filter_map(|(i, &(a, b))| Some((i, (x.place(a)?, y.place(b)?)))).collect();
-            let line: Vec<(f64, f64)> = placed.iter().map(|&(_, place)| place).collect();
-            if line.len() > 1 {
-                svg.polyline(&line, color, series.dashed);
-            }
-            if series.points_shown || line.len() == 1 {
-                for (i, place) in placed {
-                    let (a, b) = series.points[i];
-                    let about = format!("{}: {}, {}", series.name, short3(a), short3(b));
-                    if series.crossed.get(i).is_some_and(|&crossed| crossed) {
-                        svg.cross(place, color, &about);
-                    } else {
-                        svg.point(place, color, !series.dashed, &about);
-                    }
-                }
-            }
-        }
-        let entries: Vec<(&str, usize, bool)> =
-            self.series.iter().map(|series| (series.name.as_str(), series.color, series.dashed)).collect();
+        self.series.iter().for_each(|series| self.draw_line(&mut svg, series, (&x, &y)));
+        let entry =
+            |series: &Series| Entry { name: series.name.clone(), color: series.color, dashed: Some(series.dashed) };
+        let entries: Vec<Entry> = self.series.iter().map(entry).collect();
         legend(&mut svg, &entries, bottom + 56.0);
         svg
+    }
+
+    /// Draws a line and its marks: at each point, or at a few where there are many.
+    fn draw_line(&self, svg: &mut Svg, series: &Series, (x, y): (&Axis, &Axis)) {
+        let placed: Vec<(usize, (f64, f64))> =
+            (0..).zip(&series.points).filter_map(|(i, &(a, b))| Some((i, (x.place(a)?, y.place(b)?)))).collect();
+        let line: Vec<(f64, f64)> = placed.iter().map(|&(_, place)| place).collect();
+        if line.len() > 1 {
+            svg.polyline(&line, series.color, series.dashed);
+        }
+        let every = if series.points_shown || line.len() == 1 { 1 } else { line.len().div_ceil(MARKS) };
+        for (i, place) in placed.into_iter().skip(every / 2).step_by(every) {
+            let (a, b) = series.points[i];
+            let about = format!("{}: {}, {}", series.name, short3(a), short3(b));
+            if series.crossed.get(i).is_some_and(|&crossed| crossed) {
+                svg.cross(place, series.color, &about);
+            } else {
+                svg.point(place, series.color, !series.dashed, &about);
+            }
+        }
     }
 }
 
@@ -121,8 +124,13 @@ pub(super) fn frame(
         svg.text((place, bottom + 18.0), TextStyle { class: "soft", anchor: "middle", size: 13.0 }, &text);
     }
     svg.rule((left, bottom), (right, bottom), "axis");
-    svg.text((0.5 * (left + right), bottom + 36.0), TextStyle { class: "soft", anchor: "middle", size: 13.0 }, x_label);
-    svg.text_upward((14.0, 0.5 * (top + bottom)), "soft", 13.0, y_label);
+    let x_label = x.map_or_else(|| x_label.to_owned(), |x| x.label(x_label));
+    svg.text(
+        (0.5 * (left + right), bottom + 36.0),
+        TextStyle { class: "soft", anchor: "middle", size: 13.0 },
+        &x_label,
+    );
+    svg.text_upward((14.0, 0.5 * (top + bottom)), "soft", 13.0, &y.label(y_label));
 }
 
 /// Entries of the legend in a row.
@@ -131,14 +139,30 @@ fn columns<'a>(names: impl Iterator<Item = &'a str>) -> usize {
     if longest > SHORT_NAME { 2 } else { 3 }
 }
 
-/// Names with a piece of their line.
-pub(super) fn legend(svg: &mut Svg, entries: &[(&str, usize, bool)], top: f64) {
-    let columns = columns(entries.iter().map(|(name, ..)| *name));
+/// A name in a legend.
+pub(super) struct Entry {
+    /// What is drawn so.
+    pub name: String,
+    /// Number of its color and mark.
+    pub color: usize,
+    /// Of a line, whether it is dashed; none of a column.
+    pub dashed: Option<bool>,
+}
+
+/// Names with a piece of their line and its mark, or with their color.
+pub(super) fn legend(svg: &mut Svg, entries: &[Entry], top: f64) {
+    let columns = columns(entries.iter().map(|entry| entry.name.as_str()));
     let column = (AREA.1 - AREA.0 + 46.0) / columns as f64;
-    for (i, &(name, color, dashed)) in entries.iter().enumerate() {
+    for (i, Entry { name, color, dashed }) in entries.iter().enumerate() {
         let x = AREA.0 - 46.0 + column * (i % columns) as f64;
         let y = top + LEGEND_ROW * (i / columns) as f64;
-        svg.polyline(&[(x, y - 4.0), (x + 22.0, y - 4.0)], PALETTE[color % PALETTE.len()], dashed);
-        svg.text((x + 28.0, y), TextStyle { class: "ink", anchor: "start", size: 13.0 }, name);
+        match *dashed {
+            Some(dashed) => {
+                svg.polyline(&[(x, y - 4.0), (x + 22.0, y - 4.0)], *color, dashed);
+                svg.point((x + 11.0, y - 4.0), *color, !dashed, "");
+            }
+            None => svg.bar((x + 6.0, y - 10.0), (12.0, 12.0), *color, ""),
+        }
+        svg.text((x + 28.0, y), TextStyle { class: "entry", anchor: "start", size: 13.0 }, name);
     }
 }

@@ -12,7 +12,7 @@ const ABOVE: f64 = 34.0;
 
 /// Sum of the importance maps of frames.
 #[derive(Debug, Default)]
-pub struct ImportanceSum(Mutex<Option<(Plane<f32>, u32)>>);
+pub(super) struct ImportanceSum(Mutex<Option<(Plane<f32>, u32)>>);
 
 impl ImportanceSum {
     /// Adds the map of a frame; all are of one size.
@@ -41,7 +41,7 @@ impl ImportanceSum {
                 let corner = (scale * left as f64, ABOVE + scale * top as f64);
                 let size = (scale * (right - left) as f64, scale * (bottom - top) as f64);
                 let about = format!("pixels from {left}, {top}: {mean:.2}");
-                svg.bar(corner, size, &format!("#{gray:02x}{gray:02x}{gray:02x}"), &about);
+                svg.gray(corner, size, gray, &about);
             }
         }
         Some(svg)

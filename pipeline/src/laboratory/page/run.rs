@@ -1,20 +1,70 @@
-//! The page of a single run: what each frame took, and what became of it.
+//! The page of a single run: the film, what each frame took, and what became of it.
 
-use super::ImportanceSum;
-use super::bars::StackedBars;
+use super::choices::{choices, plain, usual_without_folders, without_folders};
+use super::data::{csv_of, download, drawing};
+use super::film::FilmWatch;
 use super::html::render_template;
-use super::line_plot::{LinePlot, Series};
+use super::run_plots::Figures;
 use crate::error::Result;
-use crate::report::{FrameReport, Report};
+use crate::report::Report;
+use crate::settings::Settings;
 use minijinja::value::Serde;
 use minijinja::{Value, context};
 
-/// A page of a report: stage times, bits, PSNR, cut sizes, thresholds and κ of each frame, and the plan. `importance` has the maps
-/// of where people look, if any.
+/// How a film came to be.
+#[derive(Clone, Debug, Default)]
+pub struct Made {
+    /// The command, as [`command_line`](super::command_line) has it.
+    pub command: String,
+    /// Settings of a film of the same scene by which nothing was chosen, if they are known.
+    pub usual: Option<Settings>,
+}
+
+/// A page of a run: frames and a strip of the film, maps, and figures of each frame, as plots and as files. It names files, and no
+/// folders.
 ///
 /// # Errors
 /// A fault of our own.
-pub fn run_page(report: &Report, importance: &ImportanceSum) -> Result<String> {
+pub fn run_page(report: &Report, film: &FilmWatch, made: &Made) -> Result<String> {
+    let report = &without_folders(report);
+    let stem = report.scene.file.file_stem().map_or("film".into(), |stem| stem.to_string_lossy().into_owned());
+    let figures = Figures::of(&report.frames);
+    let plot = |(name, svg): &(&str, _)| drawing(&format!("{stem}-{name}.svg"), svg);
+    let plots: Vec<Value> = figures.plots.iter().map(plot).collect();
+    let usual = usual_without_folders(made.usual.as_ref());
+    let maps = film.maps();
+    let (map_frame, maps) = maps.map_or((None, Vec::new()), |(index, maps)| (Some(index), maps));
+    render_template(
+        "run.html",
+        context! {
+            title => stem.clone(),
+            scene => report.scene.file.display().to_string(),
+            output => report.settings.output.display().to_string(),
+            size => format!("{}×{}", report.settings.size.width, report.settings.size.height),
+            width => report.settings.size.width,
+            height => report.settings.size.height,
+            fps => plain(&report.settings.fps.into()),
+            qscale => report.settings.qscale,
+            triangles => report.scene.triangles,
+            command => made.command.clone(),
+            stills => film.stills()?,
+            strip => film.strip()?,
+            importance => film.importance().map(|svg| drawing(&format!("{stem}-importance.svg"), &svg)),
+            tiles => tiles(report),
+            constant => figures.constant,
+            settings => Value::from(Serde(&choices(&report.settings, usual.as_ref())?)),
+            is_usual_known => usual.is_some(),
+            plan => Value::from(Serde(&report.plan)),
+            warnings => report.scene.warnings.clone(),
+            csv => download(&format!("{stem}-frames.csv"), "text/csv", csv_of(&report.frames)?.as_bytes()),
+            json => download(&format!("{stem}-report.json"), "application/json", &serde_json::to_vec(report)?),
+            plots, map_frame, maps,
+        },
+    )
+}
+
+/// The figures of the whole film.
+fn tiles(report: &Report) -> Vec<(&'static str, String)> {
     let summary = &report.summary;
     let mut tiles = vec![
         ("frames", format!("{}{}", summary.frames, if summary.interrupted { ", interrupted" } else { "" })),
@@ -27,113 +77,40 @@ pub fn run_page(report: &Report, importance: &ImportanceSum) -> Result<String> {
     if let Some(bytes) = summary.peak_memory_bytes {
         tiles.push(("memory at most", format!("{:.0} MB", bytes as f64 / 1e6)));
     }
-    let mut drawn = plots(&report.frames);
-    drawn.extend(importance.draw());
-    let plots: Vec<String> = drawn.iter().map(super::Svg::inline).collect();
-    let settings: Vec<(String, String)> = match serde_json::to_value(&report.settings)? {
-        serde_json::Value::Object(all) => all.into_iter().map(|(name, value)| (name, plain(&value))).collect(),
-        _ => Vec::new(),
-    };
-    render_template(
-        "run.html",
-        context! {
-            title => report.scene.file.file_stem().map(|stem| stem.to_string_lossy().into_owned()),
-            scene => report.scene.file.display().to_string(),
-            size => format!("{}×{}", report.settings.size.width, report.settings.size.height),
-            fps => plain(&report.settings.fps.into()),
-            qscale => report.settings.qscale,
-            triangles => report.scene.triangles,
-            tiles, plots, settings,
-            plan => Value::from(Serde(&report.plan)),
-            warnings => report.scene.warnings.clone(),
-        },
-    )
+    tiles
 }
 
-/// JSON as a person writes it.
-fn plain(value: &serde_json::Value) -> String {
-    match value {
-        serde_json::Value::Null => "–".into(),
-        serde_json::Value::String(text) => text.clone(),
-        serde_json::Value::Number(number) => number.to_string().trim_end_matches(".0").to_owned(),
-        other => other.to_string(),
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Options;
+    use crate::feedback_loop::observe::Observer;
+    use crate::figures::FrameFigures;
+    use crate::parts::CodedFrame;
+    use crate::report::{Ending, FrameReport};
+    use mpeg2enc::PictureType;
+    use plane::{Picture, Plane};
+    use render_core::scene::Scene;
 
-/// A number of a frame.
-type Figure = fn(&FrameReport) -> f64;
-
-fn plots(frames: &[FrameReport]) -> Vec<super::Svg> {
-    let stages: [(&str, Figure); 9] = [
-        ("scene", |f| f.seconds.update),
-        ("photons", |f| f.seconds.photons),
-        ("light tree", |f| f.seconds.tree),
-        ("primary rays", |f| f.seconds.visibility),
-        ("direct light", |f| f.seconds.direct),
-        ("indirect light", |f| f.seconds.indirect),
-        ("tone curve", |f| f.seconds.tone_map),
-        ("encoding", |f| f.seconds.encode),
-        ("masking", |f| f.seconds.thresholds),
-    ];
-    // Colors that differ most for the stages that take most.
-    let colors = [6, 1, 7, 5, 2, 0, 8, 3, 4];
-    let times = StackedBars {
-        title: "CPU seconds of the stages".into(),
-        x_label: "frame".into(),
-        y_label: "CPU s".into(),
-        parts: stages.iter().zip(colors).map(|((name, _), color)| ((*name).to_owned(), color)).collect(),
-        names: frames.iter().map(|frame| frame.index.to_string()).collect(),
-        columns: frames.iter().map(|frame| stages.iter().map(|(_, seconds)| seconds(frame)).collect()).collect(),
-    };
-    let kinds = [("I", 3), ("P", 0), ("B", 2)];
-    let kinds: Vec<(&str, usize)> =
-        kinds.into_iter().filter(|(kind, _)| frames.iter().any(|frame| frame.picture_type == *kind)).collect();
-    let bits = StackedBars {
-        title: "Bits of the pictures".into(),
-        x_label: "frame".into(),
-        y_label: "kbit".into(),
-        parts: kinds.iter().map(|(kind, color)| (format!("{kind} pictures"), *color)).collect(),
-        names: frames.iter().map(|frame| frame.index.to_string()).collect(),
-        columns: frames
-            .iter()
-            .map(|frame| {
-                let of = |kind: &str| if frame.picture_type == kind { frame.bits as f64 / 1000.0 } else { 0.0 };
-                kinds.iter().map(|(kind, _)| of(kind)).collect()
-            })
-            .collect(),
-    };
-    let line = |title: &str, y_label: &str, (name, color): (&str, usize), value: Figure| LinePlot {
-        title: title.into(),
-        x_label: "frame".into(),
-        y_label: y_label.into(),
-        x_log: false,
-        y_log: false,
-        series: vec![Series {
-            name: name.into(),
-            color,
-            dashed: false,
-            points_shown: frames.len() <= 40,
-            points: frames.iter().map(|frame| (f64::from(frame.index), value(frame))).collect(),
-            crossed: Vec::new(),
-        }],
-        level: None,
-    };
-    let mut plots = vec![
-        times.draw(),
-        bits.draw(),
-        // Equal pictures have no PSNR, and leave a gap.
-        line("PSNR of the decoded luma", "dB", ("against the uncompressed picture", 2), |frame| {
-            frame.psnr_y.unwrap_or(f64::NAN)
-        })
-        .draw(),
-        line("Size of cuts", "clusters", ("mean", 0), |frame| frame.cut_size_mean).draw(),
-        line("Thresholds", "% of luminance", ("mean threshold", 3), |frame| 100.0 * frame.threshold_mean_relative)
-            .draw(),
-        line("κ, the multiplier on what masking allows", "κ", ("κ", 4), |frame| frame.kappa.unwrap_or(f64::NAN)).draw(),
-    ];
-    if frames.iter().any(|frame| frame.samples_mean.is_some()) {
-        let samples = |frame: &FrameReport| frame.samples_mean.unwrap_or(f64::NAN);
-        plots.push(line("Samples to the pixel", "samples", ("mean", 5), samples).draw());
+    /// A hundred frames of noise, which no picture format makes small.
+    #[test]
+    fn pages_of_long_films_are_bounded() {
+        let options = Options { frames: Some(100), ..Options::default() };
+        let settings = Settings::new("scene.glb".into(), &Scene::default(), &options).unwrap();
+        let film = FilmWatch::new(&settings);
+        let mut frames = Vec::new();
+        for index in 0..100 {
+            let noise = |x: usize, y: usize| ((x * 2_654_435_761) ^ (y * 40_503) ^ (index as usize * 97)) as u8;
+            let picture = Picture::gray(Plane::from_fn(512, 512, |x, y| noise(x, y).wrapping_mul(167)));
+            film.decoded(index, &picture);
+            let (bits, psnr_y) = (1000 + u64::from(index), 40.0 + f64::from(index));
+            let coded =
+                CodedFrame { index, picture_type: PictureType::P, bits, quantiser_scale: 8, psnr_y, decoded: None };
+            frames.push(FrameReport::new(&coded, FrameFigures::default()));
+        }
+        let ending = Ending { interrupted: false, wall_seconds: 1.0 };
+        let report = Report::new(&Scene::default(), &settings, &[], frames, ending);
+        let page = run_page(&report, &film, &Made::default()).unwrap();
+        assert!(page.len() < 6_000_000, "{} bytes", page.len());
     }
-    plots
 }

@@ -1,5 +1,6 @@
 //! The few shapes that plots are made of.
 
+use super::{marks, palette};
 use std::fmt::Write;
 
 /// A drawing of fixed size that scales with the page.
@@ -22,12 +23,18 @@ pub(super) struct TextStyle {
     pub size: f64,
 }
 
-/// Style of the classes in files; a page has its own rules for them.
-const FILE_STYLE: &str = ".ink{fill:#1d2129}.soft{fill:#5a6270}.grid{stroke:#d9dde3}.axis{stroke:#7c8592}";
+/// Style of the classes in files, besides the colors of lines; a page has its own rules for them.
+const FILE_STYLE: &str =
+    ".ink,.entry{fill:#1d2129}.soft{fill:#5a6270}.grid{stroke:#d9dde3}.axis{stroke:#7c8592}.hollow{fill:#ffffff}";
 
 /// Text as XML holds it.
 pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// What shows when a shape is pointed at; nothing for no text.
+fn titled(about: &str) -> String {
+    if about.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(about)) }
 }
 
 impl Svg {
@@ -48,39 +55,47 @@ impl Svg {
         ));
     }
 
-    /// A line through points.
-    pub(super) fn polyline(&mut self, points: &[(f64, f64)], color: &str, dashed: bool) {
+    /// A line through points, in a color of the palette.
+    pub(super) fn polyline(&mut self, points: &[(f64, f64)], color: usize, dashed: bool) {
         let list: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         let dash = if dashed { r#" stroke-dasharray="5 4""# } else { "" };
-        let list = list.join(" ");
+        let (list, color) = (list.join(" "), palette::stroke_class(color));
         self.draw(format_args!(
-            r#"<polyline points="{list}" fill="none" stroke="{color}" stroke-width="2" stroke-linejoin="round"{dash}/>"#
+            r#"<polyline class="{color}" points="{list}" fill="none" stroke-width="2" stroke-linejoin="round"{dash}/>"#
         ));
     }
 
-    /// A point, filled or hollow; `about` shows when it is pointed at.
-    pub(super) fn point(&mut self, (x, y): (f64, f64), color: &str, filled: bool, about: &str) {
-        let fill = if filled { color } else { "none" };
-        let about = escaped(about);
-        self.draw(format_args!(
-            r#"<circle cx="{x:.1}" cy="{y:.1}" r="3.6" fill="{fill}" stroke="{color}" stroke-width="1.8"><title>{about}</title></circle>"#
-        ));
+    /// The mark of a color, filled or hollow; `about` shows when it is pointed at.
+    pub(super) fn point(&mut self, place: (f64, f64), color: usize, filled: bool, about: &str) {
+        let fill = if filled { palette::fill_class(color) } else { "hollow".into() };
+        let (about, outline, stroke) = (titled(about), marks::outline(color, place, 4.2), palette::stroke_class(color));
+        self.draw(format_args!(r#"<path class="{stroke} {fill}" d="{outline}" stroke-width="1.5">{about}</path>"#));
     }
 
     /// A cross where a point does not count; `about` shows when it is pointed at.
-    pub(super) fn cross(&mut self, (x, y): (f64, f64), color: &str, about: &str) {
-        let (about, r) = (escaped(about), 4.2);
+    pub(super) fn cross(&mut self, (x, y): (f64, f64), color: usize, about: &str) {
+        let (about, stroke, r) = (titled(about), palette::stroke_class(color), 4.2);
         let (left, right, top, bottom) = (x - r, x + r, y - r, y + r);
         self.draw(format_args!(
-            r#"<path d="M{left:.1} {top:.1}L{right:.1} {bottom:.1}M{left:.1} {bottom:.1}L{right:.1} {top:.1}" fill="none" stroke="{color}" stroke-width="2"><title>{about}</title></path>"#
+            r#"<path class="{stroke}" d="M{left:.1} {top:.1}L{right:.1} {bottom:.1}M{left:.1} {bottom:.1}L{right:.1} {top:.1}" fill="none" stroke-width="2">{about}</path>"#
         ));
     }
 
-    /// A filled rectangle; `about` shows when it is pointed at.
-    pub(super) fn bar(&mut self, (x, y): (f64, f64), (width, height): (f64, f64), color: &str, about: &str) {
-        let about = escaped(about);
+    /// A rectangle filled with a color of the palette; `about` shows when it is pointed at.
+    pub(super) fn bar(&mut self, corner: (f64, f64), size: (f64, f64), color: usize, about: &str) {
+        let class = palette::fill_class(color);
+        self.rectangle(corner, size, &format!(r#"class="{class}""#), about);
+    }
+
+    /// A square of a map, with its own gray, 0 to 255.
+    pub(super) fn gray(&mut self, corner: (f64, f64), size: (f64, f64), gray: u8, about: &str) {
+        self.rectangle(corner, size, &format!(r##"fill="#{gray:02x}{gray:02x}{gray:02x}""##), about);
+    }
+
+    fn rectangle(&mut self, (x, y): (f64, f64), (width, height): (f64, f64), fill: &str, about: &str) {
+        let about = titled(about);
         self.draw(format_args!(
-            r#"<rect x="{x:.2}" y="{y:.2}" width="{width:.2}" height="{height:.2}" fill="{color}"><title>{about}</title></rect>"#
+            r#"<rect {fill} x="{x:.2}" y="{y:.2}" width="{width:.2}" height="{height:.2}">{about}</rect>"#
         ));
     }
 
@@ -111,10 +126,10 @@ impl Svg {
     /// As a file, on white.
     pub fn file(&self) -> String {
         let Self { width, height, title, body } = self;
-        let title = escaped(title);
+        let (title, colors) = (escaped(title), palette::rules_for_files());
         format!(
             r##"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="DejaVu Sans, Verdana, sans-serif">
-<title>{title}</title><style>{FILE_STYLE}</style><rect width="{width}" height="{height}" fill="#ffffff"/>
+<title>{title}</title><style>{FILE_STYLE}{colors}</style><rect width="{width}" height="{height}" fill="#ffffff"/>
 {body}</svg>
 "##
         )

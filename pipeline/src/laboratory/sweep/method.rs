@@ -26,7 +26,7 @@ pub struct Method {
     pub cache: bool,
     /// Whether the quantiser changes how frames are rendered.
     pub steered: bool,
-    /// Number of its color in plots; a method with and without cache has the same.
+    /// Number of its color and mark in plots, its own.
     pub color: usize,
 }
 
@@ -36,7 +36,7 @@ pub struct Method {
 pub const METHODS: &[Method] = &[
     film("lightcuts", "2 %", 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
     film("paper", "κ = 1", 3, |w| masking(w).kappa = Some(1.0)).steered(),
-    film("paper-calibrated", "κ = 1, 99 % within", 2, |w| {
+    film("paper-calibrated", "κ = 1, 99 % within", 9, |w| {
         masking(w).kappa = Some(1.0);
         w.within = Some(0.99);
     })
@@ -49,21 +49,21 @@ pub const METHODS: &[Method] = &[
         w.stopping = Some(Stopping::Calibrated);
     })
     .steered(),
-    film("lightcuts-cache", "2 %, cache", 6, |w| full(w).thresholds = Some(Thresholds::Fixed(0.02))).cached(),
+    film("lightcuts-cache", "2 %, cache", 12, |w| full(w).thresholds = Some(Thresholds::Fixed(0.02))).cached(),
     film("uniform-cache", "2 % of the last frame, cache", 2, |w| w.thresholds = Some(Thresholds::Uniform(0.02)))
         .cached(),
-    film("paper-cache", "κ = 1, cache", 3, |w| masking(full(w)).kappa = Some(1.0)).cached().steered(),
-    film("perceptual-cache", "κ = {κ}, cache", 0, |w| _ = masking(w)).cached().steered(),
-    film("calibrated-cache", "calibrated, cache", 4, |w| masking(w).stopping = Some(Stopping::Calibrated))
+    film("paper-cache", "κ = 1, cache", 8, |w| masking(full(w)).kappa = Some(1.0)).cached().steered(),
+    film("perceptual-cache", "κ = {κ}, cache", 14, |w| _ = masking(w)).cached().steered(),
+    film("calibrated-cache", "calibrated, cache", 15, |w| masking(w).stopping = Some(Stopping::Calibrated))
         .cached()
         .steered(),
-    film("codec-cache-full", "codec, cache, every pixel lit", 7, |w| full(w).thresholds = Some(Thresholds::Codec))
+    film("codec-cache-full", "codec, cache, every pixel lit", 10, |w| full(w).thresholds = Some(Thresholds::Codec))
         .cached()
         .steered(),
-    film("codec-cache", "codec, cache", 5, |w| w.thresholds = Some(Thresholds::Codec)).cached().steered(),
-    paths("paths-4", "4 paths", 4),
-    paths("paths-16", "16 paths", 16),
-    paths("paths-64", "64 paths", 64),
+    film("codec-cache", "codec, cache", 1, |w| w.thresholds = Some(Thresholds::Codec)).cached().steered(),
+    paths("paths-4", "4 paths", 4, 11),
+    paths("paths-16", "16 paths", 16, 13),
+    paths("paths-64", "64 paths", 64, 16),
 ];
 
 /// Thresholds from the masking model.
@@ -83,8 +83,8 @@ const fn film(name: &'static str, label: &'static str, color: usize, change: fn(
     Method { name, label, way: Way::Film(change), cache: false, steered: false, color }
 }
 
-const fn paths(name: &'static str, label: &'static str, spp: u32) -> Method {
-    Method { name, label, way: Way::Paths(spp), cache: true, steered: false, color: 1 }
+const fn paths(name: &'static str, label: &'static str, spp: u32, color: usize) -> Method {
+    Method { name, label, way: Way::Paths(spp), cache: true, steered: false, color }
 }
 
 /// There is no method of this name; the message names all.
@@ -171,6 +171,13 @@ pub fn reference_options(common: &Options, compensates: bool) -> Options {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn each_has_a_color_of_its_own() {
+        let mut colors: Vec<usize> = METHODS.iter().map(|method| method.color).collect();
+        colors.sort_unstable();
+        assert_eq!(colors, (0..METHODS.len()).collect::<Vec<usize>>());
+    }
 
     #[test]
     fn names_are_found_or_told() {

@@ -7,6 +7,7 @@
 //! Films lie in files and are read frame by frame: a sweep of a long film takes disk, not memory.
 
 mod coded;
+mod data;
 mod figures;
 mod film;
 mod histogram;

@@ -1,6 +1,7 @@
 //! A sweep as one page.
 
 use super::Swept;
+use super::data::csv_of;
 use super::figures::{MethodRun, RunPictures};
 use super::maps;
 use super::maps::MapPicture;
@@ -8,7 +9,7 @@ use super::plots::Plot;
 use super::table::{HEADINGS, cells};
 use crate::error::Result;
 use crate::laboratory::compare::png_file;
-use crate::laboratory::page::{data_uri, render_template};
+use crate::laboratory::page::{CUT_SIZE, THRESHOLD, data_uri, download, gradient, render_template};
 use minijinja::{Value, context};
 use plane::Plane;
 
@@ -22,8 +23,11 @@ const CLIP_FPS: f64 = 6.0;
 pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
     let outcome = &swept.outcome;
     let settings = &outcome.settings;
-    let plots: Vec<Value> =
-        plots.iter().map(|plot| context! { svg => plot.svg.inline(), caption => plot.caption.clone() }).collect();
+    let drawn = |plot: &Plot| {
+        let file = download(&format!("{}.svg", plot.name), "image/svg+xml", plot.svg.file().as_bytes());
+        context! { svg => plot.svg.inline(), caption => plot.caption.clone(), file }
+    };
+    let plots: Vec<Value> = plots.iter().map(drawn).collect();
     let mut before = None;
     let rows: Vec<Value> = outcome
         .rows()
@@ -51,7 +55,7 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
         "sweep.html",
         context! {
             title => settings.scene.file_stem().map(|stem| stem.to_string_lossy().into_owned()),
-            scene => settings.scene.display().to_string(),
+            scene => settings.scene.file_name().map(|name| name.to_string_lossy().into_owned()),
             counted => settings.frames.saturating_sub(1).max(1),
             findings => outcome.findings().into_iter().map(|finding| [finding.label, finding.text].to_vec()).collect::<Vec<_>>(),
             spread => format!("{:.0}", 100.0 * outcome.timing_spread()),
@@ -71,10 +75,12 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
             clip => clip.as_ref().map(|(_, uri)| uri.clone()),
             clip_fps => CLIP_FPS,
             map_blocks => map_blocks(swept),
-            gradient => maps::gradient(),
-            scales => [maps::THRESHOLD, maps::CUT_SIZE, maps::ERROR].map(|scale| context! {
+            gradient => gradient(),
+            scales => [THRESHOLD, CUT_SIZE, maps::ERROR].map(|scale| context! {
                 about => scale.about, low => scale.ends.0, high => scale.ends.1
             }),
+            csv => download("sweep.csv", "text/csv", &csv_of(&outcome.runs)?),
+            json => download("sweep.json", "application/json", swept.json_without_folders()?.as_bytes()),
             tiles, plots, rows,
         },
     )

@@ -1,7 +1,7 @@
 //! A sweep's figures as plots.
 
 use super::figures::{MethodRun, Outcome};
-use super::method::Method;
+use super::method::{METHODS, Method};
 use crate::laboratory::page::{LinePlot, Series, StackedBars, Svg};
 
 /// A plot, the name of its files, and what it shows in words.
@@ -176,14 +176,18 @@ fn rmse_lines(outcome: &Outcome) -> Vec<Series> {
     let cached = !outcome.runs.iter().any(|run| run.lightcuts && !run.cache);
     let wanted = move |run: &MethodRun| run.lightcuts && run.cache == cached;
     let rmse = |psnr: Option<f64>| psnr.map_or(0.0, |psnr| 255.0 * 10f64.powf(-psnr / 20.0));
-    let mut series = lines(outcome, wanted, qscale, |run| rmse(run.rendered.psnr_y), |_| false);
-    series
-        .iter_mut()
-        .for_each(|line| (line.name, line.dashed) = (format!("{}, rendered", first_word(&line.name)), true));
-    let mut decoded = lines(outcome, wanted, qscale, |run| rmse(run.decoded.psnr_y), |_| false);
-    decoded
-        .iter_mut()
-        .for_each(|line| (line.name, line.dashed) = (format!("{}, decoded", first_word(&line.name)), false));
+    let mut series = lines(outcome, wanted, qscale, |run| rmse(run.rendered.psnr_y), never);
+    let mut decoded = lines(outcome, wanted, qscale, |run| rmse(run.decoded.psnr_y), never);
+
+    // Each line has a color of its own: those before compression take what the methods leave.
+    let taken: Vec<usize> = decoded.iter().map(|line| line.color).collect();
+    let free = (0..METHODS.len()).filter(|color| !taken.contains(color));
+    for (line, color) in series.iter_mut().zip(free) {
+        (line.name, line.dashed, line.color) = (format!("{}, rendered", first_word(&line.name)), true, color);
+    }
+    for line in &mut decoded {
+        (line.name, line.dashed) = (format!("{}, decoded", first_word(&line.name)), false);
+    }
     series.extend(decoded);
     series
 }

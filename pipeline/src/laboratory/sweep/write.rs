@@ -1,24 +1,14 @@
 //! A sweep's figures in files.
 
-use super::figures::{MethodRun, Outcome};
+use super::data::csv_of;
 use super::maps::MapPicture;
 use super::raster::png_of;
-use super::table::Finding;
 use super::{Swept, maps, page, plots};
-use crate::error::{Context, Error, Result};
+use crate::error::{Error, Result};
 use crate::laboratory::compare::png_file;
 use crate::output::Output;
 use plane::Plane;
-use serde::Serialize;
 use std::path::Path;
-
-/// `sweep.json`: the figures, and what they say in words.
-#[derive(Serialize)]
-struct Written<'a> {
-    #[serde(flatten)]
-    outcome: &'a Outcome,
-    findings: Vec<Finding>,
-}
 
 impl Swept {
     /// Writes `sweep.json` and `sweep.csv` into `folder`, each whole or not at all.
@@ -26,10 +16,7 @@ impl Swept {
     /// # Errors
     /// A file cannot be written.
     fn write_figures(&self, folder: &Path) -> Result<()> {
-        let written = Written { outcome: &self.outcome, findings: self.outcome.findings() };
-        let mut json = serde_json::to_string_pretty(&written).context("the figures cannot be put into JSON")?;
-        json.push('\n');
-        write(&folder.join("sweep.json"), json.as_bytes())?;
+        write(&folder.join("sweep.json"), self.json()?.as_bytes())?;
         write(&folder.join("sweep.csv"), &csv_of(&self.outcome.runs)?)
     }
 }
@@ -76,60 +63,4 @@ pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut output = Output::create(path)?;
     output.write(bytes)?;
     output.finish()
-}
-
-/// A line for each run; nothing where a figure is unknown.
-fn csv_of(runs: &[MethodRun]) -> Result<Vec<u8>> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    for run in runs {
-        let beside = run.against_baseline.as_ref();
-        let known = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value}"));
-        let seconds = &run.seconds;
-        let mut columns: Vec<(&str, String)> = vec![
-            ("method", run.method.into()),
-            ("qscale", run.qscale.to_string()),
-            ("cache", run.cache.to_string()),
-            ("kappa", run.kappa.map_or(String::new(), |kappa| kappa.to_string())),
-        ];
-        let numbers = [
-            ("threshold_mean_relative", Some(run.threshold_mean_relative)),
-            ("tree_swaps_share", Some(run.tree_swaps_share)),
-            ("cut_size_mean", Some(run.cut_size_mean)),
-            ("shadow_rays", Some(run.shadow_rays)),
-            ("update_seconds", Some(seconds.update)),
-            ("photons_seconds", Some(seconds.photons)),
-            ("tree_seconds", Some(seconds.tree)),
-            ("visibility_seconds", Some(seconds.visibility)),
-            ("direct_seconds", Some(seconds.direct)),
-            ("indirect_seconds", Some(seconds.indirect)),
-            ("tone_map_seconds", Some(seconds.tone_map)),
-            ("encode_seconds", Some(seconds.encode)),
-            ("thresholds_seconds", Some(seconds.thresholds)),
-            ("total_seconds", Some(seconds.total)),
-            ("bits", Some(run.bits)),
-            ("rendered_rmse", Some(run.rendered.rmse)),
-            ("rendered_relative_mse", Some(run.rendered.relative_mse)),
-            ("rendered_psnr_y", run.rendered.psnr_y),
-            ("rendered_ssim", Some(run.rendered.ssim)),
-            ("rendered_ssimulacra2", run.rendered.ssimulacra2),
-            ("decoded_psnr_y", run.decoded.psnr_y),
-            ("decoded_ssim", Some(run.decoded.ssim)),
-            ("decoded_ssimulacra2", run.decoded.ssimulacra2),
-            ("error_within_threshold", run.error_by_threshold.as_ref().map(|histogram| histogram.within)),
-            ("error_by_threshold_p95", run.error_by_threshold.as_ref().map(|histogram| histogram.p95)),
-            ("psnr_difference", beside.map(|beside| beside.psnr_difference)),
-            ("bits_ratio", beside.map(|beside| beside.bits_ratio)),
-            ("speedup_indirect", beside.map(|beside| beside.speedup_indirect)),
-            ("speedup_total", beside.map(|beside| beside.speedup_total)),
-            ("cut_size_ratio", beside.map(|beside| beside.cut_size_ratio)),
-            ("shadow_rays_ratio", beside.map(|beside| beside.shadow_rays_ratio)),
-        ];
-        columns.extend(numbers.map(|(name, value)| (name, known(value))));
-        columns.push(("equal_quality", beside.map_or(String::new(), |beside| beside.equal_quality.to_string())));
-        if std::ptr::eq(run, &runs[0]) {
-            writer.write_record(columns.iter().map(|(name, _)| name)).map_err(Error::other)?;
-        }
-        writer.write_record(columns.iter().map(|(_, value)| value)).map_err(Error::other)?;
-    }
-    writer.into_inner().map_err(|error| error.into_error()).context("the table cannot be completed")
 }

@@ -55,6 +55,12 @@ impl Layer for Baked {
         lit
     }
 
+    fn keep(&mut self, aov: Aov) {
+        if let Some(others) = &mut self.others {
+            others.keep(aov);
+        }
+    }
+
     fn channel(&self, aov: Aov, frame: &Frame<'_>) -> Option<Vec<f32>> {
         self.others.as_ref()?.channel(aov, frame)
     }

@@ -96,6 +96,10 @@ impl<L: Carriable> Layer for Carried<L> {
         self.layer.is_dark(frame)
     }
 
+    fn keep(&mut self, aov: Aov) {
+        self.layer.keep(aov);
+    }
+
     fn channel(&self, aov: Aov, frame: &Frame<'_>) -> Option<Vec<f32>> {
         self.layer.channel(aov, frame)
     }

@@ -26,6 +26,9 @@ pub trait Layer: Send {
         false
     }
 
+    /// Keeps what the channel `aov` needs, from the next frame on, where this layer has it and does not keep that anyway.
+    fn keep(&mut self, _aov: Aov) {}
+
     /// The channel `aov` of the frame that was lit last, in raster order, where this layer has it.
     fn channel(&self, _aov: Aov, _frame: &Frame<'_>) -> Option<Vec<f32>> {
         None

@@ -60,6 +60,13 @@ impl Layers {
         self.all().find_map(|layer| layer.channel(aov, frame))
     }
 
+    /// Lets every layer keep what the channels `aov` need, from the next frame on.
+    pub fn keep(&mut self, aov: &[Aov]) {
+        for layer in self.direct.iter_mut().chain(&mut self.indirect) {
+            aov.iter().for_each(|&aov| layer.keep(aov));
+        }
+    }
+
     /// Lets every layer forget the frames before.
     pub fn forget(&mut self) {
         self.direct.iter_mut().chain(&mut self.indirect).for_each(|layer| layer.forget());

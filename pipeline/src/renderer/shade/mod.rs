@@ -75,6 +75,8 @@ pub struct Shading<'a> {
     calibration: Option<Calibration>,
     /// Where people look, if that is to steer anything.
     looking: Option<Looking>,
+    /// Channels for observers.
+    watched: Vec<Aov>,
 }
 
 impl<'a> Shading<'a> {
@@ -83,7 +85,22 @@ impl<'a> Shading<'a> {
     pub fn new(settings: &RenderSettings, plan: &'a Plan) -> Self {
         let layers = Layers::new(settings, plan);
         let (calibration, looking) = (calibration(settings), looking(settings));
-        Self { settings: settings.clone(), plan, layers, places: Vec::new(), still: None, calibration, looking }
+        Self {
+            settings: settings.clone(),
+            plan,
+            layers,
+            places: Vec::new(),
+            still: None,
+            calibration,
+            looking,
+            watched: Vec::new(),
+        }
+    }
+
+    /// Lets frames have these channels in [`Shaded::watched`] from now on. Their light stays the same.
+    pub fn watch(&mut self, aov: &[Aov]) {
+        self.layers.keep(aov);
+        self.watched = aov.to_vec();
     }
 
     /// Forgets the frames before: the next one is lit as the first of a film.
@@ -197,21 +214,27 @@ impl Shading<'_> {
             looking.keep(map, &radiance);
         }
         let known = Known { prepared, tolerance, layers: &self.layers, reused: &lit.reused, importance };
-        let mut channels = Channels::new();
-        for &aov in &self.settings.aov {
-            channels.extend(match aov {
-                Aov::Direct => colors("direct", &lit.light.picture(|sample| sample.direct.clone(), Coverage::blend)),
-                Aov::Indirect => {
-                    let indirect = |sample: &Sample| sample.indirect.clone();
-                    colors("indirect", &lit.light.picture(indirect, Coverage::blend_reflected))
-                }
-                _ => known.channels(aov),
-            });
-        }
+        let channels_of = |wanted: &[Aov]| {
+            let mut channels = Channels::new();
+            for &aov in wanted {
+                channels.extend(match aov {
+                    Aov::Direct => {
+                        colors("direct", &lit.light.picture(|sample| sample.direct.clone(), Coverage::blend))
+                    }
+                    Aov::Indirect => {
+                        let indirect = |sample: &Sample| sample.indirect.clone();
+                        colors("indirect", &lit.light.picture(indirect, Coverage::blend_reflected))
+                    }
+                    _ => known.channels(aov),
+                });
+            }
+            channels
+        };
+        let (channels, watched) = (channels_of(&self.settings.aov), channels_of(&self.watched));
         let outlines = lit.light.outlines();
         let importance = importance.map(|map| Arc::new(map.importance.clone()));
         self.still = may_stay.then_some(lit);
-        (Shaded { radiance, outlines, importance, channels, figures }, audits)
+        (Shaded { radiance, outlines, importance, channels, watched, figures }, audits)
     }
 
     /// The light of a frame through every place of a pixel, and what its audits found; `figures` get what it took.

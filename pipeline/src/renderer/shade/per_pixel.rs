@@ -73,6 +73,12 @@ impl Layer for PerPixel {
         is_dark(frame)
     }
 
+    fn keep(&mut self, aov: Aov) {
+        if aov == Aov::CutSize {
+            self.sizes.get_or_insert_with(Vec::new);
+        }
+    }
+
     fn channel(&self, aov: Aov, _: &Frame<'_>) -> Option<Vec<f32>> {
         let sizes = self.sizes.as_ref().filter(|_| aov == Aov::CutSize)?;
         Some(sizes.iter().map(|&size| size as f32).collect())

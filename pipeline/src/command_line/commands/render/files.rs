@@ -1,0 +1,105 @@
+//! The files of a film, and whether they may be written.
+
+use crate::Result as FilmResult;
+use crate::command_line::lines::ProgressKind;
+use crate::command_line::overwrite::Overwrite;
+use crate::command_line::print_config::ProgramOption;
+use crate::feedback_loop::checkpoint::{FilmJob, path_for};
+use crate::output::Output;
+use crate::places::{FilePlaces, is_standard_output, is_stream};
+use crate::report::path_beside;
+use crate::settings::Settings;
+use anyhow::Result;
+use std::path::{Path, PathBuf};
+
+/// Files beside the film.
+pub(super) struct Files {
+    pub report: Option<PathBuf>,
+    pub html: Option<PathBuf>,
+    pub trace: Option<PathBuf>,
+    pub also: Vec<PathBuf>,
+}
+
+impl Files {
+    /// Adds them to what is read, with the film itself.
+    pub fn places(&self, read: FilePlaces, settings: &Settings) -> FilePlaces {
+        let places = read
+            .reads("--baked", settings.baked.as_deref())
+            .writes("-o", Some(&settings.output))
+            .writes("the checkpoint", Some(&path_for(&settings.output)))
+            .writes("--report", self.report.as_deref())
+            .writes("--y4m", settings.y4m.as_deref())
+            .writes("--html", self.html.as_deref())
+            .writes("--trace", self.trace.as_deref());
+        self.also.iter().fold(places, |places, path| places.writes("--also", Some(path)))
+    }
+
+    /// As a file for `--config` has them.
+    pub fn options(&self) -> [ProgramOption; 4] {
+        let text = |path: &PathBuf| path.display().to_string();
+        [
+            ProgramOption::text("report", self.report.as_ref().map(text)),
+            ProgramOption::text("html", self.html.as_ref().map(text)),
+            ProgramOption::text("trace", self.trace.as_ref().map(text)),
+            ProgramOption::list("also", self.also.iter().map(text)),
+        ]
+    }
+
+    /// Whether the film of the job is there, and the report beside it says that it is whole.
+    pub fn is_finished(&self, job: &FilmJob) -> bool {
+        let report = self.report.as_ref().and_then(|report| std::fs::read(report).ok());
+        let made = report.and_then(|report| FilmJob::of_report(job.film(), &report));
+        let is_whole = made.is_some_and(|made| made.is_same(job) && made.end() == job.end());
+        is_whole && job.film().is_file() && !path_for(job.film()).exists()
+    }
+
+    /// Asks before a film begins in the place of another, or of one that could be continued.
+    ///
+    /// # Errors
+    /// The user says no.
+    pub fn check_replaced(&self, overwrite: Overwrite, resume: bool, settings: &Settings) -> Result<()> {
+        let film = &settings.output;
+        if resume {
+            return overwrite.check_for(film, "is finished, and --keep-checkpoint has left nothing to go on from");
+        }
+        overwrite.check_for(&path_for(film), "is there: --resume goes on with its film")?;
+        overwrite.check(film)?;
+        settings.y4m.iter().chain(&self.also).try_for_each(|path| overwrite.check(path))
+    }
+
+    /// Whether they can be written.
+    ///
+    /// # Errors
+    /// A folder does not exist or may not be written to.
+    pub fn try_out(&self) -> FilmResult<()> {
+        let paths = [&self.report, &self.html, &self.trace];
+        paths.into_iter().flatten().chain(&self.also).try_for_each(|path| Output::create(path).map(drop))
+    }
+}
+
+/// Whether a film on standard output, or in a device, gets along with what else is wanted.
+///
+/// # Errors
+/// Lines of progress would get into the film, or it cannot be read again.
+pub fn check_streams(output: &Path, progress: ProgressKind, also: &[PathBuf]) -> Result<()> {
+    let fail = |text: &str| Err(crate::Error::Options(format!("-o {}: {text}", output.display())).into());
+    if is_standard_output(output) && progress != ProgressKind::Bar {
+        return fail(
+            "standard output cannot take both the film and lines of progress; choose another place for the film",
+        );
+    }
+    if is_stream(output) && !also.is_empty() {
+        return fail("--also makes its files from the film when that is whole; write the film into a file");
+    }
+    Ok(())
+}
+
+/// `film.mpg` → `film.report.json`; a device has no neighbors, so its report goes to this folder. Of standard output there is one only
+/// where `--report` names it.
+pub fn report_beside(output: &Path) -> Option<PathBuf> {
+    match output {
+        _ if is_standard_output(output) => None,
+        _ if is_stream(output) => Some("render2mpeg.report.json".into()),
+        _ => Some(path_beside(output)),
+    }
+}

@@ -1,0 +1,248 @@
+//! `render2mpeg render`.
+
+mod files;
+mod watching;
+
+use crate::also::Companion;
+use crate::command_line::interrupt::{Interrupt, Reactions};
+use crate::command_line::lines::{Lines, ProgressKind};
+use crate::command_line::log::Log;
+use crate::command_line::overwrite::Overwrite;
+use crate::command_line::print_config::ProgramOption;
+use crate::command_line::source::{MemoryLimit, Source};
+use crate::command_line::{parts, print_config, progress};
+use crate::feedback_loop::Run;
+use crate::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
+use crate::feedback_loop::observe::OnFrame;
+use crate::places::{FilePlaces, is_stream};
+use crate::report::FrameReport;
+use crate::settings::{CheckpointEvery, Settings};
+use crate::{Options, Plan, Render as Film};
+use anyhow::{Context, Result};
+use clap::Args;
+use files::{Files, check_streams, report_beside};
+use render_core::scene::Scene;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+use watching::{Watching, watch, write_page};
+
+/// The scene, settings of its film, and the files to write.
+#[derive(Args)]
+pub(crate) struct Render {
+    /// The scene.
+    #[command(flatten)]
+    source: Source,
+    /// Settings of the film.
+    #[command(flatten)]
+    options: Options,
+    /// Where the JSON report goes [default: beside the video, .report.json]
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Also write a page: frames of the film, maps, and plots of the time, bits, PSNR and cut size of each frame
+    #[arg(long, value_name = "FILE.html", hide = !cfg!(feature = "html"))]
+    html: Option<PathBuf>,
+    /// When the film is whole, code its pictures again for players of today, by ffmpeg: .mp4 (H.264) or .webm (AV1 or VP9)
+    #[arg(long, value_name = "FILE", value_delimiter = ',')]
+    also: Vec<PathBuf>,
+    /// Go on where a killed or interrupted run of the same film was, to the same bits; begin at the beginning if there was none
+    #[arg(long)]
+    resume: bool,
+    /// Keep the checkpoint of the finished film, so that --resume with more --frames can lengthen it
+    #[arg(long)]
+    keep_checkpoint: bool,
+    /// Whether files may be replaced.
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// Seconds between checkpoints, beside the video in .checkpoint, for --resume: 0 is each frame, off is none [default: 60]
+    #[arg(long, value_name = "SECONDS")]
+    checkpoint: Option<CheckpointEvery>,
+    /// Threads [default: one per processor]; the result is the same for any number
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Write when each stage worked on which frame, for chrome://tracing or Perfetto
+    #[arg(long, value_name = "FILE.json", hide = !cfg!(feature = "trace"))]
+    trace: Option<PathBuf>,
+    /// How much memory it may take.
+    #[command(flatten)]
+    memory: MemoryLimit,
+    /// Print the file for --config that makes the same film, every default filled in; render nothing
+    #[arg(long)]
+    print_config: bool,
+    /// Progress: as a line at a terminal, as lines of JSON on standard output, or as Open Job Description has it [default: bar]
+    #[arg(long, value_enum, value_name = "KIND")]
+    progress: Option<ProgressKind>,
+    /// The same as --progress json: a line of JSON for the begin, each frame and the end, for other programs
+    #[arg(long, conflicts_with = "progress")]
+    json_progress: bool,
+    /// Say what happens, line by line: once for frames and checkpoints, twice for every stage
+    #[arg(short, long, action = clap::ArgAction::Count, conflicts_with = "quiet", hide = !cfg!(feature = "trace"))]
+    verbose: u8,
+    /// No progress, no summary: only errors are shown
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Interval of checkpoints: a film killed after hours loses a minute.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
+
+/// Renders and reports.
+pub fn run(mut arguments: Render) -> Result<ExitCode> {
+    arguments.check_features()?;
+    let path = arguments.source.path();
+    let scene = arguments.source.reading.load(&path)?;
+    let settings = arguments.options.fill_in(path, &scene)?;
+
+    // All that can be wrong with the settings or the places of the files is said before the first ray.
+    let _ = settings.encoder_config()?;
+    let files = arguments.files(&settings);
+    check_streams(&settings.output, arguments.progress_kind(), &files.also)?;
+    if arguments.print_config {
+        let more = files.options().into_iter().chain(arguments.options_of_program());
+        let text = print_config::text(&settings.scene, &arguments.options, &more.collect::<Vec<_>>())?;
+        say!("{}", text.trim_end());
+        return Ok(ExitCode::SUCCESS);
+    }
+    files.places(FilePlaces::of(&scene).reads("--config", arguments.source.config()), &settings).check()?;
+    let companion = |path: &PathBuf| Companion::new(path, settings.size);
+    let companions = files.also.iter().map(companion).collect::<Result<Vec<_>, _>>()?;
+
+    // What is there is continued, finished already, or replaced.
+    let job = FilmJob::of(&scene, &settings)?;
+    if arguments.resume && files.is_finished(&job) {
+        if !arguments.quiet {
+            tell!("{} is finished: nothing is left to do", settings.output.display());
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
+    if !(arguments.resume && path_for(&settings.output).exists()) {
+        files.check_replaced(arguments.overwrite, arguments.resume, &settings)?;
+    }
+
+    arguments.memory.check(&scene, &settings)?;
+    for folder in settings.exr.iter().chain(&settings.png) {
+        std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
+    }
+    let checkpoints = arguments.checkpoints(&job)?;
+    if let Some(code) = arguments.make(&scene, &settings, &files, checkpoints)? {
+        return Ok(code);
+    }
+    for companion in &companions {
+        companion.make(&settings.output)?;
+        if !arguments.quiet {
+            tell!("also:   {}, by {}", companion.path().display(), companion.encoder());
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+impl Render {
+    /// Names the part of the program that is not built in.
+    fn check_features(&self) -> Result<()> {
+        parts::need("html", self.html.is_some())?;
+        parts::need("exr", self.options.exr.is_some() || !self.options.aov.is_empty())?;
+        parts::need("still", self.options.png.is_some())?;
+        parts::need("trace", self.trace.is_some() || self.verbose > 0)
+    }
+
+    /// The files beside the film.
+    fn files(&self, settings: &Settings) -> Files {
+        Files {
+            report: self.report.clone().or_else(|| report_beside(&settings.output)),
+            html: self.html.clone(),
+            trace: self.trace.clone(),
+            also: self.also.clone(),
+        }
+    }
+
+    fn progress_kind(&self) -> ProgressKind {
+        if self.json_progress { ProgressKind::Json } else { self.progress.unwrap_or(ProgressKind::Bar) }
+    }
+
+    /// Options that are none of the film's, as a file for `--config` has them.
+    fn options_of_program(&self) -> impl Iterator<Item = ProgramOption> {
+        let own = [
+            ProgramOption::text("checkpoint", self.checkpoint.map(|every| every.to_string())),
+            ProgramOption::text("threads", self.threads.map(|threads| threads.to_string())),
+        ];
+        own.into_iter().chain(self.source.reading.options())
+    }
+
+    /// Time between checkpoints; none for never.
+    fn checkpoint_every(&self) -> Option<Duration> {
+        self.checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration)
+    }
+
+    /// Where the film begins, and where its checkpoints go.
+    fn checkpoints(&self, job: &FilmJob) -> Result<Checkpoints> {
+        let every = self.checkpoint_every();
+        let checkpoints = if self.resume { Checkpoints::resume(job, every)? } else { Checkpoints::new(job, every) };
+        if let Some(end) = job.end().filter(|_| self.keep_checkpoint) {
+            checkpoints.leave_at_end(end);
+        }
+        Ok(checkpoints)
+    }
+
+    /// Makes the film, and all that is told and written of it; gives the exit code of one that was interrupted.
+    fn make(
+        &self,
+        scene: &Scene,
+        settings: &Settings,
+        files: &Files,
+        checkpoints: Checkpoints,
+    ) -> Result<Option<ExitCode>> {
+        let plan = Plan::new(scene, &settings.renderer());
+        let mut film = Film::new(scene, settings, &plan, &checkpoints)?;
+        film.write_to(&settings.output)?;
+        files.try_out()?;
+        let log = Log::start(self.verbose, files.trace.clone());
+
+        // Progress, and what signals do.
+        let first = film.first_frame();
+        let progress = progress::Progress::new(settings, scene, first, self.quiet || self.verbose > 0);
+        let interrupt = Interrupt::watch(reactions(&film, &progress, settings))?;
+        let lines = Lines::new(self.progress_kind(), settings, first);
+        lines.begin();
+        let frames = OnFrame::new(|frame: &FrameReport| {
+            progress.frame(frame);
+            lines.frame(frame);
+            checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
+        });
+        let observer = Watching { frames, page: files.html.as_ref().map(|_| watch(&mut film, settings)) };
+        let result = film.finish(Run { observer: &observer, stop: &interrupt.stop });
+        progress.clear();
+        checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
+
+        // Report, page and trace; then nothing is left to go on from.
+        let report = result?;
+        let interrupted = report.summary.interrupted;
+        files.report.as_deref().map_or(Ok(()), |path| report.write(path))?;
+        write_page(files.html.as_deref(), &report, observer.page, scene)?;
+        let traced = log.finish()?;
+        if !interrupted && !self.keep_checkpoint {
+            checkpoints.remove();
+        }
+        lines.end(&report);
+        if !self.quiet {
+            progress::summary(&report, &settings.output, files.report.as_deref());
+            if interrupted && self.checkpoint_every().is_some() && !is_stream(&settings.output) {
+                tell!("ended early: the same command with --resume goes on after the last frame");
+            }
+            traced.into_iter().for_each(|line| tell!("trace:  {line}"));
+        }
+        Ok(interrupted.then(|| interrupt.exit_code()))
+    }
+}
+
+/// What is said and done when signals come: the first lets the frames that are begun be finished, the second does not.
+fn reactions(film: &Film, progress: &progress::Progress, settings: &Settings) -> Reactions {
+    let (tell, end, output) = (progress.teller(), film.early_end(), settings.output.display().to_string());
+    let tell_again = progress.teller();
+    let first = move || tell("stopping after this frame; again to stop now");
+    let second = move || match end.as_ref().map(|end| end()) {
+        Some(Ok(true)) => tell_again(&format!("video:  {output}, as far as it was written")),
+        Some(Err(error)) => tell_again(&error.chain()),
+        Some(Ok(false)) | None => {}
+    };
+    Reactions { first: Box::new(first), second: Box::new(second) }
+}

@@ -1,0 +1,73 @@
+//! What is seen of a film while it is made: lines of progress, and what its page shows.
+
+#[cfg(feature = "html")]
+use crate::Options;
+use crate::feedback_loop::observe::{Observer, OnFrame};
+#[cfg(feature = "html")]
+use crate::laboratory::page::{self, FilmWatch, Made};
+#[cfg(feature = "html")]
+use crate::output::Output;
+use crate::parts::Shaded;
+use crate::report::FrameReport;
+use crate::settings::Settings;
+use crate::{Render as Film, Report};
+use anyhow::Result;
+use plane::{Picture, Plane};
+use render_core::scene::Scene;
+use std::path::Path;
+
+/// Lines for each frame, and what the page shows of the film.
+pub(super) struct Watching<F> {
+    pub frames: OnFrame<F>,
+    pub page: Option<FilmWatch>,
+}
+
+impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
+    fn frame(&self, report: &FrameReport) {
+        self.frames.frame(report);
+    }
+
+    fn shaded(&self, index: u32, shaded: &Shaded) {
+        self.page.iter().for_each(|page| page.shaded(index, shaded));
+    }
+
+    fn importance(&self, index: u32, importance: &Plane<f32>) {
+        self.page.iter().for_each(|page| page.importance(index, importance));
+    }
+
+    fn decoded(&self, index: u32, picture: &Picture) {
+        self.page.iter().for_each(|page| page.decoded(index, picture));
+    }
+}
+
+/// Keeps of the film what its page shows.
+#[cfg(feature = "html")]
+pub fn watch(film: &mut Film, settings: &Settings) -> FilmWatch {
+    film.watch(&page::WATCHED);
+    FilmWatch::new(settings)
+}
+
+/// Without pages nobody asks for pictures.
+#[cfg(not(feature = "html"))]
+pub(super) type FilmWatch = ();
+
+/// Without the feature `html` a wanted page was refused before.
+#[cfg(not(feature = "html"))]
+pub fn watch(_: &mut Film, _: &Settings) -> FilmWatch {}
+
+/// Writes the page of the run, if one is wanted.
+#[cfg(feature = "html")]
+pub fn write_page(path: Option<&Path>, report: &Report, watched: Option<FilmWatch>, scene: &Scene) -> Result<()> {
+    let Some((path, watched)) = path.zip(watched) else { return Ok(()) };
+    let usual = Settings::new(report.settings.scene.clone(), scene, &Options::default()).ok();
+    let made = Made { command: page::command_line(std::env::args_os()), usual };
+    let mut output = Output::create(path)?;
+    output.write(page::run_page(report, &watched, &made)?.as_bytes())?;
+    Ok(output.finish()?)
+}
+
+/// Without the feature `html` a wanted page was refused before.
+#[cfg(not(feature = "html"))]
+pub fn write_page(_: Option<&Path>, _: &Report, _: Option<FilmWatch>, _: &Scene) -> Result<()> {
+    Ok(())
+}

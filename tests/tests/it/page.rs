@@ -1,0 +1,163 @@
+//! `render --html`: what the page of a film shows, what it keeps to itself, and that it is sound HTML.
+
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use tests::{Moving, Rendered, checkered_room, render};
+
+const SMALL: &str = "--size 64x64 --vpls 60 --photons 3000";
+
+/// A film of a room, and its page.
+fn film(folder: &Path, moving: Moving, options: &str) -> (Rendered, String) {
+    checkered_room(moving).write(&folder.join("room.glb"));
+    fs::write(folder.join("room.toml"), "[tone_mapping]\nexposure = 0.5\n").unwrap();
+    let page = folder.join("film.html");
+    let options = format!("{SMALL} --html {} {options}", page.display());
+    let film = render(folder, "film", &folder.join("room.glb"), &options);
+    (film, fs::read_to_string(page).unwrap())
+}
+
+/// Addresses that hold their data, of this kind, decoded.
+fn data(html: &str, kind: &str) -> Vec<Vec<u8>> {
+    let start = format!("data:{kind};base64,");
+    html.split(&start).skip(1).map(|rest| from_base64(rest.split('"').next().unwrap_or(rest))).collect()
+}
+
+fn from_base64(text: &str) -> Vec<u8> {
+    let digit = |c: u8| match c {
+        b'A'..=b'Z' => c - b'A',
+        b'a'..=b'z' => c - b'a' + 26,
+        b'0'..=b'9' => c - b'0' + 52,
+        b'+' => 62,
+        _ => 63,
+    };
+    let (mut bytes, mut held, mut bits) = (Vec::new(), 0u32, 0);
+    for c in text.bytes().filter(|&c| c != b'=') {
+        held = (held << 6) | u32::from(digit(c));
+        bits += 6;
+        if bits >= 8 {
+            bits -= 8;
+            bytes.push((held >> bits) as u8);
+        }
+    }
+    bytes
+}
+
+/// Every element is closed where it was opened, each attribute has its quotes, and no name is there twice.
+fn assert_sound(html: &str) {
+    const EMPTY: [&str; 5] = ["meta", "link", "br", "img", "input"];
+    let (mut open, mut names, mut rest) = (Vec::new(), Vec::new(), html);
+    while let Some(start) = rest.find('<') {
+        let end = start + rest[start..].find('>').expect("a tag ends");
+        let tag = &rest[start + 1..end];
+        rest = &rest[end + 1..];
+        if tag.starts_with('!') {
+            continue;
+        }
+        assert!(!tag.contains('<') && tag.matches('"').count().is_multiple_of(2), "<{tag}>");
+        if let Some(name) = tag.strip_prefix('/') {
+            assert_eq!(open.pop(), Some(name), "</{name}>");
+            continue;
+        }
+        let name = tag.split([' ', '\n', '/']).next().unwrap();
+        names.extend(tag.split(" id=\"").nth(1).map(|id| id.split('"').next().unwrap()));
+        if !EMPTY.contains(&name) && !tag.ends_with('/') {
+            open.push(name);
+        }
+        // Rules of style are no tags.
+        if name == "style" {
+            rest = &rest[rest.find("</style>").expect("it ends")..];
+        }
+    }
+    assert_eq!(open, [""; 0]);
+    let count = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), count, "{names:?}");
+}
+
+#[test]
+fn it_shows_the_film_and_names_no_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let (film, html) = film(folder.path(), Moving::Box, "--frames 5 --qscale 16");
+    assert_sound(&html);
+
+    // Three frames, the strip with what plays it, and maps of the middle frame.
+    for frame in [0, 2, 4] {
+        assert!(html.contains(&format!("alt=\"Frame {frame}, decoded\"")), "{frame}");
+    }
+    assert_eq!(data(&html, "image/jpeg").len(), 4, "three frames and the strip");
+    for words in
+        ["Frames 0 to 4", "prefers-reduced-motion", ">Pause<", "Thresholds of frame 2", "Sizes of cuts of frame 2"]
+    {
+        assert!(html.contains(words), "{words}");
+    }
+    assert!(html.contains("Shading of frame 2") && data(&html, "image/png").len() == 3, "three maps");
+
+    // The command and what was chosen, but no folder, not even in the files that it holds, and nothing from elsewhere.
+    assert!(html.contains(" render room.glb --output film.m2v --quiet --overwrite --size 64x64"), "the command");
+    assert!(html.contains("<td>qscale</td><td>16</td><td>8</td>"), "the choice beside its default");
+    assert!(!html.contains("<td>bframes</td><td>0</td><td>"), "a default is no choice");
+    assert!(!html.contains("http:") && !html.contains("https:"), "a page loads nothing");
+    let folders = folder.path().display().to_string();
+    let json = String::from_utf8(data(&html, "application/json").remove(0)).unwrap();
+    assert!(!html.contains(&folders) && !html.contains(">/"), "the page names a folder");
+    assert!(!json.contains(&folders) && !json.contains("\"/"), "the report in it names a folder");
+
+    // The files that it holds say what the report says.
+    let held: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(held["frames"], film.report["frames"]);
+    let csv = String::from_utf8(data(&html, "text/csv").remove(0)).unwrap();
+    let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    let bits = rows[0].iter().position(|name| *name == "bits").unwrap();
+    let told: Vec<f64> = rows[1..].iter().map(|row| row[bits].parse().unwrap()).collect();
+    assert_eq!(told, film.figures(&["bits"]));
+    assert!(rows.iter().all(|row| row.len() == rows[0].len()) && rows[0][0] == "index");
+    let drawings = data(&html, "image/svg+xml");
+    assert_eq!(drawings.len(), html.matches("<svg class=\"plot\"").count());
+    assert!(drawings.iter().all(|drawing| drawing.starts_with(b"<svg xmlns")));
+    assert!(html.len() < 300_000, "{} bytes", html.len());
+}
+
+/// What a page watches is not what is rendered: the film stays the same, and files of frames get no layers.
+#[test]
+fn it_changes_neither_the_film_nor_its_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for options in ["--frames 3 --cache off", "--frames 4 --bframes 2"] {
+        let frames = folder.join("frames/frame_00002.exr");
+        let (with, html) = film(folder, Moving::Camera, &format!("{options} --exr frames"));
+        let watched = fs::read(&frames).unwrap();
+        let plain = render(folder, "plain", &folder.join("room.glb"), &format!("{SMALL} {options} --exr frames"));
+        assert!(with.stream == plain.stream, "{options}: another film");
+        assert!(watched == fs::read(&frames).unwrap(), "{options}: other layers");
+        assert_sound(&html);
+        assert!(html.contains("Sizes of cuts of frame "), "{options}");
+        let last = with.report["frames"].as_array().unwrap().len() - 1;
+        assert!(html.contains("alt=\"Frame 0, decoded\"") && html.contains(&format!("alt=\"Frame {last}, decoded\"")));
+    }
+}
+
+#[test]
+fn what_never_changes_has_no_plot() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = "--frames 3 --gop 1 --thresholds fixed:0.02 --lighting all-lights";
+    let (film, html) = film(folder.path(), Moving::Nothing, options);
+    assert_sound(&html);
+    let bits = film.figures(&["bits"]);
+    assert!(bits.iter().all(|&size| size == bits[0]), "{bits:?}");
+    // A number in the list, and no drawing.
+    assert!(html.contains("<dt>Bits of the pictures</dt>") && !html.contains("aria-label=\"Bits of the pictures\""));
+    assert!(html.contains("<dt>Thresholds</dt><dd>2 % of luminance</dd>"), "of thresholds");
+    assert!(html.contains("aria-label=\"CPU seconds of the stages\""));
+    // It has no thresholds and no cuts: no maps of them.
+    assert!(!html.contains("Thresholds of frame") && !html.contains("Sizes of cuts of frame"));
+    // One frame has no strip.
+    let one =
+        render(folder.path(), "one", &folder.path().join("room.glb"), &format!("{SMALL} --frames 1 --html one.html"));
+    let html = fs::read_to_string(folder.path().join("one.html")).unwrap();
+    assert_sound(&html);
+    assert!(
+        !html.contains("class=\"strip\"") && html.matches("<svg").count() == 0 && one.figures(&["bits"]).len() == 1
+    );
+}
