@@ -72,7 +72,8 @@ pub const PLAN: &str = "Examples:
   render2mpeg plan scene.glb
   render2mpeg plan scene.glb --cache off --thresholds fixed:0.02    what these leave out
 
-saves: the share of a frame's CPU time that leaving a stage out saves, an estimate.";
+costs, saves: the share of a frame's CPU time that a stage takes, or that leaving it out saves. These, time and memory are
+estimates.";
 
 #[cfg(feature = "shell")]
 pub const COMPLETIONS: &str = "Examples:

@@ -131,8 +131,9 @@ fn films_are_made_for_players_of_today_too() {
             continue;
         }
         let also = format!("also.{ending}");
-        let words =
-            format!("render room.glb -o film.mkv --overwrite --also {also} --vpls 60 --photons 1000 --frames 6 --size {size}");
+        let words = format!(
+            "render room.glb -o film.mkv --overwrite --also {also} --vpls 60 --photons 1000 --frames 6 --size {size}"
+        );
         let words: Vec<&str> = words.split(' ').collect();
         let made = render2mpeg(folder, &words);
         assert_eq!(made.code, Some(0), "{}", made.stderr);

@@ -25,9 +25,22 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     let scene = arguments.source.reading.load(&path)?;
     let settings = Settings::new(path, &scene, &arguments.options)?;
     let _ = settings.encoder_config()?;
-    say!("{}", crate::Plan::new(&scene, &settings.renderer()).table().trim_end());
+    let plan = crate::Plan::new(&scene, &settings.renderer());
+    say!("{}", plan.table().trim_end());
+    let (seconds, frames) = (plan.seconds_a_frame(), settings.frame_range().len());
+    let all = frames as f64 * seconds / std::thread::available_parallelism().map_or(1.0, |count| count.get() as f64);
+    say!("time:   some {seconds:.2} CPU s a frame after the first; {frames} frames in some {}", rough_time(all));
     let (needed, size) = (MemorySize(memory::estimate(&scene, settings.size)), settings.size);
     say!("memory: some {needed} for {}x{} pixels", size.width, size.height);
     scene.warnings.iter().for_each(|warning| say!("note: {}", single_line(warning)));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Seconds in the unit that a person would use.
+fn rough_time(seconds: f64) -> String {
+    match seconds {
+        ..120.0 => format!("{seconds:.0} s"),
+        120.0..7200.0 => format!("{:.0} min", seconds / 60.0),
+        _ => format!("{:.1} h", seconds / 3600.0),
+    }
 }

@@ -39,6 +39,8 @@ pub struct Plan {
     steps: Vec<Step>,
     /// See [`Plan::share_of`].
     shares: Vec<Option<f64>>,
+    /// CPU seconds of a frame in which every stage runs.
+    whole: f64,
 }
 
 impl Plan {
@@ -46,13 +48,13 @@ impl Plan {
     #[must_use]
     pub fn new(scene: &Scene, settings: &RenderSettings) -> Self {
         let facts = Facts::new(scene, settings);
-        let shares = shares(&Costs::of(scene, settings, facts.area_lights));
+        let (shares, whole) = shares(&Costs::of(scene, settings, facts.area_lights));
         let step = |(Decision { stage, state, reason }, &share): (Decision, &Option<f64>)| {
             let saves = if state == State::On { None } else { share };
             Step { stage, state, reason, saves }
         };
         let steps = decisions(&facts).into_iter().zip(&shares).map(step).collect();
-        Self { steps, shares }
+        Self { steps, shares, whole }
     }
 
     /// How often `stage` runs.
@@ -92,6 +94,14 @@ impl Plan {
         self.shares[stage as usize]
     }
 
+    /// Estimated CPU seconds of a frame after the first, by the prices of the processor that they were measured on: from half to twice
+    /// as much in the scenes tried.
+    #[must_use]
+    pub fn seconds_a_frame(&self) -> f64 {
+        let saved: f64 = self.steps.iter().filter_map(|step| step.saves).sum();
+        self.whole * (1.0 - saved).max(0.0)
+    }
+
     /// The plan line by line.
     #[must_use]
     pub fn steps(&self) -> &[Step] {
@@ -102,23 +112,24 @@ impl Plan {
     #[must_use]
     pub fn table(&self) -> String {
         let width = self.steps.iter().map(|step| step.stage.name().len()).max().unwrap_or(0);
-        let mut table = format!("{:width$}  state  saves  reason\n", "stage");
+        let mut table = format!("{:width$}  state  costs  saves  reason\n", "stage");
+        let percent = |share: Option<f64>| match share {
+            None => String::new(),
+            Some(share) if share < 0.01 => "< 1 %".into(),
+            Some(share) => format!("{:.0} %", 100.0 * share),
+        };
         for Step { stage, state, reason, saves } in &self.steps {
-            let saves = match saves {
-                None => String::new(),
-                Some(share) if *share < 0.01 => "< 1 %".into(),
-                Some(share) => format!("{:.0} %", 100.0 * share),
-            };
-            let (stage, state) = (stage.name(), state.name());
-            table.push_str(&format!("{stage:width$}  {state:5}  {saves:>5}  {reason}\n"));
+            let costs = if *state == State::On { percent(self.share_of(*stage)) } else { String::new() };
+            let (stage, state, saves) = (stage.name(), state.name(), percent(*saves));
+            table.push_str(&format!("{stage:width$}  {state:5}  {costs:>5}  {saves:>5}  {reason}\n"));
         }
         table
     }
 }
 
-/// The share of each stage of a frame in which they all run; none where that cannot be said.
-fn shares(costs: &Costs) -> Vec<Option<f64>> {
+/// The share of each stage of a frame in which they all run, none where that cannot be said; and CPU seconds of that frame.
+fn shares(costs: &Costs) -> (Vec<Option<f64>>, f64) {
     let seconds = Stage::ALL.map(|stage| costs.of_stage(stage));
     let whole = seconds.iter().flatten().sum::<f64>() + costs.of_the_rest();
-    seconds.into_iter().map(|seconds| Some(seconds? / whole)).collect()
+    (seconds.into_iter().map(|seconds| Some(seconds? / whole)).collect(), whole)
 }
