@@ -1,7 +1,7 @@
 //! Columns that are made of parts.
 
 use super::axis::Axis;
-use super::line_plot::{AREA, Entry, SIZE, frame, legend};
+use super::line_plot::{AREA, Entry, SIZE, frame, height_and_bottom, legend};
 use super::svg::{Svg, TextStyle};
 
 /// Of more columns the numbers do not show when they are pointed at: they would take most of a page.
@@ -27,10 +27,10 @@ pub struct StackedBars {
 impl StackedBars {
     /// Draws it.
     pub fn draw(&self) -> Svg {
-        let mut svg = Svg::new(SIZE.0, SIZE.1, &self.title);
         let (left, right, top) = AREA;
         let named = if self.parts.len() > 1 { self.parts.len().div_ceil(3) } else { 0 };
-        let bottom = SIZE.1 - 48.0 - 19.0 * named as f64;
+        let (height, bottom) = height_and_bottom(named);
+        let mut svg = Svg::new(SIZE.0, height, &self.title);
         let heights = self.columns.iter().map(|column| column.iter().sum::<f64>());
         let y = Axis::holding(heights.chain([0.0]), false, (bottom, top));
         frame(&mut svg, (&self.title, &self.x_label, &self.y_label), (None, &y), bottom);

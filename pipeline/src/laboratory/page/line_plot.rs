@@ -9,6 +9,8 @@ pub(super) const SIZE: (f64, f64) = (520.0, 360.0);
 pub(super) const AREA: (f64, f64, f64) = (74.0, 508.0, 34.0);
 /// Height of a row of the legend.
 const LEGEND_ROW: f64 = 19.0;
+/// Width of a digit beside an axis, and of a gap, where pages are narrow and digits large.
+const DIGIT: f64 = 11.5;
 /// Marks of a line whose points are too many to be marked each.
 const MARKS: usize = 6;
 /// Letters of a name that has room in the legend beside two others.
@@ -53,10 +55,10 @@ pub struct LinePlot {
 impl LinePlot {
     /// Draws it.
     pub fn draw(&self) -> Svg {
-        let mut svg = Svg::new(SIZE.0, SIZE.1, &self.title);
         let rows = self.series.len().div_ceil(columns(self.series.iter().map(|series| series.name.as_str())));
+        let (height, bottom) = height_and_bottom(rows);
+        let mut svg = Svg::new(SIZE.0, height, &self.title);
         let (left, right, top) = AREA;
-        let bottom = SIZE.1 - 48.0 - LEGEND_ROW * rows as f64;
         let values = || self.series.iter().flat_map(|series| &series.points);
         let x = Axis::holding(values().map(|p| p.0), self.x_log, (left, right));
         let levels = self.level.iter().map(|(level, _)| *level);
@@ -95,6 +97,12 @@ impl LinePlot {
     }
 }
 
+/// Height of a plot whose legend has `rows`, and where the area between the axes ends; long legends leave that as it is.
+pub(super) fn height_and_bottom(rows: usize) -> (f64, f64) {
+    let height = SIZE.1 + LEGEND_ROW * rows.saturating_sub(3) as f64;
+    (height, height - 48.0 - LEGEND_ROW * rows as f64)
+}
+
 /// Three digits are enough to point at.
 fn short3(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
@@ -118,9 +126,16 @@ pub(super) fn frame(
         svg.rule((left, place), (right, place), "grid");
         svg.text((left - 7.0, place + 4.5), TextStyle { class: "soft", anchor: "end", size: 13.0 }, &text);
     }
+    let mut free = 0.0;
     for (value, text) in x.map(Axis::ticks).unwrap_or_default() {
         let Some(place) = x.and_then(|x| x.place(value)) else { continue };
         svg.rule((place, bottom), (place, bottom + 4.0), "axis");
+        // No number stands on the one before.
+        let room = DIGIT * text.chars().count() as f64;
+        if place - 0.5 * room < free {
+            continue;
+        }
+        free = place + 0.5 * room;
         svg.text((place, bottom + 18.0), TextStyle { class: "soft", anchor: "middle", size: 13.0 }, &text);
     }
     svg.rule((left, bottom), (right, bottom), "axis");

@@ -112,7 +112,7 @@ impl Svg {
     pub(super) fn text_upward(&mut self, (x, y): (f64, f64), class: &str, size: f64, text: &str) {
         let text = escaped(text);
         self.draw(format_args!(
-            r#"<text class="{class}" transform="translate({x:.1} {y:.1}) rotate(-90)" font-size="{size}" text-anchor="middle">{text}</text>"#
+            r#"<text class="{class} up" transform="translate({x:.1} {y:.1}) rotate(-90)" font-size="{size}" text-anchor="middle">{text}</text>"#
         ));
     }
 

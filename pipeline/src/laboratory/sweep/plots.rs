@@ -120,7 +120,7 @@ fn of_each_method(outcome: &Outcome) -> Vec<Plot> {
             axes(
                 "Errors before compression and after decoding",
                 ("quantiser_scale", true),
-                ("RMSE of luma, code values", true),
+                ("RMSE, code values", true),
                 rmse_lines(outcome),
                 None,
             ),
