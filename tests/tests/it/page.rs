@@ -95,7 +95,9 @@ fn it_shows_the_film_and_names_no_folder() {
     assert!(html.contains("Shading of frame 2") && data(&html, "image/png").len() == 3, "three maps");
 
     // The command and what was chosen, but no folder, not even in the files that it holds, and nothing from elsewhere.
-    assert!(html.contains(" render room.glb --output film.m2v --quiet --overwrite --size 64x64"), "the command");
+    let command = html.split("<pre>").nth(1).and_then(|rest| rest.split("</pre>").next()).expect("the command");
+    assert!(command.contains(" render room.glb --output film.m2v ") && !command.contains('/'), "{command}");
+    assert!(command.contains(" --html film.html --frames 5 --qscale 16"), "{command}");
     assert!(html.contains("<td>qscale</td><td>16</td><td>8</td>"), "the choice beside its default");
     assert!(!html.contains("<td>bframes</td><td>0</td><td>"), "a default is no choice");
     assert!(!html.contains("http:") && !html.contains("https:"), "a page loads nothing");
