@@ -45,9 +45,10 @@ impl FrameMaps {
         let by_luminance = |thresholds: Plane<f32>| {
             let pixels = thresholds.samples().iter().zip(shaded.radiance.samples());
             let shares = pixels.map(|(&threshold, &rgb)| match luminance(rgb) {
-                _ if threshold <= 0.0 => elsewhere,
-                light if light > 0.0 => threshold / light,
-                _ => 1.0,
+                light if light > 0.0 && threshold > 0.0 => threshold / light,
+                light if light > 0.0 => elsewhere,
+                // Nothing is seen there.
+                _ => 0.0,
             });
             Plane::from_vec(width, height, shares.collect())
         };
@@ -60,7 +61,8 @@ impl FrameMaps {
         let mut drawn = Vec::new();
         if let Some(plane) = &self.thresholds {
             let small = fitting(plane, mean);
-            let about = format!("mean {:.1} %: an error below this stays unseen", 100.0 * mean(plane.samples()));
+            let seen: Vec<f32> = plane.samples().iter().copied().filter(|&share| share > 0.0).collect();
+            let about = format!("mean {:.1} %: an error below this stays unseen", 100.0 * mean(&seen));
             let map = png(&THRESHOLD.picture(&small));
             drawn.push(context! { name => "Thresholds", uri => map, about, scale => legend(&THRESHOLD) });
         }

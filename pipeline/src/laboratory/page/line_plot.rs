@@ -136,7 +136,8 @@ pub(super) fn frame(
             continue;
         }
         free = place + 0.5 * room;
-        svg.text((place, bottom + 18.0), TextStyle { class: "soft", anchor: "middle", size: 13.0 }, &text);
+        let (place, anchor) = if free > SIZE.0 { (SIZE.0 - 1.0, "end") } else { (place, "middle") };
+        svg.text((place, bottom + 18.0), TextStyle { class: "soft", anchor, size: 13.0 }, &text);
     }
     svg.rule((left, bottom), (right, bottom), "axis");
     let x_label = x.map_or_else(|| x_label.to_owned(), |x| x.label(x_label));
