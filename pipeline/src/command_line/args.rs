@@ -45,7 +45,7 @@ pub struct Arguments {
 #[derive(Subcommand)]
 pub enum Command {
     /// Render a scene into a video.
-    #[command(args_override_self = true, after_help = examples::RENDER)]
+    #[command(args_override_self = true, after_help = examples::RENDER_SHORT, after_long_help = examples::RENDER)]
     Render(Box<Render>),
     /// Render one picture: PNG or JPEG as a display shows it, or OpenEXR.
     #[cfg(feature = "still")]

@@ -1,5 +1,12 @@
 //! Examples below the options of `--help`: a line to type for each purpose.
 
+pub const RENDER_SHORT: &str = "Examples:
+  render2mpeg render scene.glb                                  into scene.mpg, in this folder
+  render2mpeg render scene.glb --preset draft -o look.mpg       small and fast
+  render2mpeg render scene.glb --preset final -o film.mp4       large, with smooth edges
+
+All options, by what they are for: render2mpeg render --help";
+
 pub const RENDER: &str = "Examples:
   render2mpeg render scene.glb -o film.mpg --size 1280x720 --frames 50 --qscale 16
   render2mpeg render scene.glb -o film.ts --bitrate 2M --cbr --bframes 2    a constant rate

@@ -9,7 +9,7 @@ use std::path::Path;
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct Overwrite {
     /// Replace files that are there already, without asking
-    #[arg(long)]
+    #[arg(long, help_heading = "Output", hide_short_help = true)]
     overwrite: bool,
 }
 

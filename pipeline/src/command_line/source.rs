@@ -16,7 +16,7 @@ pub(crate) struct Source {
     #[arg(required_unless_present = "config")]
     scene: Option<PathBuf>,
     /// Take options from a TOML file, by their names here: qscale = 8, cache = "off"; what is typed overrides them
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(long, value_name = "FILE.toml", help_heading = "Run", hide_short_help = true)]
     config: Option<PathBuf>,
     /// How the scene is read.
     #[command(flatten)]
@@ -39,16 +39,16 @@ impl Source {
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Reading {
     /// Read files that the scene names from anywhere, and not from its own folder alone: for scenes that are trusted
-    #[arg(long)]
+    #[arg(long, help_heading = "Run", hide_short_help = true)]
     allow_outside: bool,
     /// The camera that films, by its name or its number from 0 [default: the first that moves, else the first]
-    #[arg(long, value_name = "NAME|N")]
+    #[arg(long, value_name = "NAME|N", help_heading = "Film", hide_short_help = true)]
     camera: Option<String>,
     /// The animation that plays [default: the first]
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "Film", hide_short_help = true)]
     animation: Option<String>,
     /// A setting in place of one in the scene's TOML file: exposure=1.5, sky.intensity=2, horizon=[1,1,1]; may be repeated
-    #[arg(long, value_name = "KEY=VALUE")]
+    #[arg(long, value_name = "KEY=VALUE", help_heading = "Film", hide_short_help = true)]
     set: Vec<Setting>,
 }
 
@@ -85,7 +85,7 @@ impl Reading {
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct MemoryLimit {
     /// Refuse, before work begins, what takes more memory than this by an estimate [default: what the machine has]
-    #[arg(long, value_name = "SIZE")]
+    #[arg(long, value_name = "SIZE", help_heading = "Run", hide_short_help = true)]
     max_memory: Option<MemorySize>,
 }
 

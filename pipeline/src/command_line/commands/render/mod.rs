@@ -37,49 +37,49 @@ pub(crate) struct Render {
     #[command(flatten)]
     options: Options,
     /// Where the JSON report goes [default: beside the video, .report.json]
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Output", hide_short_help = true)]
     report: Option<PathBuf>,
     /// Also write a page: frames of the film, maps, and plots of the time, bits, PSNR and cut size of each frame
-    #[arg(long, value_name = "FILE.html", hide = !cfg!(feature = "html"))]
+    #[arg(long, value_name = "FILE.html", hide = !cfg!(feature = "html"), help_heading = "Output", hide_short_help = true)]
     html: Option<PathBuf>,
     /// When the film is whole, code its pictures again for players of today, by ffmpeg: .mp4 (H.264) or .webm (AV1 or VP9)
-    #[arg(long, value_name = "FILE", value_delimiter = ',')]
+    #[arg(long, value_name = "FILE", value_delimiter = ',', help_heading = "Output", hide_short_help = true)]
     also: Vec<PathBuf>,
     /// Go on where a killed or interrupted run of the same film was, to the same bits; begin at the beginning if there was none
-    #[arg(long)]
+    #[arg(long, help_heading = "Output", hide_short_help = true)]
     resume: bool,
     /// Keep the checkpoint of the finished film, so that --resume with more --frames can lengthen it
-    #[arg(long)]
+    #[arg(long, help_heading = "Output", hide_short_help = true)]
     keep_checkpoint: bool,
     /// Whether files may be replaced.
     #[command(flatten)]
     overwrite: Overwrite,
     /// Seconds between checkpoints, beside the video in .checkpoint, for --resume: 0 is each frame, off is none [default: 60]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", help_heading = "Output", hide_short_help = true)]
     checkpoint: Option<CheckpointEvery>,
     /// Threads [default: one per processor]; the result is the same for any number
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run", hide_short_help = true)]
     pub threads: Option<u16>,
     /// Write when each stage worked on which frame, for chrome://tracing or Perfetto
-    #[arg(long, value_name = "FILE.json", hide = !cfg!(feature = "trace"))]
+    #[arg(long, value_name = "FILE.json", hide = !cfg!(feature = "trace"), help_heading = "Progress", hide_short_help = true)]
     trace: Option<PathBuf>,
     /// How much memory it may take.
     #[command(flatten)]
     memory: MemoryLimit,
     /// Print the file for --config that makes the same film, every default filled in; render nothing
-    #[arg(long)]
+    #[arg(long, help_heading = "Run", hide_short_help = true)]
     print_config: bool,
     /// Progress: as a line at a terminal, as lines of JSON on standard output, or as Open Job Description has it [default: bar]
-    #[arg(long, value_enum, value_name = "KIND")]
+    #[arg(long, value_enum, value_name = "KIND", help_heading = "Progress", hide_short_help = true)]
     progress: Option<ProgressKind>,
     /// The same as --progress json: a line of JSON for the begin, each frame and the end, for other programs
-    #[arg(long, conflicts_with = "progress")]
+    #[arg(long, conflicts_with = "progress", help_heading = "Progress", hide_short_help = true)]
     json_progress: bool,
     /// Say what happens, line by line: once for frames and checkpoints, twice for every stage
-    #[arg(short, long, action = clap::ArgAction::Count, conflicts_with = "quiet", hide = !cfg!(feature = "trace"))]
+    #[arg(short, long, action = clap::ArgAction::Count, conflicts_with = "quiet", hide = !cfg!(feature = "trace"), help_heading = "Progress", hide_short_help = true)]
     verbose: u8,
     /// No progress, no summary: only errors are shown
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = "Progress", hide_short_help = true)]
     quiet: bool,
 }
 
