@@ -85,8 +85,8 @@ pub trait Encode: Send {
     /// A picture cannot be coded.
     fn finish(self) -> Result<Encoded>;
 
-    /// Bytes that would make a file of what the steps gave until now, without the pictures that wait to be coded: a film that is ended
-    /// at once ends with them.
+    /// Bytes that would make a whole file of what the steps gave until now. A film that is ended at once ends with them. Pictures that
+    /// still wait to be coded are not in it.
     fn ending(&self) -> Vec<u8> {
         Vec::new()
     }

@@ -125,7 +125,8 @@ impl Writer {
     /// `mdia` (8.4.1).
     fn media(&self) -> Vec<u8> {
         let header = words(&[0, 0, self.timescale() as u32, 0, 0x55c4_0000]); // …, timescale, duration, language: und
-        let handler: [&[u8]; 4] = [&[0; 4], b"vide", &[0; 12], b"video\0"];
+        // Programs show any other name than this one as a title.
+        let handler: [&[u8]; 4] = [&[0; 4], b"vide", &[0; 12], b"VideoHandler\0"];
         let reference = full_atom(b"dref", (0, 0), &[&words(&[1]), &full_atom(b"url ", (0, 1), &[])]); // in this file
         let none = words(&[0]);
         let samples = atom(

@@ -9,8 +9,10 @@ use std::path::Path;
 /// Endings of films, for messages.
 const ENDINGS: &str = ".mpg, .mp4, .mkv, .ts, .vob or .m2v";
 
-/// The container of a film at `output`, by its ending. Standard output, devices and pipes without one take a program stream, which
-/// programs recognize without a name; a part of a film, with a `range`, is an elementary stream. `None` for unknown endings.
+/// The container of a film at `output`, by its ending; `None` for unknown endings.
+///
+/// Standard output, devices and pipes without one take a program stream, which programs recognize without a name. A part of a film,
+/// with a `range`, is an elementary stream there too.
 pub(crate) fn container_of(output: &Path, range: Option<FrameRange>) -> Option<Container> {
     let of_stream = || match range {
         Some(_) => Container::Elementary,
