@@ -112,7 +112,8 @@ fn a_second_signal_ends_the_film_at_once() {
         assert_eq!(film.wait().code(), Some(130));
         let name = format!("film.{ending}");
         let mut names = sorted_names(folder.path());
-        names.retain(|name| !name.ends_with(".checkpoint"));
+        // The frame may end by itself between the two signals: then a checkpoint or the report is being written.
+        names.retain(|name| !name.contains(".checkpoint") && !name.contains(".report.json"));
         assert_eq!(names, [name.as_str()], "under its name, and nothing half-written");
         let video = folder.path().join(name);
         let shown = decode_ffmpeg(&video, SIZE).len();
