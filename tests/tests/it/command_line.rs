@@ -250,6 +250,13 @@ fn a_finished_film_is_lengthened() {
         assert_eq!(longer.code, Some(0), "{}", longer.stderr);
         assert_eq!(fs::read(folder.join(more[1])).unwrap(), whole, "{more:?}");
     }
+
+    // A file that begins with its length cannot be made longer.
+    let render = |words: &[&str]| render2mpeg(folder, &[&SMALL[..], &["-o", "film.mkv"], words].concat());
+    assert_eq!(render(&["--frames", "4", "--keep-checkpoint"]).code, Some(0));
+    let longer = render(&["--frames", "7", "--resume"]);
+    assert_eq!(longer.code, Some(1), "{}", longer.stderr);
+    assert!(longer.stderr.contains("frames was 4 and is now 7"), "{}", longer.stderr);
 }
 
 #[test]

@@ -28,7 +28,7 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     let plan = crate::Plan::new(&scene, &settings.renderer());
     say!("{}", plan.table().trim_end());
     let (seconds, frames) = (plan.seconds_a_frame(), settings.frame_range().len());
-    let all = frames as f64 * seconds / std::thread::available_parallelism().map_or(1.0, |count| count.get() as f64);
+    let all = frames as f64 * seconds / rayon::current_num_threads() as f64;
     say!("time:   some {seconds:.2} CPU s a frame after the first; {frames} frames in some {}", rough_time(all));
     let (needed, size) = (MemorySize(memory::estimate(&scene, settings.size)), settings.size);
     say!("memory: some {needed} for {}x{} pixels", size.width, size.height);

@@ -3,6 +3,7 @@
 use super::file::Identity;
 use crate::error::{Context, Error, Result};
 use crate::settings::Settings;
+use mpeg2enc::Container;
 use render_core::scene::Scene;
 use serde_json::Value;
 use std::fs;
@@ -80,11 +81,16 @@ impl FilmJob {
 }
 
 /// Settings as JSON, without places of what their contents tell apart, and without the number of frames: no frame depends on how
-/// many there are.
+/// many there are. Containers that begin with the length of the film keep it.
 fn identity_of(settings: &str) -> serde_json::Result<String> {
     let mut value: Value = serde_json::from_str(settings)?;
     if let Some(names) = value.as_object_mut() {
-        ["scene", "output", "baked", "frames"].iter().for_each(|name| drop(names.remove(*name)));
+        let output = names.get("output").and_then(Value::as_str).map(PathBuf::from);
+        let container = output.and_then(|path| Container::of(&path));
+        if !matches!(container, Some(Container::Mp4 | Container::Matroska)) {
+            names.remove("frames");
+        }
+        ["scene", "output", "baked"].iter().for_each(|name| drop(names.remove(*name)));
         // Further outputs are continued where they lie.
         for name in ["png", "exr", "y4m"] {
             let Some(path) = names.get_mut(name).filter(|path| path.is_string()) else { continue };
