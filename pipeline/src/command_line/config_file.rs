@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Options that say what the program does now, and not how a film is to be: no file has them.
-const NOT_IN_FILES: [&str; 11] = [
+const NOT_IN_FILES: [&str; 12] = [
     "allow-outside",
     "config",
     "print-config",
@@ -20,6 +20,7 @@ const NOT_IN_FILES: [&str; 11] = [
     "progress",
     "json-progress",
     "overwrite",
+    "watch",
     "keep-checkpoint",
 ];
 

@@ -3,7 +3,9 @@
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use tests::{Finished, Moving, assert_fails, checkered_room, render2mpeg, sorted_names};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use tests::{Finished, Moving, assert_fails, checkered_room, program, render2mpeg, sorted_names};
 
 fn folder_with_room() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -85,6 +87,7 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
             "json-progress",
             "overwrite",
             "keep-checkpoint",
+            "watch",
         ];
         let undefined = [
             "baked",
@@ -260,6 +263,35 @@ fn a_finished_film_is_lengthened() {
 }
 
 #[test]
+fn a_watched_scene_is_rendered_again_when_it_changes() {
+    let folder = folder_with_room();
+    let folder = folder.path();
+    let words = [&SMALL[..], &["-o", "film.m2v", "--frames", "1", "--watch"]].concat();
+    let mut watching = Command::new(program())
+        .args(words)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("render2mpeg starts");
+    // Only for what would otherwise never end.
+    let deadline = Instant::now() + Duration::from_secs(120);
+    let film = |other_than: &[u8]| loop {
+        match fs::read(folder.join("film.m2v")) {
+            Ok(film) if film != other_than => break film,
+            _ => assert!(Instant::now() < deadline, "no other film"),
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    let first = film(b"");
+    fs::write(folder.join("room.toml"), "[tone_mapping]\nexposure = 0.01\n").unwrap();
+    let second = film(&first);
+    assert_ne!(first, second);
+    watching.kill().unwrap();
+    watching.wait().unwrap();
+}
+
+#[test]
 fn a_scene_alone_is_rendered_and_scenes_of_other_programs_are_named() {
     let folder = folder_with_room();
     let folder = folder.path();
@@ -306,4 +338,49 @@ fn cameras_animations_and_settings_are_chosen_on_the_command_line() {
     let again = run(folder, &["render", "--config", "job.toml", "--frames", "1", "-o", "e.m2v", "-q"]);
     assert_eq!(again.code, Some(0), "{}", again.stderr);
     assert_eq!(fs::read(folder.join("e.m2v")).unwrap(), fs::read(folder.join("b.m2v")).unwrap());
+}
+
+/// Each wrong argument ends with 2, whatever is in the scene; what another machine or file could mend ends with 1.
+#[test]
+fn wrong_arguments_end_with_two_and_a_line() {
+    let folder = folder_with_room();
+    let folder = folder.path();
+    fs::write(folder.join("there.mpg"), b"a film").unwrap();
+    fs::write(folder.join("broken.glb"), b"glTF").unwrap();
+    for (words, code, said) in [
+        ("render room.glb --frames 0", 2, "--frames"),
+        ("render room.glb --fps 23", 2, "23.976"),
+        ("render room.glb --qscale 0", 2, "quantiser"),
+        ("render room.glb --qscale many", 2, "qscale"),
+        ("render room.glb --size big", 2, "512x512"),
+        ("render room.glb --size 0x5", 2, "512x512"),
+        ("render room.glb --samples 0", 2, "--samples"),
+        ("render room.glb --aov depth", 2, "--exr"),
+        ("render room.glb --cbr", 2, "--bitrate"),
+        ("render room.glb --config missing.toml", 2, "missing.toml"),
+        ("render room.glb -o film.xyz", 2, ".mpg"),
+        ("render room.glb -o film", 2, ".mpg"),
+        ("render room.glb --preset best", 2, "preset"),
+        ("render room.glb --range 5 -o film.mpg", 2, ".m2v"),
+        ("render room.glb --max-memory lots", 2, "8G"),
+        ("render room.glb --set exposure", 2, "exposure=1.5"),
+        ("render room.glb --unheard-of", 2, "unheard-of"),
+        ("render", 2, "SCENE"),
+        ("paint room.glb", 2, "paint"),
+        ("still room.glb -o film.mpg", 2, ".png"),
+        ("reference room.glb -o truth.tif", 2, ".exr"),
+        ("join -o film.mpg", 2, "PART"),
+        ("render missing.glb", 1, "missing.glb"),
+        ("render broken.glb", 1, "broken.glb"),
+        ("render room.glb --camera nobody", 1, "nobody"),
+        ("render room.glb -o nowhere/film.mpg", 1, "nowhere/film.mpg"),
+        ("render room.glb -o there.mpg", 1, "--overwrite"),
+        ("render scene.blend", 1, "Blender"),
+    ] {
+        let words: Vec<&str> = words.split(' ').collect();
+        let refused = render2mpeg(folder, &words);
+        assert_eq!(refused.code, Some(code), "{words:?}: {}", refused.stderr);
+        assert_fails(folder, &words, &[said]);
+    }
+    assert_eq!(sorted_names(folder), ["broken.glb", "room.glb", "there.mpg"], "nothing is left behind");
 }

@@ -1,6 +1,7 @@
 //! `render2mpeg render`.
 
 mod files;
+mod watch;
 mod watching;
 
 use crate::also::Companion;
@@ -25,7 +26,7 @@ use render_core::scene::Scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
-use watching::{Watching, watch, write_page};
+use watching::{Watching, keep_for_page, write_page};
 
 /// The scene, settings of its film, and the files to write.
 #[derive(Args)]
@@ -66,6 +67,9 @@ pub(crate) struct Render {
     /// How much memory it may take.
     #[command(flatten)]
     memory: MemoryLimit,
+    /// Make the film again whenever a file of the scene changes, in the place of the one before
+    #[arg(long, conflicts_with = "resume", help_heading = "Run", hide_short_help = true)]
+    watch: bool,
     /// Print the file for --config that makes the same film, every default filled in; render nothing
     #[arg(long, help_heading = "Run", hide_short_help = true)]
     print_config: bool,
@@ -90,6 +94,9 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 pub fn run(mut arguments: Render) -> Result<ExitCode> {
     arguments.check_features()?;
     let path = arguments.source.path();
+    if arguments.watch {
+        return watch::run(&path, || arguments.source.reading.load(&path));
+    }
     let scene = arguments.source.reading.load(&path)?;
     let settings = arguments.options.fill_in(path, &scene)?;
 
@@ -208,7 +215,7 @@ impl Render {
             lines.frame(frame);
             checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
         });
-        let observer = Watching { frames, page: files.html.as_ref().map(|_| watch(&mut film, settings)) };
+        let observer = Watching { frames, page: files.html.as_ref().map(|_| keep_for_page(&mut film, settings)) };
         let result = film.finish(Run { observer: &observer, stop: &interrupt.stop });
         progress.clear();
         checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));

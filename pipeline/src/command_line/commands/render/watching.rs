@@ -42,7 +42,7 @@ impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
 
 /// Keeps of the film what its page shows.
 #[cfg(feature = "html")]
-pub fn watch(film: &mut Film, settings: &Settings) -> FilmWatch {
+pub fn keep_for_page(film: &mut Film, settings: &Settings) -> FilmWatch {
     film.watch(&page::WATCHED);
     FilmWatch::new(settings)
 }
@@ -53,7 +53,7 @@ pub(super) type FilmWatch = ();
 
 /// Without the feature `html` a wanted page was refused before.
 #[cfg(not(feature = "html"))]
-pub fn watch(_: &mut Film, _: &Settings) -> FilmWatch {}
+pub fn keep_for_page(_: &mut Film, _: &Settings) -> FilmWatch {}
 
 /// Writes the page of the run, if one is wanted.
 #[cfg(feature = "html")]

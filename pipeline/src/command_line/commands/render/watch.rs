@@ -1,0 +1,65 @@
+//! `render --watch`: the film is made again whenever a file of its scene changes.
+
+use anyhow::{Context, Result};
+use render_core::scene::{Scene, SceneSettings};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitCode};
+use std::time::{Duration, SystemTime};
+
+/// Time between two looks at the files.
+const LOOK_EVERY: Duration = Duration::from_millis(300);
+
+/// When a file was changed, and its size; none for one that is not there.
+type Stamp = Option<(SystemTime, u64)>;
+
+/// Runs the same command without `--watch`, again after each change of a file that `load` reads. It ends with the process.
+///
+/// # Errors
+/// The program cannot be started again.
+pub fn run(path: &Path, load: impl Fn() -> Result<Scene>) -> Result<ExitCode> {
+    let program = std::env::current_exe().context("this program cannot be found")?;
+    let words: Vec<OsString> = std::env::args_os().skip(1).filter(|word| word != "--watch").collect();
+    loop {
+        let files = files_of(path, load().ok());
+        let stamps = stamps(&files);
+        let mut film = Command::new(&program).args(&words).arg("--overwrite").spawn().context("no film was begun")?;
+        wait_for_change(&mut film, &files, &stamps)?;
+    }
+}
+
+/// All that the film depends on: also files that are not there, or could not be read now.
+fn files_of(path: &Path, scene: Option<Scene>) -> Vec<PathBuf> {
+    let mut files = vec![path.to_owned(), SceneSettings::path_for(path)];
+    files.extend(scene.into_iter().flat_map(|scene| scene.origin.files));
+    files
+}
+
+fn stamps(files: &[PathBuf]) -> Vec<Stamp> {
+    let stamp = |path: &PathBuf| {
+        let metadata = std::fs::metadata(path).ok()?;
+        Some((metadata.modified().ok()?, metadata.len()))
+    };
+    files.iter().map(stamp).collect()
+}
+
+/// Returns when a file has changed and stays as it is; a film that is not finished then is given up.
+fn wait_for_change(film: &mut Child, files: &[PathBuf], before: &[Stamp]) -> Result<()> {
+    let mut is_told = false;
+    let mut last = before.to_vec();
+    loop {
+        std::thread::sleep(LOOK_EVERY);
+        let now = stamps(files);
+        if now != before && now == last {
+            // What is being written is not read yet.
+            let _ = film.kill();
+            film.wait().context("the film cannot be ended")?;
+            return Ok(());
+        }
+        last = now;
+        if !is_told && film.try_wait().context("the film cannot be watched")?.is_some() {
+            tell!("waiting for changes; Ctrl-C ends");
+            is_told = true;
+        }
+    }
+}
