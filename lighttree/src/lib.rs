@@ -56,3 +56,6 @@ pub use crate::store::StoreError;
 pub use crate::tree::LightTree;
 pub use crate::update::UpdateStats;
 pub use crate::validate::InvalidTree;
+
+/// Vectors stand in signatures.
+pub use glam;

@@ -8,8 +8,7 @@
 //! what later pictures inherit, and [`Rate`]s.
 //!
 //! ```
-//! use mpeg2enc::{Config, FrameRate, KnownMotion, Picture};
-//! use plane::{Correspondence, Plane};
+//! use mpeg2enc::{Config, Correspondence, FrameRate, KnownMotion, Picture, Plane};
 //!
 //! let mut encoder = Config::new(64, 48, FrameRate::FPS_25).with_gop(12).with_quantiser_scale(6).encoder()?;
 //! let mut stream = Vec::new();
@@ -109,8 +108,8 @@ pub use crate::{
     vlc::CoefficientTable,
 };
 
-/// Input: pictures, which also come back, and where their pixels were.
-pub use plane::{Correspondence, Picture};
+/// Input: pictures, which also come back, their planes, and where their pixels were.
+pub use plane::{Correspondence, NO_MATCH, Picture, Plane};
 
 pub use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 

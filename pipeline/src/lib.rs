@@ -34,3 +34,6 @@ pub use render::{Render, render};
 pub use renderer::plan::{self, Plan};
 pub use report::Report;
 pub use settings::{Options, Settings};
+
+/// The crates whose types stand in signatures.
+pub use {glam, lighttree, mpeg2enc, perceptual, plane, render_core};

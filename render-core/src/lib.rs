@@ -43,11 +43,15 @@ pub use emitter::{
 pub use environment::{Environment, SkySample};
 pub use gather::{FinalGather, GatherDirections, Gathered};
 pub use gbuffer::{Coverage, GBuffer, MACROBLOCK, MixedPixel, NOTHING, PixelSample, PixelSurface, SurfacePart};
-pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling};
+pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling, path_traced};
 pub use photon::{AnchorFlux, Photons, SweptVolume};
 pub use posed_scene::PosedScene;
 pub use reconstruct::{reconstruct, reconstruct_counted, sample_offsets};
 pub use surface::{Paint, Surface, Surfaces};
+
+/// Vectors, matrices and planes stand in signatures.
+pub use glam;
+pub use plane::{Correspondence, NO_MATCH, Plane};
 
 use glam::{Vec3, Vec3A};
 

@@ -1,8 +1,8 @@
 //! Equations (4) and (5) against a transcription in `f64`, and what thresholds promise.
 
 use perceptual::{
-    MaskingModel, Operator, ThresholdMap, ToneMap, YCbCr, blend, luminance_plane, reproject, tolerable_error,
-    tolerable_error_counted,
+    DEFAULT_WEIGHT, Feedback, MaskingModel, ObservedFrame, Operator, ThresholdMap, ToneMap, YCbCr, blend,
+    luminance_plane, reproject, thresholds_of_srgb, tolerable_error, tolerable_error_counted,
 };
 use plane::{Correspondence, NO_MATCH, Plane};
 use proptest::prelude::*;
@@ -189,4 +189,23 @@ fn maps_keep_what_is_known() {
     assert_eq!(map.resolve(0, 0, 10.0), 0.5);
     let still = reproject(&Plane::filled(3, 2, 0.25), &Correspondence::still(3, 2));
     assert!((0..6).all(|i| still.get(i % 3, i / 3) == Some(0.25)));
+}
+
+/// One call gives what its steps give by hand, here through the loop over frames, and errors relative to white.
+#[test]
+fn a_picture_in_one_call_is_the_steps_by_hand() {
+    let picture = Plane::from_fn(21, 13, |x, y| [(x * 12) as u8, (y * 19) as u8, ((x * y) % 256) as u8]);
+    let tone_map = ToneMap::srgb();
+    let radiance = picture.map(|rgb| rgb.map(|code| tone_map.decode(f32::from(code) / 255.0)));
+    let (luma, luminance) = (YCbCr::from_radiance(&radiance, &tone_map).luma, luminance_plane(&radiance));
+    for quantiser_scale in [1.0, 8.0, 112.0] {
+        let mut feedback = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT);
+        let frame = ObservedFrame { luma: &luma, luminance: &luminance, known: None };
+        assert_eq!(&thresholds_of_srgb(&picture, quantiser_scale), feedback.observe(frame, quantiser_scale));
+    }
+    assert!(
+        thresholds_of_srgb(&Plane::filled(8, 8, [255; 3]), 1.0).samples().iter().all(|&e| (0.02..0.1).contains(&e))
+    );
+    assert!(thresholds_of_srgb(&Plane::filled(8, 8, [0; 3]), 1.0).samples().iter().all(|&e| e > 0.0 && e < 0.01));
+    assert_eq!(thresholds_of_srgb(&Plane::filled(0, 0, [0; 3]), 8.0).samples(), []);
 }

@@ -8,7 +8,7 @@ use crate::plan::Plan;
 use crate::settings::{Lighting, RenderSettings, Size};
 use plane::Plane;
 use render_core::scene::Scene;
-use render_core::{Emitters, Geometry, PathOptions, PathTracer, PosedScene, Surfaces, Units};
+use render_core::{PathOptions, path_traced};
 
 /// How a reference is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,15 +40,8 @@ pub fn by_paths(
     options: &PathOptions,
     progress: impl Fn(usize, usize) + Sync,
 ) -> Reference {
-    let pose = scene.pose(settings.time(frame));
-    let surfaces = Surfaces::new(scene, &pose);
-    let accelerator = Geometry::new(scene).place(&pose);
-    let units = Units::of(scene);
-    let emitters = Emitters::new(&surfaces, &pose, &units);
     let Size { width, height } = settings.size;
-    let view = scene.view(&pose, width, height);
-    let tracer = PathTracer::new(PosedScene::new(&accelerator, &surfaces), &emitters, &units);
-    let estimate = tracer.render(&view, (width, height), options, progress);
+    let estimate = path_traced(scene, settings.time(frame), (width, height), options, progress);
     Reference { radiance: estimate.mean, variance: Some(estimate.variance_of_mean) }
 }
 

@@ -9,8 +9,10 @@
 
 mod film;
 mod lights;
+mod still;
 
 pub use film::{PathEstimate, PathOptions, PixelSampling};
+pub use still::path_traced;
 
 use crate::accel::Hit;
 use crate::bsdf::Bsdf;

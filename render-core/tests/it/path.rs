@@ -7,8 +7,7 @@ use render_core::scene::{
     Camera, Gradient, Material, Mesh, Node, Projection, PunctualKind, PunctualLight, Scene, Transform,
 };
 use render_core::{
-    Emitters, Environment, GBuffer, Geometry, PathEstimate, PathOptions, PathTracer, PixelSampling, PosedScene,
-    Surfaces, Units,
+    Environment, GBuffer, Geometry, PathEstimate, PathOptions, PixelSampling, PosedScene, Surfaces, path_traced,
 };
 use std::f32::consts::FRAC_PI_2;
 
@@ -23,13 +22,7 @@ fn film(scene: &mut Scene, position: Vec3, rotation: Quat, projection: Projectio
 }
 
 fn render(scene: &Scene, size: usize, options: PathOptions) -> PathEstimate {
-    let pose = scene.pose(0.0);
-    let surfaces = Surfaces::new(scene, &pose);
-    let accelerator = Geometry::new(scene).place(&pose);
-    let units = Units::of(scene);
-    let emitters = Emitters::new(&surfaces, &pose, &units);
-    let tracer = PathTracer::new(PosedScene::new(&accelerator, &surfaces), &emitters, &units);
-    tracer.render(&scene.view(&pose, size, size), (size, size), &options, |_, _| ())
+    path_traced(scene, 0.0, (size, size), &options, |_, _| ())
 }
 
 fn mean(plane: &Plane<[f32; 3]>) -> Vec3 {
