@@ -1,6 +1,7 @@
 //! Rules about sources and documents that no compiler checks.
 
 mod circles;
+mod release;
 mod sentences;
 mod signatures;
 mod type_names;
