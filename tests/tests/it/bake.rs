@@ -113,7 +113,7 @@ fn cornell_box() -> PathBuf {
 /// Bakes `scene` into `folder/NAME.slf` with `extra` arguments, and gives its bytes.
 fn bake_file(folder: &Path, scene: &Path, name: &str, extra: &str) -> Vec<u8> {
     let output = format!("{name}.slf");
-    let mut arguments = vec!["bake", scene.to_str().expect("a path in UTF-8"), "-o", &output, "--quiet"];
+    let mut arguments = vec!["bake", scene.to_str().expect("a path in UTF-8"), "-o", &output, "--quiet", "--overwrite"];
     arguments.extend(extra.split_whitespace());
     let finished = render2mpeg(folder, &arguments);
     assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""), "render2mpeg {arguments:?}");

@@ -11,7 +11,8 @@ const SIDE: usize = 96;
 
 /// Runs `bake SCENE --gltf lit.glb` with `extra` arguments, which must go well.
 fn export(folder: &Path, scene: &Path, extra: &str) -> Vec<u8> {
-    let mut arguments = vec!["bake", scene.to_str().expect("a path in UTF-8"), "--gltf", "lit.glb", "--quiet"];
+    let mut arguments =
+        vec!["bake", scene.to_str().expect("a path in UTF-8"), "--gltf", "lit.glb", "--quiet", "--overwrite"];
     arguments.extend(extra.split_whitespace());
     let finished = render2mpeg(folder, &arguments);
     assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""), "render2mpeg {arguments:?}");

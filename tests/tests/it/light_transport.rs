@@ -105,7 +105,8 @@ fn walls_with_coats_hand_on_their_light() {
         coated_furnace(vec3(0.7, 0.5, 0.6), metallic, roughness).write(&scene);
         render(folder.path(), "room", &scene, "--size 48x48 --frames 1 --vpls 1000 --photons 200000 --exr linear");
         let film = frame(folder.path(), "linear", 0);
-        let arguments = ["reference", "room.glb", "--size", "48x48", "--spp", "256", "-o", "paths.exr", "-q"];
+        let arguments =
+            ["reference", "room.glb", "--size", "48x48", "--spp", "256", "-o", "paths.exr", "-q", "--overwrite"];
         let paths = render2mpeg(folder.path(), &arguments);
         assert_eq!(paths.code, Some(0), "{}", paths.stderr);
         let paths = read_exr(&folder.path().join("paths.exr")).unwrap();

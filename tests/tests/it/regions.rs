@@ -19,7 +19,7 @@ fn ratios(folder: &Path, scene: &Path, side: usize, paths: u32) -> Vec<f32> {
     let film = read_exr(&folder.join("linear/frame_00000.exr")).unwrap();
     let reference = |more: &str| {
         let scene = scene.to_str().expect("a path in UTF-8");
-        let arguments = format!("--center --size {size} -o paths.exr -q {more}");
+        let arguments = format!("--center --size {size} -o paths.exr -q --overwrite {more}");
         let arguments: Vec<&str> = ["reference", scene].into_iter().chain(arguments.split_whitespace()).collect();
         let finished = render2mpeg(folder, &arguments);
         assert_eq!(finished.code, Some(0), "{}", finished.stderr);

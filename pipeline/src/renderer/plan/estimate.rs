@@ -27,6 +27,10 @@ const PIXELS_OF_A_RECORD: f64 = 10.0;
 /// Price of a pixel's indirect light by the cache, in a scene of one triangle; it grows with a power of their number.
 const CACHED_PIXEL: f64 = 1.1e-7;
 const CACHED_DETAIL: f64 = 0.5;
+/// Larger pictures have more pixels to a record: from this many pixels on, the price falls with a power of their number. `nave` takes
+/// 2.0, 5.6 and 23 CPU s a frame at 256², 512² and, with four samples, which share records, 1024² pixels.
+const SMALL_PICTURE: f64 = 65_536.0;
+const LARGER_PICTURE: f64 = -0.24;
 /// The same by a cut for every pixel.
 const CUT_PIXEL: f64 = 7.8e-7;
 const CUT_DETAIL: f64 = 0.4;
@@ -41,7 +45,9 @@ const MASKED_PIXEL: f64 = 1.6e-8;
 
 /// Work of a scene in its settings.
 pub(super) struct Costs {
+    /// Samples of all pixels.
     pixels: f64,
+    samples: f64,
     photons: f64,
     lights: f64,
     triangles: f64,
@@ -57,6 +63,7 @@ impl Costs {
         let Size { width, height } = settings.size;
         Self {
             pixels: (width * height) as f64 * f64::from(settings.samples),
+            samples: f64::from(settings.samples),
             photons: settings.photons as f64,
             lights: settings.vpls as f64,
             triangles: scene.triangle_count() as f64,
@@ -89,10 +96,15 @@ impl Costs {
     }
 
     fn indirect(&self) -> f64 {
+        // Records of the cache serve all samples of a pixel.
+        let (cached, pixels) = (self.cache && self.lighting == Lighting::Lightcuts, self.pixels / self.samples);
+        if cached {
+            let sparse = (pixels / SMALL_PICTURE).max(1.0).powf(LARGER_PICTURE);
+            return CACHED_PIXEL * self.triangles.powf(CACHED_DETAIL) * sparse * pixels;
+        }
         let by_pixel = match self.lighting {
             Lighting::AllLights => LIGHT_AT_PIXEL * self.lights,
             _ if self.lighting.is_baked() => CACHED_PIXEL,
-            _ if self.cache => CACHED_PIXEL * self.triangles.powf(CACHED_DETAIL),
             _ => CUT_PIXEL * self.triangles.powf(CUT_DETAIL),
         };
         by_pixel * self.pixels
