@@ -3,7 +3,7 @@
 use crate::{MaskingModel, ToneMap, YCbCr, luminance_plane, tolerable_error};
 use plane::Plane;
 
-/// How wrong the luminance of each pixel of an sRGB picture may be until it is seen after compression: eqs. (1) to (4).
+/// Error that the luminance of each pixel of an sRGB picture may have until it is seen after compression: eqs. (1) to (4).
 ///
 /// `picture` has red, green and blue of IEC 61966-2-1, codes of 8 bits. Errors are in luminance of the display relative to
 /// its white: 0.01 is a hundredth of white. All are finite and above zero.

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What both threads know of a file.
+/// State of a file that both threads know.
 #[derive(Debug)]
 pub(crate) struct Tail {
     /// Whether more may be written: not after an end.

@@ -7,7 +7,7 @@ use perceptual::ToneMap;
 use plane::Plane;
 use std::path::Path;
 
-/// What a picture's file holds.
+/// Contents of a picture's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PictureFormat {
     /// OpenEXR: linear light.

@@ -13,7 +13,7 @@ pub(super) struct Description {
     pub height: u32,
     /// Width and height of a sample, as a ratio.
     pub sample: (u32, u32),
-    /// What the samples mean; MPEG-1 does not say.
+    /// Meaning of the samples; MPEG-1 does not say.
     pub color: Option<ColorDescription>,
     /// The standard that the stream follows.
     pub standard: Standard,
@@ -54,7 +54,7 @@ impl Description {
         (f64::from(self.width) * f64::from(width) / f64::from(height)).round() as u32
     }
 
-    /// How long a picture is shown, in units of 1/27 000 000 s.
+    /// Duration of a picture, in units of 1/27 000 000 s.
     pub fn period(&self) -> u64 {
         let (numerator, denominator) = self.frame_rate;
         CLOCK * denominator / numerator
@@ -68,7 +68,7 @@ fn sample(config: &Config) -> (u32, u32) {
     (ratio.0 as u32, ratio.1 as u32)
 }
 
-/// Where a reader can begin.
+/// A place where a reader can begin.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Entry {

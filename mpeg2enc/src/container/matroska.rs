@@ -43,7 +43,7 @@ pub(super) struct Writer {
     description: Description,
     /// Bytes written so far.
     length: u64,
-    /// Where the contents of the segment begin, from which places are counted.
+    /// Beginning of the contents of the segment, from which places are counted.
     segment: u64,
     /// The pictures of the group that is not whole yet.
     group: Vec<Picture>,
@@ -256,7 +256,7 @@ fn milliseconds(time: u64) -> u64 {
 mod tests {
     use super::*;
 
-    /// Those of RFC 8794, 4.4, and around the largest of each length.
+    /// Lengths of RFC 8794, 4.4, and around the largest of each length.
     #[test]
     fn sizes_take_few_bytes() {
         assert_eq!(size_of(2), [0x82]);

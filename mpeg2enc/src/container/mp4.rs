@@ -229,7 +229,7 @@ impl Writer {
         atom(b"moof", &[&number, &atom(b"traf", &[&header, &time, &run])])
     }
 
-    /// What a picture of the group needs, and is needed for (8.8.3.1).
+    /// Pictures that one of the group needs, and is needed for (8.8.3.1).
     fn flags(&self, picture: &Picture) -> u32 {
         let entry = self.group.first().map_or(0, |first| first.times.presentation);
         match picture {

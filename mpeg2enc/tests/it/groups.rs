@@ -50,7 +50,7 @@ impl Film {
     }
 }
 
-/// What a program prints, without a warning.
+/// Output of a program, without a warning.
 fn told_by(program: &str, arguments: &[&str]) -> String {
     let (output, messages) = run(program, arguments);
     assert!(messages.is_empty(), "{program} {arguments:?}: {messages}");
@@ -151,7 +151,7 @@ fn films_are_sought_in() {
     }
 }
 
-/// Wherever a file ends early, it has all pictures that were given, and the tables behind them.
+/// A file that ends early at any place has all pictures that were given, and the tables behind them.
 #[test]
 fn files_end_anywhere() {
     let film = Film::new(Config::new(96, 80, FrameRate::FPS_25).with_b_pictures(2).with_gop(6), 20);

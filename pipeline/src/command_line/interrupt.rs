@@ -16,7 +16,7 @@ pub struct Interrupt {
     code: Arc<AtomicU8>,
 }
 
-/// What a command does when signals come, on a thread that waits for them.
+/// Reactions of a command to signals, on a thread that waits for them.
 pub struct Reactions {
     /// After the first, with which the command begins to end.
     pub first: Box<dyn Fn() + Send>,

@@ -18,7 +18,7 @@ pub(crate) struct Source {
     /// Take options from a TOML file, by their names here: qscale = 8, cache = "off"; what is typed overrides them
     #[arg(long, value_name = "FILE.toml", help_heading = "Run", hide_short_help = true)]
     config: Option<PathBuf>,
-    /// How the scene is read.
+    /// Reading of the scene: folders, camera, animation, settings.
     #[command(flatten)]
     pub reading: Reading,
 }
@@ -35,7 +35,7 @@ impl Source {
     }
 }
 
-/// Where the scene's files may lie, and what takes the place of its settings.
+/// Folders of the scene's files, and settings in place of its own.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Reading {
     /// Read files that the scene names from anywhere, and not from its own folder alone: for scenes that are trusted
@@ -53,7 +53,7 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    /// Where files may lie.
+    /// Folders that files may lie in.
     pub fn reach(&self) -> Reach {
         if self.allow_outside { Reach::Anywhere } else { Reach::Folder }
     }

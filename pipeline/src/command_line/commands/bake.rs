@@ -22,7 +22,7 @@ use std::time::Instant;
 pub(crate) struct Bake {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// How the scene is read.
+    /// Reading of the scene: folders, camera, animation, settings.
     #[command(flatten)]
     reading: Reading,
     /// The baked light [default: the scene's name with .slf, beside it; with --gltf, no such file]

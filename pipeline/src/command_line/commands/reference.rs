@@ -22,7 +22,7 @@ use std::process::ExitCode;
 pub(crate) struct Reference {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// How the scene is read.
+    /// Reading of the scene: folders, camera, animation, settings.
     #[command(flatten)]
     reading: Reading,
     /// The picture: .exr, with channels R, G, B and, for paths, variance.R, .G, .B of their means; .png or .jpg as a display shows

@@ -39,10 +39,10 @@ pub(crate) struct StillArguments {
     /// Anchor lights that carry the indirect light [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
-    /// How the scene is read.
+    /// Reading of the scene: folders, camera, animation, settings.
     #[command(flatten)]
     reading: Reading,
-    /// How much memory it may take.
+    /// Bound on memory.
     #[command(flatten)]
     memory: MemoryLimit,
     /// Whether a picture may be replaced.

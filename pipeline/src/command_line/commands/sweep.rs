@@ -16,7 +16,7 @@ use std::sync::atomic::AtomicBool;
 pub(crate) struct Sweep {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// How the scene is read.
+    /// Reading of the scene: folders, camera, animation, settings.
     #[command(flatten)]
     reading: Reading,
     /// The folder for sweep.html, sweep.json, sweep.csv, plots and maps [default: the scene's name and "-sweep"]

@@ -23,7 +23,7 @@ pub(super) fn choices(settings: &Settings, usual: Option<&Settings>) -> Result<V
     let usual = usual.map(rows).transpose()?.unwrap_or_default();
     let known = |name: &str| usual.iter().find(|(own, _)| own == name).map(|(_, value)| value.clone());
     let choice = |(name, value): (String, String)| {
-        // What is there only if it is chosen has no default.
+        // Options that are there only if they are chosen have no default.
         let default = known(&name).or((!usual.is_empty()).then(|| "–".into()));
         Choice { usual: default.filter(|usual| *usual != value), name, value }
     };
@@ -83,7 +83,7 @@ pub(super) fn without_folders(report: &Report) -> Report {
     report
 }
 
-/// Those of `usual`, for comparison with settings that have no folders either.
+/// Settings of `usual`, for comparison with settings that have no folders either.
 pub(super) fn usual_without_folders(usual: Option<&Settings>) -> Option<Settings> {
     usual.map(settings_without_folders)
 }

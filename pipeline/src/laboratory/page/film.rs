@@ -72,7 +72,7 @@ impl FilmWatch {
         (self.frames.len() as u32).div_ceil(STRIP.0).max(1)
     }
 
-    /// How far frame `index` is from the middle of the film.
+    /// Distance of frame `index` from the middle of the film.
     fn distance_to_middle(&self, index: u32) -> u32 {
         index.abs_diff(self.frames.start + self.frames.len() as u32 / 2)
     }
@@ -123,7 +123,7 @@ impl FilmWatch {
         held.maps.as_ref().map(|maps| (maps.index, maps.drawn()))
     }
 
-    /// Where people look, if the film has such a map.
+    /// The map of where people look, if the film has one.
     pub(super) fn importance(&self) -> Option<Svg> {
         self.importance.draw()
     }

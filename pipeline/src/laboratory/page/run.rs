@@ -11,7 +11,7 @@ use crate::settings::Settings;
 use minijinja::value::Serde;
 use minijinja::{Value, context};
 
-/// How a film came to be.
+/// Origin of a film: command and choices.
 #[derive(Clone, Debug, Default)]
 pub struct Made {
     /// The command, as [`command_line`](super::command_line) has it.

@@ -21,7 +21,7 @@ type Figure = fn(&FrameReport) -> f64;
 pub(super) struct Figures {
     /// Names for files, and drawings.
     pub plots: Vec<(&'static str, Svg)>,
-    /// What is the same in every frame, in words: the name and the number.
+    /// Series that are the same in every frame, in words: the name and the number.
     pub constant: Vec<(String, String)>,
 }
 

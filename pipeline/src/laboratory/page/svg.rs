@@ -32,7 +32,7 @@ pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// What shows when a shape is pointed at; nothing for no text.
+/// Text that shows when a shape is pointed at; nothing for no text.
 fn titled(about: &str) -> String {
     if about.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(about)) }
 }

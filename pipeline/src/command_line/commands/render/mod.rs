@@ -64,7 +64,7 @@ pub(crate) struct Render {
     /// Write when each stage worked on which frame, for chrome://tracing or Perfetto
     #[arg(long, value_name = "FILE.json", hide = !cfg!(feature = "trace"), help_heading = "Progress", hide_short_help = true)]
     trace: Option<PathBuf>,
-    /// How much memory it may take.
+    /// Bound on memory.
     #[command(flatten)]
     memory: MemoryLimit,
     /// Make the film again whenever a file of the scene changes, in the place of the one before
@@ -114,7 +114,7 @@ pub fn run(mut arguments: Render) -> Result<ExitCode> {
     let companion = |path: &PathBuf| Companion::new(path, settings.size);
     let companions = files.also.iter().map(companion).collect::<Result<Vec<_>, _>>()?;
 
-    // What is there is continued, finished already, or replaced.
+    // A film that is there is continued, finished already, or replaced.
     let job = FilmJob::of(&scene, &settings)?;
     if arguments.resume && files.is_finished(&job) {
         if !arguments.quiet {
@@ -180,7 +180,7 @@ impl Render {
         self.checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration)
     }
 
-    /// Where the film begins, and where its checkpoints go.
+    /// The beginning of the film, and the place of its checkpoints.
     fn checkpoints(&self, job: &FilmJob) -> Result<Checkpoints> {
         let every = self.checkpoint_every();
         let checkpoints = if self.resume { Checkpoints::resume(job, every)? } else { Checkpoints::new(job, every) };
@@ -241,7 +241,7 @@ impl Render {
     }
 }
 
-/// What is said and done when signals come: the first lets the frames that are begun be finished, the second does not.
+/// Reactions to signals: the first lets the frames that are begun be finished, the second does not.
 fn reactions(film: &Film, progress: &progress::Progress, settings: &Settings) -> Reactions {
     let (tell, end, output) = (progress.teller(), film.early_end(), settings.output.display().to_string());
     let tell_again = progress.teller();

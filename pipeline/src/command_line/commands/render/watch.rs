@@ -51,7 +51,7 @@ fn wait_for_change(film: &mut Child, files: &[PathBuf], before: &[Stamp]) -> Res
         std::thread::sleep(LOOK_EVERY);
         let now = stamps(files);
         if now != before && now == last {
-            // What is being written is not read yet.
+            // A file that is still being written is not read yet.
             let _ = film.kill();
             film.wait().context("the film cannot be ended")?;
             return Ok(());

@@ -47,11 +47,11 @@ pub fn keep_for_page(film: &mut Film, settings: &Settings) -> FilmWatch {
     FilmWatch::new(settings)
 }
 
-/// Without pages nobody asks for pictures.
+/// Stands for the pictures of pages, where there are none.
 #[cfg(not(feature = "html"))]
 pub(super) type FilmWatch = ();
 
-/// Without the feature `html` a wanted page was refused before.
+/// A wanted page was refused before, without the feature `html`.
 #[cfg(not(feature = "html"))]
 pub fn keep_for_page(_: &mut Film, _: &Settings) -> FilmWatch {}
 
@@ -66,7 +66,7 @@ pub fn write_page(path: Option<&Path>, report: &Report, watched: Option<FilmWatc
     Ok(output.finish()?)
 }
 
-/// Without the feature `html` a wanted page was refused before.
+/// A wanted page was refused before, without the feature `html`.
 #[cfg(not(feature = "html"))]
 pub fn write_page(_: Option<&Path>, _: &Report, _: Option<FilmWatch>, _: &Scene) -> Result<()> {
     Ok(())

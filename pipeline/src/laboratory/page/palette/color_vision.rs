@@ -14,7 +14,7 @@ const TO_XYZ: [[f64; 3]; 3] =
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]];
 const WHITE: [f64; 3] = [0.95047, 1.0, 1.08883];
 
-/// How an eye sees a color: the name of its vision, and L*, a*, b*.
+/// A color as an eye sees it: the name of its vision, and L*, a*, b*.
 type Seen = (&'static str, [f64; 3]);
 
 /// A color `#rrggbb` in linear R, G, B.

@@ -6,7 +6,7 @@
 #[cfg(test)]
 mod color_vision;
 
-/// How many colors there are; those beyond begin anew.
+/// Number of colors; places beyond begin anew.
 pub(super) const COLORS: usize = 17;
 
 /// On white: the first nine have names of their own, such as blue and orange.
