@@ -252,6 +252,12 @@ impl LightTree {
         self.best_first::<false, R>(receiver, threshold, &mut alone, scratch)
     }
 
+    /// Whether a cluster may come from this tree: its node and its representative are there.
+    #[must_use]
+    pub fn may_hold(&self, cluster: Cluster) -> bool {
+        (cluster.node as usize) < self.nodes.len() && (cluster.light as usize) < self.lights().len()
+    }
+
     /// Intensity that a cluster has now, after any [`update`](LightTree::update) since the cut that it comes from
     /// \[W·sr⁻¹\].
     ///

@@ -131,7 +131,7 @@ impl Layer for Cached {
         let instances = last.surfaces.scene().instances.len();
         let is_of_frame = |(site, recipe): (&Site, &Recipe)| {
             (site.carrier == NOTHING || (site.carrier as usize) < instances)
-                && recipe.clusters.iter().all(|cluster| (cluster.light as usize) < intensities.len())
+                && recipe.clusters.iter().all(|&cluster| last.tree.may_hold(cluster))
                 && recipe.visible.len() == recipe.clusters.len().div_ceil(PACKET)
                 && last.gather.is_complete(&recipe.surroundings)
         };
