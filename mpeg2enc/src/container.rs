@@ -159,7 +159,7 @@ impl Multiplexer {
         before.map_or(Vec::new(), |picture| self.wrap(picture))
     }
 
-    /// What [`finish`](Self::finish) would give now, after the sequence_end_code that ends any stream (13818-2, 6.2.1): for a file that
+    /// Bytes that [`finish`](Self::finish) would give now, after the sequence_end_code that ends any stream (13818-2, 6.2.1): for a file that
     /// is to end here in case no more comes. Nothing before the first picture.
     #[must_use]
     pub fn ending(&self) -> Vec<u8> {

@@ -36,7 +36,7 @@ pub struct EarlyEnd {
 }
 
 impl EarlyEnd {
-    /// Of the file at `path`, which is written at `part` until it is whole.
+    /// The early end of the file at `path`, which is written at `part` until it is whole.
     pub(crate) fn new(path: &Path, part: Option<PathBuf>, tail: Arc<Mutex<Tail>>) -> Self {
         Self { path: path.into(), part, tail }
     }

@@ -24,7 +24,7 @@ pub struct Output {
     sum: crc32fast::Hasher,
     /// Whether the part stays where the file is not finished.
     kept: Arc<AtomicBool>,
-    /// What another thread ends the file with.
+    /// End of the file, shared with a thread that may end it early.
     tail: Arc<Mutex<Tail>>,
 }
 

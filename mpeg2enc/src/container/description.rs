@@ -1,4 +1,4 @@
-//! What a container says of its one video besides the pictures.
+//! Description of the one video of a container: all that it states besides the pictures.
 
 use super::{clock::CLOCK, pes::Picture};
 use crate::{ColorDescription, Config, Standard, header::GROUP_START_CODE};

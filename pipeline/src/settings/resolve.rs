@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 const IMPORTANCE_GAIN: f32 = 2.0;
 /// Samples of the most important pixels \[Debattista05, 4.2\].
 const IMPORTANT_SAMPLES: u32 = 5;
-/// One in so many of the anchor lights of a scene are enough for a draft.
+/// Divisor of the number of anchor lights for a draft.
 const DRAFT_SHARE: usize = 4;
 /// Most samples to the pixel.
 const MOST_SAMPLES: u32 = 64;

@@ -1,4 +1,4 @@
-//! What a page shows of the film itself, gathered while that is made, in bounded memory.
+//! Pictures and maps of a film for its page, gathered while the film is made, in bounded memory.
 
 use super::frame_maps::FrameMaps;
 use super::map::ImportanceSum;

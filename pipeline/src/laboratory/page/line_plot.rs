@@ -157,7 +157,7 @@ fn columns<'a>(names: impl Iterator<Item = &'a str>) -> usize {
 
 /// A name in a legend.
 pub(super) struct Entry {
-    /// What is drawn so.
+    /// Name of the line or of the column.
     pub name: String,
     /// Number of its color and mark.
     pub color: usize,

@@ -1,4 +1,4 @@
-//! What is seen of a film while it is made: lines of progress, and what its page shows.
+//! Observers of a film while it is made: lines of progress, and the pictures of its page.
 
 #[cfg(feature = "html")]
 use crate::Options;
