@@ -147,10 +147,21 @@ mod tests {
     use super::*;
     use crate::light::Emission;
     use crate::testing;
-    use crate::{Scratch, Stop};
+    use crate::{Cluster, Scratch, Stop};
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(300))]
+
+        /// Clusters with a node or a light beyond the tree are none of its own; all others may be.
+        #[test]
+        fn clusters_from_elsewhere_are_told(scene in testing::scene(1..40), beyond in 0..100u32) {
+            let params = BuildParams::bounded_by(scene.geometry_term_bound).with_seed(scene.seed);
+            let tree = LightTree::build(&scene.lights, params);
+            let (nodes, lights) = (tree.nodes.len() as u32, tree.lights().len() as u32);
+            let may_hold = |node, light| tree.may_hold(Cluster { node, light });
+            prop_assert!(may_hold(nodes - 1, lights - 1));
+            prop_assert!(!may_hold(nodes + beyond, 0) && !may_hold(0, lights + beyond));
+        }
 
         /// Grown by some lights and freed of others, a tree holds what a new one holds, and its cuts keep their bound.
         #[test]
