@@ -156,19 +156,22 @@ mod tests {
 
     #[test]
     fn at_contact_half_of_all_directions_shine() {
-        let far = 1e6;
-        let polygon = Polygon {
-            corners: [
-                Vec3A::new(-far, 1e-3, -far),
-                Vec3A::new(far, 1e-3, -far),
-                Vec3A::new(far, 1e-3, far),
-                Vec3A::new(-far, 1e-3, far),
-            ],
-            normal: -Vec3A::Y,
-            double_sided: false,
-            radiance: Vec3::ONE,
-        };
-        let found = polygon.irradiance(Vec3A::ZERO, Vec3A::Y, Vec3A::Y).x;
-        assert!((found / std::f32::consts::PI - 1.0).abs() < 1e-5, "{found} is not π");
+        // As far as scenes may reach, and less.
+        for far in [1e6, 1e9] {
+            let polygon = Polygon {
+                corners: [
+                    Vec3A::new(-far, 1e-3, -far),
+                    Vec3A::new(far, 1e-3, -far),
+                    Vec3A::new(far, 1e-3, far),
+                    Vec3A::new(-far, 1e-3, far),
+                ],
+                normal: -Vec3A::Y,
+                double_sided: false,
+                radiance: Vec3::ONE,
+            };
+            let found = polygon.irradiance(Vec3A::ZERO, Vec3A::Y, Vec3A::Y).x;
+            assert!((found / std::f32::consts::PI - 1.0).abs() < 1e-5, "{found} is not π, at {far}");
+            assert!((polygon.area() / (4.0 * far * far) - 1.0).abs() < 1e-6, "{far}");
+        }
     }
 }

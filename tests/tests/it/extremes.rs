@@ -106,6 +106,21 @@ fn a_millimeter_and_a_thousand_kilometers_look_the_same() {
     }
 }
 
+/// Lengths whose areas have no square in `f32` are refused: light of such lamps was no number. Up to there nothing changes.
+#[test]
+fn lengths_beyond_range_are_refused() {
+    let room = |exponent| scaled(checkered_room(Moving::Box), 2f32.powi(exponent));
+    let (reference, largest) = (film(&room(0), ""), film(&room(27), ""));
+    assert_sound(&largest, "lengths 2^27");
+    assert!(largest.0.samples() == reference.0.samples(), "a pixel is off");
+    for exponent in [32, 60, 100] {
+        let found = film_in(tempfile::tempdir().unwrap().path(), &room(exponent), "", small());
+        let message = found.expect_err("an error");
+        assert!(message.contains("scene.glb") && message.contains("scale the scene"), "{message}");
+        assert_eq!(message.lines().count(), 1, "{message}");
+    }
+}
+
 /// Albedo 0 shows the walls' own light to the last digit. At albedo 1 the series has no limit: paths end after 1024
 /// reflections, so light is finite: 1025 times what is emitted, and no more.
 #[test]

@@ -26,8 +26,9 @@ use glam::{Affine3A, Vec3, Vec3A};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-/// Farthest from the origin that anything may be \[m\]: its square is far inside of the range of `f32`.
-const FARTHEST: f32 = 1e15;
+/// Farthest from the origin that anything may be along an axis \[m\]. The square of a triangle's area, at most
+/// ½ · (2√3 · 10⁹)², is inside of the range of `f32`: normals and areas come from it.
+const FARTHEST: f32 = 1e9;
 
 /// Most triangles of all instances together: a small file may show one mesh many times over, and anchors are spread by the area of
 /// each.
