@@ -66,7 +66,7 @@ pub enum Error {
     #[error("{0}")]
     Checkpoint(String),
     /// The run was ended by its caller before it had a result.
-    #[error("interrupted; a sweep has no result before its end")]
+    #[error("interrupted before anything was measured")]
     Interrupted,
     /// A stage of the loop panicked, or an invariant of this crate does not hold.
     #[error("{0}")]

@@ -41,8 +41,6 @@ use args::Command;
 use clap::CommandFactory;
 use print::single_line;
 use std::process::ExitCode;
-#[cfg(feature = "sweep")]
-use std::sync::atomic::Ordering;
 
 /// Exit code where the same arguments fail everywhere and always, as clap has it. All other failures are 1.
 const WRONG_ARGUMENTS: u8 = 2;
@@ -97,14 +95,7 @@ fn run(command: Command) -> Result<ExitCode> {
         #[cfg(feature = "sweep")]
         Command::Sweep(arguments) => {
             use_threads(arguments.threads)?;
-            let interrupt = interrupt::Interrupt::watch(interrupt::Reactions::default())?;
-            match commands::sweep::run(arguments, &interrupt.stop) {
-                Err(error) if interrupt.stop.load(Ordering::Relaxed) => {
-                    tell!("render2mpeg: {}", single_line(&format!("{error:#}")));
-                    Ok(interrupt.exit_code())
-                }
-                result => result,
-            }
+            commands::sweep::run(arguments)
         }
         #[cfg(feature = "compare")]
         Command::Compare(arguments) => commands::compare::run(&arguments),

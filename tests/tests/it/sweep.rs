@@ -1,9 +1,12 @@
 //! `render2mpeg sweep` and `render --html`: figures beside those of the single commands, pages in a real browser.
 
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use tests::{Moving, assert_fails, checkered_room, need, render, render2mpeg};
+use std::time::{Duration, Instant};
+use tests::{Moving, assert_fails, checkered_room, need, program, render, render2mpeg, sorted_names};
 
 /// A room that keeps its exposure, so that every film of it can be laid beside every other.
 fn folder_with_room() -> tempfile::TempDir {
@@ -77,6 +80,54 @@ fn a_sweep_says_what_single_commands_say() {
 
     // Seven plots, and histograms of the two steered methods.
     check_page(&folder.path().join("swept/sweep.html"), 9);
+}
+
+/// Distinct films that a sweep has begun so far, added to `seen`.
+fn note_films(folder: &Path, seen: &mut BTreeSet<PathBuf>) {
+    let inside = |path: &Path| std::fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
+    for working in inside(folder).filter(|path| path.is_dir()) {
+        seen.extend(inside(&working));
+    }
+}
+
+#[test]
+fn a_sweep_that_is_ended_early_keeps_what_is_measured() {
+    let folder = folder_with_room();
+    let words = "sweep room.glb -o swept --qscale 4,32 --methods perceptual-cache --threads 2 --quiet --size 96x96 \
+        --frames 30 --vpls 60 --photons 3000";
+    let mut child = Command::new(program())
+        .args(words.split_whitespace())
+        .current_dir(folder.path())
+        .spawn()
+        .expect("render2mpeg starts");
+
+    // The reference, the baseline, which serves for both quantisers, and the film that the signal ends.
+    let (start, mut seen) = (Instant::now(), BTreeSet::new());
+    while seen.len() < 3 {
+        assert!(start.elapsed() < Duration::from_secs(120), "three films were not begun: {seen:?}");
+        assert_eq!(child.try_wait().expect("a child"), None, "it ends by itself");
+        std::thread::sleep(Duration::from_millis(2));
+        note_films(&folder.path().join("swept"), &mut seen);
+    }
+    kill_process(Pid::from_raw(child.id() as i32).expect("a process"), Signal::INT).expect("it takes signals");
+    assert_eq!(child.wait().expect("a child").code(), Some(130));
+
+    let json = std::fs::read(folder.path().join("swept/sweep.json")).unwrap();
+    let swept: Value = serde_json::from_slice(&json).unwrap();
+    assert_eq!(swept["interrupted"], true);
+    let runs: Vec<(&str, u64)> = swept["runs"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|run| (run["method"].as_str().unwrap(), run["qscale"].as_u64().unwrap()))
+        .collect();
+    assert_eq!(runs, [("lightcuts-cache", 4), ("lightcuts-cache", 32)]);
+    let csv = std::fs::read_to_string(folder.path().join("swept/sweep.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 3);
+    assert_eq!(sorted_names(&folder.path().join("swept")), ["maps", "plots", "sweep.csv", "sweep.html", "sweep.json"]);
+    let html = std::fs::read_to_string(folder.path().join("swept/sweep.html")).unwrap();
+    assert!(html.contains("ended early"));
+    check_page(&folder.path().join("swept/sweep.html"), 7);
 }
 
 #[test]

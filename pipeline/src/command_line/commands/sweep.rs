@@ -1,6 +1,8 @@
 //! `render2mpeg sweep`.
 
 use crate::Options;
+use crate::command_line::interrupt::{Interrupt, Reactions};
+use crate::command_line::print::single_line;
 use crate::command_line::progress;
 use crate::command_line::source::Reading;
 use crate::laboratory::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method, Source};
@@ -9,7 +11,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering;
 
 /// Methods to compare, and the folder for the findings.
 #[derive(Args)]
@@ -58,8 +60,8 @@ pub(crate) struct Sweep {
     quiet: bool,
 }
 
-/// Sweeps and writes.
-pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
+/// Sweeps and writes; after a signal, what is measured by then.
+pub fn run(arguments: Sweep) -> Result<ExitCode> {
     let Sweep {
         scene: path,
         reading,
@@ -101,18 +103,36 @@ pub fn run(arguments: Sweep, stop: &AtomicBool) -> Result<ExitCode> {
         qscales: if qscale.is_empty() { DEFAULT_QSCALES.to_vec() } else { qscale },
         methods: if methods.is_empty() { METHODS.iter().collect() } else { methods },
     };
+
+    // The first signal ends the sweep after the frame in work, the second the process.
     let line = progress::of_long_work(quiet);
-    let result = sweep.run(Source { path: &path, scene: &scene }, &folder, stop, |progress| {
+    let above = line.clone();
+    let first = move || {
+        let text = "stopping after this frame, and keeping what is measured; again to stop now, and keep nothing";
+        if !quiet {
+            above.suspend(|| tell!("{text}"));
+        }
+    };
+    let interrupt = Interrupt::watch(Reactions { first: Box::new(first), ..Reactions::default() })?;
+    let result = sweep.run(Source { path: &path, scene: &scene }, &folder, &interrupt.stop, |progress| {
         line.set_length(progress.all);
         line.set_position(progress.done);
         line.set_message(progress.doing.clone());
     });
     line.finish_and_clear();
-    let swept = result?;
+
+    // Findings, whole or in part.
+    let swept = match result {
+        Err(error) if interrupt.stop.load(Ordering::Relaxed) => {
+            tell!("render2mpeg: {}", single_line(&error.chain()));
+            return Ok(interrupt.exit_code());
+        }
+        result => result?,
+    };
     swept.write(&folder)?;
     if !quiet {
         say!("{}", swept.outcome.table());
         say!("page: {} (after {:.0} s)", folder.join("sweep.html").display(), swept.outcome.wall_seconds);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(if swept.outcome.interrupted { interrupt.exit_code() } else { ExitCode::SUCCESS })
 }

@@ -35,6 +35,8 @@ pub struct Outcome {
     pub runs: Vec<MethodRun>,
     /// The check by another decoder; null where there is none.
     pub decoder_check: Option<DecoderCheck>,
+    /// Whether it was ended early: runs of some methods or quantisers are missing then.
+    pub interrupted: bool,
     /// By the clock, everything \[s\].
     pub wall_seconds: f64,
 }

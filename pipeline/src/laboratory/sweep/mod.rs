@@ -98,8 +98,10 @@ impl Sweep {
     /// Runs everything; `progress` is called with every frame. The film in work lies in a folder of its own below
     /// `workspace`, which is gone at the end.
     ///
+    /// Once `stop` is set, no further film is made, and what is measured so far is the result: [`Outcome::interrupted`].
+    ///
     /// # Errors
-    /// Settings that fit nothing, a disk that is full, a decoder that shows other pictures, or `stop`.
+    /// Settings that fit nothing, a disk that is full, a decoder that shows other pictures, or `stop` before anything was measured.
     pub fn run(
         &self,
         source: Source<'_>,
@@ -148,6 +150,7 @@ impl Sweep {
             references: references.films.iter().flatten().map(ReferenceCost::of).collect(),
             runs: found.runs,
             decoder_check: found.decoder_check,
+            interrupted: found.interrupted,
             wall_seconds: begin.elapsed().as_secs_f64(),
         };
         let truth = perceptual::to_rgb8(&last.picture);
@@ -212,46 +215,62 @@ struct Findings {
     pictures: Vec<RunPictures>,
     decoder_check: Option<DecoderCheck>,
     clip: Option<(usize, Vec<Plane<[u8; 3]>>)>,
+    /// Whether films are missing: the work was ended early.
+    interrupted: bool,
 }
 
 impl Measuring<'_> {
-    /// Renders each method, at each quantiser where that steers it, and measures it through the encoder.
+    /// Renders each method, at each quantiser where that steers it, and measures it through the encoder, until all is measured
+    /// or the work is to end.
     fn measure(&self, work: &mut Work<'_>) -> Result<Findings> {
-        let middle = self.qscales[self.qscales.len() / 2];
-        let watched = self.watched();
         let mut findings = Findings::default();
-        for (index, &method) in self.methods.iter().enumerate() {
-            let truth = self.references.truth_of(method)?;
-            let mut kept: Option<Film> = None;
-            for &qscale in self.qscales {
-                // A film that its quantiser does not steer serves for all of them.
-                if kept.is_none() || method.steered {
-                    // The one before has had its time: its files go first.
-                    drop(kept.take());
-                    kept = Some(self.film(method, qscale, work)?);
+        for index in 0..self.methods.len() {
+            match self.measure_method(index, &mut findings, work) {
+                // A film that was not finished is no finding, and those before it are.
+                Err(Error::Interrupted) if !findings.runs.is_empty() => {
+                    findings.interrupted = true;
+                    break;
                 }
-                if self.workshop.stop.load(Ordering::Relaxed) {
-                    return Err(Error::Interrupted);
-                }
-                let film = kept.as_ref().ok_or_else(|| missing("rendered above"))?;
-
-                // Of all films one is shown as a clip, and one is checked by another decoder.
-                let is_watched = watched == Some(index) && qscale == middle;
-                let is_checked = qscale == middle && findings.decoder_check.is_none();
-                let wanted = Wanted {
-                    clip: if is_watched { CLIP_FRAMES } else { 0 },
-                    check_below: is_checked.then_some(self.workshop.folder),
-                };
-                let found: Measured = measured(method, qscale, film, truth, &wanted)?;
-                if is_watched {
-                    findings.clip = Some((findings.runs.len(), found.clip));
-                }
-                findings.decoder_check = findings.decoder_check.or(found.check);
-                findings.runs.push(found.run);
-                findings.pictures.push(found.pictures);
+                result => result?,
             }
         }
         Ok(findings)
+    }
+
+    /// Adds the method at place `index`, at each quantiser, to the findings.
+    fn measure_method(&self, index: usize, findings: &mut Findings, work: &mut Work<'_>) -> Result<()> {
+        let middle = self.qscales[self.qscales.len() / 2];
+        let method = self.methods[index];
+        let truth = self.references.truth_of(method)?;
+        let mut kept: Option<Film> = None;
+        for &qscale in self.qscales {
+            // A film that its quantiser does not steer serves for all of them.
+            if kept.is_none() || method.steered {
+                // The one before has had its time: its files go first.
+                drop(kept.take());
+                kept = Some(self.film(method, qscale, work)?);
+            }
+            if self.workshop.stop.load(Ordering::Relaxed) {
+                return Err(Error::Interrupted);
+            }
+            let film = kept.as_ref().ok_or_else(|| missing("rendered above"))?;
+
+            // Of all films one is shown as a clip, and one is checked by another decoder.
+            let is_watched = self.watched() == Some(index) && qscale == middle;
+            let is_checked = qscale == middle && findings.decoder_check.is_none();
+            let wanted = Wanted {
+                clip: if is_watched { CLIP_FRAMES } else { 0 },
+                check_below: is_checked.then_some(self.workshop.folder),
+            };
+            let found: Measured = measured(method, qscale, film, truth, &wanted)?;
+            if is_watched {
+                findings.clip = Some((findings.runs.len(), found.clip));
+            }
+            findings.decoder_check = findings.decoder_check.take().or(found.check);
+            findings.runs.push(found.run);
+            findings.pictures.push(found.pictures);
+        }
+        Ok(())
     }
 
     /// The film of a method, made for a quantiser.

@@ -39,13 +39,14 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
         })
         .collect();
     let cheapest = outcome.references.iter().map(|reference| reference.seconds.total).fold(f64::INFINITY, f64::min);
+    let ended = if outcome.interrupted { ", ended early" } else { "" };
     let tiles = vec![
         ("picture", format!("{}×{}", settings.size.width, settings.size.height)),
         ("frames", format!("{}", settings.frames)),
         ("lights in the tree", format!("{}", outcome.lights)),
         ("photons a frame", format!("{}", settings.photons)),
         ("every light", format!("{cheapest:.1} CPU s a frame")),
-        ("this sweep", format!("{:.0} s", outcome.wall_seconds)),
+        ("this sweep", format!("{:.0} s{ended}", outcome.wall_seconds)),
     ];
     let choices = choices(swept);
     let clip = clip(swept);

@@ -81,6 +81,9 @@ impl Outcome {
             let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}"));
             let _ = writeln!(text, "{}", cells.collect::<Vec<String>>().join("  "));
         }
+        if self.interrupted {
+            let _ = writeln!(text, "\nThis sweep was ended early: what it had not measured is missing.");
+        }
         for Finding { label, text: words } in self.findings() {
             let _ = writeln!(text, "\n{label}: {words}");
         }
