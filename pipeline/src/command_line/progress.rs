@@ -1,23 +1,57 @@
 //! Progress at a terminal while the frames are made, and a summary at the end.
 
 use crate::Settings;
-use crate::command_line::print::single_line;
+use crate::command_line::print::{rough_time, single_line};
 use crate::report::{FrameReport, Report};
 use indicatif::{ProgressBar, ProgressStyle};
 use render_core::scene::Scene;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// A line that shows how far the run is; nothing when standard error is not a terminal.
 pub(crate) struct Progress {
     bar: ProgressBar,
+    pace: Mutex<Pace>,
     is_quiet: bool,
 }
+
+/// Time that frames take. The first frame of a run is no measure of the others: it traces photons, builds trees and fills caches.
+#[derive(Clone, Copy, Default)]
+struct Pace {
+    /// The end of the run's first frame.
+    first: Option<Instant>,
+    /// The end of the last frame so far.
+    last: Option<Instant>,
+    /// Frames after the first.
+    others: u32,
+}
+
+impl Pace {
+    /// A frame ends `now`.
+    fn frame(&mut self, now: Instant) {
+        match self.first {
+            None => self.first = Some(now),
+            Some(_) => self.others += 1,
+        }
+        self.last = Some(now);
+    }
+
+    /// Seconds of a frame after the first, by the mean; none before the second.
+    fn seconds(&self) -> Option<f64> {
+        let (first, last) = (self.first?, self.last?);
+        (self.others > 0).then(|| (last - first).as_secs_f64() / f64::from(self.others))
+    }
+}
+
+/// The spinner of the line turns once in eight of these: it shows that a long frame is being made.
+const TICK: Duration = Duration::from_millis(250);
 
 impl Progress {
     /// Says what is about to happen, and starts the line.
     pub fn new(settings: &Settings, scene: &Scene, first_frame: u32, quiet: bool) -> Self {
         if quiet {
-            return Self { bar: ProgressBar::hidden(), is_quiet: quiet };
+            return Self { bar: ProgressBar::hidden(), pace: Mutex::default(), is_quiet: quiet };
         }
         tell!(
             "{}: {} triangles, {} of {}x{} at {} fps, quantiser_scale {}",
@@ -33,25 +67,34 @@ impl Progress {
             settings.qscale,
         );
         scene.warnings.iter().for_each(|warning| tell!("note: {}", single_line(warning)));
-        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {per_sec}  {eta} left  {msg}")
-            .expect("the template is correct");
+        let style = ProgressStyle::with_template("{spinner} {bar:30} {pos}/{len} frames  {msg}");
+        let style = style.expect("the template is correct");
         let frames = settings.frame_range();
         let bar = ProgressBar::new(frames.len() as u64).with_style(style);
         if first_frame > frames.start {
             tell!("goes on with frame {first_frame}");
             bar.set_position((first_frame - frames.start).into());
-            bar.reset_eta();
         }
-        bar.tick();
-        Self { bar, is_quiet: quiet }
+        bar.set_message("the first takes longest");
+        bar.enable_steady_tick(TICK);
+        Self { bar, pace: Mutex::default(), is_quiet: quiet }
     }
 
     /// Moves on by a frame.
     pub fn frame(&self, frame: &FrameReport) {
-        let quality = frame.psnr_y.map_or(String::new(), |psnr| format!(", {psnr:.1} dB"));
-        let kilobits = frame.bits as f64 / 1000.0;
-        self.bar.set_message(format!("cut {:.0}, {kilobits:.0} kbit{quality}", frame.cut_size_mean));
         self.bar.inc(1);
+        let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
+        pace.frame(Instant::now());
+
+        // Time by the frames after the first, size and quality of this one.
+        let left = self.bar.length().unwrap_or(0).saturating_sub(self.bar.position());
+        let time = match pace.seconds() {
+            Some(seconds) => format!("{seconds:.1} s a frame, {} left", rough_time(seconds * left as f64)),
+            None => "estimating the time left".into(),
+        };
+        let kilobytes = frame.bits as f64 / 8000.0;
+        let quality = frame.psnr_y.map_or("no loss".into(), |psnr| format!("quality {psnr:.1} dB"));
+        self.bar.set_message(format!("{time}  {kilobytes:.1} kB, {quality}"));
     }
 
     /// Says above the line what went wrong and does not end the run.
@@ -119,5 +162,22 @@ pub fn summary(report: &Report, video: &Path, report_path: Option<&Path>) {
     tell!("video:  {}", video.display());
     if let Some(path) = report_path {
         tell!("report: {}", path.display());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_frame_is_no_measure_of_the_others() {
+        let begin = Instant::now();
+        let mut pace = Pace::default();
+        let ends = [30.0, 32.0, 33.0, 36.0];
+        let expected = [None, Some(2.0), Some(1.5), Some(2.0)];
+        for (end, expected) in ends.into_iter().zip(expected) {
+            pace.frame(begin + Duration::from_secs_f64(end));
+            assert_eq!(pace.seconds(), expected, "after {end} s");
+        }
     }
 }

@@ -82,7 +82,7 @@ fn only_the_camera_moves() {
         "a photon is followed through the scene, a light is a number"
     );
     assert_eq!(
-        (saves("primary rays and motion"), saves("textures")),
+        (saves("primary rays and motion"), saves("importance")),
         (None, None),
         "one runs, the other has nothing to do"
     );

@@ -1,6 +1,6 @@
 //! `render2mpeg plan`.
 
-use crate::command_line::print::single_line;
+use crate::command_line::print::{rough_time, single_line};
 use crate::command_line::source::Source;
 use crate::settings::MemorySize;
 use crate::{Options, Settings, memory};
@@ -34,13 +34,4 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     say!("memory: some {needed} for {}x{} pixels", size.width, size.height);
     scene.warnings.iter().for_each(|warning| say!("note: {}", single_line(warning)));
     Ok(ExitCode::SUCCESS)
-}
-
-/// Seconds in the unit that a person would use.
-fn rough_time(seconds: f64) -> String {
-    match seconds {
-        ..120.0 => format!("{seconds:.0} s"),
-        120.0..7200.0 => format!("{:.0} min", seconds / 60.0),
-        _ => format!("{:.1} h", seconds / 3600.0),
-    }
 }

@@ -86,13 +86,21 @@ impl Costs {
             Stage::TreeUpdate => LIGHT * self.lights,
             Stage::DynamicAnchors => MOVING_ANCHOR * self.moving_anchors * places,
             Stage::PrimaryRays => PRIMARY_RAY * pixels,
-            Stage::AreaLights if self.area_lights > 0.0 => AREA_LIGHT * self.area_lights * pixels,
-            Stage::PunctualLights if self.points > 0.0 => POINT_LIGHT * self.points * pixels,
             Stage::Indirect => self.indirect(),
             Stage::Compensation if self.cache => COMPENSATION * self.indirect(),
             Stage::Masking => MASKED_PIXEL * pixels,
             _ => return None,
         })
+    }
+
+    /// CPU seconds that direct light of glowing surfaces takes in a frame; none without any.
+    pub(super) fn of_area_lights(&self) -> Option<f64> {
+        (self.area_lights > 0.0).then_some(AREA_LIGHT * self.area_lights * self.pixels)
+    }
+
+    /// CPU seconds that direct light of points, spots and suns takes in a frame; none without any.
+    pub(super) fn of_punctual_lights(&self) -> Option<f64> {
+        (self.points > 0.0).then_some(POINT_LIGHT * self.points * self.pixels)
     }
 
     fn indirect(&self) -> f64 {
@@ -110,8 +118,9 @@ impl Costs {
         by_pixel * self.pixels
     }
 
-    /// Cost of the stages that every film needs: the tone curve and the encoder.
+    /// Cost of what every film needs: direct light, the tone curve and the encoder.
     pub(super) fn of_the_rest(&self) -> f64 {
-        (TONE_MAPPED_PIXEL + CODED_PIXEL) * self.pixels
+        let direct = self.of_area_lights().unwrap_or(0.0) + self.of_punctual_lights().unwrap_or(0.0);
+        direct + (TONE_MAPPED_PIXEL + CODED_PIXEL) * self.pixels
     }
 }

@@ -58,6 +58,69 @@ impl<'a> Facts<'a> {
     }
 }
 
+/// A fact about the scene or the settings, which no stage depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fact {
+    /// The subject.
+    pub subject: &'static str,
+    /// The statement about it.
+    pub text: String,
+    /// The estimated share of a frame's CPU time, where it has one of its own.
+    pub share: Option<f64>,
+}
+
+impl Facts<'_> {
+    /// Facts to print. `area_lights` and `punctual_lights` are the shares of time of direct light.
+    pub fn list(&self, area_lights: Option<f64>, punctual_lights: Option<f64>) -> Vec<Fact> {
+        let counted = |count: usize, one: &str, many: &str, none: &str| match count {
+            0 => none.to_owned(),
+            1 => format!("1 {one}"),
+            _ => format!("{count} {many}"),
+        };
+        let told = |told: bool, yes: &str, no: &str| if told { yes.into() } else { no.into() };
+        let fact = |subject, text| Fact { subject, text, share: None };
+        vec![
+            Fact {
+                share: area_lights,
+                ..fact(
+                    "area lights",
+                    counted(self.area_lights, "glowing surface", "glowing surfaces", "no surface glows"),
+                )
+            },
+            Fact {
+                share: punctual_lights,
+                ..fact(
+                    "punctual lights",
+                    counted(self.punctual_lights, "point, spot or sun", "points, spots and suns", "none in the file"),
+                )
+            },
+            fact("sky", told(self.has_sky, "its dome is part of the light tree", "none in the scene's settings")),
+            fact(
+                "textures",
+                counted(
+                    self.textures,
+                    "image on visible surfaces",
+                    "images on visible surfaces",
+                    "no image on a visible surface",
+                ),
+            ),
+            fact(
+                "cut-outs",
+                counted(
+                    self.cut_outs,
+                    "surface is masked or blended",
+                    "surfaces are masked or blended",
+                    "every surface is opaque",
+                ),
+            ),
+            fact(
+                "motion for the encoder",
+                told(self.settings.motion, "known, no search", "searched for, as requested"),
+            ),
+        ]
+    }
+}
+
 /// Whether a light or something that glows moves.
 pub(crate) fn lamp_moves(scene: &Scene) -> bool {
     let (nodes, instances) = (scene.moving_nodes(), scene.moving_instances());

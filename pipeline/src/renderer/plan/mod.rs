@@ -7,6 +7,7 @@ mod facts;
 mod rules;
 mod stage;
 
+pub use facts::Fact;
 #[cfg(feature = "bake")]
 pub(crate) use facts::lamp_moves;
 pub use stage::{Stage, State};
@@ -41,6 +42,7 @@ pub struct Plan {
     shares: Vec<Option<f64>>,
     /// CPU seconds of a frame in which every stage runs.
     whole: f64,
+    facts: Vec<Fact>,
 }
 
 impl Plan {
@@ -48,13 +50,16 @@ impl Plan {
     #[must_use]
     pub fn new(scene: &Scene, settings: &RenderSettings) -> Self {
         let facts = Facts::new(scene, settings);
-        let (shares, whole) = shares(&Costs::of(scene, settings, facts.area_lights));
+        let costs = Costs::of(scene, settings, facts.area_lights);
+        let (shares, whole) = shares(&costs);
+        let share = |seconds: Option<f64>| seconds.map(|seconds| seconds / whole);
+        let list = facts.list(share(costs.of_area_lights()), share(costs.of_punctual_lights()));
         let step = |(Decision { stage, state, reason }, &share): (Decision, &Option<f64>)| {
             let saves = if state == State::On { None } else { share };
             Step { stage, state, reason, saves }
         };
         let steps = decisions(&facts).into_iter().zip(&shares).map(step).collect();
-        Self { steps, shares, whole }
+        Self { steps, shares, whole, facts: list }
     }
 
     /// How often `stage` runs.
@@ -108,10 +113,17 @@ impl Plan {
         &self.steps
     }
 
-    /// The plan as a table for the terminal.
+    /// Facts about the scene that no stage depends on.
+    #[must_use]
+    pub fn facts(&self) -> &[Fact] {
+        &self.facts
+    }
+
+    /// The plan as a table for the terminal: stages, then facts.
     #[must_use]
     pub fn table(&self) -> String {
-        let width = self.steps.iter().map(|step| step.stage.name().len()).max().unwrap_or(0);
+        let subjects = self.facts.iter().map(|fact| fact.subject);
+        let width = self.steps.iter().map(|step| step.stage.name()).chain(subjects).map(str::len).max().unwrap_or(0);
         let mut table = format!("{:width$}  state  costs  saves  reason\n", "stage");
         let percent = |share: Option<f64>| match share {
             None => String::new(),
@@ -122,6 +134,11 @@ impl Plan {
             let costs = if *state == State::On { percent(self.share_of(*stage)) } else { String::new() };
             let (stage, state, saves) = (stage.name(), state.name(), percent(*saves));
             table.push_str(&format!("{stage:width$}  {state:5}  {costs:>5}  {saves:>5}  {reason}\n"));
+        }
+        table.push_str(&format!("\n{:width$}         costs\n", "scene"));
+        for Fact { subject, text, share } in &self.facts {
+            let costs = percent(*share);
+            table.push_str(&format!("{subject:width$}         {costs:>5}         {text}\n"));
         }
         table
     }

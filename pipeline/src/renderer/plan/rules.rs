@@ -108,23 +108,6 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             otherwise(State::On, "outlines cross pixels"),
         ],
     ),
-    (Stage::AreaLights, &[any(|f| f.area_lights, "glowing surfaces"), otherwise(State::Off, "no surface glows")]),
-    (Stage::PunctualLights, &[any(|f| f.punctual_lights, "in the file"), otherwise(State::Off, "none in the file")]),
-    (
-        Stage::Sky,
-        &[
-            on(|f| f.has_sky, "its dome is part of the light tree"),
-            otherwise(State::Off, "no sky in the scene's settings"),
-        ],
-    ),
-    (
-        Stage::Textures,
-        &[any(|f| f.textures, "images on visible surfaces"), otherwise(State::Off, "no image on a visible surface")],
-    ),
-    (
-        Stage::CutOuts,
-        &[any(|f| f.cut_outs, "surfaces are masked or blended"), otherwise(State::Off, "every surface is opaque")],
-    ),
     (
         Stage::Deformation,
         &[any(|f| f.deforming, "surfaces change their shape"), otherwise(State::Off, "nothing changes its shape")],
@@ -202,10 +185,6 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             ),
             otherwise(State::On, "they steer the cuts of the next frame"),
         ],
-    ),
-    (
-        Stage::EncoderMotion,
-        &[on(|f| f.settings.motion, "vectors are known, no search"), otherwise(State::Off, LEFT_OUT)],
     ),
 ];
 

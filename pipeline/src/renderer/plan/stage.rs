@@ -20,16 +20,6 @@ pub enum Stage {
     PrimaryRays,
     /// Rays that find the surfaces of pixels which outlines cross.
     Antialiasing,
-    /// Direct light of emitting surfaces.
-    AreaLights,
-    /// Direct light of points, spots and suns.
-    PunctualLights,
-    /// Light of the sky.
-    Sky,
-    /// Images on surfaces.
-    Textures,
-    /// Surfaces with masked or blended opacity.
-    CutOuts,
     /// Skins and morph targets.
     Deformation,
     /// Light that surfaces reflect onto each other.
@@ -48,13 +38,11 @@ pub enum Stage {
     Importance,
     /// The masking model, whose thresholds return to the renderer.
     Masking,
-    /// Motion vectors for the encoder.
-    EncoderMotion,
 }
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 16] = [
         Self::ObjectPlacing,
         Self::Photons,
         Self::TreeUpdate,
@@ -62,11 +50,6 @@ impl Stage {
         Self::DynamicAnchors,
         Self::PrimaryRays,
         Self::Antialiasing,
-        Self::AreaLights,
-        Self::PunctualLights,
-        Self::Sky,
-        Self::Textures,
-        Self::CutOuts,
         Self::Deformation,
         Self::Indirect,
         Self::BakedLight,
@@ -76,7 +59,6 @@ impl Stage {
         Self::Gloss,
         Self::Importance,
         Self::Masking,
-        Self::EncoderMotion,
     ];
 
     /// The name in reports and tables; it is kept stable.
@@ -90,11 +72,6 @@ impl Stage {
             Self::DynamicAnchors => "anchor lights on moving objects",
             Self::PrimaryRays => "primary rays and motion",
             Self::Antialiasing => "antialiasing",
-            Self::AreaLights => "area lights",
-            Self::PunctualLights => "punctual lights",
-            Self::Sky => "sky",
-            Self::Textures => "textures",
-            Self::CutOuts => "cut-outs",
             Self::Deformation => "skins and morph targets",
             Self::Indirect => "indirect light",
             Self::BakedLight => "baked light",
@@ -104,7 +81,6 @@ impl Stage {
             Self::Gloss => "glossy surfaces",
             Self::Importance => "importance",
             Self::Masking => "masking thresholds",
-            Self::EncoderMotion => "motion for the encoder",
         }
     }
 }
