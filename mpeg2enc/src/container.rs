@@ -71,8 +71,8 @@ impl Container {
 /// [`Rate`](crate::Rate) everything is there in time, and at a constant rate just as vbv_delay says. Pictures at a constant
 /// quantiser that exceed what their level allows come late; files play all the same.
 ///
-/// Packs of a program stream have 2048 bytes, and each picture begins with one. In MP4 and Matroska a group of pictures is written
-/// when the next one begins.
+/// Packs of a program stream have 2048 bytes at most, those of a disc just as many, and each picture begins with one. In MP4 and
+/// Matroska a group of pictures is written when the next one begins.
 ///
 /// ```
 /// use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Multiplexer, Picture};

@@ -1,7 +1,7 @@
-//! Program streams: packs of 2048 bytes with one PES packet of video each (2.5.3).
+//! Program streams: packs of at most 2048 bytes with one PES packet of video each (2.5.3).
 //!
-//! The last pack of a picture is filled by a packet of padding, or by stuffing where there is no room for one. So each
-//! pack is a sector of a disc. DVD-Video has a pack for navigation in front of each I picture, which authoring fills.
+//! For discs, each pack is a sector: the last pack of a picture is filled by a packet of padding, or by stuffing where there is no
+//! room for one. Files have no such bytes. DVD-Video has a pack for navigation in front of each I picture, which authoring fills.
 
 use super::{
     clock::CLOCK,
@@ -12,7 +12,7 @@ use crate::bits::{BitSink, BitWriter};
 
 /// MPEG_program_end_code (2.5.3.1).
 pub(super) const END: [u8; 4] = [0, 0, 1, 0xb9];
-/// Bytes of a pack: a sector of a disc. [`END`] takes the last four of the last one.
+/// Bytes of a pack, at most: a sector of a disc. [`END`] takes the last four of the last one.
 const PACK: usize = 2048;
 const PACK_HEADER: usize = 14;
 /// Stream identifiers of system_header() (2.5.3.5, Table 2-18): all video, all audio, private streams 1 and 2.
@@ -37,7 +37,7 @@ pub(super) struct Writer {
     /// When the last pack has passed.
     passed: u64,
     is_first: bool,
-    /// Are there packs for navigation?
+    /// Whether each pack fills a sector, and there are packs for navigation.
     is_disc: bool,
 }
 
@@ -56,7 +56,7 @@ impl Writer {
         Self { schedule, mux_rate, buffer_kib, passed: 0, is_first: true, is_disc }
     }
 
-    /// The packs of one picture; `end` follows the last one, within its 2048 bytes.
+    /// The packs of one picture; `end` follows the last one, within its 2048 bytes at most.
     pub fn put(&mut self, picture: &Picture, end: &[u8]) -> Vec<u8> {
         self.schedule.begin(picture.times.decoding);
         let mut out = Vec::with_capacity(picture.data.len() * PACK / (PACK - HEADERS) + PACK);
@@ -80,11 +80,12 @@ impl Writer {
                 length => length.min(room - end.len()),
             });
             let tail = if later.is_empty() { end } else { &[] };
-            let left = room - data.len() - tail.len();
+            let left = if self.is_disc { room - data.len() - tail.len() } else { 0 };
             let stuffing = if left < PADDING_LEAST { left } else { 0 };
 
             // The next pack cannot come before this one has passed.
             let arrival = self.schedule.arrive(data.len() as u64).max(self.passed);
+            let before = out.len();
             out.extend(self.pack_header(arrival));
             out.extend(system_header);
             out.extend(Header { stuffing, ..header }.bytes(Some(data.len())));
@@ -93,7 +94,7 @@ impl Writer {
                 out.extend(padding(left));
             }
             out.extend(tail);
-            self.pass(arrival);
+            self.pass(arrival, out.len() - before);
             (rest, self.is_first) = (later, false);
         }
         // A picture of no bytes makes no pack.
@@ -103,9 +104,9 @@ impl Writer {
         out
     }
 
-    /// A pack comes in, and nothing else until it has passed.
-    fn pass(&mut self, arrival: u64) {
-        self.passed = arrival + (PACK as u64 * CLOCK).div_ceil(50 * self.mux_rate);
+    /// A pack of `bytes` comes in, and nothing else until it has passed.
+    fn pass(&mut self, arrival: u64, bytes: usize) {
+        self.passed = arrival + (bytes as u64 * CLOCK).div_ceil(50 * self.mux_rate);
     }
 
     /// The pack that begins a video object unit of DVD-Video: empty PCI and DSI packets at the places where authoring
@@ -123,7 +124,7 @@ impl Writer {
             packet.resize(6 + length as usize, 0);
             out.extend(packet);
         }
-        self.pass(arrival);
+        self.pass(arrival, PACK);
     }
 
     /// pack_header() (2.5.3.3); `arrival` is when it comes in: system_clock_reference counts up to its last byte but the

@@ -127,8 +127,8 @@ struct Read {
     buffer: usize,
 }
 
-/// Reads a program stream as 2.5.3 prints it, without the writer's help.
-fn read_program(file: &[u8]) -> Read {
+/// Reads a program stream as 2.5.3 prints it, without the writer's help. Packs of a disc fill sectors; others hold no padding.
+fn read_program(file: &[u8], is_disc: bool) -> Read {
     let bits = |bytes: &[u8], first: usize, count: usize| -> u64 {
         (first..first + count).fold(0, |value, i| value << 1 | u64::from(bytes[i / 8] >> (7 - i % 8) & 1))
     };
@@ -148,6 +148,11 @@ fn read_program(file: &[u8]) -> Read {
             read.buffer = 1024 * bits(&file[at + 13..], 3, 13) as usize;
             at += 6 + bits(&file[at + 4..], 0, 16) as usize;
         }
+        // A pack for navigation has two packets of private_stream_2, and no video.
+        if is_disc && file[at..][..4] == [0, 0, 1, 0xbf] {
+            at = start + 2048;
+            continue;
+        }
         assert_eq!(file[at..][..4], [0, 0, 1, 0xe0], "a video packet at {at}");
         let (length, fields) = (bits(&file[at + 4..], 0, 16) as usize, file[at + 8] as usize);
         match bits(&file[at + 7..], 0, 2) {
@@ -157,14 +162,15 @@ fn read_program(file: &[u8]) -> Read {
         }
         let data = length - 3 - fields;
         at += 6 + length;
-        if file[at..][..4] == [0, 0, 1, 0xbe] {
+        if is_disc && file[at..][..4] == [0, 0, 1, 0xbe] {
             let padding = bits(&file[at + 4..], 0, 16) as usize;
             assert!(padding > 0 && file[at + 6..][..padding].iter().all(|&byte| byte == 0xff), "padding at {at}");
             at += 6 + padding;
         }
         // The end belongs to the last sector.
         let end = if at + 4 == file.len() { 4 } else { 0 };
-        assert_eq!(at + end - start, 2048, "the pack at {start}");
+        let size = at + end - start;
+        assert!(if is_disc { size == 2048 } else { size <= 2048 }, "the pack at {start} of {size} bytes");
         read.packs.push((clock as f64 / 27e6, at - start, data));
     }
     assert_eq!(at + 4, file.len(), "nothing after the end");
@@ -176,7 +182,7 @@ fn packs_come_one_after_the_other_and_in_time() {
     for (config, what) in configurations() {
         let (packets, end) = packets(&config, 100);
         let (file, _) = wrapped(Container::Program, &config, &packets, &end);
-        let read = read_program(&file);
+        let read = read_program(&file, false);
         assert_eq!(read.decoded.len(), packets.len());
         let mut sizes: Vec<usize> = packets.iter().map(|packet| packet.data.len()).collect();
         *sizes.last_mut().unwrap() += end.len();
@@ -220,15 +226,22 @@ fn packs_come_one_after_the_other_and_in_time() {
 
 /// A last picture of every size around that of a pack, so that padding, stuffing and the end fit in all ways.
 #[test]
-fn packs_are_sectors_whatever_is_left_in_them() {
+fn packs_of_discs_are_sectors_whatever_is_left_in_them() {
     let (packets, end) = packets(&config(96, 80), 1);
     for size in (1990..2010).chain(4000..4040) {
         let mut picture = packets[0].clone();
         picture.data.resize(size, 0xff);
-        let (file, stream) = wrapped(Container::Program, &config(96, 80), &[picture], &end);
-        let read = read_program(&file);
-        assert_eq!(read.packs.iter().map(|&(_, _, data)| data).sum::<usize>(), stream.len(), "{size} bytes");
-        assert_eq!(file.len() % 2048, 0, "{size} bytes");
+        for (container, is_disc) in [(Container::Disc, true), (Container::Program, false)] {
+            let (file, stream) = wrapped(container, &config(96, 80), std::slice::from_ref(&picture), &end);
+            let read = read_program(&file, is_disc);
+            assert_eq!(read.packs.iter().map(|&(_, _, data)| data).sum::<usize>(), stream.len(), "{size} bytes");
+            if is_disc {
+                assert_eq!(file.len() % 2048, 0, "{size} bytes");
+            } else {
+                // Headers, and nothing more: of packs and packets, and one that announces the system.
+                assert!(file.len() - stream.len() <= 15 + 40 * read.packs.len(), "{size} bytes in {}", file.len());
+            }
+        }
     }
 }
 
