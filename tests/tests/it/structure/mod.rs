@@ -10,7 +10,8 @@ mod words;
 use std::path::{Path, PathBuf};
 
 /// The crates of the program.
-const CRATES: [&str; 7] = ["lanes", "plane", "lighttree", "perceptual", "mpeg2enc", "render-core", "pipeline"];
+const CRATES: [&str; 8] =
+    ["lanes", "plane", "lightfield", "lighttree", "perceptual", "mpeg2enc", "render-core", "pipeline"];
 
 /// The folder of the workspace.
 fn root() -> PathBuf {

@@ -1,0 +1,169 @@
+//! Samples as they are, for each texel and direction.
+
+use crate::error::{FieldError, MOST_DIRECTIONS};
+use crate::look_up::LookUp;
+use crate::scale::LogScale;
+use crate::tiles::TexelTiles;
+
+/// Samples of a field, by rank of the texel, then direction, then channel.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Samples {
+    /// Codes of displays, 0 to 255.
+    Bytes(Vec<u8>),
+    /// Codes of light by a logarithmic scale.
+    Logarithmic {
+        /// The scale.
+        scale: LogScale,
+        /// The codes.
+        codes: Vec<u16>,
+    },
+}
+
+impl Samples {
+    /// The number of samples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Bytes(codes) => codes.len(),
+            Self::Logarithmic { codes, .. } => codes.len(),
+        }
+    }
+
+    /// Whether there are no samples.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Three codes from the place `at` on.
+    #[inline]
+    pub(crate) fn three(&self, at: usize) -> [f32; 3] {
+        match self {
+            Self::Bytes(codes) => [0, 1, 2].map(|c| f32::from(codes[at + c])),
+            Self::Logarithmic { codes, .. } => [0, 1, 2].map(|c| f32::from(codes[at + c])),
+        }
+    }
+
+    /// The scale of logarithmic codes.
+    #[must_use]
+    pub fn scale(&self) -> Option<LogScale> {
+        match self {
+            Self::Bytes(_) => None,
+            Self::Logarithmic { scale, .. } => Some(*scale),
+        }
+    }
+}
+
+/// Outgoing light: three samples for each texel and direction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    tiles: TexelTiles,
+    directions: usize,
+    samples: Samples,
+}
+
+impl Field {
+    /// A field of samples.
+    ///
+    /// # Errors
+    ///
+    /// [`FieldError::Directions`] unless `directions` is 1 to 4096, and [`FieldError::Length`] unless there are three samples
+    /// for each texel and direction.
+    pub fn new(tiles: TexelTiles, directions: usize, samples: Samples) -> Result<Self, FieldError> {
+        if !(1..=MOST_DIRECTIONS).contains(&directions) {
+            return Err(FieldError::Directions(directions));
+        }
+        let (found, expected) = (samples.len(), tiles.texels() * directions * 3);
+        if found != expected {
+            return Err(FieldError::Length { found, expected });
+        }
+        Ok(Self { tiles, directions, samples })
+    }
+
+    /// A field of light on a logarithmic scale. `light` goes by rank of the texel, then direction.
+    ///
+    /// # Errors
+    ///
+    /// As [`Field::new`], and [`FieldError::Light`] with the texel whose light is negative, infinite or no number.
+    pub fn of_light(
+        tiles: TexelTiles,
+        directions: usize,
+        scale: LogScale,
+        light: &[[f32; 3]],
+    ) -> Result<Self, FieldError> {
+        let mut codes = Vec::with_capacity(light.len() * 3);
+        // Lengths are checked first, so that each light has a texel.
+        if !(1..=MOST_DIRECTIONS).contains(&directions) {
+            return Err(FieldError::Directions(directions));
+        }
+        if light.len() != tiles.texels() * directions {
+            return Err(FieldError::Length { found: light.len() * 3, expected: tiles.texels() * directions * 3 });
+        }
+        for (place, rgb) in light.iter().enumerate() {
+            for &value in rgb {
+                let (slot, direction) = (|| tiles.slot(place / directions), place % directions);
+                codes.push(scale.code(value).ok_or_else(|| FieldError::Light { slot: slot(), direction, value })?);
+            }
+        }
+        Self::new(tiles, directions, Samples::Logarithmic { scale, codes })
+    }
+
+    /// The texels.
+    #[must_use]
+    pub fn tiles(&self) -> &TexelTiles {
+        &self.tiles
+    }
+
+    /// Directions of each texel.
+    #[must_use]
+    pub fn directions(&self) -> usize {
+        self.directions
+    }
+
+    /// The samples, by rank of the texel, then direction, then channel.
+    #[must_use]
+    pub fn samples(&self) -> &Samples {
+        &self.samples
+    }
+}
+
+impl LookUp for Field {
+    #[inline]
+    fn codes(&self, slot: usize, direction: usize) -> Option<[f32; 3]> {
+        let rank = self.tiles.rank(slot).filter(|_| direction < self.directions)?;
+        Some(self.samples.three((rank * self.directions + direction) * 3))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unfit_samples_are_named() {
+        let tiles = || TexelTiles::of_picture(17, 2);
+        let bytes = |n: usize| Samples::Bytes(vec![0; n]);
+        assert_eq!(Field::new(tiles(), 0, bytes(0)), Err(FieldError::Directions(0)));
+        assert_eq!(Field::new(tiles(), 5000, bytes(0)), Err(FieldError::Directions(5000)));
+        assert_eq!(Field::new(tiles(), 2, bytes(9)), Err(FieldError::Length { found: 9, expected: 204 }));
+        let scale = LogScale::new(1.0).unwrap();
+        assert!(Field::of_light(tiles(), 2, scale, &[[0.0; 3]; 67]).is_err());
+        for value in [-1.0, f32::NAN, f32::INFINITY] {
+            let mut light = vec![[1.0; 3]; 68];
+            // Texels of the first tile come first: rank 33 is the last of the second one.
+            light[67][2] = value;
+            let message = Field::of_light(tiles(), 2, scale, &light).unwrap_err().to_string();
+            let place = "light of tile 1, texel (0, 1), direction 1 is ";
+            assert_eq!(message, format!("{place}{value}: expected a finite number of at least 0"));
+        }
+    }
+
+    #[test]
+    fn codes_are_found_by_slot() {
+        let tiles = TexelTiles::new(vec![[0; 4], [0b1010, 0, 0, 1 << 63]]);
+        let field = Field::new(tiles, 2, Samples::Bytes((0..18).collect())).unwrap();
+        assert_eq!(field.codes(256 + 3, 1), Some([9.0, 10.0, 11.0]));
+        assert_eq!(field.codes(256 + 255, 0), Some([12.0, 13.0, 14.0]));
+        assert_eq!([field.codes(3, 1), field.codes(256 + 3, 2), field.codes(1000, 0)], [None; 3]);
+    }
+}

@@ -1,0 +1,38 @@
+//! Outgoing light of surfaces, for each texel and direction: how to hold it, and how to store it in a fraction of its bytes.
+//!
+//! A [`Field`] is the raw samples: texels in tiles of 16×16 ([`TexelTiles`]), directions by number, three channels.
+//! [`NearLossless`] stores them with an error that never exceeds a limit, [`Segmented`] as the thesis on precomputed surface
+//! radiance does [LinkopingThesis]. All of them are [`LookUp`]s. [`OctahedralMap`] numbers directions.
+//!
+//! ```
+//! use lightfield::{Field, LookUp, NearLossless, Samples, TexelTiles};
+//! let tiles = TexelTiles::of_picture(20, 10);
+//! let field = Field::new(tiles, 2, Samples::Bytes((0..20 * 10 * 2 * 3).map(|k| (k / 6) as u8).collect()))?;
+//! let stored = NearLossless::encode(&field, 2)?;
+//! let (exact, found) = (field.codes(17, 1).unwrap(), stored.codes(17, 1).unwrap());
+//! assert!((0..3).all(|c| (exact[c] - found[c]).abs() <= 2.0));
+//! # Ok::<(), lightfield::FieldError>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod error;
+mod field;
+mod look_up;
+mod near_lossless;
+mod octahedral;
+mod scale;
+mod segments;
+mod tiles;
+
+pub use crate::error::FieldError;
+pub use crate::field::{Field, Samples};
+pub use crate::look_up::LookUp;
+pub use crate::near_lossless::NearLossless;
+pub use crate::octahedral::{DirectionCells, OctahedralMap, map_side};
+pub use crate::scale::LogScale;
+pub use crate::segments::{Bisection, LinearSearch, SegmentRule, Segmented};
+pub use crate::tiles::{TILE_SIDE, TILE_SLOTS, TexelTiles};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,123 @@
+//! Bytes of a stored field.
+//!
+//! ```text
+//! "R2LF"  version (u32)  directions (u32)  kind: 0 bytes, 1 logarithmic (u16)  δ (u16)  L₀ (f32, 0 for bytes)
+//! tiles (u32)  for each tile: mask (32 bytes), length (u32), CRC-32 (u32) of its bytes
+//! CRC-32 (u32) of all before; then the bytes of the tiles, each a Zstandard frame         all little-endian
+//! ```
+
+use crate::error::{FieldError, LARGEST_DELTA, MOST_DIRECTIONS, VERSION};
+use crate::scale::LogScale;
+use crate::tiles::{Mask, TexelTiles};
+
+const MAGIC: [u8; 4] = *b"R2LF";
+/// Bytes before the list of tiles.
+const START: usize = 24;
+/// Bytes of a tile in that list.
+const ENTRY: usize = 40;
+/// Tiles at most, so that slots are counted in 32 bits.
+const MOST_TILES: usize = 1 << 24;
+
+/// All that stands before the tiles.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Head {
+    pub directions: usize,
+    /// The scale of logarithmic codes; `None` of 8-bit ones.
+    pub scale: Option<LogScale>,
+    pub delta: u16,
+    pub tiles: TexelTiles,
+    /// Where the bytes of each tile begin, and where the last ones end.
+    pub places: Vec<usize>,
+}
+
+/// Numbers of four bytes, taken from the front.
+struct Reader<'a>(&'a [u8]);
+
+impl Reader<'_> {
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], FieldError> {
+        let (first, rest) = self.0.split_first_chunk().ok_or(FieldError::Head)?;
+        self.0 = rest;
+        Ok(*first)
+    }
+
+    fn u32(&mut self) -> Result<u32, FieldError> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    fn u16(&mut self) -> Result<u16, FieldError> {
+        self.take().map(u16::from_le_bytes)
+    }
+
+    fn mask(&mut self) -> Result<Mask, FieldError> {
+        let mut mask = [0; 4];
+        for word in &mut mask {
+            *word = u64::from_le_bytes(self.take()?);
+        }
+        Ok(mask)
+    }
+}
+
+/// The whole file: `head`, whose places are left out of account, and the bytes of the tiles.
+pub(crate) fn write(head: &Head, tiles: &[Vec<u8>]) -> Vec<u8> {
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend((head.directions as u32).to_le_bytes());
+    bytes.extend(u16::from(head.scale.is_some()).to_le_bytes());
+    bytes.extend(head.delta.to_le_bytes());
+    bytes.extend(head.scale.map_or(0.0, LogScale::unit).to_le_bytes());
+    bytes.extend((tiles.len() as u32).to_le_bytes());
+    for (mask, tile) in head.tiles.masks().iter().zip(tiles) {
+        mask.iter().for_each(|word| bytes.extend(word.to_le_bytes()));
+        bytes.extend((tile.len() as u32).to_le_bytes());
+        bytes.extend(crc32fast::hash(tile).to_le_bytes());
+    }
+    bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+    bytes.reserve_exact(tiles.iter().map(Vec::len).sum());
+    tiles.iter().for_each(|tile| bytes.extend(tile));
+    bytes
+}
+
+/// The head of a file, checked against all of its bytes. No more memory is taken than the bytes themselves take.
+pub(crate) fn read(bytes: &[u8]) -> Result<Head, FieldError> {
+    let mut reader = Reader(bytes);
+    if reader.take() != Ok(MAGIC) {
+        return Err(FieldError::NotAField);
+    }
+    let version = reader.u32()?;
+    if version != VERSION {
+        return Err(FieldError::Version(version));
+    }
+    let (directions, kind, delta) = (reader.u32()? as usize, reader.u16()?, reader.u16()?);
+    let (unit, tiles) = (f32::from_le_bytes(reader.take()?), reader.u32()? as usize);
+
+    // The list is as long as its number says, and has the sum that it should have.
+    let list = reader.0.get(..tiles.min(MOST_TILES + 1) * ENTRY).ok_or(FieldError::Head)?;
+    let end = START + list.len();
+    let mut sum = Reader(&bytes[end..]);
+    let scale = if kind == 0 { None } else { Some(LogScale::new(unit).map_err(|_| FieldError::Head)?) };
+    let fits = (1..=MOST_DIRECTIONS).contains(&directions) && kind <= 1 && delta <= LARGEST_DELTA;
+    if sum.u32()? != crc32fast::hash(&bytes[..end]) || !fits || tiles > MOST_TILES {
+        return Err(FieldError::Head);
+    }
+
+    // Tiles fill the rest of the bytes.
+    let (mut masks, mut lengths, mut sums) = (Vec::new(), Vec::new(), Vec::new());
+    for _ in 0..tiles {
+        masks.push(reader.mask()?);
+        lengths.push(reader.u32()? as usize);
+        sums.push(reader.u32()?);
+    }
+    let expected = lengths.iter().fold(end as u64 + 4, |sum, &length| sum + length as u64);
+    if expected != bytes.len() as u64 {
+        return Err(FieldError::Size { found: bytes.len(), expected });
+    }
+    let mut places = vec![end + 4];
+    for (tile, (&length, &sum)) in lengths.iter().zip(&sums).enumerate() {
+        let (from, to) = (places[tile], places[tile] + length);
+        if crc32fast::hash(&bytes[from..to]) != sum {
+            return Err(FieldError::Tile(tile));
+        }
+        places.push(to);
+    }
+    Ok(Head { directions, scale, delta, tiles: TexelTiles::new(masks), places })
+}

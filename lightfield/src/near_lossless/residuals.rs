@@ -1,0 +1,179 @@
+//! Codes of one tile as residuals of a prediction, within an error of δ.
+//!
+//! ```text
+//! x̂ = MED(W, N, NW)                        prediction from decoded neighbors, same direction and channel [Weinberger00]
+//! MED = min(W, N) where NW ≥ max(W, N);  max(W, N) where NW ≤ min(W, N);  W + N − NW else
+//! e = x − x̂,   k = sign(e) ⌊(|e| + δ) / (2δ + 1)⌋
+//! y = clamp(x̂ + k (2δ + 1))                 decoded
+//! ```
+//!
+//! |x − y| ≤ δ: before clamping, k is the nearest multiple; clamping moves y towards the range, in which x lies. With δ = 0,
+//! k counts modulo the number of codes, and y = x.
+//!
+//! The first row is predicted by W, the first column by N, and the first texel by its own decoded value in the direction
+//! before, or 0. An absent texel counts as one that has its prediction.
+//!
+//! # Differs from the paper
+//!
+//! No contexts, bias correction or Golomb codes: residuals go to a general coder. There is no run mode.
+
+use crate::tiles::{Mask, TILE_SIDE, TILE_SLOTS, is_set};
+
+/// Codes of a kind of sample: all from 0 to [`Code::MOST`].
+pub(crate) trait Code: Copy + Default + Into<i32> {
+    /// The largest code.
+    const MOST: i32;
+    /// Bytes of a residual.
+    const BYTES: usize;
+    /// A code from 0 to [`Code::MOST`].
+    fn of(value: i32) -> Self;
+    /// A number modulo the number of codes, around 0.
+    fn around_zero(k: i32) -> i32;
+}
+
+impl Code for u8 {
+    const MOST: i32 = 0xff;
+    const BYTES: usize = 1;
+
+    fn of(value: i32) -> Self {
+        value as Self
+    }
+
+    fn around_zero(k: i32) -> i32 {
+        i32::from(k as i8)
+    }
+}
+
+impl Code for u16 {
+    const MOST: i32 = 0xffff;
+    const BYTES: usize = 2;
+
+    fn of(value: i32) -> Self {
+        value as Self
+    }
+
+    fn around_zero(k: i32) -> i32 {
+        i32::from(k as i16)
+    }
+}
+
+/// The median edge detector [Weinberger00].
+#[inline]
+fn median_edge(west: i32, north: i32, northwest: i32) -> i32 {
+    let (low, high) = (west.min(north), west.max(north));
+    if northwest >= high {
+        low
+    } else if northwest <= low {
+        high
+    } else {
+        west + north - northwest
+    }
+}
+
+/// Walks through the codes of a tile as they are stored: by direction, then channel, then texel. `decoded` takes the place of
+/// a code among those of the tile (by rank, direction, channel) and its prediction, and gives the decoded code.
+fn walk(mask: &Mask, directions: usize, mut decoded: impl FnMut(usize, i32) -> i32) {
+    let present: [bool; TILE_SLOTS] = std::array::from_fn(|bit| is_set(mask, bit));
+    let mut first = [0; 3];
+    for direction in 0..directions {
+        for (channel, first) in first.iter_mut().enumerate() {
+            let mut plane = [0; TILE_SLOTS];
+            let mut place = direction * 3 + channel;
+            for slot in 0..TILE_SLOTS {
+                // Neighbors that the tile does not have are replaced by those it has.
+                let predicted = match (slot % TILE_SIDE, slot / TILE_SIDE) {
+                    (0, 0) => *first,
+                    (_, 0) => plane[slot - 1],
+                    (0, _) => plane[slot - TILE_SIDE],
+                    _ => median_edge(plane[slot - 1], plane[slot - TILE_SIDE], plane[slot - TILE_SIDE - 1]),
+                };
+                plane[slot] = predicted;
+                if present[slot] {
+                    plane[slot] = decoded(place, predicted);
+                    place += directions * 3;
+                }
+            }
+            *first = plane[0];
+        }
+    }
+}
+
+/// The decoded code for a prediction and a quantized residual: within the range for any `k` of 16 bits.
+#[inline]
+fn reconstruct<C: Code>(predicted: i32, k: i32, delta: i32) -> i32 {
+    if delta == 0 { (predicted + k) & C::MOST } else { (predicted + k * (2 * delta + 1)).clamp(0, C::MOST) }
+}
+
+/// The residuals of the codes of a tile, which go by rank of the texel, direction, channel.
+///
+/// Signs go into the lowest bit, so that small residuals are small numbers. Of 16-bit codes, all low bytes come before all
+/// high ones.
+pub(crate) fn encode<C: Code>(codes: &[C], mask: &Mask, directions: usize, delta: u16) -> Vec<u8> {
+    let delta = i32::from(delta);
+    let step = 2 * delta + 1;
+    let mut residuals = vec![0; codes.len() * C::BYTES];
+    let mut count = 0;
+    walk(mask, directions, |place, predicted| {
+        let code: i32 = codes[place].into();
+        let e = code - predicted;
+        let k = C::around_zero(e.signum() * ((e.abs() + delta) / step));
+        let folded = (k << 1) ^ (k >> 31);
+        for byte in 0..C::BYTES {
+            residuals[count + byte * codes.len()] = (folded >> (8 * byte)) as u8;
+        }
+        count += 1;
+        reconstruct::<C>(predicted, k, delta)
+    });
+    residuals
+}
+
+/// The codes of residuals that [`encode`] made, or of any others of the right length.
+pub(crate) fn decode<C: Code>(residuals: &[u8], mask: &Mask, directions: usize, delta: u16) -> Vec<C> {
+    let delta = i32::from(delta);
+    let codes = residuals.len() / C::BYTES;
+    let mut found = vec![C::default(); codes];
+    let mut count = 0;
+    walk(mask, directions, |place, predicted| {
+        let mut folded = 0;
+        for byte in 0..C::BYTES {
+            folded |= i32::from(residuals[count + byte * codes]) << (8 * byte);
+        }
+        count += 1;
+        let k = (folded >> 1) ^ -(folded & 1);
+        let code = reconstruct::<C>(predicted, k, delta);
+        found[place] = C::of(code);
+        code
+    });
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The median by its definition: the middle one of W, N and W + N − NW.
+    #[test]
+    fn the_edge_detector_is_a_median() {
+        for (west, north, northwest) in (0..12 * 12 * 12).map(|k| (k % 12, k / 12 % 12, k / 144)) {
+            let mut three = [west, north, west + north - northwest];
+            three.sort_unstable();
+            assert_eq!(median_edge(west, north, northwest), three[1]);
+        }
+    }
+
+    /// Every code, prediction and limit of 8 bits.
+    #[test]
+    fn every_code_is_decoded_within_delta() {
+        for delta in 0..=255 {
+            for predicted in 0..=255 {
+                for code in 0..=255 {
+                    let e: i32 = code - predicted;
+                    let k = u8::around_zero(e.signum() * ((e.abs() + delta) / (2 * delta + 1)));
+                    assert!(delta == 0 || (-128..128).contains(&k));
+                    let found = reconstruct::<u8>(predicted, k, delta);
+                    assert!((found - code).abs() <= delta, "{code}, {predicted}, {delta}: {found}");
+                }
+            }
+        }
+    }
+}

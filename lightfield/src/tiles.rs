@@ -1,0 +1,157 @@
+//! Texels in tiles of 16×16, with masks of those that are there.
+
+/// Texels along a side of a tile.
+pub const TILE_SIDE: usize = 16;
+/// Places for texels in a tile.
+pub const TILE_SLOTS: usize = TILE_SIDE * TILE_SIDE;
+
+/// Bits of a tile: texel (x, y) is bit x + 16 y, 64 bits to a word.
+pub(crate) type Mask = [u64; 4];
+
+/// Texels of an atlas, in tiles of 16×16 of which some texels are absent.
+///
+/// A texel is named by its slot, 256 × tile + 16 y + x. Texels that are there are ranked by slot; the sample of rank r comes
+/// r-th in a [`Field`](crate::Field).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TexelTiles {
+    masks: Vec<Mask>,
+    /// Texels in the tiles before each, and in all of them.
+    before: Vec<usize>,
+}
+
+impl TexelTiles {
+    /// Tiles with the given texels: texel (x, y) of a tile is bit x + 16 y, 64 bits to a word, lowest first.
+    #[must_use]
+    pub fn new(masks: Vec<[u64; 4]>) -> Self {
+        let mut before = Vec::with_capacity(masks.len() + 1);
+        let mut texels = 0;
+        for mask in &masks {
+            before.push(texels);
+            texels += count(mask);
+        }
+        before.push(texels);
+        Self { masks, before }
+    }
+
+    /// All texels of a picture of `width` × `height`, in tiles by rows from the top left one.
+    #[must_use]
+    pub fn of_picture(width: usize, height: usize) -> Self {
+        let (columns, rows) = (width.div_ceil(TILE_SIDE), height.div_ceil(TILE_SIDE));
+        let mut masks = vec![[0; 4]; columns * rows];
+        for (tile, mask) in masks.iter_mut().enumerate() {
+            let (left, top) = (tile % columns * TILE_SIDE, tile / columns * TILE_SIDE);
+            for bit in 0..TILE_SLOTS {
+                let (x, y) = (left + bit % TILE_SIDE, top + bit / TILE_SIDE);
+                mask[bit / 64] |= u64::from(x < width && y < height) << (bit % 64);
+            }
+        }
+        Self::new(masks)
+    }
+
+    /// Number of tiles.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.masks.len()
+    }
+
+    /// Whether there is no tile.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.masks.is_empty()
+    }
+
+    /// Number of texels that are there.
+    #[must_use]
+    pub fn texels(&self) -> usize {
+        self.before[self.len()]
+    }
+
+    /// The masks, as [`TexelTiles::new`] takes them.
+    #[must_use]
+    pub fn masks(&self) -> &[[u64; 4]] {
+        &self.masks
+    }
+
+    /// The rank of the texel in a slot; `None` where no texel is.
+    #[must_use]
+    #[inline]
+    pub fn rank(&self, slot: usize) -> Option<usize> {
+        let mask = self.masks.get(slot / TILE_SLOTS)?;
+        let in_tile = rank_in(mask, slot % TILE_SLOTS)?;
+        Some(self.before[slot / TILE_SLOTS] + in_tile)
+    }
+
+    /// The slots of all texels, by rank.
+    pub fn slots(&self) -> impl Iterator<Item = usize> {
+        (0..self.len() * TILE_SLOTS).filter(|slot| is_set(&self.masks[slot / TILE_SLOTS], slot % TILE_SLOTS))
+    }
+
+    /// The slot of the texel of a rank.
+    ///
+    /// # Panics
+    ///
+    /// If there are not that many texels.
+    pub(crate) fn slot(&self, rank: usize) -> usize {
+        assert!(rank < self.texels(), "rank {rank} of {} texels", self.texels());
+        let tile = self.before.partition_point(|&before| before <= rank) - 1;
+        let mut left = rank - self.before[tile];
+        for bit in 0..TILE_SLOTS {
+            if is_set(&self.masks[tile], bit) {
+                if left == 0 {
+                    return tile * TILE_SLOTS + bit;
+                }
+                left -= 1;
+            }
+        }
+        unreachable!("tile {tile} has more texels than its mask")
+    }
+
+    /// The ranks of the texels of a tile.
+    pub(crate) fn ranks(&self, tile: usize) -> std::ops::Range<usize> {
+        self.before[tile]..self.before[tile + 1]
+    }
+}
+
+/// Texels that a mask has.
+pub(crate) fn count(mask: &Mask) -> usize {
+    mask.iter().map(|word| word.count_ones() as usize).sum()
+}
+
+/// Whether a mask has the texel at `bit`.
+#[inline]
+pub(crate) fn is_set(mask: &Mask, bit: usize) -> bool {
+    mask[bit / 64] >> (bit % 64) & 1 == 1
+}
+
+/// The rank, within its tile, of the texel at `bit`.
+#[inline]
+pub(crate) fn rank_in(mask: &Mask, bit: usize) -> Option<usize> {
+    let word = bit / 64;
+    if !is_set(mask, bit) {
+        return None;
+    }
+    let mut rank = (mask[word] & ((1 << (bit % 64)) - 1)).count_ones();
+    for word in &mask[..word] {
+        rank += word.count_ones();
+    }
+    Some(rank as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_count_the_texels_before() {
+        let tiles = TexelTiles::of_picture(21, 19);
+        assert_eq!((tiles.len(), tiles.texels()), (4, 21 * 19));
+        let slots: Vec<usize> = tiles.slots().collect();
+        // A count by hand: tiles of 16×16, 5×16, 16×3 and 5×3 texels.
+        assert_eq!([slots[255], slots[256], slots[256 + 5], slots[256 + 80]], [255, 256, 256 + 16, 512]);
+        for (rank, &slot) in slots.iter().enumerate() {
+            assert_eq!((tiles.rank(slot), tiles.slot(rank)), (Some(rank), slot));
+        }
+        let absent = (0..5 * TILE_SLOTS).filter(|slot| !slots.contains(slot));
+        assert!(absent.map(|slot| tiles.rank(slot)).all(|rank| rank.is_none()));
+    }
+}
