@@ -2,17 +2,20 @@
 
 mod coverage;
 mod outline;
+mod shares;
 mod shown;
+mod vectors;
 
 use crate::accel::{Hit, PACKET};
 use crate::scene::{DeformedMesh, View};
-use crate::{Busy, PosedScene, Timed};
+use crate::{Busy, PosedScene, Surfaces, Timed};
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
 use plane::{Correspondence, NO_MATCH, Plane};
 use rayon::prelude::*;
 use std::sync::Arc;
 
 pub use coverage::{Coverage, MixedPixel, SurfacePart};
+pub use shares::{InstanceShare, InstanceShares};
 
 /// Side of the tiles that rays are shot in: an MPEG-2 macroblock.
 pub const MACROBLOCK: usize = 16;
@@ -139,7 +142,11 @@ impl GBuffer {
                 }
             });
         });
-        let surfaces = scene.surfaces;
+        Self::placed(pixels, scene.surfaces, view)
+    }
+
+    /// `pixels` of `surfaces` as they stand now.
+    fn placed(pixels: Plane<PixelSurface>, surfaces: &Surfaces, view: &View) -> Self {
         let world = (0..surfaces.scene().instances.len()).map(|instance| *surfaces.world(instance)).collect();
         Self { pixels, view: *view, world, deformed: surfaces.all_deformed().to_vec() }
     }
@@ -264,13 +271,7 @@ impl GBuffer {
 
     fn reprojected(&self, other: &GBuffer, busy: &Busy) -> Correspondence {
         let (width, height) = (self.pixels.width(), self.pixels.height());
-        // Other world from current world; most instances stand still.
-        let carry: Vec<Affine3A> = self
-            .world
-            .iter()
-            .zip(&other.world)
-            .map(|(now, then)| if now == then { Affine3A::IDENTITY } else { *then * now.inverse() })
-            .collect();
+        let carry = self.carry_to(other);
         let mut motion = Plane::filled(width, height, [0.0; 2]);
         let mut matches = Plane::filled(width, height, NO_MATCH);
         let row_pixels = width.max(1);
@@ -289,21 +290,42 @@ impl GBuffer {
         });
         Correspondence::new(motion, matches).expect("both planes have the size of the picture")
     }
+
+    /// Other world from current world, by instance; most stand still.
+    fn carry_to(&self, other: &GBuffer) -> Vec<Affine3A> {
+        let pairs = self.world.iter().zip(&other.world);
+        pairs.map(|(now, then)| if now == then { Affine3A::IDENTITY } else { *then * now.inverse() }).collect()
+    }
+}
+
+/// A surface point in another picture.
+struct Moved {
+    /// Its place there, in pixels.
+    place: Vec2,
+    /// Its place in the world, meters; zero for the sky.
+    point: Vec3A,
+    /// Its unit normal; zero for the sky.
+    normal: Vec3A,
+}
+
+/// The surface point of a pixel as it stands in `other`; `None` behind the camera there.
+fn moved(pixel: &PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GBuffer) -> Option<Moved> {
+    if pixel.instance == NOTHING {
+        let place = other.view.project_direction(pixel.position.into())?;
+        return Some(Moved { place, point: Vec3A::ZERO, normal: Vec3A::ZERO });
+    }
+    let (point, normal) = current.bent_to(pixel, other).unwrap_or_else(|| {
+        let then = &carry[pixel.instance as usize];
+        let normal = then.transform_vector3a(pixel.geometric_normal.into()).normalize_or_zero();
+        (then.transform_point3a(pixel.position.into()), normal)
+    });
+    Some(Moved { place: other.view.project(point)?.pixel, point, normal })
 }
 
 /// Place of a surface point in `other` and the nearest of the four pixels around it that shows the same surface.
 fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GBuffer) -> Option<(Vec2, u32)> {
     let sky = pixel.instance == NOTHING;
-    let (place, point, normal) = if sky {
-        (other.view.project_direction(pixel.position.into())?, Vec3A::ZERO, Vec3A::ZERO)
-    } else {
-        let (point, normal) = current.bent_to(&pixel, other).unwrap_or_else(|| {
-            let then = &carry[pixel.instance as usize];
-            let normal = then.transform_vector3a(pixel.geometric_normal.into()).normalize_or_zero();
-            (then.transform_point3a(pixel.position.into()), normal)
-        });
-        (other.view.project(point)?.pixel, point, normal)
-    };
+    let Moved { place, point, normal } = moved(&pixel, current, carry, other)?;
     let corner = place - 0.5;
     let (left, top) = (corner.x.floor(), corner.y.floor());
     let mut best: Option<(f32, u32)> = None;

@@ -42,7 +42,10 @@ pub use emitter::{
 };
 pub use environment::{Environment, SkySample};
 pub use gather::{FinalGather, GatherDirections, Gathered};
-pub use gbuffer::{Coverage, GBuffer, MACROBLOCK, MixedPixel, NOTHING, PixelSample, PixelSurface, SurfacePart};
+pub use gbuffer::{
+    Coverage, GBuffer, InstanceShare, InstanceShares, MACROBLOCK, MixedPixel, NOTHING, PixelSample, PixelSurface,
+    SurfacePart,
+};
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling, path_traced};
 pub use photon::{AnchorFlux, Photons, SweptVolume};
 pub use posed_scene::PosedScene;

@@ -1,12 +1,18 @@
 //! Linear pictures in files.
 
+#[cfg(feature = "exr")]
+mod attributes;
+mod cryptomatte;
 mod error;
+mod frame_header;
 #[cfg(feature = "exr")]
 mod open_exr;
 
+pub use cryptomatte::{Cryptomatte, RankedId, RankedThing, cryptomatte_id, murmur_hash3};
 pub use error::ImageFileError;
+pub use frame_header::{FrameChannel, FrameHeader, FramePlace, HeaderText, SampleDepth};
 #[cfg(feature = "exr")]
-pub use open_exr::{Layers, read_exr, read_layers, write_exr, write_layers};
+pub use open_exr::{Layers, read_exr, read_layers, write_exr, write_frame, write_layers};
 
 use glam::Vec3;
 use plane::Plane;

@@ -1,13 +1,18 @@
 //! OpenEXR: linear pictures of any channels.
 
-use super::{ImageFileError, check_size};
+use super::frame_header::{FrameChannel, FrameHeader, SampleDepth};
+use super::{ImageFileError, attributes, check_size};
 use exr::prelude::{
-    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage,
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, SmallVec, WritableImage, f16,
     read_first_flat_layer_from_file, read_first_rgba_layer_from_file,
 };
 use glam::Vec3;
 use plane::Plane;
+use std::collections::BTreeMap;
 use std::path::Path;
+
+/// Least value of a layer's largest sample for halves to suffice: samples down to 2⁻¹⁰ of it have full precision, 2⁻¹¹ of each.
+const LEAST_LARGEST: f32 = 0.0625;
 
 /// Writes linear Rec.709 RGB radiance, as [`write_layers`] does.
 ///
@@ -19,10 +24,7 @@ pub fn write_exr(path: &Path, radiance: &Plane<Vec3>) -> Result<(), ImageFileErr
     write_layers(path, radiance.width(), radiance.height(), channels)
 }
 
-/// Writes named channels of 32-bit floats into one OpenEXR file, zip-compressed, under a temporary name until it is whole.
-///
-/// Names are unique; `R`, `G`, `B` are the picture, and `variance.R` is channel R of a layer "variance", as viewers group
-/// them. Each list of samples is in raster order.
+/// Writes named channels of 32-bit floats as [`write_frame`] does, with a header that tells nothing of camera and time.
 ///
 /// # Panics
 /// If a list has not `width * height` samples.
@@ -35,26 +37,74 @@ pub fn write_layers(
     height: usize,
     channels: Vec<(String, Vec<f32>)>,
 ) -> Result<(), ImageFileError> {
-    let channel = |(name, samples): (String, Vec<f32>)| {
-        assert_eq!(samples.len(), width * height, "channel {name} of {width}x{height} pixels");
-        AnyChannel::new(name.as_str(), FlatSamples::F32(samples))
-    };
-    let channels = AnyChannels::sort(channels.into_iter().map(channel).collect());
+    let channel = |(name, samples)| FrameChannel { name, samples, depth: SampleDepth::Float };
+    write_frame(path, (width, height), &FrameHeader::default(), channels.into_iter().map(channel).collect())
+}
+
+/// Writes a linear Rec.709 picture of `size` = (width, height) into one OpenEXR file, zip-compressed, under a temporary name until
+/// it is whole.
+///
+/// Names are unique; `R`, `G`, `B` are the picture, and `variance.R` is channel R of a layer "variance", as viewers group
+/// them. A layer that asks for halves has floats where these lose light: one of its samples lies beyond 65504, or its largest
+/// below 1/16.
+///
+/// # Panics
+/// If a list has not `width * height` samples.
+///
+/// # Errors
+/// The message of the file system, with the path.
+pub fn write_frame(
+    path: &Path,
+    size: (usize, usize),
+    header: &FrameHeader,
+    channels: Vec<FrameChannel>,
+) -> Result<(), ImageFileError> {
+    // Channels of a layer have one depth: some readers expect that of colors.
+    let mut largest: BTreeMap<String, f32> = BTreeMap::new();
+    for channel in &channels {
+        let own = channel.samples.iter().map(|sample| sample.abs()).fold(0.0, f32::max);
+        let of_layer = largest.entry(layer_of(&channel.name).to_owned()).or_default();
+        *of_layer = of_layer.max(own);
+    }
+    let mut list = SmallVec::new();
+    for FrameChannel { name, samples, depth } in channels {
+        assert_eq!(samples.len(), size.0 * size.1, "channel {name} of {}x{} pixels", size.0, size.1);
+        let samples = match depth {
+            SampleDepth::Half if halves_suffice(largest[layer_of(&name)]) => {
+                FlatSamples::F16(samples.into_iter().map(f16::from_f32).collect())
+            }
+            _ => FlatSamples::F32(samples),
+        };
+        list.push(AnyChannel::new(name.as_str(), samples));
+    }
+
+    // The file gets its name when it is whole.
     let encoding = Encoding {
         compression: Compression::ZIP16,
         blocks: exr::image::Blocks::ScanLines,
         line_order: exr::meta::attribute::LineOrder::Increasing,
     };
-    let layer = Layer::new((width, height), LayerAttributes::default(), encoding, channels);
+    let layer = Layer::new(size, attributes::of_layer(header), encoding, AnyChannels::sort(list));
+    let image = Image { attributes: attributes::of_image(header, size), layer_data: layer };
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     let partial = path.with_file_name(name);
-    let written = Image::from_layer(layer).write().to_file(&partial).map_err(ImageFileError::format(path));
+    let written = image.write().to_file(&partial).map_err(ImageFileError::format(path));
     let whole = written.and_then(|()| std::fs::rename(&partial, path).map_err(ImageFileError::system(path)));
     if whole.is_err() {
         let _ = std::fs::remove_file(&partial);
     }
     whole
+}
+
+/// Name of the layer that a channel is in; empty for those of the picture.
+fn layer_of(channel: &str) -> &str {
+    channel.rsplit_once('.').map_or("", |(layer, _)| layer)
+}
+
+/// Whether a layer whose largest sample is this loses nothing that counts as halves. A layer of zeros does not.
+fn halves_suffice(largest: f32) -> bool {
+    largest == 0.0 || (LEAST_LARGEST..=f16::MAX.to_f32()).contains(&largest)
 }
 
 /// A picture of named channels.
@@ -120,7 +170,10 @@ pub fn read_exr(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::frame_header::{FramePlace, HeaderText};
     use super::*;
+    use crate::scene::{Projection, View};
+    use exr::meta::attribute::{AttributeValue, SampleType, Text};
 
     #[test]
     fn what_is_written_is_read() {
@@ -133,6 +186,70 @@ mod tests {
         assert!(write_exr(&folder_as_file, &picture).unwrap_err().to_string().contains("b.exr"));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing half-written stays");
         assert!(read_exr(&folder.path().join("none.exr")).unwrap_err().to_string().contains("none.exr"));
+    }
+
+    /// Sample type of each channel in the file, by name.
+    fn types(path: &Path) -> Vec<(String, SampleType)> {
+        let meta = exr::meta::MetaData::read_from_file(path, false).unwrap();
+        meta.headers[0].channels.list.iter().map(|channel| (channel.name.to_string(), channel.sample_type)).collect()
+    }
+
+    #[test]
+    fn halves_hold_colors_to_eleven_bits_and_floats_take_over_where_they_fail() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let half = |name: &str, samples: [f32; 2]| FrameChannel {
+            name: name.into(),
+            samples: samples.into(),
+            depth: SampleDepth::Half,
+        };
+        let colors = [("R", [0.1, 65504.0]), ("G", [1.0 / 3.0, 777.7]), ("B", [0.0, 0.002])];
+        let mut channels: Vec<_> = colors.into_iter().map(|(name, samples)| half(name, samples)).collect();
+        channels.push(half("bright.R", [1.0, 65505.0]));
+        channels.push(half("bright.G", [1.0, 0.0]));
+        channels.push(half("dim.Y", [1e-7, 0.0624]));
+        channels.push(FrameChannel { depth: SampleDepth::Float, ..half("depth.Z", [0.1, 1e30]) });
+        write_frame(&path, (2, 1), &FrameHeader::default(), channels.clone()).unwrap();
+        for (name, sample_type) in types(&path) {
+            let is_color = !name.contains('.');
+            assert_eq!(sample_type, if is_color { SampleType::F16 } else { SampleType::F32 }, "{name}");
+        }
+        let read = read_layers(&path).unwrap();
+        for FrameChannel { name, samples, .. } in &channels {
+            let own = read.channel(name).unwrap();
+            match name.contains('.') {
+                true => assert_eq!(own, samples, "{name}"),
+                false => {
+                    let off = |(a, b): (&f32, &f32)| (a - b).abs() <= a.abs() / 2048.0;
+                    assert!(samples.iter().zip(own).all(off), "{name}: {own:?}");
+                }
+            }
+        }
+        assert_eq!(read.channel("R").unwrap()[1], 65504.0, "the largest half is no infinity");
+    }
+
+    #[test]
+    fn headers_tell_camera_time_and_texts() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let world = glam::Affine3A::from_translation(Vec3::new(0.0, 1.0, 5.0));
+        let view = View::new(world, Projection::Perspective { yfov: 0.9 }, 4, 2);
+        let place = FramePlace { number: 61, frames: 30_000, seconds: 1001 };
+        let text = HeaderText { name: "cryptomatte/0123456/name".into(), text: "CryptoObject".into() };
+        let header = FrameHeader { view: Some(view), place: Some(place), texts: vec![text] };
+        let channel = FrameChannel { name: "R".into(), samples: vec![1.0; 8], depth: SampleDepth::Half };
+        write_frame(&path, (4, 2), &header, vec![channel]).unwrap();
+        let read = exr::meta::MetaData::read_from_file(&path, false).unwrap().headers.remove(0);
+        let (shared, own) = (read.shared_attributes, read.own_attributes);
+        assert_eq!(own.frames_per_second, Some((30_000, 1001)));
+        assert_eq!(shared.time_code.map(|code| (code.seconds, code.frame)), Some((2, 1)));
+        assert_eq!(shared.chromaticities.map(|known| known.white.0), Some(0.3127));
+        assert!(own.software_name.unwrap().to_string().starts_with("render2mpeg "));
+        assert_eq!(own.world_to_normalized_device, Some(view.normalized_device().to_cols_array()));
+        let other = |name: &str| own.other.get(&Text::new_or_panic(name)).cloned();
+        assert_eq!(other("imageCounter"), Some(AttributeValue::I32(61)));
+        let name = AttributeValue::Text(Text::new_or_panic("CryptoObject"));
+        assert_eq!(other("cryptomatte/0123456/name"), Some(name));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! From points in the world to pixels and back.
 
-use glam::{Affine3A, Vec2, Vec3, Vec3A};
+use glam::{Affine3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
 /// How a camera sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -128,6 +128,46 @@ impl View {
         }
     }
 
+    /// Camera space from the world \[m\], left-handed: x to the right, y up, z along the view.
+    ///
+    /// It is OpenEXR's attribute `worldToCamera`, and Renderman's camera space. It applies to columns; written column after
+    /// column it is the file's matrix, which applies to rows.
+    #[must_use]
+    pub fn left_handed_camera(&self) -> Mat4 {
+        Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0)) * Mat4::from(self.camera_from_world)
+    }
+
+    /// Picture space from the world: x and y are 0…1 from the upper left to the lower right corner, once divided by w.
+    ///
+    /// ```text
+    /// perspective      w = d    z / w = 1 − 1 m / d        d  meters along the camera's axis
+    /// orthographic     w = 1    z = d
+    /// ```
+    /// It is OpenEXR's attribute `worldToNDC`, of which readers drop z; here z lets the matrix have an inverse. It applies to
+    /// columns, as [`left_handed_camera`](Self::left_handed_camera) does.
+    #[must_use]
+    pub fn normalized_device(&self) -> Mat4 {
+        let half = Vec2::new(self.half_height * self.width / self.height, self.half_height);
+        let (x, y) = (0.5 / half.x, -0.5 / half.y);
+        let [column_x, column_y] = [Vec4::new(x, 0.0, 0.0, 0.0), Vec4::new(0.0, y, 0.0, 0.0)];
+        let picture_from_camera = match self.projection {
+            Projection::Perspective { .. } => {
+                Mat4::from_cols(column_x, column_y, Vec4::new(0.5, 0.5, 1.0, 1.0), Vec4::new(0.0, 0.0, -1.0, 0.0))
+            }
+            Projection::Orthographic { .. } => {
+                Mat4::from_cols(column_x, column_y, Vec4::Z, Vec4::new(0.5, 0.5, 0.0, 1.0))
+            }
+        };
+        picture_from_camera * self.left_handed_camera()
+    }
+
+    /// Width of what the picture shows at a distance of 1 m, in meters; `None` where no perspective makes it depend on distance.
+    #[must_use]
+    pub fn window_width(&self) -> Option<f32> {
+        let width = 2.0 * self.half_height * self.width / self.height;
+        matches!(self.projection, Projection::Perspective { .. }).then_some(width)
+    }
+
     /// Where the camera is.
     #[must_use]
     pub fn position(&self) -> Vec3A {
@@ -152,6 +192,28 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn matrices_lead_to_the_pixels_of_projections() {
+        let world = Affine3A::from_rotation_translation(glam::Quat::from_rotation_y(0.7), Vec3::new(1.0, 2.0, 3.0));
+        for projection in [Projection::Perspective { yfov: 0.8 }, Projection::Orthographic { ymag: 2.0 }] {
+            let view = View::new(world, projection, 640, 360);
+            for pixel in [Vec2::new(0.5, 0.5), Vec2::new(400.0, 20.0), Vec2::new(639.5, 359.5)] {
+                let (origin, direction) = view.ray(pixel);
+                let point = origin + direction * 5.0;
+                let Projected { depth, .. } = view.project(point).unwrap();
+                let seen = view.normalized_device().project_point3(point.into());
+                assert!((seen.truncate() * Vec2::new(640.0, 360.0) - pixel).length() < 1e-3, "{pixel} became {seen}");
+                let before = view.left_handed_camera().transform_point3(point.into());
+                assert!((before.z - depth).abs() < 1e-5, "{before} is {depth} m away");
+                assert!(
+                    before.x.signum() == (pixel.x - 320.0).signum() && before.y.signum() == (180.0 - pixel.y).signum()
+                );
+            }
+        }
+        let view = View::new(world, Projection::Perspective { yfov: 0.8 }, 640, 360);
+        assert!((view.window_width().unwrap() - 2.0 * 0.4f32.tan() * 640.0 / 360.0).abs() < 1e-6);
+    }
 
     #[test]
     fn projecting_a_ray_gives_its_pixel_back() {

@@ -1,0 +1,139 @@
+//! The instances that a pixel's area shows, found by rays of their own: mattes know no light, and need no outline of it.
+
+use super::{CameraRay, GBuffer, NOTHING, first_hits};
+use crate::accel::PACKET;
+use crate::sampling::centered_sobol;
+use crate::{PosedScene, Timed};
+use glam::Vec2;
+use rayon::prelude::*;
+
+/// An instance that a pixel shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InstanceShare {
+    /// Index into the scene's instances, or [`NOTHING`].
+    pub instance: u32,
+    /// Share of the pixel's area, 0…1; those of a pixel sum to 1.
+    pub share: f32,
+}
+
+/// The instances that each pixel of a picture shows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct InstanceShares {
+    /// Where the shares of each pixel end, in raster order.
+    ends: Vec<usize>,
+    shares: Vec<InstanceShare>,
+}
+
+impl InstanceShares {
+    /// The instances of each pixel in raster order, by their index.
+    pub fn pixels(&self) -> impl Iterator<Item = &[InstanceShare]> {
+        let begins = std::iter::once(0).chain(self.ends.iter().copied());
+        begins.zip(&self.ends).map(|(begin, &end)| &self.shares[begin..end])
+    }
+
+    /// Adds a pixel whose rays show these instances.
+    fn add(&mut self, mut instances: Vec<u32>) {
+        let share = 1.0 / instances.len() as f32;
+        instances.sort_unstable();
+        for same in instances.chunk_by(|a, b| a == b) {
+            self.shares.push(InstanceShare { instance: same[0], share: share * same.len() as f32 });
+        }
+        self.ends.push(self.shares.len());
+    }
+
+    /// Adds the pixels of the row below.
+    fn extend(&mut self, row: Self) {
+        let begin = self.shares.len();
+        self.ends.extend(row.ends.iter().map(|end| begin + end));
+        self.shares.extend(row.shares);
+    }
+}
+
+impl GBuffer {
+    /// The instances that each pixel shows of `scene`, the one that was seen, by `rays` spread over its area, at most 64; a single
+    /// ray is that through its center.
+    pub fn instance_shares(&self, scene: PosedScene, rays: usize) -> Timed<InstanceShares> {
+        Timed::of(|busy| {
+            if rays <= 1 {
+                let mut shares = InstanceShares::default();
+                self.pixels.samples().iter().for_each(|pixel| shares.add(vec![pixel.instance]));
+                return shares;
+            }
+            let offsets: Vec<Vec2> = centered_sobol(rays.min(PACKET)).collect();
+            let rows = (0..self.pixels.height()).into_par_iter();
+            let rows: Vec<InstanceShares> =
+                rows.map(|y| busy.measure(|| self.shares_of_row(scene, y, &offsets))).collect();
+            let mut shares = InstanceShares::default();
+            rows.into_iter().for_each(|row| shares.extend(row));
+            shares
+        })
+    }
+
+    /// The instances of row `y`, by rays through `offsets` of each pixel.
+    fn shares_of_row(&self, scene: PosedScene, y: usize, offsets: &[Vec2]) -> InstanceShares {
+        let mut shares = InstanceShares::default();
+        let columns: Vec<usize> = (0..self.pixels.width()).collect();
+        let mut rays: Vec<CameraRay> = Vec::with_capacity(PACKET);
+        for columns in columns.chunks(PACKET / offsets.len()) {
+            // As many pixels together as a packet has rays for.
+            rays.clear();
+            for &x in columns {
+                let corner = Vec2::new(x as f32, y as f32);
+                rays.extend(offsets.iter().map(|&offset| CameraRay::through(corner + offset, &self.view)));
+            }
+            let hits = first_hits(scene, &rays);
+            for (rays, hits) in rays.chunks(offsets.len()).zip(hits.chunks(offsets.len())) {
+                let shown = |(ray, hit): (&CameraRay, &Option<_>)| {
+                    let shown = hit.and_then(|hit| ray.shown(scene, hit, |_| 0.0));
+                    shown.map_or(NOTHING, |(hit, _)| hit.instance)
+                };
+                shares.add(rays.iter().zip(hits).map(shown).collect());
+            }
+        }
+        shares
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Material, Mesh, Projection, Scene, View};
+    use crate::{Geometry, Surfaces};
+    use glam::{Affine3A, Vec3};
+
+    /// A half-plane at x < `edge` meters, seen straight on through 8×4 pixels of 1 m.
+    fn shares(edge: f32, rays: usize) -> InstanceShares {
+        let positions = [[-99.0, -99.0], [edge, -99.0], [edge, 99.0], [-99.0, 99.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
+        let mesh = Mesh { positions: positions.into(), triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
+        let scene = Scene::of_mesh(mesh, Material::default());
+        let pose = scene.pose(0.0);
+        let surfaces = Surfaces::new(&scene, &pose);
+        let accelerator = Geometry::new(&scene).place(&pose);
+        let posed = PosedScene::new(&accelerator, &surfaces);
+        let world = Affine3A::from_translation(Vec3::new(0.0, 0.0, 5.0));
+        let view = View::new(world, Projection::Orthographic { ymag: 2.0 }, 8, 4);
+        GBuffer::trace(posed, &view, (8, 4)).value.instance_shares(posed, rays).value
+    }
+
+    #[test]
+    fn shares_are_areas() {
+        let (edge, rays) = (0.3, 16);
+        let found = shares(edge, rays);
+        assert_eq!(found.pixels().count(), 32);
+        for (index, pixel) in found.pixels().enumerate() {
+            let covered = (edge - ((index % 8) as f32 - 4.0)).clamp(0.0, 1.0);
+            let own: f32 = pixel.iter().filter(|part| part.instance == 0).map(|part| part.share).sum();
+            // Sixteen points of the sequence have one in each column of 1/16.
+            assert!((own - covered).abs() <= 1.0 / rays as f32, "{own} of {covered} at {index}");
+            assert_eq!(pixel.iter().map(|part| part.share).sum::<f32>(), 1.0);
+        }
+    }
+
+    #[test]
+    fn a_single_ray_is_the_center() {
+        for (index, pixel) in shares(0.3, 1).pixels().enumerate() {
+            let instance = if index % 8 < 4 { 0 } else { NOTHING };
+            assert_eq!(pixel, [InstanceShare { instance, share: 1.0 }]);
+        }
+    }
+}

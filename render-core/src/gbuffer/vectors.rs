@@ -1,0 +1,24 @@
+//! Motion to any pose, whether the place there is seen or hidden.
+
+use super::GBuffer;
+use crate::Surfaces;
+use crate::scene::View;
+use glam::{Affine3A, Vec2};
+use plane::Plane;
+
+impl GBuffer {
+    /// Motion of each pixel's surface point to its place in another picture \[pixels\], x to the right and y down, where `surfaces`
+    /// are seen by `view`: that of the same scene at another time. `None` where the place lies behind that camera.
+    ///
+    /// [`reproject`](Self::reproject) tells besides whether the point is seen there.
+    #[must_use]
+    pub fn motion_to(&self, surfaces: &Surfaces, view: &View) -> Plane<Option<[f32; 2]>> {
+        let other = Self::placed(Plane::filled(0, 0, super::EMPTY), surfaces, view);
+        let carry: Vec<Affine3A> = self.carry_to(&other);
+        Plane::from_fn(self.pixels.width(), self.pixels.height(), |x, y| {
+            let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let moved = super::moved(&self.pixels.row(y)[x], self, &carry, &other);
+            moved.map(|moved| (moved.place - center).to_array())
+        })
+    }
+}

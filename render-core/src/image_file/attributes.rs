@@ -1,0 +1,91 @@
+//! Facts of a picture as OpenEXR's standard attributes (ASWF, *OpenEXR: Standard Attributes*).
+
+use super::frame_header::{FrameHeader, FramePlace};
+use exr::math::Vec2;
+use exr::meta::attribute::{AttributeValue, Chromaticities, Text, TimeCode};
+use exr::meta::header::{ImageAttributes, LayerAttributes};
+
+/// The program that made a picture.
+const SOFTWARE: &str = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
+
+/// Primaries of ITU-R BT.709-6 and its white D65, CIE 1931 (x, y).
+const REC_709: Chromaticities = Chromaticities {
+    red: Vec2(0.64, 0.33),
+    green: Vec2(0.30, 0.60),
+    blue: Vec2(0.15, 0.06),
+    white: Vec2(0.3127, 0.3290),
+};
+
+/// The most frames a second that SMPTE ST 12-1 numbers one by one.
+const MOST_NUMBERED: u32 = 30;
+
+/// Attributes that all parts of a file share: chromaticities and time code.
+pub(super) fn of_image(header: &FrameHeader, size: (usize, usize)) -> ImageAttributes {
+    let time_code = header.place.as_ref().and_then(time_code);
+    ImageAttributes { chromaticities: Some(REC_709), time_code, ..ImageAttributes::with_size(size) }
+}
+
+/// Attributes of the picture: camera, rate, number, software, and further texts.
+///
+/// A matrix that applies to columns, column after column, is OpenEXR's, which applies to rows, row after row.
+pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
+    let FrameHeader { view, place, texts } = header;
+    let mut attributes = LayerAttributes { software_name: Text::new_or_none(SOFTWARE), ..LayerAttributes::default() };
+    if let Some(view) = view {
+        attributes.world_to_camera = Some(view.left_handed_camera().to_cols_array());
+        attributes.world_to_normalized_device = Some(view.normalized_device().to_cols_array());
+        attributes.screen_window_width = view.window_width().unwrap_or(attributes.screen_window_width);
+    }
+    if let Some(FramePlace { number, frames, seconds }) = *place {
+        attributes.frames_per_second = i32::try_from(frames).ok().map(|frames| (frames, seconds));
+        let number = i32::try_from(number).unwrap_or(i32::MAX);
+        attributes.other.insert(Text::new_or_panic("imageCounter"), AttributeValue::I32(number));
+    }
+    for text in texts {
+        // Texts are ASCII; another would come back as something else.
+        if let (Some(name), Some(value)) = (Text::new_or_none(&text.name), Text::new_or_none(&text.text)) {
+            attributes.other.insert(name, AttributeValue::Text(value));
+        }
+    }
+    attributes
+}
+
+/// Time of a frame as SMPTE ST 12-1 counts it, without dropping numbers; none for rates whose frames it numbers in pairs.
+fn time_code(&FramePlace { number, frames, seconds }: &FramePlace) -> Option<TimeCode> {
+    let nominal = frames.div_ceil(seconds.max(1));
+    if !(1..=MOST_NUMBERED).contains(&nominal) {
+        return None;
+    }
+    let (second, frame) = (number / nominal, number % nominal);
+    let [hours, minutes, seconds, frame] =
+        [second / 3600 % 24, second / 60 % 60, second % 60, frame].map(|part| u8::try_from(part).unwrap_or_default());
+    Some(TimeCode { hours, minutes, seconds, frame, ..TimeCode::default() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Projection, View};
+    use glam::{Affine3A, Vec3};
+
+    #[test]
+    fn time_codes_count_frames_seconds_minutes_and_hours() {
+        let code = |number, frames, seconds| time_code(&FramePlace { number, frames, seconds });
+        let parts = |code: TimeCode| [code.hours, code.minutes, code.seconds, code.frame];
+        assert_eq!(code(25 * 3661 + 7, 25, 1).map(parts), Some([1, 1, 1, 7]));
+        assert_eq!(code(59, 30_000, 1001).map(parts), Some([0, 0, 1, 29]), "29.97 frames a second count as 30");
+        assert_eq!(code(24 * 86_400, 24, 1).map(parts), Some([0; 4]), "a day begins anew");
+        assert_eq!(code(7, 50, 1), None);
+    }
+
+    #[test]
+    fn matrices_apply_to_rows() {
+        let world = Affine3A::from_translation(Vec3::new(1.0, 2.0, 3.0));
+        let view = View::new(world, Projection::Perspective { yfov: 1.0 }, 40, 20);
+        let header = FrameHeader { view: Some(view), ..FrameHeader::default() };
+        let matrix = of_layer(&header).world_to_camera.unwrap();
+        // The last row moves: [x y z 1] · M.
+        assert_eq!(matrix, [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, -1.0, -2.0, 3.0, 1.0]);
+        assert_eq!(of_layer(&header).screen_window_width, 4.0 * 0.5f32.tan());
+    }
+}

@@ -1,0 +1,55 @@
+//! A linear picture as it goes into a file: channels, and facts for the header.
+
+use crate::scene::View;
+
+/// Bits of a channel's samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SampleDepth {
+    /// 16 bits where they suffice: 11 of precision, values up to 65504.
+    Half,
+    /// 32 bits.
+    #[default]
+    Float,
+}
+
+/// A channel of a picture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameChannel {
+    /// Name of the layer with a dot, then that of the channel: `albedo.R`; without a layer, the channel's alone.
+    pub name: String,
+    /// Samples in raster order.
+    pub samples: Vec<f32>,
+    /// Bits that they are to have.
+    pub depth: SampleDepth,
+}
+
+/// Place of a frame in its film.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FramePlace {
+    /// Number of the frame, from 0.
+    pub number: u32,
+    /// Frames in so many seconds as [`seconds`](Self::seconds) says: 30000 for 29.97 frames a second.
+    pub frames: u32,
+    /// Seconds, at least 1: 1001 for 29.97 frames a second.
+    pub seconds: u32,
+}
+
+/// A text of a header, under a name of its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HeaderText {
+    /// Name of the attribute, in ASCII.
+    pub name: String,
+    /// The text, in ASCII: others have characters that a reader takes for others.
+    pub text: String,
+}
+
+/// Facts that the header of a linear picture tells.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameHeader {
+    /// The camera that the picture was seen by.
+    pub view: Option<View>,
+    /// Place of the frame in its film.
+    pub place: Option<FramePlace>,
+    /// Further texts, such as [`Cryptomatte::texts`](super::Cryptomatte::texts).
+    pub texts: Vec<HeaderText>,
+}
