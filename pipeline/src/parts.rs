@@ -14,6 +14,7 @@ use crate::figures::FrameFigures;
 use mpeg2enc::PictureType;
 use perceptual::{Feedback, NextPicture, ObservedFrame, PixelPart, ThresholdMap, ToneMap, YCbCr, reproject};
 use plane::{Coded, Correspondence, Picture, Plane};
+use render_core::image_file::FrameHeader;
 use std::sync::Arc;
 
 /// The first half of a renderer: everything that needs no thresholds. It works one frame ahead of the rest.
@@ -139,6 +140,8 @@ pub struct Shaded {
     pub importance: Option<Arc<Plane<f32>>>,
     /// Further channels for the frame's OpenEXR file.
     pub channels: Channels,
+    /// Facts for the header of that file.
+    pub header: FrameHeader,
     /// Channels that observers alone want: they go into no file.
     pub watched: Channels,
     /// CPU seconds and counts, those of [`Prepared`] included.

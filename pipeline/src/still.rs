@@ -2,13 +2,15 @@
 
 use crate::error::Result;
 use crate::film::display::{blended, exposure_for};
+use crate::film::linear::LinearFrame;
 use crate::parts::{LastThresholds, Shade};
 use crate::picture_file::{PictureFormat, shown, write_shown};
 use crate::plan::Plan;
 use crate::renderer::{Preparation, Shading, exposure_of_first_frame};
-use crate::settings::Settings;
+use crate::settings::{ExrDepth, Settings};
 use perceptual::luminance_plane;
 use plane::Plane;
+use render_core::image_file::FrameHeader;
 use render_core::scene::Scene;
 use std::path::Path;
 
@@ -20,6 +22,8 @@ pub struct Still {
     pub radiance: Plane<[f32; 3]>,
     /// As a display shows it: red, green and blue of sRGB, codes of 8 bits.
     pub shown: Plane<[u8; 3]>,
+    /// Facts for the header of a file of linear light.
+    pub header: FrameHeader,
 }
 
 impl Still {
@@ -39,28 +43,20 @@ impl Still {
         };
         let tone_map = settings.tone_map.with_exposure(exposure);
         let shown = shown(&blended(&shaded, &tone_map), &tone_map);
-        Self { radiance: shaded.radiance, shown }
+        Self { radiance: shaded.radiance, shown, header: shaded.header }
     }
 
-    /// Writes `.png` or `.jpg` as a display shows it, or `.exr` with linear light.
+    /// Writes `.png` or `.jpg` as a display shows it, or `.exr` with linear light, in halves where these suffice.
     ///
     /// # Errors
     /// The ending is another, or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         match PictureFormat::of(path)? {
-            PictureFormat::Linear => write_linear(path, &self.radiance),
+            PictureFormat::Linear => {
+                let frame = LinearFrame::of(&self.header, &self.radiance, Vec::new(), ExrDepth::Half);
+                frame.write(path)
+            }
             PictureFormat::Shown(_) => write_shown(path, &self.shown),
         }
     }
-}
-
-/// Writes linear light.
-#[cfg(feature = "exr")]
-fn write_linear(path: &Path, radiance: &Plane<[f32; 3]>) -> Result<()> {
-    crate::renderer::reference::Reference { radiance: radiance.clone(), variance: None }.write(path)
-}
-
-#[cfg(not(feature = "exr"))]
-fn write_linear(path: &Path, _: &Plane<[f32; 3]>) -> Result<()> {
-    Err(crate::Error::content(path, ": this build writes no OpenEXR; build it with the feature exr"))
 }

@@ -1,10 +1,11 @@
 //! Radiance into what a display shows: tone curve and Y′C_BC_R. Here light changes its unit to code values.
 
-use crate::error::{Error, Result};
+use super::linear::LinearFrame;
+use crate::error::Result;
 use crate::output::{Output, Written};
-use crate::parts::{Channels, Displayed, Outline, Shaded};
+use crate::parts::{Displayed, Outline, Shaded};
 use crate::picture_file::{shown, write_shown};
-use crate::settings::{Settings, Size};
+use crate::settings::{ExrDepth, Settings, Size};
 use crate::state::{decode, encode};
 use perceptual::{ToneMap, YCbCr, luminance_plane};
 use plane::{Picture, Plane};
@@ -26,6 +27,7 @@ pub struct Display {
     png: Option<PathBuf>,
     /// Folder for linear frames.
     exr: Option<PathBuf>,
+    exr_depth: ExrDepth,
     y4m: Option<Y4m>,
 }
 
@@ -33,7 +35,7 @@ impl Display {
     /// Shows frames by `tone_map`, and writes no files.
     #[must_use]
     pub fn new(tone_map: ToneMap) -> Self {
-        Self { tone_map, auto_exposure: false, png: None, exr: None, y4m: None }
+        Self { tone_map, auto_exposure: false, png: None, exr: None, exr_depth: ExrDepth::default(), y4m: None }
     }
 
     /// The tone curve and the files that `settings` name.
@@ -45,7 +47,8 @@ impl Display {
         // Chunks that are made apart have one exposure, which is found before: `set_exposure`.
         let auto_exposure = settings.auto_exposure && !settings.is_in_chunks();
         let (png, exr) = (settings.png.clone(), settings.exr.clone());
-        Ok(Self { auto_exposure, png, exr, y4m, ..Self::new(settings.tone_map) })
+        let exr_depth = settings.exr_depth.unwrap_or_default();
+        Ok(Self { auto_exposure, png, exr, exr_depth, y4m, ..Self::new(settings.tone_map) })
     }
 
     /// Shows all frames with this factor on radiance.
@@ -84,7 +87,9 @@ impl Display {
             write_shown(&folder.join(format!("frame_{index:05}.png")), &shown)?;
         }
         if let Some(folder) = &self.exr {
-            write_linear(&folder.join(format!("frame_{index:05}.exr")), &shaded.radiance, shaded.channels)?;
+            let path = folder.join(format!("frame_{index:05}.exr"));
+            let frame = LinearFrame::of(&shaded.header, &shaded.radiance, shaded.channels, self.exr_depth);
+            frame.write(&path)?;
         }
         self.y4m.as_mut().map_or(Ok(()), |file| file.write(&picture.picture))
     }
@@ -120,22 +125,6 @@ pub(crate) fn blended<'a>(shaded: &'a Shaded, tone_map: &ToneMap) -> Cow<'a, Pla
         radiance.to_mut().samples_mut()[*pixel] = tone_map.mean_shown(parts.iter().copied());
     }
     radiance
-}
-
-/// A frame as linear light, with further channels.
-#[cfg(feature = "exr")]
-fn write_linear(path: &Path, radiance: &Plane<[f32; 3]>, channels: Channels) -> Result<()> {
-    let channel = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
-    let colors = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (name.to_owned(), channel(c)));
-    let channels = colors.chain(channels).collect();
-    let written = render_core::image_file::write_layers(path, radiance.width(), radiance.height(), channels);
-    written.map_err(Error::other)
-}
-
-/// The settings request none of these.
-#[cfg(not(feature = "exr"))]
-fn write_linear(path: &Path, _: &Plane<[f32; 3]>, _: Channels) -> Result<()> {
-    Err(Error::content(path, ": this build writes no OpenEXR; build it with the feature exr"))
 }
 
 /// Brings the geometric mean of the lit pixels' luminance to middle gray.

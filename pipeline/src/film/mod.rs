@@ -1,6 +1,7 @@
 //! A film: radiance into pictures, pictures into a stream, the stream into a file; and the thresholds that follow from it.
 
 pub mod display;
+pub(crate) mod linear;
 mod masking;
 mod video;
 mod weights;

@@ -6,7 +6,7 @@ use crate::settings::FrameRange;
 use serde_json::Value;
 
 /// Settings that change no bit of the stream: places of files, and which part it is.
-const OF_ONE_PART: [&str; 7] = ["scene", "output", "range", "baked", "exr", "aov", "y4m"];
+const OF_ONE_PART: [&str; 8] = ["scene", "output", "range", "baked", "exr", "exr_depth", "aov", "y4m"];
 
 /// Checks `parts`, in the order in which they are to be joined.
 ///

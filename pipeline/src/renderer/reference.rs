@@ -7,6 +7,9 @@ use crate::parts::{LastThresholds, Shade};
 use crate::plan::Plan;
 use crate::settings::{Lighting, RenderSettings, Size};
 use plane::Plane;
+use render_core::image_file::FrameHeader;
+#[cfg(feature = "exr")]
+use render_core::image_file::{FrameChannel, SampleDepth, write_frame};
 use render_core::scene::Scene;
 use render_core::{PathOptions, path_traced};
 
@@ -28,6 +31,8 @@ pub struct Reference {
     pub radiance: Plane<[f32; 3]>,
     /// Variance of each mean, where the method has noise.
     pub variance: Option<Plane<[f32; 3]>>,
+    /// Facts for the header of its file.
+    pub header: FrameHeader,
 }
 
 /// Frame `frame` of `scene` by paths.
@@ -42,7 +47,9 @@ pub fn by_paths(
 ) -> Reference {
     let Size { width, height } = settings.size;
     let estimate = path_traced(scene, settings.time(frame), (width, height), options, progress);
-    Reference { radiance: estimate.mean, variance: Some(estimate.variance_of_mean) }
+    let view = scene.view(&scene.pose(settings.time(frame)), width, height);
+    let header = FrameHeader { camera: Some(view.frame_camera()), place: settings.place(frame), texts: Vec::new() };
+    Reference { radiance: estimate.mean, variance: Some(estimate.variance_of_mean), header }
 }
 
 /// Frame `frame` of `scene` by all lights, through the parts that films go through.
@@ -52,25 +59,26 @@ pub fn by_all_lights(scene: &Scene, settings: &RenderSettings, frame: u32) -> Re
     let plan = Plan::new(scene, &settings);
     let prepared = Preparation::new(scene, &settings, &plan).frame(frame);
     let shaded = Shading::new(&settings, &plan).step(&prepared, LastThresholds::none());
-    Reference { radiance: shaded.radiance, variance: None }
+    Reference { radiance: shaded.radiance, variance: None, header: shaded.header }
 }
 
 #[cfg(feature = "exr")]
 impl Reference {
-    /// Writes OpenEXR: channels R, G, B and, where there is noise, variance.R, variance.G, variance.B.
+    /// Writes OpenEXR in 32-bit floats: channels R, G, B and, where there is noise, variance.R, variance.G, variance.B.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, path: &std::path::Path) -> Result<()> {
-        let layers = [("", Some(&self.radiance)), ("variance.", self.variance.as_ref())];
-        let channels = layers.into_iter().flat_map(|(prefix, plane)| plane.map(|plane| (prefix, plane))).flat_map(
-            |(prefix, plane)| {
-                ["R", "G", "B"].into_iter().enumerate().map(move |(c, name)| {
-                    (format!("{prefix}{name}"), plane.samples().iter().map(|rgb| rgb[c]).collect::<Vec<f32>>())
-                })
-            },
-        );
-        let (width, height) = (self.radiance.width(), self.radiance.height());
-        render_core::image_file::write_layers(path, width, height, channels.collect()).map_err(Error::other)
+        let mut channels: Vec<FrameChannel> = Vec::new();
+        for (prefix, plane) in [("", Some(&self.radiance)), ("variance.", self.variance.as_ref())] {
+            let Some(plane) = plane else { continue };
+            for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
+                let samples = plane.samples().iter().map(|rgb| rgb[c]).collect();
+                // Others are compared with it.
+                channels.push(FrameChannel { name: format!("{prefix}{name}"), samples, depth: SampleDepth::Float });
+            }
+        }
+        let size = (self.radiance.width(), self.radiance.height());
+        write_frame(path, size, &self.header, channels).map_err(Error::other)
     }
 }

@@ -18,7 +18,7 @@ pub use options::Options;
 pub use preset::Preset;
 pub use render::RenderSettings;
 pub use values::{
-    Aov, BitRate, CheckpointEvery, Lighting, MemorySize, PixelShading, Size, Stopping, Switch, Thresholds,
+    Aov, BitRate, CheckpointEvery, ExrDepth, Lighting, MemorySize, PixelShading, Size, Stopping, Switch, Thresholds,
 };
 
 use crate::error::Result;
@@ -122,6 +122,9 @@ pub struct Settings {
     pub png: Option<PathBuf>,
     /// Folder for linear frames as OpenEXR, if wanted.
     pub exr: Option<PathBuf>,
+    /// Bits of the colors in these files; [`ExrDepth::Half`] when not stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exr_depth: Option<ExrDepth>,
     /// Further layers of a frame's OpenEXR file.
     pub aov: Vec<Aov>,
     /// File for the frames before compression, if wanted.

@@ -3,7 +3,7 @@
 use super::chunks::FrameRange;
 use super::emphasis::{AdaptiveQuantiser, Importance};
 use super::preset::Preset;
-use super::values::{Aov, BitRate, Lighting, PixelShading, Size, Stopping, Switch, Thresholds, size_as_text};
+use super::values::{Aov, BitRate, ExrDepth, Lighting, PixelShading, Size, Stopping, Switch, Thresholds, size_as_text};
 use mpeg2enc::Effort;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::PathBuf;
@@ -235,6 +235,13 @@ pub struct Options {
     /// Also write every frame as linear OpenEXR into this folder
     #[cfg_attr(feature = "command-line", arg(long, value_name = "DIR", hide = !cfg!(feature = "exr"), help_heading = "Output", hide_short_help = true))]
     pub exr: Option<PathBuf>,
+    /// Bits of the colors in these files [default: half]
+    #[cfg_attr(
+        feature = "command-line",
+        arg(long, value_enum, value_name = "BITS", hide = !cfg!(feature = "exr"), help_heading = "Output", hide_short_help = true)
+    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exr_depth: Option<ExrDepth>,
     /// Further named layers of these files: a list such as albedo,normal,depth
     #[cfg_attr(
         feature = "command-line",

@@ -1,7 +1,9 @@
 //! The settings that the renderer reads: what a frame shows, and how exact its light is.
 
 use super::{Aov, Importance, Lighting, PixelShading, Settings, Size, Stopping, Thresholds};
+use mpeg2enc::FrameRate;
 use perceptual::ToneMap;
+use render_core::image_file::FramePlace;
 
 /// The part of [`Settings`] that is about light and not about files or coding.
 #[derive(Clone, Debug)]
@@ -75,7 +77,21 @@ impl RenderSettings {
     /// Seconds from the start of the animation to frame `n` of the film.
     #[must_use]
     pub fn time(&self, n: u32) -> f32 {
-        ((f64::from(self.from) + f64::from(n) * f64::from(self.every)) / self.fps) as f32
+        self.time_beside(n, 0)
+    }
+
+    /// Seconds to the frame so many frames after frame `n`, or before it, where the film goes on there.
+    #[must_use]
+    pub(crate) fn time_beside(&self, n: u32, after: i32) -> f32 {
+        let n = f64::from(n) + f64::from(after);
+        ((f64::from(self.from) + n * f64::from(self.every)) / self.fps) as f32
+    }
+
+    /// Frame `n` in a film of the rate that the video has; none of a rate that no video has.
+    #[must_use]
+    pub fn place(&self, n: u32) -> Option<FramePlace> {
+        let (frames, seconds) = FrameRate::from_fps(self.fps).ok()?.fraction();
+        Some(FramePlace { number: n, frames, seconds })
     }
 }
 

@@ -125,6 +125,7 @@ impl Options {
             auto_exposure,
             png: self.png.clone(),
             exr: self.exr.clone(),
+            exr_depth: self.exr_depth,
             aov: self.aov.clone(),
             y4m: self.y4m.clone(),
         })
@@ -283,7 +284,7 @@ impl Options {
         Ok(())
     }
 
-    fn check_files(&self) -> Result<()> {
+    fn check_files(&mut self) -> Result<()> {
         if self.exr.is_some() && !cfg!(feature = "exr") {
             fail!("--exr: this build writes no OpenEXR; build it with the feature exr");
         }
@@ -292,6 +293,11 @@ impl Options {
         }
         if !self.aov.is_empty() && self.exr.is_none() {
             fail!("--aov needs --exr DIR, the folder for the files that it adds to");
+        }
+        match (&self.exr, self.exr_depth) {
+            (None, Some(_)) => fail!("--exr-depth needs --exr DIR, the folder for the files that it is about"),
+            (None, None) => {}
+            (Some(_), depth) => self.exr_depth = Some(depth.unwrap_or_default()),
         }
         Ok(())
     }

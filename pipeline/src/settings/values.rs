@@ -129,8 +129,17 @@ pub enum Aov {
     Normal,
     /// depth.Z: meters along the camera's axis.
     Depth,
-    /// motion.X, .Y: pixels from here to the same point in the frame before; motion.A: 1 where it was visible there.
+    /// position.X, .Y, .Z: the point that is seen, in the world, meters; 0 where nothing is.
+    Position,
+    /// motion.X, .Y: pixels from here to the same point in the frame before, y down; motion.A: 1 where it was visible there.
     Motion,
+    /// Vector.X, .Y: pixels from here to where the point was a frame ago; .Z, .W: from where it will be to here. y is up, as in
+    /// Blender's vector pass.
+    Vector,
+    /// CryptoObject00 to 02: Cryptomatte of the objects, by the names of their nodes.
+    CryptoObject,
+    /// CryptoMaterial00 to 02: Cryptomatte of the materials.
+    CryptoMaterial,
     /// cut.size: clusters of the pixel's cut, with the cache of the records' cuts at their pixels.
     CutSize,
     /// threshold.Y: luminance that the pixel may be wrong by; 0 where 2 % of its own hold.
@@ -142,6 +151,19 @@ pub enum Aov {
     /// shading.reused: 0 where all light was computed, 1 where direct light was carried from the frame before, 2 where
     /// indirect light was, 3 where both were.
     Shading,
+}
+
+/// Bits of the colors in OpenEXR files.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "command-line", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum ExrDepth {
+    /// 16 bits for light, albedo and normals, 11 of them precision; 32 where these lose light, and for all that is measured.
+    #[default]
+    Half,
+    /// 32 bits for all.
+    Float,
 }
 
 /// Where the error that a pixel may have comes from.

@@ -1,6 +1,6 @@
 //! Facts of a picture as OpenEXR's standard attributes (ASWF, *OpenEXR: Standard Attributes*).
 
-use super::frame_header::{FrameHeader, FramePlace};
+use super::frame_header::{FrameCamera, FrameHeader, FramePlace};
 use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, Chromaticities, Text, TimeCode};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
@@ -29,12 +29,12 @@ pub(super) fn of_image(header: &FrameHeader, size: (usize, usize)) -> ImageAttri
 ///
 /// A matrix that applies to columns, column after column, is OpenEXR's, which applies to rows, row after row.
 pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
-    let FrameHeader { view, place, texts } = header;
+    let FrameHeader { camera, place, texts } = header;
     let mut attributes = LayerAttributes { software_name: Text::new_or_none(SOFTWARE), ..LayerAttributes::default() };
-    if let Some(view) = view {
-        attributes.world_to_camera = Some(view.left_handed_camera().to_cols_array());
-        attributes.world_to_normalized_device = Some(view.normalized_device().to_cols_array());
-        attributes.screen_window_width = view.window_width().unwrap_or(attributes.screen_window_width);
+    if let Some(FrameCamera { camera_from_world, picture_from_world, window_width }) = camera {
+        attributes.world_to_camera = Some(camera_from_world.to_cols_array());
+        attributes.world_to_normalized_device = Some(picture_from_world.to_cols_array());
+        attributes.screen_window_width = window_width.unwrap_or(attributes.screen_window_width);
     }
     if let Some(FramePlace { number, frames, seconds }) = *place {
         attributes.frames_per_second = i32::try_from(frames).ok().map(|frames| (frames, seconds));
@@ -65,8 +65,7 @@ fn time_code(&FramePlace { number, frames, seconds }: &FramePlace) -> Option<Tim
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Projection, View};
-    use glam::{Affine3A, Vec3};
+    use glam::{Mat4, Vec3};
 
     #[test]
     fn time_codes_count_frames_seconds_minutes_and_hours() {
@@ -80,12 +79,12 @@ mod tests {
 
     #[test]
     fn matrices_apply_to_rows() {
-        let world = Affine3A::from_translation(Vec3::new(1.0, 2.0, 3.0));
-        let view = View::new(world, Projection::Perspective { yfov: 1.0 }, 40, 20);
-        let header = FrameHeader { view: Some(view), ..FrameHeader::default() };
+        let camera_from_world = Mat4::from_translation(Vec3::new(-1.0, -2.0, 3.0));
+        let camera = FrameCamera { camera_from_world, picture_from_world: Mat4::IDENTITY, window_width: Some(2.0) };
+        let header = FrameHeader { camera: Some(camera), ..FrameHeader::default() };
         let matrix = of_layer(&header).world_to_camera.unwrap();
         // The last row moves: [x y z 1] · M.
-        assert_eq!(matrix, [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, -1.0, -2.0, 3.0, 1.0]);
-        assert_eq!(of_layer(&header).screen_window_width, 4.0 * 0.5f32.tan());
+        assert_eq!(matrix, [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, -2.0, 3.0, 1.0]);
+        assert_eq!(of_layer(&header).screen_window_width, 2.0);
     }
 }

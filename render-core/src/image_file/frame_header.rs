@@ -1,6 +1,6 @@
 //! A linear picture as it goes into a file: channels, and facts for the header.
 
-use crate::scene::View;
+use glam::Mat4;
 
 /// Bits of a channel's samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -21,6 +21,17 @@ pub struct FrameChannel {
     pub samples: Vec<f32>,
     /// Bits that they are to have.
     pub depth: SampleDepth,
+}
+
+/// A camera as headers describe it. Matrices apply to columns; a file has them column after column, and applies them to rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameCamera {
+    /// Camera space from the world \[m\], left-handed: x to the right, y up, z along the view.
+    pub camera_from_world: Mat4,
+    /// Picture space from the world: x and y are 0…1 from the upper left to the lower right corner, once divided by w.
+    pub picture_from_world: Mat4,
+    /// Width of what the picture shows at a distance of 1 m, in meters; `None` where it depends on no distance.
+    pub window_width: Option<f32>,
 }
 
 /// Place of a frame in its film.
@@ -47,7 +58,7 @@ pub struct HeaderText {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameHeader {
     /// The camera that the picture was seen by.
-    pub view: Option<View>,
+    pub camera: Option<FrameCamera>,
     /// Place of the frame in its film.
     pub place: Option<FramePlace>,
     /// Further texts, such as [`Cryptomatte::texts`](super::Cryptomatte::texts).

@@ -10,7 +10,7 @@ mod open_exr;
 
 pub use cryptomatte::{Cryptomatte, RankedId, RankedThing, cryptomatte_id, murmur_hash3};
 pub use error::ImageFileError;
-pub use frame_header::{FrameChannel, FrameHeader, FramePlace, HeaderText, SampleDepth};
+pub use frame_header::{FrameCamera, FrameChannel, FrameHeader, FramePlace, HeaderText, SampleDepth};
 #[cfg(feature = "exr")]
 pub use open_exr::{Layers, read_exr, read_layers, write_exr, write_frame, write_layers};
 

@@ -170,10 +170,10 @@ pub fn read_exr(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::frame_header::{FramePlace, HeaderText};
+    use super::super::frame_header::{FrameCamera, FramePlace, HeaderText};
     use super::*;
-    use crate::scene::{Projection, View};
     use exr::meta::attribute::{AttributeValue, SampleType, Text};
+    use glam::Mat4;
 
     #[test]
     fn what_is_written_is_read() {
@@ -232,11 +232,12 @@ mod tests {
     fn headers_tell_camera_time_and_texts() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
-        let world = glam::Affine3A::from_translation(Vec3::new(0.0, 1.0, 5.0));
-        let view = View::new(world, Projection::Perspective { yfov: 0.9 }, 4, 2);
+        let matrix = Mat4::from_cols_array(&std::array::from_fn(|index| index as f32));
+        let camera =
+            FrameCamera { camera_from_world: matrix, picture_from_world: matrix.transpose(), window_width: None };
         let place = FramePlace { number: 61, frames: 30_000, seconds: 1001 };
         let text = HeaderText { name: "cryptomatte/0123456/name".into(), text: "CryptoObject".into() };
-        let header = FrameHeader { view: Some(view), place: Some(place), texts: vec![text] };
+        let header = FrameHeader { camera: Some(camera), place: Some(place), texts: vec![text] };
         let channel = FrameChannel { name: "R".into(), samples: vec![1.0; 8], depth: SampleDepth::Half };
         write_frame(&path, (4, 2), &header, vec![channel]).unwrap();
         let read = exr::meta::MetaData::read_from_file(&path, false).unwrap().headers.remove(0);
@@ -245,7 +246,7 @@ mod tests {
         assert_eq!(shared.time_code.map(|code| (code.seconds, code.frame)), Some((2, 1)));
         assert_eq!(shared.chromaticities.map(|known| known.white.0), Some(0.3127));
         assert!(own.software_name.unwrap().to_string().starts_with("render2mpeg "));
-        assert_eq!(own.world_to_normalized_device, Some(view.normalized_device().to_cols_array()));
+        assert_eq!(own.world_to_normalized_device, Some(matrix.transpose().to_cols_array()));
         let other = |name: &str| own.other.get(&Text::new_or_panic(name)).cloned();
         assert_eq!(other("imageCounter"), Some(AttributeValue::I32(61)));
         let name = AttributeValue::Text(Text::new_or_panic("CryptoObject"));

@@ -1,5 +1,6 @@
 //! From points in the world to pixels and back.
 
+use crate::image_file::FrameCamera;
 use glam::{Affine3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
 /// How a camera sees.
@@ -130,10 +131,8 @@ impl View {
 
     /// Camera space from the world \[m\], left-handed: x to the right, y up, z along the view.
     ///
-    /// It is OpenEXR's attribute `worldToCamera`, and Renderman's camera space. It applies to columns; written column after
-    /// column it is the file's matrix, which applies to rows.
-    #[must_use]
-    pub fn left_handed_camera(&self) -> Mat4 {
+    /// It is OpenEXR's attribute `worldToCamera`, and Renderman's camera space.
+    fn left_handed_camera(&self) -> Mat4 {
         Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0)) * Mat4::from(self.camera_from_world)
     }
 
@@ -143,10 +142,8 @@ impl View {
     /// perspective      w = d    z / w = 1 − 1 m / d        d  meters along the camera's axis
     /// orthographic     w = 1    z = d
     /// ```
-    /// It is OpenEXR's attribute `worldToNDC`, of which readers drop z; here z lets the matrix have an inverse. It applies to
-    /// columns, as [`left_handed_camera`](Self::left_handed_camera) does.
-    #[must_use]
-    pub fn normalized_device(&self) -> Mat4 {
+    /// It is OpenEXR's attribute `worldToNDC`, of which readers drop z; here z lets the matrix have an inverse.
+    fn normalized_device(&self) -> Mat4 {
         let half = Vec2::new(self.half_height * self.width / self.height, self.half_height);
         let (x, y) = (0.5 / half.x, -0.5 / half.y);
         let [column_x, column_y] = [Vec4::new(x, 0.0, 0.0, 0.0), Vec4::new(0.0, y, 0.0, 0.0)];
@@ -161,11 +158,15 @@ impl View {
         picture_from_camera * self.left_handed_camera()
     }
 
-    /// Width of what the picture shows at a distance of 1 m, in meters; `None` where no perspective makes it depend on distance.
+    /// The camera for the header of a picture's file.
     #[must_use]
-    pub fn window_width(&self) -> Option<f32> {
+    pub fn frame_camera(&self) -> FrameCamera {
         let width = 2.0 * self.half_height * self.width / self.height;
-        matches!(self.projection, Projection::Perspective { .. }).then_some(width)
+        FrameCamera {
+            camera_from_world: self.left_handed_camera(),
+            picture_from_world: self.normalized_device(),
+            window_width: matches!(self.projection, Projection::Perspective { .. }).then_some(width),
+        }
     }
 
     /// Where the camera is.
@@ -212,7 +213,7 @@ mod tests {
             }
         }
         let view = View::new(world, Projection::Perspective { yfov: 0.8 }, 640, 360);
-        assert!((view.window_width().unwrap() - 2.0 * 0.4f32.tan() * 640.0 / 360.0).abs() < 1e-6);
+        assert!((view.frame_camera().window_width.unwrap() - 2.0 * 0.4f32.tan() * 640.0 / 360.0).abs() < 1e-6);
     }
 
     #[test]

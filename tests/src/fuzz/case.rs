@@ -36,8 +36,8 @@ const OPTIONS: [&str; 15] = [
 ];
 
 /// All that a frame is made of, in files of its own.
-const LAYERS: &str =
-    "--frames 2 --exr frames --aov direct,indirect,albedo,normal,depth,motion,cut-size,threshold,shading";
+const LAYERS: &str = "--frames 2 --exr frames --aov direct,indirect,albedo,normal,depth,position,motion,vector,\
+    crypto-object,crypto-material,cut-size,threshold,shading";
 
 /// What a case was, and what came of it.
 #[derive(Clone, Debug)]

@@ -5,7 +5,7 @@ use render_core::luminance;
 use std::path::Path;
 use tests::{Moving, Rendered, checkered_room, render};
 
-const SMALL: &str = "--size 96x96 --vpls 400 --photons 40000 --aov direct,indirect,shading,threshold";
+const SMALL: &str = "--size 96x96 --vpls 400 --photons 40000 --exr-depth float --aov direct,indirect,shading,threshold";
 
 /// A layer of a frame: its luminance.
 fn layer(folder: &Path, film: &str, index: usize, name: &str) -> Vec<f32> {

@@ -356,6 +356,8 @@ fn wrong_arguments_end_with_two_and_a_line() {
         ("render room.glb --size 0x5", 2, "512x512"),
         ("render room.glb --samples 0", 2, "--samples"),
         ("render room.glb --aov depth", 2, "--exr"),
+        ("render room.glb --exr-depth half", 2, "--exr DIR"),
+        ("render room.glb --exr frames --exr-depth 16", 2, "half, float"),
         ("render room.glb --cbr", 2, "--bitrate"),
         ("render room.glb --config missing.toml", 2, "missing.toml"),
         ("render room.glb -o film.xyz", 2, ".mpg"),

@@ -3,7 +3,7 @@
 
 use glam::{Vec3, vec3};
 use pipeline::feedback_loop::Run;
-use pipeline::settings::Lighting;
+use pipeline::settings::{ExrDepth, Lighting};
 use pipeline::{Options, Plan, Report, Settings};
 use plane::Plane;
 use render_core::image_file::{read_exr, write_exr};
@@ -29,7 +29,12 @@ fn film_in(folder: &Path, glb: &Glb, settings: &str, options: Options) -> Result
     let scene = scene::load(&path).map_err(|error| error.to_string())?;
     let exr = folder.join("linear");
     std::fs::create_dir_all(&exr).unwrap();
-    let options = Options { output: Some(folder.join("film.m2v")), exr: Some(exr.clone()), ..options };
+    let options = Options {
+        output: Some(folder.join("film.m2v")),
+        exr: Some(exr.clone()),
+        exr_depth: Some(ExrDepth::Float),
+        ..options
+    };
     let settings = Settings::new(path, &scene, &options).map_err(|error| error.to_string())?;
     let plan = Plan::new(&scene, &settings.renderer());
     let report = pipeline::render(&scene, &settings, &plan, Run::default());

@@ -182,7 +182,7 @@ fn cuts_keep_their_distance_from_all_lights() {
     let film = |name: &str, more: &str| {
         // Cuts alone: each pixel its own.
         let film = "--size 96x96 --frames 1 --vpls 2000 --photons 200000 --cache off --compensation off";
-        let arguments = format!("{film} --exr {name} {more}");
+        let arguments = format!("{film} --exr {name} --exr-depth float {more}");
         render(folder.path(), name, &cornell(), &arguments).figures(&["cut_size_mean"])[0]
     };
     let seeds = 1..=6;

@@ -32,6 +32,7 @@ mod inputs;
 mod interrupt;
 mod layers;
 mod light_transport;
+mod linear_frames;
 mod loader;
 mod mitsuba;
 mod motion;

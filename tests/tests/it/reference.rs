@@ -26,7 +26,7 @@ fn all_lights_are_those_of_films() {
         folder.path(),
         "film",
         &folder.path().join("room.glb"),
-        &format!("{lights} --frames 3 --lighting all-lights --exr linear"),
+        &format!("{lights} --frames 3 --lighting all-lights --exr linear --exr-depth float"),
     );
     succeed(folder.path(), &format!("reference room.glb --method all-lights {lights} --frame 2 -o two.exr --quiet"));
     let film = read_exr(&folder.path().join("linear/frame_00002.exr")).unwrap();

@@ -9,7 +9,7 @@ use crate::laboratory::compare::{Picture, Pictures};
 use crate::plan::Plan;
 use crate::renderer::reference;
 use crate::report::{FrameReport, process_cpu_seconds};
-use crate::settings::{Aov, Settings};
+use crate::settings::{Aov, ExrDepth, Settings};
 use perceptual::YCbCr;
 use plane::{Correspondence, Plane};
 use render_core::scene::Scene;
@@ -107,6 +107,8 @@ pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut()
     let with_files = Settings {
         output: video.clone(),
         exr: Some(folder.path().to_owned()),
+        // Errors are measured on these: halves would add theirs.
+        exr_depth: Some(ExrDepth::Float),
         aov: vec![Aov::Motion, Aov::Threshold, Aov::CutSize],
         y4m: Some(uncompressed(folder.path())),
         ..settings.clone()

@@ -3,12 +3,13 @@
 use super::importance::ImportanceMap;
 use super::layers::Layers;
 use super::lit_frame::Reused;
+use super::mattes;
 use super::tolerance::Tolerance;
 use crate::parts::Channels;
 use crate::renderer::frame::PreparedFrame;
-use crate::settings::Aov;
+use crate::settings::{Aov, RenderSettings};
 use plane::Plane;
-use render_core::{NOTHING, PixelSurface};
+use render_core::{InstanceShares, NOTHING, PixelSurface, Surfaces};
 
 /// The channels R, G and B of `name`.
 pub(super) fn colors(name: &str, picture: &Plane<[f32; 3]>) -> Channels {
@@ -22,6 +23,9 @@ pub(super) struct Known<'a> {
     pub layers: &'a Layers,
     pub reused: &'a Reused,
     pub importance: Option<&'a ImportanceMap>,
+    pub settings: &'a RenderSettings,
+    /// The instances that pixels show, where mattes are wanted.
+    pub shares: Option<&'a InstanceShares>,
 }
 
 impl Known<'_> {
@@ -48,6 +52,13 @@ impl Known<'_> {
                 };
                 triples("motion", ["X", "Y", "A"], (0..width * height).map(motion))
             }
+            Aov::Position => triples("position", ["X", "Y", "Z"], self.surfaces(|pixel| pixel.position)),
+            Aov::Vector => self.vectors(),
+            Aov::CryptoObject | Aov::CryptoMaterial => {
+                let mattes = mattes::mattes(aov, frame.surfaces.scene());
+                let both = mattes.as_ref().zip(self.shares);
+                both.map_or_else(Channels::new, |(mattes, shares)| mattes::channels(mattes, shares))
+            }
             // Nothing where a pixel has no threshold of its own and 2 % of its luminance hold.
             Aov::Threshold => single("threshold.Y", by_place(&|x, y| self.tolerance.threshold(x, y).unwrap_or(0.0))),
             Aov::CutSize => {
@@ -66,6 +77,31 @@ impl Known<'_> {
                 Some(records) => single("cache.records", records),
             },
         }
+    }
+
+    /// Motion as Blender's vector pass has it, y up, in pixels. A point behind the camera has none.
+    ///
+    /// ```text
+    /// (X, Y) = p(n − 1) − p(n)      (Z, W) = p(n) − p(n + 1)      p(n)  place of the point in frame n
+    /// ```
+    /// It is that of the scene whether or not the film has these frames, and whether or not the point is seen there. Cycles has
+    /// the same in `primitive_motion_vector`.
+    fn vectors(&self) -> Channels {
+        let frame = &self.prepared.frame;
+        let (seen, scene) = (&frame.seen, frame.surfaces.scene());
+        let mut channels = Channels::new();
+        for (after, sign, names) in [(-1, 1.0, ["Vector.X", "Vector.Y"]), (1, -1.0, ["Vector.Z", "Vector.W"])] {
+            let pose = scene.pose(self.settings.time_beside(frame.index, after));
+            let view = scene.view(&pose, seen.pixels.width(), seen.pixels.height());
+            let motion = seen.motion_to(&Surfaces::new(scene, &pose), &view);
+            for (c, name) in names.into_iter().enumerate() {
+                // Rows count from above, and y from below.
+                let sign = if c == 0 { sign } else { -sign };
+                let value = |motion: &Option<[f32; 2]>| motion.map_or(0.0, |motion| sign * motion[c]);
+                channels.push((name.to_owned(), motion.samples().iter().map(value).collect()));
+            }
+        }
+        channels
     }
 
     /// A property of the surface of each pixel; 0 where none is seen.

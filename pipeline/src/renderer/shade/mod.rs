@@ -12,7 +12,7 @@
 //! | `importance` | where people look, and what that makes of samples and thresholds |
 //! | `audits`, `counts` | light found twice, and counts of the work |
 //! | `visibility`, `movement`, `macroblock`, `pixel` | rays, what has moved, and pixels as layers share them |
-//! | `lit_frame`, `channels`, `state` | the result, as pictures and as bytes |
+//! | `lit_frame`, `channels`, `mattes`, `state` | the result, as pictures and as bytes |
 
 mod all_lights;
 mod audits;
@@ -29,6 +29,7 @@ mod layer;
 mod layers;
 mod lit_frame;
 mod macroblock;
+mod mattes;
 mod movement;
 mod per_pixel;
 mod pixel;
@@ -59,8 +60,12 @@ use lighttree::Calibration;
 use lit_frame::{Light, LitFrame, Reused, Sample};
 use movement::{Movement, Place};
 use plane::Plane;
-use render_core::{AuditCounts, Busy, Coverage, GBuffer, PixelSample, PosedScene, sample_offsets};
+use render_core::image_file::FrameHeader;
+use render_core::{AuditCounts, Busy, Coverage, GBuffer, InstanceShares, PixelSample, PosedScene, sample_offsets};
 use std::sync::Arc;
+
+/// Rays that find the share of a pixel's area that each object covers: one to a sixteenth of its width and of its height.
+const MATTE_RAYS: usize = 16;
 
 /// The second half of the renderer: lights frame after frame.
 pub struct Shading<'a> {
@@ -213,7 +218,12 @@ impl Shading<'_> {
             put_importance(map, looking.change(map, prepared.correspondence.as_deref()), &mut figures);
             looking.keep(map, &radiance);
         }
-        let known = Known { prepared, tolerance, layers: &self.layers, reused: &lit.reused, importance };
+        let busy = Busy::default();
+        let shares = self.instance_shares(frame, &busy);
+        figures.seconds.visibility += busy.seconds();
+        let (settings, shares) = (&self.settings, shares.as_ref());
+        let Self { layers, .. } = self;
+        let known = Known { prepared, tolerance, layers, reused: &lit.reused, importance, settings, shares };
         let channels_of = |wanted: &[Aov]| {
             let mut channels = Channels::new();
             for &aov in wanted {
@@ -231,10 +241,28 @@ impl Shading<'_> {
             channels
         };
         let (channels, watched) = (channels_of(&self.settings.aov), channels_of(&self.watched));
+        let header = self.header(frame);
         let outlines = lit.light.outlines();
         let importance = importance.map(|map| Arc::new(map.importance.clone()));
         self.still = may_stay.then_some(lit);
-        (Shaded { radiance, outlines, importance, channels, watched, figures }, audits)
+        (Shaded { radiance, outlines, importance, channels, header, watched, figures }, audits)
+    }
+
+    /// The instances that each pixel shows, if mattes are wanted of them. Without anti-aliasing a pixel is what its center shows.
+    fn instance_shares(&self, frame: &Frame, busy: &Busy) -> Option<InstanceShares> {
+        let RenderSettings { aov, samples, antialiasing, .. } = &self.settings;
+        let is_wanted = aov.iter().any(|aov| matches!(aov, Aov::CryptoObject | Aov::CryptoMaterial));
+        let has_edges = *antialiasing || *samples > 1;
+        let rays = if has_edges { MATTE_RAYS.max(*samples as usize) } else { 1 };
+        let scene = PosedScene::new(&frame.accelerator, &frame.surfaces);
+        is_wanted.then(|| busy.take(frame.seen.instance_shares(scene, rays)))
+    }
+
+    /// Facts for the header of the frame's file.
+    fn header(&self, frame: &Frame) -> FrameHeader {
+        let mattes = self.settings.aov.iter().filter_map(|&aov| mattes::mattes(aov, frame.surfaces.scene()));
+        let texts = mattes.flat_map(|mattes| mattes.texts()).collect();
+        FrameHeader { camera: Some(frame.seen.view.frame_camera()), place: self.settings.place(frame.index), texts }
     }
 
     /// The light of a frame through every place of a pixel, and what its audits found; `figures` get what it took.
