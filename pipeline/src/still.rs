@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::film::display::{blended, exposure_for};
-use crate::film::linear::LinearFrame;
+use crate::film::linear::write_linear;
 use crate::parts::{LastThresholds, Shade};
 use crate::picture_file::{PictureFormat, shown, write_shown};
 use crate::plan::Plan;
@@ -52,10 +52,7 @@ impl Still {
     /// The ending is another, or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         match PictureFormat::of(path)? {
-            PictureFormat::Linear => {
-                let frame = LinearFrame::of(&self.header, &self.radiance, Vec::new(), ExrDepth::Half);
-                frame.write(path)
-            }
+            PictureFormat::Linear => write_linear(path, &self.header, &self.radiance, Vec::new(), ExrDepth::Half),
             PictureFormat::Shown(_) => write_shown(path, &self.shown),
         }
     }

@@ -1,6 +1,6 @@
 //! Radiance into what a display shows: tone curve and Y′C_BC_R. Here light changes its unit to code values.
 
-use super::linear::LinearFrame;
+use super::linear::write_linear;
 use crate::error::Result;
 use crate::output::{Output, Written};
 use crate::parts::{Displayed, Outline, Shaded};
@@ -88,8 +88,7 @@ impl Display {
         }
         if let Some(folder) = &self.exr {
             let path = folder.join(format!("frame_{index:05}.exr"));
-            let frame = LinearFrame::of(&shaded.header, &shaded.radiance, shaded.channels, self.exr_depth);
-            frame.write(&path)?;
+            write_linear(&path, &shaded.header, &shaded.radiance, shaded.channels, self.exr_depth)?;
         }
         self.y4m.as_mut().map_or(Ok(()), |file| file.write(&picture.picture))
     }

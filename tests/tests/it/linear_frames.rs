@@ -1,7 +1,7 @@
 //! Linear frames as other programs take them: header, bits, vectors and mattes, each beside a closed form.
 
 use exr::meta::MetaData;
-use exr::meta::attribute::{AttributeValue, SampleType};
+use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 use glam::{Mat4, Vec3, vec3};
 use render_core::image_file::{Layers, cryptomatte_id, read_layers};
@@ -59,8 +59,7 @@ fn headers_lead_from_the_world_to_the_pixels_that_show_it() {
     let Header { own_attributes: own, shared_attributes: shared, .. } = header(&path);
     assert_eq!(own.frames_per_second, Some((25, 1)));
     assert_eq!(shared.time_code.map(|code| (code.seconds, code.frame)), Some((0, 1)));
-    let counter = own.other.iter().find(|(name, _)| name.to_string() == "imageCounter");
-    assert_eq!(counter.map(|(_, value)| value.clone()), Some(AttributeValue::I32(1)));
+    assert_eq!(own.other.get(&Text::new_or_panic("imageCounter")), Some(&AttributeValue::I32(1)));
     assert_eq!(shared.chromaticities.map(|known| known.green.0), Some(0.30));
     assert!(own.software_name.is_some_and(|name| name.to_string().starts_with("render2mpeg ")));
 
@@ -114,13 +113,13 @@ fn mattes_cover_each_pixel_and_the_manifest_names_them() {
     let manifest = |kind: &str| -> BTreeMap<String, String> {
         let key = format!("{:08x}", cryptomatte_id(kind).to_bits());
         let name = format!("cryptomatte/{}/manifest", &key[..7]);
-        let found = texts.iter().find(|(known, _)| known.to_string() == name).map(|(_, value)| value);
+        let found = texts.get(&Text::new_or_panic(&name));
         let Some(AttributeValue::Text(text)) = found else { panic!("no {name}") };
         serde_json::from_str(&text.to_string()).expect("JSON")
     };
     for (kind, wall, card) in [("CryptoObject", "wall \"süd\"", "node_1"), ("CryptoMaterial", "material_0", "paper")] {
         let manifest = manifest(kind);
-        assert_eq!(manifest.keys().map(String::as_str).collect::<Vec<_>>().len(), 2, "{manifest:?}");
+        assert_eq!(manifest.len(), 2, "{manifest:?}");
         let channel = |rank: usize, part: usize| {
             let names = [["R", "G"], ["B", "A"]][rank % 2];
             layers.channel(&format!("{kind}{:02}.{}", rank / 2, names[part])).expect("the channel")
