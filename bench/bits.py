@@ -8,7 +8,7 @@ It proves that a change of the code changes no bit. Each film gets two values of
     frames    all EXR files together, as `sha256sum *.exr | sha256sum` in their folder prints it
 
 With --before, the other program renders each film first. With --against, hashes that --keep has written stand for it.
-Keep and compare on one machine. Each film is told to be the same or DIFFERENT, with the first frame that differs.
+Keep and compare on one machine, programs of one version: headers of frames name it. Each film is told to be the same or DIFFERENT, with the first frame that differs.
 If any film differs, the command fails.
 
 --list names the films. They show each scene that ships, and a room with coats (coated_room.py), with a moving ball or not.
@@ -179,7 +179,9 @@ def hashes(program, film, scene, full):
     words = film.words(full)
     with tempfile.TemporaryDirectory() as folder:
         video, frames = Path(folder) / film.video, Path(folder) / "frames"
-        command = [program, "render", scene, "--overwrite", *words, "-o", video, "--exr", frames, "--quiet"]
+        command = [program, "render", scene, "--overwrite", *words, "-o", video, "--quiet"]
+        # Halves would hide what differs by less.
+        command += ["--exr", frames, "--exr-depth", "float"]
         render_and_resume(command, film, video) if film.killed_after else run(command)
         return {
             "scene": references.content_hash(scene),

@@ -90,7 +90,7 @@ def need_packages():
 def ours(options, scene, folder, kind):
     """CPU seconds of a film of ours: set-up, and a frame by place. Its pictures lie in the folder."""
     words = [options.program, "render", scene, "--size", f"{options.size}x{options.size}", "--fps", FPS, "--quiet", "--overwrite"]
-    words += ["--frames", options.frame + 1, "--exr", folder, "-o", f"{folder}.m2v", "--report", f"{folder}.json"]
+    words += ["--frames", options.frame + 1, "--exr", folder, "--exr-depth", "float", "-o", f"{folder}.m2v", "--report", f"{folder}.json"]
     whole = run([*words, *OURS[kind].split()]).cpu
     frames = [frame["seconds"]["total"] for frame in json.loads(Path(f"{folder}.json").read_text())["frames"]]
     later = frames[1:] and sum(frames[1:]) / len(frames[1:])

@@ -75,7 +75,8 @@ def rendered(program, scene, side, words):
     """A film with these options."""
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
-        files = ["-o", folder / "film.m2v", "--exr", folder / "frames", "--report", folder / "report.json", "-q"]
+        files = ["-o", folder / "film.m2v", "--report", folder / "report.json", "-q"]
+        files += ["--exr", folder / "frames", "--exr-depth", "float"]
         run([program, "render", scene, "--overwrite", "--size", f"{side}x{side}", "--frames", FRAMES, *words, *files])
         frames = [channels(path) for path in sorted((folder / "frames").iterdir())]
         return Film(json.loads((folder / "report.json").read_text()), frames)
