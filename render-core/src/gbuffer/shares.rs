@@ -1,7 +1,7 @@
 //! The instances that a pixel's area shows, found by rays of their own: mattes know no light, and need no outline of it.
 
 use super::{CameraRay, GBuffer, NOTHING, first_hits};
-use crate::accel::PACKET;
+use crate::accel::{Hit, PACKET};
 use crate::sampling::centered_sobol;
 use crate::{PosedScene, Timed};
 use glam::Vec2;
@@ -83,15 +83,35 @@ impl GBuffer {
             }
             let hits = first_hits(scene, &rays);
             for (rays, hits) in rays.chunks(offsets.len()).zip(hits.chunks(offsets.len())) {
-                let shown = |(ray, hit): (&CameraRay, &Option<_>)| {
-                    let shown = hit.and_then(|hit| ray.shown(scene, hit, |_| 0.0));
-                    shown.map_or(NOTHING, |(hit, _)| hit.instance)
-                };
-                shares.add(rays.iter().zip(hits).map(shown).collect());
+                shares.add(instances(scene, rays, hits));
             }
         }
         shares
     }
+}
+
+/// The instances that the rays of a pixel show which hit these places.
+fn instances(scene: PosedScene, rays: &[CameraRay], hits: &[Option<Hit>]) -> Vec<u32> {
+    let mut instances = Vec::with_capacity(rays.len());
+    // Most rays of a pixel meet one triangle: seen from one place, it shows one side.
+    let mut front: Option<Hit> = None;
+    for (ray, hit) in rays.iter().zip(hits) {
+        let Some(hit) = *hit else {
+            instances.push(NOTHING);
+            continue;
+        };
+        let is_same = |other: Hit| (other.instance, other.triangle) == (hit.instance, hit.triangle);
+        if front.is_some_and(is_same) {
+            instances.push(hit.instance);
+            continue;
+        }
+        let shown = ray.shown(scene, hit, |_| 0.0).map(|(shown, _)| shown);
+        instances.push(shown.map_or(NOTHING, |shown| shown.instance));
+        if shown.is_some_and(is_same) {
+            front = Some(hit);
+        }
+    }
+    instances
 }
 
 #[cfg(test)]

@@ -62,9 +62,48 @@ fn time_code(&FramePlace { number, frames, seconds }: &FramePlace) -> Option<Tim
     Some(TimeCode { hours, minutes, seconds, frame, ..TimeCode::default() })
 }
 
+/// Sorts the attributes in the header of `file`, a whole OpenEXR file of one part: the encoder writes further ones in an order that
+/// is another in each run. Offsets to the pixels stay, since the header keeps its length. `None` if this is no such header.
+///
+/// ```text
+/// file        magic number, version (4 bytes each), attribute…, 0, offsets and pixels
+/// attribute   name, 0, type, 0, count of bytes (4), bytes
+/// ```
+pub(super) fn sort_attributes(file: &mut [u8]) -> Option<()> {
+    const BEGIN: usize = 8;
+    let text_end = |from: usize| Some(from + file.get(from..)?.iter().position(|&byte| byte == 0)? + 1);
+    let (mut list, mut at) = (Vec::new(), BEGIN);
+    while *file.get(at)? != 0 {
+        let size_at = text_end(text_end(at)?)?;
+        let size = file.get(size_at..)?.first_chunk().map(|size| u32::from_le_bytes(*size))?;
+        let end = size_at.checked_add(4)?.checked_add(size as usize)?;
+        list.push(file.get(at..end)?.to_vec());
+        at = end;
+    }
+    // Names differ, and their bytes come first.
+    list.sort_unstable();
+    file.get_mut(BEGIN..at)?.copy_from_slice(&list.concat());
+    Some(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn attributes_are_sorted_and_all_else_stays() {
+        let attribute = |name: &str, bytes: &[u8]| {
+            let size = (bytes.len() as u32).to_le_bytes();
+            [name.as_bytes(), b"\0int\0", &size, bytes].concat()
+        };
+        let [a, b, c] = [attribute("a", &[0, 7]), attribute("b", &[]), attribute("c", &[1, 0, 0, 0])];
+        let mut file = [b"MAGIC+VE", &c[..], &a, &b, b"\0pixels"].concat();
+        assert_eq!(sort_attributes(&mut file), Some(()));
+        assert_eq!(file, [b"MAGIC+VE", &a[..], &b, &c, b"\0pixels"].concat());
+        for length in 0..file.len() - 7 {
+            assert_eq!(sort_attributes(&mut file[..length]), None, "{length} bytes");
+        }
+    }
     use glam::{Mat4, Vec3};
 
     #[test]

@@ -9,6 +9,7 @@ use exr::prelude::{
 use glam::Vec3;
 use plane::Plane;
 use std::collections::BTreeMap;
+use std::io::Cursor;
 use std::path::Path;
 
 /// Least value of a layer's largest sample for halves to suffice: samples down to 2⁻¹⁰ of it have full precision, 2⁻¹¹ of each.
@@ -78,7 +79,7 @@ pub fn write_frame(
         list.push(AnyChannel::new(name.as_str(), samples));
     }
 
-    // The file gets its name when it is whole.
+    // One part of scan lines.
     let encoding = Encoding {
         compression: Compression::ZIP16,
         blocks: exr::image::Blocks::ScanLines,
@@ -86,11 +87,16 @@ pub fn write_frame(
     };
     let layer = Layer::new(size, attributes::of_layer(header), encoding, AnyChannels::sort(list));
     let image = Image { attributes: attributes::of_image(header, size), layer_data: layer };
+
+    // The file gets its name when it is whole.
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     let partial = path.with_file_name(name);
-    let written = image.write().to_file(&partial).map_err(ImageFileError::format(path));
-    let whole = written.and_then(|()| std::fs::rename(&partial, path).map_err(ImageFileError::system(path)));
+    let mut file = Vec::new();
+    image.write().to_buffered(Cursor::new(&mut file)).map_err(ImageFileError::format(path))?;
+    attributes::sort_attributes(&mut file);
+    let written = std::fs::write(&partial, file).and_then(|()| std::fs::rename(&partial, path));
+    let whole = written.map_err(ImageFileError::system(path));
     if whole.is_err() {
         let _ = std::fs::remove_file(&partial);
     }
@@ -251,6 +257,21 @@ mod tests {
         assert_eq!(other("imageCounter"), Some(AttributeValue::I32(61)));
         let name = AttributeValue::Text(Text::new_or_panic("CryptoObject"));
         assert_eq!(other("cryptomatte/0123456/name"), Some(name));
+    }
+
+    #[test]
+    fn equal_frames_are_equal_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let name = |index| HeaderText { name: format!("cryptomatte/{index:07x}/name"), text: "x".into() };
+        let header = FrameHeader { texts: (0..20).map(name).collect(), ..FrameHeader::default() };
+        let bytes = |name: &str| {
+            let path = folder.path().join(name);
+            let channel = FrameChannel { name: "R".into(), samples: vec![0.5; 6], depth: SampleDepth::Half };
+            write_frame(&path, (3, 2), &header, vec![channel]).unwrap();
+            assert_eq!(read_layers(&path).unwrap().channel("R"), Some(&[0.5; 6][..]));
+            std::fs::read(path).unwrap()
+        };
+        assert_eq!(bytes("a.exr"), bytes("b.exr"));
     }
 
     #[test]
