@@ -1,0 +1,161 @@
+//! One object, or all of a scene, in all ways of storing: sizes and errors.
+
+use crate::light::DIRECTIONS;
+use crate::scene::Object;
+use lightfield::{Field, FieldError, LookUp, NearLossless, Samples, SegmentRule, Segmented};
+use rayon::prelude::*;
+
+/// The codings of the tables, in their order.
+const NAMES: [&str; 9] =
+    ["T=0", "T=6", "T=9", "T=6, line", "T=9, line", "`zstd -19`", "ours δ=0", "ours δ=2", "ours δ=3"];
+
+/// Errors in codes.
+#[derive(Clone, Copy, Default)]
+struct Errors {
+    /// Sum of the means of three channels.
+    sum: f64,
+    /// Largest of one channel, and of the mean of three.
+    channel: f32,
+    mean: f32,
+}
+
+/// One coding of one object.
+#[derive(Clone, Copy, Default)]
+struct Coded {
+    bytes: usize,
+    errors: Errors,
+}
+
+/// All codings of an object.
+pub struct Row {
+    name: &'static str,
+    raw: usize,
+    coded: [Coded; 9],
+}
+
+impl Errors {
+    /// Both together.
+    fn and(self, other: Self) -> Self {
+        Self { sum: self.sum + other.sum, channel: self.channel.max(other.channel), mean: self.mean.max(other.mean) }
+    }
+
+    /// Differences of all codes of a texel.
+    fn of_texel(field: &Field, stored: &impl LookUp, slot: usize) -> Self {
+        let mut errors = Self::default();
+        for direction in 0..DIRECTIONS {
+            let (Some(exact), Some(found)) = (field.codes(slot, direction), stored.codes(slot, direction)) else {
+                continue;
+            };
+            let three = [0, 1, 2].map(|c| (exact[c] - found[c]).abs());
+            let mean = three.iter().sum::<f32>() / 3.0;
+            let channel = three.into_iter().fold(0.0, f32::max);
+            errors = errors.and(Self { sum: mean.into(), channel, mean });
+        }
+        errors
+    }
+
+    /// Differences of all codes of a field. Sums of texels are added in order.
+    fn of_field(field: &Field, stored: &(impl LookUp + Sync)) -> Self {
+        let slots: Vec<usize> = field.tiles().slots().collect();
+        let texels: Vec<Self> = slots.par_iter().map(|&slot| Self::of_texel(field, stored, slot)).collect();
+        texels.into_iter().fold(Self::default(), Self::and)
+    }
+}
+
+/// The thesis's coding.
+fn segments(field: &Field, threshold: u16, rule: SegmentRule) -> Result<Coded, FieldError> {
+    let stored = Segmented::encode(field, threshold, rule)?;
+    Ok(Coded { bytes: stored.size(), errors: Errors::of_field(field, &stored.bisection()) })
+}
+
+/// Our coding.
+fn near_lossless(field: &Field, delta: u16) -> Result<Coded, FieldError> {
+    let stored = NearLossless::encode(field, delta)?;
+    Ok(Coded { bytes: stored.as_bytes().len(), errors: Errors::of_field(field, &stored) })
+}
+
+/// The raw bytes as one frame of Zstandard.
+fn zstandard(field: &Field) -> Coded {
+    let Samples::Bytes(codes) = field.samples() else { unreachable!("the example makes bytes") };
+    let frame = zstd::bulk::compress(codes, 19).expect("memory for a frame");
+    Coded { bytes: frame.len(), errors: Errors::default() }
+}
+
+impl Row {
+    /// Stores a field in all ways. Zstandard, which has one thread, runs beside the others.
+    pub fn of(name: &'static str, field: &Field) -> Result<Self, FieldError> {
+        let others = || {
+            Ok([
+                segments(field, 0, SegmentRule::Checked)?,
+                segments(field, 6, SegmentRule::Checked)?,
+                segments(field, 9, SegmentRule::Checked)?,
+                segments(field, 6, SegmentRule::FirstDifference)?,
+                segments(field, 9, SegmentRule::FirstDifference)?,
+                near_lossless(field, 0)?,
+                near_lossless(field, 2)?,
+                near_lossless(field, 3)?,
+            ])
+        };
+        let (others, plain) = rayon::join(others, || zstandard(field));
+        let [a, b, c, d, e, f, g, h] = others?;
+        Ok(Self { name, raw: field.samples().len(), coded: [a, b, c, d, e, plain, f, g, h] })
+    }
+
+    /// The sum over objects.
+    pub fn total(rows: &[Self]) -> Self {
+        let mut total = Self { name: "all", raw: 0, coded: [Coded::default(); 9] };
+        for row in rows {
+            total.raw += row.raw;
+            for (sum, coded) in total.coded.iter_mut().zip(row.coded) {
+                *sum = Coded { bytes: sum.bytes + coded.bytes, errors: sum.errors.and(coded.errors) };
+            }
+        }
+        total
+    }
+}
+
+/// Bytes in millions, with three digits that count.
+fn megabytes(bytes: usize) -> String {
+    let megabytes = bytes as f64 / 1e6;
+    let decimals = if megabytes < 1.0 {
+        3
+    } else if megabytes < 100.0 {
+        2
+    } else {
+        1
+    };
+    format!("{megabytes:.decimals$}")
+}
+
+/// Prints sizes, and below those of all objects how many times smaller than the raw bytes they are.
+pub fn print_sizes(rows: &[Row], objects: &[Object]) {
+    println!("| MB | raw | {} | thesis printed, T=0 / 6 / 9 at scale 1 |", NAMES.join(" | "));
+    println!("|---{}|", "|---".repeat(NAMES.len() + 2));
+    for (k, row) in rows.iter().enumerate() {
+        let sizes = row.coded.map(|coded| megabytes(coded.bytes)).join(" | ");
+        let printed = objects.get(k).and_then(|object| object.printed);
+        // Its kilobytes have 1024 bytes.
+        let printed = printed.map_or_else(String::new, |three| {
+            three.map(|kilobytes| format!("{:.1}", f64::from(kilobytes) * 1024e-6)).join(" / ")
+        });
+        println!("| {} | {} | {sizes} | {printed} |", row.name, megabytes(row.raw));
+    }
+    let Some(all) = rows.last() else { return };
+    let ratios = all.coded.map(|coded| format!("{:.1}", all.raw as f64 / coded.bytes as f64)).join(" | ");
+    println!("| raw / stored | | {ratios} | |");
+}
+
+/// Prints errors in codes: mean over all channels, largest of one channel, largest of the mean of three.
+pub fn print_errors(rows: &[Row]) {
+    println!("Errors in codes: mean, largest of one channel, largest of the mean of three\n");
+    let lossy = [1, 2, 3, 4, 6, 7, 8];
+    println!("| | {} |", lossy.map(|k| NAMES[k]).join(" | "));
+    println!("|---{}|", "|---".repeat(lossy.len()));
+    for row in rows {
+        let errors = lossy.map(|k| {
+            let Errors { sum, channel, mean } = row.coded[k].errors;
+            format!("{:.2}, {channel:.2}, {mean:.2}", sum / (row.raw / 3) as f64)
+        });
+        println!("| {} | {} |", row.name, errors.join(" | "));
+    }
+}

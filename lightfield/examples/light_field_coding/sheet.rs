@@ -1,0 +1,44 @@
+//! A sheet of texels: the light of an object in one direction, stored in several ways, and errors magnified.
+
+use crate::light::{self, DIRECTIONS, PLACES};
+use crate::scene::{Object, Scene};
+use lightfield::{LookUp, NearLossless, SegmentRule, Segmented};
+use std::fs::File;
+use std::io::BufWriter;
+
+/// Pixels between pictures.
+const GAP: usize = 8;
+/// Errors are shown this many times as large, around gray.
+const MAGNIFIED: f32 = 24.0;
+
+/// Writes the sheet as PNG: above the light of `object` raw, as segments of T = 9 and near-lossless with δ = 3, below errors.
+pub fn write(path: &str, scene: &Scene, object: &Object) -> Result<(), Box<dyn std::error::Error>> {
+    let field = light::field(scene, object, false)?;
+    let segmented = Segmented::encode(&field, 9, SegmentRule::Checked)?;
+    let (linear, near) = (segmented.linear(), NearLossless::encode(&field, 3)?);
+    let ways: [&dyn LookUp; 3] = [&field, &linear, &near];
+
+    // 45° to the normal, and an azimuth from which the lobe is seen.
+    let direction = PLACES / 2 + DIRECTIONS * 7 / 8 / PLACES * PLACES;
+    let (width, height) = (object.width, object.height);
+    let (across, down) = (3 * width + 2 * GAP, 2 * height + GAP);
+    let mut pixels = vec![255; across * down * 3];
+    for (column, way) in ways.iter().enumerate() {
+        for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+            let slot = light::slot(object, [x, y]);
+            let exact = field.codes(slot, direction).unwrap_or_default();
+            let found = way.codes(slot, direction).unwrap_or_default();
+            let above = (y * across + column * (width + GAP) + x) * 3;
+            let below = above + (height + GAP) * across * 3;
+            for c in 0..3 {
+                pixels[above + c] = found[c].round() as u8;
+                pixels[below + c] = (128.0 + MAGNIFIED * (found[c] - exact[c])).clamp(0.0, 255.0) as u8;
+            }
+        }
+    }
+    let mut encoder = png::Encoder::new(BufWriter::new(File::create(path)?), across as u32, down as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header()?.write_image_data(&pixels)?;
+    println!("{path}");
+    Ok(())
+}
