@@ -2,7 +2,7 @@
 //!
 //! A [`Field`] is the raw samples: texels in tiles of 16×16 ([`TexelTiles`]), directions by number, three channels.
 //! [`NearLossless`] stores them with an error that never exceeds a limit, [`Segmented`] as the thesis on precomputed surface
-//! radiance does [LinkopingThesis]. All of them are [`LookUp`]s. [`OctahedralMap`] numbers directions.
+//! radiance does \[LinkopingThesis\]. All of them are [`LookUp`]s. [`OctahedralMap`] numbers directions.
 //!
 //! ```
 //! use lightfield::{Field, LookUp, NearLossless, Samples, TexelTiles};

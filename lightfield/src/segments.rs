@@ -44,7 +44,7 @@ pub struct Segmented {
     tiles: TexelTiles,
     directions: usize,
     /// The first key of each texel, by rank, and the number of all keys.
-    starts: Vec<u32>,
+    starts: Vec<usize>,
     /// Direction and color of each key.
     positions: Vec<u16>,
     colors: Vec<u16>,
@@ -116,7 +116,7 @@ impl Segmented {
             self.positions.push(key.position);
             self.colors.push(number);
         }
-        self.starts.push(self.positions.len() as u32);
+        self.starts.push(self.positions.len());
     }
 
     /// The number of keys.
@@ -150,7 +150,7 @@ impl Segmented {
     #[inline]
     fn codes(&self, slot: usize, direction: usize, find: impl Fn(&[u16]) -> usize) -> Option<[f32; 3]> {
         let rank = self.tiles.rank(slot).filter(|_| direction < self.directions)?;
-        let (start, end) = (self.starts[rank] as usize, self.starts[rank + 1] as usize);
+        let (start, end) = (self.starts[rank], self.starts[rank + 1]);
         let after = start + find(&self.positions[start..end]);
         let object = &self.objects[self.objects.partition_point(|object| object.first <= rank) - 1];
         let high = object.table[usize::from(self.colors[after])].map(f32::from);
