@@ -4,6 +4,8 @@ use crate::tiles::{TILE_SIDE, TILE_SLOTS};
 
 /// Directions of a texel at most: a tile of them takes 6 MiB.
 pub(crate) const MOST_DIRECTIONS: usize = 4096;
+/// Tiles at most, so that slots are counted in 32 bits.
+pub(crate) const MOST_TILES: usize = 1 << 24;
 /// Largest error that can be asked for, in codes: of logarithmic codes a factor of 2¹⁶.
 pub(crate) const LARGEST_DELTA: u16 = 4095;
 
@@ -14,6 +16,9 @@ pub enum FieldError {
     /// The number of directions is 0 or too large.
     #[error("{0} directions a texel: expected 1 to {MOST_DIRECTIONS}")]
     Directions(usize),
+    /// There are too many tiles.
+    #[error("{0} tiles: expected at most {MOST_TILES}")]
+    Tiles(usize),
     /// The number of samples is not texels × directions × 3.
     #[error("{found} samples: expected {expected}, three for each texel and direction")]
     Length {

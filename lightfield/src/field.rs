@@ -1,6 +1,6 @@
 //! Samples as they are, for each texel and direction.
 
-use crate::error::{FieldError, MOST_DIRECTIONS};
+use crate::error::{FieldError, MOST_DIRECTIONS, MOST_TILES};
 use crate::look_up::LookUp;
 use crate::scale::LogScale;
 use crate::tiles::TexelTiles;
@@ -67,11 +67,14 @@ impl Field {
     ///
     /// # Errors
     ///
-    /// [`FieldError::Directions`] unless `directions` is 1 to 4096, and [`FieldError::Length`] unless there are three samples
-    /// for each texel and direction.
+    /// [`FieldError::Directions`] unless `directions` is 1 to 4096, [`FieldError::Tiles`] where there are more than 2²⁴, and
+    /// [`FieldError::Length`] unless there are three samples for each texel and direction.
     pub fn new(tiles: TexelTiles, directions: usize, samples: Samples) -> Result<Self, FieldError> {
         if !(1..=MOST_DIRECTIONS).contains(&directions) {
             return Err(FieldError::Directions(directions));
+        }
+        if tiles.len() > MOST_TILES {
+            return Err(FieldError::Tiles(tiles.len()));
         }
         let (found, expected) = (samples.len(), tiles.texels() * directions * 3);
         if found != expected {

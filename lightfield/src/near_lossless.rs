@@ -13,12 +13,13 @@ use crate::tiles::{TILE_SLOTS, TexelTiles, count, rank_in};
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Level of Zstandard: the highest whose decoder needs no more memory than others'.
+/// Level of Zstandard: the highest below those that ask decoders for larger windows.
 const LEVEL: i32 = 19;
 
 /// A field whose codes are wrong by at most δ, stored by tiles of 16×16 texels.
 ///
 /// A tile is decoded when one of its texels is looked up first, and kept. Any number of threads may look up at once.
+#[derive(Clone, Debug)]
 pub struct NearLossless {
     bytes: Vec<u8>,
     head: Head,

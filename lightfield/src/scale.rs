@@ -11,8 +11,8 @@ const STEPS: f64 = 256.0;
 /// x = round(256 · log2(1 + L / L₀))        L = L₀ · (2^(x / 256) − 1)
 /// ```
 ///
-/// A code that is wrong by δ, its rounding aside, is light that is wrong by at most (2^((δ + ½) / 256) − 1) · (L + L₀): without
-/// any such δ 0.14 % where L ≫ L₀, and 0.0014 L₀ in the dark. Every finite `f32` has a code.
+/// A code that is wrong by δ, its rounding aside, is light that is wrong by at most (2^((δ + ½) / 256) − 1) · (L + L₀). At
+/// δ = 0 that is 0.14 % where L ≫ L₀, and 0.0014 L₀ in the dark. Every finite `f32` of at least 0 has a code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogScale {
     unit: f32,

@@ -1,6 +1,6 @@
 //! The rival: piecewise linear segments along the direction's number, with indexed colors [LinkopingThesis, 5.2 and 7.2.4].
 //!
-//! Of the codes v(0), v(1), … of a texel in all directions, some are kept as keys; between keys s and e,
+//! Some of the codes v(0), v(1), … of a texel in all directions are kept as keys. Between keys s and e,
 //!
 //! ```text
 //! v'(j) = v(s) + (v(e) − v(s)) (j − s) / (e − s)       err_c(j) = v_c(j) − v'_c(j), for the channels c
@@ -28,7 +28,7 @@ const MOST_COLORS: usize = 1 << 16;
 /// The codes of a color.
 type Color = [u8; 3];
 
-/// How far a segment goes. In both rules no first difference v(j + 1) − v(j) has the opposite sign of the segment's first.
+/// The length of a segment. In both rules no first difference v(j + 1) − v(j) has the opposite sign of the segment's first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SegmentRule {
     /// While Σ_c |err_c(j)| < T and |err_c(j)| < T/2 for all j between s and e: the mean error of channels is below T/3.
@@ -168,7 +168,7 @@ impl Segmented {
 }
 
 /// [`Segmented`], looked up along the keys.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct LinearSearch<'a>(&'a Segmented);
 
 impl LookUp for LinearSearch<'_> {
@@ -185,7 +185,7 @@ impl LookUp for LinearSearch<'_> {
 }
 
 /// [`Segmented`], looked up by bisection.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Bisection<'a>(&'a Segmented);
 
 impl LookUp for Bisection<'_> {
@@ -233,7 +233,7 @@ fn turns(colors: &[Color], end: usize, first: [i64; 3]) -> bool {
     (0..3).any(|c| step[c] * first[c] < 0)
 }
 
-/// Where the segment that begins at `start` ends by [`SegmentRule::Checked`].
+/// The end of the segment that begins at `start`, by [`SegmentRule::Checked`].
 fn checked_end(colors: &[Color], start: usize, threshold: i64) -> usize {
     let first = difference(colors[start + 1], colors[start]);
     // As long as codes go along the line exactly, there is nothing between to be checked.
@@ -258,7 +258,7 @@ fn error(colors: &[Color], [s, j]: [usize; 2], chord: [i64; 3], n: i64) -> [i64;
     [0, 1, 2].map(|c| rise[c] * n - chord[c] * (j - s) as i64)
 }
 
-/// Where the segment that begins at `start` ends by [`SegmentRule::FirstDifference`].
+/// The end of the segment that begins at `start`, by [`SegmentRule::FirstDifference`].
 fn first_difference_end(colors: &[Color], start: usize, threshold: i64) -> usize {
     let first = difference(colors[start + 1], colors[start]);
     let mut end = start + 1;

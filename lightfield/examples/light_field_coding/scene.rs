@@ -46,7 +46,7 @@ pub struct Object {
     pub printed: Option<[u32; 3]>,
 }
 
-/// What can stand between two points.
+/// A thing that can stand between two points.
 pub enum Occluder {
     /// Points x with n · x ≤ d for all (n, d).
     Convex(Vec<(Vec3, f32)>),

@@ -6,7 +6,7 @@
 //! CRC-32 (u32) of all before; then the bytes of the tiles, each a Zstandard frame         all little-endian
 //! ```
 
-use crate::error::{FieldError, LARGEST_DELTA, MOST_DIRECTIONS, VERSION};
+use crate::error::{FieldError, LARGEST_DELTA, MOST_DIRECTIONS, MOST_TILES, VERSION};
 use crate::scale::LogScale;
 use crate::tiles::{Mask, TexelTiles};
 
@@ -15,8 +15,6 @@ const MAGIC: [u8; 4] = *b"R2LF";
 const START: usize = 24;
 /// Bytes of a tile in that list.
 const ENTRY: usize = 40;
-/// Tiles at most, so that slots are counted in 32 bits.
-const MOST_TILES: usize = 1 << 24;
 
 /// All that stands before the tiles.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,7 +24,7 @@ pub(crate) struct Head {
     pub scale: Option<LogScale>,
     pub delta: u16,
     pub tiles: TexelTiles,
-    /// Where the bytes of each tile begin, and where the last ones end.
+    /// Beginnings of the bytes of each tile, and the end of the last ones.
     pub places: Vec<usize>,
 }
 

@@ -10,9 +10,9 @@ use proptest::prelude::*;
 /// Largest differences of codes between two fields: of one channel, and of the mean of three.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Largest {
-    /// Of one channel.
+    /// One channel.
     pub channel: f32,
-    /// Of the mean of three channels.
+    /// The mean of three channels.
     pub mean: f32,
 }
 
