@@ -17,12 +17,12 @@
 
 use super::blocks::{Block, blocks};
 use super::inside::Places;
+use crate::renderer::Visibility;
 use crate::renderer::frame::Frame;
-use crate::renderer::{GATHER_RAYS, Visibility};
 use glam::{Vec3, Vec3A};
 use lighttree::{Cut, Lambert, Light, Receivers, Scratch, Stop};
 use rayon::prelude::*;
-use render_core::{Atlas, ShadingPoint, Surfaces, luminance};
+use render_core::{Atlas, ShadingPoint, luminance};
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -48,6 +48,22 @@ pub(super) struct TexelLight {
     pub indirect: Vec<[f32; 3]>,
     /// Texels that no point was found for.
     pub filled: usize,
+}
+
+impl TexelLight {
+    /// All irradiance of a texel \[W·m⁻²\].
+    pub fn irradiance(&self, texel: usize) -> Vec3 {
+        Vec3::from(self.direct[texel]) + Vec3::from(self.indirect[texel])
+    }
+
+    /// Mean luminance of the irradiance of all texels \[W·m⁻²\].
+    pub fn mean(&self) -> f32 {
+        let mut sum = 0.0;
+        for texel in 0..self.direct.len() {
+            sum += f64::from(luminance(self.irradiance(texel)));
+        }
+        (sum / self.direct.len().max(1) as f64) as f32
+    }
 }
 
 /// Light of a texel after the first pass.
@@ -77,24 +93,20 @@ struct Bake<'a> {
     atlas: &'a Atlas,
     frame: &'a Frame<'a>,
     visibility: &'a Visibility<'a>,
-    points: Vec<Option<ShadingPoint>>,
+    points: &'a [Option<ShadingPoint>],
     /// Whether final gather finds the light that softening takes.
     compensates: bool,
 }
 
-/// Lights the texels of `atlas`, whose `surfaces` are those of a whole scene, in a `frame` of what stands still there.
-/// `progress` is called from any thread with the texels that are done, of [`PASSES`] times their number.
+/// Lights the texels of an atlas at `points`: for each texel one of `places`, if there is any. `progress` is called from any thread with the texels that are done, of [`PASSES`] times their number.
 pub(super) fn light(
-    atlas: &Atlas,
-    surfaces: &Surfaces,
-    frame: &Frame,
+    places: &Places,
+    points: &[Option<ShadingPoint>],
     compensates: bool,
     progress: &(dyn Fn(usize) + Sync),
 ) -> TexelLight {
-    // A point for each texel.
-    let visibility = Visibility::new(frame, GATHER_RAYS);
-    let places = Places { atlas, surfaces, frame, visibility: &visibility };
-    let bake = Bake { atlas, frame, visibility: &visibility, points: places.points(), compensates };
+    let &Places { atlas, frame, visibility, .. } = places;
+    let bake = Bake { atlas, frame, visibility, points, compensates };
     let blocks = blocks(atlas);
     let done = AtomicUsize::new(0);
     let tell = |texels: usize| progress(done.fetch_add(texels, Ordering::Relaxed) + texels);
@@ -131,7 +143,7 @@ pub(super) fn light(
     let finer: Vec<Vec<TwoLights>> = blocks
         .par_iter()
         .map_init(<(Scratch, Vec<Cut>)>::default, |scratch, block| {
-            let lit = bake.finer(block, &places, (&direct, &indirect), scratch);
+            let lit = bake.finer(block, places, (&direct, &indirect), scratch);
             tell(block.texels.len());
             lit
         })
@@ -139,8 +151,8 @@ pub(super) fn light(
     for lit in finer.into_iter().flatten() {
         (direct[lit.texel], indirect[lit.texel]) = (lit.direct.to_array(), Some(lit.indirect.to_array()));
     }
-    let filled = bake.points.iter().filter(|point| point.is_none()).count();
-    fill(atlas, &bake.points, &mut direct, &mut indirect);
+    let filled = points.iter().filter(|point| point.is_none()).count();
+    fill(atlas, points, &mut direct, &mut indirect);
     TexelLight { direct, indirect: indirect.into_iter().map(Option::unwrap_or_default).collect(), filled }
 }
 

@@ -4,6 +4,7 @@
 //! [`export`] paints the light into a copy of the scene.
 
 mod blocks;
+mod coats;
 pub mod export;
 mod file;
 mod fingerprint;
@@ -12,18 +13,25 @@ mod light;
 
 use crate::error::{Context, Error, Result};
 use crate::plan::{Plan, Stage, lamp_moves};
-use crate::renderer::Preparation;
+use crate::renderer::coat_fields::CoatFields;
 use crate::renderer::texels::BakedTexels;
+use crate::renderer::{GATHER_RAYS, Preparation, Visibility};
 use crate::settings::{RenderSettings, Settings, Size};
 use crate::state::{decode, encode};
 pub use file::SectionFile;
 pub use fingerprint::fingerprint;
+use inside::Places;
 use render_core::scene::Scene;
 use render_core::{Atlas, Surfaces};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
-/// The section of a file that holds the atlas and its light.
+/// The section of a file that holds the atlas and its irradiance.
 const TEXELS: [u8; 4] = *b"TEXL";
+/// The section of a file that holds the light of coats.
+const COATS: [u8; 4] = *b"COAT";
 
 /// Baked light, and how it was found.
 #[derive(Clone, Debug)]
@@ -33,6 +41,8 @@ pub struct Bake {
     pub texels: BakedTexels,
     /// Texels that lie within something and have the light of those around them.
     pub filled: usize,
+    /// Time that the light of coats took, by the clock \[s\].
+    pub coat_seconds: f64,
 }
 
 /// Lights about `texels` texels of all that stands still in `scene`. `progress` is called from any thread with the work
@@ -66,12 +76,25 @@ pub fn bake(
     let plan = Plan::new(&still, &settings);
     let frame = Preparation::new(&still, &settings, &plan).frame(0).frame;
 
-    // Each texel counts once for each pass over it.
-    let all = light::PASSES * atlas.len();
+    // Each texel counts once for each pass over it, and the last pass is that over coats.
+    let all = (light::PASSES + 1) * atlas.len();
     let compensates = plan.is_on(Stage::Compensation);
-    let lit = light::light(&atlas, &surfaces, &frame, compensates, &|done| progress(done, all));
+    let visibility = Visibility::new(&frame, GATHER_RAYS);
+    let places = Places { atlas: &atlas, surfaces: &surfaces, frame: &frame, visibility: &visibility };
+    let points = places.points();
+    let lit = light::light(&places, &points, compensates, &|done| progress(done, all));
+
+    // Light of coats, by rays.
+    let begin = Instant::now();
+    let done = AtomicUsize::new(light::PASSES * atlas.len());
+    let tell = |texels: usize| progress(done.fetch_add(texels, Ordering::Relaxed) + texels, all);
+    let instances = standing(scene);
+    let bake = coats::CoatBake { places: &places, points: &points, light: &lit, instances: &instances };
+    let coats = Arc::new(bake.fields(&tell));
+    let coat_seconds = begin.elapsed().as_secs_f64();
     let light::TexelLight { direct, indirect, filled } = lit;
-    Ok(Bake { texels: BakedTexels { atlas, direct, indirect }, filled })
+    let texels = BakedTexels { atlas: atlas.clone(), direct, indirect, coats };
+    Ok(Bake { texels, filled, coat_seconds })
 }
 
 impl Bake {
@@ -80,7 +103,7 @@ impl Bake {
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, scene: &Scene, path: &Path) -> Result<u64> {
-        let sections = vec![(TEXELS, encode(&self.texels))];
+        let sections = vec![(TEXELS, encode(&self.texels)), (COATS, self.texels.coats.to_bytes())];
         SectionFile { fingerprint: fingerprint(scene), sections }.write(path)
     }
 }
@@ -96,25 +119,32 @@ pub fn read(scene: &Scene, path: &Path) -> Result<BakedTexels> {
     let file = SectionFile::read(path)?;
     file.check_scene(path, fingerprint(scene))?;
     let remedy = || format!("{}: bake it anew", path.display());
-    let texels: BakedTexels = decode(file.section(path, TEXELS)?).context(remedy())?;
+    let mut texels: BakedTexels = decode(file.section(path, TEXELS)?).context(remedy())?;
     let whole = texels.atlas.validate(scene)
         && texels.direct.len() == texels.atlas.len()
         && texels.indirect.len() == texels.atlas.len();
     if !whole {
         return Err(Error::content(path, ": its texels make no sense: bake it anew"));
     }
+    let coats = CoatFields::from_bytes(&texels.atlas, file.section(path, COATS)?);
+    texels.coats = Arc::new(coats.map_err(|text| Error::content(path, format!(": {text}: bake it anew")))?);
     Ok(texels)
+}
+
+/// The instances that never move, by their indices.
+fn standing(scene: &Scene) -> Vec<u32> {
+    let mut standing = Vec::new();
+    for (instance, moves) in scene.moving_instances().into_iter().enumerate() {
+        if !moves {
+            standing.push(instance as u32);
+        }
+    }
+    standing
 }
 
 /// The scene without the instances that ever move.
 fn without_moving(scene: &Scene) -> Scene {
-    let moving = scene.moving_instances();
     let mut still = scene.clone();
-    still.instances.clear();
-    for (instance, moves) in scene.instances.iter().zip(moving) {
-        if !moves {
-            still.instances.push(*instance);
-        }
-    }
+    still.instances = standing(scene).into_iter().map(|instance| scene.instances[instance as usize]).collect();
     still
 }

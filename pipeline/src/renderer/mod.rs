@@ -2,6 +2,8 @@
 //!
 //! [`plan`] decides which work a scene needs.
 
+#[cfg(feature = "bake")]
+pub mod coat_fields;
 mod exposure;
 pub mod frame;
 pub mod plan;
@@ -16,4 +18,7 @@ pub use frame::{Frame, PreparedFrame};
 pub use prepare::Preparation;
 pub use shade::{Audits, CutCounts, FootprintPixel, Layer, Lit, RecordCounts, Shading, Tolerance, Visible};
 #[cfg(feature = "bake")]
-pub(crate) use shade::{GATHER_RAYS, Visibility};
+pub(crate) use shade::{GATHER_RAYS, TexelCoat, Visibility};
+
+/// Perceptual roughness from which on the light of coats is baked: smoother ones show shapes that no texel holds.
+pub(crate) const BAKED_ROUGHNESS: f32 = 0.35;

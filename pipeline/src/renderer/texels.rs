@@ -1,10 +1,12 @@
 //! Light of the surfaces that stand still, as texels of an atlas.
 
+use super::coat_fields::CoatFields;
 use glam::Vec3;
 use render_core::{Atlas, PixelSurface, Surfaces};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
-/// Irradiance of the texels of an atlas.
+/// Light of the texels of an atlas.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BakedTexels {
     /// The texels, and where surfaces have them.
@@ -13,6 +15,9 @@ pub struct BakedTexels {
     pub direct: Vec<[f32; 3]>,
     /// All other irradiance.
     pub indirect: Vec<[f32; 3]>,
+    /// Light that coats reflect, but for its sources; a section of its own in files.
+    #[serde(skip)]
+    pub coats: Arc<CoatFields>,
 }
 
 impl BakedTexels {
@@ -29,5 +34,22 @@ impl BakedTexels {
             irradiance += weight * Vec3::from(self.indirect[texel as usize]);
         }
         Some(irradiance)
+    }
+
+    /// Mean radiance \[W·m⁻²·sr⁻¹\] that the coat which a pixel shows reflects, but for its sources, where a mirror would show the
+    /// world in the unit direction `mirrored`; none where it is not baked. Bilinear like irradiance.
+    #[must_use]
+    pub fn coat_at(&self, pixel: &PixelSurface, surfaces: &Surfaces, mirrored: Vec3) -> Option<Vec3> {
+        if self.coats.is_empty() {
+            return None;
+        }
+        let blend = self.atlas.bilinear(surfaces, &pixel.into())?;
+        let mut light = Vec3::ZERO;
+        for (texel, weight) in blend.texels.into_iter().zip(blend.weights) {
+            if weight > 0.0 {
+                light += weight * self.coats.mean_radiance(texel as usize, mirrored)?;
+            }
+        }
+        Some(light)
     }
 }

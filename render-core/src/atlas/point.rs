@@ -3,7 +3,7 @@
 use super::nearest::Nearest;
 use super::{Atlas, Placed};
 use crate::accel::Hit;
-use crate::{PixelSurface, Surfaces};
+use crate::{PixelSurface, Surface, Surfaces};
 use glam::{Vec2, Vec3A};
 
 /// A point on one side of a surface.
@@ -159,6 +159,16 @@ impl Atlas {
             geometric_normal: met.geometric_normal,
             shading_normal: met.shading_normal(),
         })
+    }
+
+    /// The surface at one of a texel's [`sites`](Atlas::sites), as seen along its normal; textures are filtered over a texel.
+    #[must_use]
+    pub fn surface(&self, site: &TexelSite, surfaces: &Surfaces) -> Surface {
+        let &TexelSite { instance, triangle, position, geometric_normal, .. } = site;
+        let corners = surfaces.corners(instance as usize, triangle as usize);
+        let [_, u, v] = Nearest::new(corners, position).weights;
+        let hit = Hit { distance: 0.0, instance, triangle, u, v };
+        surfaces.at(&hit, -geometric_normal, 1.0 / self.texels_per_meter)
     }
 
     /// The four texels around a point, and their weights: all are in use and belong to the point's chart.

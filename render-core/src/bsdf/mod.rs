@@ -109,6 +109,16 @@ impl Bsdf {
         }
     }
 
+    /// How much more light than [`Bsdf::diffuse_albedo`] / π of light from one direction is sent back in the same broad way
+    /// \[sr⁻¹\]: coats let more light through from above than from the side. Zero in the mean over even light, and without a coat.
+    #[must_use]
+    pub fn diffuse_excess(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        match &self.coat {
+            Some(coat) if wo.z > 0.0 && wi.z > 0.0 => coat.diffuse(wo.z, wi.z) - coat.diffuse_albedo(wo.z) * FRAC_1_PI,
+            _ => Vec3::ZERO,
+        }
+    }
+
     /// The part of [`Bsdf::directional_albedo`] that is the coat's single scattering; zero without a coat.
     #[must_use]
     pub fn coat_albedo(&self, cos: f32) -> Vec3 {

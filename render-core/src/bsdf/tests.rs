@@ -3,6 +3,7 @@
 use super::*;
 use crate::sampling::hammersley;
 use crate::sampling::{hash_unit, uniform_sphere};
+use std::f32::consts::PI;
 
 const ROUGHNESSES: [f32; 7] = [0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0];
 const COSINES: [f32; 6] = [0.02, 0.1, 0.3, 0.6, 0.9, 1.0];
@@ -189,4 +190,26 @@ fn a_disc_is_seen_as_a_wider_lobe() {
     let wide = bsdf.evaluate_coat(wo, mirrored, half_angle).x;
     assert!((wide / mean - 1.0).abs() < 0.05, "{wide} in place of {mean}");
     assert!(bsdf.evaluate_coat(wo, mirrored, 0.0).x > 1.1 * mean, "a point is brighter");
+}
+
+/// The whole BRDF is the coat, what even light makes of the rest, and an excess that is nothing in the mean over even light.
+#[test]
+fn the_excess_of_the_base_is_nothing_in_even_light() {
+    const COUNT: usize = 20_000;
+    for roughness in ROUGHNESSES {
+        for cos in COSINES {
+            let bsdf = Bsdf::new(Vec3::new(0.8, 0.5, 0.1), Vec3::splat(0.04), roughness);
+            let wo = towards(cos);
+            let mut sum = Vec3::ZERO;
+            for i in 0..COUNT {
+                let wi = cosine_hemisphere(hammersley(i, COUNT));
+                let excess = bsdf.diffuse_excess(wo, wi);
+                sum += excess * PI / COUNT as f32;
+                let parts = bsdf.evaluate_coat(wo, wi, 0.0) + bsdf.diffuse_albedo(wo.z) * FRAC_1_PI + excess;
+                let whole = bsdf.evaluate(wo, wi);
+                assert!((parts - whole).abs().max_element() <= 1e-5 * whole.max_element(), "{parts} is not {whole}");
+            }
+            assert!(sum.abs().max_element() < 2e-3, "roughness {roughness}, cosine {cos}: {sum}");
+        }
+    }
 }

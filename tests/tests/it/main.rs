@@ -3,6 +3,7 @@
 //! `allocation` and `panic_hook` are programs of their own: they replace what a whole process has one of.
 
 mod bake;
+mod bake_coats;
 mod bake_export;
 mod carried;
 #[cfg(unix)]

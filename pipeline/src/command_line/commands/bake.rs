@@ -148,6 +148,12 @@ impl Job<'_> {
                 atlas.charts(),
                 atlas.tiles(),
             );
+            let coats = &baked.texels.coats;
+            if !coats.is_empty() {
+                let (texels, samples, bytes) = (coats.texels(), coats.samples(), coats.stored_bytes());
+                let seconds = baked.coat_seconds;
+                tell!("  coats: {texels} texels, {samples} directions in all, {bytes} bytes in {seconds:.1} s");
+            }
             if written.is_some() {
                 tell!("  render2mpeg render {} --lighting baked", self.settings.scene.display());
             }

@@ -1,7 +1,8 @@
 //! Facts that the plan depends on: contents of a scene, and motion in it.
 
+use crate::renderer::BAKED_ROUGHNESS;
 use crate::settings::RenderSettings;
-use render_core::scene::{Alpha, Instance, Scene};
+use render_core::scene::{Alpha, Instance, Material, Scene};
 
 /// Facts about a scene and its settings.
 pub(super) struct Facts<'a> {
@@ -28,6 +29,8 @@ pub(super) struct Facts<'a> {
     pub deforming: usize,
     /// Surfaces that may have a coat.
     pub coats: usize,
+    /// Of these, the ones whose light no bake has: they move, or may be too smooth.
+    pub live_coats: usize,
 }
 
 impl<'a> Facts<'a> {
@@ -54,6 +57,12 @@ impl<'a> Facts<'a> {
             cut_outs: count(&|one| material(one).alpha != Alpha::Opaque),
             deforming: scene.deforming_instances().iter().filter(|deforms| **deforms).count(),
             coats: count(&|one| material(one).may_have_coat()),
+            live_coats: scene
+                .instances
+                .iter()
+                .zip(&moving_instances)
+                .filter(|&(one, &moves)| material(one).may_have_coat() && (moves || may_be_smooth(material(one))))
+                .count(),
         }
     }
 }
@@ -119,6 +128,11 @@ impl Facts<'_> {
             ),
         ]
     }
+}
+
+/// Whether a coat may be smoother than those whose light is baked: textures make coats smoother.
+fn may_be_smooth(material: &Material) -> bool {
+    material.roughness < BAKED_ROUGHNESS || material.metallic_roughness_texture.is_some()
 }
 
 /// Whether a light or something that glows moves.

@@ -166,7 +166,18 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             otherwise(State::Off, LEFT_OUT),
         ],
     ),
-    (Stage::Gloss, &[any(|f| f.coats, "surfaces have a coat"), otherwise(State::Off, "every surface is matte")]),
+    (
+        Stage::Gloss,
+        &[
+            on(|f| f.looks_up() && f.coats > 0 && f.live_coats == 0, "every coat looks its light up, as requested"),
+            on(
+                |f| f.looks_up() && f.live_coats > 0,
+                "coats that move or may be smoother than 0.35 are live, others look their light up",
+            ),
+            any(|f| f.coats, "surfaces have a coat"),
+            otherwise(State::Off, "every surface is matte"),
+        ],
+    ),
     (
         Stage::Importance,
         &[
@@ -263,9 +274,9 @@ impl Facts<'_> {
         self.settings.lighting.is_baked() && !self.lamp_moves
     }
 
-    /// Whether nothing needs the light of virtual lights: no surface moves, and none reflects a picture of others.
+    /// Whether nothing needs the light of virtual lights: no surface moves, and none reflects a picture of others that is not baked.
     fn looks_all_up(&self) -> bool {
-        self.looks_up() && !self.object_moves && self.coats == 0
+        self.looks_up() && !self.object_moves && self.live_coats == 0
     }
 }
 

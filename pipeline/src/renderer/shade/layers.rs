@@ -10,8 +10,12 @@ use super::per_pixel::PerPixel;
 use crate::error::{Error, Result};
 use crate::plan::{Plan, Stage};
 use crate::renderer::frame::Frame;
+#[cfg(feature = "bake")]
+use crate::renderer::texels::BakedTexels;
 use crate::settings::{Aov, Lighting, RenderSettings};
 use crate::state::NONSENSE;
+#[cfg(feature = "bake")]
+use std::sync::Arc;
 
 /// The light of a frame: the sum over these layers, in this order.
 pub(super) struct Layers {
@@ -32,7 +36,7 @@ impl Layers {
         let carries = plan.is_on(Stage::CarriedLight);
         let mut direct = vec![carried_if(carries, Direct::default(), settings)];
         if plan.is_on(Stage::Gloss) {
-            direct.push(Box::new(Coats));
+            direct.push(Box::new(Coats::default()));
         }
 
         // Beside baked light a layer is for surfaces that move: their light changes, and none of it is carried.
@@ -49,6 +53,15 @@ impl Layers {
             });
         }
         Self { direct, indirect }
+    }
+
+    /// Lets coats look their light up, where there are any.
+    #[cfg(feature = "bake")]
+    pub fn look_coats_up(&mut self, texels: &Arc<BakedTexels>) {
+        // Coats follow the layer of direct light.
+        if let [_, coats] = &mut self.direct[..] {
+            *coats = Box::new(Coats::baked(texels.clone()));
+        }
     }
 
     fn all(&self) -> impl Iterator<Item = &dyn Layer> {

@@ -38,6 +38,8 @@ mod tolerance;
 mod visibility;
 
 pub use audits::Audits;
+#[cfg(feature = "bake")]
+pub(crate) use coats::TexelCoat;
 pub use counts::{CutCounts, RecordCounts};
 pub use layer::{Layer, Lit, Visible};
 pub use tolerance::{FootprintPixel, Tolerance};
@@ -119,6 +121,7 @@ impl<'a> Shading<'a> {
     #[cfg(feature = "bake")]
     #[must_use]
     pub fn with_baked(mut self, texels: Arc<BakedTexels>) -> Self {
+        self.layers.look_coats_up(&texels);
         let others = self.layers.indirect.pop();
         self.with_indirect(Box::new(baked::Baked::new(texels, others)))
     }

@@ -41,6 +41,12 @@ impl Coated {
         Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, direction)
     }
 
+    /// The `surface` at `receiver`, seen along its normal.
+    pub fn at(receiver: ShadingPoint, surface: &Surface) -> Self {
+        let &Surface { albedo, specular, roughness, .. } = surface;
+        Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, -receiver.normal)
+    }
+
     /// At `receiver`, for a ray that came in the unit `direction`.
     fn new(receiver: ShadingPoint, bsdf: Bsdf, roughness: f32, direction: Vec3A) -> Self {
         let normal = Vec3::from(receiver.normal);

@@ -18,7 +18,7 @@
 //! A coat in even light is even, then, however few the rays.
 //!
 //! A pixel traces few rays of its own and shares those of the pixels around it (`neighbors.rs`); where these differ, it traces
-//! more. A reflection is coarser than what the viewer sees directly (`reflections.rs`): coats of roughness 0.2 and above show the
+//! more. Where the light of rough coats is baked they look it up, and trace no such rays (`texel.rs`). A reflection is coarser than what the viewer sees directly (`reflections.rs`): coats of roughness 0.2 and above show the
 //! radiance of surfels, which photons have left there; in smoother ones surfaces are lit by direct light and a loose cut. A
 //! smooth coat that is seen in a smooth coat shows its sources by their lobes, and of everything else the mirrored direction.
 
@@ -26,10 +26,14 @@ mod coated;
 mod neighbors;
 mod reflections;
 mod sparks;
+#[cfg(feature = "bake")]
+mod texel;
 
 use super::layer::{Layer, Lit, Visible};
 use super::macroblock::{by_macroblock, places};
 use super::tolerance::Tolerance;
+#[cfg(feature = "bake")]
+use crate::renderer::{BAKED_ROUGHNESS, texels::BakedTexels};
 use coated::{Coated, Points};
 use glam::{Vec2, Vec3};
 use lighttree::Scratch;
@@ -37,7 +41,11 @@ use neighbors::{Lobe, excess, shared};
 use plane::Plane;
 use reflections::{Brought, Reflections, Typical};
 use render_core::{Busy, GBuffer, PixelSurface};
+#[cfg(feature = "bake")]
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+#[cfg(feature = "bake")]
+pub(crate) use texel::TexelCoat;
 
 /// Reflection rays that each pixel traces, in smooth coats and in rough ones. On a flat coat, two and those of the pixels around
 /// leave as much noise as 36.
@@ -56,7 +64,42 @@ pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
 }
 
 /// Radiance that coats reflect towards the viewer, single scattering.
-pub(super) struct Coats;
+#[derive(Default)]
+pub(super) struct Coats {
+    /// Light of the coats that stand still, if it is baked.
+    #[cfg(feature = "bake")]
+    baked: Option<Arc<BakedTexels>>,
+}
+
+#[cfg(feature = "bake")]
+impl Coats {
+    /// Coats that look up what they reflect, but for sources of light, where `texels` have it.
+    pub fn baked(texels: Arc<BakedTexels>) -> Self {
+        Self { baked: Some(texels) }
+    }
+}
+
+impl Coats {
+    /// Light of a pixel that needs no reflection rays; none if it does.
+    #[cfg(feature = "bake")]
+    fn looked_up(&self, reflections: &mut Reflections, coated: &Coated, pixel: &PixelSurface) -> Option<Lobe> {
+        let texels = self.baked.as_ref().filter(|_| pixel.roughness >= BAKED_ROUGHNESS)?;
+        let light = texels.coat_at(pixel, &reflections.prepared.surfaces, coated.middle().into())?;
+        Some(Lobe::without_rays(reflections.sources(coated) + coated.albedo() * light))
+    }
+
+    #[cfg(not(feature = "bake"))]
+    fn looked_up(&self, _: &mut Reflections, _: &Coated, _: &PixelSurface) -> Option<Lobe> {
+        None
+    }
+
+    /// Light of a pixel, as far as its own rays find it; nothing where there is no coat.
+    fn own_lobe(&self, reflections: &mut Reflections, seen: &GBuffer, place: (usize, usize)) -> Lobe {
+        let Some(coated) = coated(reflections, seen, place) else { return Lobe::default() };
+        let pixel = seen.pixels.get(place.0, place.1);
+        self.looked_up(reflections, &coated, &pixel).unwrap_or_else(|| own_rays(reflections, &coated, place))
+    }
+}
 
 impl Layer for Coats {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, _: &Tolerance<'_>) -> Lit {
@@ -70,7 +113,11 @@ impl Layer for Coats {
             let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
             let mut lobes = Vec::with_capacity(columns.len() * rows.len());
             for place in places(columns, rows) {
-                lobes.push(if is_wanted(place) { own_lobe(&mut reflections, seen, place) } else { Lobe::default() });
+                lobes.push(if is_wanted(place) {
+                    self.own_lobe(&mut reflections, seen, place)
+                } else {
+                    Lobe::default()
+                });
             }
             shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
             lobes
@@ -131,14 +178,6 @@ impl Traced {
 /// The coat that a pixel shows, if there is one.
 fn coated(reflections: &Reflections, seen: &GBuffer, (x, y): (usize, usize)) -> Option<Coated> {
     Coated::of_pixel(&seen.pixels.get(x, y), seen, reflections.prepared.epsilon)
-}
-
-/// Light of a pixel by its own rays alone; nothing where there is no coat.
-fn own_lobe(reflections: &mut Reflections, seen: &GBuffer, place: (usize, usize)) -> Lobe {
-    match coated(reflections, seen, place) {
-        Some(coated) => own_rays(reflections, &coated, place),
-        None => Lobe::default(),
-    }
 }
 
 /// Light of a coat by the own rays of its pixel alone.

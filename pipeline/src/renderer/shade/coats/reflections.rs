@@ -5,7 +5,7 @@ use crate::renderer::frame::Frame;
 use crate::renderer::shade::visibility::sees;
 use glam::{Vec2, Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
-use render_core::{ShadingPoint, Traced, luminance};
+use render_core::{Hit, ShadingPoint, Surface, Traced, luminance};
 use std::f32::consts::PI;
 
 /// Coats that a ray is followed through.
@@ -106,22 +106,30 @@ impl Typical {
 }
 
 /// A ray that leaves a coat.
-struct ReflectedRay {
-    direction: Vec3A,
+pub(super) struct ReflectedRay<'a> {
+    pub direction: Vec3A,
     /// Textures are averaged over this share of the distance.
-    spread: f32,
+    pub spread: f32,
     /// Share that the ray has in the light of its pixel.
-    share: f32,
+    pub share: f32,
     /// Rays that the pixel's light is the mean of.
-    rays: u32,
+    pub rays: u32,
+    /// Irradiance of surfaces, if it is known. Such a ray follows every coat that it meets: its light is found once.
+    pub known: Option<KnownIrradiance<'a>>,
 }
 
+/// Irradiance \[W·m⁻²\] of a surface that a ray has met; none where it is not known.
+pub(crate) type KnownIrradiance<'a> = &'a (dyn Fn(&Hit, &Surface) -> Option<Vec3> + Sync);
+
 impl Reflections<'_> {
-    /// Radiance that the coat reflects of points and suns, and if it is rough of the areas that pixels sample.
+    /// Radiance that the coat reflects of points and suns, and if it is rough of the areas that pixels sample; and how much more or
+    /// less of these the base sends back than of even light, which the layer of direct light takes it for.
     pub fn sources(&mut self, coated: &Coated) -> Vec3 {
         let Frame { accelerator, direct, .. } = self.prepared;
-        let brdf =
-            |direction, half_angle| coated.bsdf.evaluate_coat(coated.outgoing, coated.to_frame(direction), half_angle);
+        let brdf = |direction, half_angle| {
+            let (towards, outgoing) = (coated.to_frame(direction), coated.outgoing);
+            coated.bsdf.evaluate_coat(outgoing, towards, half_angle) + coated.bsdf.diffuse_excess(outgoing, towards)
+        };
         self.counted(direct.reflected(accelerator, &coated.receiver, coated.is_rough(), brdf))
     }
 
@@ -129,7 +137,7 @@ impl Reflections<'_> {
     pub fn mirrored(&mut self, coated: &Coated) -> Vec3 {
         let albedo = coated.albedo();
         let Some(direction) = coated.mirrored() else { return Vec3::ZERO };
-        let ray = ReflectedRay { direction, spread: 0.0, share: luminance(albedo), rays: 1 };
+        let ray = ReflectedRay { direction, spread: 0.0, share: luminance(albedo), rays: 1, known: None };
         albedo * self.along(coated, ray).0
     }
 
@@ -147,13 +155,13 @@ impl Reflections<'_> {
             let weights = coated.bsdf.coat_weight(coated.outgoing, local);
             let alone = Brought { rays: 1.0, weights, ..Brought::default() };
             let Some(direction) = coated.to_world(local) else { return alone };
-            let (light, way) = self.along(coated, ReflectedRay { direction, spread, share, rays });
+            let (light, way) = self.along(coated, ReflectedRay { direction, spread, share, rays, known: None });
             Brought { light: weights * light, nearness: way.recip(), ..alone }
         })
     }
 
     /// Radiance that arrives at the coat along a ray, and the way to what the ray meets first \[m\].
-    fn along(&mut self, coated: &Coated, ray: ReflectedRay) -> (Vec3, f32) {
+    pub fn along(&mut self, coated: &Coated, ray: ReflectedRay<'_>) -> (Vec3, f32) {
         let Frame { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
         let scene = surfaces.scene();
         let (mut origin, mut direction, mut throughput) = (coated.receiver.position, ray.direction, Vec3::ONE);
@@ -188,14 +196,15 @@ impl Reflections<'_> {
             let share = ray.share * luminance(throughput);
             let is_metal = luminance(coat) > luminance(diffuse);
             let least_share = if blurred { LEAST_SHARE_IN_ROUGH[usize::from(met.is_rough())] } else { LEAST_SHARE };
-            let ends = coats == MOST_COATS
-                || share * luminance(coat) < least_share
-                || (blurred || met.is_rough()) && !is_metal;
+            let is_small = share * luminance(coat) < least_share || (blurred || met.is_rough()) && !is_metal;
+            let ends = coats == MOST_COATS || coat == Vec3::ZERO || is_small && ray.known.is_none();
 
             // The base is lit. A coat that no ray follows reflects as if it were part of it.
             let albedo = if ends { diffuse + coat } else { diffuse };
             sum += throughput
-                * if blurred {
+                * if let Some(irradiance) = ray.known.and_then(|known| known(&hit, &surface)) {
+                    albedo / PI * irradiance
+                } else if blurred {
                     gather.surfel_radiance(&surface, hit.instance)
                         * (luminance(albedo) / luminance(diffuse + coat).max(f32::MIN_POSITIVE))
                 } else {
