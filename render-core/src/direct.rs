@@ -239,7 +239,7 @@ impl DirectLights {
         self.areas.iter().any(|area| area.instance == instance)
     }
 
-    /// Radiance that a surface with a BRDF of its own reflects of points and suns, and of the areas if `areas` is set.
+    /// Radiance that a surface with a BRDF of its own reflects of points and suns, and by another BRDF of areas, if there is one.
     ///
     /// `brdf(direction, half_angle)` is its BRDF \[sr⁻¹\] for light from a disc of `half_angle` radians around a direction. The
     /// sun is one disc, of which as much is seen as of its first points; an area light is a disc for each of its points.
@@ -247,8 +247,8 @@ impl DirectLights {
         &self,
         accelerator: &Accelerator,
         receiver: &ShadingPoint,
-        areas: bool,
         brdf: impl Fn(Vec3A, f32) -> Vec3,
+        area_brdf: Option<impl Fn(Vec3A, f32) -> Vec3>,
     ) -> Traced<Vec3> {
         // Points and suns need a shadow ray or two each, an area light one for every sample that gives light.
         let mut whole = Traced::default();
@@ -258,7 +258,7 @@ impl DirectLights {
         for sun in &self.suns {
             whole.add(sun.reflected(accelerator, receiver, &brdf));
         }
-        if areas {
+        if let Some(brdf) = area_brdf {
             for area in &self.areas {
                 area.add_reflected(accelerator, receiver, &brdf, &mut whole);
             }

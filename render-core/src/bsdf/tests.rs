@@ -202,7 +202,7 @@ fn the_excess_of_the_base_is_nothing_in_even_light() {
             let wo = towards(cos);
             let mut sum = Vec3::ZERO;
             for i in 0..COUNT {
-                let wi = cosine_hemisphere(hammersley(i, COUNT));
+                let wi = cosine_hemisphere(Vec3::Z, hammersley(i, COUNT));
                 let excess = bsdf.diffuse_excess(wo, wi);
                 sum += excess * PI / COUNT as f32;
                 let parts = bsdf.evaluate_coat(wo, wi, 0.0) + bsdf.diffuse_albedo(wo.z) * FRAC_1_PI + excess;

@@ -18,6 +18,8 @@ const LEAST_SHARE_IN_ROUGH: [f32; 2] = [0.1, 0.3];
 /// Share of its luminance that a cluster may be wrong by in a cut for a reflection that a single ray brings, and at most.
 const LOOSE: f32 = 0.1;
 const LOOSEST: f32 = 0.5;
+/// Albedo below which a base is not worth a shadow ray: that of polished metals.
+const NO_BASE: f32 = 0.01;
 /// Radiance counts up to this many times the typical one: a small lamp that one ray of many happens to meet would be a spark.
 /// The excess is shared among the pixels around. At 4 instead of 2, spots show on the floor of McGuire's CornellBox-Glossy-Floor.
 const MOST_TYPICAL: f32 = 2.0;
@@ -126,11 +128,16 @@ impl Reflections<'_> {
     /// less of these the base sends back than of even light, which the layer of direct light takes it for.
     pub fn sources(&mut self, coated: &Coated) -> Vec3 {
         let Frame { accelerator, direct, .. } = self.prepared;
-        let brdf = |direction, half_angle| {
+        // Of areas, smooth coats have reflection rays: only the base is left.
+        let brdf_of = |direction, half_angle, with_coat| {
             let (towards, outgoing) = (coated.to_frame(direction), coated.outgoing);
-            coated.bsdf.evaluate_coat(outgoing, towards, half_angle) + coated.bsdf.diffuse_excess(outgoing, towards)
+            let excess = coated.bsdf.diffuse_excess(outgoing, towards);
+            if with_coat { excess + coated.bsdf.evaluate_coat(outgoing, towards, half_angle) } else { excess }
         };
-        self.counted(direct.reflected(accelerator, &coated.receiver, coated.is_rough(), brdf))
+        let (rough, has_base) = (coated.is_rough(), luminance(coated.diffuse_albedo()) > NO_BASE);
+        let area_brdf = (rough || has_base).then_some(|direction, half_angle| brdf_of(direction, half_angle, rough));
+        let brdf = |direction, half_angle| brdf_of(direction, half_angle, true);
+        self.counted(direct.reflected(accelerator, &coated.receiver, brdf, area_brdf))
     }
 
     /// Radiance that a coat without a lobe reflects of all but its [`sources`](Self::sources).
