@@ -39,8 +39,13 @@ impl Film {
 
     /// Waits until some pictures are written.
     fn wait_for_pictures(&mut self) {
+        self.wait_for_bytes(6_000);
+    }
+
+    /// Waits until the film has so many bytes.
+    fn wait_for_bytes(&mut self, bytes: u64) {
         let start = Instant::now();
-        while std::fs::metadata(&self.part).map_or(0, |part| part.len()) < 6_000 {
+        while std::fs::metadata(&self.part).map_or(0, |part| part.len()) < bytes {
             assert!(start.elapsed() < DEADLINE, "no picture was written");
             assert_eq!(self.child.try_wait().expect("a child"), None, "it ends by itself");
             std::thread::sleep(Duration::from_millis(20));
@@ -105,7 +110,7 @@ fn a_second_signal_ends_the_film_at_once() {
             "--output film.{ending} --size 128x128 --frames 5000 --vpls 20000 --photons 3000000 --quiet {options}"
         );
         let mut film = Film::with_options(folder.path(), &format!("film.{ending}.part"), &words);
-        film.wait_for_pictures();
+        film.wait_for_bytes(1_000);
         film.signal(Signal::INT);
         std::thread::sleep(Duration::from_millis(50));
         film.signal(Signal::INT);
