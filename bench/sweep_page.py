@@ -110,7 +110,7 @@ def sweep(options, name, words, about):
     if not (folder / "sweep.json").exists():
         if options.page_only:
             return f"## {name}\n\nNot swept yet.\n"
-        run([options.program, "sweep", path, *words.split(), "--quiet", "-o", folder], capture=False)
+        run([options.program, "sweep", path, *words.split(), "--quiet", "--overwrite", "-o", folder], capture=False)
     swept = json.loads((folder / "sweep.json").read_text())
     print(f"{name}: {swept['wall_seconds']:.0f} s", file=sys.stderr)
     for plot, _ in PLOTS:

@@ -26,6 +26,7 @@ mod foreign;
 mod interrupt;
 mod lines;
 mod log;
+mod notes;
 mod overwrite;
 mod parts;
 mod print;

@@ -50,6 +50,7 @@ const TICK: Duration = Duration::from_millis(250);
 impl Progress {
     /// Says what is about to happen, and starts the line.
     pub fn new(settings: &Settings, scene: &Scene, first_frame: u32, quiet: bool) -> Self {
+        // Lines of a verbose run take the place of this one.
         if quiet {
             return Self { bar: ProgressBar::hidden(), pace: Mutex::default(), is_quiet: quiet };
         }
@@ -58,7 +59,7 @@ impl Progress {
             settings.scene.display(),
             scene.triangle_count(),
             settings.range.map_or_else(
-                || format!("{} frames", settings.frames),
+                || counted(settings.frames.into()),
                 |range| format!("frames {range} of {}", settings.frames)
             ),
             settings.size.width,
@@ -66,8 +67,7 @@ impl Progress {
             settings.fps,
             settings.qscale,
         );
-        scene.warnings.iter().for_each(|warning| tell!("note: {}", single_line(warning)));
-        let style = ProgressStyle::with_template("{spinner} {bar:30} {pos}/{len} frames  {msg}");
+        let style = ProgressStyle::with_template("{spinner} {bar:20} {pos}/{len} frames  {wide_msg}");
         let style = style.expect("the template is correct");
         let frames = settings.frame_range();
         let bar = ProgressBar::new(frames.len() as u64).with_style(style);
@@ -94,7 +94,7 @@ impl Progress {
         };
         let kilobytes = frame.bits as f64 / 8000.0;
         let quality = frame.psnr_y.map_or("no loss".into(), |psnr| format!("quality {psnr:.1} dB"));
-        self.bar.set_message(format!("{time}  {kilobytes:.1} kB, {quality}"));
+        self.bar.set_message(format!("{time}  last {kilobytes:.1} kB, {quality}"));
     }
 
     /// Says above the line what went wrong and does not end the run.
@@ -138,18 +138,32 @@ pub fn of_long_work(quiet: bool) -> ProgressBar {
     ProgressBar::new(0).with_style(style.expect("the template is correct"))
 }
 
-/// The figures that matter most, and where everything is.
-pub fn summary(report: &Report, video: &Path, report_path: Option<&Path>) {
+/// A number of frames, in words.
+fn counted(frames: u64) -> String {
+    if frames == 1 { "1 frame".into() } else { format!("{frames} frames") }
+}
+
+/// The figures that matter most, and where everything is. The run has made all frames but those `before` it.
+pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
     let s = &report.summary;
+    let settings = &report.settings;
     let rate = s.bits * report.settings.fps / 1000.0;
     let psnr = s.psnr_y.map_or("equal to the source".into(), |psnr| format!("{psnr:.1} dB"));
-    tell!("{} frames in {:.1} s{}", s.frames, s.wall_seconds, if s.interrupted { ", interrupted" } else { "" });
+    let (all, made) = (s.frames as u64, (s.frames as u64).saturating_sub(before.into()));
+    let of_all = if before > 0 { format!(" ({all} in all)") } else { String::new() };
+    let ended = if s.interrupted { ", interrupted" } else { "" };
+    tell!("{} in {:.1} s{of_all}{ended}", counted(made), s.wall_seconds);
+    // The first frame has no thresholds of its own.
+    let threshold = match s.threshold_mean_relative {
+        0.0 => String::new(),
+        share => format!(", threshold {:.1} % of luminance", 100.0 * share),
+    };
     tell!(
-        "  lighting  {:.2} s direct + {:.2} s cuts a frame, {:.0} lights a cut, threshold {:.1} % of luminance",
+        "  lighting  {:.2} s direct + {:.2} s cuts a frame, {:.0} lights a cut{}",
         s.seconds.direct,
         s.seconds.indirect,
         s.cut_size_mean,
-        100.0 * s.threshold_mean_relative,
+        threshold,
     );
     tell!("  video     {rate:.0} kbit/s, luma PSNR {psnr}");
     if let Some(bytes) = s.peak_memory_bytes {
@@ -159,10 +173,12 @@ pub fn summary(report: &Report, video: &Path, report_path: Option<&Path>) {
     if broken > 0 {
         tell!("  warning   {broken} pixels were not finite and are shown black");
     }
-    tell!("video:  {}", video.display());
-    if let Some(path) = report_path {
-        tell!("report: {}", path.display());
+    tell!("video:  {}", settings.output.display());
+    let others = [("y4m:   ", &settings.y4m), ("frames:", &settings.exr), ("frames:", &settings.png)];
+    for (name, path) in others {
+        path.iter().for_each(|path| tell!("{name} {}", path.display()));
     }
+    report_path.into_iter().for_each(|path| tell!("report: {}", path.display()));
 }
 
 #[cfg(test)]

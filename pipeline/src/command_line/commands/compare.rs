@@ -1,5 +1,6 @@
 //! `render2mpeg compare`.
 
+use crate::command_line::overwrite::Overwrite;
 use crate::laboratory::compare::{self, Comparison, HEAT_MAP_RANGE, HeatMap, png_file};
 use crate::output::Output;
 use crate::places::FilePlaces;
@@ -18,6 +19,9 @@ pub struct Compare {
     /// Where they differ, as a picture: the mean difference of luma, dark below 1/4 of a code value, bright at 64
     #[arg(long, value_name = "FILE.png")]
     heatmap: Option<PathBuf>,
+    /// Whether the picture of differences may be replaced.
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// As JSON: of a picture its measures, of a sequence "frames" and their "mean"
     #[arg(long)]
     json: bool,
@@ -25,10 +29,11 @@ pub struct Compare {
 
 /// Compares and prints.
 pub fn run(arguments: &Compare) -> Result<ExitCode> {
-    let Compare { picture, reference, heatmap, json } = arguments;
+    let Compare { picture, reference, heatmap, overwrite, json } = arguments;
     // An output that cannot be written is told of before the work.
     let places = FilePlaces::default().reads("the comparison", Some(picture)).reads("the comparison", Some(reference));
     places.writes("--heatmap", heatmap.as_deref()).check()?;
+    heatmap.iter().try_for_each(|path| overwrite.check(path))?;
     let output = heatmap.as_deref().map(Output::create).transpose()?;
     let single = compare::is_single(picture);
     let mut map = HeatMap::default();

@@ -1,5 +1,6 @@
 //! `render2mpeg plan`.
 
+use crate::command_line::notes;
 use crate::command_line::print::{rough_time, single_line};
 use crate::command_line::source::Source;
 use crate::settings::MemorySize;
@@ -32,6 +33,6 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     say!("time:   some {seconds:.2} CPU s a frame after the first; {frames} frames in some {}", rough_time(all));
     let (needed, size) = (MemorySize(memory::estimate(&scene, settings.size)), settings.size);
     say!("memory: some {needed} for {}x{} pixels", size.width, size.height);
-    scene.warnings.iter().for_each(|warning| say!("note: {}", single_line(warning)));
+    notes::before(&scene, &settings).iter().for_each(|note| say!("note: {}", single_line(note)));
     Ok(ExitCode::SUCCESS)
 }

@@ -1,7 +1,9 @@
 //! `render2mpeg still`.
 
 use crate::Options;
+use crate::command_line::notes;
 use crate::command_line::overwrite::Overwrite;
+use crate::command_line::print::single_line;
 use crate::command_line::source::{MemoryLimit, Reading};
 use crate::output::Output;
 use crate::picture_file::PictureFormat;
@@ -78,8 +80,15 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     // An output that cannot be written is told of before the work, not after it.
     drop(Output::create(&output)?);
     let begin = std::time::Instant::now();
-    Still::render(&scene, &settings, frame).write(&output)?;
     if !quiet {
+        notes::before(&scene, &settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
+    }
+    let still = Still::render(&scene, &settings, frame);
+    still.write(&output)?;
+    if !quiet {
+        // The codes of displays have no foot as those of video.
+        let brightest = still.shown.samples().iter().flatten().max().map(|code| 16 + code.min(&200));
+        notes::on_darkness(brightest, &settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
         let Size { width, height } = settings.size;
         tell!("{}: {width}x{height} pixels in {:.1} s", output.display(), begin.elapsed().as_secs_f64());
     }

@@ -2,6 +2,7 @@
 
 use crate::Options;
 use crate::command_line::interrupt::{Interrupt, Reactions};
+use crate::command_line::overwrite::Overwrite;
 use crate::command_line::print::single_line;
 use crate::command_line::progress;
 use crate::command_line::source::Reading;
@@ -55,6 +56,9 @@ pub(crate) struct Sweep {
     /// Threads [default: one per processor]; the pictures are the same for any number
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+    /// Whether the findings of another sweep may be replaced.
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// No progress, no summary: only errors are shown
     #[arg(short, long)]
     quiet: bool,
@@ -75,6 +79,7 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
         vpls,
         photons,
         seed,
+        overwrite,
         quiet,
         ..
     } = arguments;
@@ -86,6 +91,7 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
             PathBuf::from(format!("{}-sweep", stem.to_string_lossy()))
         }
     };
+    overwrite.check(&folder.join("sweep.json"))?;
     std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     // A folder that cannot be written to is told of before the work, not after it.
     drop(crate::output::Output::create(&folder.join("sweep.json"))?);

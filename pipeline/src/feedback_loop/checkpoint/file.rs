@@ -48,11 +48,19 @@ impl Identity {
             let names = now.as_object().into_iter().flat_map(|object| object.keys());
             let other = names.into_iter().find(|name| then[name.as_str()] != now[name.as_str()]);
             return Some(match other {
-                Some(name) => format!("{name} was {} and is now {}", then[name.as_str()], now[name.as_str()]),
+                Some(name) => format!("{name} was {} and is now {}", shown(&then[name]), shown(&now[name])),
                 None => "it is of other settings".into(),
             });
         }
         (self.inputs != wanted.inputs).then(|| "the scene has changed".into())
+    }
+}
+
+/// A setting in words: sizes as they are typed, all else as JSON has it.
+fn shown(value: &serde_json::Value) -> String {
+    match (&value["width"], &value["height"]) {
+        (serde_json::Value::Null, _) => value.to_string(),
+        (width, height) => format!("{width}x{height}"),
     }
 }
 

@@ -107,16 +107,15 @@ impl Checkpoints {
         let stored = Stored::read(&path)?;
         if let Some(difference) = stored.identity.difference(job.identity()) {
             return Err(Error::Checkpoint(format!(
-                "{} cannot be continued: {difference}; start anew without --resume",
+                "{} cannot be continued: {difference}; give the options of then, or begin anew with --overwrite in place of --resume",
                 path.display()
             )));
         }
         let done = stored.frame.saturating_add(1);
         if let Some(end) = job.end().filter(|&end| end < done) {
             return Err(Error::Checkpoint(format!(
-                "{} is after frame {}, and the film would end before frame {end}: take more --frames, or start anew without --resume",
-                path.display(),
-                stored.frame
+                "{}: {done} frames are done, and the film would have {end}: take more --frames, or begin anew with --overwrite in place of --resume",
+                path.display()
             )));
         }
         let place = every.map(|every| Place::new(path.clone(), job, every));

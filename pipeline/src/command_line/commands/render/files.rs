@@ -15,6 +15,8 @@ use std::path::{Path, PathBuf};
 /// Files beside the film.
 pub(super) struct Files {
     pub report: Option<PathBuf>,
+    /// Whether the report is where the user says, and not beside the film.
+    pub named_report: bool,
     pub html: Option<PathBuf>,
     pub trace: Option<PathBuf>,
     pub also: Vec<PathBuf>,
@@ -60,11 +62,15 @@ impl Files {
     pub fn check_replaced(&self, overwrite: Overwrite, resume: bool, settings: &Settings) -> Result<()> {
         let film = &settings.output;
         if resume {
-            return overwrite.check_for(film, "is finished, and --keep-checkpoint has left nothing to go on from");
+            let what = "has no checkpoint to go on from (--keep-checkpoint keeps that of a finished film)";
+            return overwrite.check_for(film, what);
         }
         overwrite.check_for(&path_for(film), "is there: --resume goes on with its film")?;
         overwrite.check(film)?;
-        settings.y4m.iter().chain(&self.also).try_for_each(|path| overwrite.check(path))
+        let named = self.named_report.then_some(self.report.as_ref()).flatten();
+        let others = [&settings.y4m, &self.html, &self.trace].into_iter().flatten();
+        others.chain(named).chain(&self.also).try_for_each(|path| overwrite.check(path))?;
+        first_frame_there(settings).map_or(Ok(()), |frame| overwrite.check(&frame))
     }
 
     /// Whether they can be written.
@@ -75,6 +81,21 @@ impl Files {
         let paths = [&self.report, &self.html, &self.trace];
         paths.into_iter().flatten().chain(&self.also).try_for_each(|path| Output::create(path).map(drop))
     }
+}
+
+/// The first of the pictures that the film is to write into folders which is there already.
+fn first_frame_there(settings: &Settings) -> Option<PathBuf> {
+    let folders = [(&settings.exr, "exr"), (&settings.png, "png")];
+    for (folder, ending) in folders {
+        let Some(folder) = folder else { continue };
+        for index in settings.frame_range() {
+            let frame = folder.join(format!("frame_{index:05}.{ending}"));
+            if frame.is_file() {
+                return Some(frame);
+            }
+        }
+    }
+    None
 }
 
 /// Whether a film on standard output, or in a device, gets along with what else is wanted.

@@ -8,7 +8,9 @@ use crate::also::Companion;
 use crate::command_line::interrupt::{Interrupt, Reactions};
 use crate::command_line::lines::{Lines, ProgressKind};
 use crate::command_line::log::Log;
+use crate::command_line::notes;
 use crate::command_line::overwrite::Overwrite;
+use crate::command_line::print::single_line;
 use crate::command_line::print_config::ProgramOption;
 use crate::command_line::source::{MemoryLimit, Source};
 use crate::command_line::{parts, print_config, progress};
@@ -25,6 +27,7 @@ use files::{Files, check_streams, report_beside};
 use render_core::scene::Scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::Duration;
 use watching::{Watching, keep_for_page, write_page};
 
@@ -155,6 +158,7 @@ impl Render {
     /// The files beside the film.
     fn files(&self, settings: &Settings) -> Files {
         Files {
+            named_report: self.report.is_some(),
             report: self.report.clone().or_else(|| report_beside(&settings.output)),
             html: self.html.clone(),
             trace: self.trace.clone(),
@@ -206,6 +210,9 @@ impl Render {
 
         // Progress, and what signals do.
         let first = film.first_frame();
+        if !self.quiet {
+            notes::before(scene, settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
+        }
         let progress = progress::Progress::new(settings, scene, first, self.quiet || self.verbose > 0);
         let interrupt = Interrupt::watch(reactions(&film, &progress, settings))?;
         let lines = Lines::new(self.progress_kind(), settings, first);
@@ -215,9 +222,12 @@ impl Render {
             lines.frame(frame);
             checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
         });
-        let observer = Watching { frames, page: files.html.as_ref().map(|_| keep_for_page(&mut film, settings)) };
+        let brightest = AtomicU8::new(0);
+        let observer =
+            Watching { frames, brightest, page: files.html.as_ref().map(|_| keep_for_page(&mut film, settings)) };
         let result = film.finish(Run { observer: &observer, stop: &interrupt.stop });
         progress.clear();
+        let brightest = observer.brightest.load(Ordering::Relaxed);
         checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
 
         // Report, page and trace; then nothing is left to go on from.
@@ -231,13 +241,30 @@ impl Render {
         }
         lines.end(&report);
         if !self.quiet {
-            progress::summary(&report, &settings.output, files.report.as_deref());
-            if interrupted && self.checkpoint_every().is_some() && !is_stream(&settings.output) {
-                tell!("ended early: the same command with --resume goes on after the last frame");
+            let before = first.saturating_sub(settings.frame_range().start);
+            progress::summary(&report, before, files.report.as_deref());
+            files.html.iter().for_each(|path| tell!("page:   {}", path.display()));
+            // A run that was ended before a frame was made has shown nothing.
+            let shown = (brightest > 0).then_some(brightest);
+            notes::on_darkness(shown, settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
+            if interrupted {
+                self.tell_of_early_end(settings);
             }
             traced.into_iter().for_each(|line| tell!("trace:  {line}"));
         }
         Ok(interrupted.then(|| interrupt.exit_code()))
+    }
+}
+
+impl Render {
+    /// Says how a film that was ended early may go on, and what was not made of it.
+    fn tell_of_early_end(&self, settings: &Settings) {
+        match self.checkpoint_every() {
+            _ if is_stream(&settings.output) => {}
+            Some(_) => tell!("ended early: the same command with --resume goes on after the last frame"),
+            None => tell!("ended early; it cannot go on, for --checkpoint off keeps nothing to go on from"),
+        }
+        self.also.iter().for_each(|path| tell!("{} was not made: the film is not whole", path.display()));
     }
 }
 

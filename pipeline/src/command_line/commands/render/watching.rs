@@ -12,19 +12,28 @@ use crate::report::FrameReport;
 use crate::settings::Settings;
 use crate::{Render as Film, Report};
 use anyhow::Result;
+use perceptual::YCbCr;
 use plane::{Picture, Plane};
 use render_core::scene::Scene;
 use std::path::Path;
+use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Lines for each frame, and what the page shows of the film.
+/// Lines for each frame, the brightest luma of all, and what the page shows of the film.
 pub(super) struct Watching<F> {
     pub frames: OnFrame<F>,
+    /// 0 before the first frame.
+    pub brightest: AtomicU8,
     pub page: Option<FilmWatch>,
 }
 
 impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
     fn frame(&self, report: &FrameReport) {
         self.frames.frame(report);
+    }
+
+    fn picture(&self, _: u32, picture: &YCbCr) {
+        let brightest = picture.picture.luma().samples().iter().copied().max().unwrap_or(0);
+        self.brightest.fetch_max(brightest, Ordering::Relaxed);
     }
 
     fn shaded(&self, index: u32, shaded: &Shaded) {
