@@ -3,7 +3,7 @@
 use crate::settings::Settings;
 use render_core::scene::Scene;
 
-/// Largest luma of a picture that counts as black: eight codes above the black of video, which hardly any display shows.
+/// Luma of a picture that counts as black, at most: eight codes above the black of video, which hardly any display shows.
 const BLACK: u8 = 24;
 
 /// What is worth knowing before work begins.
@@ -25,7 +25,24 @@ fn beyond_the_end(scene: &Scene, settings: &Settings) -> Option<String> {
     Some(format!("the animation ends after {duration:.2} s, before frame {end}: later frames stand still"))
 }
 
-/// Says that all pictures are black, if the `brightest` luma of them is.
+/// The code that one pixel in a hundred exceeds at most: a lamp alone makes no picture bright.
+pub(super) fn bright_code(codes: impl Iterator<Item = u8>) -> u8 {
+    let (mut counts, mut all) = ([0usize; 256], 0);
+    for code in codes {
+        counts[usize::from(code)] += 1;
+        all += 1;
+    }
+    let mut above = 0;
+    for code in (1..=255).rev() {
+        above += counts[code];
+        if above > all / 100 {
+            return code as u8;
+        }
+    }
+    0
+}
+
+/// Says that all pictures are black, if the largest [`bright_code`] of their luma is.
 pub(super) fn on_darkness(brightest: Option<u8>, settings: &Settings) -> Option<String> {
     if brightest? > BLACK {
         return None;
@@ -36,6 +53,18 @@ pub(super) fn on_darkness(brightest: Option<u8>, settings: &Settings) -> Option<
     };
     let scene = settings.scene.display();
     Some(format!(
-        "every pixel is black, or nearly: {exposure}render2mpeg plan {scene} lists lamps and sky; the camera may look elsewhere"
+        "99 of 100 pixels are black, or nearly: {exposure}render2mpeg plan {scene} lists lamps and sky; the camera may look elsewhere"
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lamp_alone_makes_no_picture_bright() {
+        let picture = |lamp: usize| (0..1000).map(move |pixel| if pixel < lamp { 200 } else { 17 });
+        assert_eq!([0, 10, 11, 1000].map(|lamp| bright_code(picture(lamp))), [17, 17, 200, 200]);
+        assert_eq!(bright_code(std::iter::empty()), 0);
+    }
 }

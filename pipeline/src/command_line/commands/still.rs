@@ -86,9 +86,9 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     let still = Still::render(&scene, &settings, frame);
     still.write(&output)?;
     if !quiet {
-        // The codes of displays have no foot as those of video.
-        let brightest = still.shown.samples().iter().flatten().max().map(|code| 16 + code.min(&200));
-        notes::on_darkness(brightest, &settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
+        // Codes of displays begin at 0, those of video at 16.
+        let bright = notes::bright_code(still.shown.samples().iter().flatten().copied()).saturating_add(16);
+        notes::on_darkness(Some(bright), &settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
         let Size { width, height } = settings.size;
         tell!("{}: {width}x{height} pixels in {:.1} s", output.display(), begin.elapsed().as_secs_f64());
     }

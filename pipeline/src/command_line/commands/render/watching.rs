@@ -2,6 +2,7 @@
 
 #[cfg(feature = "html")]
 use crate::Options;
+use crate::command_line::notes;
 use crate::feedback_loop::observe::{Observer, OnFrame};
 #[cfg(feature = "html")]
 use crate::laboratory::page::{self, FilmWatch, Made};
@@ -18,7 +19,7 @@ use render_core::scene::Scene;
 use std::path::Path;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Lines for each frame, the brightest luma of all, and what the page shows of the film.
+/// Lines for each frame, the largest code of bright luma, and what the page shows of the film.
 pub(super) struct Watching<F> {
     pub frames: OnFrame<F>,
     /// 0 before the first frame.
@@ -32,8 +33,8 @@ impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
     }
 
     fn picture(&self, _: u32, picture: &YCbCr) {
-        let brightest = picture.picture.luma().samples().iter().copied().max().unwrap_or(0);
-        self.brightest.fetch_max(brightest, Ordering::Relaxed);
+        let bright = notes::bright_code(picture.picture.luma().samples().iter().copied());
+        self.brightest.fetch_max(bright, Ordering::Relaxed);
     }
 
     fn shaded(&self, index: u32, shaded: &Shaded) {
