@@ -26,6 +26,7 @@ mod steps;
 mod surface;
 
 pub mod image_file;
+pub mod ranks;
 pub mod sampling;
 
 pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};

@@ -1,0 +1,200 @@
+//! One picture, many processes: every rank keeps the same state, and the loops that cost most are shared among them.
+//!
+//! ```text
+//! items 0 … n−1 of a loop ──► one rank computes each, such as i mod R ──► results go to all ranks ──► all n, in order
+//! ```
+//! An item depends on nothing but the state that all ranks have, so the results are those of one rank, bit by bit, whatever the
+//! number of ranks is.
+//!
+//! [`Ranks`] is what that takes of a message-passing library: the collective operations of the same names in \[MPI\]. Here are
+//! those of a process [`Alone`], and of [`ThreadRanks`] in one process.
+
+mod portable;
+mod threads;
+
+pub use portable::Portable;
+pub use threads::ThreadRanks;
+
+use std::fmt::Debug;
+
+/// Processes that compute the same together. Each has a number, its rank.
+///
+/// All ranks call the same operations in the same order, one at a time. An operation returns when it has what it gives, which
+/// may be long after the call: other ranks may be busy. Never call one inside of a rayon job.
+pub trait Ranks: Send + Sync + Debug {
+    /// The number of this process, from 0.
+    fn rank(&self) -> usize;
+
+    /// Processes in all, 1 at least.
+    fn count(&self) -> usize;
+
+    /// Gives every rank the bytes of all ranks, by rank.
+    fn all_gather(&self, own: Vec<u8>) -> Vec<Vec<u8>>;
+
+    /// Gives rank 0 the bytes of all ranks, by rank, and nothing to the others.
+    fn gather(&self, own: Vec<u8>) -> Option<Vec<Vec<u8>>>;
+
+    /// Gives every rank the bytes of rank 0; those of the others are not used.
+    fn broadcast(&self, own: Vec<u8>) -> Vec<u8>;
+}
+
+/// The only rank.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Alone;
+
+impl Ranks for Alone {
+    fn rank(&self) -> usize {
+        0
+    }
+
+    fn count(&self) -> usize {
+        1
+    }
+
+    fn all_gather(&self, own: Vec<u8>) -> Vec<Vec<u8>> {
+        vec![own]
+    }
+
+    fn gather(&self, own: Vec<u8>) -> Option<Vec<Vec<u8>>> {
+        Some(vec![own])
+    }
+
+    fn broadcast(&self, own: Vec<u8>) -> Vec<u8> {
+        own
+    }
+}
+
+/// Shares a loop whose item k is computed by the rank `owners[k]`, the same list on every rank.
+///
+/// `compute` is given the indices of this rank's own items, ascending, and returns a result for each. Every rank gets the results
+/// of all items in order.
+///
+/// # Panics
+/// If `compute` does not give as many results as it has items, or ranks run different programs.
+pub fn share<T: Portable>(ranks: &dyn Ranks, owners: &[usize], compute: impl FnOnce(&[usize]) -> Vec<T>) -> Vec<T> {
+    let own: Vec<usize> = (0..owners.len()).filter(|&item| owners[item] == ranks.rank()).collect();
+    let computed = compute(&own);
+    assert_eq!(computed.len(), own.len(), "a result for each item");
+    if ranks.count() == 1 || owners.is_empty() {
+        return computed;
+    }
+
+    // Bits that are sent are those that come, so a rank takes its own results from there, too. Ranks that share other loops have
+    // come apart, which nothing can mend.
+    let mut bytes = Vec::new();
+    (owners.len() as u64).put(&mut bytes);
+    for value in &computed {
+        value.put(&mut bytes);
+    }
+    let all = ranks.all_gather(bytes);
+    let mut left: Vec<&[u8]> = all.iter().map(Vec::as_slice).collect();
+    for (rank, left) in left.iter_mut().enumerate() {
+        let items = u64::take(left).unwrap_or_default();
+        assert!(items == owners.len() as u64, "{} items here and {items} on rank {rank}: ranks differ", owners.len());
+    }
+    let next = |&owner: &usize| T::take(&mut left[owner]).expect("every rank gives a result for each of its items");
+    owners.iter().map(next).collect()
+}
+
+/// Owners of `count` items in turns: item k is that of rank k mod R.
+#[must_use]
+pub fn in_turns(ranks: &dyn Ranks, count: usize) -> Vec<usize> {
+    (0..count).map(|item| item % ranks.count()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rayon::prelude::*;
+
+    /// Runs the same on `count` ranks, each a thread; what they return, by rank.
+    fn on_ranks<T: Send>(count: usize, run: impl Fn(&dyn Ranks) -> T + Sync) -> Vec<T> {
+        let run = &run;
+        std::thread::scope(|scope| {
+            let started: Vec<_> =
+                ThreadRanks::new(count).into_iter().map(|own| scope.spawn(move || run(&own))).collect();
+            started.into_iter().map(|thread| thread.join().expect("no rank fails")).collect()
+        })
+    }
+
+    /// A number whose bits follow from all bits of `k`, of any sign and size.
+    fn odd_number(k: usize) -> f32 {
+        f32::from_bits((k as u32).wrapping_mul(0x9e37_79b9) & 0xbfff_ffff)
+    }
+
+    #[test]
+    fn shared_loops_give_what_one_rank_gives() {
+        let bits = |values: Vec<(f32, Vec<u32>)>| -> Vec<(u32, Vec<u32>)> {
+            values.into_iter().map(|(number, list)| (number.to_bits(), list)).collect()
+        };
+        for items in [0, 1, 2, 7, 1000] {
+            let of = |&k: &usize| (odd_number(k), vec![k as u32; k % 4]);
+            let plain = bits((0..items).map(|k| of(&k)).collect());
+            for count in [1, 2, 3, 5] {
+                let shared = on_ranks(count, |ranks| {
+                    let compute = |own: &[usize]| own.par_iter().map(of).collect();
+                    bits(share(ranks, &in_turns(ranks, items), compute))
+                });
+                assert!(shared.iter().all(|list| *list == plain), "{items} items on {count} ranks");
+            }
+        }
+    }
+
+    /// Also where owners follow no turns, and some own nothing.
+    #[test]
+    fn items_are_computed_by_their_owners_alone() {
+        let owners = [2, 2, 0, 3, 2, 0];
+        let results = on_ranks(4, |ranks| {
+            let mut seen = Vec::new();
+            let all = share(ranks, &owners, |own| {
+                seen = own.to_vec();
+                own.iter().map(|&k| (k as u32, ranks.rank() as u32)).collect()
+            });
+            (seen, all)
+        });
+        let expected: Vec<(u32, u32)> = owners.iter().zip(0..).map(|(&owner, k)| (k, owner as u32)).collect();
+        let own: Vec<Vec<usize>> = results.iter().map(|(seen, _)| seen.clone()).collect();
+        assert_eq!(own, [vec![2, 5], vec![], vec![0, 1, 4], vec![3]]);
+        assert!(results.iter().all(|(_, all)| *all == expected));
+    }
+
+    #[test]
+    fn operations_of_threads_are_those_of_their_names() {
+        let given = |rank: usize| vec![rank as u8; 3 * rank];
+        let all: Vec<Vec<u8>> = (0..3).map(given).collect();
+        let results = on_ranks(3, |ranks| {
+            let own = || given(ranks.rank());
+            (ranks.all_gather(own()), ranks.gather(own()), ranks.broadcast(vec![ranks.rank() as u8 + 7]))
+        });
+        for (rank, (everywhere, at_first, of_first)) in results.into_iter().enumerate() {
+            assert_eq!((everywhere, of_first), (all.clone(), vec![7]));
+            assert_eq!(at_first, (rank == 0).then(|| all.clone()));
+        }
+        assert_eq!(Alone.gather(vec![1, 2]), Some(Alone.all_gather(vec![1, 2])));
+    }
+
+    /// Ranks whose states differ end, and none goes on with what is not meant for it.
+    #[test]
+    fn loops_of_different_length_are_not_shared() {
+        let results: Vec<bool> = std::thread::scope(|scope| {
+            let share_own = |ranks: ThreadRanks| {
+                let items = 5 + ranks.rank();
+                share(&ranks, &in_turns(&ranks, items), |own| vec![0u8; own.len()])
+            };
+            let started: Vec<_> =
+                ThreadRanks::new(2).into_iter().map(|own| scope.spawn(move || share_own(own))).collect();
+            started.into_iter().map(|thread| thread.join().is_err()).collect()
+        });
+        assert_eq!(results, [true, true]);
+    }
+
+    /// A rank that has ended cannot be waited for: the others end too.
+    #[test]
+    fn who_waits_for_a_rank_that_is_gone_fails() {
+        let mut ranks = ThreadRanks::new(2);
+        drop(ranks.pop());
+        let [first] = ranks.try_into().expect("one is left");
+        let waits = std::thread::spawn(move || first.all_gather(Vec::new()));
+        assert!(waits.join().is_err());
+    }
+}
