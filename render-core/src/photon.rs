@@ -15,12 +15,14 @@ pub use swept::SweptVolume;
 
 use crate::anchor::{Anchors, SurfelMap};
 use crate::emitter::Emitters;
+use crate::ranks::{Alone, Portable, Ranks};
 use crate::{Busy, PosedScene, Timed, Units};
 use glam::Vec3;
 use path::{LONGEST_PATH, Leg, Path, Walk};
 use quanta::{Left, Quantum, Sums};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Flux of the photons of one frame, by anchor and by surfel.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,8 +39,8 @@ pub struct AnchorFlux {
     pub reflected: Vec3,
     /// Left the scene, met the back of a surface, or was reflected where there is no surfel \[W\].
     pub lost: Vec3,
-    /// Photons that were traced for this frame, whole or from where something may have moved into their way. The flux of all
-    /// others was known.
+    /// Photons that this rank traced for the frame, whole or from where something may have moved into their way. The flux of all
+    /// others is known from the frames before, or from other ranks.
     pub traced: u64,
 }
 
@@ -50,6 +52,7 @@ pub struct Photons {
     bounces: usize,
     swept: Option<SweptVolume>,
     settled: Option<Settled>,
+    ranks: Arc<dyn Ranks>,
 }
 
 /// Photon paths up to where they may meet moving things.
@@ -59,7 +62,7 @@ struct Settled {
     powers: Vec<Vec3>,
     /// Flux of the segments that no moving thing can change.
     sums: Sums,
-    /// Segments from which photons are traced on in every frame.
+    /// Segments from which this rank traces photons on in every frame.
     others: Vec<Other>,
 }
 
@@ -79,7 +82,14 @@ impl Photons {
     /// `count` photons a frame (at most 2³²), with numbers that follow from `seed`.
     #[must_use]
     pub fn new(count: u64, seed: u64) -> Self {
-        Self { count: count.min(1 << 32), seed, bounces: LONGEST_PATH, swept: None, settled: None }
+        Self {
+            count: count.min(1 << 32),
+            seed,
+            bounces: LONGEST_PATH,
+            swept: None,
+            settled: None,
+            ranks: Arc::new(Alone),
+        }
     }
 
     /// Paths end after `bounces` reflections at the latest; 1024 when not stated.
@@ -95,7 +105,13 @@ impl Photons {
         Self { swept: Some(swept), ..self }
     }
 
-    /// Traces one frame. The same scene gives the same bits, for any number of threads and whatever was kept.
+    /// Shares the photons with other `ranks`: batch b of them is traced by rank b mod R.
+    #[must_use]
+    pub fn with_ranks(self, ranks: Arc<dyn Ranks>) -> Self {
+        Self { ranks, ..self }
+    }
+
+    /// Traces one frame. The same scene gives the same bits, for any number of threads and ranks, and whatever was kept.
     pub fn trace(
         &mut self,
         PosedScene { accelerator, surfaces }: PosedScene,
@@ -122,26 +138,30 @@ impl Photons {
                 seed: self.seed,
                 bounces: self.bounces,
             };
-            let emission = Emission { walk, quantum: Quantum::of(source.powers()), surfels, busy };
+            let quantum = Quantum::of(source.powers());
+            let ranks = self.ranks.clone();
+            let emission = Emission { walk, quantum, surfels, busy, ranks: &*ranks };
             let (sums, traced) = self.sums(&emission);
             sums.anchor_flux(emission.quantum, traced, anchors, surfels)
         })
     }
 
-    /// Flux of all photons of a frame, and how many of them were traced for it.
+    /// Flux of all photons of a frame, and how many of them this rank traced for it.
     fn sums(&mut self, emission: &Emission) -> (Sums, u64) {
         let powers = emission.walk.source.powers();
         // With other powers photons start elsewhere: nothing that was kept holds.
         if let Some(settled) = self.settled.as_ref().filter(|settled| settled.powers == powers) {
-            let sums = emission.trace_others(&settled.others).plus(settled.sums.clone());
+            let sums = emission.of_all_ranks(emission.trace_others(&settled.others)).plus(settled.sums.clone());
             return (sums, settled.others.len() as u64);
         }
-        let Some(swept) = &self.swept else { return (emission.trace_all(), self.count) };
+        let count: u64 = emission.batches().map(|batch| batch.end - batch.start).sum();
+        let Some(swept) = &self.swept else { return (emission.of_all_ranks(emission.trace_all()), count) };
         // The first frame with something to keep: photons that stay are summed apart from the others.
         let Parted { stay, change, others } = emission.trace_apart(swept);
+        let (stay, change) = (emission.of_all_ranks(stay), emission.of_all_ranks(change));
         let sums = stay.clone().plus(change);
         self.settled = Some(Settled { powers: powers.to_vec(), sums: stay, others });
-        (sums, self.count)
+        (sums, count)
     }
 }
 
@@ -152,6 +172,7 @@ struct Emission<'a> {
     /// The fixed surfels, and the dynamic ones at the pose of the frame.
     surfels: [&'a SurfelMap; 2],
     busy: &'a Busy,
+    ranks: &'a dyn Ranks,
 }
 
 /// Flux of whole paths, apart from that of segments which moving things may change.
@@ -178,10 +199,24 @@ impl Emission<'_> {
         Sums::new(self.surfels)
     }
 
-    /// Ranges of photons, one after the other.
+    /// Ranges of photons that this rank traces, one after the other.
     fn batches(&self) -> impl ParallelIterator<Item = Range<u64>> {
         let count = self.walk.count;
-        (0..count.div_ceil(BATCH)).into_par_iter().map(move |batch| batch * BATCH..((batch + 1) * BATCH).min(count))
+        let (rank, ranks) = (self.ranks.rank() as u64, self.ranks.count() as u64);
+        let of_this_rank = (0..count.div_ceil(BATCH)).into_par_iter().filter(move |batch| batch % ranks == rank);
+        of_this_rank.map(move |batch| batch * BATCH..((batch + 1) * BATCH).min(count))
+    }
+
+    /// The sums of all ranks together, given those of each.
+    fn of_all_ranks(&self, own: Sums) -> Sums {
+        if self.ranks.count() == 1 {
+            return own;
+        }
+        let mut bytes = Vec::new();
+        own.put(&mut bytes);
+        let all = self.ranks.all_gather(bytes);
+        let of = |bytes: &Vec<u8>| <Sums as Portable>::take(&mut &bytes[..]).expect("every rank gives its sums");
+        all.iter().map(of).fold(self.no_sums(), Sums::plus)
     }
 
     fn take(&self, sums: &mut Sums, path: &Path, left: &mut Left) {

@@ -68,7 +68,8 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     }
     candidates.sort_unstable();
     candidates.dedup();
-    let predicted = predictions(picture, tiles, records, candidates.par_iter().map(|&place| place as usize));
+    let predicted =
+        predictions(picture, tiles, records, &Vec::from_iter(candidates.iter().map(|&place| place as usize)));
 
     // They stand in the order of `candidates`; tiles look them up by place.
     let mut number = vec![0; tiles.listed.len()];

@@ -2,13 +2,14 @@
 
 use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
 use super::group::weight_between;
-use super::illumination::{Illumination, Site};
+use super::illumination::{Computed, Illumination, Site};
 use super::picture::Picture;
 use super::predict::{Predicted, predictions};
-use super::record::Record;
+use super::record::{Light, Record, owner};
 use super::spacing::{clamp_to_neighbors, least_radius};
 use super::tile::Tiles;
 use super::{IrradianceCache, openness};
+use crate::ranks::share;
 use plane::Plane;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -65,13 +66,13 @@ impl<R: Send + Sync> IrradianceCache<R> {
             // What no pixel takes light from is not known in the next frame, where the same is to come out.
             tiles.keep_used(picture, &self.records, first_place);
         }
-        (self.records.len() - first, predictions(picture, tiles, &self.records, 0..tiles.listed.len()))
+        (self.records.len() - first, predictions(picture, tiles, &self.records, &Vec::from_iter(0..tiles.listed.len())))
     }
 
     /// Holds the records listed at these `places` against their neighbors.
     pub(super) fn doubt(&mut self, picture: &Picture, tiles: &Tiles, places: &[usize]) {
         let tolerances = Tolerances::of(tiles, &self.records);
-        let found = predictions(picture, tiles, &self.records, places.par_iter().copied());
+        let found = predictions(picture, tiles, &self.records, places);
         for (&place, predicted) in places.iter().zip(found) {
             let record = &mut self.records[tiles.listed[place] as usize];
             record.share = record.share.min(tolerances.share(record, predicted.difference));
@@ -103,22 +104,39 @@ impl<R: Send + Sync> IrradianceCache<R> {
         pixels: Vec<(usize, usize)>,
         illumination: &I,
     ) -> Range<usize> {
-        // Numbers follow the order of the sites, whichever thread takes them.
+        // Numbers follow the order of the sites, whichever rank and thread takes them.
         let sites = picture.busy.measure(|| thinned(picture, pixels));
-        let before = self.records.len();
-        let (frame, made) = (self.frame, self.made);
-        let numbered = sites.par_iter().zip(made..made.wrapping_add(sites.len() as u32));
-        let record = |scratch: &mut I::Scratch, (site, number): (&Site, u32)| {
-            picture.busy.measure(|| {
-                let scale = openness::scale(site, picture.seen);
-                Record::new(*site, scale, illumination.compute(site, scratch), number, frame)
-            })
-        };
-        let new: Vec<Record<R>> = numbered.with_min_len(4).map_init(I::Scratch::default, record).collect();
+        let (ranks, before, made) = (picture.ranks(), self.records.len(), self.made);
+        let number = |place: usize| made.wrapping_add(place as u32);
+        let owners: Vec<usize> = (0..sites.len()).map(|place| owner(number(place), ranks)).collect();
+
+        // Light goes to all ranks; its recipe stays where it was computed.
+        let mut recipes = Vec::new();
+        let lights = share(ranks, &owners, |own| {
+            let compute = |scratch: &mut I::Scratch, &place: &usize| {
+                picture.busy.measure(|| illumination.compute(&sites[place], scratch))
+            };
+            let computed: Vec<Computed<R>> =
+                own.par_iter().with_min_len(4).map_init(I::Scratch::default, compute).collect();
+            let mut lights = Vec::with_capacity(computed.len());
+            for Computed { light: estimate, recipe } in computed {
+                lights.push(Light { estimate, note: illumination.note(&recipe), afresh: true });
+                recipes.push(recipe);
+            }
+            lights
+        });
+        let mut recipes = recipes.into_iter();
+        for (place, (site, light)) in sites.iter().zip(lights).enumerate() {
+            let scale = openness::scale(site, picture.seen);
+            let mut record = Record::new(*site, scale, light, number(place), self.frame);
+            if owners[place] == ranks.rank() {
+                record.recipe = recipes.next();
+            }
+            self.records.push(record);
+        }
 
         // A surface near to one record is near to its neighbors, too: their radii are clamped.
-        self.made = made.wrapping_add(new.len() as u32);
-        self.records.extend(new);
+        self.made = number(sites.len());
         clamp_to_neighbors(&mut self.records, before, picture.busy);
         before..self.records.len()
     }

@@ -1,5 +1,6 @@
 //! The light at a place on a surface, and the interface to its source.
 
+use crate::portable;
 use crate::scene::{Projected, View};
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
@@ -56,6 +57,8 @@ pub struct LocalIrradiance {
     pub tolerance: f32,
 }
 
+portable!(LocalIrradiance { irradiance, by_normal, by_position, harmonic_mean, nearest, tolerance });
+
 /// The light of a record, found from nothing.
 #[derive(Clone, Debug)]
 pub struct Computed<R> {
@@ -78,6 +81,11 @@ pub trait Illumination: Sync {
     /// The light at a `site` whose light was last known when `known` says; `None` when too much has changed near it, and it
     /// has to be computed.
     fn relight(&self, site: &Site, recipe: &mut Self::Recipe, known: LastUpdate) -> Option<LocalIrradiance>;
+
+    /// A number that is kept with a record of this recipe, and that all ranks know; 0 where nobody asks for one.
+    fn note(&self, _recipe: &Self::Recipe) -> u32 {
+        0
+    }
 
     /// Mean of d / (d + `scale`) over cosine-distributed directions from `site`, in each of which something is d away:
     /// alike at places that are alike, so with directions that follow from the normal alone. `scale` is in meters.

@@ -2,6 +2,7 @@
 //! records have the same neighbors and a few new ones.
 
 use super::record::Record;
+use crate::portable;
 use glam::{Mat3A, Vec3A};
 
 /// The sums of a record's regression, over its neighbors.
@@ -19,6 +20,8 @@ pub(super) struct Taught {
     pub all_square: Mat3A,
     pub all_unexplained: Vec3A,
 }
+
+portable!(Taught { radius, square, unexplained, weights, variance, all_square, all_unexplained });
 
 impl Taught {
     /// No neighbors.

@@ -35,10 +35,12 @@ mod tile;
 mod tolerance;
 
 pub use illumination::{Computed, Illumination, LastUpdate, LocalIrradiance, Site};
+pub use record::KeptRecipe;
 pub use request::Request;
 pub use spacing::footprint;
 
 use crate::gbuffer::{GBuffer, NOTHING};
+use crate::ranks::{Ranks, share};
 use crate::{Busy, Timed};
 use glam::{Affine3A, Vec3A};
 use known::{KnownNeighbors, Taught};
@@ -47,7 +49,7 @@ use picture::Picture;
 use plane::Plane;
 use predict::Predicted;
 use rayon::prelude::*;
-use record::Record;
+use record::{Light, Record};
 use tile::Tiles;
 
 /// Frames that a record may stay unseen before it is dropped.
@@ -66,7 +68,9 @@ const LARGE_CHUNK: usize = 512;
 
 /// Records of light on surfaces, kept from frame to frame. `R` is what an [`Illumination`] keeps with each.
 ///
-/// With the feature `serde` it can be written and read back, and goes on as if nothing had been in between.
+/// With the feature `serde` it can be written and read back, and goes on as if nothing had been in between. Where several ranks
+/// share the work, each keeps the recipes of its own records: [`kept`](Self::kept) and [`complete`](Self::complete) bring them
+/// together.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct IrradianceCache<R> {
     records: Vec<Record<R>>,
@@ -145,7 +149,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let known = KnownNeighbors::default();
         let picture = Picture::new(request, &openness, &known, busy);
         busy.measure(|| self.carry_along(seen));
-        openness::renew(&mut self.records, seen, illumination, busy);
+        openness::renew(&mut self.records, seen, illumination, (request.ranks, busy));
 
         // Records that are hidden, or too far from every pixel, need no light.
         let mut tiles = Tiles::new(&picture);
@@ -155,7 +159,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
         // Their radii follow from their new light: they are listed anew before gaps between them are filled.
         let carried: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].carried).collect();
-        let mut computed = self.bring_up_to_date(&needed, changes, illumination, busy);
+        let mut computed = self.bring_up_to_date(&needed, changes, illumination, (request.ranks, busy));
         tiles.clear();
         tiles.list(&picture, &self.records, needed);
         let (made, predicted) = self.fill(&picture, &mut tiles, carried, illumination);
@@ -216,18 +220,52 @@ impl<R: Send + Sync> IrradianceCache<R> {
         CachedLight { irradiance, in_use, computed }
     }
 
-    /// Where each record is, and what it is made of.
+    /// Where each record is, and what it is made of; without those whose recipes other ranks have.
     pub fn recipes(&self) -> impl Iterator<Item = (&Site, &R)> {
-        self.records.iter().map(|record| (&record.site, &record.recipe))
+        self.records.iter().filter_map(|record| Some((&record.site, record.recipe.as_ref()?)))
     }
 
-    /// Places of the records that the last picture took light from, and what each is made of.
-    pub fn records_in_use(&self) -> impl Iterator<Item = (Vec3A, &R)> {
+    /// Places of all records.
+    pub fn sites(&self) -> impl Iterator<Item = &Site> {
+        self.records.iter().map(|record| &record.site)
+    }
+
+    /// Places of the records that the last picture took light from, and the [`note`](Illumination::note) of each.
+    pub fn records_in_use(&self) -> impl Iterator<Item = (Vec3A, u32)> {
         let frame = self.frame;
-        self.records
-            .iter()
-            .filter(move |record| record.seen == frame)
-            .map(|record| (record.site.position, &record.recipe))
+        self.records.iter().filter(move |record| record.seen == frame).map(|record| (record.site.position, record.note))
+    }
+
+    /// The recipes that this rank keeps, in the order of their records.
+    #[must_use]
+    pub fn kept(&self) -> Vec<KeptRecipe<&R>> {
+        let mut kept = Vec::new();
+        for record in &self.records {
+            if let Some(recipe) = &record.recipe {
+                kept.push(KeptRecipe { number: record.number, recipe });
+            }
+        }
+        kept
+    }
+
+    /// Adds recipes that another rank has [`kept`](Self::kept).
+    pub fn complete(&mut self, kept: Vec<KeptRecipe<R>>) {
+        // Both are in the same order.
+        let mut kept = kept.into_iter().peekable();
+        for record in &mut self.records {
+            if let Some(own) = kept.next_if(|kept| kept.number == record.number) {
+                record.recipe = Some(own.recipe);
+            }
+        }
+    }
+
+    /// Drops the recipes of records that are not this rank's.
+    pub fn keep_own(&mut self, ranks: &dyn Ranks) {
+        for record in &mut self.records {
+            if record.owner(ranks) != ranks.rank() {
+                record.recipe = None;
+            }
+        }
     }
 
     /// Indices of the listed records that a picture takes light from. Its first picture brings all of a frame's records up to date:
@@ -304,7 +342,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         needed: &[usize],
         changes: Changes,
         illumination: &I,
-        busy: &Busy,
+        (ranks, busy): (&dyn Ranks, &Busy),
     ) -> usize {
         // A record that was up to date at the change before this one has missed nothing but this one.
         let update = Update { frame: self.frame, geometry: changes.geometry, changed_before: self.changed };
@@ -312,18 +350,43 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.changed = self.frame;
         }
 
-        // Outdated is what was last lit before the last change.
-        let mut is_outdated = vec![false; self.records.len()];
+        // Outdated is what was last lit before the last change. This rank lights its own.
+        let mut outdated = Vec::new();
+        let mut own = vec![Fate::Stays; self.records.len()];
         for &index in needed {
-            is_outdated[index] = self.records[index].current < self.changed;
+            let record = &self.records[index];
+            if record.current < self.changed {
+                outdated.push(index);
+                if record.owner(ranks) == ranks.rank() {
+                    own[index] = Fate::IsOutdated;
+                }
+            }
         }
 
         // A few at a time: to look at the clock for each would take longer than to light some of them.
-        let chunks = self.records.par_chunks_mut(CHUNK).zip(is_outdated.par_chunks(CHUNK));
-        let bring = |scratch: &mut I::Scratch, (records, is_outdated): (&mut [Record<R>], &[bool])| {
-            busy.measure(|| update.bring_all(records, is_outdated, illumination, scratch))
+        let chunks = self.records.par_chunks_mut(CHUNK).zip(own.par_chunks_mut(CHUNK));
+        let bring = |scratch: &mut I::Scratch, (records, own): (&mut [Record<R>], &mut [Fate])| {
+            busy.measure(|| update.bring_all(records, own, illumination, scratch));
         };
-        chunks.map_init(I::Scratch::default, bring).sum()
+        chunks.for_each_init(I::Scratch::default, bring);
+        if ranks.count() == 1 {
+            return own.into_iter().filter(|&fate| fate == Fate::WasComputed).count();
+        }
+
+        // All others come from their ranks.
+        let owners: Vec<usize> = outdated.iter().map(|&index| self.records[index].owner(ranks)).collect();
+        let lights: Vec<Light> = share(ranks, &owners, |places| {
+            let indices = places.iter().map(|&place| outdated[place]);
+            indices.map(|index| self.records[index].light(own[index] == Fate::WasComputed)).collect()
+        });
+        let mut computed = 0;
+        for ((&index, &owner), light) in outdated.iter().zip(&owners).zip(lights) {
+            if owner != ranks.rank() {
+                update.take(&mut self.records[index], light);
+            }
+            computed += usize::from(light.afresh);
+        }
+        computed
     }
 
     /// Where only parts of the picture are lit, its other parts will want their records again.
@@ -358,6 +421,17 @@ fn taught(predicted: &[Predicted]) -> Vec<Taught> {
     predicted.iter().map(|predicted| predicted.taught).collect()
 }
 
+/// What becomes of a record when all that are needed are brought up to date.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Fate {
+    /// It is up to date, not needed, or another rank's.
+    Stays,
+    IsOutdated,
+    /// It was lit again from its recipe.
+    WasRelit,
+    WasComputed,
+}
+
 /// The changes since the frame before, by which a record is brought up to date.
 struct Update {
     frame: u32,
@@ -368,21 +442,27 @@ struct Update {
 }
 
 impl Update {
-    /// Brings those of `records` that are outdated to this frame's light; returns how many were computed afresh.
+    /// Brings those of `records` that are outdated to this frame's light, and notes how.
     fn bring_all<I: Illumination>(
         &self,
         records: &mut [Record<I::Recipe>],
-        is_outdated: &[bool],
+        fates: &mut [Fate],
         illumination: &I,
         scratch: &mut I::Scratch,
-    ) -> usize {
-        let mut computed = 0;
-        for (record, &is_outdated) in records.iter_mut().zip(is_outdated) {
-            if is_outdated {
-                computed += usize::from(self.bring(record, illumination, scratch));
+    ) {
+        for (record, fate) in records.iter_mut().zip(fates) {
+            if *fate == Fate::IsOutdated {
+                let computed = self.bring(record, illumination, scratch);
+                *fate = if computed { Fate::WasComputed } else { Fate::WasRelit };
             }
         }
-        computed
+    }
+
+    /// Takes the light that another rank has found.
+    fn take<R>(&self, record: &mut Record<R>, light: Light) {
+        (record.current, record.carried) = (self.frame, false);
+        record.relit(light.estimate);
+        record.note = light.note;
     }
 
     /// Brings a record to this frame's light; returns whether it was computed afresh.
@@ -399,16 +479,23 @@ impl Update {
         let kept_up = !record.carried && record.current >= self.changed_before;
         let known = if kept_up { LastUpdate::LastFrame } else { LastUpdate::Earlier };
         (record.current, record.carried) = (self.frame, false);
-        if !is_its_turn && let Some(estimate) = illumination.relight(&record.site, &mut record.recipe, known) {
+        if !is_its_turn
+            && let Some(recipe) = &mut record.recipe
+            && let Some(estimate) = illumination.relight(&record.site, recipe, known)
+        {
             record.relit(estimate);
             return false;
         }
-        record.computed_afresh(illumination.compute(&record.site, scratch));
+        let computed = illumination.compute(&record.site, scratch);
+        record.note = illumination.note(&computed.recipe);
+        record.computed_afresh(computed);
         true
     }
 }
 
 #[cfg(test)]
 mod precision;
+#[cfg(test)]
+mod shared;
 #[cfg(test)]
 mod tests;

@@ -15,6 +15,8 @@ use super::illumination::{Illumination, Site};
 use super::record::Record;
 use super::request::{OPEN, Request};
 use crate::gbuffer::{GBuffer, NOTHING};
+use crate::portable;
+use crate::ranks::{Ranks, in_turns, share};
 use crate::scene::View;
 use crate::{Busy, MACROBLOCK};
 use glam::Vec3A;
@@ -62,6 +64,8 @@ struct Felt {
     scale: f32,
 }
 
+portable!(Felt { position, openness, scale });
+
 impl Default for Felt {
     fn default() -> Self {
         Self { position: [f32::NAN; 3], openness: OPEN, scale: 0.0 }
@@ -85,38 +89,56 @@ impl Openness {
     pub fn new<I: Illumination>(request: &Request, before: &Self, illumination: &I, busy: &Busy) -> Self {
         let seen = request.seen;
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
-        let openness = |x: usize, y: usize| {
-            let Some(site) = request.bare_site(x, y) else { return Felt::default() };
+        let known = |x: usize, y: usize| {
+            let Some(site) = request.bare_site(x, y) else { return Some(Felt::default()) };
             if seen.pixels.get(x, y).emission != [0.0; 3] {
-                return Felt { openness: GLOWING, ..Felt::default() };
+                return Some(Felt { openness: GLOWING, ..Felt::default() });
             }
 
             // Most pixels have nothing above them, and need no rays.
             let scale = || scale(&site, seen);
             if !is_below_something(seen, x, y, scale) {
-                return Felt::default();
+                return Some(Felt::default());
             }
 
             // Openness that rays felt here in the picture before still holds, unless something has moved.
             let scale = scale();
             let known = before.at(site.position).filter(|felt| felt.holds_at(&site, scale));
-            if let Some(felt) = known
-                && illumination.is_undisturbed(&site, scale)
-            {
-                return felt;
-            }
-            Felt { position: site.position.into(), openness: illumination.openness(&site, scale), scale }
+            known.filter(|_| illumination.is_undisturbed(&site, scale))
         };
 
-        // Rows of macroblocks side by side.
+        // Rows of macroblocks side by side; the places where rays have to be cast.
         let mut pixels = Plane::filled(width, height, Felt::default());
-        pixels.samples_mut().par_chunks_mut((MACROBLOCK * width).max(1)).enumerate().for_each(|(strip, samples)| {
+        let strips = pixels.samples_mut().par_chunks_mut((MACROBLOCK * width).max(1)).enumerate();
+        let look = |(strip, samples): (usize, &mut [Felt])| {
             busy.measure(|| {
+                let mut unknown = Vec::new();
                 for (k, sample) in samples.iter_mut().enumerate() {
-                    *sample = openness(k % width, strip * MACROBLOCK + k / width);
+                    let (x, y) = (k % width, strip * MACROBLOCK + k / width);
+                    match known(x, y) {
+                        Some(felt) => *sample = felt,
+                        None => unknown.push((x, y)),
+                    }
                 }
-            });
+                unknown
+            })
+        };
+        let unknown = strips.map(look).collect::<Vec<_>>().concat();
+
+        // Each rank casts those of its own.
+        let feel = |&place: &usize| {
+            let (x, y) = unknown[place];
+            let site = request.bare_site(x, y).expect("rays are for places that reflect");
+            let scale = scale(&site, seen);
+            Felt { position: site.position.into(), openness: illumination.openness(&site, scale), scale }
+        };
+        let felt = share(request.ranks, &in_turns(request.ranks, unknown.len()), |own| {
+            let some = |own: &[usize]| busy.measure(|| own.iter().map(feel).collect::<Vec<_>>());
+            own.par_chunks(super::CHUNK).map(some).collect::<Vec<_>>().concat()
         });
+        for (&(x, y), felt) in unknown.iter().zip(felt) {
+            pixels.row_mut(y)[x] = felt;
+        }
         Self { pixels, view: Some(seen.view) }
     }
 
@@ -142,24 +164,43 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
     records: &mut [Record<R>],
     seen: &GBuffer,
     illumination: &I,
-    busy: &Busy,
+    (ranks, busy): (&dyn Ranks, &Busy),
 ) {
-    let renew = |record: &mut Record<R>| {
+    // The scale that a record's openness is felt with anew, where it is.
+    let new_scale = |record: &Record<R>| {
         if record.site.openness >= OPEN {
-            return;
+            return None;
         }
 
         // Felt anew where the same rays would not be as long on the screen, or may meet something else.
         let scale = scale(&record.site, seen);
         // Out of sight it may stay what it was.
-        if scale > 0.0
-            && !(is_alike(scale / record.scale) && !record.carried && illumination.is_undisturbed(&record.site, scale))
-        {
-            record.site.openness = illumination.openness(&record.site, scale);
-            record.scale = scale;
-        }
+        let is_known =
+            || is_alike(scale / record.scale) && !record.carried && illumination.is_undisturbed(&record.site, scale);
+        (scale > 0.0 && !is_known()).then_some(scale)
     };
-    records.par_chunks_mut(super::CHUNK).for_each(|records| busy.measure(|| records.iter_mut().for_each(renew)));
+    let look = |(chunk, records): (usize, &[Record<R>])| {
+        let mut due = Vec::new();
+        for (k, record) in records.iter().enumerate() {
+            due.extend(new_scale(record).map(|scale| (chunk * super::CHUNK + k, scale)));
+        }
+        due
+    };
+    let chunks = records.par_chunks(super::CHUNK).enumerate();
+    let due = chunks.map(|chunk| busy.measure(|| look(chunk))).collect::<Vec<_>>().concat();
+
+    // Each rank casts the rays of its own.
+    let openness = share(ranks, &in_turns(ranks, due.len()), |own| {
+        let feel = |&place: &usize| {
+            let (index, scale) = due[place];
+            busy.measure(|| illumination.openness(&records[index].site, scale))
+        };
+        own.par_iter().map(feel).collect()
+    });
+    for (&(index, scale), openness) in due.iter().zip(openness) {
+        records[index].site.openness = openness;
+        records[index].scale = scale;
+    }
 }
 
 /// Whether openness for two distances D of this ratio is about the same.

@@ -5,6 +5,7 @@ use super::known::KnownNeighbors;
 use super::openness::Openness;
 use super::request::Request;
 use crate::gbuffer::{GBuffer, NOTHING};
+use crate::ranks::Ranks;
 use crate::{Busy, MACROBLOCK};
 use glam::Vec3A;
 use rayon::prelude::*;
@@ -74,6 +75,11 @@ impl<'a> Picture<'a> {
         });
         picture.shown = shown;
         picture
+    }
+
+    /// Who shares the work.
+    pub fn ranks(&self) -> &'a dyn Ranks {
+        self.request.ranks
     }
 
     pub fn size(&self) -> (usize, usize) {

@@ -2,10 +2,10 @@
 //! faintest light to the brightest, and for neighbors that lie on a needle, where the fit has hardly anything to go by.
 
 use super::group::weight_between;
-use super::illumination::{Computed, LocalIrradiance, Site};
+use super::illumination::{LocalIrradiance, Site};
 use super::predict::{Fit, Prediction};
 use super::radius::radius;
-use super::record::Record;
+use super::record::{Light, Record};
 use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
 use crate::sampling::{hash_unit, uniform_sphere};
 use crate::scene::{Projection, View};
@@ -99,7 +99,7 @@ fn estimate(random: &mut Random, site: &Site, light: f32, radius: f32) -> LocalI
 }
 
 fn record(site: Site, estimate: LocalIrradiance, radius: f32) -> Record<()> {
-    Record { radius, ..Record::new(site, 1.0, Computed { light: estimate, recipe: () }, 0, 0) }
+    Record { radius, ..Record::new(site, 1.0, Light { estimate, note: 0, afresh: true }, 0, 0) }
 }
 
 /// Powers of ten between two.

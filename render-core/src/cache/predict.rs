@@ -20,6 +20,8 @@ use super::record::Record;
 use super::spacing::radius_in_view;
 use super::tile::{Tile, Tiles};
 use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
+use crate::portable;
+use crate::ranks::{in_turns, share};
 use crate::sampling::frame;
 use crate::scene::View;
 use crate::{MACROBLOCK, luminance};
@@ -83,6 +85,8 @@ impl Prediction {
     }
 }
 
+portable!(Prediction { position, normal, irradiance, by_position, by_normal, by_openness, openness });
+
 /// The prediction of a record for a picture, by itself and its neighbors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Predicted {
@@ -93,19 +97,22 @@ pub(super) struct Predicted {
     pub taught: Taught,
 }
 
+portable!(Predicted { prediction, difference, taught });
+
 /// Predictions of the records listed at these `places`. Where their neighbors are known of an earlier picture of the frame, only
 /// those that were made since are looked for.
 pub(super) fn predictions<R: Send + Sync>(
     picture: &Picture,
     tiles: &Tiles,
     records: &[Record<R>],
-    places: impl IntoParallelIterator<Iter: IndexedParallelIterator<Item = usize>, Item = usize>,
+    places: &[usize],
 ) -> Vec<Predicted> {
     let known = picture.known;
     let fresh = known.fresh(&tiles.listed, records);
     let no_neighbors = || Neighbors { met_by: vec![u32::MAX; tiles.listed.len()], near: Vec::new() };
-    let predict = |neighbors: &mut Neighbors, place| {
+    let predict = |neighbors: &mut Neighbors, &item: &usize| {
         picture.busy.measure(|| {
+            let place = places[item];
             let record = &records[tiles.listed[place] as usize];
             let radius = radius_in_view(record, picture);
             let mut fit = Fit::new(record, radius, &picture.seen.view);
@@ -116,7 +123,9 @@ pub(super) fn predictions<R: Send + Sync>(
             fit.solve()
         })
     };
-    places.into_par_iter().with_min_len(CHUNK).map_init(no_neighbors, predict).collect()
+    share(picture.ranks(), &in_turns(picture.ranks(), places.len()), |own| {
+        own.par_iter().with_min_len(CHUNK).map_init(no_neighbors, predict).collect()
+    })
 }
 
 /// Working memory of a thread that looks for neighbors of records.

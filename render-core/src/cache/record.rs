@@ -2,13 +2,18 @@
 
 use super::illumination::{Computed, LocalIrradiance, Site};
 use super::radius::radius;
+use crate::portable;
+use crate::ranks::Ranks;
 
 /// A site with its light.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Record<R> {
     pub site: Site,
     pub estimate: LocalIrradiance,
-    pub recipe: R,
+    /// On other ranks than the record's own there is none.
+    pub recipe: Option<R>,
+    /// [`Illumination::note`](super::Illumination::note) of the recipe.
+    pub note: u32,
     /// How far around it may be used, before the picture has a say \[m\].
     pub radius: f32,
     /// The most that its neighbors allowed when it was made \[m\].
@@ -27,19 +32,39 @@ pub(super) struct Record<R> {
     pub seen: u32,
 }
 
+/// The recipe of a record, as it goes from one rank to another.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct KeptRecipe<R> {
+    /// Number of the record.
+    pub number: u32,
+    /// See [`Illumination::Recipe`](super::Illumination::Recipe).
+    pub recipe: R,
+}
+
+/// 2³²/φ.
+const GOLDEN: u32 = 0x9e37_79b9;
+
+/// Light that a record was given by its rank, as all others get it.
+#[derive(Clone, Copy)]
+pub(super) struct Light {
+    pub estimate: LocalIrradiance,
+    pub note: u32,
+    /// Whether it was computed from nothing.
+    pub afresh: bool,
+}
+
+portable!(Light { estimate, note, afresh });
+
 impl<R> Record<R> {
-    pub fn new(
-        site: Site,
-        scale: f32,
-        Computed { light: estimate, recipe }: Computed<R>,
-        number: u32,
-        frame: u32,
-    ) -> Self {
+    /// A record that `frame` needs, with the `scale` of its openness; its recipe is added where it was computed.
+    pub fn new(site: Site, scale: f32, Light { estimate, note, .. }: Light, number: u32, frame: u32) -> Self {
         let radius = radius(&estimate);
         Self {
             site,
             estimate,
-            recipe,
+            recipe: None,
+            note,
             radius,
             radius_by_neighbors: f32::INFINITY,
             share: 1.0,
@@ -60,6 +85,24 @@ impl<R> Record<R> {
     /// Everything new but the place.
     pub fn computed_afresh(&mut self, Computed { light: estimate, recipe }: Computed<R>) {
         self.relit(estimate);
-        self.recipe = recipe;
+        self.recipe = Some(recipe);
     }
+
+    /// The rank that computes its light, and has its recipe.
+    pub fn owner(&self, ranks: &dyn Ranks) -> usize {
+        owner(self.number, ranks)
+    }
+
+    /// Its light as other ranks get it.
+    pub fn light(&self, afresh: bool) -> Light {
+        Light { estimate: self.estimate, note: self.note, afresh }
+    }
+}
+
+/// The rank that the record with this number is of: ⌊R frac(number/φ)⌋, φ being the golden ratio.
+///
+/// That spreads numbers one after the other, and those a constant number apart, too: records are computed afresh in turns of 32.
+pub(super) fn owner(number: u32, ranks: &dyn Ranks) -> usize {
+    let fraction = u64::from(number.wrapping_mul(GOLDEN));
+    ((fraction * ranks.count() as u64) >> 32) as usize
 }

@@ -2,6 +2,7 @@
 
 use super::illumination::Site;
 use crate::gbuffer::{GBuffer, NOTHING};
+use crate::ranks::{Alone, Ranks};
 use plane::Plane;
 
 /// Openness of a place with nothing around.
@@ -19,13 +20,15 @@ pub struct Request<'a> {
     /// Whether further pictures of the frame may follow, by [`light_more`](super::IrradianceCache::light_more): records that only
     /// those needed in the frame before are brought up to date, too.
     pub is_first_of_many: bool,
+    /// Who shares the work. Each rank requests the same.
+    pub ranks: &'a dyn Ranks,
 }
 
 impl<'a> Request<'a> {
-    /// All of a picture.
+    /// All of a picture, lit by this process alone.
     #[must_use]
     pub fn whole(seen: &'a GBuffer, moving: &'a [bool]) -> Self {
-        Self { seen, moving, wanted: None, is_first_of_many: false }
+        Self { seen, moving, wanted: None, is_first_of_many: false, ranks: &Alone }
     }
 
     /// Where light is wanted at a pixel, open whatever is around; none if nothing there reflects.

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::PixelSurface;
+use crate::ranks::Alone;
 use crate::scene::{Projection, View};
 use glam::{Mat3A, Vec3};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -11,7 +12,7 @@ const SIDE: usize = 64;
 const HEIGHT: f32 = 1.0;
 
 /// Gray light that a record takes to be the same all around, with everything `distance` away.
-fn even(irradiance: f32, distance: f32) -> LocalIrradiance {
+pub(super) fn even(irradiance: f32, distance: f32) -> LocalIrradiance {
     LocalIrradiance {
         irradiance: Vec3::splat(irradiance),
         by_normal: Mat3A::ZERO,
@@ -28,7 +29,7 @@ fn floor(split: impl Fn(&mut PixelSurface)) -> GBuffer {
 }
 
 /// The same from straight above at `eye`.
-fn floor_from(eye: Vec3, split: impl Fn(&mut PixelSurface)) -> GBuffer {
+pub(super) fn floor_from(eye: Vec3, split: impl Fn(&mut PixelSurface)) -> GBuffer {
     let above = Affine3A::from_rotation_translation(glam::Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2), eye);
     let view = View::new(above, Projection::Orthographic { ymag: 1.0 }, SIDE, SIDE);
     let pixels = Plane::from_fn(SIDE, SIDE, |x, y| {
@@ -270,7 +271,7 @@ fn openness_follows_the_picture() {
         Vec3::new(0.0, 5.0, 0.0),
     );
     seen.view = View::new(above, Projection::Orthographic { ymag: 0.5 }, SIDE, SIDE);
-    openness::renew(&mut cache.records, &seen, &Groove { openness: 0.7 }, &Busy::default());
+    openness::renew(&mut cache.records, &seen, &Groove { openness: 0.7 }, (&Alone, &Busy::default()));
     assert!(openness(&cache).iter().all(|&o| o == 0.7));
     assert!(cache.records.iter().filter(|r| r.site.position.y == 0.0).all(|r| r.site.openness == 1.0));
 }

@@ -3,6 +3,8 @@
 use super::AnchorFlux;
 use super::path::Path;
 use crate::anchor::{Anchors, SplatScratch, Spot, SurfelMap};
+use crate::portable;
+use crate::ranks::Portable;
 use glam::{DVec3, Vec3};
 
 /// Quanta in the largest power of all lights together: 2⁴⁸ leave room for sums of 2¹⁵ times as much, and divide the
@@ -44,6 +46,16 @@ impl Quantum {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Quanta([i64; 3]);
 
+impl Portable for Quanta {
+    fn put(&self, bytes: &mut Vec<u8>) {
+        self.0.put(bytes);
+    }
+
+    fn take(bytes: &mut &[u8]) -> Option<Self> {
+        <[i64; 3]>::take(bytes).map(Self)
+    }
+}
+
 impl Quanta {
     /// The conversion saturates; NaN becomes 0.
     fn round(exactly: DVec3) -> Self {
@@ -68,6 +80,8 @@ pub(super) struct Sums {
     reflected: Quanta,
     lost: Quanta,
 }
+
+portable!(Sums { held, emitted, reflected, lost });
 
 /// Flux that photons left at surfaces, until it is shared out: at surfaces that stand still and at those that move.
 #[derive(Clone, Debug, Default)]

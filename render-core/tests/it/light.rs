@@ -2,6 +2,7 @@
 
 use crate::common::{add, material, quad, rest, room};
 use glam::{Quat, Vec3, Vec3A, vec3};
+use render_core::ranks::{Alone, Ranks, ThreadRanks};
 use render_core::scene::{
     Channel, Gradient, Interpolation, Material, Mesh, Node, PunctualKind, PunctualLight, Scene, Track, Transform,
 };
@@ -10,6 +11,7 @@ use render_core::{
     Units, luminance,
 };
 use std::f32::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
 
 /// Irradiance at `position` with normal +y, all glowing surfaces sampled one by one.
 fn irradiance(scene: &Scene, position: Vec3) -> Vec3 {
@@ -330,6 +332,52 @@ fn photons_that_stay_are_kept_and_no_bit_changes() {
     let held: Vec3 = anchor_flux[2].fixed.iter().chain(&anchor_flux[2].dynamic).sum();
     assert!((luminance(held) / luminance(anchor_flux[2].reflected) - 1.0).abs() < 1e-5);
     assert!(anchor_flux[2].dynamic.iter().any(|e| e.x > 0.0));
+}
+
+/// Photons that ranks trace in turns bring what those of one bring, in every frame, and each is traced by one rank.
+#[test]
+fn photons_of_several_ranks_are_those_of_one() {
+    let scene = room_with_a_sliding_panel();
+    let units = Units::of(&scene);
+    let rest = scene.pose(0.0);
+    let anchors = Anchors::spread(&Surfaces::new(&scene, &rest), &units, 300, 12);
+    let geometry = Geometry::new(&scene);
+    let frames = || (0..3).map(|n| n as f32 / 2.0);
+    // Six batches of photons, the last of them short.
+    let count = 90_000;
+    let traced = |ranks: Arc<dyn Ranks>, keeps: bool| -> Vec<AnchorFlux> {
+        let mut photons = Photons::new(count, 7).with_ranks(ranks);
+        if keeps {
+            photons = photons.with_swept_volume(SweptVolume::of(&scene, &units, frames()));
+        }
+        let flux = |time| {
+            let pose = scene.pose(time);
+            let surfaces = Surfaces::new(&scene, &pose);
+            let emitters = Emitters::new(&surfaces, &pose, &units);
+            photons.trace(PosedScene::new(&geometry.place(&pose), &surfaces), &emitters, &anchors, &units).value
+        };
+        frames().map(flux).collect()
+    };
+    for keeps in [false, true] {
+        let alone = traced(Arc::new(Alone), keeps);
+        for ranks in [2, 4] {
+            let all: Vec<Vec<AnchorFlux>> = std::thread::scope(|scope| {
+                let ranks = ThreadRanks::new(ranks).into_iter();
+                let started: Vec<_> = ranks.map(|own| scope.spawn(|| traced(Arc::new(own), keeps))).collect();
+                started.into_iter().map(|thread| thread.join().expect("no rank fails")).collect()
+            });
+            for (frame, alone) in alone.iter().enumerate() {
+                for own in &all {
+                    assert_eq!(
+                        AnchorFlux { traced: 0, ..own[frame].clone() },
+                        AnchorFlux { traced: 0, ..alone.clone() }
+                    );
+                    assert!(own[frame].traced < alone.traced, "not all are traced on every rank");
+                }
+                assert_eq!(all.iter().map(|own| own[frame].traced).sum::<u64>(), alone.traced);
+            }
+        }
+    }
 }
 
 /// Light that takes at most n reflections is the sum of the first n terms of the series.
