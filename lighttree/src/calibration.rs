@@ -133,6 +133,19 @@ impl Audits {
         }
     }
 
+    /// All counts as numbers, for another process.
+    #[must_use]
+    pub fn numbers(&self) -> Vec<u32> {
+        self.0.iter().flatten().map(|count| count.load(Ordering::Relaxed)).collect()
+    }
+
+    /// Adds the [`numbers`](Self::numbers) of another process.
+    pub fn add_numbers(&self, numbers: &[u32]) {
+        for (sum, &count) in self.0.iter().flatten().zip(numbers) {
+            sum.fetch_add(count, Ordering::Relaxed);
+        }
+    }
+
     fn counts(&self) -> [Counts; CLASSES] {
         self.0.each_ref().map(|class| Counts(class.each_ref().map(|count| count.load(Ordering::Relaxed))))
     }

@@ -65,6 +65,9 @@ pub enum Error {
     /// A checkpoint does not fit the run, or is damaged; the text says to start anew.
     #[error("{0}")]
     Checkpoint(String),
+    /// The ranks of a film do not fit together: every one of them says so.
+    #[error("{0}")]
+    Ranks(String),
     /// The run was ended by its caller before it had a result.
     #[error("interrupted before anything was measured")]
     Interrupted,

@@ -91,3 +91,25 @@ pub struct FrameFigures {
     /// Pixels whose radiance was not finite; shown black.
     pub non_finite: usize,
 }
+
+/// Figures of a frame that each rank has its own of.
+pub(crate) const RANK_FIGURES: usize = 7;
+
+impl FrameFigures {
+    /// The figures of this rank alone: CPU seconds up to light, and photons.
+    pub(crate) fn of_rank(&self) -> [f64; RANK_FIGURES] {
+        let Seconds { update, photons, tree, visibility, direct, indirect, .. } = self.seconds;
+        [update, photons, tree, visibility, direct, indirect, self.photons_traced as f64]
+    }
+
+    /// Replaces them by the sums over `all` ranks.
+    pub(crate) fn add_up_ranks<'a>(&mut self, all: impl Iterator<Item = &'a [f64; RANK_FIGURES]>) {
+        let mut sums = [0.0; RANK_FIGURES];
+        for figures in all {
+            sums.iter_mut().zip(figures).for_each(|(sum, figure)| *sum += figure);
+        }
+        let [update, photons, tree, visibility, direct, indirect, traced] = sums;
+        self.seconds = Seconds { update, photons, tree, visibility, direct, indirect, ..self.seconds.clone() };
+        self.photons_traced = traced as u64;
+    }
+}

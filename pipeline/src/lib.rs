@@ -19,6 +19,7 @@ pub mod output;
 pub mod parts;
 pub mod picture_file;
 pub mod places;
+pub mod ranks;
 pub mod renderer;
 pub mod report;
 pub mod settings;

@@ -2,9 +2,10 @@
 
 use crate::error::Result;
 use crate::feedback_loop::checkpoint::{Checkpoints, sum_of_inputs};
-use crate::feedback_loop::{Parts, Run, Start, couple};
+use crate::feedback_loop::{Parts, Run, Start, couple, follow};
 use crate::film::{Display, Masking, Video};
 use crate::plan::{Plan, Stage};
+use crate::ranks::{Lead, Team};
 use crate::renderer::{Preparation, Shading, exposure_of_first_frame};
 use crate::report::{Ending, Report};
 use crate::settings::{Aov, Settings};
@@ -37,32 +38,53 @@ impl<'a> Render<'a> {
     /// # Errors
     /// The settings fit no encoder, the checkpoint makes no sense, or a file of uncompressed frames cannot be written.
     pub fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, checkpoints: &'a Checkpoints) -> Result<Self> {
+        Self::among(scene, settings, plan, checkpoints, &Team::alone())
+    }
+
+    /// As [`new`](Self::new), on rank 0 of a `team` whose other ranks [`follow`](Self::follow). They share the work on each frame;
+    /// the bytes are those of one process.
+    ///
+    /// # Errors
+    /// Errors of [`new`](Self::new). The other ranks end then.
+    pub fn among(
+        scene: &'a Scene,
+        settings: &'a Settings,
+        plan: &'a Plan,
+        checkpoints: &'a Checkpoints,
+        team: &Team,
+    ) -> Result<Self> {
         let begin = Instant::now();
+        // First of all: whatever fails below, the others are told.
+        let lead = Lead::of(team.shade.clone());
         let masks = plan.is_on(Stage::Masking);
-        let renderer = settings.renderer();
-        let shade = Shading::new(&renderer, plan);
-        #[cfg(feature = "bake")]
-        let baked = settings.baked.as_deref().map(|path| crate::bake::read(scene, path)).transpose()?.map(Arc::new);
-        #[cfg(feature = "bake")]
-        let shade = with_baked(shade, baked.as_ref());
+        let light = Light::new(scene, settings, plan, team)?;
         let mut parts = Parts {
-            prepare: Preparation::new(scene, &renderer, plan),
-            shade,
+            prepare: light.prepare,
+            shade: light.shade,
             display: Display::of(settings)?,
             encode: Video::new(settings)?,
             mask: masks.then(|| Masking::new(settings)).transpose()?,
         };
-        let start = parts.begin_at(settings.frame_range().start, checkpoints)?;
+        let start = parts.begin_among(settings.frame_range().start, checkpoints, lead)?;
         Ok(Self {
             scene,
             settings,
             plan,
             parts,
             #[cfg(feature = "bake")]
-            baked,
+            baked: light.baked,
             start,
             begin,
         })
+    }
+
+    /// Shares the work on a film that rank 0 of the `team` makes, on any other rank, and writes nothing. Blocks until rank 0 ends.
+    ///
+    /// # Errors
+    /// The baked light cannot be read, a checkpoint makes no sense, or ranks have found different light.
+    pub fn follow(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, team: &Team) -> Result<()> {
+        let Light { prepare, shade, .. } = Light::new(scene, settings, plan, team)?;
+        follow(prepare, shade, team)
     }
 
     /// Opens the file of the film. Without one, its bytes go only to the observer.
@@ -121,6 +143,31 @@ impl<'a> Render<'a> {
                 let shading = with_baked(shading, self.baked.as_ref());
                 shading
             })
+        })
+    }
+}
+
+/// The parts that make light, which every rank has.
+struct Light<'a> {
+    prepare: Preparation<'a>,
+    shade: Shading<'a>,
+    #[cfg(feature = "bake")]
+    baked: Option<Arc<BakedTexels>>,
+}
+
+impl<'a> Light<'a> {
+    fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, team: &Team) -> Result<Self> {
+        let renderer = settings.renderer();
+        let shade = Shading::among(&renderer, plan, team.shade.clone());
+        #[cfg(feature = "bake")]
+        let baked = settings.baked.as_deref().map(|path| crate::bake::read(scene, path)).transpose()?.map(Arc::new);
+        #[cfg(feature = "bake")]
+        let shade = with_baked(shade, baked.as_ref());
+        Ok(Self {
+            prepare: Preparation::among(scene, &renderer, plan, team.prepare.clone()),
+            shade,
+            #[cfg(feature = "bake")]
+            baked,
         })
     }
 }

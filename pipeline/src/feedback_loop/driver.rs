@@ -1,13 +1,16 @@
 //! The loop: parts on threads, joined by bounded channels, with the feedback edge from masking to shading.
 
+use super::checkpoint::Checkpoints;
 use super::observe::Observer;
 use super::stages::{Displaying, Encoding, Masking, Preparing, Shading};
 use super::start::{Parts, Start};
 use super::threads::{self, Stamped, stage, work};
 use crate::error::Result;
-use crate::parts::{Encode, LuminanceThresholds, Mask, Prepare, Shade};
+use crate::parts::{Encode, LuminanceThresholds, Mask, Prepare, Prepared, Shade};
+use crate::ranks::Lead;
 use crate::report::FrameReport;
-use crossbeam_channel::bounded;
+use crossbeam_channel::{Receiver, bounded};
+use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The surroundings of a run.
@@ -47,9 +50,10 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode>(
     run: Run<'_>,
 ) -> Result<Vec<FrameReport>> {
     let Parts { prepare, shade, display, encode, mask } = parts;
-    let Start { checkpoints, begin, first, thresholds, mut masking_seconds, mut log } = start;
+    let Start { checkpoints, begin, first, thresholds, mut masking_seconds, mut log, lead } = start;
     let Run { observer, stop } = run;
     checkpoints.begin(mask.is_some())?;
+    let ranks = lead.ranks();
     // Prepared frames are handed over without a queue: preparation is one frame ahead, which is all that can be used, and
     // each further one would hold a G-buffer. Elsewhere one frame may wait.
     let (prepared_out, prepared_in) = bounded(0);
@@ -60,18 +64,33 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode>(
     let (thresholds_out, thresholds_in) = bounded::<LuminanceThresholds>(1);
     let masks = mask.is_some();
     let last_thresholds = move |frame: u32| match masks && frame > begin {
-        true => thresholds_in.recv().map(Some),
-        false => Ok(None),
+        true => thresholds_in.recv().ok().map(Some),
+        false => Some(None),
     };
     if let Some(thresholds) = thresholds {
         // A film that is continued: those of the last frame that is done.
         let _ = thresholds_out.send(thresholds);
     }
     let preparing = Preparing(prepare);
-    let shading = Shading::new(shade);
+    let shading = Shading::new(shade, ranks.clone());
     let displaying = Displaying::new(display, observer)?;
     let encoding = Encoding::new(encode, &mut log, observer)?;
     let masking = mask.map(|mask| Masking::new(mask, &mut masking_seconds, observer)).transpose()?;
+    // Whether a frame is begun is asked as late as can be. Other ranks begin it at the same time, when the frame before is handed
+    // over; so where there are any, that is when it is decided.
+    let goes_on = |next: u32| {
+        let goes_on = !stop.load(Ordering::Relaxed);
+        if !goes_on {
+            checkpoints.end_before(next, first);
+        }
+        goes_on
+    };
+    let is_led = ranks.count() > 1;
+    let decided = Cell::new(is_led.then(|| goes_on(first)));
+    if let Some(goes_on) = decided.get() {
+        lead.begin(goes_on);
+    }
+
     // A failure is reported in this order.
     threads::run([
         stage("encode", move || {
@@ -90,23 +109,51 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode>(
             })
         }),
         stage("shade", move || {
-            let frames = prepared_in.into_iter().map_while(|frame: Stamped<_>| {
-                let _span = tracing::debug_span!("wait for thresholds", frame = frame.index).entered();
-                let thresholds = last_thresholds(frame.index).ok()?;
-                Some(frame.with(|prepared| (prepared, thresholds)))
-            });
+            let frames = with_thresholds(prepared_in, last_thresholds, lead, checkpoints);
             work(checkpoints, shading, frames, |shaded| shaded_out.send(shaded).is_ok())
         }),
         stage("prepare", move || {
             let begun = (first..).map_while(|index| {
-                if stop.load(Ordering::Relaxed) {
-                    checkpoints.end_before(index, first);
-                    return None;
-                }
-                Some(Stamped { index, marked: checkpoints.is_due(), content: () })
+                let goes_on = decided.take().unwrap_or_else(|| goes_on(index));
+                goes_on.then(|| Stamped { index, marked: checkpoints.is_due(), content: () })
             });
-            work(checkpoints, preparing, begun, |prepared| prepared_out.send(prepared).is_ok())
+            work(checkpoints, preparing, begun, |prepared| {
+                let next = is_led.then(|| goes_on(prepared.index + 1));
+                decided.set(next);
+                prepared_out.send((prepared, next.unwrap_or_default())).is_ok()
+            })
         }),
     ])?;
     log.finish(&masking_seconds)
+}
+
+/// A prepared frame on its way to shading, and whether the next one is begun.
+type OnItsWay<F> = (Stamped<Prepared<F>>, bool);
+/// The same with the thresholds of the frame before.
+type WithThresholds<F> = Stamped<(Prepared<F>, Option<LuminanceThresholds>)>;
+
+/// Prepared frames with the thresholds that `of_last` has for each, until there are no more of either. Whom this process leads is
+/// told of each.
+fn with_thresholds<F>(
+    prepared: Receiver<OnItsWay<F>>,
+    of_last: impl Fn(u32) -> Option<Option<LuminanceThresholds>>,
+    mut lead: Lead,
+    checkpoints: &Checkpoints,
+) -> impl Iterator<Item = WithThresholds<F>> {
+    let mut last = None;
+    std::iter::from_fn(move || {
+        let next = prepared.recv().ok().and_then(|(frame, goes_on)| {
+            lead.notes(goes_on);
+            let _span = tracing::debug_span!("wait for thresholds", frame = frame.index).entered();
+            let thresholds = of_last(frame.index)?;
+            lead.frame(frame.index, frame.marked, thresholds.as_ref());
+            last = Some(frame.index);
+            Some(frame.with(|prepared| (prepared, thresholds)))
+        });
+        if next.is_none() {
+            // Other ranks give their state when this one does.
+            lead.end(last.is_some_and(|last| checkpoints.ends_after(last)));
+        }
+        next
+    })
 }

@@ -4,8 +4,8 @@ use super::checkpoint::Part;
 use super::log::FilmLog;
 use super::observe::Observer;
 use super::threads::Stage;
-use crate::error::{Context, Result};
-use crate::figures::FrameFigures;
+use crate::error::{Context, Error, Result};
+use crate::figures::{FrameFigures, RANK_FIGURES};
 use crate::film::display::Display;
 use crate::parts::{
     Coding, Displayed, Encode, LastThresholds, LuminanceThresholds, Mask, Prepare, Prepared, Shade, Shaded,
@@ -14,6 +14,7 @@ use crate::state::encode;
 use plane::Correspondence;
 use rayon::ThreadPool;
 use render_core::Busy;
+use render_core::ranks::{Portable, Ranks};
 use std::marker::PhantomData;
 use std::sync::Arc;
 
@@ -42,12 +43,14 @@ pub(super) struct Motion {
 
 pub(super) struct Shading<S, F> {
     part: S,
+    ranks: Arc<dyn Ranks>,
     frames: PhantomData<fn(F)>,
 }
 
 impl<S, F> Shading<S, F> {
-    pub fn new(part: S) -> Self {
-        Self { part, frames: PhantomData }
+    /// Shades together with these ranks.
+    pub fn new(part: S, ranks: Arc<dyn Ranks>) -> Self {
+        Self { part, ranks, frames: PhantomData }
     }
 }
 
@@ -59,7 +62,8 @@ impl<F, S: Shade<F>> Stage for Shading<S, F> {
     fn step(&mut self, index: u32, (prepared, last): Self::In) -> Result<Option<Self::Out>> {
         let _span = tracing::debug_span!("shade", frame = index).entered();
         let thresholds = LastThresholds::new(index, last.as_ref(), prepared.correspondence.as_deref());
-        let shaded = self.part.step(&prepared, thresholds);
+        let mut shaded = self.part.step(&prepared, thresholds);
+        agree(&*self.ranks, index, &mut shaded)?;
         let Prepared { correspondence, forward, .. } = prepared;
         Ok(Some((shaded, Motion { correspondence, forward })))
     }
@@ -67,6 +71,42 @@ impl<F, S: Shade<F>> Stage for Shading<S, F> {
     fn state(&self) -> Result<Vec<u8>> {
         Ok(self.part.state())
     }
+}
+
+/// Checks that all ranks have the same light, and adds up what it took them.
+///
+/// # Errors
+/// They have not.
+fn agree(ranks: &dyn Ranks, index: u32, shaded: &mut Shaded) -> Result<()> {
+    if ranks.count() == 1 {
+        return Ok(());
+    }
+    let mut sum = crc32fast::Hasher::new();
+    let mut row = Vec::new();
+    for y in 0..shaded.radiance.height() {
+        row.clear();
+        shaded.radiance.row(y).iter().for_each(|rgb| rgb.put(&mut row));
+        sum.update(&row);
+    }
+    let figures = &mut shaded.figures;
+    let mut own = Vec::new();
+    sum.finalize().put(&mut own);
+    figures.of_rank().put(&mut own);
+
+    // Every rank compares all with the first, so all of them end, or none.
+    let all = ranks.all_gather(own);
+    let mut answers = Vec::with_capacity(all.len());
+    for bytes in &all {
+        let answer: Option<(u32, [f64; RANK_FIGURES])> = Portable::take(&mut &bytes[..]);
+        answers.push(answer.ok_or_else(|| Error::Ranks("ranks run different programs".into()))?);
+    }
+    if let Some(other) = answers.iter().position(|(sum, _)| *sum != answers[0].0) {
+        return Err(Error::Ranks(format!(
+            "rank {other} has found other light for frame {index} than rank 0: all ranks need the same program, and processors that round alike"
+        )));
+    }
+    figures.add_up_ranks(answers.iter().map(|(_, figures)| figures));
+    Ok(())
 }
 
 pub(super) struct Displaying<'a> {

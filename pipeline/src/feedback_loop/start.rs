@@ -6,6 +6,7 @@ use crate::early_end::EarlyEnd;
 use crate::error::{Error, Result};
 use crate::film::display::Display;
 use crate::parts::{Encode, LuminanceThresholds, Mask, Prepare, Shade};
+use crate::ranks::Lead;
 use crate::state::{NONSENSE, decode};
 use plane::Plane;
 use std::path::Path;
@@ -36,6 +37,8 @@ pub struct Start<'a> {
     pub(super) thresholds: Option<LuminanceThresholds>,
     pub(super) masking_seconds: Vec<(u32, f64)>,
     pub(super) log: FilmLog,
+    /// Whom this process leads.
+    pub(super) lead: Lead,
 }
 
 /// State of masking in a checkpoint: its own state, ΔY and luminance of the last frame, and its seconds so far.
@@ -55,10 +58,22 @@ impl<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode> Parts<P, S, M, E> {
     /// # Errors
     /// A part cannot read its state, or a file of uncompressed frames cannot be opened.
     pub fn begin_at<'a>(&mut self, begin: u32, checkpoints: &'a Checkpoints) -> Result<Start<'a>> {
+        self.begin_among(begin, checkpoints, Lead::nobody())
+    }
+
+    /// As [`begin_at`](Parts::begin_at), where this process leads others.
+    pub(crate) fn begin_among<'a>(
+        &mut self,
+        begin: u32,
+        checkpoints: &'a Checkpoints,
+        lead: Lead,
+    ) -> Result<Start<'a>> {
         let log = FilmLog::beginning(begin);
-        let mut start = Start { checkpoints, begin, first: begin, thresholds: None, masking_seconds: Vec::new(), log };
+        let (thresholds, masking_seconds) = (None, Vec::new());
+        let mut start = Start { checkpoints, begin, first: begin, thresholds, masking_seconds, log, lead };
         let Some(last) = checkpoints.last_frame() else {
             self.display.begin(checkpoints.kept())?;
+            start.lead.start(begin, None);
             return Ok(start);
         };
         self.restore(&mut start, last).map_err(|error| checkpoints.named(error))?;
@@ -80,6 +95,8 @@ impl<P: Prepare, S: Shade<P::Frame>, M: Mask, E: Encode> Parts<P, S, M, E> {
             mask.restore(&own, &thresholds)?;
             (start.thresholds, start.masking_seconds) = (Some(thresholds), masking_seconds);
         }
+        // From here on all ranks restore the same.
+        start.lead.start(start.first, Some((state(Part::Prepare), state(Part::Shade))));
         let done = self.prepare.restore(state(Part::Prepare), last)?;
         self.shade.restore(state(Part::Shade), &done)?;
         // Last, because this cuts a file to the length that it had.

@@ -10,6 +10,7 @@ use crate::state::NONSENSE;
 use glam::Vec3;
 use lighttree::{BuildParams, Emission, Light, LightTree};
 use plane::Correspondence;
+use render_core::ranks::{Alone, Ranks};
 use render_core::scene::{Pose, Scene};
 use render_core::{
     Accelerator, AnchorFlux, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Photons,
@@ -35,6 +36,8 @@ pub struct Preparation<'s> {
     scene: &'s Scene,
     settings: RenderSettings,
     plan: &'s Plan,
+    /// Who shares the work.
+    ranks: Arc<dyn Ranks>,
     /// Made with the first frame, which is not before the files of the film are open.
     work: Option<Work<'s>>,
 }
@@ -43,13 +46,19 @@ impl<'s> Preparation<'s> {
     /// For a film of `scene` from its beginning.
     #[must_use]
     pub fn new(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan) -> Self {
-        Self { scene, settings: settings.clone(), plan, work: None }
+        Self::among(scene, settings, plan, Arc::new(Alone))
+    }
+
+    /// The same, where other `ranks` share the work and prepare the same frames.
+    #[must_use]
+    pub fn among(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan, ranks: Arc<dyn Ranks>) -> Self {
+        Self { scene, settings: settings.clone(), plan, ranks, work: None }
     }
 
     /// Frame `index`, which may follow any other: motion leads to the one that was made before it.
     pub fn frame(&mut self, index: u32) -> PreparedFrame<'s> {
-        let Self { scene, settings, plan, work } = self;
-        work.get_or_insert_with(|| Work::new(scene, settings, plan)).frame(index)
+        let Self { scene, settings, plan, ranks, work } = self;
+        work.get_or_insert_with(|| Work::new(scene, settings, plan, ranks)).frame(index)
     }
 }
 
@@ -77,7 +86,7 @@ impl<'s> Prepare for Preparation<'s> {
 
     fn restore(&mut self, state: &[u8], last: u32) -> Result<PreparedFrame<'s>> {
         let tree = LightTree::from_bytes(state).context(NONSENSE)?;
-        let mut work = Work::new(self.scene, &self.settings, self.plan);
+        let mut work = Work::new(self.scene, &self.settings, self.plan, &self.ranks);
         work.tree = Some(Arc::new(tree));
         Ok(self.work.insert(work).frame(last))
     }
@@ -127,7 +136,7 @@ struct Lights {
 }
 
 impl<'s> Work<'s> {
-    fn new(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan) -> Self {
+    fn new(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan, ranks: &Arc<dyn Ranks>) -> Self {
         let units = Units::of(scene);
         let rest = scene.pose(0.0);
         let geometry = Geometry::new(scene);
@@ -138,7 +147,7 @@ impl<'s> Work<'s> {
             let dynamic = if plan.is_off(Stage::DynamicAnchors) { 0 } else { settings.moving_vpls };
             (Anchors::spread_exposed(&surfaces, &geometry, &units, settings.vpls, dynamic), settings.photons)
         };
-        let mut photons = Photons::new(photons, settings.seed);
+        let mut photons = Photons::new(photons, settings.seed).with_ranks(ranks.clone());
         if let Some(bounces) = settings.bounces {
             // The last reflection is the one that the viewer sees.
             photons = photons.with_bounces(bounces.saturating_sub(1) as usize);

@@ -13,7 +13,7 @@ use std::path::Path;
 
 const MAGIC: [u8; 4] = *b"R2MC";
 /// Counts changes of anything that is stored.
-const VERSION: u32 = 14;
+const VERSION: u32 = 15;
 const HEADER: usize = 20;
 
 /// The origin of a film: only the same can be continued.

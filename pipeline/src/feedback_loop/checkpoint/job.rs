@@ -46,6 +46,13 @@ impl FilmJob {
         Some(Self { end: u32::try_from(end).ok(), ..job })
     }
 
+    /// A sum of all that ranks of this film have to have in common: they may read its files and write the film at other places.
+    #[must_use]
+    pub fn sum(&self) -> u32 {
+        let Identity { program, settings, inputs } = &self.identity;
+        crc32fast::hash(format!("{program} {settings} {inputs} {:?}", self.end).as_bytes())
+    }
+
     /// Whether both are the same film, as far as both go.
     #[must_use]
     pub fn is_same(&self, other: &Self) -> bool {

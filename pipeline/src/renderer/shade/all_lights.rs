@@ -42,8 +42,8 @@ impl Layer for AllLights {
                 None => Vec3::ZERO,
             }
         };
-        let radiance =
-            by_macroblock(size, &busy, || (), |(), columns, rows| places(columns, rows).map(radiance).collect());
+        let block = |(): &mut (), columns, rows| places(columns, rows).map(radiance).collect();
+        let radiance = by_macroblock(visible.ranks, size, &busy, || (), block);
         Lit {
             radiance: Some(radiance),
             rays: counts.rays(),

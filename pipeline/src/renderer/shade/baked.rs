@@ -9,6 +9,7 @@ use crate::renderer::texels::BakedTexels;
 use crate::settings::Aov;
 use plane::Plane;
 use render_core::Busy;
+use render_core::ranks::Alone;
 use std::sync::Arc;
 
 /// Light of the texels of an atlas.
@@ -37,8 +38,8 @@ impl Layer for Baked {
             true => self.texels.indirect_at(&pixels.get(x, y), surfaces).map(Into::into),
             false => Some([0.0; 3]),
         };
-        let looked_up: Plane<Option<[f32; 3]>> =
-            by_macroblock(size, &busy, || (), |(), columns, rows| places(columns, rows).map(of_pixel).collect());
+        let block = |(): &mut (), columns, rows| places(columns, rows).map(of_pixel).collect();
+        let looked_up: Plane<Option<[f32; 3]>> = by_macroblock(&Alone, size, &busy, || (), block);
         let missing = looked_up.map(|light| light.is_none());
 
         // The others are lit as usual. Without a layer for them they stay dark.

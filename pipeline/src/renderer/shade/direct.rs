@@ -32,6 +32,7 @@ impl Layer for Direct {
         let (busy, rays) = (Busy::default(), AtomicU64::new(0));
         let size = (visible.matte.pixels.width(), visible.matte.pixels.height());
         let irradiance = by_macroblock(
+            visible.ranks,
             size,
             &busy,
             || (),

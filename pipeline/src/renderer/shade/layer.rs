@@ -10,6 +10,7 @@ use crate::settings::Aov;
 use glam::Vec3;
 use plane::{Correspondence, Plane};
 use render_core::GBuffer;
+use render_core::ranks::{Portable, Ranks};
 use std::f32::consts::PI;
 use std::ops::AddAssign;
 
@@ -66,6 +67,8 @@ pub struct Visible<'a> {
     pub motion: Option<&'a Correspondence>,
     /// Radiance that the layers before this one found, and what surfaces emit \[W·m⁻²·sr⁻¹\].
     pub radiance: &'a Plane<Vec3>,
+    /// Who shares the work. Layers of all ranks are called in the same order, with the same surfaces.
+    pub ranks: &'a dyn Ranks,
     /// What has moved since the frame before.
     pub(super) movement: &'a Movement,
 }
@@ -82,6 +85,7 @@ impl<'a> Visible<'a> {
             sample: 0,
             motion: None,
             radiance,
+            ranks: &render_core::ranks::Alone,
             movement: &MOVEMENT,
         }
     }
@@ -118,6 +122,15 @@ impl AddAssign for Lit {
 }
 
 impl Lit {
+    /// Adds the counts of another rank; `None` if the bytes are not those.
+    fn add_from(&mut self, bytes: &mut &[u8]) -> Option<()> {
+        self.rays += u64::take(bytes)?;
+        let ((cuts, clusters), largest) = Portable::take(bytes)?;
+        self.cuts += CutCounts { cuts, clusters, largest };
+        self.audits.cuts.add_numbers(&Vec::<u32>::take(bytes)?);
+        Some(())
+    }
+
     /// Adds what `other` took, and not its light, which may be that of another picture.
     pub(super) fn add_counts(&mut self, other: Self) {
         self.rays += other.rays;
@@ -125,6 +138,24 @@ impl Lit {
         self.cuts += other.cuts;
         self.records += other.records;
         self.audits += other.audits;
+    }
+}
+
+/// Adds to `lit`, whose counts are those of this rank's share of the work, the counts of all other ranks.
+///
+/// Counts of what was carried, and of records, are those of the whole picture on every rank already.
+pub(super) fn add_ranks(ranks: &dyn Ranks, lit: &mut Lit) {
+    if ranks.count() == 1 {
+        return;
+    }
+    let mut bytes = Vec::new();
+    lit.rays.put(&mut bytes);
+    ((lit.cuts.cuts, lit.cuts.clusters), lit.cuts.largest).put(&mut bytes);
+    lit.audits.cuts.numbers().put(&mut bytes);
+    for (rank, bytes) in ranks.all_gather(bytes).into_iter().enumerate() {
+        if rank != ranks.rank() {
+            lit.add_from(&mut &bytes[..]).expect("every rank gives its counts");
+        }
     }
 }
 

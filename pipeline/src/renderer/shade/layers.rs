@@ -14,7 +14,7 @@ use crate::renderer::frame::Frame;
 use crate::renderer::texels::BakedTexels;
 use crate::settings::{Aov, Lighting, RenderSettings};
 use crate::state::NONSENSE;
-#[cfg(feature = "bake")]
+use render_core::ranks::Ranks;
 use std::sync::Arc;
 
 /// The light of a frame: the sum over these layers, in this order.
@@ -32,7 +32,7 @@ impl Layers {
     /// |---|---|
     /// | direct | [`Direct`], carried where the plan says so; [`Coats`] |
     /// | indirect | [`Cached`], carried where the plan says so; or [`PerPixel`]; or [`AllLights`] |
-    pub fn new(settings: &RenderSettings, plan: &Plan) -> Self {
+    pub fn new(settings: &RenderSettings, plan: &Plan, ranks: &Arc<dyn Ranks>) -> Self {
         let carries = plan.is_on(Stage::CarriedLight);
         let mut direct = vec![carried_if(carries, Direct::default(), settings)];
         if plan.is_on(Stage::Gloss) {
@@ -46,10 +46,11 @@ impl Layers {
         if is_needed {
             indirect.push(match settings.lighting {
                 _ if plan.is_on(Stage::Cache) => {
-                    carried_if(carries && !is_baked, Cached::new(plan, settings.samples), settings)
+                    carried_if(carries && !is_baked, Cached::new(plan, settings.samples, ranks.clone()), settings)
                 }
                 Lighting::AllLights => Box::new(AllLights::new(compensates)),
-                _ => Box::new(PerPixel::new(compensates, settings.aov.contains(&Aov::CutSize))),
+                // Each rank knows the cuts that it made: an observer of one may want those of all.
+                _ => Box::new(PerPixel::new(compensates, settings.aov.contains(&Aov::CutSize) || ranks.count() > 1)),
             });
         }
         Self { direct, indirect }

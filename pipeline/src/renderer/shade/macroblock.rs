@@ -1,13 +1,15 @@
-//! Pictures made macroblock by macroblock, on all threads.
+//! Pictures made macroblock by macroblock, on all threads and ranks.
 
 use plane::Plane;
 use rayon::prelude::*;
+use render_core::ranks::{Portable, Ranks, share};
 use render_core::{Busy, MACROBLOCK};
 use std::ops::Range;
 
 /// A picture whose macroblocks are `make(scratch, columns, rows)`, in raster order; adds the work to `busy`. `scratch`
-/// makes memory for a thread.
-pub(super) fn by_macroblock<S, T: Copy + Default + Send>(
+/// makes memory for a thread. The `ranks` make macroblocks in turns.
+pub(super) fn by_macroblock<S, T: Copy + Default + Send + Portable>(
+    ranks: &dyn Ranks,
     (width, height): (usize, usize),
     busy: &Busy,
     scratch: impl Fn() -> S + Sync + Send,
@@ -18,13 +20,14 @@ pub(super) fn by_macroblock<S, T: Copy + Default + Send>(
         let (left, top) = (index % across * MACROBLOCK, index / across * MACROBLOCK);
         (left..width.min(left + MACROBLOCK), top..height.min(top + MACROBLOCK))
     };
-    let blocks: Vec<Vec<T>> = (0..across * height.div_ceil(MACROBLOCK))
-        .into_par_iter()
-        .map_init(scratch, |scratch, index| {
-            let (columns, rows) = area(index);
-            busy.measure(|| make(scratch, columns, rows))
-        })
-        .collect();
+    let block = |scratch: &mut S, &index: &usize| {
+        let (columns, rows) = area(index);
+        busy.measure(|| make(scratch, columns, rows))
+    };
+    // Along diagonals: a rank with columns of its own would have all of a dark wall.
+    let owner = |index: usize| (index % across + index / across) % ranks.count();
+    let owners: Vec<usize> = (0..across * height.div_ceil(MACROBLOCK)).map(owner).collect();
+    let blocks: Vec<Vec<T>> = share(ranks, &owners, |own| own.par_iter().map_init(scratch, block).collect());
     let mut picture = Plane::filled(width, height, T::default());
     for (index, pixels) in blocks.iter().enumerate() {
         let (columns, rows) = area(index);

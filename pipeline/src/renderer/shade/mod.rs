@@ -57,12 +57,14 @@ use crate::settings::{Aov, RenderSettings, Stopping, begins_chunk};
 use channels::{Known, colors};
 use glam::Vec3;
 use importance::{ImportanceMap, Looking};
+use layer::add_ranks;
 use layers::Layers;
 use lighttree::Calibration;
 use lit_frame::{Light, LitFrame, Reused, Sample};
 use movement::{Movement, Place};
 use plane::Plane;
 use render_core::image_file::FrameHeader;
+use render_core::ranks::{Alone, Ranks};
 use render_core::{AuditCounts, Busy, Coverage, GBuffer, InstanceShares, PixelSample, PosedScene, sample_offsets};
 use std::sync::Arc;
 
@@ -84,13 +86,21 @@ pub struct Shading<'a> {
     looking: Option<Looking>,
     /// Channels for observers.
     watched: Vec<Aov>,
+    /// Who shares the work.
+    ranks: Arc<dyn Ranks>,
 }
 
 impl<'a> Shading<'a> {
     /// For a film from its beginning.
     #[must_use]
     pub fn new(settings: &RenderSettings, plan: &'a Plan) -> Self {
-        let layers = Layers::new(settings, plan);
+        Self::among(settings, plan, Arc::new(Alone))
+    }
+
+    /// The same, where other `ranks` share the work and light the same frames.
+    #[must_use]
+    pub fn among(settings: &RenderSettings, plan: &'a Plan, ranks: Arc<dyn Ranks>) -> Self {
+        let layers = Layers::new(settings, plan, &ranks);
         let (calibration, looking) = (calibration(settings), looking(settings));
         Self {
             settings: settings.clone(),
@@ -101,6 +111,7 @@ impl<'a> Shading<'a> {
             calibration,
             looking,
             watched: Vec::new(),
+            ranks,
         }
     }
 
@@ -280,6 +291,7 @@ impl Shading<'_> {
         let scene = PosedScene::new(accelerator, surfaces);
         let visibility = Busy::default();
         let movement = Movement::to(&prepared.frame, &self.places);
+        let ranks = self.ranks.clone();
         let offsets = sample_offsets(self.settings.samples as usize);
         let mut samples: Vec<Sample> = Vec::new();
         let [mut direct, mut indirect] = [Lit::default(), Lit::default()];
@@ -307,7 +319,8 @@ impl Shading<'_> {
             // Layers find their light on these surfaces.
             let (frame, motion) = (&prepared.frame, prepared.correspondence.as_deref());
             let emitted = matte.pixels.map(|pixel| Vec3::from(pixel.emission));
-            let visible = Visible { frame, surfaces, matte, sample, motion, radiance: &emitted, movement: &movement };
+            let (radiance, movement, ranks) = (&emitted, &movement, &*ranks);
+            let visible = Visible { frame, surfaces, matte, sample, motion, radiance, ranks, movement };
             let (light, [of_direct, of_indirect]) = self.sample(&visible, wanted.as_ref(), tolerance);
             if sample == 0 {
                 reused = Reused::new([&of_direct, &of_indirect], matte);
@@ -334,6 +347,7 @@ impl Shading<'_> {
         figures.shaded_share = reused.shaded_share();
         figures.carried_share = 1.0 - figures.shaded_share;
         direct.add_counts(indirect);
+        add_ranks(&*ranks, &mut direct);
         put(&direct, figures);
         let light = Light { samples, coverage, cache_records: direct.records.in_use, importance };
         (LitFrame::new(&prepared.frame, light, reused), direct.audits)

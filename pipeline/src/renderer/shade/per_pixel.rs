@@ -19,6 +19,7 @@ use glam::{Vec3, Vec3A};
 use lighttree::{Calibration, Cut, Lambert, Light, Receivers, Scratch, Stop};
 use plane::Plane;
 use render_core::Busy;
+use render_core::ranks::{Portable, Ranks};
 use std::ops::Range;
 
 /// Side of the blocks of pixels whose cuts are made together. (`lighttree`'s `examples/measure.rs` has their gain.)
@@ -53,7 +54,8 @@ impl Layer for PerPixel {
         let light = PixelLight { visible, visibility, counts: &counts, compensates: self.compensates };
         let picture = Picture { light, wanted, tolerance };
         let block = || Block::new(tolerance);
-        let radiance = by_macroblock(size, &busy, block, |block, columns, rows| block.light(&picture, columns, rows));
+        let make = |block: &mut Block, columns, rows| block.light(&picture, columns, rows);
+        let radiance = by_macroblock(visible.ranks, size, &busy, block, make);
         let mut lit = Lit {
             radiance: Some(radiance),
             rays: counts.rays(),
@@ -64,7 +66,7 @@ impl Layer for PerPixel {
         let (sizes, cuts) = counts.into_parts();
         lit.audits = Audits { cuts, ..Audits::default() };
         if let Some(kept) = &mut self.sizes {
-            *kept = sizes;
+            *kept = largest_of_ranks(visible.ranks, sizes);
         }
         lit
     }
@@ -83,6 +85,21 @@ impl Layer for PerPixel {
         let sizes = self.sizes.as_ref().filter(|_| aov == Aov::CutSize)?;
         Some(sizes.iter().map(|&size| size as f32).collect())
     }
+}
+
+/// The largest cut of each pixel, given those that each rank has made.
+fn largest_of_ranks(ranks: &dyn Ranks, own: Vec<u32>) -> Vec<u32> {
+    if ranks.count() == 1 {
+        return own;
+    }
+    let mut bytes = Vec::new();
+    own.put(&mut bytes);
+    let mut largest = vec![0; own.len()];
+    for bytes in ranks.all_gather(bytes) {
+        let sizes = Vec::<u32>::take(&mut &bytes[..]).expect("every rank gives its sizes");
+        largest.iter_mut().zip(sizes).for_each(|(largest, size)| *largest = size.max(*largest));
+    }
+    largest
 }
 
 /// A picture whose pixels are lit by many threads at once.

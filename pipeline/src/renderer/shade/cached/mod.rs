@@ -20,8 +20,10 @@ use glam::Vec3;
 use plane::Plane;
 use recipe::Recipe;
 use render_core::cache::{Changes, IrradianceCache, Request, Site};
+use render_core::ranks::Ranks;
 use render_core::scene::Projected;
 use render_core::{Busy, NOTHING, PACKET, Unseen};
+use std::sync::Arc;
 use tree_light::TreeLight;
 
 /// Light of the tree, and of anchors on what moves, by records that stay from frame to frame.
@@ -35,16 +37,18 @@ pub(super) struct Cached {
     has_more: bool,
     /// Intensities of the lights in the frame before; none before the first.
     intensities: Vec<Vec3>,
+    /// Who shares the records: the recipe of each is kept by one rank.
+    ranks: Arc<dyn Ranks>,
 }
 
 impl Cached {
     /// A cache without records, for a film of this plan; `most_samples` is the largest number of samples to the pixel.
-    pub fn new(plan: &Plan, most_samples: u32) -> Self {
+    pub fn new(plan: &Plan, most_samples: u32, ranks: Arc<dyn Ranks>) -> Self {
         let changing = [Stage::ObjectPlacing, Stage::Deformation, Stage::Photons, Stage::TreeUpdate];
         let at_rest = !changing.into_iter().any(|stage| plan.is_on(stage));
         let compensates = plan.is_on(Stage::Compensation);
         let has_more = most_samples > 1;
-        Self { records: IrradianceCache::default(), at_rest, compensates, has_more, intensities: Vec::new() }
+        Self { records: IrradianceCache::default(), at_rest, compensates, has_more, intensities: Vec::new(), ranks }
     }
 
     /// Whether the lights of the tree shine as in the frame before.
@@ -56,10 +60,10 @@ impl Cached {
     fn at_records(&self, frame: &Frame, mark: impl Fn(&mut f32, u32)) -> Vec<f32> {
         let (width, height) = (frame.seen.pixels.width(), frame.seen.pixels.height());
         let mut picture = vec![0.0; width * height];
-        for (position, recipe) in self.records.records_in_use() {
+        for (position, size) in self.records.records_in_use() {
             let Some(Projected { pixel: place, .. }) = frame.seen.view.project(position) else { continue };
             if place.min_element() >= 0.0 && place.x < width as f32 && place.y < height as f32 {
-                mark(&mut picture[place.y as usize * width + place.x as usize], recipe.size);
+                mark(&mut picture[place.y as usize * width + place.x as usize], size);
             }
         }
         picture
@@ -68,12 +72,12 @@ impl Cached {
 
 impl Layer for Cached {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
-        let Visible { frame, matte, movement, sample, .. } = *visible;
+        let Visible { frame, matte, movement, sample, ranks, .. } = *visible;
         let (busy, counts) = (Busy::default(), Counts::default());
         let moving = frame.surfaces.moving();
         let changes = Changes { light: !self.is_lit_as_before(frame), geometry: movement.is_any };
         let is_first_of_many = sample == 0 && self.has_more;
-        let request = Request { seen: matte, moving, wanted, is_first_of_many };
+        let request = Request { seen: matte, moving, wanted, is_first_of_many, ranks };
         let light = TreeLight {
             visible,
             tolerance,
@@ -119,25 +123,36 @@ impl Layer for Cached {
         (self.records, self.intensities) = (IrradianceCache::default(), Vec::new());
     }
 
+    /// On rank 0 with the recipes of all ranks; nothing on the others.
     fn state(&self) -> Vec<u8> {
-        encode(&self.records)
+        let state = encode(&self.records);
+        if self.ranks.count() == 1 {
+            return state;
+        }
+        let Some(kept) = self.ranks.gather(encode(&self.records.kept())) else { return Vec::new() };
+        let mut whole: IrradianceCache<Recipe> = decode(&state).expect("it was encoded here");
+        for kept in kept {
+            whole.complete(decode(&kept).expect("every rank gives its recipes"));
+        }
+        encode(&whole)
     }
 
     fn restore(&mut self, state: &[u8], last: &Frame<'_>) -> Result<()> {
-        let records: IrradianceCache<Recipe> = decode(state)?;
+        let mut records: IrradianceCache<Recipe> = decode(state)?;
         let intensities: Vec<Vec3> = last.tree.lights().iter().map(|light| light.intensity).collect();
 
         // Indices of a forged state lead nowhere.
         let instances = last.surfaces.scene().instances.len();
-        let is_of_frame = |(site, recipe): (&Site, &Recipe)| {
-            (site.carrier == NOTHING || (site.carrier as usize) < instances)
-                && recipe.clusters.iter().all(|&cluster| last.tree.may_hold(cluster))
+        let is_in_scene = |site: &Site| site.carrier == NOTHING || (site.carrier as usize) < instances;
+        let is_of_frame = |(_, recipe): (&Site, &Recipe)| {
+            recipe.clusters.iter().all(|&cluster| last.tree.may_hold(cluster))
                 && recipe.visible.len() == recipe.clusters.len().div_ceil(PACKET)
                 && last.gather.is_complete(&recipe.surroundings)
         };
-        if !records.recipes().all(is_of_frame) {
+        if !(records.sites().all(is_in_scene) && records.recipes().all(is_of_frame)) {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }
+        records.keep_own(&*self.ranks);
         (self.records, self.intensities) = (records, intensities);
         Ok(())
     }

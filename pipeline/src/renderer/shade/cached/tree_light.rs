@@ -163,6 +163,11 @@ impl Illumination for TreeLight<'_> {
         Some(self.estimate(&receiver, recipe))
     }
 
+    /// The number of clusters.
+    fn note(&self, recipe: &Recipe) -> u32 {
+        recipe.size
+    }
+
     fn openness(&self, site: &Site, scale: f32) -> f32 {
         // An instance may have moved over the record, which then lies inside of it. Its inner walls would make the record seem as
         // open as a place beside it.

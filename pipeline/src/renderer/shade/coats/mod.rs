@@ -40,7 +40,8 @@ use lighttree::Scratch;
 use neighbors::{Lobe, excess, shared};
 use plane::Plane;
 use reflections::{Brought, Reflections, Typical};
-use render_core::{Busy, GBuffer, PixelSurface};
+use render_core::ranks::Alone;
+use render_core::{Busy, GBuffer, PixelSurface, portable};
 #[cfg(feature = "bake")]
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -103,13 +104,13 @@ impl Coats {
 
 impl Layer for Coats {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, _: &Tolerance<'_>) -> Lit {
-        let Visible { frame, surfaces: seen, .. } = *visible;
+        let Visible { frame, surfaces: seen, ranks, .. } = *visible;
         let size = (seen.pixels.width(), seen.pixels.height());
         let (busy, shadow_rays) = (Busy::default(), AtomicU64::new(0));
         let is_wanted = |(x, y): (usize, usize)| wanted.is_none_or(|wanted| wanted.get(x, y));
 
         // Each pixel traces a few rays of its own.
-        let own = by_macroblock(size, &busy, Scratch::default, |scratch, columns, rows| {
+        let own = by_macroblock(ranks, size, &busy, Scratch::default, |scratch, columns, rows| {
             let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
             let mut lobes = Vec::with_capacity(columns.len() * rows.len());
             for place in places(columns, rows) {
@@ -125,6 +126,7 @@ impl Layer for Coats {
 
         // A part of its light may be far from what is typical around it.
         let beyond = by_macroblock(
+            &Alone,
             size,
             &busy,
             || (),
@@ -136,7 +138,7 @@ impl Layer for Coats {
 
         // Pixels share their rays; where too few are alike, they trace more.
         let traced = Traced { own, beyond };
-        let reflected = by_macroblock(size, &busy, Scratch::default, |scratch, columns, rows| {
+        let reflected = by_macroblock(ranks, size, &busy, Scratch::default, |scratch, columns, rows| {
             let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0 };
             let pixels = places(columns, rows).map(|place| traced.reflected(&mut reflections, seen, place)).collect();
             shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
@@ -211,6 +213,8 @@ struct Reflected {
     /// Radiance that a single ray brings in excess of the others, to be shared among the pixels around.
     spark: Vec3,
 }
+
+portable!(Reflected { light, spark });
 
 #[cfg(test)]
 mod tests;

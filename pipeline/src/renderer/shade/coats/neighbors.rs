@@ -13,6 +13,7 @@ use super::coated::Coated;
 use super::reflections::{Brought, Typical};
 use glam::Vec3;
 use plane::Plane;
+use render_core::portable;
 
 /// Neighbors that share their rays are at most this far away, in pixels.
 const REACH: usize = 2;
@@ -40,6 +41,8 @@ pub(super) struct Lobe {
     /// Mean of 1/t \[1/m\].
     nearness: f32,
 }
+
+portable!(Lobe { known, albedo, brought, position, middle, alpha, is_rough, nearness });
 
 impl Lobe {
     /// A coat without rays to share.

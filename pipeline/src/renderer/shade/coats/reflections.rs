@@ -5,7 +5,7 @@ use crate::renderer::frame::Frame;
 use crate::renderer::shade::visibility::sees;
 use glam::{Vec2, Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
-use render_core::{Hit, ShadingPoint, Surface, Traced, luminance};
+use render_core::{Hit, ShadingPoint, Surface, Traced, luminance, portable};
 use std::f32::consts::PI;
 
 /// Coats that a ray is followed through.
@@ -46,6 +46,8 @@ pub(super) struct Brought {
     /// Part of Σ w L that few of the rays bring and that others are to have, too.
     excess: Vec3,
 }
+
+portable!(Brought { rays, nearness, weights, light, excess });
 
 impl Brought {
     /// Rays of weight 1 that all bring `radiance`, from far away.

@@ -9,6 +9,7 @@
 use crate::renderer::shade::macroblock::{by_macroblock, places};
 use glam::Vec3;
 use plane::Plane;
+use render_core::ranks::Alone;
 use render_core::{Busy, GBuffer, NOTHING};
 
 /// Reach of the tent, in pixels.
@@ -49,7 +50,7 @@ fn along(line: Line, light: &Plane<Vec3>, carriers: &Plane<u32>, busy: &Busy) ->
         with_weight.filter(move |&((u, v), _)| own != NOTHING && carriers.get(u, v) == own)
     };
     let picture = |of: &(dyn Fn((usize, usize)) -> Vec3 + Sync)| {
-        by_macroblock(size, busy, || (), |(), columns, rows| places(columns, rows).map(of).collect())
+        by_macroblock(&Alone, size, busy, || (), |(), columns, rows| places(columns, rows).map(of).collect())
     };
     let share = picture(&|(x, y)| match alike((x, y)).map(|(_, weight)| weight).sum::<f32>() {
         0.0 => Vec3::ZERO,
