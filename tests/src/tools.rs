@@ -10,7 +10,7 @@ pub fn is_required(tool: &str) -> bool {
 
 /// Returns what was `found`. Where that is nothing, prints that a check is left out.
 ///
-/// Names in use: `ffmpeg`, `mpeg2dec`, `avx2`, `mitsuba`, `chromium`, `openjd`, `shared-scenes`, and of ffmpeg's encoders `libx264`, `libsvtav1`, `libvpx-vp9`. The decoders are needed in any case.
+/// Names in use: `ffmpeg`, `mpeg2dec`, `avx2`, `mitsuba`, `chromium`, `openjd`, `mpirun`, `shared-scenes`, and of ffmpeg's encoders `libx264`, `libsvtav1`, `libvpx-vp9`. The decoders are needed in any case.
 ///
 /// # Panics
 /// If nothing was found and `RENDER2MPEG_REQUIRE` names the tool.

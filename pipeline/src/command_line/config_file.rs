@@ -1,7 +1,7 @@
 //! `--config job.toml`: options from a file, by the names they have on the command line, which overrides them.
 
 use super::args::Arguments;
-use super::{foreign, parts};
+use super::{foreign, parts, ranks};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{ArgAction, ArgMatches, Command, CommandFactory, FromArgMatches};
 use std::ffi::OsString;
@@ -34,7 +34,7 @@ pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
         parts::need_for(command)?;
     }
     let command = Arguments::command().long_version(parts::version());
-    let matches = command.clone().get_matches_from(&typed);
+    let matches = matches_of(command.clone(), &typed);
     let with_file = match matches.subcommand() {
         Some((name, options)) => match file_named_by(options) {
             Some(path) => Some(with_file(&command, name, options, &path, &typed)?),
@@ -42,8 +42,16 @@ pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
         },
         None => None,
     };
-    let matches = with_file.map_or(matches, |words| command.get_matches_from(words));
+    let matches = with_file.map_or(matches, |words| matches_of(command, &words));
     Ok(Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()))
+}
+
+/// The arguments among `words`; wrong ones end the program with a hint, and requests for help with that.
+fn matches_of(command: Command, words: &[OsString]) -> ArgMatches {
+    command.try_get_matches_from(words).unwrap_or_else(|error| match ranks::is_silent() {
+        true => std::process::exit(error.exit_code()),
+        false => error.exit(),
+    })
 }
 
 /// A scene alone is rendered: `render2mpeg scene.glb` is `render2mpeg render scene.glb`.

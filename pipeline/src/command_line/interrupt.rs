@@ -7,6 +7,8 @@ use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
 /// As shells report a command that was interrupted: 128 + SIGINT.
 const INTERRUPTED: u8 = 130;
+/// 128 + SIGTERM.
+const TERMINATED: u8 = 143;
 
 /// A flag that a signal sets, and the exit code of a command that it ended.
 #[derive(Clone, Debug)]
@@ -22,12 +24,14 @@ pub struct Reactions {
     pub first: Box<dyn Fn() + Send>,
     /// After the second, before the process ends at once.
     pub second: Box<dyn Fn() + Send>,
+    /// Whether SIGTERM counts as the second: who sends it leaves no time.
+    pub is_hasty: bool,
 }
 
 impl Default for Reactions {
     /// Nothing more than that.
     fn default() -> Self {
-        Self { first: Box::new(|| ()), second: Box::new(|| ()) }
+        Self { first: Box::new(|| ()), second: Box::new(|| ()), is_hasty: false }
     }
 }
 
@@ -44,7 +48,7 @@ impl Interrupt {
     }
 
     fn note(&self, code: u8, reactions: &Reactions) {
-        if self.stop.load(Ordering::Relaxed) {
+        if self.stop.load(Ordering::Relaxed) || reactions.is_hasty && code == TERMINATED {
             // The second time, the user means it.
             (reactions.second)();
             std::process::exit(code.into());

@@ -32,6 +32,7 @@ mod parts;
 mod print;
 mod print_config;
 mod progress;
+mod ranks;
 mod source;
 #[cfg(feature = "trace")]
 mod trace;
@@ -41,6 +42,7 @@ use args::Command;
 #[cfg(feature = "shell")]
 use clap::CommandFactory;
 use print::single_line;
+use ranks::Ranks;
 use std::process::ExitCode;
 
 /// Exit code where the same arguments fail everywhere and always, as clap has it. All other failures are 1.
@@ -49,11 +51,18 @@ const WRONG_ARGUMENTS: u8 = 2;
 /// The program `render2mpeg`: runs the command that the process was started with, prints errors, returns the exit code.
 #[must_use]
 pub fn main() -> ExitCode {
-    let result = config_file::parse(std::env::args_os().collect()).map_err(|error| (error, WRONG_ARGUMENTS));
+    let result = config_file::parse(std::env::args_os().collect()).and_then(|arguments| {
+        ranks::check(matches!(arguments.command, Command::Render(_)))?;
+        Ok(arguments)
+    });
+    let result = result.map_err(|error| (error, WRONG_ARGUMENTS));
     match result.and_then(|arguments| run(arguments.command).map_err(with_exit_code)) {
         Ok(code) => code,
         Err((error, code)) => {
-            tell!("render2mpeg: {}", single_line(&format!("{error:#}")));
+            // Other ranks say the same.
+            if !ranks::is_silent() {
+                tell!("render2mpeg: {}", single_line(&format!("{error:#}")));
+            }
             ExitCode::from(code)
         }
     }
@@ -72,7 +81,8 @@ fn run(command: Command) -> Result<ExitCode> {
         Command::Plan(arguments) => commands::plan::run(*arguments),
         Command::Render(arguments) => {
             use_threads(arguments.threads)?;
-            commands::render::run(*arguments)
+            let ranks = Ranks::join()?;
+            commands::render::run_among(*arguments, &ranks)
         }
         #[cfg(feature = "bake")]
         Command::Bake(arguments) => {

@@ -10,7 +10,7 @@ struct Part {
     commands: &'static [&'static str],
 }
 
-const PARTS: [Part; 9] = [
+const PARTS: [Part; 10] = [
     Part { feature: "textures", is_built: cfg!(feature = "textures"), commands: &[] },
     Part { feature: "bake", is_built: cfg!(feature = "bake"), commands: &["bake"] },
     Part { feature: "exr", is_built: cfg!(feature = "exr"), commands: &["reference"] },
@@ -19,6 +19,7 @@ const PARTS: [Part; 9] = [
     Part { feature: "html", is_built: cfg!(feature = "html"), commands: &[] },
     Part { feature: "sweep", is_built: cfg!(feature = "sweep"), commands: &["sweep"] },
     Part { feature: "trace", is_built: cfg!(feature = "trace"), commands: &[] },
+    Part { feature: "mpi", is_built: cfg!(feature = "mpi"), commands: &[] },
     Part { feature: "shell", is_built: cfg!(feature = "shell"), commands: &["completions", "man"] },
 ];
 

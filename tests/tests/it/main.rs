@@ -39,6 +39,7 @@ mod mitsuba;
 mod motion;
 mod page;
 mod plan;
+mod ranks;
 mod reference;
 mod regions;
 mod report;

@@ -1,6 +1,7 @@
 //! `render2mpeg render`.
 
 mod files;
+mod follow;
 mod watch;
 mod watching;
 
@@ -12,12 +13,14 @@ use crate::command_line::notes;
 use crate::command_line::overwrite::Overwrite;
 use crate::command_line::print::single_line;
 use crate::command_line::print_config::ProgramOption;
+use crate::command_line::ranks::Ranks;
 use crate::command_line::source::{MemoryLimit, Source};
 use crate::command_line::{parts, print_config, progress};
 use crate::feedback_loop::Run;
 use crate::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
 use crate::feedback_loop::observe::OnFrame;
 use crate::places::{FilePlaces, is_stream};
+use crate::ranks::{Present, Team, muster};
 use crate::report::FrameReport;
 use crate::settings::{CheckpointEvery, Settings};
 use crate::{Options, Plan, Render as Film};
@@ -93,10 +96,22 @@ pub(crate) struct Render {
 /// Interval of checkpoints: a film killed after hours loses a minute.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
-/// Renders and reports.
-pub fn run(mut arguments: Render) -> Result<ExitCode> {
+/// Renders and reports, or follows the rank that does.
+pub fn run_among(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
+    if ranks.team().rank() > 0 {
+        return follow::run(arguments, ranks);
+    }
+    // The others wait for an answer, whatever happens here.
+    run(arguments, &mut Answer::of(ranks.team()))
+}
+
+fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
     arguments.check_features()?;
     let path = arguments.source.path();
+    if arguments.watch && answer.team.count() > 1 {
+        let text = "--watch makes films by a program that is started for each: run it without mpirun";
+        return Err(crate::Error::Options(text.into()).into());
+    }
     if arguments.watch {
         return watch::run(&path, || arguments.source.reading.load(&path));
     }
@@ -134,7 +149,8 @@ pub fn run(mut arguments: Render) -> Result<ExitCode> {
         std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
     }
     let checkpoints = arguments.checkpoints(&job)?;
-    if let Some(code) = arguments.make(&scene, &settings, &files, checkpoints)? {
+    answer.ready(&job)?;
+    if let Some(code) = arguments.make(&scene, &settings, (&files, answer.team), checkpoints)? {
         return Ok(code);
     }
     for companion in &companions {
@@ -199,11 +215,11 @@ impl Render {
         &self,
         scene: &Scene,
         settings: &Settings,
-        files: &Files,
+        (files, team): (&Files, &Team),
         checkpoints: Checkpoints,
     ) -> Result<Option<ExitCode>> {
         let plan = Plan::new(scene, &settings.renderer());
-        let mut film = Film::new(scene, settings, &plan, &checkpoints)?;
+        let mut film = Film::among(scene, settings, &plan, &checkpoints, team)?;
         film.write_to(&settings.output)?;
         files.try_out()?;
         let log = Log::start(self.verbose, files.trace.clone());
@@ -214,7 +230,9 @@ impl Render {
             notes::before(scene, settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
         }
         let progress = progress::Progress::new(settings, scene, first, self.quiet || self.verbose > 0);
-        let interrupt = Interrupt::watch(reactions(&film, &progress, settings))?;
+        // Where a rank is gone, the launcher ends all others, and waits for a second at most.
+        let is_hasty = team.count() > 1;
+        let interrupt = Interrupt::watch(Reactions { is_hasty, ..reactions(&film, &progress, settings) })?;
         let lines = Lines::new(self.progress_kind(), settings, first);
         lines.begin();
         let frames = OnFrame::new(|frame: &FrameReport| {
@@ -268,6 +286,36 @@ impl Render {
     }
 }
 
+/// The answer of rank 0 to the others, who wait for it: what is to be made, or nothing.
+struct Answer<'a> {
+    team: &'a Team,
+    is_given: bool,
+}
+
+impl<'a> Answer<'a> {
+    fn of(team: &'a Team) -> Self {
+        Self { team, is_given: false }
+    }
+
+    /// Says that this film is to be made.
+    ///
+    /// # Errors
+    /// Another rank is not ready for it.
+    fn ready(&mut self, job: &FilmJob) -> crate::Result<()> {
+        self.is_given = true;
+        muster(&*self.team.shade, &Present::Ready(job.sum())).map(drop)
+    }
+}
+
+impl Drop for Answer<'_> {
+    fn drop(&mut self) {
+        if !self.is_given && !std::thread::panicking() {
+            // Nobody is ready for nothing: the result is known.
+            let _ = muster(&*self.team.shade, &Present::Idle);
+        }
+    }
+}
+
 /// Reactions to signals: the first lets the frames that are begun be finished, the second does not.
 fn reactions(film: &Film, progress: &progress::Progress, settings: &Settings) -> Reactions {
     let (tell, end, output) = (progress.teller(), film.early_end(), settings.output.display().to_string());
@@ -278,5 +326,5 @@ fn reactions(film: &Film, progress: &progress::Progress, settings: &Settings) ->
         Some(Err(error)) => tell_again(&error.chain()),
         Some(Ok(false)) | None => {}
     };
-    Reactions { first: Box::new(first), second: Box::new(second) }
+    Reactions { first: Box::new(first), second: Box::new(second), ..Reactions::default() }
 }

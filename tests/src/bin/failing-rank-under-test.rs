@@ -1,0 +1,16 @@
+//! The program `render2mpeg` with a thread that panics once pictures are written, for tests of ranks.
+
+use std::time::Duration;
+
+fn main() -> std::process::ExitCode {
+    let fails = || {
+        let has_pictures = || std::fs::metadata("film.m2v.part").is_ok_and(|part| part.len() > 6_000);
+        while !has_pictures() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        panic!("on purpose");
+    };
+    // As any thread of a stage, or of rayon.
+    std::thread::spawn(fails);
+    pipeline::command_line::main()
+}

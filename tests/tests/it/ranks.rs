@@ -1,0 +1,205 @@
+//! Films that several ranks make together: ranks by threads here, by `mpirun` in the tests below `mpirun`.
+
+use pipeline::feedback_loop::Run;
+use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob};
+use pipeline::feedback_loop::observe::{Observer, OnFrame};
+use pipeline::parts::Shaded;
+use pipeline::ranks::Team;
+use pipeline::report::{FrameReport, Report};
+use pipeline::settings::{Settings, Stopping};
+use pipeline::{Error, Options, Plan, Render};
+use render_core::ranks::ThreadRanks;
+use render_core::scene::Scene;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tests::{Moving, checkered_room, cornell, load};
+
+/// Teams of `count` ranks in this process.
+fn teams(count: usize) -> Vec<Team> {
+    let (prepare, shade) = (ThreadRanks::new(count), ThreadRanks::new(count));
+    let team = |(prepare, shade)| Team { prepare: Arc::new(prepare), shade: Arc::new(shade) };
+    prepare.into_iter().zip(shade).map(team).collect()
+}
+
+/// A film with its scene.
+struct Film {
+    scene: Scene,
+    settings: Settings,
+}
+
+impl Film {
+    /// Few lights and pixels, and what `change` makes of that.
+    fn new(scene: &Path, output: PathBuf, change: impl Fn(&mut Options)) -> Self {
+        let mut options = Options {
+            output: Some(output),
+            frames: Some(5),
+            size: "64x48".parse().ok(),
+            vpls: Some(200),
+            photons: Some(40_000),
+            ..Options::default()
+        };
+        change(&mut options);
+        let (scene, settings) = load(scene, options);
+        Self { scene, settings }
+    }
+
+    /// Makes the film, or goes on with it, on so many ranks. Gives the report of rank 0 and what the others say.
+    fn made(&self, count: usize, run: Run<'_>) -> (Result<Report, Error>, Vec<Result<(), Error>>) {
+        let plan = Plan::new(&self.scene, &self.settings.renderer());
+        let job = FilmJob::of(&self.scene, &self.settings).unwrap();
+        let checkpoints = Checkpoints::resume(&job, Some(Duration::ZERO)).unwrap();
+        let mut teams = teams(count);
+        std::thread::scope(|scope| {
+            let plan = &plan;
+            let follow = |team: Team| scope.spawn(move || Render::follow(&self.scene, &self.settings, plan, &team));
+            let others: Vec<_> = teams.split_off(1).into_iter().map(follow).collect();
+            let lead = || {
+                let mut film = Render::among(&self.scene, &self.settings, plan, &checkpoints, &teams[0])?;
+                film.write_to(&self.settings.output)?;
+                film.finish(run)
+            };
+            let report = lead();
+            (report, others.into_iter().map(|other| other.join().expect("no rank panics")).collect())
+        })
+    }
+
+    /// The whole film on so many ranks, and its report; nobody fails.
+    fn whole(&self, count: usize) -> (Vec<u8>, Report) {
+        let (report, others) = self.made(count, Run::default());
+        assert!(others.iter().all(Result::is_ok), "{others:?}");
+        let film = std::fs::read(&self.settings.output).expect("the film is there");
+        let _ = std::fs::remove_file(pipeline::feedback_loop::checkpoint::path_for(&self.settings.output));
+        (film, report.expect("a report"))
+    }
+}
+
+#[test]
+fn films_of_several_ranks_are_those_of_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let moving = folder.path().join("moving.glb");
+    checkered_room(Moving::Box).write(&moving);
+    type Change = fn(&mut Options);
+    let kinds: [(&str, &Path, Change); 7] = [
+        ("default", &cornell(), |_| ()),
+        ("a box that moves", &moving, |_| ()),
+        ("samples", &moving, |options| options.samples = Some(3)),
+        ("no cache", &moving, |options| (options.cache, options.frames) = ("off".parse().ok(), Some(3))),
+        ("calibrated", &moving, |options| options.stopping = Some(Stopping::Calibrated)),
+        ("chunks", &moving, |options| options.chunk = Some(2)),
+        ("fixed", &moving, |options| options.thresholds = "fixed:0.02".parse().ok()),
+    ];
+    for (name, scene, change) in kinds {
+        let film = Film::new(scene, folder.path().join("film.m2v"), change);
+        let (alone, report) = film.whole(1);
+        for count in [2, 3] {
+            let (together, shared) = film.whole(count);
+            assert!(together == alone, "{name}: {count} ranks make another film");
+            for (a, b) in report.frames.iter().zip(&shared.frames) {
+                // Counts are of all ranks.
+                let counts = |frame: &FrameReport| (frame.shadow_rays, frame.photons_traced, frame.cut_size_max);
+                assert_eq!(counts(a), counts(b), "{name}: frame {}", a.index);
+            }
+        }
+        // Equal for a reason: another seed does change it.
+        let seeded = Film::new(scene, folder.path().join("film.m2v"), |options| {
+            change(options);
+            options.seed = Some(7);
+        });
+        assert!(seeded.whole(2).0 != alone, "{name}: the seed changes nothing");
+    }
+}
+
+/// Sets a flag when a frame is coded.
+fn stop_at(at: u32, stop: &AtomicBool) -> OnFrame<impl FnMut(&FrameReport)> {
+    OnFrame::new(move |frame: &FrameReport| {
+        if frame.index == at {
+            stop.store(true, Ordering::Relaxed);
+        }
+    })
+}
+
+#[test]
+fn films_of_several_ranks_end_early_and_go_on_with_another_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("moving.glb");
+    checkered_room(Moving::Box).write(&scene);
+    let film = |name: &str| Film::new(&scene, folder.path().join(name), |options| options.frames = Some(7));
+    let (whole, _) = film("whole.m2v").whole(1);
+    for (name, first, then) in [("a.m2v", 3, 1), ("b.m2v", 1, 2), ("c.m2v", 2, 3)] {
+        let (film, stop) = (film(name), AtomicBool::new(false));
+        let observer = stop_at(1, &stop);
+        let (report, others) = film.made(first, Run { observer: &observer, stop: &stop });
+        assert!(others.iter().all(Result::is_ok), "{others:?}");
+        let report = report.expect("a report");
+        assert!(report.summary.interrupted && report.frames.len() < 7, "{} frames", report.frames.len());
+        let (film, report) = film.whole(then);
+        assert_eq!(report.frames.len(), 7);
+        assert!(film == whole, "begun on {first} ranks, ended on {then}");
+    }
+}
+
+/// A film that cannot be written ends on all ranks.
+#[test]
+fn all_ranks_end_when_the_first_fails() {
+    let folder = tempfile::tempdir().unwrap();
+    // Already before it begins.
+    let film = Film::new(&cornell(), folder.path().join("no/such/folder/film.m2v"), |_| ());
+    let (report, others) = film.made(3, Run::default());
+    assert!(report.is_err_and(|error| error.chain().contains("cannot be written")));
+    assert!(others.iter().all(Result::is_ok), "{others:?}");
+
+    // In the middle: a stage of its own fails.
+    struct Fails;
+    impl Observer for Fails {
+        fn shaded(&self, index: u32, _: &Shaded) {
+            assert!(index < 2, "on purpose");
+        }
+    }
+    let film = Film::new(&cornell(), folder.path().join("film.m2v"), |_| ());
+    let (report, others) = film.made(3, Run { observer: &Fails, ..Run::default() });
+    assert!(report.is_err_and(|error| error.chain().contains("the display stage failed")));
+    assert!(others.iter().all(Result::is_ok), "{others:?}");
+}
+
+/// Ranks whose light differs end together, each with the same line.
+#[test]
+fn other_light_is_found_out() {
+    let folder = tempfile::tempdir().unwrap();
+    // Only outlines, which every rank looks for by itself, tell the two apart.
+    let [film, other] = ["on", "off"].map(|smooth| {
+        Film::new(&cornell(), folder.path().join("film.m2v"), |options| options.antialiasing = smooth.parse().ok())
+    });
+    let checkpoints = Checkpoints::off();
+    let teams = teams(2);
+    let [plan, other_plan] = [&film, &other].map(|film| Plan::new(&film.scene, &film.settings.renderer()));
+    let (first, second) = std::thread::scope(|scope| {
+        let follows = scope.spawn(|| Render::follow(&other.scene, &other.settings, &other_plan, &teams[1]));
+        let film = Render::among(&film.scene, &film.settings, &plan, &checkpoints, &teams[0]).unwrap();
+        (film.finish(Run::default()), follows.join().expect("no panic"))
+    });
+    let line = "rank 1 has found other light for frame 0 than rank 0";
+    for error in [first.map(drop).unwrap_err(), second.unwrap_err()] {
+        assert!(matches!(&error, Error::Ranks(text) if text.starts_with(line)), "{error}");
+    }
+}
+
+/// A build without the feature says in one line that it knows no ranks, and only once.
+#[test]
+#[cfg(not(feature = "mpi"))]
+fn a_build_without_ranks_says_so_under_mpirun() {
+    for (rank, expected) in
+        [("0", "this build knows none; build it with cargo build --release --features mpi"), ("1", "")]
+    {
+        let mut command = std::process::Command::new(tests::program());
+        command.args(["render", "scene.glb"]).env("OMPI_COMM_WORLD_SIZE", "2").env("OMPI_COMM_WORLD_RANK", rank);
+        let output = command.output().expect("it starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(expected) && said.lines().count() == usize::from(rank == "0"), "{said}");
+    }
+}
+
+#[cfg(all(unix, feature = "mpi"))]
+mod mpirun;

@@ -1,0 +1,121 @@
+//! Ranks as processes, where `mpirun` is installed.
+
+use rustix::process::{Pid, Signal, kill_process};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+use tests::{cornell, decode_ffmpeg, need, program, render, sorted_names, tolerant_frame_count};
+
+const SIZE: (usize, usize) = (64, 64);
+/// Only for what would otherwise never end.
+const DEADLINE: Duration = Duration::from_secs(60);
+
+/// `mpirun` with these groups of ranks, each with how many there are and the words that start them; none where it is missing.
+fn mpirun(folder: &Path, groups: &[(usize, Vec<String>)]) -> Option<Command> {
+    let version = Command::new("mpirun").arg("--version").stdout(Stdio::null()).status();
+    need("mpirun", version.ok().filter(|status| status.success()))?;
+    let mut command = Command::new("mpirun");
+    command.args(["--allow-run-as-root", "--oversubscribe"]).current_dir(folder).stdin(Stdio::null());
+    for (place, (count, words)) in groups.iter().enumerate() {
+        if place > 0 {
+            command.arg(":");
+        }
+        command.args(["-n", &count.to_string()]).args(words);
+    }
+    Some(command)
+}
+
+/// The words that make a film of the shipped box.
+fn words(program: &Path, more: &str) -> Vec<String> {
+    let path = |path: &Path| path.to_str().expect("a path in UTF-8").to_owned();
+    let own = format!("--output film.m2v --size 64x64 --vpls 200 --photons 40000 --threads 1 --quiet {more}");
+    let mut words = vec![path(program), "render".into(), path(&cornell())];
+    words.extend(own.split_whitespace().map(str::to_owned));
+    words
+}
+
+/// What this program says, without the words of the launcher.
+fn said(output: &Output) -> Vec<String> {
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!text.contains("panicked"), "{text}");
+    text.lines().filter(|line| line.starts_with("render2mpeg")).map(str::to_owned).collect()
+}
+
+#[test]
+fn two_processes_make_the_film_of_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = render(folder.path(), "alone", &cornell(), "--size 64x64 --vpls 200 --photons 40000 --frames 5").stream;
+    let words = words(program(), "--frames 5");
+    let Some(mut command) = mpirun(folder.path(), &[(2, words)]) else { return };
+    let output = command.output().expect("mpirun starts");
+    assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
+    assert!(std::fs::read(folder.path().join("film.m2v")).unwrap() == alone, "two ranks make another film");
+    assert_eq!(sorted_names(folder.path()), ["alone.m2v", "alone.report.json", "film.m2v", "film.report.json"]);
+}
+
+#[test]
+fn ranks_of_different_films_end_with_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let group = |more: &str| (1, words(program(), more));
+    for (second, words) in [
+        ("--frames 5 --seed 2", "rank 1 has another scene, other settings"),
+        ("--frames 5 --baked no.slf", "rank 1: --baked names a file"),
+    ] {
+        let Some(mut command) = mpirun(folder.path(), &[group("--frames 5"), group(second)]) else { return };
+        let output = command.output().expect("mpirun starts");
+        let said = said(&output);
+        assert!(!output.status.success() && said.len() == 1 && said[0].contains(words), "{said:?}");
+        assert!(sorted_names(folder.path()).is_empty(), "nothing is written");
+    }
+}
+
+/// Starts a long film, ends rank 1 by `end` once pictures are written, and gives what was said.
+fn film_without_rank_1(folder: &Path, second: Vec<String>, end: impl FnOnce()) -> Option<Output> {
+    let first = words(program(), "--frames 5000");
+    let child = mpirun(folder, &[(1, first), (1, second)])?.stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+    let child = child.expect("mpirun starts");
+    let (begin, part) = (Instant::now(), folder.join("film.m2v.part"));
+    while std::fs::metadata(&part).map_or(0, |part| part.len()) < 6_000 && !folder.join("film.m2v").exists() {
+        assert!(begin.elapsed() < DEADLINE, "no picture is written");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    end();
+    let begin = Instant::now();
+    let output = child.wait_with_output().expect("mpirun ends");
+    println!("all ranks ended {:?} later", begin.elapsed());
+    Some(output)
+}
+
+/// The film that the first rank leaves: whole under its name, or else a prefix that plays.
+fn frames_of_film(folder: &Path) -> usize {
+    let (film, part) = (folder.join("film.m2v"), folder.join("film.m2v.part"));
+    if film.exists() { decode_ffmpeg(&film, SIZE).len() } else { tolerant_frame_count(&part, SIZE) }
+}
+
+#[test]
+fn a_rank_that_is_killed_ends_the_film_in_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let pid_file = folder.path().join("pid");
+    let mut second = vec!["sh".to_owned(), "-c".into(), "echo $$ > pid; exec \"$@\"".into(), "sh".into()];
+    second.extend(words(program(), "--frames 5000"));
+    let kill = || {
+        let pid = std::fs::read_to_string(&pid_file).expect("its number").trim().parse().expect("a number");
+        kill_process(Pid::from_raw(pid).expect("a process"), Signal::KILL).expect("it can be killed");
+    };
+    let Some(output) = film_without_rank_1(folder.path(), second, kill) else { return };
+    assert!(!output.status.success());
+    assert!(frames_of_film(folder.path()) > 0);
+}
+
+/// A panic of rank 1 is one line, ends all ranks, and leaves a film that plays.
+#[test]
+fn a_rank_that_panics_ends_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let failing: PathBuf = program().with_file_name("failing-rank-under-test");
+    let Some(output) = film_without_rank_1(folder.path(), words(&failing, "--frames 5000"), || ()) else { return };
+    let said = said(&output);
+    let own: Vec<&String> = said.iter().filter(|line| line.starts_with("render2mpeg: ")).collect();
+    assert!(!output.status.success() && own.len() == 1, "{said:?}");
+    assert!(own[0].contains("rank 1 has failed") && own[0].contains("on purpose"), "{said:?}");
+    assert!(frames_of_film(folder.path()) > 0);
+}
