@@ -17,10 +17,11 @@ use std::time::{Duration, Instant};
 
 /// Bytes of each rank that go with one message, as counts of messages are of 31 bits.
 const PIECE: usize = 1 << 26;
-/// Time for which a thread asks for its message again and again, and the pause between two questions after that. Results of a
-/// short loop come within the first; a frame takes a thousand times the second.
+/// Time for which a thread asks for its message again and again: results of a short loop come within it.
 const EAGER: Duration = Duration::from_micros(500);
-const PAUSE: Duration = Duration::from_micros(50);
+/// Pauses between two questions after that: a share of the time waited so far, and no longer than the last.
+const PAUSE_SHARE: u32 = 64;
+const LONGEST_PAUSE: Duration = Duration::from_millis(1);
 /// Exit code of all ranks when one of them panics, as Rust has it.
 const PANICKED: i32 = 101;
 
@@ -270,9 +271,10 @@ fn wait<'a, D: ?Sized, S: Scope<'a>>(mut request: Request<'a, D, S>) {
             Ok(_) => return,
             Err(pending) => request = pending,
         }
-        match begin.elapsed() < EAGER {
+        let waited = begin.elapsed();
+        match waited < EAGER {
             true => std::thread::yield_now(),
-            false => std::thread::sleep(PAUSE),
+            false => std::thread::sleep((waited / PAUSE_SHARE).min(LONGEST_PAUSE)),
         }
     }
 }
