@@ -6,7 +6,7 @@
 //! rank 1   Prepare ──► Shade                                      no files, no words
 //!             ║          ║         ═  results of shared loops, by `render_core::ranks`
 //! ```
-//! Every rank prepares and shades every frame from the same state; inner loops are shared. Rank 0 says by [`Lead`] which frame is
+//! Every rank prepares and shades every frame from the same state; inner loops are shared. Rank 0 says (`lead.rs`) which frame is
 //! next, and with which thresholds, so nothing depends on the time that one of them takes. Before all that they compare by
 //! [`muster`] what they are about to make.
 
