@@ -153,7 +153,11 @@ pub struct OutOfRange {
 
 impl fmt::Display for OutOfRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "tone mapping: {} is {} (expected {}…{})", self.field, self.value, self.range.0, self.range.1)
+        let (least, most) = self.range;
+        // Exponents are shorter than twenty zeros.
+        let range = if most > 1e6 { format!("{least:e} to {most:e}") } else { format!("{least} to {most}") };
+        let range = if self.value <= 0.0 { format!("be above 0 ({range})") } else { format!("lie in {range}") };
+        write!(f, "{} is {}; it must {range}", self.field, self.value)
     }
 }
 

@@ -149,8 +149,14 @@ fn names_and_ranges() {
     assert_eq!("extended-reinhard".parse(), Ok(Operator::ExtendedReinhard));
     let error = "aces".parse::<Operator>().unwrap_err().to_string();
     assert!(error.contains("aces") && error.contains("filmic"), "{error}");
-    let error = ToneMap::srgb().with_exposure(-1.0).check().unwrap_err().to_string();
-    assert!(error.contains("exposure is -1"), "{error}");
+    for (bad, said) in [
+        (ToneMap::srgb().with_exposure(-1.0), "exposure is -1; it must be above 0 (1e-20 to 1e20)"),
+        (ToneMap::srgb().with_exposure(f32::NAN), "exposure is NaN; it must lie in 1e-20 to 1e20"),
+        (ToneMap::gamma(5.0), "gamma is 5; it must lie in 1 to 4"),
+        (ToneMap::extended_reinhard(0.0), "white is 0; it must be above 0 (0.01 to 1000)"),
+    ] {
+        assert_eq!(bad.check().unwrap_err().to_string(), said);
+    }
     assert!(ToneMap::default().check().is_ok());
 }
 

@@ -4,9 +4,10 @@ use super::foreign;
 use super::print_config::ProgramOption;
 use crate::error::Result;
 use crate::memory;
-use crate::settings::{MemorySize, Settings};
+use crate::settings::{MemorySize, Settings, read_tone_map};
 use clap::Args;
-use render_core::scene::{self, Reach, Scene, Setting};
+use mpeg2enc::FrameRate;
+use render_core::scene::{self, Reach, Scene, SceneSettings, Setting};
 use std::path::{Path, PathBuf};
 
 /// The scene, and the file with further options.
@@ -47,8 +48,9 @@ pub(crate) struct Reading {
     /// The animation that plays [default: the first]
     #[arg(long, value_name = "NAME", help_heading = "Film", hide_short_help = true)]
     animation: Option<String>,
-    /// A setting in place of one in the scene's TOML file: exposure=1.5, sky.intensity=2, horizon=[1,1,1]; may be repeated
-    #[arg(long, value_name = "KEY=VALUE", help_heading = "Film", hide_short_help = true)]
+    /// A setting in place of one in the scene's TOML file: exposure=1.5, operator=reinhard, angular_diameter=2; may be repeated.
+    /// sky.intensity=2 needs a [sky] in that file; a wrong KEY lists all
+    #[arg(long, value_name = "KEY=VALUE", value_parser = setting, help_heading = "Film", hide_short_help = true)]
     set: Vec<Setting>,
 }
 
@@ -79,6 +81,21 @@ impl Reading {
         }
         Ok(scene::load_with(path, self.reach(), &set)?)
     }
+}
+
+/// Reads a setting, and refuses what no scene can have: the file beside the scene is not to blame for it.
+fn setting(text: &str) -> Result<Setting, String> {
+    let setting: Setting = text.parse().map_err(|error: scene::SettingsError| error.to_string())?;
+
+    // Settings that mean something only together, as those of a sky, are held against the scene later.
+    let Ok(alone) = SceneSettings::parse_with("", std::slice::from_ref(&setting)) else { return Ok(setting) };
+    if let Some(table) = &alone.tone_mapping {
+        read_tone_map(table)?;
+    }
+    if let Some(fps) = alone.video.fps {
+        FrameRate::from_fps(fps).map_err(|error| error.to_string())?;
+    }
+    Ok(setting)
 }
 
 /// Bound on memory.

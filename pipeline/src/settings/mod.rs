@@ -17,6 +17,8 @@ pub use mpeg2enc::Effort;
 pub use options::Options;
 pub use preset::Preset;
 pub use render::RenderSettings;
+#[cfg(feature = "command-line")]
+pub(crate) use resolve::read_tone_map;
 pub use values::{
     Aov, BitRate, CheckpointEvery, ExrDepth, Lighting, MemorySize, PixelShading, Size, Stopping, Switch, Thresholds,
 };

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use lighttree::Calibration;
 use mpeg2enc::FrameRate;
 use perceptual::ToneMap;
-use render_core::scene::{Scene, SceneSettings};
+use render_core::scene::{Scene, SceneSettings, SettingsError};
 use std::path::{Path, PathBuf};
 
 /// Factor of importance on thresholds. Ours: half the error where all people look, twice the error where nobody does.
@@ -318,10 +318,17 @@ fn photons_per_anchor(qscale: u32, has_bitrate: bool) -> u64 {
 fn tone_map(path: &Path, scene: &Scene) -> Result<(ToneMap, bool)> {
     let Some(table) = &scene.settings.tone_mapping else { return Ok((ToneMap::default(), true)) };
     let file = SceneSettings::path_for(path);
-    let tone_map: ToneMap = table
-        .clone()
-        .try_into()
-        .map_err(|error: toml::de::Error| Error::content(&file, format!(": [tone_mapping] {}", error.message())))?;
-    tone_map.check().map_err(|error| Error::content(&file, format!(": {error}")))?;
-    Ok((tone_map, !table.contains_key("exposure")))
+    let read = read_tone_map(table).map_err(|error| Error::content(&file, format!(": [tone_mapping] {error}")))?;
+    Ok((read, !table.contains_key("exposure")))
+}
+
+/// The tone curve of a `[tone_mapping]` table.
+///
+/// # Errors
+/// A key or value that does not exist, or a number out of its range; the message says what works.
+pub(crate) fn read_tone_map(table: &toml::Table) -> Result<ToneMap, String> {
+    let read: Result<ToneMap, toml::de::Error> = table.clone().try_into();
+    let tone_map = read.map_err(|error| SettingsError::of_toml(&error.to_string()).to_string())?;
+    tone_map.check().map_err(|error| error.to_string())?;
+    Ok(tone_map)
 }

@@ -14,6 +14,7 @@ mod settings;
 mod settings_error;
 mod sky;
 mod texture;
+mod typed_setting;
 
 pub use crate::environment::Gradient;
 pub use animation::{Channel, Interpolation, Track};

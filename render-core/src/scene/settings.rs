@@ -119,7 +119,7 @@ impl SceneSettings {
     /// # Errors
     /// As [`parse`](Self::parse).
     pub fn parse_with(text: &str, set: &[Setting]) -> Result<Self, SettingsError> {
-        let wrong = |error: toml::de::Error| SettingsError::Toml(error.to_string().trim_end().replace('\n', " "));
+        let wrong = |error: toml::de::Error| SettingsError::of_toml(&error.to_string());
         let settings: Self = if set.is_empty() {
             toml::from_str(text).map_err(wrong)?
         } else {
@@ -128,20 +128,29 @@ impl SceneSettings {
             set.iter().for_each(|setting| setting.put_into(&mut tables));
             tables.try_into().map_err(wrong)?
         };
+        settings.check_values()?;
         if let Some(sky) = &settings.sky {
             sky.source()?;
         }
-        if !(0.0..=90.0).contains(&settings.sun.angular_diameter) {
-            let problem = format!("angular_diameter {} must lie in 0..=90 degrees", settings.sun.angular_diameter);
+        Ok(settings)
+    }
+
+    /// Checks the range of each value by itself.
+    pub(super) fn check_values(&self) -> Result<(), SettingsError> {
+        if let Some(sky) = &self.sky {
+            sky.check_values()?;
+        }
+        if !(0.0..=90.0).contains(&self.sun.angular_diameter) {
+            let problem = format!("angular_diameter {} must lie in 0..=90 degrees", self.sun.angular_diameter);
             return Err(SettingsError::value("sun", problem));
         }
-        if settings.video.frames == Some(0) {
+        if self.video.frames == Some(0) {
             return Err(SettingsError::value("video", "frames must be at least 1"));
         }
-        if settings.video.fps.is_some_and(|fps| !fps.is_finite() || fps <= 0.0) {
+        if self.video.fps.is_some_and(|fps| !fps.is_finite() || fps <= 0.0) {
             return Err(SettingsError::value("video", "fps must be positive"));
         }
-        let Gaze { viewing_distance, screen_width, .. } = settings.importance;
+        let Gaze { viewing_distance, screen_width, .. } = self.importance;
         for (name, value) in [("viewing_distance", viewing_distance), ("screen_width", screen_width)] {
             if !(1e-3..=1e3).contains(&value) {
                 return Err(SettingsError::value(
@@ -150,7 +159,7 @@ impl SceneSettings {
                 ));
             }
         }
-        Ok(settings)
+        Ok(())
     }
 }
 

@@ -17,7 +17,21 @@ pub enum SettingsError {
     },
 }
 
+/// Types of numbers by their names in Rust, and in words.
+const NUMBERS: [(&str, &str); 3] = [
+    ("expected f32", "expected a number"),
+    ("expected f64", "expected a number"),
+    ("expected u32", "expected a whole number"),
+];
+
 impl SettingsError {
+    /// The message of a reader of TOML as one line, with words for types.
+    #[must_use]
+    pub fn of_toml(message: &str) -> Self {
+        let line = message.trim_end().replace('\n', " ");
+        Self::Toml(NUMBERS.iter().fold(line, |line, (name, words)| line.replace(name, words)))
+    }
+
     pub(super) fn value(table: &'static str, problem: impl Into<String>) -> Self {
         Self::Value { table, problem: problem.into() }
     }

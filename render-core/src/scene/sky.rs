@@ -31,11 +31,20 @@ pub(super) enum SkySource {
 }
 
 impl SkySettings {
-    /// Reads the table; the error names its fault.
-    pub(super) fn source(&self) -> Result<SkySource, SettingsError> {
+    /// Factor on all radiances.
+    fn factor(&self) -> f32 {
+        self.intensity.unwrap_or(1.0)
+    }
+
+    /// Degrees by which an image is turned.
+    fn turn(&self) -> f32 {
+        self.rotation.unwrap_or(0.0)
+    }
+
+    /// Checks the range of each value, whether or not they make a sky.
+    pub(super) fn check_values(&self) -> Result<(), SettingsError> {
         let refuse = |problem: String| Err(SettingsError::value("sky", problem));
-        let intensity = self.intensity.unwrap_or(1.0);
-        let rotation = self.rotation.unwrap_or(0.0);
+        let (intensity, rotation) = (self.factor(), self.turn());
         if !(intensity.is_finite() && intensity >= 0.0) {
             return refuse(format!("intensity {intensity} must be finite and not negative"));
         }
@@ -43,21 +52,29 @@ impl SkySettings {
             return refuse(format!("rotation {rotation} must be finite"));
         }
         let colors = [self.zenith, self.horizon, self.ground];
+        let radiances = || colors.iter().flatten().flatten();
+        if let Some(bad) = radiances().find(|r| !r.is_finite() || **r < 0.0) {
+            return refuse(format!("radiance {bad} must be finite and not negative"));
+        }
+        if let Some(bad) = radiances().find(|r| **r * intensity > STRONGEST) {
+            return refuse(format!("shines with {:e}; {STRONGEST:e} is the most", bad * intensity));
+        }
+        Ok(())
+    }
+
+    /// The sky of the table, whose values are checked; the error names what is missing.
+    pub(super) fn source(&self) -> Result<SkySource, SettingsError> {
+        let refuse = |problem: &str| Err(SettingsError::value("sky", problem));
+        let (intensity, rotation) = (self.factor(), self.turn());
         if let Some(file) = &self.image {
-            if colors.iter().any(Option::is_some) {
-                return refuse("image replaces zenith, horizon and ground; give one or the other".into());
+            if [self.zenith, self.horizon, self.ground].iter().any(Option::is_some) {
+                return refuse("image replaces zenith, horizon and ground; give one or the other");
             }
             return Ok(SkySource::Image { file: file.clone(), intensity, rotation });
         }
         let (Some(zenith), Some(horizon)) = (self.zenith, self.horizon) else {
-            return refuse("needs zenith and horizon, or an image".into());
+            return refuse("needs zenith and horizon, or an image");
         };
-        if let Some(bad) = colors.iter().flatten().flatten().find(|r| !r.is_finite() || **r < 0.0) {
-            return refuse(format!("radiance {bad} must be finite and not negative"));
-        }
-        if let Some(bad) = colors.iter().flatten().flatten().find(|r| **r * intensity > STRONGEST) {
-            return refuse(format!("shines with {:e}; {STRONGEST:e} is the most", bad * intensity));
-        }
         let scaled = |color: [f32; 3]| color.map(|c| c * intensity);
         Ok(SkySource::Gradient(Gradient {
             zenith: scaled(zenith),

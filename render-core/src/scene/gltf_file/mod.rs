@@ -200,7 +200,8 @@ fn load_settings(scene: &Path, files: &SceneFiles, set: &[Setting]) -> Result<Sc
     }
     // What is wrong now is none of the file's.
     set.iter().for_each(|setting| files.note(&setting.to_string()));
-    SceneSettings::parse_with(text, set).map_err(|error| malformed(scene, format!("a setting: {error}")))
+    let names = || set.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    SceneSettings::parse_with(text, set).map_err(|error| malformed(scene, format!("with {}: {error}", names())))
 }
 
 /// Text without the byte order mark that some editors put in front of UTF-8.
