@@ -1,8 +1,9 @@
 //! `--config job.toml`: options from a file, by the names they have on the command line, which overrides them.
 
 use super::args::Arguments;
-use super::{foreign, parts, ranks};
+use super::{foreign, guesses, parts, ranks};
 use anyhow::{Context, Result, anyhow, bail};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{ArgAction, ArgMatches, Command, CommandFactory, FromArgMatches};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -27,14 +28,20 @@ const NOT_IN_FILES: [&str; 12] = [
 /// Parses the arguments, with defaults from the file that `--config` names. Wrong arguments end the program with a hint.
 ///
 /// # Errors
-/// The file cannot be read, or has an option that does not exist or has no such value.
+/// The file cannot be read, or has an option that does not exist or has no such value; or an option is that of another program.
 pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
     let typed = with_command(typed);
     if let Some(command) = typed.get(1).and_then(|word| word.to_str()) {
         parts::need_for(command)?;
     }
     let command = Arguments::command().long_version(parts::version());
-    let matches = matches_of(command.clone(), &typed);
+    let matches = match command.clone().try_get_matches_from(&typed) {
+        Ok(matches) => matches,
+        Err(error) => match guess(&error, &command, &typed) {
+            Some(advice) => bail!(advice),
+            None => end(&error),
+        },
+    };
     let with_file = match matches.subcommand() {
         Some((name, options)) => match file_named_by(options) {
             Some(path) => Some(with_file(&command, name, options, &path, &typed)?),
@@ -48,10 +55,15 @@ pub fn parse(typed: Vec<OsString>) -> Result<Arguments> {
 
 /// The arguments among `words`; wrong ones end the program with a hint, and requests for help with that.
 fn matches_of(command: Command, words: &[OsString]) -> ArgMatches {
-    command.try_get_matches_from(words).unwrap_or_else(|error| match ranks::is_silent() {
-        true => std::process::exit(error.exit_code()),
-        false => error.exit(),
-    })
+    command.try_get_matches_from(words).unwrap_or_else(|error| end(&error))
+}
+
+/// Ends the program with what is wrong, or with the help that was requested; only one of several ranks says it.
+fn end(error: &clap::Error) -> ! {
+    if ranks::is_silent() {
+        std::process::exit(error.exit_code());
+    }
+    error.exit()
 }
 
 /// A scene alone is rendered: `render2mpeg scene.glb` is `render2mpeg render scene.glb`.
@@ -60,6 +72,17 @@ fn with_command(mut typed: Vec<OsString>) -> Vec<OsString> {
         typed.insert(1, "render".into());
     }
     typed
+}
+
+/// The line about an option of another program, where `error` is about one that is known.
+fn guess(error: &clap::Error, command: &Command, typed: &[OsString]) -> Option<String> {
+    if error.kind() != ErrorKind::UnknownArgument {
+        return None;
+    }
+    let Some(ContextValue::String(option)) = error.get(ContextKind::InvalidArg) else { return None };
+    let own = command.get_subcommands().find(|one| typed.get(1).is_some_and(|word| word == one.get_name()))?;
+    let advice = guesses::advice(option.strip_prefix("--")?, own)?;
+    Some(format!("there is no option {option}: {advice}"))
 }
 
 fn file_named_by(options: &ArgMatches) -> Option<PathBuf> {
@@ -92,7 +115,9 @@ fn with_file(
             continue;
         }
         if option(all, key).is_none() && option(own, key).is_none() {
-            bail!("{place}: there is no option {key}; the nearest is {}", nearest(key, all));
+            let advice = guesses::advice(key, own)
+                .map_or_else(|| format!("the nearest is {}", nearest(key, all)), str::to_owned);
+            bail!("{place}: there is no option {key}: {advice}");
         }
         if let Some(option) = option(own, key) {
             words.extend(words_of(option, key, value).with_context(|| format!("{place}: {key} = {value}"))?);

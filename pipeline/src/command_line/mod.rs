@@ -23,6 +23,7 @@ mod commands;
 mod config_file;
 mod examples;
 mod foreign;
+mod guesses;
 mod interrupt;
 mod lines;
 mod log;
