@@ -23,6 +23,7 @@ PARTS = {
     "textures": "PNG and JPEG on surfaces, skies from `.hdr` files",
     "bake": "`bake`, `--lighting baked`",
     "exr": "`--exr`, `--aov`, `reference`, skies from `.exr` files",
+    "still": "`still`, `reference` into `.png` and `.jpg`, `--png`",
     "compare": "`compare`, with SSIMULACRA 2",
     "html": "`render --html`",
     "sweep": "`sweep`; brings `compare`, `exr` and `html`",

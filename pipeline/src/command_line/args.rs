@@ -14,7 +14,7 @@ use super::commands::still::StillArguments;
 #[cfg(feature = "sweep")]
 use super::commands::sweep::Sweep;
 use super::examples;
-use clap::{Parser, Subcommand};
+use clap::{Arg, Parser, Subcommand};
 
 /// Renders an animated glTF scene with global illumination into an MPEG-2 video.
 ///
@@ -25,7 +25,10 @@ use clap::{Parser, Subcommand};
     name = "render2mpeg",
     bin_name = "render2mpeg",
     version,
-    after_help = "Examples:
+    override_usage = "render2mpeg <COMMAND>\n       render2mpeg <SCENE>",
+    after_help = "A scene alone is rendered: render2mpeg scene.glb is render2mpeg render scene.glb.
+
+Examples:
   render2mpeg render scenes/cornell/cornell.glb             a video and a report, in this folder
   render2mpeg still scene.glb -o picture.png                one picture
   render2mpeg plan scene.glb                                what the scene needs, before any ray
@@ -71,7 +74,7 @@ pub enum Command {
     #[command(after_help = examples::JOIN)]
     Join(Join),
     /// Show what a scene needs, what is left out, and why; render nothing.
-    #[command(args_override_self = true, after_help = examples::PLAN)]
+    #[command(args_override_self = true, mut_args(without_files), after_help = examples::PLAN)]
     Plan(Box<Plan>),
     /// Print what makes a shell complete this program's options.
     #[cfg(feature = "shell")]
@@ -89,12 +92,28 @@ pub enum Command {
     },
 }
 
+/// Hides the files of a film in the help of a command that writes none. They are accepted, so that a command line of `render` is
+/// one of `plan`, too.
+fn without_files(option: Arg) -> Arg {
+    let is_file = option.get_help_heading() == Some("Output");
+    if is_file { option.hide(true) } else { option }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::Options;
     use clap::CommandFactory;
     use render_core::scene::Scene;
+
+    #[test]
+    fn the_help_of_plan_has_no_files() {
+        let program = Arguments::command();
+        let plan = program.get_subcommands().find(|command| command.get_name() == "plan").unwrap();
+        let help = plan.clone().render_long_help().to_string();
+        assert!(help.contains("--qscale") && !help.contains("--output"), "{help}");
+        assert!(Arguments::try_parse_from(["render2mpeg", "plan", "scene.glb", "-o", "film.mpg"]).is_ok());
+    }
 
     /// The help of `render` names the values that [`Options::fill_in`] fills in.
     #[test]

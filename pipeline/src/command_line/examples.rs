@@ -4,8 +4,10 @@ pub const RENDER_SHORT: &str = "Examples:
   render2mpeg render scene.glb                                  into scene.mpg, in this folder
   render2mpeg render scene.glb --preset draft -o look.mpg       small and fast
   render2mpeg render scene.glb --preset final -o film.mp4       large, with smooth edges
+  render2mpeg render scene.glb -o film.mpg --also film.mp4      H.264 too, by ffmpeg, for browsers
 
-All options, by what they are for: render2mpeg render --help";
+Films are MPEG-2, in .mp4 and .mkv as well. Players that know H.264 alone show what --also makes.
+--help has all options: --from, --to, --camera, --set, --bitrate, --threads, --resume, --exr ...";
 
 pub const RENDER: &str = "Examples:
   render2mpeg render scene.glb -o film.mpg --size 1280x720 --frames 50 --qscale 16
@@ -51,13 +53,17 @@ pub const REFERENCE: &str = "Examples:
   render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr
   render2mpeg reference scene.glb --spp 1024 -o picture.png     as a display shows it
   render2mpeg reference scene.glb --method all-lights -o lights.exr    what cuts approximate
-  render2mpeg reference scene.glb --center -o truth.exr         to compare with render --antialiasing off --exr";
+  render2mpeg reference scene.glb --frame 10 --center -o truth.exr     to compare with render --antialiasing off --exr DIR";
 
 #[cfg(feature = "compare")]
 pub const COMPARE: &str = "Examples:
-  render2mpeg compare frame_00010.exr truth.exr                 linear light
+  render2mpeg compare frames/frame_00010.exr truth.exr          linear light
   render2mpeg compare film.mpg film.y4m --heatmap where.png     what the codec cost, and where
   render2mpeg compare frames others --json                      two folders, for other programs
+
+render -o film.mpg --y4m film.y4m makes a film, and its pictures before they are coded.
+Outlines agree where both have the centers of pixels alone: render --antialiasing off --exr frames,
+and reference --frame 10 --center -o truth.exr.
 
 SSIMULACRA 2: 90 is hardly told apart, 70 good, 50 fair.";
 
@@ -81,7 +87,7 @@ pub const PLAN: &str = "Examples:
   render2mpeg plan scene.glb --cache off --thresholds fixed:0.02    what these leave out
 
 costs, saves: the share of a frame's CPU time that a stage takes, or that leaving it out saves. These, time and memory are
-estimates.";
+estimates. Options of render are accepted, also those of its files; nothing is written.";
 
 #[cfg(feature = "shell")]
 pub const COMPLETIONS: &str = "Examples:
