@@ -57,6 +57,17 @@ impl FilePlaces {
     }
 }
 
+/// Makes a folder for files, if it is not there.
+///
+/// # Errors
+/// A file has its name, or the system refuses it.
+pub(crate) fn make_folder(path: &Path) -> Result<()> {
+    if path.is_file() {
+        return Err(Error::content(path, " is a file, not a folder; choose another name"));
+    }
+    fs::create_dir_all(path).map_err(Error::file(path, "cannot be made"))
+}
+
 /// Whether this is standard output by any of its names.
 #[must_use]
 pub fn is_standard_output(path: &Path) -> bool {

@@ -28,6 +28,11 @@ fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
+/// A number with what is counted: "1 frame", "2 frames".
+pub(crate) fn counted(number: usize, noun: &str) -> String {
+    format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
+}
+
 /// Seconds in the unit that a person would use.
 pub(crate) fn rough_time(seconds: f64) -> String {
     match seconds {
@@ -40,6 +45,11 @@ pub(crate) fn rough_time(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_is_singular() {
+        assert_eq!([0, 1, 2].map(|number| counted(number, "frame")), ["0 frames", "1 frame", "2 frames"]);
+    }
 
     #[test]
     fn terminals_obey_no_name() {

@@ -126,6 +126,8 @@ fn a_wrong_file_is_explained() {
         ("size = [1, 2]", &["job.toml", "1,2"]),
         ("cbr = 1", &["job.toml", "cbr", "true or false"]),
         ("config = \"other.toml\"", &["job.toml", "config"]),
+        ("width = 640", &["job.toml", "there is no option width", "--size WxH"]),
+        ("set = [\"exposure=0\"]", &["job.toml", "exposure is 0", "must be above 0"]),
         ("[video]\nframes = 3", &["job.toml", "video"]),
         ("scene = 3", &["job.toml", "scene"]),
     ] {
@@ -320,12 +322,9 @@ fn cameras_animations_and_settings_are_chosen_on_the_command_line() {
     assert_ne!(film("b.m2v", &["--set", "exposure=0.1"]), plain);
     assert_ne!(film("c.m2v", &["--set", "sky.zenith=[0,0,9]", "--set", "horizon=[9,0,0]"]), plain);
     assert_eq!(film("d.m2v", &["--camera", "0"]), plain);
-    for (words, word) in [
-        (&["--camera", "nobody"][..], "nobody"),
-        (&["--camera", "7"], "7"),
-        (&["--animation", "none"], "none"),
-        (&["--set", "sky.zenit=1"], "zenit"),
-    ] {
+    for (words, word) in
+        [(&["--camera", "nobody"][..], "nobody"), (&["--camera", "7"], "7"), (&["--animation", "none"], "none")]
+    {
         let refused = render2mpeg(folder, &[&SMALL[..], words].concat());
         assert_eq!(refused.code, Some(1), "{}", refused.stderr);
         assert!(refused.stderr.contains(word), "{}", refused.stderr);
@@ -346,7 +345,9 @@ fn wrong_arguments_end_with_two_and_a_line() {
     let folder = folder_with_room();
     let folder = folder.path();
     fs::write(folder.join("there.mpg"), b"a film").unwrap();
+    fs::write(folder.join("there.png"), b"a picture").unwrap();
     fs::write(folder.join("broken.glb"), b"glTF").unwrap();
+    fs::write(folder.join("README.md"), b"# A scene").unwrap();
     for (words, code, said) in [
         ("render room.glb --frames 0", 2, "--frames"),
         ("render room.glb --fps 23", 2, "23.976"),
@@ -366,14 +367,48 @@ fn wrong_arguments_end_with_two_and_a_line() {
         ("render room.glb --range 5 -o film.mpg", 2, ".m2v"),
         ("render room.glb --max-memory lots", 2, "8G"),
         ("render room.glb --set exposure", 2, "exposure=1.5"),
+        (
+            "render room.glb --set exposre=1",
+            2,
+            "\"exposre=1\" names no setting; settings are operator, exposure, gamma",
+        ),
+        ("render room.glb --set sky.zenit=1", 2, "zenith, horizon, ground, image, intensity, rotation"),
+        (
+            "render room.glb --set exposure=0",
+            2,
+            "for '--set <KEY=VALUE>': exposure is 0; it must be above 0 (1e-20 to 1e20)",
+        ),
+        ("render room.glb --set gamma=9", 2, "gamma is 9; it must lie in 1 to 4"),
+        ("render room.glb --set exposure=bright", 2, "invalid type: string \"bright\", expected a number"),
+        ("render room.glb --set tone_mapping.operator=sepia", 2, "for '--set <KEY=VALUE>': unknown variant `sepia`"),
+        ("render room.glb --set video.fps=foo", 2, "invalid type: string \"foo\", expected a number"),
+        ("render room.glb --set fps=23", 2, "23.976"),
+        ("render room.glb --set sky.intensity=2", 1, "with sky.intensity = 2: [sky] needs zenith and horizon"),
         ("render room.glb --unheard-of", 2, "unheard-of"),
+        ("render room.glb --width 640", 2, "there is no option --width: write --size WxH, such as --size 1280x720"),
+        ("render room.glb --height=480", 2, "there is no option --height: write --size WxH"),
+        ("render room.glb --resolution 640x480", 2, "--size WxH"),
+        ("render room.glb --quality 5", 2, "write --qscale Q, 1 (best) to 112 (smallest)"),
+        ("render room.glb --crf 20", 2, "--qscale Q"),
+        ("render room.glb --audio a.wav", 2, "there is no option --audio: films have no sound"),
+        ("render room.glb --spp 16", 2, "write --samples N"),
+        ("render room.glb --start 5", 2, "write --from K"),
+        ("render room.glb --end 9", 2, "write --to K"),
+        ("render room.glb --exposure 2", 2, "write --set exposure=1.5"),
+        ("still room.glb --quality 5", 2, "write --preset draft, good or final"),
+        ("reference room.glb --samples 16", 2, "write --spp N"),
+        ("room.glb --width 640", 2, "--size WxH"),
         ("render", 2, "SCENE"),
         ("paint room.glb", 2, "paint"),
         ("still room.glb -o film.mpg", 2, ".png"),
         ("reference room.glb -o truth.tif", 2, ".exr"),
         ("join -o film.mpg", 2, "PART"),
+        ("join part.m2v -o there.png", 2, "there.png: such files are not written; name the output .mpg"),
         ("render missing.glb", 1, "missing.glb"),
         ("render broken.glb", 1, "broken.glb"),
+        ("render README.md", 1, "README.md: this is no glTF file; scenes are .glb or .gltf"),
+        ("render room.glb -o film.m2v --exr there.png", 1, "there.png is a file, not a folder; choose another name"),
+        ("sweep room.glb -o there.png", 1, "there.png is a file, not a folder; choose another name"),
         ("render room.glb --camera nobody", 1, "nobody"),
         ("render room.glb -o nowhere/film.mpg", 1, "nowhere/film.mpg"),
         ("render room.glb -o there.mpg", 1, "--overwrite"),
@@ -384,5 +419,29 @@ fn wrong_arguments_end_with_two_and_a_line() {
         assert_eq!(refused.code, Some(code), "{words:?}: {}", refused.stderr);
         assert_fails(folder, &words, &[said]);
     }
-    assert_eq!(sorted_names(folder), ["broken.glb", "room.glb", "there.mpg"], "nothing is left behind");
+    let before = ["README.md", "broken.glb", "room.glb", "there.mpg", "there.png"];
+    assert_eq!(sorted_names(folder), before, "nothing is left behind");
+}
+
+#[test]
+fn help_answers_what_users_ask() {
+    let folder = folder_with_room();
+    for (words, said) in [
+        ("-h", "A scene alone is rendered: render2mpeg scene.glb is"),
+        ("-h", "render2mpeg <SCENE>"),
+        ("render -h", "--help has all options: --from, --to, --camera"),
+        ("render -h", "Films are MPEG-2, in .mp4 and .mkv as well."),
+        ("render --help", "sky.intensity=2 needs a [sky] in that file"),
+        ("compare -h", "render -o film.mpg --y4m film.y4m makes"),
+        ("compare -h", "render --antialiasing off --exr frames,\nand reference"),
+        ("reference -h", "--frame 10 --center -o truth.exr"),
+        ("plan room.glb --frames 1", "; 1 frame in some"),
+        ("plan room.glb --frames 2", "; 2 frames in some"),
+    ] {
+        let words: Vec<&str> = words.split(' ').collect();
+        let shown = run(folder.path(), &words).stdout;
+        assert!(shown.contains(said), "{words:?}: {shown}");
+    }
+    let plan = run(folder.path(), &["plan", "-h"]).stdout;
+    assert!(plan.contains("--qscale") && !plan.contains("--output"), "{plan}");
 }

@@ -68,12 +68,25 @@ fn videos_folders_and_pictures_are_compared() {
     assert!((rmse - (linear(128.0) - linear(118.0))).abs() < 1e-6, "{rmse}");
 
     std::fs::create_dir(path("empty")).unwrap();
+    for (name, count) in [("one", 1), ("two", 2)] {
+        std::fs::create_dir(path(name)).unwrap();
+        for frame in (0..count).map(|index| format!("frame_{index:05}.exr")) {
+            std::fs::copy(path("frames").join(&frame), path(name).join(&frame)).unwrap();
+        }
+    }
     std::fs::write(path("short.m2v"), &rendered.stream[..8]).unwrap();
     std::fs::write(path("broken.y4m"), b"YUV4MPEG2 W64").unwrap();
     for (arguments, words) in [
         ("compare a.png frames/frame_00000.exr", &["a.png", "linear light", "like with like"][..]),
         ("compare a.png room.y4m", &["a.png", "16x16", "64x48"]),
         ("compare empty empty", &["empty", ".exr", ".png"]),
+        ("compare room.glb a.png", &["room.glb", ".y4m", ".mpg", ".mp4", ".mkv"]),
+        (
+            "compare frames/frame_00000.exr frames",
+            &["frame_00000.exr is one picture, frames goes on; compare sequences of the same length"],
+        ),
+        ("compare frames two", &["two ends after 2 pictures, frames goes on"]),
+        ("compare one frames", &["one ends after 1 picture, frames goes on"]),
         ("compare film.m2v frames/frame_00000.exr", &["film.m2v", "linear light"]),
         ("compare broken.y4m room.y4m", &["broken.y4m", "YUV4MPEG2"]),
         ("compare a.png b.png --heatmap nowhere/c.png", &["nowhere/c.png"]),

@@ -31,6 +31,7 @@ fn scenes() {
     write("header.glb", &whole[..10]);
     write("empty.glb", b"");
     write("text.gltf", b"this is not JSON");
+    write("half.gltf", b"{ \"asset\": {");
     let mut missing = room.clone();
     missing.json["buffers"] = json!([{ "uri": "gone.bin", "byteLength": room.bin.len() }]);
     write("missing.gltf", missing.json.to_string().as_bytes());
@@ -43,7 +44,8 @@ fn scenes() {
         ("cut.glb", &["cut.glb", "again"]),
         ("header.glb", &["header.glb"]),
         ("empty.glb", &["empty.glb"]),
-        ("text.gltf", &["text.gltf"]),
+        ("text.gltf", &["text.gltf: this is no glTF file"]),
+        ("half.gltf", &["half.gltf: not a whole glTF file"]),
         ("missing.gltf", &["missing.gltf", "gone.bin"]),
         ("draco.glb", &["draco.glb", "KHR_draco_mesh_compression"]),
         (".", &["."]),
@@ -94,7 +96,12 @@ fn files_beside_the_scene() {
     for (text, words) in [
         ("[tone_mapping", &["room.toml"][..]),
         ("[tone_mapping]\noperator = \"sepia\"", &["room.toml", "sepia"]),
-        ("[tone_mapping]\noperator = \"gamma\"\nexposure = -1.0", &["room.toml", "exposure"]),
+        (
+            "[tone_mapping]\noperator = \"gamma\"\nexposure = -1.0",
+            &["room.toml: [tone_mapping] exposure is -1; it must be above 0 (1e-20 to 1e20)"],
+        ),
+        ("[tone_mapping]\nwhite = \"much\"", &["room.toml", "white", "expected a number"]),
+        ("[video]\nfps = \"fast\"", &["room.toml", "expected a number"]),
         ("[video]\nframes = 0", &["room.toml", "frames"]),
         ("[video]\nlength = 5", &["room.toml", "length"]),
         // As an option, the same is wrong at the place where it was typed.
@@ -115,7 +122,9 @@ fn places_that_cannot_be_written() {
         (&["--output", "file/film.m2v"], "file/film.m2v"),
         (&["--output", "."], "."),
         (&["--output", "film.m2v", "--report", "no/report.json"], "no/report.json"),
-        (&["--output", "film.m2v", "--exr", "file"], "file"),
+        (&["--output", "film.m2v", "--exr", "file"], "file is a file, not a folder"),
+        (&["--output", "film.m2v", "--png", "file"], "file is a file, not a folder"),
+        (&["--output", "film.m2v", "--exr", "file/frames"], "file/frames cannot be made"),
         (&["--output", "film.m2v", "--y4m", "no/film.y4m"], "no/film.y4m"),
         (&["--output", "film.m2v", "--also", "no/film.mp4"], "no/film.mp4"),
     ] {

@@ -57,8 +57,10 @@ fn the_ending_of_a_picture_says_what_it_is() {
     let folder = folder.path();
     for (name, magic) in [("a.png", &b"\x89PNG"[..]), ("a.jpg", b"\xff\xd8\xff"), ("a.exr", b"\x76\x2f\x31\x01")] {
         for command in ["still", "reference --spp 1"] {
-            let words = format!("{command} room.glb --size 16x16 --vpls 20 -o {name} --overwrite --quiet");
-            run(folder, &words);
+            let words = format!("{command} room.glb --size 16x16 --vpls 20 -o {name} --overwrite");
+            let told = run(folder, &words).stderr;
+            assert!(told.contains(&format!("{name}: 16x16 pixels in ")), "{words}: {told}");
+            assert_eq!(run(folder, &format!("{words} --quiet")).stderr, "");
             assert!(fs::read(folder.join(name)).unwrap().starts_with(magic), "{words}");
         }
     }

@@ -1,6 +1,7 @@
 //! `render2mpeg compare`.
 
 use crate::command_line::overwrite::Overwrite;
+use crate::command_line::print::counted;
 use crate::laboratory::compare::{self, Comparison, HEAT_MAP_RANGE, HeatMap, png_file};
 use crate::output::Output;
 use crate::places::FilePlaces;
@@ -47,7 +48,7 @@ pub fn run(arguments: &Compare) -> Result<ExitCode> {
         (true, true) => say!("{}", serde_json::to_string_pretty(&found.mean)?),
         (false, true) => say!("{}", serde_json::to_string_pretty(&found)?),
         (true, false) => say!("{}", found.mean),
-        (false, false) => say!("\nmean of {} pictures\n{}", found.frames.len(), found.mean),
+        (false, false) => say!("\nmean of {}\n{}", counted(found.frames.len(), "picture"), found.mean),
     }
     if let Some(mut output) = output {
         output.write(&png_file::encode(&map.picture()))?;

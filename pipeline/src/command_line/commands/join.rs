@@ -1,10 +1,12 @@
 //! `render2mpeg join`.
 
 use crate::command_line::overwrite::Overwrite;
+use crate::command_line::print::counted;
 use crate::join::{join, places};
 use crate::output::Output;
 use crate::places::is_standard_output;
 use crate::report::path_beside;
+use crate::settings::{container_of, unknown_ending};
 use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
@@ -33,6 +35,8 @@ pub(crate) struct Join {
 /// Joins parts, and reports.
 pub fn run(arguments: &Join) -> Result<ExitCode> {
     let Join { parts, output, report, overwrite, quiet } = arguments;
+    // A name that no film can have is no question of replacing what is there.
+    container_of(output, None).ok_or_else(|| unknown_ending(output))?;
     let beside = || (!is_standard_output(output)).then(|| path_beside(output));
     let report_path = report.clone().or_else(beside);
     places(parts).writes("-o", Some(output)).writes("--report", report_path.as_deref()).check()?;
@@ -41,7 +45,7 @@ pub fn run(arguments: &Join) -> Result<ExitCode> {
     let report = join(parts, output)?;
     report_path.as_deref().map_or(Ok(()), |path| report.write(path))?;
     if !quiet {
-        tell!("{} frames of {} parts", report.summary.frames, parts.len());
+        tell!("{} of {}", counted(report.summary.frames as usize, "frame"), counted(parts.len(), "part"));
         tell!("video:  {}", output.display());
         if let Some(path) = &report_path {
             tell!("report: {}", path.display());

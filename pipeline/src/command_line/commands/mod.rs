@@ -15,3 +15,9 @@ pub mod shell;
 pub mod still;
 #[cfg(feature = "sweep")]
 pub mod sweep;
+
+/// Says which picture was made, and in what time.
+#[cfg(any(feature = "exr", feature = "still"))]
+fn tell_of_picture(path: &std::path::Path, size: crate::settings::Size, begin: std::time::Instant) {
+    tell!("{}: {size} pixels in {:.1} s", path.display(), begin.elapsed().as_secs_f64());
+}

@@ -1,7 +1,7 @@
 //! `render2mpeg plan`.
 
 use crate::command_line::notes;
-use crate::command_line::print::{rough_time, single_line};
+use crate::command_line::print::{counted, rough_time, single_line};
 use crate::command_line::source::Source;
 use crate::settings::MemorySize;
 use crate::{Options, Settings, memory};
@@ -30,7 +30,8 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     say!("{}", plan.table().trim_end());
     let (seconds, frames) = (plan.seconds_a_frame(), settings.frame_range().len());
     let all = frames as f64 * seconds / rayon::current_num_threads() as f64;
-    say!("time:   some {seconds:.2} CPU s a frame after the first; {frames} frames in some {}", rough_time(all));
+    let frames = counted(frames, "frame");
+    say!("time:   some {seconds:.2} CPU s a frame after the first; {frames} in some {}", rough_time(all));
     let (needed, size) = (MemorySize(memory::estimate(&scene, settings.size)), settings.size);
     say!("memory: some {needed} for {}x{} pixels", size.width, size.height);
     notes::before(&scene, &settings).iter().for_each(|note| say!("note: {}", single_line(note)));

@@ -65,7 +65,7 @@ pub(crate) struct Reference {
     /// Whether files may be replaced.
     #[command(flatten)]
     overwrite: Overwrite,
-    /// No progress: only errors are shown
+    /// No progress, no summary: only errors are shown
     #[arg(short, long)]
     quiet: bool,
 }
@@ -105,6 +105,7 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
     let settings = Settings::new(path, &scene, &options)?;
     // An output that cannot be written is told of before the work, not after it.
     drop(Output::create(&output)?);
+    let begin = std::time::Instant::now();
     let picture = match method {
         ReferenceMethod::AllLights => reference::by_all_lights(&scene, &settings.renderer(), frame),
         ReferenceMethod::Path => {
@@ -126,6 +127,9 @@ pub fn run(arguments: Reference) -> Result<ExitCode> {
             let tone_map = settings.tone_map.with_exposure(exposure.unwrap_or(settings.tone_map.exposure));
             write_shown(&output, &shown(&picture.radiance, &tone_map))?;
         }
+    }
+    if !quiet {
+        super::tell_of_picture(&output, settings.size, begin);
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -92,7 +92,7 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
         }
     };
     overwrite.check(&folder.join("sweep.json"))?;
-    std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
+    crate::places::make_folder(&folder)?;
     // A folder that cannot be written to is told of before the work, not after it.
     drop(crate::output::Output::create(&folder.join("sweep.json"))?);
     let sweep = crate::laboratory::sweep::Sweep {

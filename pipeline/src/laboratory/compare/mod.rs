@@ -48,9 +48,9 @@ pub fn compare_paths(
             (None, None) => break,
             (more, _) => {
                 let (short, long) = if more.is_some() { (b, a) } else { (a, b) };
-                let (short, long, count) = (short.display(), long.display(), frames.len());
-                let problem =
-                    format!("{short} ends after {count} pictures, {long} goes on; compare sequences of one length");
+                let end = end_of(short, frames.len());
+                let (short, long) = (short.display(), long.display());
+                let problem = format!("{short} {end}, {long} goes on; compare sequences of the same length");
                 return Err(Error::Comparison(problem));
             }
         };
@@ -80,6 +80,16 @@ pub fn compare_paths(
     }
     let mean = Comparison::mean(&frames);
     Ok(SequenceComparison { frames, mean })
+}
+
+/// The end of the sequence at `path`, in words, after `count` pictures.
+fn end_of(path: &Path, count: usize) -> String {
+    match count {
+        0 => "holds no pictures".into(),
+        1 if is_single(path) => "is one picture".into(),
+        1 => "ends after 1 picture".into(),
+        _ => format!("ends after {count} pictures"),
+    }
 }
 
 /// Whether `path` stands for one picture and not for many.

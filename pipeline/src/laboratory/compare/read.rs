@@ -46,7 +46,9 @@ impl Pictures {
                 }
                 video if VIDEO_ENDINGS.contains(&video) => ffmpeg(path)?,
                 _ => {
-                    let known = ": what can be compared are pictures (.exr, .png), folders of them, and videos (.y4m, .m2v, .mpg, .ts)";
+                    let videos = VIDEO_ENDINGS.map(|ending| format!(".{ending}")).join(", ");
+                    let known =
+                        format!(": compared are pictures (.exr, .png), folders of them, and videos (.y4m, {videos})");
                     return Err(Error::content(path, known));
                 }
             }

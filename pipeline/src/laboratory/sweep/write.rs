@@ -7,6 +7,7 @@ use super::{Swept, maps, page, plots};
 use crate::error::{Error, Result};
 use crate::laboratory::compare::png_file;
 use crate::output::Output;
+use crate::places::make_folder;
 use plane::Plane;
 use std::path::Path;
 
@@ -33,7 +34,7 @@ impl Swept {
         write(&folder.join("sweep.html"), page::page(self, &plots)?.as_bytes())?;
         let made = |name: &str| {
             let path = folder.join(name);
-            std::fs::create_dir_all(&path).map_err(Error::file(&path, "cannot be made"))?;
+            make_folder(&path)?;
             Ok::<_, Error>(path)
         };
         let drawn = made("plots")?;

@@ -20,6 +20,10 @@ impl Loader<'_> {
     /// Parses and validates, after looking at the required extensions ourselves: the crate refuses
     /// some that it can read, and does not name the one it minds.
     pub(super) fn document(&self, bytes: &[u8]) -> Result<(gltf::Document, Buffers), LoadError> {
+        let first = bytes.trim_ascii_start().first();
+        if first.is_some_and(|&first| first != b'{') && !bytes.starts_with(b"glTF") {
+            return self.bad("this is no glTF file; scenes are .glb or .gltf, as modeling programs export them");
+        }
         self.check_header(bytes)?;
         let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).or_else(|error| {
             self.bad(format!("not a whole glTF file ({}); export or copy it again", one_line(&error.to_string())))

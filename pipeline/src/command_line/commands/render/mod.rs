@@ -19,12 +19,12 @@ use crate::command_line::{parts, print_config, progress};
 use crate::feedback_loop::Run;
 use crate::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
 use crate::feedback_loop::observe::OnFrame;
-use crate::places::{FilePlaces, is_stream};
+use crate::places::{FilePlaces, is_stream, make_folder};
 use crate::ranks::{Present, Team, muster};
 use crate::report::FrameReport;
 use crate::settings::{CheckpointEvery, Settings};
 use crate::{Options, Plan, Render as Film};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Args;
 use files::{Files, check_streams, report_beside};
 use render_core::scene::Scene;
@@ -145,9 +145,7 @@ fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
     }
 
     arguments.memory.check(&scene, &settings)?;
-    for folder in settings.exr.iter().chain(&settings.png) {
-        std::fs::create_dir_all(folder).with_context(|| format!("{} cannot be made", folder.display()))?;
-    }
+    settings.exr.iter().chain(&settings.png).try_for_each(|folder| make_folder(folder))?;
     let checkpoints = arguments.checkpoints(&job)?;
     answer.ready(&job)?;
     if let Some(code) = arguments.make(&scene, &settings, (&files, answer.team), checkpoints)? {
