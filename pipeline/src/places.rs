@@ -61,6 +61,7 @@ impl FilePlaces {
 ///
 /// # Errors
 /// A file has its name, or the system refuses it.
+#[cfg(any(feature = "command-line", feature = "sweep"))]
 pub(crate) fn make_folder(path: &Path) -> Result<()> {
     if path.is_file() {
         return Err(Error::content(path, " is a file, not a folder; choose another name"));

@@ -42,6 +42,7 @@ impl Coated {
     }
 
     /// The `surface` at `receiver`, seen along its normal.
+    #[cfg(feature = "bake")]
     pub fn at(receiver: ShadingPoint, surface: &Surface) -> Self {
         let &Surface { albedo, specular, roughness, .. } = surface;
         Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, -receiver.normal)
