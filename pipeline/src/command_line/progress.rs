@@ -1,7 +1,7 @@
 //! Progress at a terminal while the frames are made, and a summary at the end.
 
 use crate::Settings;
-use crate::command_line::print::{rough_time, single_line};
+use crate::command_line::print::{counted, rough_time, single_line};
 use crate::report::{FrameReport, Report};
 use indicatif::{ProgressBar, ProgressStyle};
 use render_core::scene::Scene;
@@ -59,7 +59,7 @@ impl Progress {
             settings.scene.display(),
             scene.triangle_count(),
             settings.range.map_or_else(
-                || counted(settings.frames.into()),
+                || counted(settings.frames as usize, "frame"),
                 |range| format!("frames {range} of {}", settings.frames)
             ),
             settings.size.width,
@@ -138,21 +138,16 @@ pub fn of_long_work(quiet: bool) -> ProgressBar {
     ProgressBar::new(0).with_style(style.expect("the template is correct"))
 }
 
-/// A number of frames, in words.
-fn counted(frames: u64) -> String {
-    if frames == 1 { "1 frame".into() } else { format!("{frames} frames") }
-}
-
 /// The figures that matter most, and where everything is. The run has made all frames but those `before` it.
 pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
     let s = &report.summary;
     let settings = &report.settings;
     let rate = s.bits * report.settings.fps / 1000.0;
     let psnr = s.psnr_y.map_or("equal to the source".into(), |psnr| format!("{psnr:.1} dB"));
-    let (all, made) = (s.frames as u64, (s.frames as u64).saturating_sub(before.into()));
+    let (all, made) = (s.frames, s.frames.saturating_sub(before));
     let of_all = if before > 0 { format!(" ({all} in all)") } else { String::new() };
     let ended = if s.interrupted { ", interrupted" } else { "" };
-    tell!("{} in {:.1} s{of_all}{ended}", counted(made), s.wall_seconds);
+    tell!("{} in {:.1} s{of_all}{ended}", counted(made as usize, "frame"), s.wall_seconds);
     // The first frame has no thresholds of its own.
     let threshold = match s.threshold_mean_relative {
         0.0 => String::new(),
