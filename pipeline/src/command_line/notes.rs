@@ -6,7 +6,7 @@ use render_core::scene::Scene;
 /// Luma of a picture that counts as black, at most: eight codes above the black of video, which hardly any display shows.
 const BLACK: u8 = 24;
 
-/// What is worth knowing before work begins.
+/// Notes before work begins: warnings of the scene, and frames beyond its end.
 pub(super) fn before(scene: &Scene, settings: &Settings) -> Vec<String> {
     let mut notes = scene.warnings.clone();
     notes.extend(beyond_the_end(scene, settings));

@@ -72,7 +72,7 @@ fn shade_all<F, S: Shade<F>>(
                 let Ok(prepared) = prepared.recv() else {
                     return Err(Error::Fault(format!("frame {index} is not prepared here")));
                 };
-                // Where light differs, all ranks know, and rank 0 says that it ends.
+                // All ranks know if light differs, and rank 0 says that it ends.
                 result = shading.step(index, (prepared, thresholds.map(Order::thresholds))).map(drop);
                 if marked && result.is_ok() {
                     let _ = shading.state()?;

@@ -1,4 +1,4 @@
-//! What rank 0 tells the others: the state to begin with, the next frame, the end.
+//! Orders of rank 0 to the others: the state to begin with, the next frame, the end.
 
 use crate::error::{Error, Result};
 use crate::parts::LuminanceThresholds;

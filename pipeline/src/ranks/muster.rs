@@ -30,7 +30,7 @@ pub fn muster(ranks: &dyn Ranks, own: &Present) -> Result<bool> {
         answers.push(decode_bytes::<Present>(&bytes).map_err(|_| Error::Ranks("ranks run different programs".into()))?);
     }
 
-    // Where rank 0 makes nothing it says why, and the answers of the others do not matter.
+    // Rank 0 says why it makes nothing, if so, and the answers of the others do not matter.
     let first = &answers[0];
     if !matches!(first, Present::Ready(_)) {
         return Ok(false);

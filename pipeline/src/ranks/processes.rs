@@ -242,7 +242,7 @@ fn pieces(own: &[u8], longest: usize, count: usize) -> impl Iterator<Item = (Vec
     })
 }
 
-/// What the ranks give, put together.
+/// Values of all ranks, put together.
 struct Pieces {
     whole: Vec<Vec<u8>>,
     lengths: Vec<usize>,

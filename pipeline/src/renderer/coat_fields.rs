@@ -17,7 +17,7 @@ pub struct CoatFields {
     places: Vec<Option<Place>>,
 }
 
-/// Where the light of a texel is.
+/// The place of a texel's light.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     field: u32,

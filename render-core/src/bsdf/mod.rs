@@ -109,7 +109,7 @@ impl Bsdf {
         }
     }
 
-    /// How much more light than [`Bsdf::diffuse_albedo`] / π of light from one direction is sent back in the same broad way
+    /// Excess of the BRDF of base and multiple scattering, for light from one direction, over [`Bsdf::diffuse_albedo`] / π
     /// \[sr⁻¹\]: coats let more light through from above than from the side. Zero in the mean over even light, and without a coat.
     #[must_use]
     pub fn diffuse_excess(&self, wo: Vec3, wi: Vec3) -> Vec3 {

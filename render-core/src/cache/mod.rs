@@ -220,7 +220,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         CachedLight { irradiance, in_use, computed }
     }
 
-    /// Where each record is, and what it is made of; without those whose recipes other ranks have.
+    /// Places and recipes of the records, without those whose recipes other ranks have.
     pub fn recipes(&self) -> impl Iterator<Item = (&Site, &R)> {
         self.records.iter().filter_map(|record| Some((&record.site, record.recipe.as_ref()?)))
     }
@@ -421,7 +421,7 @@ fn taught(predicted: &[Predicted]) -> Vec<Taught> {
     predicted.iter().map(|predicted| predicted.taught).collect()
 }
 
-/// What becomes of a record when all that are needed are brought up to date.
+/// Fate of a record when all that are needed are brought up to date.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Fate {
     /// It is up to date, not needed, or another rank's.

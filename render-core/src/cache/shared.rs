@@ -43,7 +43,7 @@ fn grooved(pixel: &mut PixelSurface) {
     }
 }
 
-/// What is seen of a frame from outside, bit by bit.
+/// The parts of a frame that are seen from outside, bit by bit.
 #[derive(Debug, PartialEq)]
 struct Outcome {
     irradiance: Vec<[u32; 3]>,

@@ -19,7 +19,7 @@ pub struct InstanceShare {
 /// The instances that each pixel of a picture shows.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InstanceShares {
-    /// Where the shares of each pixel end, in raster order.
+    /// Ends of the shares of each pixel, in raster order.
     ends: Vec<usize>,
     shares: Vec<InstanceShare>,
 }

@@ -29,7 +29,7 @@ pub(super) struct Facts<'a> {
     pub deforming: usize,
     /// Surfaces that may have a coat.
     pub coats: usize,
-    /// Of these, the ones whose light no bake has: they move, or may be too smooth.
+    /// Coats whose light no bake has: they move, or may be too smooth.
     pub live_coats: usize,
 }
 

@@ -15,7 +15,7 @@ pub(super) fn mattes(aov: Aov, scene: &Scene) -> Option<Cryptomatte> {
     let materials = |&Instance { mesh, .. }: &Instance| scene.meshes[mesh].material;
     match aov {
         Aov::CryptoObject => {
-            // Where several instances hang from a node without a name, the mesh of the first lends its.
+            // Several instances that hang from a node without a name take that of the first one's mesh.
             let mut own: Vec<&str> = scene.nodes.iter().map(|node| node.name.as_str()).collect();
             for &Instance { node, mesh } in &scene.instances {
                 if own[node].is_empty() {

@@ -34,7 +34,7 @@ fn words(program: &Path, more: &str) -> Vec<String> {
     words
 }
 
-/// What this program says, without the words of the launcher.
+/// Lines of this program, without those of the launcher.
 fn said(output: &Output) -> Vec<String> {
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(!text.contains("panicked"), "{text}");

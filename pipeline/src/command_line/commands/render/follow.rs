@@ -14,7 +14,7 @@ use std::process::ExitCode;
 /// Follows rank 0 through its film, if it makes any.
 ///
 /// # Errors
-/// Those that rank 0 has, too, and tells.
+/// Options that rank 0 has, too, and tells of.
 pub(super) fn run(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
     let film = film(arguments);
     let answer = match &film {

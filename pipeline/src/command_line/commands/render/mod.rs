@@ -228,7 +228,7 @@ impl Render {
             notes::before(scene, settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
         }
         let progress = progress::Progress::new(settings, scene, first, self.quiet || self.verbose > 0);
-        // Where a rank is gone, the launcher ends all others, and waits for a second at most.
+        // When a rank is gone the launcher ends all others, and waits for a second at most.
         let is_hasty = team.count() > 1;
         let interrupt = Interrupt::watch(Reactions { is_hasty, ..reactions(&film, &progress, settings) })?;
         let lines = Lines::new(self.progress_kind(), settings, first);
