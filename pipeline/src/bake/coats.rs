@@ -27,51 +27,56 @@ struct CoatTexel {
     point: ShadingPoint,
 }
 
-/// The coats of an atlas, where they are lit, and the irradiance of all texels.
-pub(super) struct CoatBake<'a> {
-    pub places: &'a Places<'a>,
-    /// For each texel a point that is not within something.
-    pub points: &'a [Option<ShadingPoint>],
-    pub light: &'a TexelLight,
-    /// For each instance of the scene that light goes through its index in the scene of the atlas.
-    pub instances: &'a [u32],
-}
+/// The texels whose coats are rough enough to be baked, by the side of their maps.
+pub(super) struct CoatTexels(BTreeMap<usize, Vec<CoatTexel>>);
 
-impl CoatBake<'_> {
-    /// Bakes the light of all coats that are rough enough; `done` is called with numbers of texels as they are.
-    ///
-    /// Texels without a point have the light of one beside them, or are left out.
-    pub fn fields(&self, done: &(dyn Fn(usize) + Sync)) -> CoatFields {
-        let unit = (UNIT * self.light.mean() / PI).max(f32::MIN_POSITIVE);
-        let unit = LogScale::new(unit).expect("a normal number");
-        let mut fields = Vec::new();
-        for (side, group) in self.by_side() {
-            fields.push(self.field(side, &group, unit, done));
-        }
-        CoatFields::new(self.places.atlas, fields).expect("tiles are made of texels of the atlas")
-    }
-
-    /// Texels with coats that are rough enough, by the side of their maps.
-    fn by_side(&self) -> BTreeMap<usize, Vec<CoatTexel>> {
-        let atlas = self.places.atlas;
+impl CoatTexels {
+    /// Finds them among the texels of `places`, which are lit at `points`. Texels without a point have that of one beside them, or
+    /// are left out.
+    pub fn find(places: &Places, points: &[Option<ShadingPoint>]) -> Self {
+        let atlas = places.atlas;
+        let beside = |texel| {
+            let neighbors = atlas.neighbors(texel).into_iter().flatten();
+            neighbors.filter_map(|neighbor| points[neighbor as usize]).next()
+        };
         let coated = (0..atlas.len()).into_par_iter().filter_map(|texel| {
-            let site = *atlas.sites(texel, self.places.surfaces).first()?;
-            let surface = atlas.surface(&site, self.places.surfaces);
+            let site = *atlas.sites(texel, places.surfaces).first()?;
+            let surface = atlas.surface(&site, places.surfaces);
             let is_baked = surface.specular != Vec3::ZERO && surface.roughness >= BAKED_ROUGHNESS;
-            let point = self.points[texel].or_else(|| self.beside(texel)).filter(|_| is_baked)?;
+            let point = points[texel].or_else(|| beside(texel)).filter(|_| is_baked)?;
             Some(CoatTexel { texel, surface, point })
         });
         let mut by_side: BTreeMap<usize, Vec<CoatTexel>> = BTreeMap::new();
         for texel in coated.collect::<Vec<CoatTexel>>() {
             by_side.entry(map_side(texel.surface.roughness)).or_default().push(texel);
         }
-        by_side
+        Self(by_side)
     }
 
-    /// The point of a texel beside this one.
-    fn beside(&self, texel: usize) -> Option<ShadingPoint> {
-        let neighbors = self.places.atlas.neighbors(texel).into_iter().flatten();
-        neighbors.filter_map(|neighbor| self.points[neighbor as usize]).next()
+    /// Their number.
+    pub fn len(&self) -> usize {
+        self.0.values().map(Vec::len).sum()
+    }
+}
+
+/// The scene that coats reflect, and the irradiance of its texels.
+pub(super) struct CoatBake<'a> {
+    pub places: &'a Places<'a>,
+    pub light: &'a TexelLight,
+    /// For each instance of the scene that light goes through its index in the scene of the atlas.
+    pub instances: &'a [u32],
+}
+
+impl CoatBake<'_> {
+    /// Bakes the light of coats; `done` is called with numbers of texels as they are.
+    pub fn fields(&self, coats: &CoatTexels, done: &(dyn Fn(usize) + Sync)) -> CoatFields {
+        let unit = (UNIT * self.light.mean() / PI).max(f32::MIN_POSITIVE);
+        let unit = LogScale::new(unit).expect("a normal number");
+        let mut fields = Vec::new();
+        for (&side, group) in &coats.0 {
+            fields.push(self.field(side, group, unit, done));
+        }
+        CoatFields::new(self.places.atlas, fields).expect("tiles are made of texels of the atlas")
     }
 
     /// The field of texels whose maps have n × n directions, n = `side`.

@@ -76,12 +76,13 @@ pub fn bake(
     let plan = Plan::new(&still, &settings);
     let frame = Preparation::new(&still, &settings, &plan).frame(0).frame;
 
-    // Each texel counts once for each pass over it, and the last pass is that over coats.
-    let all = (light::PASSES + 1) * atlas.len();
+    // Each texel counts once for each pass over it; the last pass is over coats alone.
     let compensates = plan.is_on(Stage::Compensation);
     let visibility = Visibility::new(&frame, GATHER_RAYS);
     let places = Places { atlas: &atlas, surfaces: &surfaces, frame: &frame, visibility: &visibility };
     let points = places.points();
+    let coated = coats::CoatTexels::find(&places, &points);
+    let all = light::PASSES * atlas.len() + coated.len();
     let lit = light::light(&places, &points, compensates, &|done| progress(done, all));
 
     // Light of coats, by rays.
@@ -89,11 +90,11 @@ pub fn bake(
     let done = AtomicUsize::new(light::PASSES * atlas.len());
     let tell = |texels: usize| progress(done.fetch_add(texels, Ordering::Relaxed) + texels, all);
     let instances = standing(scene);
-    let bake = coats::CoatBake { places: &places, points: &points, light: &lit, instances: &instances };
-    let coats = Arc::new(bake.fields(&tell));
+    let bake = coats::CoatBake { places: &places, light: &lit, instances: &instances };
+    let coats = Arc::new(bake.fields(&coated, &tell));
     let coat_seconds = begin.elapsed().as_secs_f64();
     let light::TexelLight { direct, indirect, filled } = lit;
-    let texels = BakedTexels { atlas: atlas.clone(), direct, indirect, coats };
+    let texels = BakedTexels { atlas, direct, indirect, coats };
     Ok(Bake { texels, filled, coat_seconds })
 }
 

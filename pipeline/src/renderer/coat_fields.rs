@@ -5,7 +5,7 @@
 
 use crate::state::{decode, encode};
 use glam::Vec3;
-use lightfield::{DirectionCells, FieldError, LogScale, LookUp, NearLossless, OctahedralMap, TILE_SIDE, TILE_SLOTS};
+use lightfield::{DirectionCells, FieldError, LookUp, NearLossless, OctahedralMap, TILE_SIDE, TILE_SLOTS};
 use render_core::Atlas;
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +29,8 @@ pub(crate) struct CoatField {
     map: OctahedralMap,
     /// For each tile of the field its number in the atlas: by rows of tiles.
     tiles: Vec<u32>,
-    scale: LogScale,
+    /// The light of each code \[W·m⁻²·sr⁻¹\]: a film looks up 48 codes a pixel.
+    light_of: Vec<f32>,
     light: NearLossless,
 }
 
@@ -66,7 +67,10 @@ impl CoatField {
         }
         let length = FieldError::Length { found: tiles.len(), expected: light.tiles().len() };
         match light.scale() {
-            Some(scale) if tiles.len() == light.tiles().len() => Ok(Self { map, tiles, scale, light }),
+            Some(scale) if tiles.len() == light.tiles().len() => {
+                let light_of = (0..=u16::MAX).map(|code| scale.light(code.into())).collect();
+                Ok(Self { map, tiles, light_of, light })
+            }
             Some(_) => Err(length),
             None => Err(FieldError::Unit(0.0)),
         }
@@ -78,7 +82,7 @@ impl CoatField {
         let mut sum = Vec3::ZERO;
         for (cell, weight) in cells.into_iter().zip(weights) {
             let codes = self.light.codes(slot, cell)?;
-            sum += weight * Vec3::from(codes.map(|code| self.scale.light(code)));
+            sum += weight * Vec3::from(codes.map(|code| self.light_of[code as usize]));
         }
         Some(sum)
     }

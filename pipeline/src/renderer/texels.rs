@@ -44,12 +44,13 @@ impl BakedTexels {
             return None;
         }
         let blend = self.atlas.bilinear(surfaces, &pixel.into())?;
-        let mut light = Vec3::ZERO;
+        // Texels within something and smoother ones have none: the others stand for them.
+        let (mut light, mut weights) = (Vec3::ZERO, 0.0);
         for (texel, weight) in blend.texels.into_iter().zip(blend.weights) {
-            if weight > 0.0 {
-                light += weight * self.coats.mean_radiance(texel as usize, mirrored)?;
+            if let Some(found) = self.coats.mean_radiance(texel as usize, mirrored) {
+                (light, weights) = (light + weight * found, weights + weight);
             }
         }
-        Some(light)
+        (weights > 0.0).then(|| light / weights)
     }
 }

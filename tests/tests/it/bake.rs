@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use tests::{Moving, Rendered, assert_fails, checkered_room, cornell, load, read_y4m, render, render2mpeg};
 
 /// Parallelograms that face a × b, as one instance.
-fn add(scene: &mut Scene, material: Material, faces: &[[Vec3; 3]]) {
+pub(super) fn add(scene: &mut Scene, material: Material, faces: &[[Vec3; 3]]) {
     let mut mesh = Mesh { material: scene.materials.len(), ..Mesh::default() };
     for &[corner, a, b] in faces {
         let first = mesh.positions.len() as u32;
@@ -25,13 +25,13 @@ fn add(scene: &mut Scene, material: Material, faces: &[[Vec3; 3]]) {
 }
 
 /// The faces of a box, seen from outside.
-fn outside(low: Vec3, high: Vec3) -> [[Vec3; 3]; 6] {
+pub(super) fn outside(low: Vec3, high: Vec3) -> [[Vec3; 3]; 6] {
     let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * (high - low));
     [[low, y, x], [low, x, z], [low, z, y], [high, -x, -y], [high, -z, -x], [high, -y, -z]]
 }
 
 /// The faces of a box, seen from within.
-fn within(low: Vec3, high: Vec3) -> [[Vec3; 3]; 6] {
+pub(super) fn within(low: Vec3, high: Vec3) -> [[Vec3; 3]; 6] {
     outside(low, high).map(|[corner, a, b]| [corner, b, a])
 }
 
@@ -41,7 +41,7 @@ fn empty_scene() -> Scene {
     scene
 }
 
-fn gray(albedo: f32) -> Material {
+pub(super) fn gray(albedo: f32) -> Material {
     Material { base_color: Vec3::splat(albedo), ..Material::default() }
 }
 

@@ -1,5 +1,6 @@
 //! Baked light of coats: a closed form, paths, and files.
 
+use super::bake::{add, gray, outside, within};
 use glam::{Quat, Vec3, vec3};
 use pipeline::bake::{self, Bake};
 use pipeline::parts::{LastThresholds, Shade};
@@ -8,25 +9,9 @@ use pipeline::renderer::{Preparation, Shading};
 use pipeline::settings::Lighting;
 use pipeline::{Options, Plan, Settings};
 use plane::Plane;
-use render_core::scene::{Camera, Gradient, Instance, Material, Mesh, Node, Projection, Scene, Transform};
+use render_core::scene::{Camera, Gradient, Material, Node, Projection, Scene, Transform};
 use render_core::{Environment, PathOptions, PixelSampling, Surfaces, luminance};
 use std::sync::Arc;
-
-/// Faces of a mesh: corner, and two edges a and b of a parallelogram that faces a × b.
-type Face = [Vec3; 3];
-
-/// Adds an instance of its own material.
-fn add(scene: &mut Scene, material: Material, faces: &[Face]) {
-    let mut mesh = Mesh { material: scene.materials.len(), ..Mesh::default() };
-    for &[corner, a, b] in faces {
-        let first = mesh.positions.len() as u32;
-        mesh.positions.extend([corner, corner + a, corner + a + b, corner + b]);
-        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
-    }
-    scene.instances.push(Instance { node: 0, mesh: scene.meshes.len() });
-    scene.meshes.push(mesh);
-    scene.materials.push(material);
-}
 
 /// A scene of nothing, seen from `eye` towards −z, tilted down by `tilt`.
 fn seen_from(eye: Vec3, tilt: f32) -> Scene {
@@ -41,10 +26,6 @@ fn seen_from(eye: Vec3, tilt: f32) -> Scene {
 
 fn metal(color: Vec3, roughness: f32) -> Material {
     Material { base_color: color, metallic: 1.0, roughness, ..Material::default() }
-}
-
-fn gray(albedo: f32) -> Material {
-    Material { base_color: Vec3::splat(albedo), ..Material::default() }
 }
 
 fn settings(scene: &Scene, side: usize) -> Settings {
@@ -97,18 +78,12 @@ fn only_rough_coats_have_directions() {
     }
 }
 
-/// The faces of a box, seen from outside.
-fn outside(low: Vec3, high: Vec3) -> [Face; 6] {
-    let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * (high - low));
-    [[low, y, x], [low, x, z], [low, z, y], [high, -x, -y], [high, -z, -x], [high, -y, -z]]
-}
-
 /// A room with a glossy floor and a block of metal: instances 1 and 2.
 fn coated_room() -> Scene {
     let mut scene = seen_from(vec3(1.0, 1.1, 3.6), 0.1);
     let (low, high) = (Vec3::ZERO, vec3(2.0, 2.0, 2.0));
     // Open towards the viewer, and its floor is apart.
-    let mut walls: Vec<Face> = outside(low, high).map(|[corner, a, b]| [corner, b, a]).to_vec();
+    let mut walls = within(low, high).to_vec();
     walls.retain(|[_, a, b]| a.cross(*b).normalize().z > -0.5 && a.cross(*b).normalize().y < 0.5);
     add(&mut scene, gray(0.7), &walls);
     let floor = Material { base_color: Vec3::splat(0.7), roughness: 0.5, ..Material::default() };
