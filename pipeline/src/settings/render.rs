@@ -80,7 +80,8 @@ impl RenderSettings {
         self.time_beside(n, 0)
     }
 
-    /// Seconds to the frame so many frames after frame `n`, or before it, where the film goes on there.
+    /// Seconds from the start of the animation to the frame `after` frames later than frame `n`; negative numbers are earlier frames,
+    /// and the film may end before it.
     #[must_use]
     pub(crate) fn time_beside(&self, n: u32, after: i32) -> f32 {
         let n = f64::from(n) + f64::from(after);

@@ -39,9 +39,9 @@ pub struct FrameCamera {
 pub struct FramePlace {
     /// Number of the frame, from 0.
     pub number: u32,
-    /// Frames in so many seconds as [`seconds`](Self::seconds) says: 30000 for 29.97 frames a second.
+    /// Numerator of the frame rate, of which [`seconds`](Self::seconds) is the denominator: 30000 for 29.97 frames a second.
     pub frames: u32,
-    /// Seconds, at least 1: 1001 for 29.97 frames a second.
+    /// Denominator of the frame rate, at least 1: 1001 for 29.97 frames a second.
     pub seconds: u32,
 }
 

@@ -272,9 +272,10 @@ fn the_job_template_makes_the_film_of_one_machine() {
     }
     let folder = folder_with_room(Moving::Camera);
     let folder = folder.path();
-    let template = concat!(env!("CARGO_MANIFEST_DIR"), "/../farm/render2mpeg.openjd.yaml");
+    let farm = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("farm");
+    let template = farm.join("render2mpeg.openjd.yaml").display().to_string();
     let output = Command::new("openjd")
-        .args(["run", template, "--step", "Join", "--run-dependencies", "-p", "Scene=room.glb", "-p", "LastFrame=8"])
+        .args(["run", &template, "--step", "Join", "--run-dependencies", "-p", "Scene=room.glb", "-p", "LastFrame=8"])
         .args(["-p", "ChunkSize=3", "-p", "Film=the film.ts", "-p", &format!("Program={}", program().display())])
         .args(["-p", &format!("Options={SMALL} --bframes 1")])
         .current_dir(folder)

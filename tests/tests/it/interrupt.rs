@@ -42,7 +42,7 @@ impl Film {
         self.wait_for_bytes(6_000);
     }
 
-    /// Waits until the film has so many bytes.
+    /// Waits until the film has at least this number of `bytes`.
     fn wait_for_bytes(&mut self, bytes: u64) {
         let start = Instant::now();
         while std::fs::metadata(&self.part).map_or(0, |part| part.len()) < bytes {

@@ -121,7 +121,7 @@ fn it_shows_the_film_and_names_no_folder() {
     assert!(html.len() < 300_000, "{} bytes", html.len());
 }
 
-/// What a page watches is not what is rendered: the film stays the same, and files of frames get no layers.
+/// A page leaves the film as it is: the stream stays the same, and files of frames get no further layers.
 #[test]
 fn it_changes_neither_the_film_nor_its_frames() {
     let folder = tempfile::tempdir().unwrap();

@@ -45,7 +45,7 @@ impl Film {
         Self { scene, settings }
     }
 
-    /// Makes the film, or goes on with it, on so many ranks. Gives the report of rank 0 and what the others say.
+    /// Makes or resumes the film on `count` ranks; returns the report of rank 0 and the results of the other ranks.
     fn made(&self, count: usize, run: Run<'_>) -> (Result<Report, Error>, Vec<Result<(), Error>>) {
         let plan = Plan::new(&self.scene, &self.settings.renderer());
         let job = FilmJob::of(&self.scene, &self.settings).unwrap();
@@ -65,7 +65,7 @@ impl Film {
         })
     }
 
-    /// The whole film on so many ranks, and its report; nobody fails.
+    /// The whole film made on `count` ranks, and its report; no rank may fail.
     fn whole(&self, count: usize) -> (Vec<u8>, Report) {
         let (report, others) = self.made(count, Run::default());
         assert!(others.iter().all(Result::is_ok), "{others:?}");

@@ -3,7 +3,7 @@
 use super::root;
 use std::fs;
 
-/// What stands between `before` and `after` where both are first met in a file of the workspace's folder.
+/// Text between the first `before` and the `after` that follows it, in a file of the workspace.
 fn value_in(file: &str, before: &str, after: &str) -> String {
     let text = fs::read_to_string(root().join(file)).unwrap();
     let found = text.split_once(before).and_then(|(_, rest)| rest.split_once(after));

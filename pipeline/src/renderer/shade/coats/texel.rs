@@ -35,7 +35,8 @@ pub(crate) struct TexelCoat {
 }
 
 impl TexelCoat {
-    /// Traces the rays of a map of so many `directions` from `surface`, lit at `receiver`. None where that has no coat.
+    /// Traces rays from `surface`, lit at `receiver`, for a map with this number of `directions`. A surface without a coat gives
+    /// none.
     pub fn trace(
         (frame, known): (&Frame<'_>, KnownIrradiance<'_>),
         (receiver, surface): (ShadingPoint, &Surface),
