@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod decoders;
+mod exchange;
 pub mod fuzz;
 mod glb;
 mod hostile;
@@ -12,6 +13,7 @@ mod replay;
 mod tools;
 
 pub use decoders::{decode_ffmpeg, decode_mpeg2dec, read_y4m, tolerant_frame_count};
+pub use exchange::Exchange;
 pub use glb::{Glb, Moving, Quad, checkered_room, furnace, textured_square};
 pub use hostile::{Hostile, Random, damaged, hostile_scenes};
 pub use program::{

@@ -13,7 +13,11 @@
 mod lead;
 mod muster;
 #[cfg(feature = "mpi")]
+mod post;
+#[cfg(feature = "mpi")]
 mod processes;
+#[cfg(feature = "mpi")]
+mod waiting;
 
 pub use muster::{Present, muster};
 #[cfg(feature = "mpi")]
@@ -21,7 +25,7 @@ pub use processes::{Processes, abort};
 
 pub(crate) use lead::{Lead, Order};
 
-use render_core::ranks::{Alone, Ranks};
+use render_core::ranks::{Alone, Mail, Ranks, ThreadMail};
 use std::sync::Arc;
 
 /// The ranks of a film, by the stages that share work: both work at the same time, each with messages of its own.
@@ -31,13 +35,15 @@ pub struct Team {
     pub prepare: Arc<dyn Ranks>,
     /// For [`Shade`](crate::parts::Shade), and for what rank 0 says.
     pub shade: Arc<dyn Ranks>,
+    /// Messages between two ranks, which are received beside the work.
+    pub mail: Arc<dyn Mail>,
 }
 
 impl Team {
     /// This process alone.
     #[must_use]
     pub fn alone() -> Self {
-        Self { prepare: Arc::new(Alone), shade: Arc::new(Alone) }
+        Self { prepare: Arc::new(Alone), shade: Arc::new(Alone), mail: Arc::new(ThreadMail::alone()) }
     }
 
     /// The number of this process.

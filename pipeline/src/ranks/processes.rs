@@ -1,33 +1,30 @@
 //! Ranks that are processes, joined by MPI \[MPI\].
 //!
-//! A communicator stays on the thread that made it. So each of the two that a [`Team`] has is served by a thread: it takes one
-//! operation at a time, waits for it with little work meanwhile, and hands over its result.
+//! A communicator stays on the thread that made it. So each of the two whose operations a [`Team`] has is served by a thread: it
+//! takes one operation at a time, waits for it with little work meanwhile, and hands over its result. A third carries messages
+//! between two ranks, by `post.rs`.
 
 use super::Team;
+use super::post::Post;
+use super::waiting::{PIECE, wait};
 use crate::error::{Error, Result};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use mpi::Threading;
 use mpi::environment::Universe;
-use mpi::request::{Request, Scope, scope};
+use mpi::request::scope;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 use render_core::ranks::Ranks;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
 
-/// Bytes of each rank that go with one message, as counts of messages are of 31 bits.
-const PIECE: usize = 1 << 26;
-/// Time for which a thread asks for its message again and again: results of a short loop come within it.
-const EAGER: Duration = Duration::from_micros(500);
-/// Pauses between two questions after that: a share of the time waited so far, and no longer than the last.
-const PAUSE_SHARE: u32 = 64;
-const LONGEST_PAUSE: Duration = Duration::from_millis(1);
 /// Exit code of all ranks when one of them panics, as Rust has it.
 const PANICKED: i32 = 101;
 
 /// This process as one of those that `mpirun` has started. To be dropped last: all of them end together.
 pub struct Processes {
     team: Team,
+    /// The mail of the team.
+    post: Arc<Post>,
     _universe: Universe,
 }
 
@@ -50,7 +47,9 @@ impl Processes {
         // One after the other: all ranks make their communicators in the same order.
         let prepare = Process::served("ranks of prepare", (rank, count))?;
         let shade = Process::served("ranks of shade", (rank, count))?;
-        Ok(Self { team: Team { prepare: Arc::new(prepare), shade: Arc::new(shade) }, _universe: universe })
+        let post = Arc::new(Post::open((rank, count))?);
+        let team = Team { prepare: Arc::new(prepare), shade: Arc::new(shade), mail: post.clone() };
+        Ok(Self { team, post, _universe: universe })
     }
 
     /// The ranks.
@@ -93,6 +92,8 @@ impl Drop for Processes {
             eprintln!("render2mpeg: rank {} has failed: a fault of this program", self.team.rank());
             abort(PANICKED);
         }
+        // MPI ends after all of its operations.
+        self.post.close();
     }
 }
 
@@ -259,22 +260,6 @@ impl Pieces {
         for ((whole, &end), piece) in self.whole.iter_mut().zip(&self.lengths).zip(received.chunks_exact(length)) {
             let own = length.min(end - whole.len());
             whole.extend_from_slice(&piece[..own]);
-        }
-    }
-}
-
-/// Waits for an operation. MPI itself waits by asking all the time, which takes a processor from whoever works there.
-fn wait<'a, D: ?Sized, S: Scope<'a>>(mut request: Request<'a, D, S>) {
-    let begin = Instant::now();
-    loop {
-        match request.test() {
-            Ok(_) => return,
-            Err(pending) => request = pending,
-        }
-        let waited = begin.elapsed();
-        match waited < EAGER {
-            true => std::thread::yield_now(),
-            false => std::thread::sleep((waited / PAUSE_SHARE).min(LONGEST_PAUSE)),
         }
     }
 }

@@ -7,11 +7,14 @@
 //! number of ranks is.
 //!
 //! [`Ranks`] is what that takes of a message-passing library: the collective operations of the same names in \[MPI\]. Here are
-//! those of a process [`Alone`], and of [`ThreadRanks`] in one process.
+//! those of a process [`Alone`], and of [`ThreadRanks`] in one process. [`Mail`] is messages between two ranks, for work that goes
+//! to whoever is idle.
 
+mod mail;
 mod portable;
 mod threads;
 
+pub use mail::{Inbox, Mail, Message, ThreadMail};
 pub use portable::Portable;
 pub use threads::ThreadRanks;
 

@@ -8,19 +8,21 @@ use pipeline::ranks::Team;
 use pipeline::report::{FrameReport, Report};
 use pipeline::settings::{Settings, Stopping};
 use pipeline::{Error, Options, Plan, Render};
-use render_core::ranks::ThreadRanks;
+use render_core::ranks::{ThreadMail, ThreadRanks};
 use render_core::scene::Scene;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use tests::{Moving, checkered_room, cornell, load};
+use tests::{Exchange, Moving, checkered_room, cornell, load};
 
 /// Teams of `count` ranks in this process.
 fn teams(count: usize) -> Vec<Team> {
     let (prepare, shade) = (ThreadRanks::new(count), ThreadRanks::new(count));
-    let team = |(prepare, shade)| Team { prepare: Arc::new(prepare), shade: Arc::new(shade) };
-    prepare.into_iter().zip(shade).map(team).collect()
+    let ranks = prepare.into_iter().zip(shade).zip(ThreadMail::new(count));
+    let team =
+        |((prepare, shade), mail)| Team { prepare: Arc::new(prepare), shade: Arc::new(shade), mail: Arc::new(mail) };
+    ranks.map(team).collect()
 }
 
 /// A film with its scene.
@@ -198,6 +200,18 @@ fn a_build_without_ranks_says_so_under_mpirun() {
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{said}");
         assert!(said.contains(expected) && said.lines().count() == usize::from(rank == "0"), "{said}");
+    }
+}
+
+/// Ranks that all send to each other at once, large messages among them; `mpirun` has the same by processes.
+#[test]
+fn all_messages_arrive_in_the_order_of_their_sender() {
+    for count in [1, 3] {
+        std::thread::scope(|scope| {
+            for mail in ThreadMail::new(count) {
+                scope.spawn(move || Exchange { largest: 1 << 22 }.run(&mail));
+            }
+        });
     }
 }
 

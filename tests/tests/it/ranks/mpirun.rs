@@ -119,3 +119,33 @@ fn a_rank_that_panics_ends_all() {
     assert!(own[0].contains("rank 1 has failed") && own[0].contains("on purpose"), "{said:?}");
     assert!(frames_of_film(folder.path()) > 0);
 }
+
+/// The output of three processes that exchange messages.
+fn mail(how: &str) -> Option<Output> {
+    let folder = tempfile::tempdir().unwrap();
+    let program = program().with_file_name("mail-under-test");
+    let words = vec![program.to_str().expect("a path in UTF-8").to_owned(), how.to_owned()];
+    Some(mpirun(folder.path(), &[(3, words)])?.output().expect("mpirun starts"))
+}
+
+/// Each sends to each at once, also messages of more bytes than one operation of MPI takes.
+#[test]
+fn messages_of_processes_arrive_in_the_order_of_their_sender() {
+    let Some(output) = mail("exchange") else { return };
+    assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
+    let text = String::from_utf8(output.stdout).expect("text");
+    let mut lines: Vec<&str> = text.lines().collect();
+    lines.sort_unstable();
+    assert_eq!(lines, ["rank 0 has all messages", "rank 1 has all messages", "rank 2 has all messages"]);
+}
+
+/// A rank that waits for messages after the others have ended fails in one line, after those that they had sent.
+#[test]
+fn who_waits_for_processes_that_are_gone_fails() {
+    let Some(output) = mail("alone") else { return };
+    let said = said(&output);
+    let own: Vec<&String> = said.iter().filter(|line| line.starts_with("render2mpeg: ")).collect();
+    assert!(!output.status.success() && own.len() == 1, "{said:?}");
+    assert!(own[0].contains("rank 0 has failed") && own[0].contains("another rank has ended"), "{said:?}");
+    assert_eq!(String::from_utf8_lossy(&output.stdout), "rank 0 has a message of rank 1 and one of rank 2\n");
+}
