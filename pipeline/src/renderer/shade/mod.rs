@@ -12,6 +12,7 @@
 //! | `importance` | where people look, and what that makes of samples and thresholds |
 //! | `audits`, `counts` | light found twice, and counts of the work |
 //! | `visibility`, `movement`, `macroblock`, `pixel` | rays, what has moved, and pixels as layers share them |
+//! | `tiles` | a picture cut into tiles of equal cost, for ranks that take them one by one |
 //! | `lit_frame`, `channels`, `mattes`, `state` | the result, as pictures and as bytes |
 
 mod all_lights;
@@ -34,6 +35,7 @@ mod movement;
 mod per_pixel;
 mod pixel;
 mod state;
+mod tiles;
 mod tolerance;
 mod visibility;
 

@@ -1,0 +1,260 @@
+//! A picture cut into tiles of equal cost.
+//!
+//! Cost is told by a map beforehand, such as the rays of each pixel: "each tile contains an equal number of primary rays to be
+//! shot" \[Debattista05, 4.2\]. The paper does not say how tiles come about. Here parts of the picture are halved again and again.
+//!
+//! ```text
+//! n = 5          3 tiles   2 tiles          2   1     2              1│1│1 │ 1
+//! ┌─────────┐   ┌─────┬─────────┐       ┌───┬─┬─────────┐           ┌─┬─┬─┬─────┐
+//! │ dear    │ ► │     │         │   ►   │   │ │         │     ►     │ │ │ ├─────┤
+//! └─────────┘   └─────┴─────────┘       └───┴─┴─────────┘           └─┴─┴─┴─────┘
+//! ```
+
+use plane::Plane;
+use std::ops::Range;
+
+/// A rectangle of pixels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tile {
+    /// From the left.
+    pub columns: Range<usize>,
+    /// From the top.
+    pub rows: Range<usize>,
+}
+
+/// Cuts a picture into `count` tiles that cost about the same, each pixel its `cost` in any unit.
+///
+/// A part that is to give n tiles is cut across its longer side, across its width if both are equal. The first half gives
+/// ⌈n/2⌉ tiles, and has the nearest to ⌈n/2⌉/n of the part's cost; of several such cuts the nearest to that share of the side is
+/// taken, and of two such the first. Tiles of the left half come before those of the right, and tiles of the upper half before those
+/// of the lower.
+///
+/// Costs that are negative, infinite or not a number count as zero. Where all costs are zero, tiles have about the same area.
+/// There are as many tiles as pixels if `count` is larger, and one if it is 0. A picture of no pixels has none.
+///
+/// A half with k of n tiles costs at most k/n of its part, and ⌈k/w⌉ times the dearest line of the part. Lines lie along the cut,
+/// each of w pixels. So a tile costs less than the mean and 2.3 times the dearest line of the parts that it is cut from, where these
+/// are wider than they give tiles: halves on the way to it have 1, 2, 3, 5, 9 … tiles at least, and
+/// 1 + 1/2 + 1/3 + 1/5 + 1/9 + … < 2.3.
+pub fn equal_tiles(cost: &Plane<f32>, count: usize) -> Vec<Tile> {
+    let whole = Tile { columns: 0..cost.width(), rows: 0..cost.height() };
+    let pixels = whole.pixels();
+    let mut tiles = Vec::new();
+    if pixels == 0 {
+        return tiles;
+    }
+
+    // Parts that are left to be cut, the next one last.
+    let sums = Sums::new(cost);
+    let mut parts = vec![(whole, count.clamp(1, pixels))];
+    while let Some((part, count)) = parts.pop() {
+        match count {
+            1 => tiles.push(part),
+            _ => {
+                let [first, second] = sums.halves(&part, count);
+                parts.extend([second, first]);
+            }
+        }
+    }
+    tiles
+}
+
+impl Tile {
+    fn pixels(&self) -> usize {
+        self.columns.len() * self.rows.len()
+    }
+
+    /// The two parts before and from the column or row `at`, counted from the first one of this tile.
+    fn split(&self, is_wide: bool, at: usize) -> [Self; 2] {
+        let Self { columns, rows } = self.clone();
+        let (column, row) = (columns.start + at, rows.start + at);
+        match is_wide {
+            true => [
+                Self { columns: columns.start..column, rows: rows.clone() },
+                Self { columns: column..columns.end, rows },
+            ],
+            false => [Self { columns: columns.clone(), rows: rows.start..row }, Self { columns, rows: row..rows.end }],
+        }
+    }
+}
+
+/// Sums of cost over all pixels above and to the left of a corner: a column and a row more than the picture has.
+struct Sums(Plane<f64>);
+
+impl Sums {
+    fn new(cost: &Plane<f32>) -> Self {
+        let mut sums = Plane::filled(cost.width() + 1, cost.height() + 1, 0.0);
+        for (y, row) in cost.rows().enumerate() {
+            let mut of_row = 0.0;
+            for (x, &cost) in row.iter().enumerate() {
+                let is_cost = cost.is_finite() && cost > 0.0;
+                of_row += if is_cost { f64::from(cost) } else { 0.0 };
+                sums.set(x + 1, y + 1, sums.get(x + 1, y) + of_row);
+            }
+        }
+        Self(sums)
+    }
+
+    /// The cost of a rectangle.
+    fn of(&self, Tile { columns, rows }: &Tile) -> f64 {
+        let above = |y: usize| self.0.get(columns.end, y) - self.0.get(columns.start, y);
+        above(rows.end) - above(rows.start)
+    }
+
+    /// Halves of a part that is to give 2 ≤ `n` ≤ its pixels tiles, each with its own number of them.
+    fn halves(&self, part: &Tile, n: usize) -> [(Tile, usize); 2] {
+        let is_wide = part.columns.len() >= part.rows.len();
+        let (length, width) = match is_wide {
+            true => (part.columns.len(), part.rows.len()),
+            false => (part.rows.len(), part.columns.len()),
+        };
+
+        // Each half needs a pixel for each of its tiles. Where lines do not come out even, the first half has its pixels, and the
+        // second as many tiles as it has pixels.
+        let first = n.div_ceil(2);
+        let least = first.div_ceil(width);
+        let most = (length - (n - first).div_ceil(width)).max(least);
+
+        // Distances from the share, n-fold: no quotient is rounded.
+        let total = self.of(part);
+        let distance = |at: usize| {
+            let [before, _] = part.split(is_wide, at);
+            (self.of(&before) * n as f64 - total * first as f64).abs()
+        };
+        let from_share = |at: usize| (at * n).abs_diff(length * first);
+        let nearest = (least..=most)
+            .min_by(|&a, &b| distance(a).total_cmp(&distance(b)).then_with(|| from_share(a).cmp(&from_share(b))));
+        let [before, after] = part.split(is_wide, nearest.expect("a part has room for a cut"));
+        let second = (n - first).min(after.pixels());
+        [(before, n - second), (after, second)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::collection::vec;
+    use proptest::prelude::*;
+
+    /// Pictures of up to 24×24 pixels with whole costs, many of them zero: their sums are exact.
+    fn pictures() -> impl Strategy<Value = Plane<f32>> {
+        (1usize..=24, 1usize..=24).prop_flat_map(|(width, height)| {
+            let cost = prop_oneof![Just(0.0f32), Just(1.0), (0u32..1000).prop_map(|cost| cost as f32)];
+            vec(cost, width * height).prop_map(move |costs| Plane::from_vec(width, height, costs))
+        })
+    }
+
+    /// The cost of a tile, pixel by pixel.
+    fn cost_of(picture: &Plane<f32>, tile: &Tile) -> f64 {
+        let rows = tile.rows.clone().map(|y| &picture.row(y)[tile.columns.clone()]);
+        rows.flatten().map(|&cost| f64::from(cost)).sum()
+    }
+
+    /// The dearest line along a cut of this part, and the pixels of a line.
+    fn dearest_line(picture: &Plane<f32>, part: &Tile) -> (f64, usize) {
+        let Tile { columns, rows } = part.clone();
+        let (lines, width): (Vec<Tile>, usize) = match columns.len() >= rows.len() {
+            true => (columns.map(|x| Tile { columns: x..x + 1, rows: part.rows.clone() }).collect(), rows.len()),
+            false => (rows.map(|y| Tile { columns: part.columns.clone(), rows: y..y + 1 }).collect(), columns.len()),
+        };
+        (lines.iter().map(|line| cost_of(picture, line)).fold(0.0, f64::max), width)
+    }
+
+    /// Checks the bound of each half of a part, and gives its tiles, each with the most that it may cost.
+    fn bounded(picture: &Plane<f32>, (part, n): (Tile, usize), mean: f64) -> Vec<(Tile, f64)> {
+        if n == 1 {
+            return vec![(part, mean)];
+        }
+        let (line, width) = dearest_line(picture, &part);
+        let (total, mut tiles) = (cost_of(picture, &part), Vec::new());
+        for (half, k) in Sums::new(picture).halves(&part, n) {
+            let above = k.div_ceil(width) as f64 * line;
+            let cost = cost_of(picture, &half);
+            assert!(
+                cost * n as f64 <= total * k as f64 + above * n as f64,
+                "{half:?} of {part:?}, {k} of {n}: {cost} of {total}, lines of {line}"
+            );
+            tiles.extend(bounded(picture, (half, k), mean + above / k as f64));
+        }
+        tiles
+    }
+
+    proptest! {
+        /// Also for costs that are none, and for more tiles than pixels.
+        #[test]
+        fn tiles_cover_each_pixel_once(picture in pictures(), odd in vec(any::<f32>(), 576), count in 0usize..700) {
+            let mut odd = odd.into_iter();
+            let odd = picture.map(|_| odd.next().expect("enough"));
+            let pixels = picture.width() * picture.height();
+            for picture in [picture, odd] {
+                let mut covered = Plane::filled(picture.width(), picture.height(), 0);
+                let tiles = equal_tiles(&picture, count);
+                prop_assert_eq!(tiles.len(), count.clamp(1, pixels));
+                for Tile { columns, rows } in tiles {
+                    prop_assert!(!columns.is_empty() && !rows.is_empty());
+                    for y in rows {
+                        covered.row_mut(y)[columns.clone()].iter_mut().for_each(|times| *times += 1);
+                    }
+                }
+                prop_assert!(covered.samples().iter().all(|&times| times == 1));
+            }
+        }
+
+        #[test]
+        fn no_tile_costs_more_than_its_bound(picture in pictures(), count in 1usize..80) {
+            let whole = Tile { columns: 0..picture.width(), rows: 0..picture.height() };
+            let count = count.min(whole.pixels());
+            let mean = cost_of(&picture, &whole) / count as f64;
+            let bounded = bounded(&picture, (whole, count), mean);
+            for (tile, most) in &bounded {
+                let cost = cost_of(&picture, tile);
+                prop_assert!(cost <= most * (1.0 + 1e-12), "{tile:?}: {cost}, at most {most}");
+            }
+            let tiles: Vec<Tile> = bounded.into_iter().map(|(tile, _)| tile).collect();
+            prop_assert_eq!(tiles, equal_tiles(&picture, count));
+        }
+
+        /// The cut is the best one: no other column or row comes nearer to the share.
+        #[test]
+        fn halves_are_the_nearest_to_their_share(picture in pictures(), n in 2usize..12) {
+            let whole = Tile { columns: 0..picture.width(), rows: 0..picture.height() };
+            let (is_wide, first) = (picture.width() >= picture.height(), n.div_ceil(2));
+            let length = picture.width().max(picture.height());
+            // A line has pixels enough for all tiles, so that each cut is allowed.
+            prop_assume!(length > 1 && picture.width().min(picture.height()) >= n);
+            let share = cost_of(&picture, &whole) * first as f64 / n as f64;
+            let [(half, k), _] = Sums::new(&picture).halves(&whole, n);
+            prop_assert_eq!(k, first);
+            let distance = |half: &Tile| (cost_of(&picture, half) - share).abs();
+            let best = (1..length).map(|at| distance(&whole.split(is_wide, at)[0])).fold(f64::INFINITY, f64::min);
+            prop_assert!(distance(&half) <= best + 1e-9, "{} where {best} is possible", distance(&half));
+        }
+
+        /// Where costs are even, powers of two of tiles have the same area; costs that are none count as even.
+        #[test]
+        fn even_costs_give_even_areas(width in 0u32..5, height in 0u32..5, count in 0u32..9) {
+            let (width, height, count) = (1usize << width, 1usize << height, (1usize << count).min(1 << (width + height)));
+            let tiles = equal_tiles(&Plane::filled(width, height, 1.0), count);
+            prop_assert_eq!(tiles.len(), count);
+            prop_assert!(tiles.iter().all(|tile| tile.pixels() * count == width * height), "{:?}", tiles);
+            for none in [0.0, -1.0, f32::INFINITY, f32::NEG_INFINITY, f32::NAN] {
+                prop_assert_eq!(&equal_tiles(&Plane::filled(width, height, none), count), &tiles);
+            }
+        }
+    }
+
+    /// Dear pixels have small tiles, and tiles come in the order of the recursion.
+    #[test]
+    fn tiles_are_those_made_by_hand() {
+        // The left half costs three quarters of the whole: three of four tiles.
+        let picture = Plane::from_fn(12, 4, |x, _| if x < 6 { 3.0 } else { 1.0 });
+        let tile = |columns, rows| Tile { columns, rows };
+        let expected = [tile(0..2, 0..4), tile(2..4, 0..4), tile(4..6, 0..4), tile(6..12, 0..4)];
+        assert_eq!(equal_tiles(&picture, 4), expected);
+
+        // Three of five tiles have 3.6 columns, about 4. Two of these three have 2⅔, about 3, which is less than they are high.
+        let expected = [tile(0..3, 0..2), tile(0..3, 2..4), tile(3..4, 0..4), tile(4..6, 0..2), tile(4..6, 2..4)];
+        assert_eq!(equal_tiles(&Plane::filled(6, 4, 1.0), 5), expected);
+        assert_eq!(equal_tiles(&Plane::filled(0, 4, 1.0), 5), []);
+    }
+}

@@ -1,0 +1,4 @@
+//! Tiles of a picture, each the work of one rank at a time.
+
+#[cfg(test)]
+mod cut;
