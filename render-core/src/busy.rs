@@ -62,15 +62,29 @@ impl<T> Timed<T> {
     }
 }
 
+/// CPU time of all threads since the process began \[s\]; where the system does not tell, time by the clock.
+#[must_use]
+pub fn process_seconds() -> f64 {
+    #[cfg(unix)]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+        time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
+    }
+    #[cfg(not(unix))]
+    {
+        thread_nanoseconds() as f64 * 1e-9
+    }
+}
+
 /// CPU time of this thread; where the system does not tell, time by the clock.
 #[cfg(unix)]
-fn thread_nanoseconds() -> u64 {
+pub(crate) fn thread_nanoseconds() -> u64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
 
 #[cfg(not(unix))]
-fn thread_nanoseconds() -> u64 {
+pub(crate) fn thread_nanoseconds() -> u64 {
     static START: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
     START.get_or_init(std::time::Instant::now).elapsed().as_nanos() as u64
 }

@@ -34,7 +34,7 @@ pub use anchor::{Anchor, Anchors, DynamicAnchor};
 #[cfg(feature = "bake")]
 pub use atlas::{Atlas, AtlasError, AtlasPoint, FinePoint, FineTexels, TexelBlend, TexelSite};
 pub use bsdf::{Bsdf, BsdfSample};
-pub use busy::{Busy, Timed};
+pub use busy::{Busy, Timed, process_seconds};
 pub use carried::{AuditCounts, Carried, CarriedLight, Completed, Destination, Reuse, Unseen};
 pub use direct::{DirectLights, DynamicLights, Lamps, ShadingPoint, Source, Traced};
 pub use emitter::{

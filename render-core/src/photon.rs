@@ -15,7 +15,7 @@ pub use swept::SweptVolume;
 
 use crate::anchor::{Anchors, SurfelMap};
 use crate::emitter::Emitters;
-use crate::ranks::{Alone, Portable, Ranks};
+use crate::ranks::{Alone, Meter, Ranks, Turn, sum_of_all};
 use crate::{Busy, PosedScene, Timed, Units};
 use glam::Vec3;
 use path::{LONGEST_PATH, Leg, Path, Walk};
@@ -75,8 +75,24 @@ enum Other {
     From(Leg),
 }
 
+impl Other {
+    /// Turn of the photon's batch.
+    fn turn(&self) -> Turn {
+        let photon = match self {
+            Self::Whole(photon) => *photon,
+            Self::From(leg) => leg.photon(),
+        };
+        turn_of(photon.into())
+    }
+}
+
 /// Photons that a thread takes at a time: enough that each surfel gets several, for then sharing out is fast.
 const BATCH: u64 = 16_384;
+
+/// Turn of the batch that a photon is in.
+fn turn_of(photon: u64) -> Turn {
+    Turn::InOrder((photon / BATCH) as u32)
+}
 
 impl Photons {
     /// `count` photons a frame (at most 2³²), with numbers that follow from `seed`.
@@ -151,14 +167,20 @@ impl Photons {
         let powers = emission.walk.source.powers();
         // With other powers photons start elsewhere: nothing that was kept holds.
         if let Some(settled) = self.settled.as_ref().filter(|settled| settled.powers == powers) {
-            let sums = emission.of_all_ranks(emission.trace_others(&settled.others)).plus(settled.sums.clone());
+            let others = emission.of_all_ranks(|meter| emission.trace_others(&settled.others, meter));
+            let sums = others.plus(settled.sums.clone());
             return (sums, settled.others.len() as u64);
         }
         let count: u64 = emission.batches().map(|batch| batch.end - batch.start).sum();
-        let Some(swept) = &self.swept else { return (emission.of_all_ranks(emission.trace_all()), count) };
+        let Some(swept) = &self.swept else { return (emission.of_all_ranks(|meter| emission.trace_all(meter)), count) };
         // The first frame with something to keep: photons that stay are summed apart from the others.
-        let Parted { stay, change, others } = emission.trace_apart(swept);
-        let (stay, change) = (emission.of_all_ranks(stay), emission.of_all_ranks(change));
+        let (mut change, mut others) = (emission.no_sums(), Vec::new());
+        let stay = emission.of_all_ranks(|meter| {
+            let parted = emission.trace_apart(swept, meter);
+            (change, others) = (parted.change, parted.others);
+            parted.stay
+        });
+        let change = emission.of_all_ranks(|_| change);
         let sums = stay.clone().plus(change);
         self.settled = Some(Settled { powers: powers.to_vec(), sums: stay, others });
         (sums, count)
@@ -202,21 +224,15 @@ impl Emission<'_> {
     /// Ranges of photons that this rank traces, one after the other.
     fn batches(&self) -> impl ParallelIterator<Item = Range<u64>> {
         let count = self.walk.count;
-        let (rank, ranks) = (self.ranks.rank() as u64, self.ranks.count() as u64);
-        let of_this_rank = (0..count.div_ceil(BATCH)).into_par_iter().filter(move |batch| batch % ranks == rank);
-        of_this_rank.map(move |batch| batch * BATCH..((batch + 1) * BATCH).min(count))
+        let (rank, ranks) = (self.ranks.rank(), self.ranks.count());
+        let begins = (0..count.div_ceil(BATCH)).into_par_iter().map(|batch| batch * BATCH);
+        let of_this_rank = begins.filter(move |&begin| turn_of(begin).owner(ranks) == rank);
+        of_this_rank.map(move |begin| begin..(begin + BATCH).min(count))
     }
 
     /// The sums of all ranks together, given those of each.
-    fn of_all_ranks(&self, own: Sums) -> Sums {
-        if self.ranks.count() == 1 {
-            return own;
-        }
-        let mut bytes = Vec::new();
-        own.put(&mut bytes);
-        let all = self.ranks.all_gather(bytes);
-        let of = |bytes: &Vec<u8>| <Sums as Portable>::take(&mut &bytes[..]).expect("every rank gives its sums");
-        all.iter().map(of).fold(self.no_sums(), Sums::plus)
+    fn of_all_ranks(&self, trace: impl FnOnce(&Meter) -> Sums) -> Sums {
+        sum_of_all(self.ranks, trace, Sums::plus)
     }
 
     fn take(&self, sums: &mut Sums, path: &Path, left: &mut Left) {
@@ -228,9 +244,10 @@ impl Emission<'_> {
     }
 
     /// Traces every photon whole.
-    fn trace_all(&self) -> Sums {
+    fn trace_all(&self, meter: &Meter) -> Sums {
         let started = || (self.no_sums(), Left::default());
         let fold = self.batches().fold(started, |(mut sums, mut left), batch| {
+            let (mut laps, turn) = (meter.laps(), turn_of(batch.start));
             self.busy.measure(|| {
                 let mut path = Path::default();
                 for index in batch {
@@ -239,15 +256,17 @@ impl Emission<'_> {
                 }
                 self.settle(&mut sums, &mut left);
             });
+            laps.note(turn);
             (sums, left)
         });
         fold.map(|(sums, _)| sums).reduce(|| self.no_sums(), Sums::plus)
     }
 
     /// Traces the photons that moving things may meet, each from the segment where they first may.
-    fn trace_others(&self, others: &[Other]) -> Sums {
+    fn trace_others(&self, others: &[Other], meter: &Meter) -> Sums {
         let started = || (self.no_sums(), Left::default());
         let fold = others.par_chunks(BATCH as usize).fold(started, |(mut sums, mut left), others| {
+            let mut laps = meter.laps();
             self.busy.measure(|| {
                 let mut path = Path::default();
                 for &other in others {
@@ -259,15 +278,17 @@ impl Emission<'_> {
                 }
                 self.settle(&mut sums, &mut left);
             });
+            laps.note_together(others.iter().map(Other::turn));
             (sums, left)
         });
         fold.map(|(sums, _)| sums).reduce(|| self.no_sums(), Sums::plus)
     }
 
     /// Traces every photon, and parts its path where it first enters `swept`.
-    fn trace_apart(&self, swept: &SweptVolume) -> Parted {
+    fn trace_apart(&self, swept: &SweptVolume, meter: &Meter) -> Parted {
         let nothing = || Parted { stay: self.no_sums(), change: self.no_sums(), others: Vec::new() };
         let fold = self.batches().fold(nothing, |mut parted, batch| {
+            let (mut laps, turn) = (meter.laps(), turn_of(batch.start));
             let Parted { stay, change, others } = &mut parted;
             self.busy.measure(|| {
                 let (mut left_to_stay, mut left_to_change) = (Left::default(), Left::default());
@@ -290,6 +311,7 @@ impl Emission<'_> {
                 self.settle(change, &mut left_to_change);
                 self.settle(stay, &mut left_to_stay);
             });
+            laps.note(turn);
             parted
         });
         fold.reduce(nothing, Parted::plus)

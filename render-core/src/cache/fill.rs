@@ -5,11 +5,11 @@ use super::group::weight_between;
 use super::illumination::{Computed, Illumination, Site};
 use super::picture::Picture;
 use super::predict::{Predicted, predictions};
-use super::record::{Light, Record, owner};
+use super::record::{Light, Record};
 use super::spacing::{clamp_to_neighbors, least_radius};
 use super::tile::Tiles;
 use super::{IrradianceCache, openness};
-use crate::ranks::share;
+use crate::ranks::{Turn, share};
 use plane::Plane;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -108,13 +108,16 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let sites = picture.busy.measure(|| thinned(picture, pixels));
         let (ranks, before, made) = (picture.ranks(), self.records.len(), self.made);
         let number = |place: usize| made.wrapping_add(place as u32);
-        let owners: Vec<usize> = (0..sites.len()).map(|place| owner(number(place), ranks)).collect();
+        let turns: Vec<Turn> = (0..sites.len()).map(|place| Turn::Golden(number(place))).collect();
 
         // Light goes to all ranks; its recipe stays where it was computed.
         let mut recipes = Vec::new();
-        let lights = share(ranks, &owners, |own| {
+        let lights = share(ranks, &turns, |own, meter| {
             let compute = |scratch: &mut I::Scratch, &place: &usize| {
-                picture.busy.measure(|| illumination.compute(&sites[place], scratch))
+                let mut laps = meter.laps();
+                let computed = picture.busy.measure(|| illumination.compute(&sites[place], scratch));
+                laps.note(turns[place]);
+                computed
             };
             let computed: Vec<Computed<R>> =
                 own.par_iter().with_min_len(4).map_init(I::Scratch::default, compute).collect();
@@ -129,7 +132,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         for (place, (site, light)) in sites.iter().zip(lights).enumerate() {
             let scale = openness::scale(site, picture.seen);
             let mut record = Record::new(*site, scale, light, number(place), self.frame);
-            if owners[place] == ranks.rank() {
+            if turns[place].owner(ranks.count()) == ranks.rank() {
                 record.recipe = recipes.next();
             }
             self.records.push(record);

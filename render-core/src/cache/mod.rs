@@ -40,7 +40,7 @@ pub use request::Request;
 pub use spacing::footprint;
 
 use crate::gbuffer::{GBuffer, NOTHING};
-use crate::ranks::{Ranks, share};
+use crate::ranks::{Meter, Ranks, Turn, share};
 use crate::{Busy, Timed};
 use glam::{Affine3A, Vec3A};
 use known::{KnownNeighbors, Taught};
@@ -350,38 +350,30 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.changed = self.frame;
         }
 
-        // Outdated is what was last lit before the last change. This rank lights its own.
-        let mut outdated = Vec::new();
-        let mut own = vec![Fate::Stays; self.records.len()];
-        for &index in needed {
-            let record = &self.records[index];
-            if record.current < self.changed {
-                outdated.push(index);
-                if record.owner(ranks) == ranks.rank() {
-                    own[index] = Fate::IsOutdated;
-                }
+        // Outdated is what was last lit before the last change.
+        let is_outdated = |&index: &usize| self.records[index].current < self.changed;
+        let outdated: Vec<usize> = needed.iter().copied().filter(is_outdated).collect();
+        let turns: Vec<Turn> = outdated.iter().map(|&index| self.records[index].turn()).collect();
+
+        // This rank lights its own, a few at a time: to look at the clock for each would take longer than to light some of them.
+        let lights: Vec<Light> = share(ranks, &turns, |places, meter| {
+            let mut own = vec![Fate::Stays; self.records.len()];
+            for &place in places {
+                own[outdated[place]] = Fate::IsOutdated;
             }
-        }
-
-        // A few at a time: to look at the clock for each would take longer than to light some of them.
-        let chunks = self.records.par_chunks_mut(CHUNK).zip(own.par_chunks_mut(CHUNK));
-        let bring = |scratch: &mut I::Scratch, (records, own): (&mut [Record<R>], &mut [Fate])| {
-            busy.measure(|| update.bring_all(records, own, illumination, scratch));
-        };
-        chunks.for_each_init(I::Scratch::default, bring);
-        if ranks.count() == 1 {
-            return own.into_iter().filter(|&fate| fate == Fate::WasComputed).count();
-        }
-
-        // All others come from their ranks.
-        let owners: Vec<usize> = outdated.iter().map(|&index| self.records[index].owner(ranks)).collect();
-        let lights: Vec<Light> = share(ranks, &owners, |places| {
+            let chunks = self.records.par_chunks_mut(CHUNK).zip(own.par_chunks_mut(CHUNK));
+            let bring = |scratch: &mut I::Scratch, (records, own): (&mut [Record<R>], &mut [Fate])| {
+                busy.measure(|| update.bring_all((records, own), illumination, scratch, meter));
+            };
+            chunks.for_each_init(I::Scratch::default, bring);
             let indices = places.iter().map(|&place| outdated[place]);
             indices.map(|index| self.records[index].light(own[index] == Fate::WasComputed)).collect()
         });
+
+        // All others come from their ranks.
         let mut computed = 0;
-        for ((&index, &owner), light) in outdated.iter().zip(&owners).zip(lights) {
-            if owner != ranks.rank() {
+        for ((&index, turn), light) in outdated.iter().zip(turns).zip(lights) {
+            if turn.owner(ranks.count()) != ranks.rank() {
                 update.take(&mut self.records[index], light);
             }
             computed += usize::from(light.afresh);
@@ -445,15 +437,17 @@ impl Update {
     /// Brings those of `records` that are outdated to this frame's light, and notes how.
     fn bring_all<I: Illumination>(
         &self,
-        records: &mut [Record<I::Recipe>],
-        fates: &mut [Fate],
+        (records, fates): (&mut [Record<I::Recipe>], &mut [Fate]),
         illumination: &I,
         scratch: &mut I::Scratch,
+        meter: &Meter,
     ) {
+        let mut laps = meter.laps();
         for (record, fate) in records.iter_mut().zip(fates) {
             if *fate == Fate::IsOutdated {
                 let computed = self.bring(record, illumination, scratch);
                 *fate = if computed { Fate::WasComputed } else { Fate::WasRelit };
+                laps.note(record.turn());
             }
         }
     }

@@ -16,7 +16,7 @@ use super::record::Record;
 use super::request::{OPEN, Request};
 use crate::gbuffer::{GBuffer, NOTHING};
 use crate::portable;
-use crate::ranks::{Ranks, in_turns, share};
+use crate::ranks::{Ranks, in_order, share_each};
 use crate::scene::View;
 use crate::{Busy, MACROBLOCK};
 use glam::Vec3A;
@@ -126,16 +126,14 @@ impl Openness {
         let unknown = strips.map(look).collect::<Vec<_>>().concat();
 
         // Each rank casts those of its own.
-        let feel = |&place: &usize| {
+        let feel = |(): &mut (), place: usize| {
             let (x, y) = unknown[place];
             let site = request.bare_site(x, y).expect("rays are for places that reflect");
             let scale = scale(&site, seen);
             Felt { position: site.position.into(), openness: illumination.openness(&site, scale), scale }
         };
-        let felt = share(request.ranks, &in_turns(request.ranks, unknown.len()), |own| {
-            let some = |own: &[usize]| busy.measure(|| own.iter().map(feel).collect::<Vec<_>>());
-            own.par_chunks(super::CHUNK).map(some).collect::<Vec<_>>().concat()
-        });
+        let turns = in_order(unknown.len());
+        let felt = busy.take(share_each(request.ranks, &turns, super::CHUNK, || (), feel));
         for (&(x, y), felt) in unknown.iter().zip(felt) {
             pixels.row_mut(y)[x] = felt;
         }
@@ -190,13 +188,11 @@ pub(super) fn renew<R: Send + Sync, I: Illumination>(
     let due = chunks.map(|chunk| busy.measure(|| look(chunk))).collect::<Vec<_>>().concat();
 
     // Each rank casts the rays of its own.
-    let openness = share(ranks, &in_turns(ranks, due.len()), |own| {
-        let feel = |&place: &usize| {
-            let (index, scale) = due[place];
-            busy.measure(|| illumination.openness(&records[index].site, scale))
-        };
-        own.par_iter().map(feel).collect()
-    });
+    let feel = |(): &mut (), place: usize| {
+        let (index, scale) = due[place];
+        illumination.openness(&records[index].site, scale)
+    };
+    let openness = busy.take(share_each(ranks, &in_order(due.len()), super::CHUNK, || (), feel));
     for (&(index, scale), openness) in due.iter().zip(openness) {
         records[index].site.openness = openness;
         records[index].scale = scale;

@@ -21,12 +21,11 @@ use super::spacing::radius_in_view;
 use super::tile::{Tile, Tiles};
 use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
 use crate::portable;
-use crate::ranks::{in_turns, share};
+use crate::ranks::{in_order, share_each};
 use crate::sampling::frame;
 use crate::scene::View;
 use crate::{MACROBLOCK, luminance};
 use glam::{Mat3A, Vec3, Vec3A};
-use rayon::prelude::*;
 
 /// Neighbors count up to this distance \[pixels\], but no nearer than the first number and no farther than the second times the
 /// record's radius. In a simulation of `nave` 2 instead of 1.25 leaves 4 % less error and needs 4 % more records; on `cornell` it
@@ -110,22 +109,19 @@ pub(super) fn predictions<R: Send + Sync>(
     let known = picture.known;
     let fresh = known.fresh(&tiles.listed, records);
     let no_neighbors = || Neighbors { met_by: vec![u32::MAX; tiles.listed.len()], near: Vec::new() };
-    let predict = |neighbors: &mut Neighbors, &item: &usize| {
-        picture.busy.measure(|| {
-            let place = places[item];
-            let record = &records[tiles.listed[place] as usize];
-            let radius = radius_in_view(record, picture);
-            let mut fit = Fit::new(record, radius, &picture.seen.view);
-            match known.of(record, radius, &fresh) {
-                Some(before) => fit.go_on(&before, records),
-                None => neighbors.teach(&mut fit, place, picture, (tiles, records)),
-            }
-            fit.solve()
-        })
+    let predict = |neighbors: &mut Neighbors, item: usize| {
+        let place = places[item];
+        let record = &records[tiles.listed[place] as usize];
+        let radius = radius_in_view(record, picture);
+        let mut fit = Fit::new(record, radius, &picture.seen.view);
+        match known.of(record, radius, &fresh) {
+            Some(before) => fit.go_on(&before, records),
+            None => neighbors.teach(&mut fit, place, picture, (tiles, records)),
+        }
+        fit.solve()
     };
-    share(picture.ranks(), &in_turns(picture.ranks(), places.len()), |own| {
-        own.par_iter().with_min_len(CHUNK).map_init(no_neighbors, predict).collect()
-    })
+    let turns = in_order(places.len());
+    picture.busy.take(share_each(picture.ranks(), &turns, CHUNK, no_neighbors, predict))
 }
 
 /// Working memory of a thread that looks for neighbors of records.

@@ -3,7 +3,7 @@
 use super::illumination::{Computed, LocalIrradiance, Site};
 use super::radius::radius;
 use crate::portable;
-use crate::ranks::Ranks;
+use crate::ranks::{Ranks, Turn};
 
 /// A site with its light.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -41,9 +41,6 @@ pub struct KeptRecipe<R> {
     /// See [`Illumination::Recipe`](super::Illumination::Recipe).
     pub recipe: R,
 }
-
-/// 2³²/φ.
-const GOLDEN: u32 = 0x9e37_79b9;
 
 /// Light that a record was given by its rank, as all others get it.
 #[derive(Clone, Copy)]
@@ -90,19 +87,16 @@ impl<R> Record<R> {
 
     /// The rank that computes its light, and has its recipe.
     pub fn owner(&self, ranks: &dyn Ranks) -> usize {
-        owner(self.number, ranks)
+        self.turn().owner(ranks.count())
+    }
+
+    /// By its number, golden: records are computed afresh in turns of 32, which these spread, too.
+    pub fn turn(&self) -> Turn {
+        Turn::Golden(self.number)
     }
 
     /// Its light as other ranks get it.
     pub fn light(&self, afresh: bool) -> Light {
         Light { estimate: self.estimate, note: self.note, afresh }
     }
-}
-
-/// The rank that the record with this number is of: ⌊R frac(number/φ)⌋, φ being the golden ratio.
-///
-/// That spreads numbers one after the other, and those a constant number apart, too: records are computed afresh in turns of 32.
-pub(super) fn owner(number: u32, ranks: &dyn Ranks) -> usize {
-    let fraction = u64::from(number.wrapping_mul(GOLDEN));
-    ((fraction * ranks.count() as u64) >> 32) as usize
 }

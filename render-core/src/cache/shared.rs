@@ -1,10 +1,9 @@
 //! Records that several ranks make together are those of one.
 
-use super::record::owner;
 use super::tests::{even, floor_from};
 use super::*;
 use crate::PixelSurface;
-use crate::ranks::{Alone, ThreadRanks};
+use crate::ranks::{Alone, LoggedAlone, ThreadRanks, Turn};
 use glam::Vec3;
 
 /// Light that no record foresees, and that its recipe knows again: where and how bright it was computed.
@@ -97,11 +96,11 @@ fn records_of_several_ranks_are_those_of_one() {
             let started: Vec<_> = ranks.into_iter().map(|ranks| scope.spawn(move || film(&ranks))).collect();
             started.into_iter().map(|thread| thread.join().expect("no rank fails")).collect()
         });
-        let (mut kept, of_count) = (Vec::new(), ThreadRanks::new(count));
+        let mut kept = Vec::new();
         for (rank, (outcomes, own)) in results.into_iter().enumerate() {
             assert!(outcomes == alone, "rank {rank} of {count}");
             // Each rank keeps the recipes of its own.
-            assert!(own.iter().all(|&number| owner(number, &of_count[0]) == rank));
+            assert!(own.iter().all(|&number| Turn::Golden(number).owner(count) == rank));
             kept.extend(own);
         }
         kept.sort_unstable();
@@ -109,15 +108,34 @@ fn records_of_several_ranks_are_those_of_one() {
     }
 }
 
+/// With a log, too; there each item that has a result has been timed.
+#[test]
+fn records_are_the_same_with_a_log() {
+    let logged = LoggedAlone::default();
+    assert!(film(&logged) == film(&Alone));
+    let loops = logged.log().expect("it keeps one").loops();
+    let golden = |turn: &Turn| matches!(turn, Turn::Golden(_));
+    assert!(loops.iter().any(|one| one.results.iter().any(|(turn, _)| golden(turn))), "loops of records");
+    assert!(loops.iter().any(|one| one.results.iter().any(|(turn, _)| !golden(turn))), "loops of places");
+    for one in loops {
+        let sorted = |mut turns: Vec<Turn>| {
+            turns.sort_unstable_by_key(|turn| format!("{turn:?}"));
+            turns
+        };
+        let timed = one.work.iter().map(|&(turn, _)| turn).collect();
+        let sent = one.results.iter().map(|&(turn, _)| turn).collect();
+        assert_eq!(sorted(timed), sorted(sent));
+    }
+}
+
 /// Also those of one turn, and of any run of numbers.
 #[test]
 fn records_are_spread_evenly() {
     for count in [1, 2, 3, 4, 16] {
-        let ranks = ThreadRanks::new(count);
         for (step, begin) in [(1, 0), (1, 12_345), (TURN, 7), (2 * TURN, u32::MAX - 100)] {
             let mut owned = vec![0; count];
             for k in 0..1000u32 {
-                owned[owner(begin.wrapping_add(k * step), &ranks[0])] += 1;
+                owned[Turn::Golden(begin.wrapping_add(k * step)).owner(count)] += 1;
             }
             let mean = 1000 / count;
             assert!(

@@ -72,6 +72,13 @@ pub(super) struct Leg {
     flux: Vec3,
 }
 
+impl Leg {
+    /// Number of the photon.
+    pub fn photon(&self) -> u32 {
+        self.index
+    }
+}
+
 /// A photon's way, or the rest of one; kept from one photon to the next for its memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Path {

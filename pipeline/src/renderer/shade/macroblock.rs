@@ -1,8 +1,7 @@
 //! Pictures made macroblock by macroblock, on all threads and ranks.
 
 use plane::Plane;
-use rayon::prelude::*;
-use render_core::ranks::{Portable, Ranks, share};
+use render_core::ranks::{Portable, Ranks, Turn, share_each};
 use render_core::{Busy, MACROBLOCK};
 use std::ops::Range;
 
@@ -20,14 +19,14 @@ pub(super) fn by_macroblock<S, T: Copy + Default + Send + Portable>(
         let (left, top) = (index % across * MACROBLOCK, index / across * MACROBLOCK);
         (left..width.min(left + MACROBLOCK), top..height.min(top + MACROBLOCK))
     };
-    let block = |scratch: &mut S, &index: &usize| {
+    let block = |scratch: &mut S, index: usize| {
         let (columns, rows) = area(index);
-        busy.measure(|| make(scratch, columns, rows))
+        make(scratch, columns, rows)
     };
     // Along diagonals: a rank with columns of its own would have all of a dark wall.
-    let owner = |index: usize| (index % across + index / across) % ranks.count();
-    let owners: Vec<usize> = (0..across * height.div_ceil(MACROBLOCK)).map(owner).collect();
-    let blocks: Vec<Vec<T>> = share(ranks, &owners, |own| own.par_iter().map_init(scratch, block).collect());
+    let turn = |index: usize| Turn::InOrder((index % across + index / across) as u32);
+    let turns: Vec<Turn> = (0..across * height.div_ceil(MACROBLOCK)).map(turn).collect();
+    let blocks: Vec<Vec<T>> = busy.take(share_each(ranks, &turns, 1, scratch, block));
     let mut picture = Plane::filled(width, height, T::default());
     for (index, pixels) in blocks.iter().enumerate() {
         let (columns, rows) = area(index);
