@@ -7,18 +7,21 @@
 //! number of ranks is.
 //!
 //! [`Ranks`] is what that takes of a message-passing library: the collective operations of the same names in \[MPI\]. Here are
-//! those of a process [`Alone`], and of [`ThreadRanks`] in one process. [`LoggedAlone`] notes what its loops cost. [`Mail`] is messages
-//! between two ranks, for work that goes to whoever is idle.
+//! those of a process [`Alone`], and of [`ThreadRanks`] in one process. [`LoggedAlone`] notes what its loops cost; from that,
+//! [`LoggedRun`] simulates what they cost on any number of ranks. [`Mail`] is messages between two ranks, for work that goes to
+//! whoever is idle.
 
 mod log;
 mod mail;
 mod portable;
+mod simulation;
 mod threads;
 mod turn;
 
 pub use log::{Laps, LoggedAlone, LoopLog, Meter, Parcel, WorkLog};
 pub use mail::{Inbox, Mail, Message, ThreadMail};
 pub use portable::Portable;
+pub use simulation::{LoggedRun, Network, Simulated};
 pub use threads::ThreadRanks;
 pub use turn::{Turn, in_order};
 
