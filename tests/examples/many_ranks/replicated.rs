@@ -1,0 +1,73 @@
+//! Ranks that all keep the same state and share its work, as `mpirun` starts them.
+
+use crate::arguments::Arguments;
+use pipeline::feedback_loop::Run;
+use pipeline::feedback_loop::checkpoint::Checkpoints;
+use pipeline::ranks::Team;
+use pipeline::{Options, Plan, Render, Settings};
+use render_core::ranks::{LoggedAlone, LoggedRun, Network, Ranks};
+use render_core::{process_seconds, scene};
+use std::sync::Arc;
+
+/// Ranks to simulate.
+const COUNTS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
+/// The first as two ranks of Open MPI 4.1 had it on an AMD Zen 5: an all-gather took 0.4 µs for 8 bytes each, 570 µs for 1 MiB each.
+const NETWORKS: [(&str, Network); 2] = [
+    ("memory of one machine: 1 µs, 2 GB/s", Network { latency: 1e-6, bandwidth: 2e9 }),
+    ("Ethernet: 50 µs, 1 Gbit/s", Network { latency: 50e-6, bandwidth: 1e9 / 8.0 }),
+];
+
+/// Makes the film, and prints what ranks would take for it.
+pub fn print(arguments: &Arguments) -> anyhow::Result<()> {
+    // Both stages that share work keep a log.
+    let (prepare, shade) = (Arc::new(LoggedAlone::default()), Arc::new(LoggedAlone::default()));
+    let mut team = Team::alone();
+    if arguments.is_logged {
+        team = Team { prepare: prepare.clone(), shade: shade.clone() };
+    }
+    let mut run = LoggedRun { of_first_rank: film(arguments, &team)?, ..LoggedRun::default() };
+    run.cpu = process_seconds();
+    println!("CPU time of one rank: {:.2} s", run.cpu);
+    if !arguments.is_logged {
+        return Ok(());
+    }
+    for one in [&prepare, &shade] {
+        run.loops.extend(one.log().expect("it keeps one").loops());
+    }
+
+    // Parts of it, then a table for each network.
+    let logging: f64 = run.loops.iter().map(|one| one.logging).sum();
+    println!(
+        "not shared: {:.2} s, {:.2} s of it on rank 0 alone; {} loops; {logging:.2} s for the log",
+        run.unshared(),
+        run.of_first_rank,
+        run.loops.len()
+    );
+    for (name, network) in &NETWORKS {
+        println!("\n{name}\n\n| ranks | CPU s of the busiest | seconds | factor | efficiency |\n|---|---|---|---|---|");
+        let one = run.on(1, network).seconds;
+        for count in COUNTS {
+            let simulated = run.on(count, network);
+            let (busiest, seconds) = (simulated.busiest, simulated.seconds);
+            let factor = one / seconds;
+            let efficiency = 100.0 * factor / count as f64;
+            println!("| {count} | {busiest:.2} | {seconds:.2} | × {factor:.2} | {efficiency:.0} % |");
+        }
+    }
+    Ok(())
+}
+
+/// Makes the film; CPU time of what rank 0 does alone \[s\].
+fn film(arguments: &Arguments, team: &Team) -> anyhow::Result<f64> {
+    let folder = tempfile::tempdir()?;
+    let options = Options { output: Some(folder.path().join("film.m2v")), ..arguments.options.clone() };
+    let scene = scene::load(&arguments.scene)?;
+    let settings = Settings::new(arguments.scene.clone(), &scene, &options)?;
+    let plan = Plan::new(&scene, &settings.renderer());
+    let checkpoints = Checkpoints::off();
+    let mut render = Render::among(&scene, &settings, &plan, &checkpoints, team)?;
+    render.write_to(&settings.output)?;
+    let report = render.finish(Run::default())?;
+    let of_frame = |seconds: &pipeline::figures::Seconds| seconds.tone_map + seconds.encode + seconds.thresholds;
+    Ok(report.frames.iter().map(|frame| of_frame(&frame.seconds)).sum())
+}
