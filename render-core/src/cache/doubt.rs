@@ -62,10 +62,7 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
     let chosen: Vec<usize> = (0..tiles.all.len()).filter(|&index| is_reached(&tiles.all[index])).collect();
 
     // Predictions of all the records that count there, each found once.
-    let mut candidates = Vec::new();
-    for &index in &chosen {
-        candidates.extend_from_slice(&tiles.all[index].candidates);
-    }
+    let mut candidates = tiles.used_in(picture, &chosen);
     candidates.sort_unstable();
     candidates.dedup();
     let predicted =

@@ -4,7 +4,7 @@ use super::doubt::{LEAST_SHARE, Tolerances, contradicted_pixels};
 use super::group::weight_between;
 use super::illumination::{Computed, Illumination, Site};
 use super::picture::Picture;
-use super::predict::{Predicted, predictions};
+use super::predict::predictions;
 use super::record::{Light, Record};
 use super::spacing::{clamp_to_neighbors, least_radius};
 use super::tile::Tiles;
@@ -25,15 +25,15 @@ const NEIGHBORHOOD: usize = 3;
 const DOUBTS: usize = 3;
 
 impl<R: Send + Sync> IrradianceCache<R> {
-    /// Adds records until every pixel of the picture is covered and none is contradicted; returns how many, and what the
-    /// listed ones predict. Those listed at the places `carried` may fit in no longer.
+    /// Adds records until every pixel of the picture is covered and none is contradicted; returns how many. Those listed at the
+    /// places `carried` may fit in no longer.
     pub(super) fn fill<I: Illumination<Recipe = R>>(
         &mut self,
         picture: &Picture,
         tiles: &mut Tiles,
         carried: Vec<usize>,
         illumination: &I,
-    ) -> (usize, Vec<Predicted>) {
+    ) -> usize {
         // Records that came here with a moving thing meet new neighbors, which may contradict them.
         let (first, first_place) = (self.records.len(), tiles.listed.len());
         if !carried.is_empty() {
@@ -66,7 +66,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             // What no pixel takes light from is not known in the next frame, where the same is to come out.
             tiles.keep_used(picture, &self.records, first_place);
         }
-        (self.records.len() - first, predictions(picture, tiles, &self.records, &Vec::from_iter(0..tiles.listed.len())))
+        self.records.len() - first
     }
 
     /// Holds the records listed at these `places` against their neighbors.
@@ -140,7 +140,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
         // A surface near to one record is near to its neighbors, too: their radii are clamped.
         self.made = number(sites.len());
-        clamp_to_neighbors(&mut self.records, before, picture.busy);
+        let among = self.parts.around();
+        clamp_to_neighbors(&mut self.records, before, among, picture.busy);
         before..self.records.len()
     }
 }

@@ -22,6 +22,8 @@ pub struct Site {
     pub key: u64,
 }
 
+portable!(Site { position, normal, geometric_normal, carrier, openness, key });
+
 impl Site {
     /// Moves along with what it sits on; what cannot be moved, since all is squeezed flat, loses its normal.
     pub(super) fn carried_by(&mut self, carry: &Affine3A) {

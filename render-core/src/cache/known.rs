@@ -25,7 +25,7 @@ portable!(Taught { radius, square, unexplained, weights, variance, all_square, a
 
 impl Taught {
     /// No neighbors.
-    pub fn nothing(radius: f32) -> Self {
+    pub const fn nothing(radius: f32) -> Self {
         Self {
             radius,
             square: Mat3A::ZERO,
@@ -79,6 +79,11 @@ impl KnownNeighbors {
     pub fn keep<R>(&mut self, listed: &[u32], records: &[Record<R>], taught: Vec<Taught>, next: u32) {
         let numbers = listed.iter().map(|&index| records[index as usize].number).collect();
         self.pictures.push(OfPicture { numbers, taught, next });
+    }
+
+    /// Adds what is known of further pictures.
+    pub fn join(&mut self, further: Self) {
+        self.pictures.extend(further.pictures);
     }
 
     /// Listed records that were made after the first picture of the frame, in the order of `listed`.

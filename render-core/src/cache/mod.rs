@@ -25,6 +25,7 @@ mod illumination;
 mod interpolate;
 mod known;
 mod openness;
+mod parts;
 mod picture;
 mod predict;
 mod radius;
@@ -35,6 +36,7 @@ mod tile;
 mod tolerance;
 
 pub use illumination::{Computed, Illumination, LastUpdate, LocalIrradiance, Site};
+pub use parts::SharedRecord;
 pub use record::KeptRecipe;
 pub use request::Request;
 pub use spacing::footprint;
@@ -45,9 +47,10 @@ use crate::{Busy, Timed};
 use glam::{Affine3A, Vec3A};
 use known::{KnownNeighbors, Taught};
 use openness::Openness;
+use parts::Parts;
 use picture::Picture;
 use plane::Plane;
-use predict::Predicted;
+use predict::{Predicted, predictions};
 use rayon::prelude::*;
 use record::{Light, Record};
 use tile::Tiles;
@@ -85,6 +88,9 @@ pub struct IrradianceCache<R> {
     /// Neighbors of the records of this frame, for further pictures of it.
     #[cfg_attr(feature = "serde", serde(skip))]
     known: KnownNeighbors,
+    /// The frame that is being lit part by part, if one is.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    parts: Parts,
 }
 
 impl<R> std::fmt::Debug for IrradianceCache<R> {
@@ -118,8 +124,16 @@ pub struct CachedLight {
 
 impl<R> Default for IrradianceCache<R> {
     fn default() -> Self {
-        let (openness, known) = (Openness::default(), KnownNeighbors::default());
-        Self { records: Vec::new(), frame: 0, changed: 0, made: 0, world: Vec::new(), openness, known }
+        Self {
+            records: Vec::new(),
+            frame: 0,
+            changed: 0,
+            made: 0,
+            world: Vec::new(),
+            openness: Openness::default(),
+            known: KnownNeighbors::default(),
+            parts: Parts::default(),
+        }
     }
 }
 
@@ -159,11 +173,12 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
         // Their radii follow from their new light: they are listed anew before gaps between them are filled.
         let carried: Vec<usize> = (0..needed.len()).filter(|&place| self.records[needed[place]].carried).collect();
-        let mut computed = self.bring_up_to_date(&needed, changes, illumination, (request.ranks, busy));
+        let update = self.update_by(changes);
+        let mut computed = self.bring_up_to_date(&needed, &update, illumination, (request.ranks, busy));
         tiles.clear();
         tiles.list(&picture, &self.records, needed);
-        let (made, predicted) = self.fill(&picture, &mut tiles, carried, illumination);
-        computed += made;
+        computed += self.fill(&picture, &mut tiles, carried, illumination);
+        let predicted = predictions(&picture, &tiles, &self.records, &Vec::from_iter(0..tiles.listed.len()));
 
         // Pixels take their light, and what they took it from stays known.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);
@@ -207,7 +222,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
         let mut tiles = Tiles::new(&picture);
         let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
         tiles.list(&picture, &self.records, current);
-        let (computed, predicted) = self.fill(&picture, &mut tiles, Vec::new(), illumination);
+        let computed = self.fill(&picture, &mut tiles, Vec::new(), illumination);
+        let predicted = predictions(&picture, &tiles, &self.records, &Vec::from_iter(0..tiles.listed.len()));
 
         // Pixels take their light, and what they took it from stays known.
         let (irradiance, used) = interpolate::picture(&picture, &tiles, &predicted);
@@ -336,20 +352,24 @@ impl<R: Send + Sync> IrradianceCache<R> {
         self.world.clone_from(&seen.world);
     }
 
-    /// Brings the `needed` records to this frame's light; returns how many were computed afresh.
-    fn bring_up_to_date<I: Illumination<Recipe = R>>(
-        &mut self,
-        needed: &[usize],
-        changes: Changes,
-        illumination: &I,
-        (ranks, busy): (&dyn Ranks, &Busy),
-    ) -> usize {
+    /// The way from the frame before to this one, in which so much has changed.
+    fn update_by(&mut self, changes: Changes) -> Update {
         // A record that was up to date at the change before this one has missed nothing but this one.
         let update = Update { frame: self.frame, geometry: changes.geometry, changed_before: self.changed };
         if changes.light || changes.geometry {
             self.changed = self.frame;
         }
+        update
+    }
 
+    /// Brings the `needed` records to this frame's light; returns how many were computed afresh.
+    fn bring_up_to_date<I: Illumination<Recipe = R>>(
+        &mut self,
+        needed: &[usize],
+        update: &Update,
+        illumination: &I,
+        (ranks, busy): (&dyn Ranks, &Busy),
+    ) -> usize {
         // Outdated is what was last lit before the last change.
         let is_outdated = |&index: &usize| self.records[index].current < self.changed;
         let outdated: Vec<usize> = needed.iter().copied().filter(is_outdated).collect();
@@ -493,3 +513,5 @@ mod precision;
 mod shared;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tiled;

@@ -140,6 +140,23 @@ impl Openness {
         Self { pixels, view: Some(seen.view) }
     }
 
+    /// Nothing known as yet of a picture.
+    pub fn of_nothing(seen: &GBuffer) -> Self {
+        Self {
+            pixels: Plane::filled(seen.pixels.width(), seen.pixels.height(), Felt::default()),
+            view: Some(seen.view),
+        }
+    }
+
+    /// Takes over the wanted pixels of the same picture.
+    pub fn take_wanted(&mut self, request: &Request, other: &Self) {
+        for (index, felt) in other.pixels.samples().iter().enumerate() {
+            if request.wanted.is_none_or(|wanted| wanted.samples()[index]) {
+                self.pixels.samples_mut()[index] = *felt;
+            }
+        }
+    }
+
     /// Openness of the pixel that a point falls on.
     fn at(&self, point: Vec3A) -> Option<Felt> {
         let place = self.view.as_ref()?.project(point)?.pixel;

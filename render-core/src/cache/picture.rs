@@ -134,6 +134,27 @@ impl<'a> Picture<'a> {
         inside.then_some((place.x as usize, place.y as usize))
     }
 
+    /// The surface of a pixel, wanted or not, open whatever is around.
+    pub fn surface(&self, x: usize, y: usize) -> Option<Site> {
+        self.request.surface(x, y)
+    }
+
+    /// Columns and rows of the smallest rectangle with all wanted pixels, and `margin` pixels around it.
+    pub fn wanted_area(&self, margin: usize) -> (Range<usize>, Range<usize>) {
+        let (width, height) = self.size();
+        let Some(wanted) = self.request.wanted else { return (0..width, 0..height) };
+        let (mut columns, mut rows) = (width..0, height..0);
+        for y in 0..height {
+            let row = wanted.row(y);
+            if let (Some(first), Some(last)) = (row.iter().position(|&own| own), row.iter().rposition(|&own| own)) {
+                columns = columns.start.min(first)..columns.end.max(last + 1);
+                rows = rows.start.min(y)..y + 1;
+            }
+        }
+        let widened = |range: Range<usize>, end: usize| range.start.saturating_sub(margin)..end.min(range.end + margin);
+        (widened(columns, width), widened(rows, height))
+    }
+
     /// Where light is wanted at a pixel, if it is and anything there reflects.
     pub fn site(&self, x: usize, y: usize) -> Option<Site> {
         self.request.bare_site(x, y).map(|site| Site { openness: self.openness.get(x, y), ..site })

@@ -98,6 +98,23 @@ pub(super) struct Predicted {
 
 portable!(Predicted { prediction, difference, taught });
 
+impl Predicted {
+    /// In the place of what nobody asks for.
+    pub const NOTHING: Self = Self {
+        prediction: Prediction {
+            position: Vec3A::ZERO,
+            normal: Vec3A::ZERO,
+            irradiance: Vec3A::ZERO,
+            by_position: Mat3A::ZERO,
+            by_normal: Mat3A::ZERO,
+            by_openness: Vec3A::ZERO,
+            openness: 0.0,
+        },
+        difference: 0.0,
+        taught: Taught::nothing(0.0),
+    };
+}
+
 /// Predictions of the records listed at these `places`. Where their neighbors are known of an earlier picture of the frame, only
 /// those that were made since are looked for.
 pub(super) fn predictions<R: Send + Sync>(

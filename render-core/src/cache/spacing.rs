@@ -48,13 +48,24 @@ pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &Picture) -> f32 {
 }
 
 /// Neighbor clamping \[Krivanek08, section 4.3.2\]: what is near to one record is not much farther from the next, even if its
-/// rays have missed it. Applied to the records from `first` on, against all:
+/// rays have missed it. Applied to the records from `first` on, against these and those `among` the others, or all:
 ///
 /// ```text
 /// R_x ← min(R_x, min_y (|x − y| + R_y))
 /// ```
-pub(super) fn clamp_to_neighbors<R: Send + Sync>(records: &mut [Record<R>], first: usize, busy: &Busy) {
-    let spheres = busy.measure(|| Spheres::of(records));
+pub(super) fn clamp_to_neighbors<R: Send + Sync>(
+    records: &mut [Record<R>],
+    first: usize,
+    among: Option<&[usize]>,
+    busy: &Busy,
+) {
+    if first == records.len() {
+        return;
+    }
+    let spheres = busy.measure(|| match among {
+        Some(among) => Spheres::of(among.iter().map(|&index| &records[index]).chain(&records[first..])),
+        None => Spheres::of(records.iter()),
+    });
     records[first..].par_chunks_mut(CHUNK).for_each(|records| {
         busy.measure(|| {
             for record in records {
@@ -78,9 +89,9 @@ struct Spheres {
 }
 
 impl Spheres {
-    fn of<R>(records: &[Record<R>]) -> Self {
+    fn of<'a, R: 'a>(records: impl Iterator<Item = &'a Record<R>>) -> Self {
         // The smallest come first: those that can clamp a radius end where radii are as large as it.
-        let mut sorted: Vec<(f32, Vec3A)> = records.iter().map(|r| (r.radius, r.site.position)).collect();
+        let mut sorted: Vec<(f32, Vec3A)> = records.map(|r| (r.radius, r.site.position)).collect();
         sorted.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
         let axis = |k: usize| sorted.iter().map(|(_, center)| center[k]).collect();
         Self { radii: sorted.iter().map(|&(radius, _)| radius).collect(), centers: [axis(0), axis(1), axis(2)] }

@@ -124,6 +124,34 @@ impl Tiles {
         Self { all, lanes: Choice::best(), listed: Vec::new() }
     }
 
+    /// Tiles that records reach up to `margin` pixels around the wanted pixels.
+    pub fn around(picture: &Picture, margin: usize) -> Self {
+        let (columns, rows) = picture.wanted_area(margin);
+        let reached = |tile| {
+            let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+            let (across, down) = picture.tile_area(tile);
+            for y in down.start.max(rows.start)..down.end.min(rows.end) {
+                for x in across.start.max(columns.start)..across.end.min(columns.end) {
+                    if let Some(site) = picture.surface(x, y) {
+                        (low, high) = (low.min(site.position), high.max(site.position));
+                    }
+                }
+            }
+            Tile { low, high, ..Tile::default() }
+        };
+        let all = (0..picture.tiles()).into_par_iter().map(|tile| picture.busy.measure(|| reached(tile))).collect();
+        Self { all, lanes: Choice::best(), listed: Vec::new() }
+    }
+
+    /// Indices of the listed records that reach any tile, ascending.
+    pub fn candidates(&self) -> Vec<usize> {
+        let mut candidates = Vec::new();
+        for tile in &self.all {
+            candidates.extend_from_slice(&tile.candidates);
+        }
+        self.records(candidates)
+    }
+
     /// Forgets all candidates.
     pub fn clear(&mut self) {
         self.listed.clear();
@@ -190,10 +218,31 @@ impl Tiles {
 
     /// Listed records, ascending, that any pixel takes light from.
     pub fn in_use(&self, picture: &Picture) -> Vec<usize> {
-        let in_tile = |index: usize| self.all[index].candidates_in_use(self.lanes, picture.shown(index));
-        let used: Vec<Vec<u32>> =
-            (0..self.all.len()).into_par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
-        self.records(used.concat())
+        self.records(self.candidates_in_use(picture))
+    }
+
+    /// Their places in the list, ascending.
+    pub fn places_in_use(&self, picture: &Picture) -> Vec<usize> {
+        let mut places: Vec<usize> = self.candidates_in_use(picture).into_iter().map(|place| place as usize).collect();
+        places.sort_unstable();
+        places.dedup();
+        places
+    }
+
+    fn candidates_in_use(&self, picture: &Picture) -> Vec<u32> {
+        self.used_in(picture, &Vec::from_iter(0..self.all.len()))
+    }
+
+    /// Candidates of the `chosen` tiles that any of their pixels takes light from, some more than once.
+    pub fn used_in(&self, picture: &Picture, chosen: &[usize]) -> Vec<u32> {
+        // Where only a part is wanted most macroblocks show nothing.
+        let in_tile = |&index: &usize| {
+            let mut shown = picture.shown(index).to_vec();
+            shown.retain(Shown::is_something);
+            if shown.is_empty() { Vec::new() } else { self.all[index].candidates_in_use(self.lanes, &shown) }
+        };
+        let used: Vec<Vec<u32>> = chosen.par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
+        used.concat()
     }
 
     /// The listed records of `chosen` at places where earlier ones of them sum to [`CROWDED`] already.
