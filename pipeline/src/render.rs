@@ -6,7 +6,7 @@ use crate::feedback_loop::{Parts, Run, Start, couple, follow};
 use crate::film::{Display, Masking, Video};
 use crate::plan::{Plan, Stage};
 use crate::ranks::{Lead, Team};
-use crate::renderer::{Preparation, Shading, exposure_of_first_frame};
+use crate::renderer::{Crew, Preparation, Shading, SimulatedRanks, exposure_of_first_frame};
 use crate::report::{Ending, Report};
 use crate::settings::{Aov, Settings};
 use render_core::scene::Scene;
@@ -108,6 +108,11 @@ impl<'a> Render<'a> {
         self.parts.shade.watch(aov);
     }
 
+    /// Lets this process stand for several ranks that take tiles, one after the other; they note how long they would take.
+    pub fn simulate(&mut self, ranks: SimulatedRanks) {
+        self.parts.shade.set_crew(Crew::Simulated(ranks));
+    }
+
     /// The first frame that is still to be made.
     #[must_use]
     pub fn first_frame(&self) -> u32 {
@@ -158,7 +163,8 @@ struct Light<'a> {
 impl<'a> Light<'a> {
     fn new(scene: &'a Scene, settings: &'a Settings, plan: &'a Plan, team: &Team) -> Result<Self> {
         let renderer = settings.renderer();
-        let shade = Shading::among(&renderer, plan, team.shade.clone());
+        let mut shade = Shading::among(&renderer, plan, team.shade.clone());
+        shade.set_crew(Crew::Ranks(team.mail.clone(), team.shade.clone()));
         #[cfg(feature = "bake")]
         let baked = settings.baked.as_deref().map(|path| crate::bake::read(scene, path)).transpose()?.map(Arc::new);
         #[cfg(feature = "bake")]

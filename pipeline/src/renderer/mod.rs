@@ -16,7 +16,10 @@ pub mod texels;
 pub(crate) use exposure::exposure_of_first_frame;
 pub use frame::{Frame, PreparedFrame};
 pub use prepare::Preparation;
-pub use shade::{Audits, CutCounts, FootprintPixel, Layer, Lit, RecordCounts, Shading, Tolerance, Visible};
+pub use shade::{
+    Audits, Crew, CutCounts, FootprintPixel, Layer, Lit, PartSample, RecordCounts, Shading, SimulatedFrame,
+    SimulatedRanks, Tolerance, Visible,
+};
 #[cfg(feature = "bake")]
 pub(crate) use shade::{GATHER_RAYS, TexelCoat, Visibility};
 

@@ -7,6 +7,7 @@ mod options;
 mod preset;
 mod render;
 mod resolve;
+mod tiles;
 mod values;
 
 pub use chunks::FrameRange;
@@ -19,6 +20,7 @@ pub use preset::Preset;
 pub use render::RenderSettings;
 #[cfg(feature = "command-line")]
 pub(crate) use resolve::read_tone_map;
+pub use tiles::{RecordSharing, TileCost, TileSettings};
 pub use values::{
     Aov, BitRate, CheckpointEvery, ExrDepth, Lighting, MemorySize, PixelShading, Size, Stopping, Switch, Thresholds,
 };
@@ -88,6 +90,9 @@ pub struct Settings {
     /// Factor on thresholds between the most and the mean importance.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub importance_gain: Option<f32>,
+    /// Tiles that ranks take on demand, if they do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tiles: Option<TileSettings>,
     /// Samples of visibility and light to the pixel, at most.
     pub samples: u32,
     /// Whether pixels that outlines cross blend the surfaces of their area.

@@ -3,6 +3,7 @@
 use super::chunks::FrameRange;
 use super::emphasis::{AdaptiveQuantiser, Importance};
 use super::preset::Preset;
+use super::tiles::TileSettings;
 use super::values::{Aov, BitRate, ExrDepth, Lighting, PixelShading, Size, Stopping, Switch, Thresholds, size_as_text};
 use mpeg2enc::Effort;
 use serde::{Deserialize, Serialize, Serializer};
@@ -143,6 +144,14 @@ pub struct Options {
     )]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub importance_gain: Option<f32>,
+    /// Let each rank light tiles of the picture by itself, as it asks for them: "rays" or "time" in equal shares, then the records
+    /// that go to others: "none", "central:N" or "each:N" [default: ranks share all work in turns]
+    #[cfg_attr(
+        feature = "command-line",
+        arg(long, value_name = "HOW", help_heading = "Research", hide_short_help = true)
+    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tiles: Option<TileSettings>,
     /// Samples of visibility and light to the pixel: 1 is fast, 4 smooths edges; with --importance, the most [default: 1; 5 with
     /// --importance]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "N", help_heading = "Quality"))]

@@ -1,6 +1,6 @@
 //! The settings that the renderer reads: what a frame shows, and how exact its light is.
 
-use super::{Aov, Importance, Lighting, PixelShading, Settings, Size, Stopping, Thresholds};
+use super::{Aov, Importance, Lighting, PixelShading, Settings, Size, Stopping, Thresholds, TileSettings};
 use mpeg2enc::FrameRate;
 use perceptual::ToneMap;
 use render_core::image_file::FramePlace;
@@ -26,6 +26,8 @@ pub struct RenderSettings {
     pub importance: Option<Importance>,
     /// Factor G on thresholds: they are divided by G where importance is 1, and multiplied where it is 0.
     pub importance_gain: f32,
+    /// Tiles that ranks take on demand, if they do.
+    pub tiles: Option<TileSettings>,
     /// How radiance becomes what a display shows, up to its exposure: saliency is that of display values.
     pub tone_map: ToneMap,
     /// Samples of visibility and light to the pixel, at most.
@@ -110,6 +112,7 @@ impl Settings {
             size: self.size,
             importance: self.importance,
             importance_gain: self.importance_gain.unwrap_or(1.0),
+            tiles: self.tiles,
             tone_map: self.tone_map,
             samples: self.samples,
             antialiasing: self.antialiasing,

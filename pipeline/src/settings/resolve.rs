@@ -74,13 +74,7 @@ impl Options {
         if !(1..=10_000_000).contains(&vpls) {
             fail!("--vpls {vpls} must lie in 1..=10000000");
         }
-        let lighting = *self.lighting.get_or_insert(Lighting::Lightcuts);
-        if self.baked.is_some() && !lighting.is_baked() {
-            fail!("--baked names a file of baked light, which --lighting baked takes; this film has other light");
-        }
-        if lighting.is_baked() {
-            self.baked.get_or_insert_with(|| path.with_extension("slf"));
-        }
+        let lighting = self.fill_in_lighting(&path)?;
         let (tone_map, auto_exposure) = tone_map(&path, scene)?;
         let qscale = *self.qscale.get_or_insert(8);
         Ok(Settings {
@@ -108,6 +102,7 @@ impl Options {
             shading: *self.shading.get_or_insert(PixelShading::Adaptive),
             importance: self.importance,
             importance_gain: self.importance_gain,
+            tiles: self.tiles,
             samples,
             antialiasing: self.antialiasing.get_or_insert(Switch::On).is_on(),
             bounces: self.bounces,
@@ -229,6 +224,21 @@ impl Options {
             );
         }
         Ok((thresholds, kappa))
+    }
+
+    /// The kind of light, and the file that it is looked up in.
+    fn fill_in_lighting(&mut self, path: &Path) -> Result<Lighting> {
+        let lighting = *self.lighting.get_or_insert(Lighting::Lightcuts);
+        if self.baked.is_some() && !lighting.is_baked() {
+            fail!("--baked names a file of baked light, which --lighting baked takes; this film has other light");
+        }
+        if lighting.is_baked() && self.tiles.is_some() {
+            fail!("--tiles with --lighting baked: light that is looked up is not handed out; leave out --tiles");
+        }
+        if lighting.is_baked() {
+            self.baked.get_or_insert_with(|| path.with_extension("slf"));
+        }
+        Ok(lighting)
     }
 
     /// When cuts end, and the share of pixels that calibrated stopping keeps within their thresholds.

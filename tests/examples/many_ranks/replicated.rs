@@ -23,7 +23,7 @@ pub fn print(arguments: &Arguments) -> anyhow::Result<()> {
     let (prepare, shade) = (Arc::new(LoggedAlone::default()), Arc::new(LoggedAlone::default()));
     let mut team = Team::alone();
     if arguments.is_logged {
-        team = Team { prepare: prepare.clone(), shade: shade.clone() };
+        team = Team { prepare: prepare.clone(), shade: shade.clone(), ..team };
     }
     let mut run = LoggedRun { of_first_rank: film(arguments, &team)?, ..LoggedRun::default() };
     run.cpu = process_seconds();

@@ -101,6 +101,7 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
             "html",
             "importance",
             "importance-gain",
+            "tiles",
             "max-memory",
             "camera",
             "animation",

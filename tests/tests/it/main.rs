@@ -49,5 +49,6 @@ mod scale;
 mod still;
 mod structure;
 mod sweep;
+mod tiles;
 mod tools;
 mod video;

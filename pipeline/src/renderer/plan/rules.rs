@@ -152,6 +152,7 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             off(|f| !f.reflects, NO_REFLECTION),
             off(|f| !f.looks_up() && (!f.cuts() || !f.settings.cache), "every pixel has its own cut"),
             off(|f| f.has_samples_everywhere(), "every pixel has several samples"),
+            off(|f| f.settings.tiles.is_some(), "ranks light whole tiles, as requested"),
             off(|f| !f.picture_changes() || f.settings.frames == 1, "no frame differs from the one before"),
             on(|f| !f.light_changes(), "light stays where it is while the camera moves"),
             otherwise(State::On, "direct light stays where nothing moves between it and a lamp"),

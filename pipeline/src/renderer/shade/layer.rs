@@ -10,6 +10,7 @@ use crate::settings::Aov;
 use glam::Vec3;
 use plane::{Correspondence, Plane};
 use render_core::GBuffer;
+use render_core::cache::SharedRecord;
 use render_core::ranks::{Portable, Ranks};
 use std::f32::consts::PI;
 use std::ops::AddAssign;
@@ -35,6 +36,21 @@ pub trait Layer: Send {
         None
     }
 
+    /// Begins a frame whose pixels are lit part by part: each call of [`light`](Layer::light) is for one part, one sample of its pixels
+    /// after the other. Layers that light each pixel by itself have nothing to begin.
+    fn begin_parts(&mut self, _visible: &Visible<'_>, _tolerance: &Tolerance<'_>) {}
+
+    /// Ends a frame that was begun so.
+    fn end_parts(&mut self, _visible: &Visible<'_>) {}
+
+    /// The records of an irradiance cache that were made in parts since they were last taken.
+    fn take_records(&mut self) -> Vec<SharedRecord> {
+        Vec::new()
+    }
+
+    /// Adds records that layers of the same film on other ranks have made.
+    fn adopt(&mut self, _records: Vec<SharedRecord>) {}
+
     /// Forgets the frames before: the next one is lit as the first of a film. Layers that keep nothing have nothing to forget.
     fn forget(&mut self) {}
 
@@ -52,6 +68,15 @@ pub trait Layer: Send {
     }
 }
 
+/// A call of [`Layer::light`] for a part of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PartSample {
+    /// The first for these pixels.
+    First,
+    /// For further samples of the pixels of the call before, or of some of them.
+    Further,
+}
+
 /// The visible surfaces of a frame, to be lit.
 #[derive(Clone, Copy, Debug)]
 pub struct Visible<'a> {
@@ -63,6 +88,8 @@ pub struct Visible<'a> {
     pub matte: &'a GBuffer,
     /// Which of the places in its pixels the picture goes through, from 0; the first is that of thresholds and motion.
     pub sample: usize,
+    /// The part of the picture that is lit, between [`Layer::begin_parts`] and [`Layer::end_parts`]; none if it is the whole.
+    pub part: Option<PartSample>,
     /// Where each pixel was in the frame before; none for the first frame and after a cut.
     pub motion: Option<&'a Correspondence>,
     /// Radiance that the layers before this one found, and what surfaces emit \[W·m⁻²·sr⁻¹\].
@@ -83,6 +110,7 @@ impl<'a> Visible<'a> {
             surfaces: &frame.seen,
             matte: &frame.seen,
             sample: 0,
+            part: None,
             motion: None,
             radiance,
             ranks: &render_core::ranks::Alone,

@@ -5,8 +5,10 @@ use super::cached::Cached;
 use super::carried::{Carriable, Carried};
 use super::coats::Coats;
 use super::direct::Direct;
-use super::layer::Layer;
+use super::layer::{Layer, Lit, Visible};
+use super::lit_frame::Sample;
 use super::per_pixel::PerPixel;
+use super::tolerance::Tolerance;
 use crate::error::{Error, Result};
 use crate::plan::{Plan, Stage};
 use crate::renderer::frame::Frame;
@@ -14,6 +16,9 @@ use crate::renderer::frame::Frame;
 use crate::renderer::texels::BakedTexels;
 use crate::settings::{Aov, Lighting, RenderSettings};
 use crate::state::NONSENSE;
+use glam::Vec3;
+use plane::Plane;
+use render_core::cache::SharedRecord;
 use render_core::ranks::Ranks;
 use std::sync::Arc;
 
@@ -30,12 +35,12 @@ impl Layers {
     ///
     /// | light | layers |
     /// |---|---|
-    /// | direct | [`Direct`], carried where the plan says so; [`Coats`] |
+    /// | direct | [`Direct`], carried where the plan says so; [`Coats`], but beside tiles |
     /// | indirect | [`Cached`], carried where the plan says so; or [`PerPixel`]; or [`AllLights`] |
     pub fn new(settings: &RenderSettings, plan: &Plan, ranks: &Arc<dyn Ranks>) -> Self {
         let carries = plan.is_on(Stage::CarriedLight);
         let mut direct = vec![carried_if(carries, Direct::default(), settings)];
-        if plan.is_on(Stage::Gloss) {
+        if plan.is_on(Stage::Gloss) && settings.tiles.is_none() {
             direct.push(Box::new(Coats::default()));
         }
 
@@ -63,6 +68,58 @@ impl Layers {
         if let [_, coats] = &mut self.direct[..] {
             *coats = Box::new(Coats::baked(texels.clone()));
         }
+    }
+
+    /// The light of `visible` surfaces, which only emit as yet: as pictures, and as the layers found it, direct and indirect. That
+    /// of pixels that are not `wanted` has no meaning.
+    pub fn sample(
+        &mut self,
+        visible: &Visible,
+        wanted: Option<&Plane<bool>>,
+        tolerance: &Tolerance,
+    ) -> (Sample, [Lit; 2]) {
+        let matte = visible.matte;
+        let (of_direct, direct) = sum_of(&mut self.direct, visible, wanted, tolerance);
+        let after_direct = Visible { radiance: &direct, ..*visible };
+        let (of_indirect, _) = sum_of(&mut self.indirect, &after_direct, wanted, tolerance);
+        let dark = Plane::filled(direct.width(), direct.height(), Vec3::ZERO);
+        let indirect = of_indirect.shown(matte, dark);
+        (Sample { direct, indirect }, [of_direct, of_indirect])
+    }
+
+    /// Begins a frame that is lit part by part.
+    pub fn begin_parts(&mut self, visible: &Visible, tolerance: &Tolerance) {
+        for layer in self.lit(visible.frame) {
+            layer.begin_parts(visible, tolerance);
+        }
+    }
+
+    /// Ends it.
+    pub fn end_parts(&mut self, visible: &Visible) {
+        for layer in self.lit(visible.frame) {
+            layer.end_parts(visible);
+        }
+    }
+
+    /// Records that these layers have made in parts.
+    pub fn take_records(&mut self) -> Vec<SharedRecord> {
+        let mut records = Vec::new();
+        for layer in &mut self.indirect {
+            records.extend(layer.take_records());
+        }
+        records
+    }
+
+    /// Adds records that other ranks have made.
+    pub fn adopt(&mut self, records: Vec<SharedRecord>) {
+        if let [first, ..] = &mut self.indirect[..] {
+            first.adopt(records);
+        }
+    }
+
+    /// Layers that have light of this frame.
+    fn lit(&mut self, frame: &Frame) -> impl Iterator<Item = &mut Box<dyn Layer>> {
+        self.direct.iter_mut().chain(&mut self.indirect).filter(|layer| !layer.is_dark(frame))
     }
 
     fn all(&self) -> impl Iterator<Item = &dyn Layer> {
@@ -102,6 +159,24 @@ impl Layers {
         }
         Ok(())
     }
+}
+
+/// Light of all `layers` together, and the radiance of the pixels with it. Each layer knows the light of those before it.
+fn sum_of(
+    layers: &mut [Box<dyn Layer>],
+    visible: &Visible,
+    wanted: Option<&Plane<bool>>,
+    tolerance: &Tolerance,
+) -> (Lit, Plane<Vec3>) {
+    let mut sum = Lit::default();
+    let mut radiance = visible.radiance.clone();
+    for layer in layers {
+        if !layer.is_dark(visible.frame) {
+            sum += layer.light(&Visible { radiance: &radiance, ..*visible }, wanted, tolerance);
+            radiance = sum.shown(visible.matte, visible.radiance.clone());
+        }
+    }
+    (sum, radiance)
 }
 
 /// `layer`, around which light is carried if `is_carried`.

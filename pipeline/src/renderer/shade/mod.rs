@@ -9,6 +9,7 @@
 //! | `cached`, `per_pixel`, `all_lights`, `baked` | layers of indirect light |
 //! | `carried` | a layer around another: its light of the frame before, where that still holds |
 //! | `tolerance` | how wrong the light of a pixel may be |
+//! | `tiles` | parts of a picture that ranks take on demand |
 //! | `importance` | where people look, and what that makes of samples and thresholds |
 //! | `audits`, `counts` | light found twice, and counts of the work |
 //! | `visibility`, `movement`, `macroblock`, `pixel` | rays, what has moved, and pixels as layers share them |
@@ -43,7 +44,8 @@ pub use audits::Audits;
 #[cfg(feature = "bake")]
 pub(crate) use coats::TexelCoat;
 pub use counts::{CutCounts, RecordCounts};
-pub use layer::{Layer, Lit, Visible};
+pub use layer::{Layer, Lit, PartSample, Visible};
+pub use tiles::{Crew, SimulatedFrame, SimulatedRanks};
 pub use tolerance::{FootprintPixel, Tolerance};
 #[cfg(feature = "bake")]
 pub(crate) use visibility::{GATHER_RAYS, Visibility};
@@ -69,6 +71,7 @@ use render_core::image_file::FrameHeader;
 use render_core::ranks::{Alone, Ranks};
 use render_core::{AuditCounts, Busy, Coverage, GBuffer, InstanceShares, PixelSample, PosedScene, sample_offsets};
 use std::sync::Arc;
+use tiles::Tiling;
 
 /// Rays that find the share of a pixel's area that each object covers: one to a sixteenth of its width and of its height.
 const MATTE_RAYS: usize = 16;
@@ -90,6 +93,8 @@ pub struct Shading<'a> {
     watched: Vec<Aov>,
     /// Who shares the work.
     ranks: Arc<dyn Ranks>,
+    /// Tiles that ranks take on demand, if they do.
+    tiling: Option<Tiling>,
 }
 
 impl<'a> Shading<'a> {
@@ -102,7 +107,9 @@ impl<'a> Shading<'a> {
     /// The same, where other `ranks` share the work and light the same frames.
     #[must_use]
     pub fn among(settings: &RenderSettings, plan: &'a Plan, ranks: Arc<dyn Ranks>) -> Self {
-        let layers = Layers::new(settings, plan, &ranks);
+        // Ranks that take tiles light them alone.
+        let sharing: Arc<dyn Ranks> = if settings.tiles.is_some() { Arc::new(Alone) } else { ranks.clone() };
+        let layers = Layers::new(settings, plan, &sharing);
         let (calibration, looking) = (calibration(settings), looking(settings));
         Self {
             settings: settings.clone(),
@@ -114,7 +121,13 @@ impl<'a> Shading<'a> {
             looking,
             watched: Vec::new(),
             ranks,
+            tiling: None,
         }
+    }
+
+    /// Lets this `crew` take tiles on demand, if the settings say so.
+    pub fn set_crew(&mut self, crew: Crew) {
+        self.tiling = self.settings.tiles.map(|settings| Tiling::new(settings, crew, &self.settings, self.plan));
     }
 
     /// Lets frames have these channels in [`Shaded::watched`] from now on. Their light stays the same.
@@ -126,6 +139,7 @@ impl<'a> Shading<'a> {
     /// Forgets the frames before: the next one is lit as the first of a film.
     fn forget(&mut self) {
         self.layers.forget();
+        self.tiling.iter_mut().for_each(Tiling::forget);
         (self.places, self.still) = (Vec::new(), None);
         (self.calibration, self.looking) = (calibration(&self.settings), looking(&self.settings));
     }
@@ -289,58 +303,76 @@ impl Shading<'_> {
         ahead: Option<ImportanceMap>,
         figures: &mut FrameFigures,
     ) -> (LitFrame, Audits) {
-        let Frame { accelerator, surfaces, seen, .. } = &prepared.frame;
-        let scene = PosedScene::new(accelerator, surfaces);
-        let visibility = Busy::default();
-        let movement = Movement::to(&prepared.frame, &self.places);
+        if let Some(mut tiling) = self.tiling.take() {
+            let lit = tiling.light(self, prepared, tolerance, ahead);
+            self.tiling = Some(tiling);
+            return self.finished(prepared, lit, figures);
+        }
+        let frame = &prepared.frame;
+        let movement = Movement::to(frame, &self.places);
         let ranks = self.ranks.clone();
-        let offsets = sample_offsets(self.settings.samples as usize);
-        let mut samples: Vec<Sample> = Vec::new();
-        let [mut direct, mut indirect] = [Lit::default(), Lit::default()];
-        let mut reused = Reused::default();
-        let mut importance = ahead;
-
-        for (sample, &offset) in offsets.iter().enumerate() {
+        let mut lit = SamplesLight { importance: ahead, ..SamplesLight::default() };
+        for sample in 0..self.settings.samples as usize {
             // Where people look decides which pixels have further samples.
-            let wanted = importance.as_ref().filter(|_| sample > 0).map(|map| map.wanted(sample));
+            let wanted = lit.importance.as_ref().filter(|_| sample > 0).map(|map| map.wanted(sample));
             if wanted.as_ref().is_some_and(|wanted| !wanted.samples().contains(&true)) {
                 break;
             }
 
-            // A sample that is alone, or may be, is that of the G-buffer.
-            let is_center = offsets.len() == 1 || sample == 0 && self.looking.is_some();
-            let own = (!is_center).then(|| {
-                let place = PixelSample::one_of(offsets.len(), offset);
-                let size = (seen.pixels.width(), seen.pixels.height());
-                visibility.take(GBuffer::trace_at(place, scene, &seen.view, size))
-            });
-            let surfaces = own.as_ref().unwrap_or(seen);
-            let below = self.plan.is_on(Stage::Gloss).then(|| coats::below_coats(surfaces));
-            let matte = below.as_ref().unwrap_or(surfaces);
-
-            // Layers find their light on these surfaces.
-            let (frame, motion) = (&prepared.frame, prepared.correspondence.as_deref());
-            let emitted = matte.pixels.map(|pixel| Vec3::from(pixel.emission));
-            let (radiance, movement, ranks) = (&emitted, &movement, &*ranks);
-            let visible = Visible { frame, surfaces, matte, sample, motion, radiance, ranks, movement };
-            let (light, [of_direct, of_indirect]) = self.sample(&visible, wanted.as_ref(), tolerance);
+            // Layers find their light on the surfaces of this sample.
+            let of_sample = self.surfaces(frame, sample, &lit.visibility);
+            let visible = of_sample.visible(prepared, sample, &movement, &*ranks);
+            let (light, [of_direct, of_indirect]) = self.layers.sample(&visible, wanted.as_ref(), tolerance);
             if sample == 0 {
-                reused = Reused::new([&of_direct, &of_indirect], matte);
-                if let Some(looking) = self.looking.as_mut().filter(|_| importance.is_none()) {
-                    importance = Some(visibility.measure(|| looking.at(prepared, &triples(&light.whole()))));
+                lit.reused = Reused::new([&of_direct, &of_indirect], visible.matte);
+                if let Some(looking) = self.looking.as_mut().filter(|_| lit.importance.is_none()) {
+                    let map = lit.visibility.measure(|| looking.at(prepared, &triples(&light.whole())));
+                    lit.importance = Some(map);
                 }
             }
-            samples.push(light);
-            direct.add_counts(of_direct);
-            indirect.add_counts(of_indirect);
+            lit.samples.push(light);
+            lit.direct.add_counts(of_direct);
+            lit.indirect.add_counts(of_indirect);
         }
+        lit.places = movement.places;
+        self.finished(prepared, lit, figures)
+    }
+
+    /// The surfaces of a sample; `visibility` is busy with them.
+    fn surfaces<'f>(&self, frame: &'f Frame, sample: usize, visibility: &Busy) -> SampleSurfaces<'f> {
+        // A sample that is alone, or may be, is that of the G-buffer.
+        let offsets = sample_offsets(self.settings.samples as usize);
+        let is_center = offsets.len() == 1 || sample == 0 && self.looking.is_some();
+        let seen = &*frame.seen;
+        let own = (!is_center).then(|| {
+            let place = PixelSample::one_of(offsets.len(), offsets[sample]);
+            let size = (seen.pixels.width(), seen.pixels.height());
+            let scene = PosedScene::new(&frame.accelerator, &frame.surfaces);
+            visibility.take(GBuffer::trace_at(place, scene, &seen.view, size))
+        });
+        let below = self.plan.is_on(Stage::Gloss).then(|| coats::below_coats(own.as_ref().unwrap_or(seen)));
+        let matte = below.as_ref().or(own.as_ref()).unwrap_or(seen);
+        let emitted = matte.pixels.map(|pixel| Vec3::from(pixel.emission));
+        SampleSurfaces { seen, own, below, emitted }
+    }
+
+    /// The frame of this light, with what it took in its `figures`, and what its audits found.
+    fn finished(
+        &mut self,
+        prepared: &PreparedFrame,
+        lit: SamplesLight,
+        figures: &mut FrameFigures,
+    ) -> (LitFrame, Audits) {
+        let SamplesLight { samples, mut direct, indirect, reused, importance, places, visibility } = lit;
+        let Frame { accelerator, surfaces, seen, .. } = &prepared.frame;
 
         // Outlines are looked for where they are seen: by the light on either side.
+        let scene = PosedScene::new(accelerator, surfaces);
         let coverage = self
             .plan
             .is_on(Stage::Antialiasing)
             .then(|| visibility.take(Coverage::of(seen, scene, &samples[0].whole())));
-        self.places = movement.places;
+        self.places = places;
 
         // Times and counts of the samples together.
         figures.seconds.visibility += visibility.seconds();
@@ -349,41 +381,62 @@ impl Shading<'_> {
         figures.shaded_share = reused.shaded_share();
         figures.carried_share = 1.0 - figures.shaded_share;
         direct.add_counts(indirect);
-        add_ranks(&*ranks, &mut direct);
+        add_ranks(&*self.ranks, &mut direct);
         put(&direct, figures);
         let light = Light { samples, coverage, cache_records: direct.records.in_use, importance };
         (LitFrame::new(&prepared.frame, light, reused), direct.audits)
     }
-
-    /// The light of `visible` surfaces, which only emit as yet: as pictures, and as the layers found it, direct and indirect. That
-    /// of pixels that are not `wanted` has no meaning.
-    fn sample(&mut self, visible: &Visible, wanted: Option<&Plane<bool>>, tolerance: &Tolerance) -> (Sample, [Lit; 2]) {
-        let matte = visible.matte;
-        let (of_direct, direct) = sum_of(&mut self.layers.direct, visible, wanted, tolerance);
-        let after_direct = Visible { radiance: &direct, ..*visible };
-        let (of_indirect, _) = sum_of(&mut self.layers.indirect, &after_direct, wanted, tolerance);
-        let dark = Plane::filled(direct.width(), direct.height(), Vec3::ZERO);
-        let indirect = of_indirect.shown(matte, dark);
-        (Sample { direct, indirect }, [of_direct, of_indirect])
-    }
 }
 
-/// Light of all `layers` together, and the radiance of the pixels with it. Each layer knows the light of those before it.
-fn sum_of(
-    layers: &mut [Box<dyn Layer>],
-    visible: &Visible,
-    wanted: Option<&Plane<bool>>,
-    tolerance: &Tolerance,
-) -> (Lit, Plane<Vec3>) {
-    let mut sum = Lit::default();
-    let mut radiance = visible.radiance.clone();
-    for layer in layers {
-        if !layer.is_dark(visible.frame) {
-            sum += layer.light(&Visible { radiance: &radiance, ..*visible }, wanted, tolerance);
-            radiance = sum.shown(visible.matte, visible.radiance.clone());
+/// Light of a frame through the places of its pixels, before it is one picture.
+#[derive(Default)]
+struct SamplesLight {
+    samples: Vec<Sample>,
+    /// Times and counts of all samples.
+    direct: Lit,
+    indirect: Lit,
+    reused: Reused,
+    importance: Option<ImportanceMap>,
+    /// Where the instances are.
+    places: Vec<Option<Place>>,
+    /// CPU time of primary rays and importance.
+    visibility: Busy,
+}
+
+/// The surfaces that pixels show through one place of each.
+struct SampleSurfaces<'f> {
+    /// Those of the G-buffer.
+    seen: &'f GBuffer,
+    /// Those of the sample, where these are others.
+    own: Option<GBuffer>,
+    /// The same with the albedo below coats, where there are any.
+    below: Option<GBuffer>,
+    /// Emitted radiance.
+    emitted: Plane<Vec3>,
+}
+
+impl SampleSurfaces<'_> {
+    /// The surfaces as layers get them.
+    fn visible<'a>(
+        &'a self,
+        prepared: &'a PreparedFrame,
+        sample: usize,
+        movement: &'a Movement,
+        ranks: &'a dyn Ranks,
+    ) -> Visible<'a> {
+        let surfaces = self.own.as_ref().unwrap_or(self.seen);
+        Visible {
+            frame: &prepared.frame,
+            surfaces,
+            matte: self.below.as_ref().unwrap_or(surfaces),
+            sample,
+            part: None,
+            motion: prepared.correspondence.as_deref(),
+            radiance: &self.emitted,
+            ranks,
+            movement,
         }
     }
-    (sum, radiance)
 }
 
 /// Writes what light has taken into the figures of its frame.

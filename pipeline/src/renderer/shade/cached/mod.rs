@@ -7,7 +7,7 @@ mod tree_light;
 use super::audits::Audits;
 use super::carried::{Carriable, Holding};
 use super::counts::{Counts, RecordCounts};
-use super::layer::{Layer, Lit, Visible};
+use super::layer::{Layer, Lit, PartSample, Visible};
 use super::pixel::is_dark;
 use super::tolerance::Tolerance;
 use super::visibility::{GATHER_RAYS, Visibility};
@@ -19,7 +19,7 @@ use crate::state::{NONSENSE, decode, encode};
 use glam::Vec3;
 use plane::Plane;
 use recipe::Recipe;
-use render_core::cache::{Changes, IrradianceCache, Request, Site};
+use render_core::cache::{Changes, IrradianceCache, Request, SharedRecord, Site};
 use render_core::ranks::Ranks;
 use render_core::scene::Projected;
 use render_core::{Busy, NOTHING, PACKET, Unseen};
@@ -51,9 +51,27 @@ impl Cached {
         Self { records: IrradianceCache::default(), at_rest, compensates, has_more, intensities: Vec::new(), ranks }
     }
 
-    /// Whether the lights of the tree shine as in the frame before.
-    fn is_lit_as_before(&self, frame: &Frame) -> bool {
-        frame.tree.lights().iter().map(|light| light.intensity).eq(self.intensities.iter().copied())
+    /// The light of a frame's tree, for records.
+    fn tree_light<'a>(
+        &self,
+        visible: &'a Visible<'a>,
+        tolerance: &'a Tolerance<'a>,
+        counts: &'a Counts,
+    ) -> TreeLight<'a> {
+        // Records are brought up to date with the first sample of the pixels.
+        let Visible { frame, movement, sample, part, .. } = *visible;
+        let is_first = part.map_or(sample == 0, |part| part == PartSample::First);
+        TreeLight {
+            visible,
+            tolerance,
+            visibility: Visibility::new(frame, GATHER_RAYS),
+            counts,
+            swept: if is_first { &movement.swept } else { &[] },
+            standing: movement.standing(),
+            moving: frame.surfaces.moving(),
+            compensates: self.compensates,
+            at_rest: self.at_rest,
+        }
     }
 
     /// A picture that `mark` changes at the pixel of each record in use, given the size of the record's cut.
@@ -70,33 +88,38 @@ impl Cached {
     }
 }
 
+/// Intensities of a frame's lights.
+fn intensities(frame: &Frame) -> Vec<Vec3> {
+    frame.tree.lights().iter().map(|light| light.intensity).collect()
+}
+
+/// Whether the lights of the tree shine with these intensities.
+fn are_lit_by(intensities: &[Vec3], frame: &Frame) -> bool {
+    frame.tree.lights().iter().map(|light| light.intensity).eq(intensities.iter().copied())
+}
+
+/// The changes since the frame before, whose lights had these intensities.
+fn changes(before: &[Vec3], visible: &Visible) -> Changes {
+    Changes { light: !are_lit_by(before, visible.frame), geometry: visible.movement.is_any }
+}
+
 impl Layer for Cached {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
-        let Visible { frame, matte, movement, sample, ranks, .. } = *visible;
+        let Visible { frame, matte, sample, part, ranks, .. } = *visible;
         let (busy, counts) = (Busy::default(), Counts::default());
-        let moving = frame.surfaces.moving();
-        let changes = Changes { light: !self.is_lit_as_before(frame), geometry: movement.is_any };
         let is_first_of_many = sample == 0 && self.has_more;
-        let request = Request { seen: matte, moving, wanted, is_first_of_many, ranks };
-        let light = TreeLight {
-            visible,
-            tolerance,
-            visibility: Visibility::new(frame, GATHER_RAYS),
-            counts: &counts,
-            // Records are brought up to date with the first sample of the pixels.
-            swept: if sample == 0 { &movement.swept } else { &[] },
-            standing: movement.standing(),
-            moving,
-            compensates: self.compensates,
-            at_rest: self.at_rest,
-        };
-        let lit = if sample == 0 {
-            let lit = busy.take(self.records.light(request, changes, &light));
-            self.intensities = frame.tree.lights().iter().map(|light| light.intensity).collect();
-            lit
-        } else {
-            busy.take(self.records.light_more(request, &light))
-        };
+        let request = Request { seen: matte, moving: frame.surfaces.moving(), wanted, is_first_of_many, ranks };
+        let (light, records) = (self.tree_light(visible, tolerance, &counts), &mut self.records);
+        let lit = busy.take(match part {
+            Some(PartSample::First) => records.light_part(request, &light),
+            Some(PartSample::Further) => records.light_more_of_part(request, &light),
+            None if sample == 0 => {
+                let changes = changes(&self.intensities, visible);
+                self.intensities = intensities(frame);
+                records.light(request, changes, &light)
+            }
+            None => records.light_more(request, &light),
+        });
         Lit {
             rays: counts.rays(),
             seconds: busy.seconds(),
@@ -105,6 +128,25 @@ impl Layer for Cached {
             audits: Audits { cuts: counts.audits, ..Audits::default() },
             ..Lit::of_irradiance(lit.irradiance)
         }
+    }
+
+    fn begin_parts(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>) {
+        let counts = Counts::default();
+        let (light, changes) = (self.tree_light(visible, tolerance, &counts), changes(&self.intensities, visible));
+        let _ = self.records.begin_parts(visible.matte, changes, &light);
+        self.intensities = intensities(visible.frame);
+    }
+
+    fn end_parts(&mut self, visible: &Visible<'_>) {
+        self.records.end_parts(visible.matte, visible.frame.surfaces.moving());
+    }
+
+    fn take_records(&mut self) -> Vec<SharedRecord> {
+        self.records.take_new()
+    }
+
+    fn adopt(&mut self, records: Vec<SharedRecord>) {
+        self.records.adopt(records);
     }
 
     fn is_dark(&self, frame: &Frame<'_>) -> bool {
@@ -139,7 +181,7 @@ impl Layer for Cached {
 
     fn restore(&mut self, state: &[u8], last: &Frame<'_>) -> Result<()> {
         let mut records: IrradianceCache<Recipe> = decode(state)?;
-        let intensities: Vec<Vec3> = last.tree.lights().iter().map(|light| light.intensity).collect();
+        let intensities = intensities(last);
 
         // Indices of a forged state lead nowhere.
         let instances = last.surfaces.scene().instances.len();
@@ -164,7 +206,7 @@ impl Carriable for Cached {
 
     /// Everywhere while no light and no thing in the scene changes.
     fn holding<'a>(&mut self, visible: &Visible<'a>) -> Holding<'a> {
-        let is_unchanged = !visible.movement.is_any && self.is_lit_as_before(visible.frame);
+        let is_unchanged = !visible.movement.is_any && are_lit_by(&self.intensities, visible.frame);
         if is_unchanged { Holding::Everywhere } else { Holding::Nowhere }
     }
 }

@@ -60,6 +60,12 @@ pub fn equal_tiles(cost: &Plane<f32>, count: usize) -> Vec<Tile> {
 }
 
 impl Tile {
+    /// Its pixels in raster order: column and row of each.
+    pub fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let columns = self.columns.clone();
+        self.rows.clone().flat_map(move |y| columns.clone().map(move |x| (x, y)))
+    }
+
     fn pixels(&self) -> usize {
         self.columns.len() * self.rows.len()
     }
