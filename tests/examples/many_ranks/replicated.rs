@@ -5,7 +5,7 @@ use pipeline::feedback_loop::Run;
 use pipeline::feedback_loop::checkpoint::Checkpoints;
 use pipeline::ranks::Team;
 use pipeline::{Options, Plan, Render, Settings};
-use render_core::ranks::{LoggedAlone, LoggedRun, Network, Ranks};
+use render_core::ranks::{LoggedAlone, LoggedRun, LoopLog, Network, Ranks};
 use render_core::{process_seconds, scene};
 use std::sync::Arc;
 
@@ -43,6 +43,9 @@ pub fn print(arguments: &Arguments) -> anyhow::Result<()> {
         run.of_first_rank,
         run.loops.len()
     );
+    let megabytes = |of: fn(&LoopLog) -> usize| run.loops.iter().map(of).sum::<usize>() as f64 * 1e-6;
+    let (items, sums) = (megabytes(|one| one.items.bytes), megabytes(|one| one.sums.bytes));
+    println!("results of items: {items:.1} MB; sums of each rank: {sums:.1} MB");
     for (name, network) in &NETWORKS {
         println!("\n{name}\n\n| ranks | CPU s of the busiest | seconds | factor | efficiency |\n|---|---|---|---|---|");
         let one = run.on(1, network).seconds;
