@@ -59,7 +59,8 @@ pub(super) fn contradicted_pixels<R: Send + Sync>(
         is_chosen[place] = true;
     }
     let is_reached = |tile: &Tile| tile.candidates.iter().any(|&place| is_chosen[place as usize]);
-    let chosen: Vec<usize> = (0..tiles.all.len()).filter(|&index| is_reached(&tiles.all[index])).collect();
+    let wanted = picture.wanted_tiles.iter().copied();
+    let chosen: Vec<usize> = wanted.filter(|&index| is_reached(&tiles.all[index])).collect();
 
     // Predictions of all the records that count there, each found once.
     let mut candidates = tiles.used_in(picture, &chosen);

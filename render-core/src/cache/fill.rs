@@ -162,8 +162,8 @@ fn bare_pixels(picture: &Picture, tiles: &Tiles, bare: &[bool], step: usize) -> 
         }
         pixels
     };
-    let pixels: Vec<Vec<(usize, usize)>> =
-        (0..tiles.all.len()).into_par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
+    let wanted = picture.wanted_tiles.par_iter();
+    let pixels: Vec<Vec<(usize, usize)>> = wanted.map(|&index| picture.busy.measure(|| in_tile(index))).collect();
     pixels.concat()
 }
 

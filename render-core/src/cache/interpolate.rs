@@ -10,15 +10,13 @@ use rayon::prelude::*;
 /// Irradiance of every pixel by what the listed records predict, and the records it came from, ascending.
 pub(super) fn picture(picture: &Picture, tiles: &Tiles, predicted: &[Predicted]) -> (Plane<[f32; 3]>, Vec<usize>) {
     let (width, height) = picture.size();
-    let lit: Vec<(Vec<[f32; 3]>, Vec<u32>)> = (0..tiles.all.len())
-        .into_par_iter()
-        .map(|index| picture.busy.measure(|| tile(picture, tiles, index, predicted)))
-        .collect();
+    let light = |&index: &usize| picture.busy.measure(|| tile(picture, tiles, index, predicted));
+    let lit: Vec<(Vec<[f32; 3]>, Vec<u32>)> = picture.wanted_tiles.par_iter().map(light).collect();
 
     // Tiles hold their pixels row by row. The picture has them side by side.
     let mut plane = Plane::filled(width, height, [0.0; 3]);
     let mut used = Vec::new();
-    for (index, (light, of_tile)) in lit.into_iter().enumerate() {
+    for (&index, (light, of_tile)) in picture.wanted_tiles.iter().zip(lit) {
         let (columns, rows) = picture.tile_area(index);
         for (y, row) in rows.zip(light.chunks_exact(columns.len())) {
             plane.row_mut(y)[columns.clone()].copy_from_slice(row);

@@ -15,7 +15,6 @@ use super::picture::Picture;
 use super::predict::{Predicted, predictions};
 use super::record::{Light, Record};
 use super::request::Request;
-use super::spacing::clamp_to_neighbors;
 use super::tile::Tiles;
 use super::{CachedLight, Changes, IrradianceCache, Update, taught};
 use crate::gbuffer::{GBuffer, NOTHING};
@@ -164,10 +163,10 @@ impl<R: Send + Sync> IrradianceCache<R> {
         taken
     }
 
-    /// Adds records that other caches have made of the same scene, without their recipes. Those whose light or place may have
+    /// Adds records that other caches have made of the same scene, without their recipes. The radii that their neighbors there leave
+    /// them hold here. Those whose light or place may have
     /// changed since are left out.
     pub fn adopt(&mut self, shared: Vec<SharedRecord>) {
-        let before = self.records.len();
         for SharedRecord { site, estimate, note, radius_by_neighbors, share, scale, current } in shared {
             let is_late = current < self.changed || current < self.frame && site.carrier != NOTHING;
             if is_late || current > self.frame {
@@ -180,7 +179,6 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.records.push(record);
             self.made = self.made.wrapping_add(1);
         }
-        clamp_to_neighbors(&mut self.records, before, None, &Busy::default());
     }
 
     /// The light of a part, from the current ones of the records near it and those it still needs.

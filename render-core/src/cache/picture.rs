@@ -26,6 +26,8 @@ pub(super) struct Picture<'a> {
     /// Surfaces of all pixels, by macroblock, in raster order: a whole frame's sites are looked through several times,
     /// and the G-buffer holds three times as much of each.
     shown: Vec<Shown>,
+    /// Macroblocks that may have wanted pixels, ascending.
+    pub wanted_tiles: Vec<usize>,
 }
 
 /// The surface that a pixel shows.
@@ -63,16 +65,25 @@ impl From<&Site> for Shown {
 
 impl<'a> Picture<'a> {
     pub fn new(request: Request<'a>, openness: &'a Openness, known: &'a KnownNeighbors, busy: &'a Busy) -> Self {
-        let mut picture = Self { seen: request.seen, busy, request, openness, known, shown: Vec::new() };
+        let (shown, wanted_tiles) = (Vec::new(), Vec::new());
+        let mut picture = Self { seen: request.seen, busy, request, openness, known, shown, wanted_tiles };
+        picture.wanted_tiles = picture.tiles_around(0);
+
         // Each macroblock has places for all its pixels, though at the right and lower border it has fewer.
         let mut shown = vec![Shown::NOTHING; picture.tiles() * MACROBLOCK * MACROBLOCK];
-        shown.par_chunks_mut(MACROBLOCK * MACROBLOCK).enumerate().for_each(|(tile, shown)| {
-            busy.measure(|| {
-                for (shown, (x, y)) in shown.iter_mut().zip(picture.pixels(tile)) {
-                    *shown = picture.site(x, y).as_ref().map_or(Shown::NOTHING, Shown::from);
-                }
-            });
-        });
+        let mut is_wanted = vec![false; picture.tiles()];
+        for &tile in &picture.wanted_tiles {
+            is_wanted[tile] = true;
+        }
+        shown.par_chunks_mut(MACROBLOCK * MACROBLOCK).enumerate().filter(|(tile, _)| is_wanted[*tile]).for_each(
+            |(tile, shown)| {
+                busy.measure(|| {
+                    for (shown, (x, y)) in shown.iter_mut().zip(picture.pixels(tile)) {
+                        *shown = picture.site(x, y).as_ref().map_or(Shown::NOTHING, Shown::from);
+                    }
+                });
+            },
+        );
         picture.shown = shown;
         picture
     }
@@ -153,6 +164,16 @@ impl<'a> Picture<'a> {
         }
         let widened = |range: Range<usize>, end: usize| range.start.saturating_sub(margin)..end.min(range.end + margin);
         (widened(columns, width), widened(rows, height))
+    }
+
+    /// Macroblocks that have a part of that rectangle, ascending.
+    pub fn tiles_around(&self, margin: usize) -> Vec<usize> {
+        let (columns, rows) = self.wanted_area(margin);
+        let has_part = |&tile: &usize| {
+            let (across, down) = self.tile_area(tile);
+            across.start < columns.end && columns.start < across.end && down.start < rows.end && rows.start < down.end
+        };
+        (0..self.tiles()).filter(has_part).collect()
     }
 
     /// Where light is wanted at a pixel, if it is and anything there reflects.

@@ -124,10 +124,10 @@ impl Tiles {
         Self { all, lanes: Choice::best(), listed: Vec::new() }
     }
 
-    /// Tiles that records reach up to `margin` pixels around the wanted pixels.
+    /// Tiles that records reach up to `margin` pixels around the wanted pixels; the others nothing reaches.
     pub fn around(picture: &Picture, margin: usize) -> Self {
         let (columns, rows) = picture.wanted_area(margin);
-        let reached = |tile| {
+        let reached = |&tile: &usize| {
             let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
             let (across, down) = picture.tile_area(tile);
             for y in down.start.max(rows.start)..down.end.min(rows.end) {
@@ -137,9 +137,15 @@ impl Tiles {
                     }
                 }
             }
-            Tile { low, high, ..Tile::default() }
+            (low, high)
         };
-        let all = (0..picture.tiles()).into_par_iter().map(|tile| picture.busy.measure(|| reached(tile))).collect();
+        let around = picture.tiles_around(margin);
+        let boxes: Vec<(Vec3A, Vec3A)> = around.par_iter().map(|tile| picture.busy.measure(|| reached(tile))).collect();
+        let nowhere = || Tile { low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY, ..Tile::default() };
+        let mut all: Vec<Tile> = (0..picture.tiles()).map(|_| nowhere()).collect();
+        for (tile, (low, high)) in around.into_iter().zip(boxes) {
+            (all[tile].low, all[tile].high) = (low, high);
+        }
         Self { all, lanes: Choice::best(), listed: Vec::new() }
     }
 
@@ -204,8 +210,8 @@ impl Tiles {
             used.retain(is_late);
             used
         };
-        let used: Vec<Vec<u32>> =
-            (0..self.all.len()).into_par_iter().map(|index| picture.busy.measure(|| in_tile(index))).collect();
+        let wanted = picture.wanted_tiles.par_iter();
+        let used: Vec<Vec<u32>> = wanted.map(|&index| picture.busy.measure(|| in_tile(index))).collect();
 
         // All late ones are taken from the list, and those in use put back.
         let used = self.records(used.concat());
@@ -230,7 +236,7 @@ impl Tiles {
     }
 
     fn candidates_in_use(&self, picture: &Picture) -> Vec<u32> {
-        self.used_in(picture, &Vec::from_iter(0..self.all.len()))
+        self.used_in(picture, &picture.wanted_tiles)
     }
 
     /// Candidates of the `chosen` tiles that any of their pixels takes light from, some more than once.

@@ -9,13 +9,37 @@ pub struct Arguments {
     /// The film's options without its file.
     pub options: Options,
     pub is_logged: bool,
+    /// What is to be shown.
+    pub figure: Figure,
+    /// The cost that tiles have equal shares of: rays or time.
+    pub cost: String,
+    /// Ranks of the walk beside one.
+    pub ranks: usize,
+}
+
+/// What is to be shown.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Figure {
+    /// Ranks that share all work in turns.
+    Replicated,
+    /// Tiles on demand: the first frame.
+    FirstFrame,
+    /// Tiles on demand: a walk.
+    Walk,
 }
 
 impl Arguments {
     /// Reads the scene and pairs of a name and a value.
     pub fn parse(mut words: impl Iterator<Item = String>) -> Result<Self, String> {
         let scene = words.next().ok_or("which scene?")?.into();
-        let mut arguments = Self { scene, options: Options::default(), is_logged: true };
+        let mut arguments = Self {
+            scene,
+            options: Options::default(),
+            is_logged: true,
+            figure: Figure::Replicated,
+            cost: "rays".into(),
+            ranks: 16,
+        };
         let options = &mut arguments.options;
         while let Some(name) = words.next() {
             let value = words.next().ok_or_else(|| format!("{name} needs a value"))?;
@@ -24,6 +48,13 @@ impl Arguments {
                 "--size" => options.size = Some(value.parse().map_err(|error| format!("--size {value}: {error}"))?),
                 "--frames" => options.frames = Some(number()?),
                 "--samples" => options.samples = Some(number()?),
+                "--importance" => options.importance = Some(value.parse().map_err(|error| format!("{error}"))?),
+                "--tiles" if value == "first-frame" => arguments.figure = Figure::FirstFrame,
+                "--tiles" if value == "walk" => arguments.figure = Figure::Walk,
+                "--tiles" => return Err(format!("--tiles {value} is neither first-frame nor walk")),
+                "--cost" if ["rays", "time"].contains(&&*value) => arguments.cost = value,
+                "--cost" => return Err(format!("--cost {value} is neither rays nor time")),
+                "--ranks" => arguments.ranks = number()?.max(1) as usize,
                 "--log" if value == "off" => arguments.is_logged = false,
                 "--log" => return Err(format!("--log {value} is not off")),
                 _ => return Err(format!("there is no {name}")),

@@ -95,3 +95,69 @@ impl Message {
         bytes
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A record that is told apart by its first number.
+    fn record(k: u8) -> SharedRecord {
+        // Any bytes are numbers, and so a record.
+        let bytes = [&[k][..], &[0; 400]].concat();
+        SharedRecord::take(&mut &bytes[..]).expect("bytes enough for a record")
+    }
+
+    /// Each rank gets each record of all others once, whoever asks when: against lists of who has what.
+    #[test]
+    fn every_rank_is_given_what_it_lacks() {
+        const RANKS: usize = 4;
+        let mut master = Master::new(RANKS);
+        let mut all: Vec<(usize, u8)> = Vec::new();
+        let mut had = [0; RANKS];
+        let mut next = 0u8;
+        for turn in 0..60usize {
+            // Ranks in an odd order, of which the last comes rarely.
+            let rank = if turn % 11 == 10 { RANKS - 1 } else { turn * turn % (RANKS - 1) };
+            let own: Vec<u8> = (next..next + (turn % 4) as u8).collect();
+            next += own.len() as u8;
+
+            let others = master.exchange(rank, own.iter().map(|&k| record(k)).collect());
+            let lacked = all[had[rank]..].iter().filter(|(maker, _)| *maker != rank);
+            assert_eq!(others, Vec::from_iter(lacked.map(|&(_, k)| record(k))), "turn {turn}");
+            all.extend(own.iter().map(|&k| (rank, k)));
+            had[rank] = all.len();
+
+            // Nothing is kept that all ranks have.
+            assert_eq!(master.list.len(), all.len() - had.iter().min().unwrap());
+        }
+        assert!(next > 80 && had[RANKS - 1] > 0);
+    }
+
+    #[test]
+    fn tiles_are_given_once_each() {
+        let mut master = Master::new(2);
+        assert_eq!(master.next_tile(), None);
+        for tiles in [3, 0, 1] {
+            master.begin(tiles);
+            let given: Vec<u32> = std::iter::from_fn(|| master.next_tile()).collect();
+            assert_eq!(given, Vec::from_iter(0..tiles as u32));
+        }
+    }
+
+    #[test]
+    fn messages_come_back_from_their_bytes() {
+        let records = || vec![record(1), record(7)];
+        for message in [
+            Message::Ask { records: Vec::new() },
+            Message::Ask { records: records() },
+            Message::Give { tile: None, records: Vec::new() },
+            Message::Give { tile: Some(5), records: records() },
+            Message::Records { records: records() },
+        ] {
+            let bytes = message.bytes();
+            assert_eq!(Message::take(&mut &bytes[..]), Some(message));
+            assert_eq!(Message::take(&mut &bytes[..bytes.len() - 1]), None);
+        }
+        assert_eq!(Message::take(&mut &[9u8][..]), None);
+    }
+}
