@@ -70,6 +70,11 @@ pub const SCENES: &[Shipped] = &[
     Shipped {
         name: "nave",
         build: nave::build,
-        settings: Settings { exposure: 0.8, sky: None, watched: &[], frames: frames(nave::DURATION) },
+        settings: Settings {
+            exposure: 0.8,
+            sky: None,
+            watched: &["altar", "chandelier"],
+            frames: frames(nave::DURATION),
+        },
     },
 ];

@@ -13,6 +13,8 @@ pub struct Arguments {
     pub figure: Figure,
     /// The cost that tiles have equal shares of: rays or time.
     pub cost: String,
+    /// The way of records in the walk.
+    pub records: String,
     /// Ranks of the walk beside one.
     pub ranks: usize,
 }
@@ -38,6 +40,7 @@ impl Arguments {
             is_logged: true,
             figure: Figure::Replicated,
             cost: "rays".into(),
+            records: "each:16".into(),
             ranks: 16,
         };
         let options = &mut arguments.options;
@@ -54,6 +57,7 @@ impl Arguments {
                 "--tiles" => return Err(format!("--tiles {value} is neither first-frame nor walk")),
                 "--cost" if ["rays", "time"].contains(&&*value) => arguments.cost = value,
                 "--cost" => return Err(format!("--cost {value} is neither rays nor time")),
+                "--records" => arguments.records = value,
                 "--ranks" => arguments.ranks = number()?.max(1) as usize,
                 "--log" if value == "off" => arguments.is_logged = false,
                 "--log" => return Err(format!("--log {value} is not off")),

@@ -20,7 +20,7 @@ fn main() -> anyhow::Result<()> {
         Ok(arguments) => arguments,
         Err(reason) => {
             eprintln!(
-                "many_ranks: {reason}\nusage: many_ranks SCENE [--size WxH] [--frames N] [--samples N] [--log off] [--tiles first-frame|walk] [--cost rays|time] [--ranks N] [--importance MAPS]"
+                "many_ranks: {reason}\nusage: many_ranks SCENE [--size WxH] [--frames N] [--samples N] [--log off] [--tiles first-frame|walk] [--cost rays|time] [--records none|central:N|each:N] [--ranks N] [--importance MAPS]"
             );
             std::process::exit(2);
         }

@@ -48,7 +48,7 @@ pub fn walk(arguments: &Arguments) -> anyhow::Result<()> {
         "{name}\n\n| ranks | rays | tiles, s | whole film, s | factor | CPU s of the busiest | records | dB beside the first row |"
     );
     println!("|---|---|---|---|---|---|---|---|");
-    let tiles = format!("{},each:16", arguments.cost).parse().ok();
+    let tiles = format!("{},{}", arguments.cost, arguments.records).parse().ok();
     let mut first: Option<(f64, Vec<f32>)> = None;
     for count in [1, arguments.ranks] {
         let by_importance = arguments.options.importance.map(Some);

@@ -53,6 +53,19 @@ fn two_processes_make_the_film_of_one() {
     assert_eq!(sorted_names(folder.path()), ["alone.m2v", "alone.report.json", "film.m2v", "film.report.json"]);
 }
 
+/// Each rank takes tiles, with every way of records.
+#[test]
+fn processes_take_tiles_on_demand() {
+    let folder = tempfile::tempdir().unwrap();
+    for tiles in ["rays,none", "rays,central:2", "time,each:2"] {
+        let words = words(program(), &format!("--frames 4 --samples 2 --overwrite --tiles {tiles}"));
+        let Some(mut command) = mpirun(folder.path(), &[(3, words)]) else { return };
+        let output = command.output().expect("mpirun starts");
+        assert!(output.status.success() && output.stderr.is_empty(), "{tiles}: {output:?}");
+        assert_eq!(decode_ffmpeg(&folder.path().join("film.m2v"), SIZE).len(), 4, "{tiles}");
+    }
+}
+
 #[test]
 fn ranks_of_different_films_end_with_one_line() {
     let folder = tempfile::tempdir().unwrap();
