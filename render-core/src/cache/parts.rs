@@ -104,7 +104,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             }
             self.parts.near = tiles.candidates();
 
-            // Its own are brought up to date.
+            // Records that the part's pixels use are brought up to date.
             let needed = tiles.in_use(&picture);
             let carried: Vec<bool> = self.records.iter().map(|record| record.carried).collect();
             let update = self.parts.update.take().expect("the frame was begun");
@@ -189,7 +189,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         carried: &[bool],
         illumination: &I,
     ) -> CachedLight {
-        // Those near it that have this frame's light.
+        // The records near it that have this frame's light.
         let mut near = Vec::with_capacity(self.parts.near.len());
         for &index in &self.parts.near {
             if self.records[index].current >= self.changed {
@@ -216,7 +216,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
         }
         let (irradiance, used) = interpolate::picture(picture, &tiles, &predicted);
 
-        // What they took it from stays known.
+        // Sums of these predictions stay known for further samples.
         let mut known = KnownNeighbors::default();
         let listed: Vec<u32> = places.iter().map(|&place| tiles.listed[place]).collect();
         known.keep(&listed, &self.records, taught(&found), self.made);

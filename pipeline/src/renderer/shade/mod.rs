@@ -13,8 +13,7 @@
 //! | `importance` | where people look, and what that makes of samples and thresholds |
 //! | `audits`, `counts` | light found twice, and counts of the work |
 //! | `visibility`, `movement`, `macroblock`, `pixel` | rays, what has moved, and pixels as layers share them |
-//! | `tiles` | a picture cut into tiles of equal cost, for ranks that take them one by one |
-//! | `lit_frame`, `channels`, `mattes`, `state` | the result, as pictures and as bytes |
+//! | `samples`, `lit_frame`, `channels`, `mattes`, `state` | the result, as pictures and as bytes |
 
 mod all_lights;
 mod audits;
@@ -35,6 +34,7 @@ mod mattes;
 mod movement;
 mod per_pixel;
 mod pixel;
+mod samples;
 mod state;
 mod tiles;
 mod tolerance;
@@ -70,6 +70,7 @@ use plane::Plane;
 use render_core::image_file::FrameHeader;
 use render_core::ranks::{Alone, Ranks};
 use render_core::{AuditCounts, Busy, Coverage, GBuffer, InstanceShares, PixelSample, PosedScene, sample_offsets};
+use samples::{SampleSurfaces, SamplesLight};
 use std::sync::Arc;
 use tiles::Tiling;
 
@@ -385,57 +386,6 @@ impl Shading<'_> {
         put(&direct, figures);
         let light = Light { samples, coverage, cache_records: direct.records.in_use, importance };
         (LitFrame::new(&prepared.frame, light, reused), direct.audits)
-    }
-}
-
-/// Light of a frame through the places of its pixels, before it is one picture.
-#[derive(Default)]
-struct SamplesLight {
-    samples: Vec<Sample>,
-    /// Times and counts of all samples.
-    direct: Lit,
-    indirect: Lit,
-    reused: Reused,
-    importance: Option<ImportanceMap>,
-    /// Where the instances are.
-    places: Vec<Option<Place>>,
-    /// CPU time of primary rays and importance.
-    visibility: Busy,
-}
-
-/// The surfaces that pixels show through one place of each.
-struct SampleSurfaces<'f> {
-    /// Those of the G-buffer.
-    seen: &'f GBuffer,
-    /// Those of the sample, where these are others.
-    own: Option<GBuffer>,
-    /// The same with the albedo below coats, where there are any.
-    below: Option<GBuffer>,
-    /// Emitted radiance.
-    emitted: Plane<Vec3>,
-}
-
-impl SampleSurfaces<'_> {
-    /// The surfaces as layers get them.
-    fn visible<'a>(
-        &'a self,
-        prepared: &'a PreparedFrame,
-        sample: usize,
-        movement: &'a Movement,
-        ranks: &'a dyn Ranks,
-    ) -> Visible<'a> {
-        let surfaces = self.own.as_ref().unwrap_or(self.seen);
-        Visible {
-            frame: &prepared.frame,
-            surfaces,
-            matte: self.below.as_ref().unwrap_or(surfaces),
-            sample,
-            part: None,
-            motion: prepared.correspondence.as_deref(),
-            radiance: &self.emitted,
-            ranks,
-            movement,
-        }
     }
 }
 

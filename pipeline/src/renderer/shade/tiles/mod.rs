@@ -24,14 +24,16 @@ mod simulated;
 
 pub use simulated::{SimulatedFrame, SimulatedRanks};
 
+use super::Shading;
 use super::coats::Coats;
+use super::counts::RecordCounts;
 use super::importance::ImportanceMap;
 use super::layer::{Layer, Lit, Visible};
 use super::layers::Layers;
 use super::lit_frame::{Reused, Sample};
 use super::movement::Movement;
+use super::samples::{SampleSurfaces, SamplesLight};
 use super::tolerance::Tolerance;
-use super::{SampleSurfaces, SamplesLight, Shading};
 use crate::plan::{Plan, Stage};
 use crate::renderer::frame::PreparedFrame;
 use crate::settings::{RenderSettings, TileCost, TileSettings};
@@ -56,7 +58,7 @@ pub enum Crew {
 
 /// Ranks at work.
 trait Workers: Send {
-    /// How many there are.
+    /// The number of ranks.
     fn count(&self) -> usize;
 
     /// Begins a frame; this rank lights its tiles with these `layers`.
@@ -119,7 +121,7 @@ impl Tiling {
         let frame = Samples { visible: (0..most).map(of_sample).collect(), tolerance };
         self.workers.begin(&mut shading.layers, &frame.visible[0], tolerance);
 
-        // Where people look is known, or found by the light of the first sample.
+        // The importance of pixels is known, or found by the light of the first sample.
         let mut counts = [Lit::default(), Lit::default()];
         let mut seconds = Seconds::new(&frame.visible[0]);
         let mut further = 0..most;
@@ -169,6 +171,9 @@ impl Tiling {
             }
             wanted_by_sample.push(wanted);
         }
+        if wanted_by_sample.is_empty() {
+            return;
+        }
 
         // Coats share rays with the pixels around, whose tiles are others: all ranks find their light in turns.
         let mut radiances = Vec::new();
@@ -195,20 +200,22 @@ impl Tiling {
         };
         job.tiles = equal_tiles(&weight, self.settings.tiles_per_rank as usize * self.workers.count());
 
-        // Their light makes the pictures.
+        // The light of all tiles makes the pictures.
         let results = self.workers.work(&mut shading.layers, &job, counts);
         let dark = || Plane::filled(width, height, Vec3::ZERO);
         let mut pictures: Vec<Sample> =
             job.samples.iter().map(|_| Sample { direct: dark(), indirect: dark() }).collect();
-        let [_, indirect] = counts;
-        (indirect.records.in_use, indirect.records.computed) = (0, lit.indirect.records.computed);
+        let mut records = RecordCounts::default();
         for result in &results {
             job.put(result, &mut pictures);
             seconds.add(&job, result, &count);
-            lit.indirect.records.in_use += result.records_in_use;
-            lit.indirect.records.computed += result.records_computed;
+            records.in_use += result.records_in_use;
+            records.computed += result.records_computed;
         }
-        indirect.records = Default::default();
+
+        // Counts of records are those of all ranks. All others are added up later.
+        counts[1].records = RecordCounts::default();
+        lit.indirect.records += records;
         lit.samples.extend(pictures);
     }
 }

@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Ranks that one process stands for, and what it finds out about them.
 #[derive(Clone, Debug)]
 pub struct SimulatedRanks {
-    /// How many.
+    /// The number of ranks.
     pub count: usize,
     /// The network between them.
     pub network: Network,
@@ -25,7 +25,7 @@ pub struct SimulatedRanks {
 }
 
 impl SimulatedRanks {
-    /// So many ranks.
+    /// `count` ranks, before any frame.
     #[must_use]
     pub fn new(count: usize, network: Network) -> Self {
         Self { count, network, frames: Arc::default() }

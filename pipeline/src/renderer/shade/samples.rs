@@ -1,0 +1,62 @@
+//! The samples of a frame's pixels: their surfaces, and their light before it is one picture.
+
+use super::importance::ImportanceMap;
+use super::layer::{Lit, Visible};
+use super::lit_frame::{Reused, Sample};
+use super::movement::{Movement, Place};
+use crate::renderer::frame::PreparedFrame;
+use glam::Vec3;
+use plane::Plane;
+use render_core::ranks::Ranks;
+use render_core::{Busy, GBuffer};
+
+/// Light of a frame through the places of its pixels, before it is one picture.
+#[derive(Default)]
+pub(super) struct SamplesLight {
+    pub samples: Vec<Sample>,
+    /// Times and counts of all samples.
+    pub direct: Lit,
+    pub indirect: Lit,
+    pub reused: Reused,
+    pub importance: Option<ImportanceMap>,
+    /// Where the instances are.
+    pub places: Vec<Option<Place>>,
+    /// CPU time of primary rays and importance.
+    pub visibility: Busy,
+}
+
+/// The surfaces that pixels show through one place of each.
+pub(super) struct SampleSurfaces<'f> {
+    /// Those of the G-buffer.
+    pub seen: &'f GBuffer,
+    /// Those of the sample, where these are others.
+    pub own: Option<GBuffer>,
+    /// The same with the albedo below coats, where there are any.
+    pub below: Option<GBuffer>,
+    /// Emitted radiance.
+    pub emitted: Plane<Vec3>,
+}
+
+impl SampleSurfaces<'_> {
+    /// The surfaces as layers get them.
+    pub fn visible<'a>(
+        &'a self,
+        prepared: &'a PreparedFrame,
+        sample: usize,
+        movement: &'a Movement,
+        ranks: &'a dyn Ranks,
+    ) -> Visible<'a> {
+        let surfaces = self.own.as_ref().unwrap_or(self.seen);
+        Visible {
+            frame: &prepared.frame,
+            surfaces,
+            matte: self.below.as_ref().unwrap_or(surfaces),
+            sample,
+            part: None,
+            motion: prepared.correspondence.as_deref(),
+            radiance: &self.emitted,
+            ranks,
+            movement,
+        }
+    }
+}
