@@ -6,9 +6,10 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
-/// Records that a rank keeps to itself until it sends them. Ours: with 8 to 64 the number of records and the time are within 3 %.
+/// Records that a rank keeps to itself until it sends them. Ours: four frames of `nave` on 16 ranks have the same number of records
+/// within 0.5 % from 4 to 64, and a tenth more with 256.
 const BUFFER: u32 = 32;
-/// Tiles for each rank of a frame. Ours: fewer leave ranks idle at the end of a frame, more take time of their own.
+/// Tiles for each rank of a frame. Ours: with 4 the first frame of `nave` on 16 ranks took a tenth longer.
 const PER_RANK: u32 = 8;
 
 /// How ranks share a frame in tiles.

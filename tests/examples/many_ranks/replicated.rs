@@ -10,7 +10,7 @@ use render_core::{process_seconds, scene};
 use std::sync::Arc;
 
 /// Ranks to simulate.
-pub const COUNTS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
+const COUNTS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 /// The first as two ranks of Open MPI 4.1 had it on an AMD Zen 5: an all-gather took 0.4 µs for 8 bytes each, 570 µs for 1 MiB each.
 pub const NETWORKS: [(&str, Network); 2] = [
     ("memory of one machine: 1 µs, 2 GB/s", Network { latency: 1e-6, bandwidth: 2e9 }),

@@ -1,7 +1,7 @@
 //! Ranks that take tiles on demand: the figures of [Debattista05], for the same kinds of runs.
 
 use crate::arguments::Arguments;
-use crate::replicated::{COUNTS, NETWORKS};
+use crate::replicated::NETWORKS;
 use pipeline::feedback_loop::Run;
 use pipeline::feedback_loop::checkpoint::Checkpoints;
 use pipeline::feedback_loop::observe::Observer;
@@ -13,6 +13,8 @@ use render_core::ranks::{LoggedAlone, LoggedRun, Network, Ranks};
 use render_core::{process_seconds, scene};
 use std::sync::{Arc, Mutex};
 
+/// Ranks of the first frame, beside one.
+const COUNTS: [usize; 4] = [2, 4, 16, 64];
 /// Ways of records from rank to rank.
 const WAYS: [&str; 3] = ["none", "central:16", "each:16"];
 /// Share of the light of each cut that may be wrong in the picture that others are compared with.
@@ -26,9 +28,10 @@ pub fn first_frame(arguments: &Arguments) -> anyhow::Result<()> {
     let (name, network) = &NETWORKS[1];
     println!("{name}\n\n| ranks | {} |", WAYS.map(|way| format!("{way}: s, records, dB")).join(" | "));
     println!("|---|{}", "---|".repeat(WAYS.len()));
-    for count in COUNTS {
+    for count in [1].into_iter().chain(COUNTS) {
+        // One rank has nobody to send records to.
         let mut cells = Vec::new();
-        for way in WAYS {
+        for way in WAYS.into_iter().take(if count == 1 { 1 } else { WAYS.len() }) {
             let tiles = format!("{},{way}", arguments.cost).parse().ok();
             let options = one(merged(arguments, Options { tiles, ..Options::default() }));
             let made = film(arguments, options, Some((count, *network)))?;

@@ -25,10 +25,10 @@ pub struct SimulatedRanks {
 }
 
 impl SimulatedRanks {
-    /// `count` ranks, before any frame.
+    /// `count` ranks, at least one, before any frame.
     #[must_use]
     pub fn new(count: usize, network: Network) -> Self {
-        Self { count, network, frames: Arc::default() }
+        Self { count: count.max(1), network, frames: Arc::default() }
     }
 
     /// The frames so far.
