@@ -97,7 +97,7 @@ impl<R: Send + Sync> IrradianceCache<R> {
             let mut tiles = Tiles::around(&picture, MARGIN);
             tiles.list(&picture, &self.records, 0..self.records.len());
             let (needed, before) = (tiles.in_use(&picture), self.records.len());
-            self.without_superfluous(&picture, &tiles, needed);
+            let needed = self.without_superfluous(&picture, &tiles, needed);
             if self.records.len() < before {
                 tiles.clear();
                 tiles.list(&picture, &self.records, 0..self.records.len());
@@ -105,7 +105,6 @@ impl<R: Send + Sync> IrradianceCache<R> {
             self.parts.near = tiles.candidates();
 
             // Records that the part's pixels use are brought up to date.
-            let needed = tiles.in_use(&picture);
             let carried: Vec<bool> = self.records.iter().map(|record| record.carried).collect();
             let update = self.parts.update.take().expect("the frame was begun");
             let computed = self.bring_up_to_date(&needed, &update, illumination, (request.ranks, busy));

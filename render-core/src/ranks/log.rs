@@ -1,10 +1,10 @@
 //! Costs of shared loops, as the only rank finds them: from these a simulation tells what any number of ranks would take.
 
-use super::{Portable, Ranks, Turn};
+use super::{Alone, Portable, Ranks, Turn};
 use crate::busy::thread_nanoseconds;
 use std::sync::{Mutex, PoisonError};
 
-/// The only rank, which keeps a log of its shared loops. Its results are those of [`Alone`](super::Alone).
+/// The only rank, which keeps a log of its shared loops. Its results are those of [`Alone`].
 #[derive(Debug, Default)]
 pub struct LoggedAlone {
     log: WorkLog,
@@ -12,23 +12,23 @@ pub struct LoggedAlone {
 
 impl Ranks for LoggedAlone {
     fn rank(&self) -> usize {
-        0
+        Alone.rank()
     }
 
     fn count(&self) -> usize {
-        1
+        Alone.count()
     }
 
     fn all_gather(&self, own: Vec<u8>) -> Vec<Vec<u8>> {
-        vec![own]
+        Alone.all_gather(own)
     }
 
     fn gather(&self, own: Vec<u8>) -> Option<Vec<Vec<u8>>> {
-        Some(vec![own])
+        Alone.gather(own)
     }
 
     fn broadcast(&self, own: Vec<u8>) -> Vec<u8> {
-        own
+        Alone.broadcast(own)
     }
 
     fn log(&self) -> Option<&WorkLog> {

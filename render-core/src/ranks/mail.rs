@@ -62,7 +62,7 @@ struct Arrived {
 }
 
 impl Inbox {
-    /// An empty one of a rank with so many `others`.
+    /// An empty inbox of a rank beside which there are `others` ranks.
     #[must_use]
     pub fn new(others: usize) -> Self {
         Self { others, arrived: Mutex::default(), changed: Condvar::new() }

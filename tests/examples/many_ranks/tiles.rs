@@ -102,7 +102,7 @@ impl Observer for Luma {
     }
 }
 
-/// Makes a film on so many ranks, if any are to be simulated. What is not in tiles they share as all films do.
+/// Makes a film, with tiles on the simulated `ranks` if there are any. Work outside of tiles is shared in turns.
 fn film(arguments: &Arguments, options: Options, ranks: Option<(usize, Network)>) -> anyhow::Result<Made> {
     let (folder, before) = (tempfile::tempdir()?, process_seconds());
     let options = Options { output: Some(folder.path().join("film.m2v")), ..options };

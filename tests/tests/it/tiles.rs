@@ -68,7 +68,7 @@ impl Film {
         Made { frames: frames.0.into_inner().unwrap(), bytes, report }
     }
 
-    /// By so many ranks, each a thread.
+    /// The film by `count` ranks, each a thread.
     fn by_ranks(&self, count: usize) -> Made {
         let plan = Plan::new(&self.scene, &self.settings.renderer());
         let checkpoints = Checkpoints::off();
@@ -94,7 +94,7 @@ impl Film {
         })
     }
 
-    /// By so many imagined ranks, and what these tell.
+    /// The film by `count` simulated ranks, and their times and counts.
     fn simulated(&self, count: usize, network: Network) -> (Made, Vec<SimulatedFrame>) {
         let plan = Plan::new(&self.scene, &self.settings.renderer());
         let checkpoints = Checkpoints::off();

@@ -27,18 +27,18 @@ pub(super) struct SamplesLight {
 
 /// The surfaces that pixels show through one place of each.
 pub(super) struct SampleSurfaces<'f> {
-    /// Those of the G-buffer.
+    /// Surfaces in the middle of each pixel, as the G-buffer has them.
     pub seen: &'f GBuffer,
-    /// Those of the sample, where these are others.
+    /// Surfaces at the sample's place; none if it is the middle of the pixel.
     pub own: Option<GBuffer>,
-    /// The same with the albedo below coats, where there are any.
+    /// Surfaces at the sample's place with the albedo below their coats; none in scenes without coats.
     pub below: Option<GBuffer>,
-    /// Emitted radiance.
+    /// Radiance that each pixel's surface emits \[W·m⁻²·sr⁻¹\].
     pub emitted: Plane<Vec3>,
 }
 
 impl SampleSurfaces<'_> {
-    /// The surfaces as layers get them.
+    /// The surfaces as [`Layer`](super::layer::Layer) takes them, for sample number `sample`.
     pub fn visible<'a>(
         &'a self,
         prepared: &'a PreparedFrame,

@@ -2,11 +2,11 @@
 
 use super::Workers;
 use super::job::{Job, TileLight};
-use super::master::{Master, Message};
+use super::master::{Master, Message, Outbox, Outgoing};
 use crate::renderer::shade::layer::{Lit, Visible};
 use crate::renderer::shade::layers::Layers;
 use crate::renderer::shade::tolerance::Tolerance;
-use crate::settings::{RecordSharing, TileSettings};
+use crate::settings::TileSettings;
 use render_core::cache::SharedRecord;
 use render_core::ranks::{Mail, Portable, Ranks};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -24,7 +24,7 @@ pub(super) struct Team {
     /// Records of other ranks that are not yet in the cache.
     inbox: Mutex<Vec<SharedRecord>>,
     /// Records that no other rank has.
-    outbox: Vec<SharedRecord>,
+    outbox: Outbox,
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -35,7 +35,7 @@ impl Team {
     /// This rank, before any frame.
     pub fn new(settings: TileSettings, mail: Arc<dyn Mail>, ranks: Arc<dyn Ranks>) -> Self {
         let master = Mutex::new(Master::new(mail.count()));
-        Self { settings, mail, ranks, master, inbox: Mutex::default(), outbox: Vec::new() }
+        Self { settings, mail, ranks, master, inbox: Mutex::default(), outbox: Outbox::default() }
     }
 
     /// Answers the other ranks until each has been told that no tile is left.
@@ -92,24 +92,20 @@ impl Team {
     fn take_tiles(
         &self,
         layers: &mut Layers,
-        outbox: &mut Vec<SharedRecord>,
+        outbox: &mut Outbox,
         (job, counts): (&Job, &mut [Lit; 2]),
     ) -> Vec<TileLight> {
         let mut lit = Vec::new();
         loop {
             // Records of this rank go to others when there are enough of them.
-            let is_full = outbox.len() >= self.settings.buffer as usize;
-            let mut to_master = Vec::new();
-            match self.settings.records {
-                RecordSharing::None => outbox.clear(),
-                RecordSharing::Central if is_full => to_master = std::mem::take(outbox),
-                RecordSharing::Each if is_full => self.send_to_each(std::mem::take(outbox)),
-                RecordSharing::Central | RecordSharing::Each => {}
+            let Outgoing { to_master, to_each } = outbox.due(&self.settings);
+            if !to_each.is_empty() {
+                self.send_to_each(to_each);
             }
             let Some(tile) = self.ask(to_master) else { return lit };
             layers.adopt(std::mem::take(&mut *locked(&self.inbox)));
             lit.push(job.light(tile, layers, counts));
-            outbox.extend(layers.take_records());
+            outbox.add(layers.take_records());
         }
     }
 

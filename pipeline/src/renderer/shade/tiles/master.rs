@@ -1,5 +1,6 @@
 //! Rank 0 as the master: it hands out tiles, and keeps the list of a centralized cache.
 
+use crate::settings::{RecordSharing, TileSettings};
 use render_core::cache::SharedRecord;
 use render_core::ranks::Portable;
 
@@ -16,12 +17,12 @@ pub(super) struct Master {
 }
 
 impl Master {
-    /// The master of so many ranks.
+    /// A master of this number of `ranks`, without tiles or records.
     pub fn new(ranks: usize) -> Self {
         Self { tiles: 0, next: 0, list: Vec::new(), first: 0, given: vec![0; ranks] }
     }
 
-    /// Has so many tiles to hand out from now on.
+    /// Begins to hand out tiles 0 … `tiles` − 1.
     pub fn begin(&mut self, tiles: usize) {
         (self.tiles, self.next) = (tiles as u32, 0);
     }
@@ -49,6 +50,44 @@ impl Master {
         self.list.drain(..all_have - self.first);
         self.first = all_have;
         others
+    }
+}
+
+/// The records of a rank that no other rank has.
+#[derive(Debug, Default)]
+pub(super) struct Outbox(Vec<SharedRecord>);
+
+/// Records that are to be sent now, by their way; most of the time there are none.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Outgoing {
+    /// With the next question to rank 0.
+    pub to_master: Vec<SharedRecord>,
+    /// To each other rank.
+    pub to_each: Vec<SharedRecord>,
+}
+
+impl Outbox {
+    /// Adds records that the rank has made.
+    pub fn add(&mut self, made: Vec<SharedRecord>) {
+        self.0.extend(made);
+    }
+
+    /// Takes the records that are due: all, when there are enough of them.
+    pub fn due(&mut self, settings: &TileSettings) -> Outgoing {
+        let mut due = Outgoing::default();
+        let is_full = self.0.len() >= settings.buffer as usize;
+        match settings.records {
+            RecordSharing::None => self.0.clear(),
+            RecordSharing::Central if is_full => due.to_master = std::mem::take(&mut self.0),
+            RecordSharing::Each if is_full => due.to_each = std::mem::take(&mut self.0),
+            RecordSharing::Central | RecordSharing::Each => {}
+        }
+        due
+    }
+
+    /// Forgets all records.
+    pub fn clear(&mut self) {
+        self.0.clear();
     }
 }
 
@@ -131,6 +170,21 @@ mod tests {
             assert_eq!(master.list.len(), all.len() - had.iter().min().unwrap());
         }
         assert!(next > 80 && had[RANKS - 1] > 0);
+    }
+
+    /// For each way: nothing before the buffer is full, then all at once, by that way.
+    #[test]
+    fn records_go_out_when_there_are_enough() {
+        for (text, by_master, by_each) in [("rays,none", 0, 0), ("rays,central:3", 3, 0), ("rays,each:3", 0, 3)] {
+            let settings: TileSettings = text.parse().unwrap();
+            let mut outbox = Outbox::default();
+            outbox.add(vec![record(1), record(2)]);
+            assert_eq!(outbox.due(&settings), Outgoing::default(), "{text}");
+            outbox.add(if text == "rays,none" { Vec::new() } else { vec![record(3)] });
+            let due = outbox.due(&settings);
+            assert_eq!((due.to_master.len(), due.to_each.len()), (by_master, by_each), "{text}");
+            assert_eq!(outbox.due(&settings), Outgoing::default(), "{text}");
+        }
     }
 
     #[test]

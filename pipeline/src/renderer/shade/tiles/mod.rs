@@ -258,8 +258,8 @@ impl Seconds {
     }
 }
 
-/// Cost of pixels with so many samples, each as dear as it was on the same surface in the frame before. One that was not seen then
-/// costs what was spent at its place.
+/// Predicted CPU time of each pixel \[s\]: its `count` of samples times the time of a sample `before`, in the frame before, on the same
+/// surface. For a surface that was not seen then, the time at the same pixel is taken.
 fn predicted(before: &Plane<f32>, count: &Plane<f32>, motion: Option<&Correspondence>) -> Plane<f32> {
     let samples = before.samples();
     Plane::from_fn(count.width(), count.height(), |x, y| {

@@ -3,11 +3,11 @@
 
 use super::Workers;
 use super::job::{Job, TileLight};
-use super::master::{Master, Message};
+use super::master::{Master, Message, Outbox, Outgoing};
 use crate::renderer::shade::layer::{Lit, Visible};
 use crate::renderer::shade::layers::Layers;
 use crate::renderer::shade::tolerance::Tolerance;
-use crate::settings::{RecordSharing, TileSettings};
+use crate::settings::TileSettings;
 use rayon::ThreadPool;
 use render_core::Busy;
 use render_core::cache::SharedRecord;
@@ -61,7 +61,7 @@ pub struct SimulatedFrame {
 struct Rank {
     /// None for rank 0, whose layers are those of this process.
     layers: Option<Layers>,
-    outbox: Vec<SharedRecord>,
+    outbox: Outbox,
     /// Records on their way, with the time at which they come.
     coming: Vec<(f64, Vec<SharedRecord>)>,
     /// Time since the begin of the job, and from which on its line is free \[s\].
@@ -88,7 +88,7 @@ impl SimulatedTeam {
     pub fn new(settings: TileSettings, ranks: SimulatedRanks, layers: impl Fn() -> Layers) -> Self {
         let rank = |number: usize| Rank {
             layers: (number > 0).then(&layers),
-            outbox: Vec::new(),
+            outbox: Outbox::default(),
             coming: Vec::new(),
             clock: 0.0,
             line_free: 0.0,
@@ -101,7 +101,7 @@ impl SimulatedTeam {
         Self { settings, ranks, all, master, pool, frame: SimulatedFrame::default() }
     }
 
-    /// The time that so many bytes take a line.
+    /// The time for which a message of `bytes` bytes occupies a network connection \[s\].
     fn transfer(&self, bytes: usize) -> f64 {
         bytes as f64 / self.ranks.network.bandwidth
     }
@@ -171,17 +171,9 @@ impl SimulatedTeam {
 
     /// A step of a rank: its records go out, it takes a tile and lights it. None if there is no tile for it.
     fn step(&mut self, rank: usize, own: &mut Layers, (job, counts): (&Job, &mut [Lit; 2])) -> Option<TileLight> {
-        let outbox = &mut self.all[rank].outbox;
-        let is_full = outbox.len() >= self.settings.buffer as usize;
-        let mut to_master = Vec::new();
-        match self.settings.records {
-            RecordSharing::None => outbox.clear(),
-            RecordSharing::Central if is_full => to_master = std::mem::take(outbox),
-            RecordSharing::Each if is_full => {
-                let records = std::mem::take(outbox);
-                self.send_to_each(rank, records);
-            }
-            RecordSharing::Central | RecordSharing::Each => {}
+        let Outgoing { to_master, to_each } = self.all[rank].outbox.due(&self.settings);
+        if !to_each.is_empty() {
+            self.send_to_each(rank, to_each);
         }
         let tile = self.ask(rank, to_master)?;
         let (arrived, before) = (self.arrived(rank), self.all[rank].busy);
@@ -190,7 +182,7 @@ impl SimulatedTeam {
             (job.light(tile, layers, counts), layers.take_records())
         });
         lit.seconds = self.all[rank].busy - before;
-        self.all[rank].outbox.extend(made);
+        self.all[rank].outbox.add(made);
         Some(lit)
     }
 }
