@@ -3,6 +3,7 @@
 //! The decoders are `ffmpeg` and `mpeg2dec`, which `.ci/run` installs. The program is built with the tests.
 #![forbid(unsafe_code)]
 
+mod blocks;
 mod decoders;
 mod exchange;
 pub mod fuzz;
@@ -12,6 +13,7 @@ mod program;
 mod replay;
 mod tools;
 
+pub use blocks::{Blocks, Comparison};
 pub use decoders::{decode_ffmpeg, decode_mpeg2dec, read_y4m, tolerant_frame_count};
 pub use exchange::Exchange;
 pub use glb::{Glb, Moving, Quad, checkered_room, furnace, textured_square};

@@ -3,50 +3,12 @@
 //! Films are compared with paths by blocks of 8×8 pixels, what glows left out.
 
 use glam::{Vec3, vec3};
-use render_core::{image_file::read_exr, luminance};
 use std::path::Path;
-use tests::{Glb, Quad, cornell, render, render2mpeg};
-
-/// Pixels along the side of a block.
-const BLOCK: usize = 8;
-/// Blocks darker than this share of the mean are left out: paths tell little about them.
-const DARK: f32 = 0.05;
+use tests::{Blocks, Comparison, Glb, Quad, cornell};
 
 /// Light of a film over that by paths, for each block, in rising order.
 fn ratios(folder: &Path, scene: &Path, side: usize, paths: u32) -> Vec<f32> {
-    let size = format!("{side}x{side}");
-    render(folder, "film", scene, &format!("--size {size} --frames 1 --antialiasing off --exr linear"));
-    let film = read_exr(&folder.join("linear/frame_00000.exr")).unwrap();
-    let reference = |more: &str| {
-        let scene = scene.to_str().expect("a path in UTF-8");
-        let arguments = format!("--center --size {size} -o paths.exr -q --overwrite {more}");
-        let arguments: Vec<&str> = ["reference", scene].into_iter().chain(arguments.split_whitespace()).collect();
-        let finished = render2mpeg(folder, &arguments);
-        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
-        read_exr(&folder.join("paths.exr")).unwrap()
-    };
-    let (glowing, truth) = (reference("--bounces 0 --spp 1"), reference(&format!("--spp {paths}")));
-
-    // Sums over blocks of pixels that do not glow.
-    let mut blocks = Vec::new();
-    for (left, top) in (0..side).step_by(BLOCK).flat_map(|y| (0..side).step_by(BLOCK).map(move |x| (x, y))) {
-        let (mut found, mut expected, mut count) = (0.0, 0.0, 0);
-        for (x, y) in (top..top + BLOCK).flat_map(|y| (left..left + BLOCK).map(move |x| (x, y))) {
-            if glowing.get(x, y) == Vec3::ZERO {
-                found += luminance(film.get(x, y));
-                expected += luminance(truth.get(x, y));
-                count += 1;
-            }
-        }
-        if count >= BLOCK * BLOCK / 4 {
-            blocks.push((found / count as f32, expected / count as f32));
-        }
-    }
-    let mean = blocks.iter().map(|(_, expected)| expected).sum::<f32>() / blocks.len() as f32;
-    let lit = blocks.into_iter().filter(|(_, expected)| *expected > DARK * mean);
-    let mut ratios: Vec<f32> = lit.map(|(found, expected)| found / expected).collect();
-    ratios.sort_by(f32::total_cmp);
-    ratios
+    Blocks::of(folder, scene, Comparison { side, paths, ..Comparison::default() }).ratios()
 }
 
 /// The median block is within a hundredth of paths, and the `share` of the blocks is within a twentieth.
