@@ -6,17 +6,20 @@
 mod exposure;
 mod grid;
 mod patches;
+mod sight;
 mod surfels;
 
 use exposure::Eye;
 use grid::Grid;
 pub(crate) use grid::{SplatScratch, Spot};
 use patches::Patches;
-pub(crate) use surfels::{SurfelMap, Surfels};
+pub(crate) use sight::Sight;
+pub(crate) use surfels::{Moved, SurfelMap, Surfels};
 
 use crate::Units;
 use crate::accel::Geometry;
 use crate::luminance;
+use crate::photon::{AnchorFlux, SweptVolume};
 use crate::scene::Scene;
 use crate::surface::Surfaces;
 use glam::{Vec3, Vec3A};
@@ -90,6 +93,11 @@ pub struct Anchors {
     pub(crate) surfels: Surfels,
 }
 
+impl Anchor {
+    /// Holds a place in a list until it is filled.
+    const NOWHERE: Self = Self { position: Vec3A::ZERO, normal: Vec3A::ZERO, instance: 0 };
+}
+
 impl Anchors {
     /// Spreads `fixed` anchors over static surfaces and `dynamic` ones over those that move.
     #[must_use]
@@ -131,8 +139,8 @@ impl Anchors {
         let outlooks = outlooks_of(&anchors, &anchors.fixed);
         let (places, outlooks) = exposure::exposed(&anchors.fixed, outlooks);
         anchors.fixed = places;
-        let surfels = Surfels::of_exposed(&anchors, &outlooks, surfaces, accelerator, units);
-        Self { surfels, ..anchors }
+        anchors.surfels = Surfels::of_exposed(&mut anchors, &outlooks, surfaces, accelerator, units);
+        anchors
     }
 
     /// No anchors, with the share of surface that each of `count` fixed ones would have: it bounds the geometry terms of lamps
@@ -155,10 +163,15 @@ impl Anchors {
         Arc::make_mut(&mut self.surfels.fixed).promote(&mut self.fixed, &is_bright);
     }
 
-    /// The flux of the fixed anchors, from that which photons left at the fixed surfels \[W\].
+    /// Expects moving things within the `swept` space: light that is left near it is shared out by what is in sight in each frame.
+    pub fn expect_movement(&mut self, swept: &SweptVolume) {
+        Arc::make_mut(&mut self.surfels.fixed).expect_movement(swept, &self.fixed, self.area_share);
+    }
+
+    /// The flux of the fixed anchors, from that which photons left at the fixed surfels in a frame \[W\].
     #[must_use]
-    pub fn fixed_flux(&self, of_surfels: &[Vec3]) -> Vec<Vec3> {
-        self.surfels.fixed.anchor_flux(of_surfels, self.fixed.len())
+    pub fn fixed_flux(&self, of_frame: &AnchorFlux) -> Vec<Vec3> {
+        self.surfels.fixed.anchor_flux(&of_frame.surfels[0], &of_frame.moved, self.fixed.len())
     }
 
     fn without_surfels(surfaces: &Surfaces, units: &Units, fixed: usize, dynamic: usize) -> Self {

@@ -2,15 +2,16 @@
 
 use crate::accel::Hit;
 use crate::environment::SkySample;
+use crate::photon::{SeenLight, Start};
 use crate::polygon::Polygon;
 use crate::sampling::{
-    Distribution, Pick, centered_sobol, concentric_disc, cosine_hemisphere, frame, halton, hammersley, radical_inverse,
-    triangle, uniform_sphere,
+    Distribution, Pick, centered_sobol, concentric_disc, cosine_hemisphere, disc_to_square, frame, hammersley,
+    radical_inverse, triangle, uniform_sphere,
 };
 use crate::scene::{PunctualKind, PunctualLight, Scene, mesh_interpolate};
 use crate::surface::Surfaces;
 use crate::{Units, luminance};
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A, Vec4};
 
 /// A glowing surface: all emissive triangles of one instance.
 #[derive(Clone, Debug)]
@@ -216,14 +217,22 @@ impl PhotonSource<'_> {
         &self.powers
     }
 
-    /// Photon `index` of `count`.
-    #[must_use]
-    pub fn emit(&self, surfaces: &Surfaces, seed: u64, index: u64, count: u64) -> EmittedPhoton {
-        let u = |dimension| halton(seed, index, dimension);
-        let Pick { index: light, probability, rest } = self.choice.pick(f64::from(u(0)));
+    /// Lights by power.
+    pub(crate) fn choice(&self) -> &Distribution {
+        &self.choice
+    }
+
+    /// How many lights are not infinitely far away; these come first.
+    pub(crate) fn near_lights(&self) -> usize {
+        self.emitters.areas.len() + self.emitters.points.len()
+    }
+
+    /// The photon with this start, of `count`.
+    pub(crate) fn emit(&self, surfaces: &Surfaces, start: Start, count: u64) -> EmittedPhoton {
+        let Start { light, rest, place, way, density } = start;
         let from_moving = self.emitters.moving.get(light).copied().unwrap_or(false);
-        let share = 1.0 / (probability as f32 * count as f32);
-        let (e, place, way) = (self.emitters, Vec2::new(u(1), u(2)), Vec2::new(u(3), u(4)));
+        let share = 1.0 / (density * count as f32);
+        let e = self.emitters;
         if let Some(area) = e.areas.get(light) {
             let sample = area.sample(surfaces, area.point(rest, place), way.x, 0.0);
             // The same number chose the side; what it has left over is as good as new.
@@ -259,18 +268,81 @@ impl PhotonSource<'_> {
         }
         let light = light - e.points.len();
         let disc_area = std::f32::consts::PI * self.radius * self.radius;
-        let (towards, flux) = match e.suns.get(light) {
-            Some(sun) => (sun.direction(way), sun.irradiance * (disc_area * share)),
-            None => {
-                let sky = self.scene.sky.as_ref().expect("the last power is the sky's");
-                let SkySample { direction: towards, pdf } = sky.sample(way);
-                (towards.into(), sky.radiance(towards) * (disc_area * share / pdf))
-            }
-        };
+        let (towards, irradiance) = self.from_afar(light, way);
+        let flux = irradiance * (disc_area * share);
         let (x, y) = frame(towards.into());
         let on_disc = concentric_disc(place) * self.radius;
         let origin = self.center + towards * (self.radius * 1.01) + Vec3A::from(x * on_disc.x + y * on_disc.y);
         EmittedPhoton { origin, direction: -towards, flux, from_moving, distant: true }
+    }
+
+    /// A direction towards light number `light` of those infinitely far away, drawn with `way`, and the irradiance from it.
+    fn from_afar(&self, light: usize, way: Vec2) -> (Vec3A, Vec3) {
+        match self.emitters.suns.get(light) {
+            Some(sun) => (sun.direction(way), sun.irradiance),
+            None => {
+                let sky = self.scene.sky.as_ref().expect("the last power is the sky's");
+                let SkySample { direction, pdf } = sky.sample(way);
+                (direction.into(), sky.radiance(direction) / pdf)
+            }
+        }
+    }
+
+    /// One of the lights close by with the chance that `which` (0…1) gives it, half by power and half evenly; and all lights
+    /// that are infinitely far away.
+    pub(crate) fn some_lights(&self, which: f32) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let near = self.near_lights();
+        let power: f64 = (0..near).map(|light| self.choice.probability(light)).sum();
+        let count = near as f64;
+        let chance = |light: usize| {
+            0.5 / count + if power > 0.0 { 0.5 * self.choice.probability(light) / power } else { 0.5 / count }
+        };
+        let (mut left, mut chosen) = (f64::from(which), None);
+        for light in 0..near {
+            chosen = Some((light, chance(light)));
+            left -= chance(light);
+            if left < 0.0 {
+                break;
+            }
+        }
+        chosen.into_iter().chain((near..self.powers.len()).map(|light| (light, 1.0)))
+    }
+
+    /// How `light` lights a place with this position and unit normal, by a point or direction drawn with two pairs of numbers in
+    /// 0…1; `None` if it does not.
+    pub(crate) fn towards(
+        &self,
+        surfaces: &Surfaces,
+        light: usize,
+        (position, normal): (Vec3A, Vec3A),
+        (place, way): (Vec2, Vec2),
+    ) -> Option<SeenLight> {
+        let e = self.emitters;
+        let facing = |towards: Vec3A| Some(towards.dot(normal)).filter(|cosine| *cosine > 0.0);
+        if let Some(area) = e.areas.get(light) {
+            let sample = area.sample(surfaces, area.point(f64::from(way.x), place), way.y, 0.0);
+            let (distance, towards) =
+                ((sample.position - position).length(), (sample.position - position).try_normalize()?);
+            let cosines = facing(towards)? * sample.normal.dot(-towards).max(0.0);
+            // Bounded, as a point close by would outshine all others.
+            let irradiance = sample.intensity * cosines / (distance * distance + area.area / std::f32::consts::PI);
+            return Some(SeenLight { irradiance, towards, end: Some(sample.position), start: Vec4::ZERO });
+        }
+        if let Some(point) = e.points.get(light - e.areas.len()) {
+            let way = point.position - position;
+            let towards = way.try_normalize()?;
+            let least = (1e-3 * self.radius).powi(2);
+            let irradiance = point.intensity_towards(position) * (facing(towards)? / (way.length_squared() + least));
+            return Some(SeenLight { irradiance, towards, end: Some(point.position), start: Vec4::ZERO });
+        }
+        let (towards, irradiance) = self.from_afar(light - self.near_lights(), way);
+        let irradiance = irradiance * facing(towards)?;
+        // The inverse of the way that a photon starts.
+        let (x, y) = frame(towards.into());
+        let to = position - self.center;
+        let on_disc = Vec2::new(to.dot(x.into()), to.dot(y.into())) / self.radius;
+        let place = disc_to_square(on_disc).clamp(Vec2::ZERO, Vec2::splat(1.0 - f32::EPSILON));
+        Some(SeenLight { irradiance, towards, end: None, start: Vec4::new(place.x, place.y, way.x, way.y) })
     }
 }
 

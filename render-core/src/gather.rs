@@ -16,7 +16,7 @@
 
 mod gap;
 
-use crate::anchor::{Anchors, Spot, SurfelMap};
+use crate::anchor::{Anchors, Moved, Sight, Spot, SurfelMap};
 use crate::direct::{Lamps, ShadingPoint};
 use crate::photon::AnchorFlux;
 use crate::sampling::{centered_sobol, concentric_disc, frame, hash_unit};
@@ -147,8 +147,8 @@ impl FinalGather {
         let scene = surfaces.scene();
         let fixed = anchors.surfels.fixed.clone();
         let dynamic = anchors.surfels.dynamic_in_world(surfaces);
-        let mut radiance = fixed.radiance(&anchor_flux.surfels[0]);
-        radiance.extend(dynamic.radiance(&anchor_flux.surfels[1]));
+        let mut radiance = fixed.radiance(&anchor_flux.surfels[0], &anchor_flux.moved);
+        radiance.extend(dynamic.radiance(&anchor_flux.surfels[1], &Moved::default()));
         Self {
             fixed,
             dynamic,
@@ -240,7 +240,7 @@ impl FinalGather {
             let seen = Seen { surface, distance: hit.distance, source };
             let mut random = (0..).map(|k| hash_unit(key, above, k));
             let seen = self.gaps.follow(scene, seen, &mut random, &mut found);
-            self.take(&seen, &mut found);
+            self.take(&seen, scene, &mut found);
         }
         found.harmonic_mean = above as f32 / inverse_distances;
         // Records keep it for many frames.
@@ -264,20 +264,20 @@ impl FinalGather {
     /// Radiance that `surface` of `instance` reflects of all light, by its surfels and as accurate as they are dense
     /// \[W·m⁻²·sr⁻¹\].
     #[must_use]
-    pub fn surfel_radiance(&self, surface: &Surface, instance: u32) -> Vec3 {
+    pub fn surfel_radiance(&self, scene: PosedScene, surface: &Surface, instance: u32) -> Vec3 {
         let dynamic = self.moving[instance as usize];
         let (surfels, first) = self.surfels(dynamic);
         let mut sum = Vec3::ZERO;
         let (position, normal) = (surface.position, surface.geometric_normal);
         let spot = Spot { position, normal, instance, only_own: dynamic, came: None };
-        surfels.splat(&spot, |surfel, weight| {
+        surfels.splat(&spot, self.sight(dynamic, scene).as_ref(), |surfel, weight| {
             sum += self.radiance[first + surfel] * weight;
         });
         sum
     }
 
     /// Notes the surfel that stands for the surface of `seen`.
-    fn take(&self, seen: &Seen, found: &mut Gathered) {
+    fn take(&self, seen: &Seen, scene: PosedScene, found: &mut Gathered) {
         let Seen { surface, source, .. } = seen;
         if surface.is_back() {
             return;
@@ -286,9 +286,14 @@ impl FinalGather {
         let (surfels, first) = self.surfels(dynamic);
         let (position, normal) = (surface.position, surface.geometric_normal);
         let spot = Spot { position, normal, instance: surface.instance, only_own: dynamic, came: None };
-        if let Some(surfel) = surfels.nearest(&spot) {
+        if let Some(surfel) = surfels.nearest(&spot, self.sight(dynamic, scene).as_ref()) {
             found.sources.push(SurfelShare { surfel: (first + surfel) as u32, ..*source });
         }
+    }
+
+    /// Sight among surfels at rest; those of moving things take all that is theirs.
+    fn sight<'s>(&self, dynamic: bool, scene: PosedScene<'s>) -> Option<Sight<'s>> {
+        (!dynamic).then_some(Sight { accelerator: scene.accelerator, epsilon: self.gaps.epsilon })
     }
 
     /// The dynamic or the fixed surfels, and the index of the first of them in `radiance`.
@@ -361,6 +366,7 @@ mod tests {
             reflected: Vec3::ZERO,
             lost: Vec3::ZERO,
             traced: 0,
+            moved: Moved::default(),
         };
         let units = Units::of(scene);
         let gather = FinalGather::new(&surfaces, &anchors, &anchor_flux, &units);

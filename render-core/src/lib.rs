@@ -48,7 +48,7 @@ pub use gbuffer::{
     SurfacePart,
 };
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling, path_traced};
-pub use photon::{AnchorFlux, Photons, SweptVolume};
+pub use photon::{AnchorFlux, Guide, GuideSearch, Photons, SweptVolume};
 pub use posed_scene::PosedScene;
 pub use reconstruct::{reconstruct, reconstruct_counted, sample_offsets};
 pub use surface::{Paint, Surface, Surfaces};

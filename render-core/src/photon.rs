@@ -7,17 +7,22 @@
 //! which photons are traced again. So the ways of all are traced once up to where anything that moves could meet them
 //! ([`Photons::with_swept_volume`]), and the bits are those of tracing them whole.
 
+mod boxes;
+mod guide;
 mod path;
 mod quanta;
 mod swept;
 
+pub use guide::{Guide, GuideSearch};
+pub(crate) use guide::{SeenLight, Start};
 pub use swept::SweptVolume;
 
-use crate::anchor::{Anchors, SurfelMap};
+use crate::anchor::{Anchors, Moved, Sight, SurfelMap};
 use crate::emitter::Emitters;
 use crate::ranks::{Alone, Meter, Ranks, Turn, sum_of_all};
 use crate::{Busy, PosedScene, Timed, Units};
 use glam::Vec3;
+use guide::Starts;
 use path::{LONGEST_PATH, Leg, Path, Walk};
 use quanta::{Left, Quantum, Sums};
 use rayon::prelude::*;
@@ -42,6 +47,8 @@ pub struct AnchorFlux {
     /// Photons that this rank traced for the frame, whole or from where something may have moved into their way. The flux of all
     /// others is known from the frames before, or from other ranks.
     pub traced: u64,
+    /// What moving things hide of surfels.
+    pub(crate) moved: Moved,
 }
 
 /// The photons of a scene, frame after frame.
@@ -50,6 +57,7 @@ pub struct Photons {
     count: u64,
     seed: u64,
     bounces: usize,
+    guide: Option<Arc<Guide>>,
     swept: Option<SweptVolume>,
     settled: Option<Settled>,
     ranks: Arc<dyn Ranks>,
@@ -102,6 +110,7 @@ impl Photons {
             count: count.min(1 << 32),
             seed,
             bounces: LONGEST_PATH,
+            guide: None,
             swept: None,
             settled: None,
             ranks: Arc::new(Alone),
@@ -112,6 +121,12 @@ impl Photons {
     #[must_use]
     pub fn with_bounces(self, bounces: usize) -> Self {
         Self { bounces: bounces.min(LONGEST_PATH), ..self }
+    }
+
+    /// Photons start by `guide`; by power alone where there is none.
+    #[must_use]
+    pub fn with_guide(self, guide: Option<Guide>) -> Self {
+        Self { guide: guide.map(Arc::new), ..self }
     }
 
     /// Photons are traced for the first frame only until they enter `swept`, the space that moving things pass through.
@@ -140,12 +155,14 @@ impl Photons {
             let surfels = [&anchors.surfels.fixed, &dynamic];
             let source = emitters.photons(surfaces.scene()).filter(|_| self.count > 0);
             let Some(source) = source else {
-                return Sums::new(surfels).anchor_flux(Quantum::default(), 0, anchors, surfels);
+                return Sums::new(surfels).anchor_flux(Quantum::default(), 0, anchors, surfels, Moved::default());
             };
+            let starts = Starts::new(&source, self.guide.clone());
             let walk = Walk {
                 accelerator,
                 surfaces,
                 source: &source,
+                starts: &starts,
                 moving: surfaces.moving().clone(),
                 // An anchor sees its neighborhood blurred: so do the photons that feed it.
                 footprint: anchors.area_share.sqrt(),
@@ -158,7 +175,8 @@ impl Photons {
             let ranks = self.ranks.clone();
             let emission = Emission { walk, quantum, surfels, busy, ranks: &*ranks };
             let (sums, traced) = self.sums(&emission);
-            sums.anchor_flux(emission.quantum, traced, anchors, surfels)
+            let moved = anchors.surfels.fixed.moved(&emission.sight());
+            sums.anchor_flux(emission.quantum, traced, anchors, surfels, moved)
         })
     }
 
@@ -174,6 +192,7 @@ impl Photons {
         let count: u64 = emission.batches().map(|batch| batch.end - batch.start).sum();
         let Some(swept) = &self.swept else { return (emission.of_all_ranks(|meter| emission.trace_all(meter)), count) };
         // The first frame with something to keep: photons that stay are summed apart from the others.
+        let swept = &Swept { entered: swept.clone(), near: swept.widened(emission.surfels[0].reach()) };
         let (mut change, mut others) = (emission.no_sums(), Vec::new());
         let stay = emission.of_all_ranks(|meter| {
             let parted = emission.trace_apart(swept, meter);
@@ -195,6 +214,14 @@ struct Emission<'a> {
     surfels: [&'a SurfelMap; 2],
     busy: &'a Busy,
     ranks: &'a dyn Ranks,
+}
+
+/// Where moving things change the light of photons.
+struct Swept {
+    /// The space that they pass through.
+    entered: SweptVolume,
+    /// And what is near enough for a photon's light to be shared out across it.
+    near: SweptVolume,
 }
 
 /// Flux of whole paths, apart from that of segments which moving things may change.
@@ -236,11 +263,15 @@ impl Emission<'_> {
     }
 
     fn take(&self, sums: &mut Sums, path: &Path, left: &mut Left) {
-        sums.take(path, self.quantum, left, self.surfels);
+        sums.take(path, self.quantum, left, self.surfels, &self.sight());
     }
 
     fn settle(&self, sums: &mut Sums, left: &mut Left) {
-        sums.settle(left, self.surfels, self.quantum);
+        sums.settle(left, self.surfels, self.quantum, &self.sight());
+    }
+
+    fn sight(&self) -> Sight<'_> {
+        Sight { accelerator: self.walk.accelerator, epsilon: self.walk.epsilon }
     }
 
     /// Traces every photon whole.
@@ -285,7 +316,7 @@ impl Emission<'_> {
     }
 
     /// Traces every photon, and parts its path where it first enters `swept`.
-    fn trace_apart(&self, swept: &SweptVolume, meter: &Meter) -> Parted {
+    fn trace_apart(&self, swept: &Swept, meter: &Meter) -> Parted {
         let nothing = || Parted { stay: self.no_sums(), change: self.no_sums(), others: Vec::new() };
         let fold = self.batches().fold(nothing, |mut parted, batch| {
             let (mut laps, turn) = (meter.laps(), turn_of(batch.start));
@@ -302,7 +333,7 @@ impl Emission<'_> {
                         others.push(Other::Whole(index));
                         continue;
                     }
-                    if let Some(segment) = path.first_met(&legs, swept) {
+                    if let Some(segment) = path.first_met(&legs, &swept.entered, &swept.near) {
                         self.take(change, &path.split_off(segment), &mut left_to_change);
                         others.push(Other::From(legs[segment]));
                     }

@@ -156,6 +156,23 @@ pub fn concentric_disc(u: Vec2) -> Vec2 {
     Vec2::new(radius * angle.cos(), radius * angle.sin())
 }
 
+/// The inverse of [`concentric_disc`].
+#[must_use]
+pub fn disc_to_square(p: Vec2) -> Vec2 {
+    // The quarter of the square that the point comes from, counted from +x; its angle within that in −1…1.
+    let eighth = std::f32::consts::FRAC_PI_4;
+    let quarter = (p.y.atan2(p.x) / (2.0 * eighth)).round();
+    let across = p.y.atan2(p.x) / eighth - 2.0 * quarter;
+    let radius = p.length();
+    let on_square = match quarter as i32 {
+        0 => Vec2::new(radius, across * radius),
+        1 => Vec2::new(-across * radius, radius),
+        -1 => Vec2::new(across * radius, -radius),
+        _ => Vec2::new(-radius, -across * radius),
+    };
+    (on_square + 1.0) / 2.0
+}
+
 /// Barycentric `(u, v)` spread evenly over a triangle.
 #[must_use]
 pub fn triangle(u: Vec2) -> (f32, f32) {
@@ -232,6 +249,15 @@ impl Distribution {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_disc_is_mapped_back() {
+        for k in 0..1000 {
+            let u = Vec2::new(hash_unit(1, k, 0), hash_unit(1, k, 1));
+            assert!(disc_to_square(concentric_disc(u)).abs_diff_eq(u, 1e-5), "{u}");
+        }
+        assert_eq!(disc_to_square(Vec2::ZERO), Vec2::splat(0.5));
+    }
 
     #[test]
     fn radical_inverses_mirror_the_digits() {

@@ -74,7 +74,7 @@ pub fn bake(
         ..settings.renderer()
     };
     let plan = Plan::new(&still, &settings);
-    let frame = Preparation::new(&still, &settings, &plan).frame(0).frame;
+    let frame = Preparation::new(&still, &settings, &plan).everywhere().frame(0).frame;
 
     // Each texel counts once for each pass over it; the last pass is over coats alone.
     let compensates = plan.is_on(Stage::Compensation);

@@ -13,8 +13,8 @@ use plane::Correspondence;
 use render_core::ranks::{Alone, Ranks};
 use render_core::scene::{Pose, Scene};
 use render_core::{
-    Accelerator, AnchorFlux, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Photons,
-    PosedScene, Surfaces, SweptVolume, Timed, Units, dome_lights,
+    Accelerator, AnchorFlux, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Guide, GuideSearch,
+    Photons, PosedScene, Surfaces, SweptVolume, Timed, Units, dome_lights,
 };
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -27,6 +27,8 @@ const EMITTER_POINTS: f32 = 2048.0;
 const POINTS_OF_A_SURFACE: (f32, f32) = (16.0, 1024.0);
 /// More glowing surfaces than this are lights of the tree: evaluating each at every pixel would cost more than a cut.
 const MOST_SAMPLED_SURFACES: usize = 8;
+/// Moments of a film that photons are guided by, at most: a camera that walks on for 10 s has seen most rooms of its way.
+const MOMENTS: u32 = 8;
 /// A surface of more pieces than this, and larger than this share of the scene, is a crowd of lights, not one.
 const FEW_PATCHES: usize = 4;
 const SMALL_EXTENT: f32 = 0.1;
@@ -38,6 +40,8 @@ pub struct Preparation<'s> {
     plan: &'s Plan,
     /// Who shares the work.
     ranks: Arc<dyn Ranks>,
+    /// Whether light is looked at from anywhere, and not from the camera alone.
+    everywhere: bool,
     /// Made with the first frame, which is not before the files of the film are open.
     work: Option<Work<'s>>,
 }
@@ -52,13 +56,19 @@ impl<'s> Preparation<'s> {
     /// The same, where other `ranks` share the work and prepare the same frames.
     #[must_use]
     pub fn among(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan, ranks: Arc<dyn Ranks>) -> Self {
-        Self { scene, settings: settings.clone(), plan, ranks, work: None }
+        Self { scene, settings: settings.clone(), plan, ranks, everywhere: false, work: None }
+    }
+
+    /// For light that is looked at from anywhere: photons are not guided by the camera.
+    #[must_use]
+    pub fn everywhere(self) -> Self {
+        Self { everywhere: true, ..self }
     }
 
     /// Frame `index`, which may follow any other: motion leads to the one that was made before it.
     pub fn frame(&mut self, index: u32) -> PreparedFrame<'s> {
-        let Self { scene, settings, plan, ranks, work } = self;
-        work.get_or_insert_with(|| Work::new(scene, settings, plan, ranks)).frame(index)
+        let Self { scene, settings, plan, ranks, everywhere, work } = self;
+        work.get_or_insert_with(|| Work::new(scene, settings, plan, ranks, *everywhere)).frame(index)
     }
 }
 
@@ -86,7 +96,7 @@ impl<'s> Prepare for Preparation<'s> {
 
     fn restore(&mut self, state: &[u8], last: u32) -> Result<PreparedFrame<'s>> {
         let tree = LightTree::from_bytes(state).context(NONSENSE)?;
-        let mut work = Work::new(self.scene, &self.settings, self.plan, &self.ranks);
+        let mut work = Work::new(self.scene, &self.settings, self.plan, &self.ranks, self.everywhere);
         work.tree = Some(Arc::new(tree));
         Ok(self.work.insert(work).frame(last))
     }
@@ -135,13 +145,51 @@ struct Lights {
     gather: Arc<FinalGather>,
 }
 
+/// Where the photons of a film start: where their light gets to what its camera sees at some moments of it.
+fn guide_by_camera(scene: &Scene, settings: &RenderSettings, geometry: &Geometry, units: &Units) -> Option<Guide> {
+    // Moments evenly over the film, whichever part of it is made here.
+    let is_still = ![scene.moving_nodes(), scene.moving_instances()].concat().contains(&true);
+    let moments = if is_still { 1 } else { settings.frames.clamp(1, MOMENTS) };
+    let mut search = GuideSearch::default();
+    for moment in 0..moments {
+        let frame = (2 * u64::from(moment) + 1) * u64::from(settings.frames) / (2 * u64::from(moments));
+        let pose = scene.pose(settings.time(frame as u32));
+        let surfaces = Surfaces::new(scene, &pose);
+        let emitters = Emitters::new(&surfaces, &pose, units);
+        let Size { width, height } = settings.size;
+        let view = scene.view(&pose, width, height);
+        let accelerator = geometry.place(&pose);
+        search.look(PosedScene::new(&accelerator, &surfaces), &emitters, &view, units, moments as usize);
+    }
+    search.finish()
+}
+
+/// Where photons start whose light is looked at from anywhere.
+fn guide_by_surfaces(
+    surfaces: &Surfaces,
+    pose: &Pose,
+    (geometry, anchors, units): (&Geometry, &Anchors, &Units),
+) -> Option<Guide> {
+    let emitters = Emitters::new(surfaces, pose, units);
+    let accelerator = geometry.place(pose);
+    let mut search = GuideSearch::default();
+    search.look_everywhere(PosedScene::new(&accelerator, surfaces), &emitters, anchors, units);
+    search.finish()
+}
+
 impl<'s> Work<'s> {
-    fn new(scene: &'s Scene, settings: &RenderSettings, plan: &'s Plan, ranks: &Arc<dyn Ranks>) -> Self {
+    fn new(
+        scene: &'s Scene,
+        settings: &RenderSettings,
+        plan: &'s Plan,
+        ranks: &Arc<dyn Ranks>,
+        everywhere: bool,
+    ) -> Self {
         let units = Units::of(scene);
         let rest = scene.pose(0.0);
         let geometry = Geometry::new(scene);
         let surfaces = Surfaces::new(scene, &rest);
-        let (anchors, photons) = if plan.is_off(Stage::Photons) {
+        let (mut anchors, photons) = if plan.is_off(Stage::Photons) {
             (Anchors::none(&surfaces, settings.vpls), 0)
         } else {
             let dynamic = if plan.is_off(Stage::DynamicAnchors) { 0 } else { settings.moving_vpls };
@@ -152,9 +200,18 @@ impl<'s> Work<'s> {
             // The last reflection is the one that the viewer sees.
             photons = photons.with_bounces(bounces.saturating_sub(1) as usize);
         }
-        if plan.is_on(Stage::KeptPhotons) {
-            let times = (0..settings.frames).map(|n| settings.time(n));
-            photons = photons.with_swept_volume(SweptVolume::of(scene, &units, times));
+        if !plan.is_off(Stage::Photons) && scene.moving_instances().contains(&true) {
+            let swept = SweptVolume::of(scene, &units, (0..settings.frames).map(|n| settings.time(n)));
+            anchors.expect_movement(&swept);
+            if plan.is_on(Stage::KeptPhotons) {
+                photons = photons.with_swept_volume(swept);
+            }
+        }
+        if !plan.is_off(Stage::Photons) && settings.photons > 0 {
+            photons = photons.with_guide(match everywhere {
+                true => guide_by_surfaces(&surfaces, &rest, (&geometry, &anchors, &units)),
+                false => guide_by_camera(scene, settings, &geometry, &units),
+            });
         }
         let settings = settings.clone();
         Self { scene, settings, plan, geometry, units, anchors, photons, is_split: false, tree: None, kept: None }
@@ -237,7 +294,7 @@ impl<'s> Work<'s> {
             self.photons.trace(scene, &emitters, &self.anchors, &self.units);
         if !std::mem::replace(&mut self.is_split, true) {
             self.split_anchors(n, &anchor_flux.fixed);
-            anchor_flux.fixed = self.anchors.fixed_flux(&anchor_flux.surfels[0]);
+            anchor_flux.fixed = self.anchors.fixed_flux(&anchor_flux);
         }
         figures.photons_traced = anchor_flux.traced;
         figures.seconds.photons = seconds;

@@ -2,13 +2,16 @@
 
 mod around;
 mod nearest;
+mod walls;
 
 use super::Anchor;
 use super::exposure::Outlook;
+use super::sight::Sight;
 use around::{Around, Near};
 use glam::Vec3A;
 use nearest::Boxes;
 use std::sync::OnceLock;
+use walls::Walls;
 
 /// Where anchors or surfels are: a grid of cells at least a kernel's radius wide over the box around them.
 #[derive(Clone, Debug, Default)]
@@ -16,6 +19,7 @@ pub(crate) struct Grid {
     points: Vec<Anchor>,
     /// How far light gets from each; empty where that was not measured.
     outlooks: Vec<Outlook>,
+    walls: Walls,
     /// Original index of each point.
     index: Vec<u32>,
     /// First point of each cell, and the end of the last: cells in x, then y, then z.
@@ -58,8 +62,10 @@ const FEW_CELLS: usize = 1 << 16;
 /// Ratio of the widths of cells that are tried.
 const WIDER: f32 = 1.25;
 /// Half a right angle between normals, or well off the plane in radii: another wall, not this one.
-const LEAST_COSINE: f32 = 0.7;
+pub(super) const LEAST_COSINE: f32 = 0.7;
 const MOST_HEIGHT: f32 = 0.3;
+/// Height of a wall that light is shared out over, in radii: light gets over it from anywhere but its foot.
+const LOW_WALL: f32 = 0.75;
 /// Weight of the points of other instances. With 1, a lampshade of two sheets keeps a third of its light between them.
 const OTHER_INSTANCE: f32 = 1.0 / 256.0;
 /// Factor on squared distances to points of other instances, where the nearest point is looked for: they count as eight times as
@@ -108,7 +114,18 @@ impl Grid {
             grid.outlooks = order.iter().map(|&(_, i)| outlooks[i as usize]).collect();
         }
         grid.index = order.iter().map(|&(_, i)| i).collect();
+        grid.walls = Walls::unknown(points.len());
         grid
+    }
+
+    /// Radius of the kernel \[m\].
+    pub fn reach(&self) -> f32 {
+        self.radius
+    }
+
+    /// Height of what light is shared out over \[m\].
+    pub fn height(&self) -> f32 {
+        LOW_WALL * self.radius
     }
 
     /// How many points it holds.
@@ -132,10 +149,10 @@ impl Grid {
     ///
     /// An Epanechnikov kernel over the points within the radius. Where it holds none that fits, as on a
     /// detail smaller than a point's share, the nearest that faces the same way takes all.
-    pub fn splat(&self, spot: &Spot, mut give: impl FnMut(usize, f32)) -> bool {
+    pub fn splat(&self, spot: &Spot, sight: Option<&Sight>, mut give: impl FnMut(usize, f32)) -> bool {
         let mut near = Near::default();
-        self.near(spot, |p, weight| near.add(p, weight, self.points[p as usize].instance == spot.instance));
-        let parts = near.parts(self, spot);
+        self.near(spot, |p, weight| near.add(self, p, weight, self.points[p as usize].instance == spot.instance));
+        let parts = near.parts(self, spot, sight);
         for &(p, weight) in parts {
             give(self.index[p as usize] as usize, weight);
         }
@@ -150,6 +167,7 @@ impl Grid {
     pub fn splat_all<T: Copy>(
         &self,
         spots: &[(Spot, T)],
+        sight: Option<&Sight>,
         scratch: &mut SplatScratch,
         mut share: impl FnMut(T, &[(u32, f32)]),
     ) {
@@ -175,10 +193,10 @@ impl Grid {
                 let mut near = Near::default();
                 for (i, (&p, &weight)) in around.places.iter().zip(&around.weights).enumerate() {
                     if weight > 0.0 {
-                        near.add(p, weight * self.likelihood(p, about), around.instance[i] == spot.instance);
+                        near.add(self, p, weight * self.likelihood(p, about), around.instance[i] == spot.instance);
                     }
                 }
-                share(what, near.parts(self, &spot));
+                share(what, near.parts(self, &spot, sight));
             }
         }
     }
@@ -207,28 +225,14 @@ impl Grid {
     }
 
     /// The point near `spot` that faces like it and has the largest product of kernel and `rating(point)`; else
-    /// the nearest that faces the same way.
-    pub fn best(&self, spot: &Spot, rating: impl Fn(usize) -> f32) -> Option<usize> {
-        // Within the kernel, the best of the own instance and the best of all.
-        let mut best = [(0.0, None); 2];
+    /// the nearest that faces the same way. None that a wall hides by `sight`.
+    pub fn best(&self, spot: &Spot, sight: Option<&Sight>, rating: impl Fn(usize) -> f32) -> Option<usize> {
+        let mut near = Near::default();
         self.near(spot, |p, weight| {
-            let index = self.index[p as usize] as usize;
-            let rated = weight * rating(index);
-            let is_own = self.points[p as usize].instance == spot.instance;
-            for best in &mut best[usize::from(!is_own)..] {
-                if rated > best.0 {
-                    *best = (rated, Some(index));
-                }
-            }
+            let rated = weight * rating(self.index[p as usize] as usize);
+            near.add(self, p, rated, self.points[p as usize].instance == spot.instance);
         });
-        if let [(_, Some(own)), _] = best {
-            return Some(own);
-        }
-
-        // Points of the own instance a little beyond the kernel go before those of others within it.
-        let nearest = self.nearest(spot)?;
-        let index = self.index[nearest] as usize;
-        if self.is_own_beside(nearest, spot) { Some(index) } else { best[1].1.or(Some(index)) }
+        near.best(self, spot, sight).map(|p| self.index[p] as usize)
     }
 
     /// Whether a point belongs to the instance of `spot` and is near: a detail may have its own points a little beyond the

@@ -14,9 +14,11 @@
 //! An anchor shines for what is far away, and what is near sees the surfels themselves ([`crate::gather`]). The ratio of the
 //! openness keeps what is caught in folds and gaps from shining out of an anchor that happens to lie outside of them.
 
+mod moved;
+
 use super::exposure::{Eye, Outlook, exposed};
-use super::grid::{SplatScratch, Spot};
-use super::{Anchor, Anchors, DynamicAnchor, Grid, Patches};
+use super::grid::{LEAST_COSINE, SplatScratch, Spot, kernel_radius};
+use super::{Anchor, Anchors, DynamicAnchor, Grid, Patches, Sight};
 use crate::Units;
 use crate::accel::Accelerator;
 use crate::surface::Surfaces;
@@ -24,6 +26,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 use std::sync::Arc;
+
+use moved::Movable;
+pub(crate) use moved::Moved;
 
 /// Surfels to an anchor: a kernel that is expected to hold eight of them holds the share of two anchors.
 ///
@@ -58,10 +63,16 @@ pub(crate) struct SurfelMap {
     first: Vec<u32>,
     /// Surfels, and their radiance around here for a unit of flux \[m⁻²·sr⁻¹\].
     around: Vec<(u32, f32)>,
+    /// A_k of each \[m²\].
+    areas: Vec<f32>,
+    /// A \[m²\].
+    area_share: f32,
+    /// Those that moving things get near.
+    movable: Option<Arc<Movable>>,
 }
 
 /// The anchor that shines with a surfel's energy.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Owner {
     anchor: Option<u32>,
     /// Share of the energy that counts.
@@ -72,12 +83,14 @@ impl Surfels {
     /// For the surfaces that `anchors` are spread over, all of them taken as open.
     pub fn of(anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
         let points = Self::points(surfaces, units, anchors.fixed.len(), anchors.area_share);
-        Self::with_dynamic(Self::fixed(anchors, &points, &[], &[]), anchors, surfaces, units)
+        let owners = Self::owners(anchors, &points, (&[], &[]), None);
+        let fixed = SurfelMap::new(&points, &[], owners, anchors.area_share / PER_ANCHOR, false, None);
+        Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
-    /// For the exposed parts of them; the `outlooks` are those of the fixed anchors.
+    /// For the exposed parts of them; the `outlooks` are those of the fixed anchors. Adds anchors in rooms that have none.
     pub fn of_exposed(
-        anchors: &Anchors,
+        anchors: &mut Anchors,
         outlooks: &[Outlook],
         surfaces: &Surfaces,
         accelerator: &Accelerator,
@@ -87,7 +100,14 @@ impl Surfels {
         let eye = Eye::of(anchors, surfaces, accelerator, (NEAR, OUTLOOK_RAYS));
         let seen = eye.outlooks(&points);
         let (points, seen) = exposed(&points, seen);
-        Self::with_dynamic(Self::fixed(anchors, &points, &seen, outlooks), anchors, surfaces, units)
+
+        // Surfels belong to anchors of their room, and light is shared out within it.
+        let sight = Some(&Sight { accelerator, epsilon: units.epsilon });
+        let mut owners = Self::owners(anchors, &points, (&seen, outlooks), sight);
+        let share = anchors.area_share;
+        add_anchors(&mut owners, (&points, &seen), anchors, &Sight { accelerator, epsilon: units.epsilon });
+        let fixed = SurfelMap::new(&points, &seen, owners, share / PER_ANCHOR, false, sight);
+        Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
     /// Points over all that stands still; none without anchors.
@@ -99,12 +119,16 @@ impl Surfels {
         patches.spread(count, units).iter().map(|point| point.in_world(surfaces)).collect()
     }
 
-    /// Surfels at the fixed `points`, whose outlooks are `seen`; those of the anchors are `seen_by_anchors`.
-    fn fixed(anchors: &Anchors, points: &[Anchor], seen: &[Outlook], seen_by_anchors: &[Outlook]) -> SurfelMap {
+    /// The owners of surfels at the fixed `points`, whose outlooks are `seen`; those of the anchors are `seen_by_anchors`.
+    fn owners(
+        anchors: &Anchors,
+        points: &[Anchor],
+        (seen, seen_by_anchors): (&[Outlook], &[Outlook]),
+        sight: Option<&Sight>,
+    ) -> Vec<Owner> {
         let grid = Grid::new(&anchors.fixed, &[], anchors.area_share);
-        let owner = |(j, point)| Owner::of(point, openness(seen, j), &grid, seen_by_anchors);
-        let owners = points.par_iter().enumerate().map(owner).collect();
-        SurfelMap::new(points, seen, owners, anchors.area_share / PER_ANCHOR, false)
+        let owner = |(j, point)| Owner::of(point, openness(seen, j), &grid, seen_by_anchors, sight);
+        points.par_iter().enumerate().map(owner).collect()
     }
 
     /// The `fixed` surfels, and new ones on surfaces that move or bend.
@@ -118,7 +142,7 @@ impl Surfels {
         let grid = Grid::new(&anchors.dynamic_in_world(surfaces), &[], anchors.dynamic_area_share);
         let mut dynamic_owners = Vec::with_capacity(dynamic.len());
         for point in &dynamic {
-            let anchor = grid.best(&Spot::of(&point.in_world(surfaces), true), |_| 1.0);
+            let anchor = grid.best(&Spot::of(&point.in_world(surfaces), true), None, |_| 1.0);
             dynamic_owners.push(Owner { anchor: anchor.map(|a| a as u32), share: 1.0 });
         }
         let dynamic_area_share = anchors.dynamic_area_share / PER_ANCHOR;
@@ -128,7 +152,7 @@ impl Surfels {
     /// Surfels of moving surfaces, at the pose that `surfaces` has.
     pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
         let points: Vec<Anchor> = self.dynamic.iter().map(|point| point.in_world(surfaces)).collect();
-        SurfelMap::new(&points, &[], self.dynamic_owners.clone(), self.dynamic_area_share, true)
+        SurfelMap::new(&points, &[], self.dynamic_owners.clone(), self.dynamic_area_share, true, None)
     }
 }
 
@@ -137,34 +161,77 @@ fn openness(outlooks: &[Outlook], i: usize) -> f32 {
     outlooks.get(i).map_or(1.0, |outlook| outlook.openness)
 }
 
+/// Makes anchors of surfels that see no anchor near them, as in a room smaller than an anchor's share.
+fn add_anchors(owners: &mut [Owner], (points, seen): (&[Anchor], &[Outlook]), anchors: &mut Anchors, sight: &Sight) {
+    let radius = kernel_radius(anchors.area_share);
+    // Surfels that became anchors, with the numbers of these.
+    let mut added: Vec<(usize, usize)> = Vec::new();
+    for (j, (owner, point)) in owners.iter_mut().zip(points).enumerate() {
+        if owner.anchor.is_some() {
+            continue;
+        }
+
+        // One that was added before may be in the same room.
+        let spot = Spot::of(point, false);
+        let is_near = |(surfel, _): &&(usize, usize)| {
+            let other = &points[*surfel];
+            spot.is_beside(other, radius) && sight.hidden(&spot, std::slice::from_ref(other), radius) == 0
+        };
+        let (surfel, anchor) = added.iter().find(is_near).copied().unwrap_or_else(|| {
+            anchors.fixed.push(*point);
+            added.push((j, anchors.fixed.len() - 1));
+            (j, anchors.fixed.len() - 1)
+        });
+        *owner = Owner::with_openness(anchor, openness(seen, j), openness(seen, surfel));
+    }
+}
+
 impl Owner {
     /// The anchor in `grid` that shines with the energy of a surfel at `point`, whose openness is `own`.
-    fn of(point: &Anchor, own: f32, grid: &Grid, seen_by_anchors: &[Outlook]) -> Self {
+    fn of(point: &Anchor, own: f32, grid: &Grid, seen_by_anchors: &[Outlook], sight: Option<&Sight>) -> Self {
         // An anchor as open as the surfel, rather than one deep in a fold beside it.
         let rating = |a: usize| (openness(seen_by_anchors, a) / own.max(f32::MIN_POSITIVE)).min(1.0);
-        let anchor = grid.best(&Spot::of(point, false), rating);
+        let anchor = grid.best(&Spot::of(point, false), sight, rating);
 
+        let nobody = Self { anchor: None, share: 0.0 };
+        anchor.map_or(nobody, |a| Self::with_openness(a, own, openness(seen_by_anchors, a)))
+    }
+
+    /// Of a surfel whose openness is `own`, where that of the anchor is `of_anchor`.
+    fn with_openness(anchor: usize, own: f32, of_anchor: f32) -> Self {
         // o_j / o_a: a surfel deep in a fold adds little to an anchor in the open, most of its light stays in the fold.
-        let share = anchor.map_or(0.0, |a| (own / openness(seen_by_anchors, a)).min(MOST_RATIO));
-        Self { anchor: anchor.map(|a| a as u32), share }
+        Self { anchor: Some(anchor as u32), share: (own / of_anchor).min(MOST_RATIO) }
     }
 }
 
 impl Spot {
+    /// Whether `point` is within `radius` meters and faces like the surface here.
+    fn is_beside(&self, point: &Anchor, radius: f32) -> bool {
+        point.position.distance_squared(self.position) < radius * radius && point.normal.dot(self.normal) > LEAST_COSINE
+    }
+
     /// At `point`, for its own instance alone or for all.
-    fn of(point: &Anchor, only_own: bool) -> Self {
+    pub(super) fn of(point: &Anchor, only_own: bool) -> Self {
         let Anchor { position, normal, instance } = *point;
         Self { position, normal, instance, only_own, came: None }
     }
 }
 
 impl SurfelMap {
-    fn new(points: &[Anchor], outlooks: &[Outlook], owners: Vec<Owner>, area_share: f32, own_instance: bool) -> Self {
-        // w_jk of the surfels k around each surfel j.
-        let grid = Grid::new(points, outlooks, area_share);
+    fn new(
+        points: &[Anchor],
+        outlooks: &[Outlook],
+        owners: Vec<Owner>,
+        area_share: f32,
+        own_instance: bool,
+        sight: Option<&Sight>,
+    ) -> Self {
+        // w_jk of the surfels k around each surfel j that no wall hides from it.
+        let mut grid = Grid::new(points, outlooks, area_share);
+        grid.find_walls(sight);
         let weights_of = |point: &Anchor| {
             let mut near = Vec::new();
-            grid.splat(&Spot::of(point, own_instance), |k, weight| near.push((k as u32, weight)));
+            grid.splat(&Spot::of(point, own_instance), sight, |k, weight| near.push((k as u32, weight)));
             near
         };
         let weights: Vec<Vec<(u32, f32)>> = points.par_iter().map(weights_of).collect();
@@ -187,7 +254,12 @@ impl SurfelMap {
             }
             first.push(around.len() as u32);
         }
-        Self { grid, owners, first, around }
+        Self { grid, owners, first, around, areas, area_share, movable: None }
+    }
+
+    /// How far around a place what is left there is shared out \[m\].
+    pub fn reach(&self) -> f32 {
+        self.grid.reach()
     }
 
     /// How many there are.
@@ -198,24 +270,25 @@ impl SurfelMap {
     /// Calls `give(surfel, weight)` for the surfels that share what is left at `spot`; the weights sum to 1. Returns false
     /// if there is none.
     #[inline]
-    pub fn splat(&self, spot: &Spot, give: impl FnMut(usize, f32)) -> bool {
-        self.grid.splat(spot, give)
+    pub fn splat(&self, spot: &Spot, sight: Option<&Sight>, give: impl FnMut(usize, f32)) -> bool {
+        self.grid.splat(spot, sight, give)
     }
 
     /// The surfel that would take most of what is left at `spot`.
     #[inline]
-    pub fn nearest(&self, spot: &Spot) -> Option<usize> {
-        self.grid.best(spot, |_| 1.0)
+    pub fn nearest(&self, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
+        self.grid.best(spot, sight, |_| 1.0)
     }
 
     /// Shares out what is left at all `spots`: see [`Grid::splat_all`].
     pub fn splat_all<T: Copy>(
         &self,
         spots: &[(Spot, T)],
+        sight: Option<&Sight>,
         scratch: &mut SplatScratch,
         share: impl FnMut(T, &[(u32, f32)]),
     ) {
-        self.grid.splat_all(spots, scratch, share);
+        self.grid.splat_all(spots, sight, scratch, share);
     }
 
     /// Sorts values from the indices of [`SurfelMap::splat_all`] into the order of the surfels.
@@ -247,19 +320,33 @@ impl SurfelMap {
         }
     }
 
-    /// Flux of each of `anchors` anchors, from that of the surfels \[W\].
-    pub fn anchor_flux(&self, flux: &[Vec3], anchors: usize) -> Vec<Vec3> {
+    /// Flux of each of `anchors` anchors, from that of the surfels \[W\]; what has `moved` gives some surfels other owners.
+    pub fn anchor_flux(&self, flux: &[Vec3], moved: &Moved, anchors: usize) -> Vec<Vec3> {
         let mut sums = vec![Vec3::ZERO; anchors];
-        for (owner, &flux) in self.owners.iter().zip(flux) {
+        let mut add = |owner: &Owner, flux: Vec3| {
             if let Some(anchor) = owner.anchor {
                 sums[anchor as usize] += flux * owner.share;
+            }
+        };
+        let mut changes = moved.changes.iter().peekable();
+        for (surfel, (owner, &flux)) in (0u32..).zip(self.owners.iter().zip(flux)) {
+            match changes.next_if(|change| change.surfel == surfel) {
+                Some(change) => add(&change.owner, flux),
+                None => add(owner, flux),
             }
         }
         sums
     }
 
-    /// Radiance around each surfel \[W·m⁻²·sr⁻¹\], from the flux of all \[W\].
-    pub fn radiance(&self, flux: &[Vec3]) -> Vec<Vec3> {
+    /// Radiance around each surfel \[W·m⁻²·sr⁻¹\], from the flux of all \[W\], where things have `moved` between some of them.
+    pub fn radiance(&self, flux: &[Vec3], moved: &Moved) -> Vec<Vec3> {
+        let mut radiance = self.radiance_at_rest(flux);
+        self.set_moved_radiance(flux, moved, &mut radiance);
+        radiance
+    }
+
+    /// Radiance where nothing has moved between surfels.
+    fn radiance_at_rest(&self, flux: &[Vec3]) -> Vec<Vec3> {
         let one = |bounds: &[u32]| {
             let around = &self.around[bounds[0] as usize..bounds[1] as usize];
             around.iter().map(|&(k, per_flux)| flux[k as usize] * per_flux).sum()

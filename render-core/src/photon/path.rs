@@ -1,6 +1,7 @@
 //! The way of one photon: emission, reflections by roulette, end.
 
 use super::SweptVolume;
+use super::guide::Starts;
 use crate::accel::Accelerator;
 use crate::anchor::Spot;
 use crate::bsdf::Bsdf;
@@ -24,6 +25,8 @@ pub(super) struct Walk<'a> {
     pub accelerator: &'a Accelerator,
     pub surfaces: &'a Surfaces<'a>,
     pub source: &'a PhotonSource<'a>,
+    /// Lights and starts to draw from.
+    pub starts: &'a Starts,
     /// For each instance, whether it moves.
     pub moving: Arc<[bool]>,
     /// Width over which textures are averaged \[m\].
@@ -96,8 +99,10 @@ pub(super) struct Path {
 impl Walk<'_> {
     /// Follows photon `index` to its end; `each` is told where the segments begin.
     pub fn follow(&self, index: u32, path: &mut Path, each: impl FnMut(Leg)) {
-        let start = self.source.emit(self.surfaces, self.seed, index.into(), self.count);
-        let EmittedPhoton { origin, direction, flux, from_moving, distant } = start;
+        let u = |dimension| halton(self.seed, index.into(), dimension);
+        let start = self.starts.draw(f64::from(u(0)), Vec2::new(u(1), u(2)), Vec2::new(u(3), u(4)));
+        let photon = self.source.emit(self.surfaces, start, self.count);
+        let EmittedPhoton { origin, direction, flux, from_moving, distant } = photon;
         let leg = Leg { index, bounce: 0, distant, origin: origin.into(), direction: direction.into(), flux };
         self.follow_from(leg, path, each);
         (path.emitted, path.from_moving) = (flux, from_moving);
@@ -197,12 +202,14 @@ fn leave((bsdf, normal): (Bsdf, Vec3A), direction: Vec3A, choice: f32, point: im
 impl Path {
     /// The first of its segments that anything that moves may ever stand in the way of, if there is one. `legs` are their
     /// beginnings.
-    pub fn first_met(&self, legs: &[Leg], swept: &SweptVolume) -> Option<usize> {
+    /// What is left within the `near` space is shared out among surfels that those may hide.
+    pub fn first_met(&self, legs: &[Leg], swept: &SweptVolume, near: &SweptVolume) -> Option<usize> {
         let ends = self.reflections.iter().map(|reflection| reflection.position).chain(self.end);
         let meets = |(leg, end): (&Leg, Vec3A)| swept.is_entered(leg.origin.into(), end);
         let entered = legs.iter().zip(ends).position(meets);
-        let carried = self.reflections.iter().position(|reflection| reflection.on_moving);
-        entered.into_iter().chain(carried).min()
+        let is_beside = |r: &Reflection| r.on_moving || near.is_entered(r.position, r.position);
+        let beside = self.reflections.iter().position(is_beside);
+        entered.into_iter().chain(beside).min()
     }
 
     /// Parts the way into what comes before a segment, which is left here, and what follows from there on.

@@ -2,7 +2,7 @@
 
 use super::AnchorFlux;
 use super::path::Path;
-use crate::anchor::{Anchors, SplatScratch, Spot, SurfelMap};
+use crate::anchor::{Anchors, Moved, Sight, SplatScratch, Spot, SurfelMap};
 use crate::portable;
 use crate::ranks::Portable;
 use glam::{DVec3, Vec3};
@@ -103,22 +103,23 @@ impl Sums {
 
     /// Takes what the photon of `path` brought; what it left at surfaces is put down in `left` for [`Sums::settle`], which shares
     /// out much of it faster than little.
-    pub fn take(&mut self, path: &Path, quantum: Quantum, left: &mut Left, surfels: [&SurfelMap; 2]) {
+    pub fn take(&mut self, path: &Path, quantum: Quantum, left: &mut Left, surfels: [&SurfelMap; 2], sight: &Sight) {
         self.emitted.add(quantum.count(path.emitted));
         self.lost.add(quantum.count(path.lost));
         for reflection in &path.reflections {
             left.kinds[usize::from(reflection.on_moving)].push((reflection.spot(), reflection.flux));
         }
         if left.kinds.iter().any(|spots| spots.len() >= MOST_LEFT) {
-            self.settle(left, surfels, quantum);
+            self.settle(left, surfels, quantum, sight);
         }
     }
 
     /// Shares out what was `left` among the surfels near by, and leaves nothing.
-    pub fn settle(&mut self, left: &mut Left, surfels: [&SurfelMap; 2], quantum: Quantum) {
+    pub fn settle(&mut self, left: &mut Left, surfels: [&SurfelMap; 2], quantum: Quantum, sight: &Sight) {
         let Left { kinds, scratch } = left;
-        for ((spots, held), surfels) in kinds.iter_mut().zip(&mut self.held).zip(surfels) {
-            surfels.splat_all(spots, scratch, |flux, parts| {
+        let sights = [Some(sight), None];
+        for (((spots, held), surfels), sight) in kinds.iter_mut().zip(&mut self.held).zip(surfels).zip(sights) {
+            surfels.splat_all(spots, sight, scratch, |flux, parts| {
                 let (exactly, whole) = (quantum.exactly(flux), quantum.count(flux));
                 let Some((&(last, _), others)) = parts.split_last() else { return self.lost.add(whole) };
                 let mut rest = whole;
@@ -153,19 +154,21 @@ impl Sums {
         traced: u64,
         anchors: &Anchors,
         surfels: [&SurfelMap; 2],
+        moved: Moved,
     ) -> AnchorFlux {
         let watts = |kind: usize| -> Vec<Vec3> {
             surfels[kind].by_index(&self.held[kind]).into_iter().map(|q| quantum.watts(q)).collect()
         };
         let [fixed, dynamic] = [watts(0), watts(1)];
         AnchorFlux {
-            fixed: surfels[0].anchor_flux(&fixed, anchors.fixed.len()),
-            dynamic: surfels[1].anchor_flux(&dynamic, anchors.dynamic.len()),
+            fixed: surfels[0].anchor_flux(&fixed, &moved, anchors.fixed.len()),
+            dynamic: surfels[1].anchor_flux(&dynamic, &Moved::default(), anchors.dynamic.len()),
             surfels: [fixed, dynamic],
             emitted: quantum.watts(self.emitted),
             reflected: quantum.watts(self.reflected),
             lost: quantum.watts(self.lost),
             traced,
+            moved,
         }
     }
 }

@@ -76,6 +76,30 @@ impl SweptVolume {
         }
     }
 
+    /// The same space and all that is within `margin` meters of it, at least: whole cells are added along each axis.
+    #[must_use]
+    pub fn widened(&self, margin: f32) -> Self {
+        let cells = ((margin * self.density).ceil().max(0.0) as i32).min(SIDE);
+        let (mut along_x, mut along_y, mut rows) = (self.rows.clone(), self.rows.clone(), self.rows.clone());
+        for step in 1..=cells {
+            for (wide, row) in along_x.iter_mut().zip(&self.rows) {
+                *wide |= row.checked_shl(step as u32).unwrap_or(0) | row.checked_shr(step as u32).unwrap_or(0);
+            }
+        }
+        // A word is a row; those beside it in y, then in z.
+        let beside = |from: &[u64], to: &mut [u64], stride: i32| {
+            for place in 0..SIDE * SIDE {
+                let at = place / stride % SIDE;
+                for step in -cells.min(at)..=cells.min(SIDE - 1 - at) {
+                    to[place as usize] |= from[(place + step * stride) as usize];
+                }
+            }
+        };
+        beside(&along_x, &mut along_y, 1);
+        beside(&along_y, &mut rows, SIDE);
+        Self { rows, ..*self }
+    }
+
     /// Share of the grid that something enters.
     #[must_use]
     pub fn share(&self) -> f32 {
@@ -164,6 +188,22 @@ mod tests {
             assert!(swept.is_entered(inside - direction * before, inside + direction * after));
             assert!(swept.is_entered(inside - direction * before, inside + direction * SweptVolume::FAR));
         }
+    }
+
+    #[test]
+    fn a_widened_space_has_all_that_is_near() {
+        let mut swept = SweptVolume::new(&units());
+        let (low, high) = (units().center + Vec3A::new(-0.3, 0.1, 0.7), units().center + Vec3A::new(0.2, 0.4, 1.1));
+        swept.add(low, high);
+        let near = swept.widened(0.5);
+        let u = |a, b| hash_unit(6, a, b);
+        for k in 0..2000 {
+            let inside = low + (high - low) * Vec3A::new(u(k, 0), u(k, 1), u(k, 2));
+            let way = Vec3A::from(uniform_sphere(Vec2::new(u(k, 3), u(k, 4))));
+            let (close, far) = (inside + way * 0.49, inside + way * 2.5);
+            assert!(near.is_entered(close, close) && !near.is_entered(far, far), "{inside}, {way}");
+        }
+        assert_eq!(swept.widened(0.0).rows, swept.rows);
     }
 
     #[test]

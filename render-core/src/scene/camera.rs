@@ -76,6 +76,12 @@ impl View {
         }
     }
 
+    /// Width and height of the picture \[pixels\].
+    #[must_use]
+    pub fn size(&self) -> Vec2 {
+        Vec2::new(self.width, self.height)
+    }
+
     /// Origin and unit direction of the ray through `pixel`.
     #[must_use]
     pub fn ray(&self, pixel: Vec2) -> (Vec3A, Vec3A) {

@@ -45,6 +45,7 @@ mod regions;
 mod report;
 #[cfg(target_os = "linux")]
 mod resume;
+mod rooms;
 mod scale;
 mod still;
 mod structure;

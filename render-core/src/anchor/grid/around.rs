@@ -1,9 +1,11 @@
 //! What is around a place: the points of the cells beside it, and those of them that share what is left there.
 
-use super::{Grid, LEAST_COSINE, MOST_HEIGHT, OTHER_INSTANCE, Spot};
+use super::walls::Doubt;
+use super::{Grid, LEAST_COSINE, MOST_HEIGHT, OTHER_INSTANCE, Sight, Spot};
+use crate::accel::PACKET;
 
-/// Most points that share what is left at one place.
-const MOST_NEAR: usize = 64;
+/// Most points that share what is left at one place: one packet of rays finds which of them it sees.
+pub(super) const MOST_NEAR: usize = PACKET;
 
 /// The points of a cell and of those beside it, by axis.
 #[derive(Clone, Debug, Default)]
@@ -73,34 +75,42 @@ pub(super) struct Near {
     parts: [(u32, f32); MOST_NEAR],
     count: usize,
     sum: f32,
-    /// Whether any of them belongs to the instance of the place.
-    has_own: bool,
+    /// Bits of those that belong to the instance of the place.
+    own: u64,
+    /// What may stand near any of them.
+    doubt: Doubt,
 }
 
 impl Default for Near {
     fn default() -> Self {
-        Self { parts: [(0, 0.0); MOST_NEAR], count: 0, sum: 0.0, has_own: false }
+        Self { parts: [(0, 0.0); MOST_NEAR], count: 0, sum: 0.0, own: 0, doubt: Doubt::Nothing }
     }
 }
 
 impl Near {
+    /// Adds point `p` of `grid`.
     #[inline]
-    pub fn add(&mut self, p: u32, weight: f32, is_own: bool) {
+    pub fn add(&mut self, grid: &Grid, p: u32, weight: f32, is_own: bool) {
         if self.count < MOST_NEAR {
             self.parts[self.count] = (p, weight);
             self.sum += weight;
+            self.own |= u64::from(is_own) << self.count;
+            self.doubt = self.doubt.max(grid.walls.doubt(p));
             self.count += 1;
-            self.has_own |= is_own;
         }
     }
 
-    /// The points with weights that sum to 1: those of the kernel, or one near by where it holds none of the own instance; none
-    /// if there is no point at all that may take anything.
+    /// The points with weights that sum to 1: those of the kernel that no wall hides by `sight`, or one near by where there is none
+    /// of the own instance; none if there is no point at all that may take anything.
     #[inline]
-    pub fn parts(&mut self, grid: &Grid, spot: &Spot) -> &[(u32, f32)] {
+    pub fn parts(&mut self, grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> &[(u32, f32)] {
+        if let Some(sight) = sight.filter(|_| self.doubt != Doubt::Nothing) {
+            self.drop_hidden(grid, spot, sight);
+        }
+
         // A kernel that holds nothing of the own instance would give all to another sheet. One of its own may lie close by.
-        if !self.has_own
-            && let Some(p) = grid.nearest(spot)
+        if self.own == 0
+            && let Some(p) = nearest(grid, spot, sight)
             && (self.sum <= 0.0 || grid.is_own_beside(p, spot))
         {
             (self.parts[0], self.count, self.sum) = ((p as u32, 1.0), 1, 1.0);
@@ -111,4 +121,61 @@ impl Near {
         }
         parts
     }
+
+    /// The point of the largest weight, of those that no wall hides: of the own instance if there is one, a little beyond the
+    /// kernel too; else of any.
+    pub fn best(&self, grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
+        let mut left = u64::MAX >> (MOST_NEAR - self.count.max(1));
+        if let Some(p) = self.best_seen(left & self.own, grid, spot, sight) {
+            return Some(p);
+        }
+        left &= !self.own;
+
+        // Points of the own instance a little beyond the kernel go before those of others within it.
+        let nearest = nearest(grid, spot, sight);
+        if let Some(p) = nearest.filter(|&p| grid.is_own_beside(p, spot)) {
+            return Some(p);
+        }
+        self.best_seen(left, grid, spot, sight).or(nearest)
+    }
+
+    /// The point of the largest weight among those of the bits `left` that is not hidden.
+    fn best_seen(&self, mut left: u64, grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
+        loop {
+            let mut best: Option<usize> = None;
+            for i in 0..self.count {
+                let (_, weight) = self.parts[i];
+                if left >> i & 1 == 1 && weight > best.map_or(0.0, |best| self.parts[best].1) {
+                    best = Some(i);
+                }
+            }
+            let i = best?;
+            let part = &self.parts[i..=i];
+            match sight.filter(|_| self.doubt != Doubt::Nothing) {
+                Some(sight) if grid.hidden(spot, sight, part, Doubt::Anything) != 0 => left &= !(1 << i),
+                _ => return Some(part[0].0 as usize),
+            }
+        }
+    }
+
+    /// Leaves out the points that a wall hides.
+    fn drop_hidden(&mut self, grid: &Grid, spot: &Spot, sight: &Sight) {
+        let hidden = grid.hidden(spot, sight, &self.parts[..self.count], self.doubt);
+        if hidden == 0 {
+            return;
+        }
+        let (parts, own, count) = (self.parts, self.own, self.count);
+        *self = Self::default();
+        for i in (0..count).filter(|i| hidden >> i & 1 == 0) {
+            let (p, weight) = parts[i];
+            self.add(grid, p, weight, own >> i & 1 == 1);
+        }
+    }
+}
+
+/// The nearest point that faces like `spot`, if no wall hides it.
+fn nearest(grid: &Grid, spot: &Spot, sight: Option<&Sight>) -> Option<usize> {
+    let p = grid.nearest(spot)?;
+    let hides = |sight: &Sight| grid.hidden(spot, sight, &[(p as u32, 1.0)], Doubt::Anything) != 0;
+    (!sight.is_some_and(hides)).then_some(p)
 }

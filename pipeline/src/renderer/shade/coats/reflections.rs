@@ -5,7 +5,7 @@ use crate::renderer::frame::Frame;
 use crate::renderer::shade::visibility::sees;
 use glam::{Vec2, Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
-use render_core::{Hit, ShadingPoint, Surface, Traced, luminance, portable};
+use render_core::{Hit, PosedScene, ShadingPoint, Surface, Traced, luminance, portable};
 use std::f32::consts::PI;
 
 /// Coats that a ray is followed through.
@@ -214,7 +214,7 @@ impl Reflections<'_> {
                 * if let Some(irradiance) = ray.known.and_then(|known| known(&hit, &surface)) {
                     albedo / PI * irradiance
                 } else if blurred {
-                    gather.surfel_radiance(&surface, hit.instance)
+                    gather.surfel_radiance(PosedScene::new(accelerator, surfaces), &surface, hit.instance)
                         * (luminance(albedo) / luminance(diffuse + coat).max(f32::MIN_POSITIVE))
                 } else {
                     let loose = LOOSE * (ray.rays as f32).sqrt() / share.max(LEAST_SHARE);

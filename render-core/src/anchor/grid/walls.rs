@@ -1,0 +1,172 @@
+//! Walls between points that are near each other: which points do not see which.
+//!
+//! Most places have no wall near them. So each point has a list of those within the kernel around it that a wall hides, and what is
+//! shared out where all these lists are empty needs no ray.
+
+use super::around::MOST_NEAR;
+use super::{Grid, Spot};
+use crate::anchor::{Anchor, Sight};
+use rayon::prelude::*;
+
+/// What may stand between a point and others near it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Doubt {
+    /// Nothing.
+    Nothing,
+    /// A wall that stays where it is.
+    Wall,
+    /// Something that moves, or that was not looked for.
+    Anything,
+}
+
+/// The lists of a grid, by the places of its points.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Walls {
+    doubts: Vec<Doubt>,
+    /// Where the list of each point begins; and the end of the last.
+    first: Vec<u32>,
+    /// Points that a wall hides, in rising order for each.
+    hidden: Vec<u32>,
+}
+
+impl Walls {
+    /// Nothing is known of walls between `count` points.
+    pub fn unknown(count: usize) -> Self {
+        Self { doubts: vec![Doubt::Anything; count], first: vec![0; count + 1], hidden: Vec::new() }
+    }
+
+    /// No wall between `count` points.
+    fn none(count: usize) -> Self {
+        Self { doubts: vec![Doubt::Nothing; count], ..Self::unknown(count) }
+    }
+
+    /// By rays between the points of `grid`.
+    fn between(grid: &Grid, sight: &Sight) -> Self {
+        // Each pair is looked at once, from the point that comes first.
+        let later_hidden = |p: u32| {
+            let spot = Spot::of(&grid.points[p as usize], false);
+            let (mut later, mut places) = (Vec::new(), Vec::new());
+            grid.near(&spot, |k, _| {
+                if k > p && later.len() < MOST_NEAR {
+                    later.push(grid.points[k as usize]);
+                    places.push(k);
+                }
+            });
+            let hidden = sight.hidden(&spot, &later, grid.height());
+            places.into_iter().enumerate().filter(|(i, _)| hidden >> i & 1 == 1).map(|(_, k)| k).collect::<Vec<u32>>()
+        };
+        let later: Vec<Vec<u32>> = (0..grid.points.len() as u32).into_par_iter().map(later_hidden).collect();
+
+        // Who is hidden from a point does not see it either.
+        let mut lists = vec![Vec::new(); later.len()];
+        for (p, later) in (0u32..).zip(&later) {
+            for &k in later {
+                lists[p as usize].push(k);
+                lists[k as usize].push(p);
+            }
+        }
+        let mut walls = Self { doubts: Vec::new(), first: vec![0], hidden: Vec::new() };
+        for mut list in lists {
+            list.sort_unstable();
+            walls.doubts.push(if list.is_empty() { Doubt::Nothing } else { Doubt::Wall });
+            walls.hidden.extend(list);
+            walls.first.push(walls.hidden.len() as u32);
+        }
+        walls.doubt_neighbors(grid);
+        walls
+    }
+
+    /// Doubts what is near a point with a wall, too: a place may be near the other side of the wall, and each point there too far
+    /// from its own side to have a list.
+    fn doubt_neighbors(&mut self, grid: &Grid) {
+        let is_near_wall = |p: u32| {
+            let mut found = false;
+            grid.near(&Spot::of(&grid.points[p as usize], false), |k, _| found |= self.doubt(k) == Doubt::Wall);
+            if found { Doubt::Wall } else { self.doubt(p) }
+        };
+        self.doubts = (0..self.doubts.len() as u32).into_par_iter().map(is_near_wall).collect();
+    }
+
+    /// What may stand near point `p`.
+    #[inline]
+    pub fn doubt(&self, p: u32) -> Doubt {
+        self.doubts[p as usize]
+    }
+
+    /// Whether a wall stands between points `p` and `k`, of which one is within the kernel around the other.
+    fn stand_between(&self, p: u32, k: u32) -> bool {
+        let list = &self.hidden[self.first[p as usize] as usize..self.first[p as usize + 1] as usize];
+        list.binary_search(&k).is_ok()
+    }
+}
+
+impl Grid {
+    /// Finds the walls between the points, by rays if there is `sight`; else there are none.
+    pub fn find_walls(&mut self, sight: Option<&Sight>) {
+        self.walls = match sight {
+            Some(sight) => Walls::between(self, sight),
+            None => Walls::none(self.points.len()),
+        };
+    }
+
+    /// Notes that moving things may get near the points for whose index `may_meet` is true.
+    pub fn expect_movement(&mut self, may_meet: &[bool]) {
+        for (doubt, &index) in self.walls.doubts.iter_mut().zip(&self.index) {
+            if may_meet[index as usize] {
+                *doubt = Doubt::Anything;
+            }
+        }
+    }
+
+    /// Bits of the points of `parts` that something hides from `spot`; their largest doubt is `doubt`.
+    pub(super) fn hidden(&self, spot: &Spot, sight: &Sight, parts: &[(u32, f32)], doubt: Doubt) -> u64 {
+        match doubt {
+            Doubt::Nothing => 0,
+            Doubt::Wall => self.hidden_by_lists(spot, sight, parts),
+            Doubt::Anything => self.hidden_by_rays(spot, sight, parts),
+        }
+    }
+
+    fn hidden_by_rays(&self, spot: &Spot, sight: &Sight, parts: &[(u32, f32)]) -> u64 {
+        let mut points = [Anchor::NOWHERE; MOST_NEAR];
+        for (point, &(p, _)) in points.iter_mut().zip(parts) {
+            *point = self.points[p as usize];
+        }
+        sight.hidden(spot, &points[..parts.len()], self.height())
+    }
+
+    /// By the list of the nearest point in sight: whoever that sees is seen from here. Rays find that point, and what lies beyond
+    /// its reach.
+    fn hidden_by_lists(&self, spot: &Spot, sight: &Sight, parts: &[(u32, f32)]) -> u64 {
+        let is_hidden = |i: usize| self.hidden_by_rays(spot, sight, &parts[i..=i]) != 0;
+        let all = u64::MAX >> (MOST_NEAR - parts.len().max(1));
+        let mut hidden = 0;
+        while hidden != all {
+            let mut hub = usize::MAX;
+            for i in (0..parts.len()).filter(|i| hidden >> i & 1 == 0) {
+                if hub == usize::MAX || parts[i].1 > parts[hub].1 {
+                    hub = i;
+                }
+            }
+            if is_hidden(hub) {
+                hidden |= 1 << hub;
+                continue;
+            }
+
+            let center = &self.points[parts[hub].0 as usize];
+            let found = hidden;
+            for i in (0..parts.len()).filter(|&i| i != hub && found >> i & 1 == 0) {
+                let (p, _) = parts[i];
+                let reach2 = center.position.distance_squared(self.points[p as usize].position);
+                let is_known = reach2 < self.radius * self.radius;
+                let is_behind = match is_known {
+                    true => self.walls.stand_between(parts[hub].0, p),
+                    false => is_hidden(i),
+                };
+                hidden |= u64::from(is_behind) << i;
+            }
+            break;
+        }
+        hidden
+    }
+}

@@ -1,0 +1,126 @@
+//! Moving things among surfels at rest: a door that closes parts the light of two rooms.
+//!
+//! A thing hides surfels from each other while it is between them. Near its way, each frame finds by rays which of the surfels k
+//! around a surfel j are in sight, and w_jk holds for these alone; and whether a surfel still sees the anchor that it belongs to.
+
+use super::{Owner, SurfelMap};
+use crate::anchor::grid::{Grid, Spot};
+use crate::anchor::{Anchor, Sight};
+use crate::photon::SweptVolume;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+/// Surfels that moving things may get near.
+#[derive(Clone, Debug)]
+pub(super) struct Movable {
+    /// Indices of surfels, in rising order.
+    surfels: Vec<u32>,
+    /// All surfels, by index.
+    points: Vec<Anchor>,
+    anchors: Vec<Anchor>,
+    anchor_grid: Grid,
+}
+
+/// Differences that moving things make in one frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Moved {
+    /// By surfel, in rising order.
+    pub(super) changes: Vec<Change>,
+}
+
+/// A surfel that a moving thing is near.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Change {
+    pub surfel: u32,
+    pub owner: Owner,
+    /// Bits of the surfels around it that are hidden from it.
+    hidden: u64,
+}
+
+impl SurfelMap {
+    /// Expects moving things within the `swept` space. The surfels belong to these `anchors`, each standing for `area_share` m².
+    pub fn expect_movement(&mut self, swept: &SweptVolume, anchors: &[Anchor], area_share: f32) {
+        let points = self.grid.points_by_index();
+        let near = swept.widened(self.reach());
+        let may_meet: Vec<bool> = points.iter().map(|point| near.is_entered(point.position, point.position)).collect();
+        self.grid.expect_movement(&may_meet);
+        let surfels: Vec<u32> = (0..).zip(&may_meet).filter(|(_, meets)| **meets).map(|(surfel, _)| surfel).collect();
+        let anchor_grid = Grid::new(anchors, &[], area_share);
+        self.movable = (!surfels.is_empty())
+            .then(|| Arc::new(Movable { surfels, points, anchors: anchors.to_vec(), anchor_grid }));
+    }
+
+    /// Differences at the time of `sight`.
+    pub fn moved(&self, sight: &Sight) -> Moved {
+        let Some(movable) = &self.movable else { return Moved::default() };
+        let change = |&surfel: &u32| self.change(surfel, movable, sight);
+        Moved { changes: movable.surfels.par_iter().filter_map(change).collect() }
+    }
+
+    fn change(&self, surfel: u32, movable: &Movable, sight: &Sight) -> Option<Change> {
+        // Which surfels around it are in sight.
+        let spot = Spot::of(&movable.points[surfel as usize], false);
+        let around: Vec<Anchor> = self.row(surfel).iter().map(|&(k, _)| movable.points[k as usize]).collect();
+        let hidden = sight.hidden(&spot, &around, self.grid.height());
+
+        // Whether the own anchor is; else one that is.
+        let mut owner = self.owners[surfel as usize];
+        let sees = |anchor: u32| {
+            let anchor = &movable.anchors[anchor as usize..=anchor as usize];
+            sight.hidden(&spot, anchor, movable.anchor_grid.height()) == 0
+        };
+        if owner.anchor.is_some_and(|anchor| !sees(anchor)) {
+            let other = movable.anchor_grid.best(&spot, Some(sight), |_| 1.0);
+            owner = Owner { anchor: other.map(|anchor| anchor as u32), share: owner.share.min(1.0) };
+        }
+        let is_changed = hidden != 0 || owner != self.owners[surfel as usize];
+        is_changed.then_some(Change { surfel, owner, hidden })
+    }
+
+    /// Surfels around one, and their radiance there for a unit of flux.
+    fn row(&self, surfel: u32) -> &[(u32, f32)] {
+        &self.around[self.first[surfel as usize] as usize..self.first[surfel as usize + 1] as usize]
+    }
+
+    /// L_j of the surfels that something has moved near, with w_jk and A_k of this frame.
+    pub(super) fn set_moved_radiance(&self, flux: &[Vec3], moved: &Moved, radiance: &mut [Vec3]) {
+        // w_jk over their sum in sight; photons that would be left at those hidden are left at the others.
+        let rows: Vec<(u32, Vec<(u32, f32)>)> = moved
+            .changes
+            .iter()
+            .filter(|change| change.hidden != 0)
+            .map(|Change { surfel, hidden, .. }| {
+                let seen = self.row(*surfel).iter().enumerate().filter(|(i, _)| hidden >> i & 1 == 0);
+                let mut row: Vec<(u32, f32)> = seen.map(|(_, &part)| part).collect();
+                let sum: f32 = row.iter().map(|(_, weight)| weight).sum();
+                row.iter_mut().for_each(|(_, weight)| *weight /= sum.max(f32::MIN_POSITIVE));
+                (*surfel, row)
+            })
+            .collect();
+
+        // A_k = A Σ_i w_ik, by what has changed of it.
+        let mut areas: HashMap<u32, f32> = HashMap::new();
+        for (surfel, row) in &rows {
+            let sum: f32 = self.row(*surfel).iter().map(|(_, weight)| weight).sum();
+            for &(k, weight) in self.row(*surfel) {
+                *areas.entry(k).or_default() -= self.area_share * weight / sum;
+            }
+            for &(k, weight) in row {
+                *areas.entry(k).or_default() += self.area_share * weight;
+            }
+        }
+
+        for (surfel, row) in &rows {
+            let (mut light, mut area) = (Vec3::ZERO, 0.0);
+            for &(k, weight) in row {
+                light += flux[k as usize] * weight;
+                area += weight * (self.areas[k as usize] + areas.get(&k).copied().unwrap_or(0.0));
+            }
+            // Of a surfel that is covered whole, nothing is seen.
+            radiance[*surfel as usize] = if area > 0.0 { light / (PI * area) } else { Vec3::ZERO };
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! Guided emission: photons start where their light gets to what the camera sees.
+//!
+//! Sky and sun shine on a whole scene. Where the camera is in a room with a window, few of their photons get in; and a small lamp has
+//! few next to the sky, though it may be all that a room has. So paths from the camera note which light their vertices get, and
+//!
+//! ```text
+//! p(ℓ)     = μ P_ℓ / Σ P + (1 − μ) I_ℓ / Σ I          probability of light ℓ
+//! p(u | ℓ) = g_ℓ(u)                                   density of the start of a photon of sky or sun
+//!   P_ℓ  power          I_ℓ  share of the light that the paths found
+//!   u    the four numbers in 0…1 that its place and its way follow from          g_ℓ  density of the paths' light over u
+//! ```
+//! Each photon has flux in inverse proportion to p, so that the expected light is the same. Light counts as a share of what its part
+//! of the picture gets: a dim corner has its photons too. The same guide serves all frames of a film.
+
+use super::boxes::Boxes;
+use crate::anchor::{Anchor, Anchors};
+use crate::emitter::{Emitters, PhotonSource};
+use crate::gbuffer::CameraRay;
+use crate::sampling::{Distribution, Pick, cosine_hemisphere, hash, owen_sobol_point};
+use crate::scene::View;
+use crate::surface::Interaction;
+use crate::{PosedScene, Units, luminance};
+use glam::{Vec2, Vec3, Vec3A, Vec4};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// μ: a light that no path has found has at least a fifth of its photons.
+const BY_POWER: f64 = 0.2;
+/// Paths from the camera, over all moments of a film.
+const PATHS: usize = 8192;
+/// Surfaces that a path goes on to at most from the one that the camera sees.
+const VERTICES: usize = 3;
+/// Parts of the picture along a side.
+const PARTS: usize = 8;
+
+/// Where photons start. See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Guide {
+    /// I_ℓ / Σ I for each light: glowing surfaces, point lights, suns, sky; empty where nothing was found.
+    shares: Vec<f64>,
+    /// g_ℓ of the lights that are infinitely far away: suns, then the sky.
+    distant: Vec<Option<Boxes>>,
+}
+
+/// Paths from the camera at some moments of a film, which a [`Guide`] follows from.
+#[derive(Clone, Debug, Default)]
+pub struct GuideSearch {
+    found: Vec<Found>,
+    moments: u64,
+    lights: usize,
+    distant: usize,
+}
+
+/// Light that a vertex of a path gets straight from a source.
+#[derive(Clone, Copy, Debug)]
+struct Found {
+    /// Moment and part of the picture.
+    part: usize,
+    light: usize,
+    /// Place and way of a photon that brings it, in 0…1; for lights that are infinitely far away.
+    start: Vec4,
+    /// Luminance, as the camera gets it.
+    light_in_picture: f64,
+}
+
+/// How a photon starts.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Start {
+    pub light: usize,
+    /// Left of the number that chose the light, 0…1.
+    pub rest: f64,
+    pub place: Vec2,
+    pub way: Vec2,
+    /// Probability density of all that.
+    pub density: f32,
+}
+
+impl GuideSearch {
+    /// Follows paths from the camera at one of `moments` moments, with the lights of then.
+    pub fn look(&mut self, scene: PosedScene, emitters: &Emitters, view: &View, units: &Units, moments: usize) {
+        let moment = self.moments;
+        let from_camera = |index: u32| {
+            let at = owen_sobol_point(index, hash(moment, 0, 0));
+            let (origin, direction) = view.ray(at * view.size());
+            let hit = scene.accelerator.closest(origin, direction)?;
+            let (_, surface) = CameraRay { origin, direction }.shown(scene, hit, |_| 0.0)?;
+            let part = (at.y * PARTS as f32) as usize * PARTS + (at.x * PARTS as f32) as usize;
+            Some((part, Departure::from(&surface, units)))
+        };
+        self.follow(scene, emitters, units, PATHS.div_ceil(moments.max(1)), from_camera);
+    }
+
+    /// Follows paths from places all over the surfaces at rest: for light that is looked at from anywhere.
+    pub fn look_everywhere(&mut self, scene: PosedScene, emitters: &Emitters, anchors: &Anchors, units: &Units) {
+        let from_anchor = |index: u32| {
+            // Anchors that follow each other lie close together, mostly: parts are runs of them.
+            let count = anchors.fixed.len();
+            let Anchor { position, normal, .. } = anchors.fixed.get(index as usize * count / PATHS)?;
+            let part = index as usize * PARTS * PARTS / PATHS;
+            Some((part, Departure { origin: *position, normal: *normal, geometric_normal: *normal }))
+        };
+        self.follow(scene, emitters, units, PATHS, from_anchor);
+    }
+
+    /// Follows `count` paths; `depart` gives the part of the picture and the first surface of each.
+    fn follow(
+        &mut self,
+        scene: PosedScene,
+        emitters: &Emitters,
+        units: &Units,
+        count: usize,
+        depart: impl Fn(u32) -> Option<(usize, Departure)> + Sync,
+    ) {
+        let Some(source) = emitters.photons(scene.surfaces.scene()) else { return };
+        let paths = Paths { scene, source: &source, units, moment: self.moments };
+        let first_part = self.moments as usize * PARTS * PARTS;
+        let follow =
+            |index| depart(index).map_or(Vec::new(), |(part, start)| paths.follow(index, first_part + part, start));
+        let found: Vec<Vec<Found>> = (0..count as u32).into_par_iter().map(follow).collect();
+        self.found.extend(found.into_iter().flatten());
+        self.moments += 1;
+        (self.lights, self.distant) = (source.powers().len(), source.near_lights());
+    }
+
+    /// The guide; `None` where it would change nothing.
+    #[must_use]
+    pub fn finish(mut self) -> Option<Guide> {
+        // Light as a share of what its part of the picture gets.
+        let mut sums = vec![0.0; self.moments as usize * PARTS * PARTS];
+        self.found.iter().for_each(|found| sums[found.part] += found.light_in_picture);
+        self.found.iter_mut().for_each(|found| found.light_in_picture /= sums[found.part]);
+        let lit = sums.iter().filter(|&&sum| sum > 0.0).count() as f64;
+        if lit == 0.0 || self.lights == 1 && self.distant == 1 {
+            return None;
+        }
+
+        let mut shares = vec![0.0; self.lights];
+        self.found.iter().for_each(|found| shares[found.light] += found.light_in_picture / lit);
+        let boxes = |light: usize| {
+            let of_light = self.found.iter().filter(|found| found.light == light);
+            Boxes::around(of_light.map(|found| (found.start, found.light_in_picture)).collect())
+        };
+        Some(Guide { shares, distant: (self.distant..self.lights).map(boxes).collect() })
+    }
+}
+
+/// Where a path leaves a surface.
+struct Departure {
+    /// A little off the surface.
+    origin: Vec3A,
+    normal: Vec3A,
+    geometric_normal: Vec3A,
+}
+
+impl Departure {
+    fn from(surface: &Interaction, units: &Units) -> Self {
+        let geometric_normal = surface.geometric_normal;
+        let origin = surface.position + geometric_normal * units.epsilon;
+        Self { origin, normal: surface.shading_normal(), geometric_normal }
+    }
+}
+
+/// Paths at one moment, against the way of the light.
+struct Paths<'a> {
+    scene: PosedScene<'a>,
+    source: &'a PhotonSource<'a>,
+    units: &'a Units,
+    moment: u64,
+}
+
+impl Paths<'_> {
+    /// Light that path `index` finds.
+    fn follow(&self, index: u32, part: usize, mut from: Departure) -> Vec<Found> {
+        let mut found = Vec::new();
+        let mut dimension = 0;
+        let mut points = || {
+            dimension += 1;
+            owen_sobol_point(index, hash(self.moment, dimension, 0))
+        };
+        let mut throughput = Vec3::ONE;
+        for _ in 0..VERTICES {
+            // The next surface, in a direction of an even lobe.
+            let direction = Vec3A::from(cosine_hemisphere(from.normal.into(), points()));
+            if direction.dot(from.geometric_normal) <= 0.0 {
+                break;
+            }
+            let Some(hit) = self.scene.accelerator.closest(from.origin, direction) else { break };
+            let surface = self.scene.surfaces.meet(&hit, direction, 0.0);
+            throughput *= if surface.is_back() { Vec3::ZERO } else { surface.reflectance() };
+            if luminance(throughput) <= 0.0 {
+                break;
+            }
+
+            // Light that a photon would leave there is seen from the surface before.
+            from = Departure::from(&surface, self.units);
+            self.light(&from, throughput, part, &mut points, &mut found);
+        }
+        found
+    }
+
+    /// Light straight from its sources at a surface: of one light close by, and of all that are infinitely far away.
+    fn light(
+        &self,
+        at: &Departure,
+        throughput: Vec3,
+        part: usize,
+        points: &mut impl FnMut() -> Vec2,
+        found: &mut Vec<Found>,
+    ) {
+        let PosedScene { accelerator, surfaces } = self.scene;
+        for (light, chance) in self.source.some_lights(points().x) {
+            let (place, way) = (points(), points());
+            let Some(seen) = self.source.towards(surfaces, light, (at.origin, at.normal), (place, way)) else {
+                continue;
+            };
+            let hidden = match seen.end {
+                Some(end) => accelerator.occluded(at.origin, end),
+                None => accelerator.occluded_towards(at.origin, seen.towards),
+            };
+            let light_in_picture = f64::from(luminance(throughput * seen.irradiance)) / chance;
+            if !hidden && light_in_picture > 0.0 {
+                found.push(Found { part, light, start: seen.start, light_in_picture });
+            }
+        }
+    }
+}
+
+impl Guide {
+    /// Weights that lights are chosen with, given those by power.
+    fn weights(&self, by_power: &Distribution, count: usize) -> Vec<f64> {
+        let weight = |light: usize| {
+            let power = by_power.probability(light);
+            let share = self.shares.get(light).copied().unwrap_or(0.0);
+            if power > 0.0 { BY_POWER * power + (1.0 - BY_POWER) * share } else { 0.0 }
+        };
+        (0..count).map(weight).collect()
+    }
+}
+
+/// Lights and starts that photons are drawn from.
+pub(super) struct Starts {
+    choice: Distribution,
+    guide: Option<Arc<Guide>>,
+    /// Lights before the first that is infinitely far away.
+    near: usize,
+}
+
+impl Starts {
+    /// For the lights of `source`.
+    pub fn new(source: &PhotonSource, guide: Option<Arc<Guide>>) -> Self {
+        let by_power = source.choice();
+        let choice = guide.as_ref().and_then(|guide| Distribution::new(guide.weights(by_power, source.powers().len())));
+        Self { choice: choice.unwrap_or_else(|| by_power.clone()), guide, near: source.near_lights() }
+    }
+
+    /// The start that these numbers in 0…1 draw.
+    pub fn draw(&self, which: f64, place: Vec2, way: Vec2) -> Start {
+        let Pick { index: light, probability, rest } = self.choice.pick(which);
+        let boxes = self
+            .guide
+            .as_ref()
+            .and_then(|guide| light.checked_sub(self.near).and_then(|distant| guide.distant.get(distant)?.as_ref()));
+        let Some(boxes) = boxes else { return Start { light, rest, place, way, density: probability as f32 } };
+
+        let (start, density) = boxes.draw(rest as f32, Vec4::new(place.x, place.y, way.x, way.y));
+        let (place, way) = (Vec2::new(start.x, start.y), Vec2::new(start.z, start.w));
+        Start { light, rest, place, way, density: probability as f32 * density }
+    }
+}
+
+/// How a surface is lit straight by a light, and how a photon would start to get there.
+pub(crate) struct SeenLight {
+    /// On the surface, without shadows \[W·m⁻²\].
+    pub irradiance: Vec3,
+    /// Unit vector towards the light.
+    pub towards: Vec3A,
+    /// A little off the light; `None` if that is infinitely far away.
+    pub end: Option<Vec3A>,
+    /// Place and way of the photon; for lights that are infinitely far away.
+    pub start: Vec4,
+}
