@@ -5,6 +5,7 @@
 use super::cut_outs::CutOuts;
 use super::group::Group;
 use super::sharing::Sharing;
+use super::ties::AllSides;
 use super::triangles::Owner;
 use super::{Accelerator, Placed};
 use crate::scene::{Instance, Mesh, Pose, Scene};
@@ -23,6 +24,7 @@ pub struct Geometry {
     parts: Vec<Part>,
     /// Holes of all parts that have some.
     cut_outs: Option<Arc<CutOuts>>,
+    sides: Arc<AllSides>,
     scale: f32,
 }
 
@@ -63,10 +65,10 @@ impl Soup {
     }
 
     /// Without triangles that lie exactly where an earlier one does: rays never meet them, and each would test them all. With
-    /// `cut_outs` they stay, as the earlier one may have a hole there.
-    fn group(mut self, params: BvhBuildParams, cut_outs: Option<Arc<CutOuts>>) -> Option<Arc<Group>> {
+    /// `cut_outs` they stay, as the earlier one may have a hole there; so do those with other `sides`.
+    fn group(mut self, params: BvhBuildParams, cut_outs: Option<Arc<CutOuts>>, sides: &AllSides) -> Option<Arc<Group>> {
         if cut_outs.is_none() {
-            let is_copy = copies(&self.triangles);
+            let is_copy = copies(&self.triangles, |index| sides.code(self.owners[index].instance));
             let mut place = is_copy.iter();
             self.triangles.retain(|_| place.next() == Some(&false));
             let mut place = is_copy.iter();
@@ -76,16 +78,17 @@ impl Soup {
     }
 }
 
-/// For each triangle, whether an earlier one has the same corners in the same order.
-fn copies(triangles: &[Triangle]) -> Vec<bool> {
+/// For each triangle, whether an earlier one has the same corners in the same order, and sides of the same code.
+fn copies(triangles: &[Triangle], sides: impl Fn(usize) -> u32) -> Vec<bool> {
     let bits = |index: u32| {
         let Triangle { v0, v1, v2 } = &triangles[index as usize];
-        [v0, v1, v2].map(|corner| corner.to_array().map(f32::to_bits))
+        let corners = [v0, v1, v2].map(|corner| corner.to_array().map(f32::to_bits));
+        (corners, sides(index as usize))
     };
     // Sorted by a short key first, so that few pairs are compared in full.
     let mut order: Vec<(u32, u32)> = Vec::with_capacity(triangles.len());
     for index in 0..triangles.len() as u32 {
-        let key = bits(index).into_iter().flatten().fold(0u32, |key, bits| key.rotate_left(5).wrapping_add(bits));
+        let key = bits(index).0.into_iter().flatten().fold(0u32, |key, bits| key.rotate_left(5).wrapping_add(bits));
         order.push((key, index));
     }
     order.sort_unstable_by(|a, b| {
@@ -116,14 +119,14 @@ impl Geometry {
         let scale = (64.0 / extent).log2().ceil().exp2();
         let cut_outs = CutOuts::new(scene, &pose, extent).map(Arc::new);
         let holes_of = |instance| cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(instance));
-        let sharing = Sharing::of(scene, &pose);
+        let (sharing, sides) = (Sharing::of(scene, &pose), AllSides::new(scene, &pose));
         // The tree of a mesh in its own space, if it has any triangles.
         let mut of_mesh: HashMap<usize, Option<Arc<Group>>> = HashMap::new();
         let mut own_tree = |index: usize, mesh: usize| {
             let build = || {
                 let mut own = Soup::default();
                 own.add(index, &Affine3A::IDENTITY, corners(&scene.meshes[mesh], &pose, index));
-                own.group(QUALITY, holes_of(index))
+                own.group(QUALITY, holes_of(index), &sides)
             };
             // What a skin or weights bend differs from one instance to the next.
             if pose.deformed(index).is_some() { build() } else { of_mesh.entry(mesh).or_insert_with(build).clone() }
@@ -148,9 +151,9 @@ impl Geometry {
             }
         }
         let fixed = [(whole, None), (with_holes, cut_outs.clone())];
-        let fixed = fixed.into_iter().filter_map(|(soup, holes)| soup.group(QUALITY, holes));
+        let fixed = fixed.into_iter().filter_map(|(soup, holes)| soup.group(QUALITY, holes, &sides));
         parts.extend(fixed.map(|group| Part::Fixed(Placed::in_world(group))));
-        Self { parts, cut_outs, scale }
+        Self { parts, cut_outs, sides: Arc::new(sides), scale }
     }
 
     /// Triangles that the trees of `scene` hold at the beginning, each as often as it is held: a mesh whose instances share a
@@ -175,7 +178,7 @@ impl Geometry {
             Part::Fixed(placed) => Some(placed.clone()),
             Part::Carried { .. } | Part::Deforming { .. } => None,
         });
-        Accelerator::new(still.collect(), self.scale)
+        Accelerator::new(still.collect(), self.sides.clone(), self.scale)
     }
 
     /// Places the trees as `pose` says, builds those of what bends, and the top level over all.
@@ -193,11 +196,11 @@ impl Geometry {
                 let mut own = Soup::default();
                 own.add(*instance, &to_tree, (0..bent.triangles.len()).map(|t| bent.corners(t)));
                 let holes = self.cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(*instance));
-                own.group(BvhBuildParams::fast_build(), holes).map(Placed::in_world)
+                own.group(BvhBuildParams::fast_build(), holes, &self.sides).map(Placed::in_world)
             }
         };
         let groups: Vec<Placed> = self.parts.iter().filter_map(placed).collect();
-        Accelerator::new(groups, self.scale)
+        Accelerator::new(groups, self.sides.clone(), self.scale)
     }
 
     /// Triangles of all trees that are built once.

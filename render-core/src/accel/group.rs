@@ -2,6 +2,7 @@
 
 use super::cut_outs::CutOuts;
 use super::ray::Ray;
+use super::ties::Reach;
 use super::tree::{Costs, Tree, Visit};
 use super::triangles::{BLOCK, Block, Leaf, Owner};
 use lanes::{LANES, Lanes};
@@ -51,6 +52,41 @@ impl Met {
 
 /// The largest index, as a signed number too.
 pub(super) const NO_TRIANGLE: u32 = u32::MAX >> 1;
+/// Before every index, as a signed number.
+pub(super) const BEFORE_ALL: u32 = u32::MAX;
+
+/// The nearest hit of a walk so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Nearest {
+    pub(super) met: Met,
+    /// Whether another triangle was met within `reach` of it.
+    pub(super) contested: bool,
+    pub(super) reach: Reach,
+}
+
+impl Nearest {
+    /// Nothing yet.
+    #[inline(always)]
+    pub(super) fn nothing(reach: Reach) -> Self {
+        Self { met: Met::NOTHING, contested: false, reach }
+    }
+
+    /// Takes a hit into account that lies within reach of the nearest.
+    #[inline(always)]
+    fn take(&mut self, met: Met) {
+        let best = self.met;
+        let is_other = met.triangle != best.triangle;
+        let is_nearer = met.t < best.t || met.t == best.t && (met.triangle as i32) < best.triangle as i32;
+        if is_nearer {
+            self.met = met;
+            if is_other {
+                self.contested = best.t <= self.reach.of(met.t);
+            }
+        } else {
+            self.contested |= is_other;
+        }
+    }
+}
 
 impl Group {
     /// Builds the tree. `owners` are the places of the `triangles` in the scene, all of them finite.
@@ -102,13 +138,19 @@ impl Group {
 
     /// The first triangle before `best`, holes passed through: those of `shown`, if that instance shows the group.
     #[inline(always)]
-    pub(super) fn closest<L: Lanes>(&self, lanes: L, ray: &Ray, best: Met, shown: Option<u32>) -> Met {
+    pub(super) fn closest<L: Lanes>(&self, lanes: L, ray: &Ray, best: Nearest, shown: Option<u32>) -> Nearest {
         match &self.cut_outs {
-            None => self.closest_where(lanes, ray, best, |_, _, _| true),
-            Some(cut_outs) => self.closest_where(lanes, ray, best, |triangle, u, v| {
-                cut_outs.opaque_at(self.owner(triangle, shown), u, v)
-            }),
+            None => self.closest_where(lanes, ray, best, |_, _, _, _| true),
+            Some(_) => {
+                self.closest_where(lanes, ray, best, |leaf, lane, u, v| self.is_there(leaf.triangle(lane), u, v, shown))
+            }
         }
+    }
+
+    /// Whether a point of a triangle is no hole.
+    #[inline(always)]
+    pub(super) fn is_there(&self, triangle: u32, u: f32, v: f32, shown: Option<u32>) -> bool {
+        self.cut_outs.as_ref().is_none_or(|cut_outs| cut_outs.opaque_at(self.owner(triangle, shown), u, v))
     }
 
     /// Whether any triangle is met before `limit`, holes passed through: those of `shown`, if that instance shows the group.
@@ -122,12 +164,24 @@ impl Group {
         }
     }
 
-    /// The first triangle before `best` that `accept` (index, u, v) lets count.
+    /// The first triangle before `best` that `accept` (leaf, lane, u, v) lets count.
     #[inline(always)]
-    fn closest_where<L: Lanes>(&self, lanes: L, ray: &Ray, best: Met, accept: impl Fn(u32, f32, f32) -> bool) -> Met {
+    pub(super) fn closest_where<L: Lanes>(
+        &self,
+        lanes: L,
+        ray: &Ray,
+        best: Nearest,
+        accept: impl Fn(&Leaf, usize, f32, f32) -> bool,
+    ) -> Nearest {
         let mut visitor = ClosestOf { group: self, ray, best, accept };
-        self.tree.walk(lanes, ray, best.t, &mut visitor);
+        self.tree.walk(lanes, ray, best.reach.of(best.met.t), &mut visitor);
         visitor.best
+    }
+
+    /// Calls `each` (leaf, lane, hit) for all triangles that are met within `limit`.
+    #[inline(always)]
+    pub(super) fn each_within<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32, each: impl FnMut(&Leaf, usize, Met)) {
+        self.tree.walk(lanes, ray, limit, &mut EachOf { group: self, ray, each });
     }
 
     /// Whether any triangle that `accept` (index, u, v) lets count is met before `limit`.
@@ -142,11 +196,37 @@ impl Group {
 struct ClosestOf<'a, F> {
     group: &'a Group,
     ray: &'a Ray,
-    best: Met,
+    best: Nearest,
     accept: F,
 }
 
-impl<F: Fn(u32, f32, f32) -> bool> Visit for ClosestOf<'_, F> {
+impl<F: Fn(&Leaf, usize, f32, f32) -> bool> Visit for ClosestOf<'_, F> {
+    #[inline(always)]
+    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32 {
+        let leaf = self.group.leaf(content);
+        let Some((mut bits, meeting)) = leaf.meet(lanes, self.ray, near, limit) else { return limit };
+        let (t, u, v) = (lanes.store(meeting.t), lanes.store(meeting.u), lanes.store(meeting.v));
+        let mut limit = limit;
+        while bits != 0 {
+            let lane = bits.trailing_zeros() as usize & (LANES - 1);
+            bits &= bits - 1;
+            let met = Met { t: t[lane], triangle: leaf.triangle(lane), u: u[lane], v: v[lane] };
+            if met.t <= limit && (self.accept)(&leaf, lane, met.u, met.v) {
+                self.best.take(met);
+                limit = self.best.reach.of(self.best.met.t);
+            }
+        }
+        limit
+    }
+}
+
+struct EachOf<'a, F> {
+    group: &'a Group,
+    ray: &'a Ray,
+    each: F,
+}
+
+impl<F: FnMut(&Leaf, usize, Met)> Visit for EachOf<'_, F> {
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32 {
         let leaf = self.group.leaf(content);
@@ -156,13 +236,10 @@ impl<F: Fn(u32, f32, f32) -> bool> Visit for ClosestOf<'_, F> {
                 let lane = bits.trailing_zeros() as usize & (LANES - 1);
                 bits &= bits - 1;
                 let met = Met { t: t[lane], triangle: leaf.triangle(lane), u: u[lane], v: v[lane] };
-                let nearer = met.t < self.best.t || met.t == self.best.t && met.triangle < self.best.triangle;
-                if nearer && (self.accept)(met.triangle, met.u, met.v) {
-                    self.best = met;
-                }
+                (self.each)(&leaf, lane, met);
             }
         }
-        self.best.t
+        limit
     }
 }
 

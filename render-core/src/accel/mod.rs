@@ -15,6 +15,7 @@ mod query;
 mod ray;
 mod shaft;
 mod sharing;
+mod ties;
 mod tree;
 mod triangles;
 
@@ -26,8 +27,9 @@ use glam::{Affine3A, BVec3A, DVec3, Vec3A};
 use group::Group;
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2};
 use packet::PacketRay;
-use query::{Blocked, Closest, Found, Together};
+use query::{Blocked, Closest, Found, Settle, Together};
 use std::{sync::Arc, time::Duration};
+use ties::AllSides;
 use tree::{Costs, Tree};
 use triangles::Owner;
 
@@ -53,6 +55,7 @@ pub struct Accelerator {
     groups: Vec<Placed>,
     /// Over the groups; its leaves are places in `groups`.
     top: Tree,
+    sides: Arc<AllSides>,
     scale: f32,
     lanes: lanes::Choice,
 }
@@ -71,7 +74,8 @@ struct Placed {
     group: Arc<Group>,
     /// The instance that is shown here; `None` if each triangle of the group knows its own.
     instance: Option<u32>,
-    /// Local from scaled world; `None` for the identity.
+    /// Scaled world from local, and back; `None` for the identity.
+    to_world: Option<Affine3A>,
     to_local: Option<Affine3A>,
     bounds: Aabb,
 }
@@ -79,7 +83,7 @@ struct Placed {
 impl Placed {
     /// A group in the scaled world.
     fn in_world(group: Arc<Group>) -> Self {
-        Self { bounds: group.bounds, instance: None, to_local: None, group }
+        Self { bounds: group.bounds, instance: None, to_world: None, to_local: None, group }
     }
 
     /// A group in the space of a mesh that `instance` shows. `None` for an object squeezed flat: it has no inside to shoot at.
@@ -91,7 +95,8 @@ impl Placed {
         let corner = |i: usize| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), min, max);
         let corners: [Vec3A; 8] = std::array::from_fn(|i| to_world.transform_point3a(corner(i)));
         let bounds = Aabb::from_points(&corners);
-        Some(Self { group, instance: Some(instance as u32), to_local: Some(to_world.inverse()), bounds })
+        let (instance, to_local) = (Some(instance as u32), Some(to_world.inverse()));
+        Some(Self { group, instance, to_world: Some(to_world), to_local, bounds })
     }
 
     /// A ray in the group's own space. Its direction is not made a unit vector again, so that lengths of it mean the
@@ -107,7 +112,7 @@ impl Placed {
 
 impl Accelerator {
     /// Builds the tree over `groups`. Inside, lengths are `scale` times what they are outside.
-    fn new(groups: Vec<Placed>, scale: f32) -> Self {
+    fn new(groups: Vec<Placed>, sides: Arc<AllSides>, scale: f32) -> Self {
         // A box in the world may be entered a rounding later than the triangles in it are met in their own space.
         let boxes: Vec<Aabb> = groups
             .iter()
@@ -122,14 +127,37 @@ impl Accelerator {
             &mut Duration::default(),
         );
         let top = Tree::new(&binary, &Costs { leaf: 4.0, primitive: 0.0, most: 1 }, |places| places[0]);
-        Self { groups, top, scale, lanes: lanes::Choice::best() }
+        Self { groups, top, sides, scale, lanes: lanes::Choice::best() }
     }
 
     /// The first surface along the ray from `origin` in the unit `direction`.
+    ///
+    /// Of surfaces that only rounding tells apart, fronts come first, then those that glow, then the first in the file.
     #[must_use]
     pub fn closest(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
-        let found = self.lanes.run(Closest { scene: self, origin: origin * self.scale, direction });
-        self.hit(found)
+        let origin = origin * self.scale;
+        let found = self.lanes.run(Closest::<false> { scene: self, origin, direction });
+        self.hit(self.settled::<false>(origin, direction, found))
+    }
+
+    /// As [`Accelerator::closest`], through the backs of single-sided surfaces: what the ray shows.
+    pub(crate) fn closest_shown(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
+        let origin = origin * self.scale;
+        let found = self.lanes.run(Closest::<true> { scene: self, origin, direction });
+        self.hit(self.settled::<true>(origin, direction, found))
+    }
+
+    /// The hit that counts of those as near as the one `found`; `origin` in the scaled world.
+    #[inline]
+    fn settled<const SHOWN: bool>(&self, origin: Vec3A, direction: Vec3A, found: Found) -> Found {
+        if found.contested { self.settle::<SHOWN>(origin, direction, found) } else { found }
+    }
+
+    /// The same for a contested one: few are, and their code stays out of the way of all others.
+    #[cold]
+    #[inline(never)]
+    fn settle<const SHOWN: bool>(&self, origin: Vec3A, direction: Vec3A, nearest: Found) -> Found {
+        self.lanes.run(Settle::<SHOWN> { scene: self, origin, direction, nearest })
     }
 
     /// As [`Accelerator::closest`] for each of the unit `directions` into its place of `hits`: much faster where
@@ -143,14 +171,10 @@ impl Accelerator {
                 *ray = PacketRay { index, direction, limit: met.t, triangle: met.triangle };
             }
             let mut found = [Found::NOTHING; PACKET];
-            self.lanes.run(Together::<true> {
-                scene: self,
-                origin: origin * self.scale,
-                rays: &rays[..directions.len()],
-                found: &mut found,
-            });
-            for (hit, found) in hits.iter_mut().zip(found) {
-                *hit = self.hit(found);
+            let (origin, rays) = (origin * self.scale, &rays[..directions.len()]);
+            self.lanes.run(Together::<true> { scene: self, origin, rays, found: &mut found });
+            for ((hit, &direction), found) in hits.iter_mut().zip(directions).zip(found) {
+                *hit = self.hit(self.settled::<false>(origin, direction, found));
             }
         }
     }
@@ -197,7 +221,7 @@ impl Accelerator {
     }
 
     #[inline]
-    fn hit(&self, Found { met, place }: Found) -> Option<Hit> {
+    fn hit(&self, Found { met, place, .. }: Found) -> Option<Hit> {
         met.is_something().then(|| {
             let placed = &self.groups[place];
             let Owner { instance, triangle } = placed.group.owner(met.triangle, placed.instance);

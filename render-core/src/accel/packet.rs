@@ -5,10 +5,11 @@
 //! rows are tested, from the first that still was inside of the box above (Wald, Boulos & Shirley 2007). Triangles are
 //! tested for all rows that enter their leaf.
 
-use super::group::{Group, Met, NO_TRIANGLE};
+use super::group::{Group, Met, NO_TRIANGLE, Nearest};
 use super::ray::{LEAST_COMPONENT, LENGTHENING, Octant};
+use super::ties::Reach;
 use super::tree::{Kind, Stack, Tree, farthest_first};
-use super::triangles::meet;
+use super::triangles::{Meeting, meet};
 use glam::Vec3A;
 use lanes::{LANES, Lanes};
 
@@ -31,6 +32,13 @@ pub(super) struct PacketRay {
 
 impl PacketRay {
     pub(super) const NONE: Self = Self { index: 0, direction: Vec3A::ZERO, limit: -1.0, triangle: 0 };
+
+    /// The hit that a ray alone must beat to find the same.
+    #[inline(always)]
+    pub(super) fn to_beat(&self, reach: Reach) -> Nearest {
+        let met = Met { t: self.limit, triangle: self.triangle, ..Met::NOTHING };
+        Nearest { met, contested: false, reach }
+    }
 }
 
 /// Eight rays side by side.
@@ -41,12 +49,16 @@ struct Row {
     inverse_near: [[f32; LANES]; 3],
     inverse_far: [[f32; LANES]; 3],
     shear: [[f32; LANES]; 2],
-    /// The nearest hit of each ray so far, as in [`Met`]. A negative t: the ray need not be traced any more.
+    /// How far the ray goes: [`Reach`] of t. Negative where it need not be traced any more.
+    reach: [f32; LANES],
+    /// The nearest hit of each ray so far, as in [`Met`].
     t: [f32; LANES],
     /// Bits of an index.
     triangle: [f32; LANES],
     u: [f32; LANES],
     v: [f32; LANES],
+    /// Bits of the rays that have met another triangle within their reach.
+    contested: u32,
 }
 
 /// Rays of one origin and one [`Octant`].
@@ -60,8 +72,9 @@ pub(super) struct Packet {
     /// Least and greatest 1 / component, and the same lengthened.
     near_range: [[f32; 3]; 2],
     far_range: [[f32; 3]; 2],
-    /// Limit of the longest ray.
+    /// Reach of the longest ray.
     farthest: f32,
+    reach: Reach,
 }
 
 /// A visitor of the leaves of a [`Packet::walk`].
@@ -101,15 +114,17 @@ impl Entered {
 impl Packet {
     /// Makes a packet of rays whose directions share an octant, 1 to [`PACKET`] of them.
     #[inline(always)]
-    pub(super) fn new<L: Lanes>(lanes: L, origin: Vec3A, octant: Octant, rays: &[PacketRay]) -> Self {
+    pub(super) fn new<L: Lanes>(lanes: L, origin: Vec3A, octant: Octant, rays: &[PacketRay], reach: Reach) -> Self {
         let row = Row {
             inverse_near: [[0.0; LANES]; 3],
             inverse_far: [[0.0; LANES]; 3],
             shear: [[0.0; LANES]; 2],
+            reach: [-1.0; LANES],
             t: [-1.0; LANES],
             triangle: [f32::from_bits(NO_TRIANGLE); LANES],
             u: [0.0; LANES],
             v: [0.0; LANES],
+            contested: 0,
         };
         let mut packet = Self {
             origin: origin.to_array(),
@@ -119,7 +134,8 @@ impl Packet {
             used: rays.len().div_ceil(LANES),
             near_range: [[0.0; 3]; 2],
             far_range: [[0.0; 3]; 2],
-            farthest: rays.iter().fold(-1.0, |farthest: f32, ray| farthest.max(ray.limit)),
+            farthest: reach.of(rays.iter().fold(-1.0, |farthest: f32, ray| farthest.max(ray.limit))),
+            reach,
         };
         let mut range = [[lanes.splat(f32::INFINITY), lanes.splat(f32::NEG_INFINITY)]; 3];
         for (row, rays) in packet.rows.iter_mut().zip(rays.chunks(LANES)) {
@@ -132,6 +148,7 @@ impl Packet {
                 row.t[lane] = ray.limit;
                 row.triangle[lane] = f32::from_bits(ray.triangle);
             }
+            row.reach = if reach.is_none() { row.t } else { lanes.store(reach.of_eight(lanes, lanes.load(&row.t))) };
             for (axis, [low, high]) in range.iter_mut().enumerate() {
                 let least = if octant.goes_down(axis) { -LEAST_COMPONENT } else { LEAST_COMPONENT };
                 let x = lanes.load(&components[axis]);
@@ -159,7 +176,9 @@ impl Packet {
 
     /// Sets the limit of ray `index`; [`Self::measure`] is to follow.
     pub(super) fn set_limit(&mut self, index: usize, t: f32) {
-        self.rows[index / LANES].t[index % LANES] = t;
+        let row = &mut self.rows[index / LANES];
+        row.reach[index % LANES] = if t < 0.0 { t } else { self.reach.of(t) };
+        row.t[index % LANES] = t;
     }
 
     /// Updates the limit of the longest ray.
@@ -167,15 +186,21 @@ impl Packet {
     pub(super) fn measure<L: Lanes>(&mut self, lanes: L) {
         let mut farthest = lanes.splat(-1.0);
         for row in &self.rows[..self.used] {
-            farthest = lanes.max(lanes.load(&row.t), farthest);
+            farthest = lanes.max(lanes.load(&row.reach), farthest);
         }
         self.farthest = lanes.store(farthest).into_iter().fold(-1.0, f32::max);
     }
 
     /// The nearest hit of ray `index`.
-    pub(super) fn met(&self, index: usize) -> Met {
+    pub(super) fn nearest(&self, index: usize) -> Nearest {
         let (row, lane) = (&self.rows[index / LANES], index % LANES);
-        Met { t: row.t[lane], triangle: row.triangle[lane].to_bits(), u: row.u[lane], v: row.v[lane] }
+        let met = Met { t: row.t[lane], triangle: row.triangle[lane].to_bits(), u: row.u[lane], v: row.v[lane] };
+        Nearest { met, contested: row.contested >> lane & 1 == 1, reach: self.reach }
+    }
+
+    /// Whether ray `index` has met anything, where any triangle will do.
+    pub(super) fn is_blocked(&self, index: usize) -> bool {
+        self.rows[index / LANES].reach[index % LANES] < 0.0
     }
 
     /// Takes the rays to the leaves whose boxes they enter.
@@ -289,24 +314,15 @@ impl Packet {
                 let Some(meeting) = meet(lanes, corners, shear) else { continue };
                 let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
                 let t = lanes.max(meeting.t, lanes.load(&entered.near[index]));
-                let limit = lanes.load(&row.t);
+                let met = lanes.and(ahead, lanes.le(t, lanes.load(&row.reach)));
+                if lanes.bits(met) == 0 {
+                    continue;
+                }
                 if CLOSEST {
-                    let best = lanes.load(&row.triangle);
-                    let tie = lanes.and(lanes.eq(t, limit), lanes.lt_bits(triangle, best));
-                    let nearer = lanes.and(ahead, lanes.or(lanes.lt(t, limit), tie));
-                    if lanes.bits(nearer) != 0 {
-                        row.t = lanes.store(lanes.select(nearer, t, limit));
-                        row.triangle = lanes.store(lanes.select(nearer, triangle, best));
-                        row.u = lanes.store(lanes.select(nearer, meeting.u, lanes.load(&row.u)));
-                        row.v = lanes.store(lanes.select(nearer, meeting.v, lanes.load(&row.v)));
-                        changed = true;
-                    }
+                    changed |= row.take(lanes, &meeting, t, met, triangle, self.reach);
                 } else {
-                    let hit = lanes.and(ahead, lanes.le(t, limit));
-                    if lanes.bits(hit) != 0 {
-                        row.t = lanes.store(lanes.select(hit, lanes.splat(-1.0), limit));
-                        changed = true;
-                    }
+                    row.reach = lanes.store(lanes.select(met, lanes.splat(-1.0), lanes.load(&row.reach)));
+                    changed = true;
                 }
             }
         }
@@ -321,7 +337,45 @@ impl Row {
         let [near_x, near_y, near_z] = &self.inverse_near;
         let [far_x, far_y, far_z] = &self.inverse_far;
         let entry = lanes.greatest(lanes.mul3(to_near, lanes.load3([near_x, near_y, near_z])), lanes.splat(0.0));
-        let exit = lanes.least(lanes.mul3(to_far, lanes.load3([far_x, far_y, far_z])), lanes.load(&self.t));
+        let exit = lanes.least(lanes.mul3(to_far, lanes.load3([far_x, far_y, far_z])), lanes.load(&self.reach));
         (lanes.le(entry, exit), entry)
+    }
+
+    /// Takes the hits at `t` into account of the rays that have `met` a triangle within their reach: [`Nearest::take`] for
+    /// eight. Whether any of them is the nearest now.
+    #[inline(always)]
+    fn take<L: Lanes>(
+        &mut self,
+        lanes: L,
+        meeting: &Meeting<L>,
+        t: L::F,
+        met: L::Mask,
+        triangle: L::F,
+        reach: Reach,
+    ) -> bool {
+        let (limit, best) = (lanes.load(&self.t), lanes.load(&self.triangle));
+        let tie = lanes.and(lanes.eq(t, limit), lanes.lt_bits(triangle, best));
+        let nearer = lanes.and(met, lanes.or(lanes.lt(t, limit), tie));
+        let new_reach = reach.of_eight(lanes, t);
+        let (nearer_bits, mut close) = (lanes.bits(nearer), lanes.bits(lanes.and(met, lanes.le(limit, new_reach))));
+
+        // Parts of a split triangle do not contest each other.
+        let (mut left, mut same) = (close, 0);
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize & (LANES - 1);
+            left &= left - 1;
+            same |= u32::from(self.triangle[lane].to_bits() == lanes.store(triangle)[lane].to_bits()) << lane;
+        }
+        close &= !same;
+        self.contested = self.contested & !(nearer_bits & !same) | close;
+        if nearer_bits == 0 {
+            return false;
+        }
+        self.reach = lanes.store(lanes.select(nearer, new_reach, lanes.load(&self.reach)));
+        self.t = lanes.store(lanes.select(nearer, t, limit));
+        self.triangle = lanes.store(lanes.select(nearer, triangle, best));
+        self.u = lanes.store(lanes.select(nearer, meeting.u, lanes.load(&self.u)));
+        self.v = lanes.store(lanes.select(nearer, meeting.v, lanes.load(&self.v)));
+        true
     }
 }

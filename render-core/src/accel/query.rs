@@ -1,8 +1,9 @@
 //! Rays through both levels: the tree over the groups, and in each the group's own.
 
-use super::group::{Group, Met, NO_TRIANGLE};
+use super::group::{BEFORE_ALL, Group, Met, NO_TRIANGLE, Nearest};
 use super::packet::{Entered, PACKET, Packet, PacketRay, Triangles, VisitTogether};
 use super::ray::{Octant, Ray};
+use super::ties::{Reach, Rival, choose};
 use super::tree::Visit;
 use super::{Accelerator, Placed};
 use glam::Vec3A;
@@ -14,14 +15,28 @@ pub(super) struct Found {
     pub(super) met: Met,
     /// Place in [`Accelerator::groups`].
     pub(super) place: usize,
+    /// Whether another triangle was met within reach of it.
+    pub(super) contested: bool,
 }
 
 impl Found {
-    pub(super) const NOTHING: Self = Self { met: Met::NOTHING, place: usize::MAX };
+    pub(super) const NOTHING: Self = Self { met: Met::NOTHING, place: usize::MAX, contested: false };
 
     /// The hit that group `place` must beat: of hits at one distance, the group that comes first wins.
-    fn to_beat(self, place: usize) -> Met {
-        Met { triangle: if place < self.place { NO_TRIANGLE } else { 0 }, ..self.met }
+    fn to_beat(self, place: usize, reach: Reach) -> Nearest {
+        let triangle = if place < self.place { NO_TRIANGLE } else { BEFORE_ALL };
+        Nearest { met: Met { triangle, ..self.met }, contested: false, reach }
+    }
+
+    /// After the walk through group `place`, which had `to_beat`. Whether a triangle there is the nearest now.
+    fn update(&mut self, place: usize, to_beat: &Nearest, nearest: &Nearest) -> bool {
+        let is_new = nearest.met != to_beat.met;
+        if is_new {
+            *self = Self { met: nearest.met, place, contested: nearest.contested };
+        } else {
+            self.contested |= nearest.contested;
+        }
+        is_new
     }
 }
 
@@ -36,48 +51,109 @@ impl Accelerator {
     }
 }
 
-/// The first surface along a ray, from `origin` in scaled world space.
-pub(super) struct Closest<'a> {
+/// The first surface along a ray in a unit direction, from `origin` in scaled world space.
+///
+/// `SHOWN`: backs of single-sided surfaces are passed.
+pub(super) struct Closest<'a, const SHOWN: bool> {
     pub(super) scene: &'a Accelerator,
     pub(super) origin: Vec3A,
     pub(super) direction: Vec3A,
 }
 
-impl Kernel for Closest<'_> {
+impl<const SHOWN: bool> Kernel for Closest<'_, SHOWN> {
     type Output = Found;
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> Found {
         let Self { scene, origin, direction } = self;
-        let ray = Ray::new(origin, direction);
-        if let Some(group) = scene.sole_group() {
-            return Found { met: group.closest(lanes, &ray, Met::NOTHING, None), place: 0 };
+        let (ray, reach) = (Ray::new(origin, direction), Reach::from(origin));
+        if let Some(group) = scene.sole_group()
+            && !SHOWN
+        {
+            let Nearest { met, contested, .. } = group.closest(lanes, &ray, Nearest::nothing(reach), None);
+            return Found { met, place: 0, contested };
         }
-        let mut visitor = ClosestGroup { scene, origin, direction, found: Found::NOTHING };
+        let mut visitor = ClosestGroup::<SHOWN> { scene, origin, direction, found: Found::NOTHING, reach };
         scene.top.walk(lanes, &ray, Met::NOTHING.t, &mut visitor);
         visitor.found
     }
 }
 
-struct ClosestGroup<'a> {
+struct ClosestGroup<'a, const SHOWN: bool> {
     scene: &'a Accelerator,
     origin: Vec3A,
     direction: Vec3A,
     found: Found,
+    reach: Reach,
 }
 
-impl Visit for ClosestGroup<'_> {
+impl<const SHOWN: bool> Visit for ClosestGroup<'_, SHOWN> {
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, _: f32) -> f32 {
         let place = content as usize;
-        let placed = &self.scene.groups[place];
-        let (origin, direction) = placed.local(self.origin, self.direction);
-        let to_beat = self.found.to_beat(place);
-        let met = placed.group.closest(lanes, &Ray::new(origin, direction), to_beat, placed.instance);
-        if met != to_beat {
-            self.found = Found { met, place };
+        let Placed { group, instance, .. } = &self.scene.groups[place];
+        let (origin, direction) = self.scene.groups[place].local(self.origin, self.direction);
+        let (ray, to_beat) = (Ray::new(origin, direction), self.found.to_beat(place, self.reach));
+        let nearest = if SHOWN {
+            group.closest_where(lanes, &ray, to_beat, |leaf, lane, u, v| {
+                let triangle = leaf.triangle(lane);
+                !self.scene.is_back(triangle, place, leaf.corners(lane), self.direction)
+                    && group.is_there(triangle, u, v, *instance)
+            })
+        } else {
+            group.closest(lanes, &ray, to_beat, *instance)
+        };
+        self.found.update(place, &to_beat, &nearest);
+        self.reach.of(self.found.met.t)
+    }
+}
+
+/// The hit that counts of all that lie within reach of the `nearest`, as [`choose`] finds it.
+///
+/// `SHOWN`: backs of single-sided surfaces are passed.
+pub(super) struct Settle<'a, const SHOWN: bool> {
+    pub(super) scene: &'a Accelerator,
+    pub(super) origin: Vec3A,
+    pub(super) direction: Vec3A,
+    pub(super) nearest: Found,
+}
+
+impl<const SHOWN: bool> Kernel for Settle<'_, SHOWN> {
+    type Output = Found;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Found {
+        let Self { scene, origin, direction, nearest } = self;
+        let limit = Reach::from(origin).of(nearest.met.t);
+        let mut visitor = Rivals { scene, origin, direction, found: Vec::new() };
+        scene.top.walk(lanes, &Ray::new(origin, direction), limit, &mut visitor);
+        let mut rivals = visitor.found;
+        if SHOWN {
+            rivals.retain(|rival| !rival.is_back);
         }
-        self.found.met.t
+        choose(nearest, origin, &rivals)
+    }
+}
+
+struct Rivals<'a> {
+    scene: &'a Accelerator,
+    origin: Vec3A,
+    direction: Vec3A,
+    found: Vec<Rival>,
+}
+
+impl Visit for Rivals<'_> {
+    #[inline(always)]
+    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
+        let place = content as usize;
+        let Placed { group, instance, .. } = &self.scene.groups[place];
+        let (origin, direction) = self.scene.groups[place].local(self.origin, self.direction);
+        group.each_within(lanes, &Ray::new(origin, direction), limit, |leaf, lane, met| {
+            if group.is_there(met.triangle, met.u, met.v, *instance) {
+                self.found.push(self.scene.rival(met, place, leaf.corners(lane), self.direction));
+            }
+        });
+        limit
     }
 }
 
@@ -143,6 +219,7 @@ impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
     fn run<L: Lanes>(self, lanes: L) -> u64 {
         let Self { scene, origin, rays, found } = self;
         let mut blocked = 0;
+        let reach = if CLOSEST { Reach::from(origin) } else { Reach::NONE };
         let mut octants = Octants::of(rays);
         while let Some((octant, rays)) = octants.next() {
             if !CLOSEST && rays.len() < WORTH_A_PACKET {
@@ -151,21 +228,22 @@ impl<const CLOSEST: bool> Kernel for Together<'_, CLOSEST> {
                 }
                 continue;
             }
-            let mut packet = Packet::new(lanes, origin, octant, rays);
+            let mut packet = Packet::new(lanes, origin, octant, rays, reach);
             match scene.sole_group() {
                 Some(group) => {
                     packet.walk(lanes, &group.tree, &mut Triangles::<CLOSEST>(group));
                     if CLOSEST {
                         for (k, ray) in rays.iter().enumerate() {
-                            found[ray.index] = Found { met: packet.met(k), place: 0 };
+                            let Nearest { met, contested, .. } = packet.nearest(k);
+                            found[ray.index] = Found { met, place: 0, contested };
                         }
                     }
                 }
-                None => packet.walk(lanes, &scene.top, &mut Groups::<CLOSEST> { scene, origin, rays, found }),
+                None => packet.walk(lanes, &scene.top, &mut Groups::<CLOSEST> { scene, origin, rays, found, reach }),
             }
             if !CLOSEST {
                 for (k, ray) in rays.iter().enumerate() {
-                    blocked |= u64::from(packet.met(k).t < 0.0) << ray.index;
+                    blocked |= u64::from(packet.is_blocked(k)) << ray.index;
                 }
             }
         }
@@ -180,6 +258,7 @@ struct Groups<'a, const CLOSEST: bool> {
     /// As they stand in the packet.
     rays: &'a [PacketRay],
     found: &'a mut [Found],
+    reach: Reach,
 }
 
 impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
@@ -200,8 +279,8 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
             let ray = &self.rays[index];
             let direction = placed.local(self.origin, ray.direction).1;
             local[count] = if CLOSEST {
-                let to_beat = self.found[ray.index].to_beat(place);
-                PacketRay { index, direction, limit: to_beat.t, triangle: to_beat.triangle }
+                let Nearest { met, .. } = self.found[ray.index].to_beat(place, self.reach);
+                PacketRay { index, direction, limit: met.t, triangle: met.triangle }
             } else {
                 PacketRay { index, direction, ..*ray }
             };
@@ -210,12 +289,13 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
         let origin = placed.local(self.origin, Vec3A::X).0;
         if placed.group.cut_outs.is_some() || !CLOSEST && count < WORTH_A_PACKET {
             // Each hit is tested whether it counts, and few rays are faster alone.
-            for ray in &local[..count] {
-                if let Some(met) = alone::<L, CLOSEST>(lanes, placed, origin, ray) {
-                    packet.set_limit(ray.index, met.t);
-                    if CLOSEST {
-                        self.found[self.rays[ray.index].index] = Found { met, place };
-                    }
+            for local in &local[..count] {
+                let ray = Ray::new(origin, local.direction);
+                if CLOSEST {
+                    let nearest = placed.group.closest(lanes, &ray, local.to_beat(self.reach), placed.instance);
+                    self.take(packet, place, local, &nearest);
+                } else if placed.group.blocks(lanes, &ray, local.limit, placed.instance) {
+                    packet.set_limit(local.index, -1.0);
                 }
             }
             packet.measure(lanes);
@@ -223,15 +303,13 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
         }
         let mut octants = Octants::of(&local[..count]);
         while let Some((octant, rays)) = octants.next() {
-            let mut within = Packet::new(lanes, origin, octant, rays);
+            let mut within = Packet::new(lanes, origin, octant, rays, self.reach);
             within.walk(lanes, &placed.group.tree, &mut Triangles::<CLOSEST>(&placed.group));
-            for (k, ray) in rays.iter().enumerate() {
-                let met = within.met(k);
-                if met.t < ray.limit || met.triangle != ray.triangle {
-                    packet.set_limit(ray.index, met.t);
-                    if CLOSEST {
-                        self.found[self.rays[ray.index].index] = Found { met, place };
-                    }
+            for (k, local) in rays.iter().enumerate() {
+                if CLOSEST {
+                    self.take(packet, place, local, &within.nearest(k));
+                } else if within.is_blocked(k) {
+                    packet.set_limit(local.index, -1.0);
                 }
             }
         }
@@ -239,18 +317,14 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
     }
 }
 
-/// The triangle of a group that a ray of a packet meets when it goes alone: the same as in the packet.
-#[inline(always)]
-fn alone<L: Lanes, const CLOSEST: bool>(lanes: L, placed: &Placed, origin: Vec3A, ray: &PacketRay) -> Option<Met> {
-    let Placed { group, instance, .. } = placed;
-    let PacketRay { limit, triangle, .. } = *ray;
-    let ray = Ray::new(origin, ray.direction);
-    if CLOSEST {
-        let to_beat = Met { t: limit, triangle, ..Met::NOTHING };
-        let met = group.closest(lanes, &ray, to_beat, *instance);
-        (met != to_beat).then_some(met)
-    } else {
-        group.blocks(lanes, &ray, limit, *instance).then_some(Met { t: -1.0, ..Met::NOTHING })
+impl<const CLOSEST: bool> Groups<'_, CLOSEST> {
+    /// Notes what a ray of `packet`, `local` to group `place`, has found there.
+    #[inline(always)]
+    fn take(&mut self, packet: &mut Packet, place: usize, local: &PacketRay, nearest: &Nearest) {
+        let found = &mut self.found[self.rays[local.index].index];
+        if found.update(place, &local.to_beat(self.reach), nearest) {
+            packet.set_limit(local.index, nearest.met.t);
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod accelerator;
 mod atlas;
+mod coincidence;
 mod common;
 mod coverage;
 mod cut_outs;

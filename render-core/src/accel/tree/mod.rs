@@ -7,7 +7,8 @@
 //! A walk alone, one in a packet, and one without vector instructions visit boxes in different orders, and skip what
 //! lies beyond the nearest hit so far. They agree to the last bit because (a) a ray enters a box no later than any
 //! box within it: subtracting, multiplying, minimum and maximum keep order when they round; (b) a hit counts as no
-//! nearer than its leaf's box is entered; (c) of equally near hits the one of the lower index wins.
+//! nearer than its leaf's box is entered; (c) of equally near hits the one of the lower index wins; (d) where others lie
+//! within roundings, [`super::ties`] chooses among all of them, in no order of visits.
 
 mod build;
 

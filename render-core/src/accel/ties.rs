@@ -1,0 +1,185 @@
+//! Surfaces in one place: which of several hits counts that only rounding tells apart.
+//!
+//! Sheets in one plane, back to back or one upon the other, are met at distances that differ by roundings. The nearest of them
+//! would change from ray to ray. So a walk notes whether anything else lies close behind the nearest hit, which is rare; only
+//! then does a second walk list all that is there and choose by a rule that depends on no order of visits:
+//!
+//! ```text
+//! (t − t₁) ≤ τ m (1/cos θ + 1/cos θ₁)        a hit as near as the nearest, t₁
+//!   m   largest coordinate of the ray's origin and both triangles        θ   angle between ray and normal
+//! ```
+//!
+//! 1. Of surfaces in one plane, those that are no backs of single-sided ones come first, then those that glow: a lamp in the
+//!    plane of a ceiling is seen. Then follow the indices of instance and triangle: the first in the file wins.
+//! 2. Where that is a back, a front at an angle to it wins: the near side of a body along its outline.
+
+use super::group::Met;
+use super::query::Found;
+use super::triangles::Owner;
+use super::{Accelerator, Placed};
+use crate::scene::{Pose, Scene};
+use glam::Vec3A;
+use lanes::Lanes;
+
+/// Hits this much farther than the nearest are looked at, as a share of distance and coordinates: enough for surfaces that rays
+/// graze by 2°.
+const NEAR: f32 = 1.0 / 65536.0;
+/// Edge of the scaled scene, 64…128 (see [`super`]): its triangles may be as large, however close the ray begins.
+const SPAN: f32 = 64.0;
+/// τ: eight roundings, of corners, origin and the terms of a distance.
+const ROUNDINGS: f32 = 8.0 * f32::EPSILON / 2.0;
+/// Cosine between the normals of triangles in one plane, at least: 0.26°.
+const PARALLEL: f32 = 1.0 - 1e-5;
+
+/// How far beyond its nearest hit a ray looks for others.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach {
+    /// Factor of the distance.
+    factor: f32,
+    /// Lengths of the unit direction.
+    beyond: f32,
+}
+
+impl Reach {
+    /// No farther than the hit.
+    pub(super) const NONE: Self = Self { factor: 1.0, beyond: 0.0 };
+
+    /// For rays in unit directions from `origin` in the scaled world.
+    #[inline(always)]
+    pub(super) fn from(origin: Vec3A) -> Self {
+        Self { factor: 1.0 + NEAR, beyond: NEAR * (origin.abs().max_element() + SPAN) }
+    }
+
+    /// Distance within which others may be as near as a hit at `t`, which is not negative.
+    #[inline(always)]
+    pub(super) fn of(self, t: f32) -> f32 {
+        let farther = t * self.factor + self.beyond;
+        if farther < f32::MAX { farther } else { f32::MAX }
+    }
+
+    /// The same for eight distances, none of which is negative but those of places without a ray.
+    #[inline(always)]
+    pub(super) fn of_eight<L: Lanes>(self, lanes: L, t: L::F) -> L::F {
+        let farther = lanes.add(lanes.mul(t, lanes.splat(self.factor)), lanes.splat(self.beyond));
+        let farther = lanes.min(farther, lanes.splat(f32::MAX));
+        lanes.select(lanes.lt(t, lanes.splat(0.0)), t, farther)
+    }
+
+    /// Whether it is [`Reach::NONE`].
+    #[inline(always)]
+    pub(super) fn is_none(self) -> bool {
+        self.beyond == 0.0
+    }
+}
+
+/// The sides of an instance.
+#[derive(Clone, Copy, Debug)]
+struct Sides {
+    double_sided: bool,
+    glows: bool,
+    /// Its transform turns corners round.
+    mirrored: bool,
+}
+
+/// The sides of all instances. Those that move in a space of their own may be mirrored at one time and not at another.
+#[derive(Clone, Debug)]
+pub(super) struct AllSides(Vec<Sides>);
+
+impl AllSides {
+    pub(super) fn new(scene: &Scene, pose: &Pose) -> Self {
+        let sides = scene.instances.iter().enumerate().map(|(index, instance)| {
+            let material = &scene.materials[scene.meshes[instance.mesh].material];
+            let mirrored = scene.instance_world(pose, index).matrix3.determinant() < 0.0;
+            Sides { double_sided: material.double_sided, glows: material.emits(), mirrored }
+        });
+        Self(sides.collect())
+    }
+
+    /// A number that instances have in common whose sides are alike.
+    pub(super) fn code(&self, instance: u32) -> u32 {
+        let Sides { double_sided, glows, mirrored } = self.0[instance as usize];
+        [double_sided, glows, mirrored].into_iter().fold(0, |code, bit| code << 1 | u32::from(bit))
+    }
+}
+
+/// A hit that may be as near as the nearest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rival {
+    pub(super) found: Found,
+    owner: Owner,
+    /// Unit normal in the world, towards the file's front.
+    normal: Vec3A,
+    /// Cosine between normal and ray, 0…1.
+    cosine: f32,
+    /// Largest coordinate that its distance was computed from.
+    largest: f32,
+    pub(super) is_back: bool,
+    glows: bool,
+}
+
+impl Rival {
+    /// Which of two in one plane is seen: the lesser.
+    fn rank(&self) -> (bool, bool, u32, u32) {
+        (self.is_back, !self.glows, self.owner.instance, self.owner.triangle)
+    }
+}
+
+impl Accelerator {
+    /// A hit of group `place`, with its corners in the space of the group.
+    pub(super) fn rival(&self, met: Met, place: usize, corners: [Vec3A; 3], direction: Vec3A) -> Rival {
+        let placed = &self.groups[place];
+        let owner = placed.group.owner(met.triangle, placed.instance);
+        let [a, b, c] = placed.world_corners(corners);
+        let Sides { double_sided, glows, mirrored } = self.sides.0[owner.instance as usize];
+        let mirrored = placed.to_world.map_or(mirrored, |m| m.matrix3.determinant() < 0.0);
+
+        // The same arithmetic as that of `Interaction`: both see the same side.
+        let area_vector = (b - a).cross(c - a);
+        let normal = (area_vector * if mirrored { -1.0 } else { 1.0 }).try_normalize().unwrap_or(-direction);
+        let towards = normal.dot(direction);
+        let moved = placed.to_world.map_or(Vec3A::ZERO, |m| m.translation.abs());
+        let largest = a.abs().max(b.abs()).max(c.abs()).max(moved).max_element();
+        let found = Found { met, place, contested: false };
+        Rival { found, owner, normal, cosine: towards.abs(), largest, is_back: towards > 0.0 && !double_sided, glows }
+    }
+
+    /// Whether a ray in the unit `direction` meets the back of a single-sided triangle; `corners` in the space of the group.
+    pub(super) fn is_back(&self, triangle: u32, place: usize, corners: [Vec3A; 3], direction: Vec3A) -> bool {
+        let met = Met { triangle, ..Met::NOTHING };
+        self.rival(met, place, corners, direction).is_back
+    }
+}
+
+impl Placed {
+    /// Corners in the scaled world, the same bits as those of [`crate::Surfaces::corners`], scaled.
+    fn world_corners(&self, corners: [Vec3A; 3]) -> [Vec3A; 3] {
+        match &self.to_world {
+            None => corners,
+            Some(m) => corners.map(|corner| m.transform_point3a(corner)),
+        }
+    }
+}
+
+/// The one of `rivals` that counts. `nearest` is among them; `origin` is that of the ray.
+pub(super) fn choose(nearest: Found, origin: Vec3A, rivals: &[Rival]) -> Found {
+    let is_nearest =
+        |rival: &&Rival| (rival.found.place, rival.found.met.triangle) == (nearest.place, nearest.met.triangle);
+    let Some(&first) = rivals.iter().find(is_nearest) else { return nearest };
+    let origin = origin.abs().max_element();
+    let as_near = |rival: &&Rival| {
+        let slant = rival.cosine.recip() + first.cosine.recip();
+        rival.found.met.t - nearest.met.t <= ROUNDINGS * origin.max(rival.largest).max(first.largest) * slant
+    };
+    let parallel = |rival: &&Rival| rival.normal.dot(first.normal).abs() >= PARALLEL;
+
+    // Parts of a split triangle are one: the nearest counts.
+    let nearer = |a: &&Rival, b: &&Rival| a.found.met.t.total_cmp(&b.found.met.t);
+    let in_plane = rivals.iter().filter(as_near).filter(parallel);
+    let seen = in_plane.min_by(|a, b| a.rank().cmp(&b.rank()).then(nearer(a, b))).unwrap_or(&first);
+    let front = || {
+        let fronts = rivals.iter().filter(|rival| !rival.is_back).filter(as_near);
+        fronts.min_by(|a, b| nearer(a, b).then(a.rank().cmp(&b.rank())))
+    };
+    let seen = if seen.is_back { front().unwrap_or(seen) } else { seen };
+    if is_nearest(&seen) { nearest } else { seen.found }
+}
