@@ -24,6 +24,46 @@ pub(crate) struct Interaction<'a> {
     pub front: bool,
 }
 
+/// Points this near to an edge may be on either side of a triangle that begins there, as a share of the largest coordinate:
+/// sixteen roundings.
+const ON_EDGE: f32 = 8.0 * f32::EPSILON;
+/// Such points are moved this far from the edge, as a share of the largest coordinate: as far as rays start off their surface
+/// ([`crate::Units::epsilon`]), so that they start off both walls of a crease of 45° or more.
+const OFF_EDGE: f32 = 2e-5;
+/// Triangles whose height over an edge is less than this, in units of [`OFF_EDGE`], are left alone there.
+const LEAST_HEIGHT: f32 = 4.0;
+
+/// Way from a point of a triangle with barycentric weights `u` and `v` to a point beside it that lies on no edge; zero for
+/// nearly all. `area_vector` is the product of the sides from the first corner.
+///
+/// A ray that starts off a wall along its normal starts in the plane of the next one where both meet.
+fn off_edges([u, v]: [f32; 2], corners: [Vec3A; 3], area_vector: Vec3A) -> Vec3A {
+    // Far from all edges, by bounds on squares that are found quickly: of any edge, and of any coordinate.
+    let [a, b, c] = corners;
+    let weights = Vec3A::new(1.0 - u - v, u, v);
+    let least = weights.min_element();
+    let longest = 2.0 * ((b - a).length_squared() + (c - a).length_squared());
+    let farthest = 2.0 * a.length_squared() + longest;
+    if least * least * area_vector.length_squared() > ON_EDGE * ON_EDGE * farthest * longest {
+        return Vec3A::ZERO;
+    }
+
+    // The distance to an edge is its weight times the height over it, area / edge.
+    let largest = corners.into_iter().fold(Vec3A::ZERO, |largest, corner| largest.max(corner.abs())).max_element();
+    let edges = [c - b, a - c, b - a];
+    let inverse_heights = Vec3A::from_array(edges.map(Vec3A::length_squared)) / area_vector.length_squared();
+    let on_edge = (weights * weights).cmplt(inverse_heights * (ON_EDGE * largest).powi(2));
+    if !on_edge.any() {
+        return Vec3A::ZERO;
+    }
+
+    // Inward along the plane, where there is room.
+    let step = OFF_EDGE * largest;
+    let is_high = inverse_heights.cmplt(Vec3A::splat((LEAST_HEIGHT * step).powi(-2)));
+    let inward = |k: usize| area_vector.cross(edges[k]).normalize_or_zero() * step;
+    (0..3).filter(|&k| on_edge.test(k) && is_high.test(k)).map(inward).sum()
+}
+
 /// The part of a [`Surface`] that its textures say.
 struct Finish {
     normal: Vec3A,
@@ -46,8 +86,8 @@ impl<'a> Interaction<'a> {
         let world = &surfaces.world[instance];
         let corners = surfaces.corners(instance, hit.triangle as usize);
         let [a, b, c] = corners;
-        let position = a + (b - a) * hit.u + (c - a) * hit.v;
         let area_vector = (b - a).cross(c - a);
+        let position = a + (b - a) * hit.u + (c - a) * hit.v + off_edges([hit.u, hit.v], corners, area_vector);
         // A mirroring transform turns the corners round; the file's front stays the front.
         let mirrored = if world.matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
         let outward = (area_vector * mirrored).try_normalize().unwrap_or(-direction);
