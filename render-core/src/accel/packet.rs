@@ -35,7 +35,7 @@ impl PacketRay {
 
     /// The hit that a ray alone must beat to find the same.
     #[inline(always)]
-    pub(super) fn to_beat(&self, reach: Reach) -> Nearest {
+    pub(super) fn to_beat(self, reach: Reach) -> Nearest {
         let met = Met { t: self.limit, triangle: self.triangle, ..Met::NOTHING };
         Nearest { met, contested: false, reach }
     }
@@ -311,15 +311,15 @@ impl Packet {
                 let row = &mut self.rows[index];
                 let shear =
                     [lanes.load(&row.shear[0]), lanes.load(&row.shear[1]), lanes.load(&row.inverse_near[along])];
-                let Some(meeting) = meet(lanes, corners, shear) else { continue };
+                let Some(mut meeting) = meet(lanes, corners, shear) else { continue };
                 let ahead = lanes.and(meeting.inside, lanes.le(lanes.splat(0.0), meeting.t));
-                let t = lanes.max(meeting.t, lanes.load(&entered.near[index]));
-                let met = lanes.and(ahead, lanes.le(t, lanes.load(&row.reach)));
+                meeting.t = lanes.max(meeting.t, lanes.load(&entered.near[index]));
+                let met = lanes.and(ahead, lanes.le(meeting.t, lanes.load(&row.reach)));
                 if lanes.bits(met) == 0 {
                     continue;
                 }
                 if CLOSEST {
-                    changed |= row.take(lanes, &meeting, t, met, triangle, self.reach);
+                    changed |= row.take(lanes, Meeting { inside: met, ..meeting }, triangle, self.reach);
                 } else {
                     row.reach = lanes.store(lanes.select(met, lanes.splat(-1.0), lanes.load(&row.reach)));
                     changed = true;
@@ -341,18 +341,11 @@ impl Row {
         (lanes.le(entry, exit), entry)
     }
 
-    /// Takes the hits at `t` into account of the rays that have `met` a triangle within their reach: [`Nearest::take`] for
+    /// Takes the hits into account of the rays that have `met` a triangle within their reach, `inside`: [`Nearest::take`] for
     /// eight. Whether any of them is the nearest now.
     #[inline(always)]
-    fn take<L: Lanes>(
-        &mut self,
-        lanes: L,
-        meeting: &Meeting<L>,
-        t: L::F,
-        met: L::Mask,
-        triangle: L::F,
-        reach: Reach,
-    ) -> bool {
+    fn take<L: Lanes>(&mut self, lanes: L, met: Meeting<L>, triangle: L::F, reach: Reach) -> bool {
+        let Meeting { t, u, v, inside: met } = met;
         let (limit, best) = (lanes.load(&self.t), lanes.load(&self.triangle));
         let tie = lanes.and(lanes.eq(t, limit), lanes.lt_bits(triangle, best));
         let nearer = lanes.and(met, lanes.or(lanes.lt(t, limit), tie));
@@ -374,8 +367,8 @@ impl Row {
         self.reach = lanes.store(lanes.select(nearer, new_reach, lanes.load(&self.reach)));
         self.t = lanes.store(lanes.select(nearer, t, limit));
         self.triangle = lanes.store(lanes.select(nearer, triangle, best));
-        self.u = lanes.store(lanes.select(nearer, meeting.u, lanes.load(&self.u)));
-        self.v = lanes.store(lanes.select(nearer, meeting.v, lanes.load(&self.v)));
+        self.u = lanes.store(lanes.select(nearer, u, lanes.load(&self.u)));
+        self.v = lanes.store(lanes.select(nearer, v, lanes.load(&self.v)));
         true
     }
 }
