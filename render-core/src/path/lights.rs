@@ -16,6 +16,8 @@ pub(super) struct Lights<'a> {
     choice: Option<Distribution>,
     /// For each instance that glows, the density of drawing from each of its triangles \[m⁻²\].
     densities: Vec<Option<Vec<f32>>>,
+    /// For each instance that glows, its place in [`Emitters::areas`] and the probability of drawing it.
+    places: Vec<Option<(usize, f32)>>,
     /// Shadow rays end this far off their light, meters.
     epsilon: f32,
 }
@@ -25,18 +27,25 @@ impl<'a> Lights<'a> {
         let scene = surfaces.scene();
         let choice = Distribution::new(emitters.areas.iter().map(|area| f64::from(luminance(area.power()))));
         let mut densities = vec![None; scene.instances.len()];
+        let mut places = vec![None; scene.instances.len()];
         for (place, area) in emitters.areas.iter().enumerate() {
             let share = choice.as_ref().map_or(0.0, |choice| choice.probability(place)) as f32;
             let triangles = scene.meshes[scene.instances[area.instance].mesh].triangles.len();
             let own: Vec<f32> = area.densities(triangles).into_iter().map(|density| density * share).collect();
             densities[area.instance] = Some(own);
+            places[area.instance] = Some((place, share));
         }
-        Self { emitters, choice, densities, epsilon }
+        Self { emitters, choice, densities, places, epsilon }
     }
 
     /// Density over solid angle \[sr⁻¹\] with which a light would be drawn that a ray has hit; `None` for what is no light.
     pub(super) fn pdf_of(&self, hit: &Hit, direction: Vec3A, surface: &Surface) -> Option<f32> {
-        let density = self.densities[hit.instance as usize].as_ref()?[hit.triangle as usize];
+        let triangle = hit.triangle as usize;
+        let even = self.densities[hit.instance as usize].as_ref()?[triangle];
+        let (place, share) = self.places[hit.instance as usize]?;
+        // Where a texture makes it glow unevenly, cells of a triangle have densities of their own.
+        let density =
+            self.emitters.areas[place].density(triangle, hit.u, hit.v).map_or(even, |density| density * share);
         let cos = surface.geometric_normal.dot(direction).abs();
         Some(density * hit.distance * hit.distance / cos.max(f32::MIN_POSITIVE))
     }
@@ -79,7 +88,7 @@ impl<'a> Lights<'a> {
             return Vec3::ZERO;
         };
         let light = &self.emitters.areas[pick.index];
-        let LightPoint { triangle, u, v, density } = light.point(pick.rest, place);
+        let LightPoint { triangle, u, v, density, .. } = light.point(pick.rest, place);
         let [a, b, c] = surfaces.corners(light.instance, triangle);
         let way = a + (b - a) * u + (c - a) * v - vertex.position;
         let distance = way.length();

@@ -1,0 +1,87 @@
+//! Cells of a glowing triangle or parallelogram: a textured one is split where its glow is uneven.
+
+use crate::sampling::triangle;
+use glam::Vec2;
+
+/// Part of a patch, of the patch's own shape: in the triangle u, v ≥ 0, u + v ≤ 1, or in the unit square.
+///
+/// ```text
+/// p = c + s q          c  corner      s  size, negative for a triangle upside down      q  a point of the whole shape
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Cell {
+    corner: Vec2,
+    size: f32,
+    /// Whether the shape is the unit square.
+    square: bool,
+}
+
+impl Cell {
+    /// All of a patch.
+    pub fn whole(square: bool) -> Self {
+        Self { corner: Vec2::ZERO, size: 1.0, square }
+    }
+
+    /// Whether this is all of a patch.
+    pub fn is_whole(&self) -> bool {
+        self.size == 1.0
+    }
+
+    /// Side of the cell, as a share of the patch's.
+    pub fn side(&self) -> f32 {
+        self.size.abs()
+    }
+
+    /// The point of the cell at `place` in the unit square, evenly over the area: barycentric, or in the square.
+    pub fn point(&self, place: Vec2) -> Vec2 {
+        let q = if self.square { place } else { Vec2::from(triangle(place)) };
+        self.corner + q * self.size
+    }
+
+    /// The corners, in order around the border: a triangle's last corner stands twice.
+    pub fn corners(&self) -> [Vec2; 4] {
+        let third = if self.square { Vec2::ONE } else { Vec2::Y };
+        [Vec2::ZERO, Vec2::X, third, Vec2::Y].map(|q| self.corner + q * self.size)
+    }
+
+    /// Four cells of half the side.
+    pub fn split(&self) -> [Self; 4] {
+        let half = self.size / 2.0;
+        let at = |offset: Vec2, size: f32| Self { corner: self.corner + offset * half, size, ..*self };
+        // The last quarter of a triangle lies in the middle, upside down.
+        let last = if self.square { half } else { -half };
+        [at(Vec2::ZERO, half), at(Vec2::X, half), at(Vec2::Y, half), at(Vec2::ONE, last)]
+    }
+
+    /// Whether the cell has the point `p` of its patch, borders included.
+    pub fn contains(&self, p: Vec2) -> bool {
+        // A rounding of the point on a border may not lose it between two cells.
+        const SLACK: f32 = 1e-4;
+        let q = (p - self.corner) / self.size;
+        let far = if self.square { q.max_element() } else { q.x + q.y };
+        q.min_element() >= -SLACK && far <= 1.0 + SLACK
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::hammersley;
+
+    /// Each point of a patch is in one of the four quarters, and points of a quarter are inside of the patch.
+    #[test]
+    fn quarters_tile_a_cell() {
+        for square in [false, true] {
+            let whole = Cell::whole(square);
+            for cell in [whole, whole.split()[3]] {
+                for i in 0..500 {
+                    let p = cell.point(hammersley(i, 500));
+                    assert!(whole.contains(p) && cell.contains(p));
+                    assert!(cell.split().iter().any(|quarter| quarter.contains(p)), "{p} in {cell:?}");
+                }
+                let points = cell.split().map(|quarter| quarter.point(Vec2::splat(0.4)));
+                assert!(points.iter().all(|&p| cell.contains(p)), "{points:?} in {cell:?}");
+            }
+        }
+    }
+}

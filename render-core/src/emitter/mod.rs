@@ -1,0 +1,154 @@
+//! Emitters of light: surfaces, points, directions, the sky; as power, as photons, and as points to shade with.
+
+mod area;
+mod cell;
+mod order;
+mod patch;
+mod photons;
+
+use area::Detail;
+pub(crate) use area::LightPoint;
+pub use area::{AreaLight, AreaSample};
+use photons::cone_solid_angle;
+pub use photons::{EMISSION_DIMENSIONS, EmittedPhoton, PhotonSource};
+
+use crate::environment::SkySample;
+use crate::sampling::{Distribution, concentric_disc, frame};
+use crate::scene::{PunctualKind, PunctualLight, Scene};
+use crate::surface::Surfaces;
+use crate::{Units, luminance};
+use glam::{Vec2, Vec3, Vec3A};
+
+/// A directional light at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SunLight {
+    /// Unit vector towards the light.
+    pub towards: Vec3A,
+    /// Irradiance of a surface that faces it \[W·m⁻²\].
+    pub irradiance: Vec3,
+    /// Half the angle that its disc spans, radians.
+    pub angular_radius: f32,
+}
+
+/// A point or spot light at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointLight {
+    /// Meters.
+    pub position: Vec3A,
+    /// Unit vector along the axis of a spot.
+    pub axis: Vec3A,
+    /// On the axis \[W·sr⁻¹\].
+    pub intensity: Vec3,
+    /// Shape of the cone.
+    pub kind: PunctualKind,
+}
+
+impl PointLight {
+    /// Intensity towards `point`.
+    #[must_use]
+    pub fn intensity_towards(&self, point: Vec3A) -> Vec3 {
+        let direction = (point - self.position).normalize_or_zero();
+        self.intensity * self.kind.falloff(direction.dot(self.axis))
+    }
+}
+
+/// All lights of the scene at one time.
+#[derive(Clone, Debug)]
+pub struct Emitters {
+    /// Glowing surfaces.
+    pub areas: Vec<AreaLight>,
+    /// Point and spot lights.
+    pub points: Vec<PointLight>,
+    /// Directional lights.
+    pub suns: Vec<SunLight>,
+    /// For each of these in turn, whether it moves; the sky after them does not.
+    moving: Vec<bool>,
+    /// Center and radius of a ball around the scene, for light from far away.
+    ball: (Vec3A, f32),
+}
+
+/// Radius of the dome of far lights in radii of the scene: far enough that its parallax is below a pixel's width, and near
+/// enough that a shadow ray cast from there ends as exactly as one that begins at the surface.
+const DOME_RADII: f32 = 100.0;
+
+impl Emitters {
+    /// Gathers the lights. `units` gives the ball around the scene.
+    #[must_use]
+    pub fn new(surfaces: &Surfaces, pose: &crate::scene::Pose, units: &Units) -> Self {
+        let scene = surfaces.scene();
+        let areas: Vec<AreaLight> =
+            (0..scene.instances.len()).filter_map(|instance| AreaLight::new(surfaces, instance)).collect();
+        let (mut points, mut suns) = (Vec::new(), Vec::new());
+        let nodes = scene.moving_nodes();
+        let punctual = |sun: bool| {
+            let of_kind = move |light: &&PunctualLight| (light.kind == PunctualKind::Directional) == sun;
+            scene.punctual_lights.iter().filter(of_kind).map(|light| nodes[light.node])
+        };
+        let moving = areas.iter().map(|area| surfaces.moving()[area.instance]);
+        let moving = moving.chain(punctual(false)).chain(punctual(true)).collect();
+        for light in &scene.punctual_lights {
+            let world = &pose.world[light.node];
+            let axis = world.transform_vector3a(-Vec3A::Z).try_normalize().unwrap_or(-Vec3A::Y);
+            match light.kind {
+                PunctualKind::Directional => suns.push(SunLight {
+                    towards: -axis,
+                    irradiance: light.color,
+                    angular_radius: scene.settings.sun.angular_diameter.to_radians() / 2.0,
+                }),
+                kind => points.push(PointLight { position: world.translation, axis, intensity: light.color, kind }),
+            }
+        }
+        Self { areas, points, suns, moving, ball: (units.center, units.radius) }
+    }
+
+    /// A source of photons, the same for the same lights; `None` when nothing shines.
+    pub fn photons<'a>(&'a self, scene: &'a Scene) -> Option<PhotonSource<'a>> {
+        let (center, radius) = self.ball;
+        let disc = std::f32::consts::PI * radius * radius;
+        let mut powers: Vec<Vec3> = self.areas.iter().map(AreaLight::power).collect();
+        powers.extend(self.points.iter().map(|light| light.intensity * cone_solid_angle(light.kind)));
+        powers.extend(self.suns.iter().map(|sun| sun.irradiance * disc));
+        powers.extend(scene.sky.iter().map(|sky| sky.fluence() * disc));
+        let choice = Distribution::new(powers.iter().map(|&power| f64::from(luminance(power))))?;
+        Some(PhotonSource { emitters: self, scene, powers, choice, center, radius })
+    }
+}
+
+impl SunLight {
+    /// A unit vector towards a point of the disc, for `u` in the unit square.
+    #[must_use]
+    pub fn direction(&self, u: Vec2) -> Vec3A {
+        let (x, y) = frame(self.towards.into());
+        let p = concentric_disc(u) * self.angular_radius.sin();
+        (self.towards + Vec3A::from(x * p.x + y * p.y)).normalize()
+    }
+}
+
+/// A light of the sky's dome: a point so far away that it lights the whole scene from one side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DomeLight {
+    /// On the dome, meters.
+    pub position: Vec3A,
+    /// Intensity \[W·sr⁻¹\] such that its irradiance at the scene's center is that of its share of the sky.
+    pub intensity: Vec3,
+}
+
+/// The sky as `count` points of a dome far outside of the scene; none without a sky.
+///
+/// Each stands for about the same luminance: where the sky is bright they are dense, so that a sun in an image becomes
+/// many lights and not the luck of one.
+#[must_use]
+pub fn dome_lights(scene: &Scene, units: &Units, count: usize) -> Vec<DomeLight> {
+    let Some(sky) = &scene.sky else { return Vec::new() };
+    let distance = units.radius * DOME_RADII;
+    (0..count)
+        .map(|i| {
+            // Steps of the golden ratio: under an even sky this is the golden spiral, the most even spread of directions.
+            let across = (i as f64 * 0.618_033_988_749_894_9).fract() as f32;
+            let SkySample { direction, pdf } = sky.sample(Vec2::new(across, (i as f32 + 0.5) / count as f32));
+            let intensity = sky.radiance(direction) * (distance * distance / (pdf * count as f32));
+            DomeLight { position: units.center + Vec3A::from(direction) * distance, intensity }
+        })
+        .filter(|light| luminance(light.intensity) > 0.0)
+        .collect()
+}

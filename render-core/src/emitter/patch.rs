@@ -1,0 +1,217 @@
+//! Pieces of a glowing mesh: its triangles and parallelograms, split where a texture makes them glow unevenly.
+
+use super::cell::Cell;
+use super::order::along_curve;
+use crate::luminance;
+use crate::sampling::{hammersley, triangle};
+use crate::scene::{Material, Mesh, Scene, mesh_interpolate};
+use crate::surface::Surfaces;
+use glam::{Vec2, Vec3, Vec3A};
+
+/// Points of a triangle that its mean is taken over.
+const POINTS_OF_A_TRIANGLE: usize = 64;
+/// Points of a cell that its mean is taken over: 4 × 4.
+const POINTS_OF_A_CELL: usize = 16;
+/// A cell is split while it has more than this share of the light's flux: then each of the 64 points that shadow rays go to
+/// is in a few cells of its own.
+const SHARE_OF_A_CELL: f32 = 1.0 / 256.0;
+/// Contrast (most − least) / mean of a cell's luminance up to which its points count as alike.
+const EVEN: f32 = 0.5;
+/// Side of the smallest cells \[texels\]: between the middles of two texels a look-up is linear.
+const SMALLEST: f32 = 0.5;
+/// A mesh of more pieces than this is put in the order of space. A few panels keep the order of the file.
+const FEW: usize = 64;
+
+/// A triangle that glows, or a parallelogram of two: those let points be spread over the whole of a panel. Or a cell of one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patch {
+    pub triangle: usize,
+    pub parallelogram: bool,
+    pub cell: Cell,
+    /// Square meters.
+    pub area: f32,
+    /// Mean over the patch \[W·m⁻²·sr⁻¹\].
+    pub emission: Vec3,
+}
+
+impl Patch {
+    /// Luminous power of a side, up to a factor of π.
+    pub fn power(&self) -> f32 {
+        self.area * luminance(self.emission)
+    }
+
+    /// Triangle and barycentric weights of a point of the patch's shape.
+    pub fn located(&self, p: Vec2) -> (usize, f32, f32) {
+        let t = self.triangle;
+        if !self.parallelogram {
+            return (t, p.x, p.y);
+        }
+        // Corner p, then `x` along the side from p to q and `y` along that from q to r: the triangles p q r and p r s
+        // meet in the diagonal x = y.
+        let Vec2 { x, y } = p;
+        if y <= x { (t, x - y, y) } else { (t + 1, x, y - x) }
+    }
+
+    /// The point of the patch's shape that is at these weights of a triangle; none in other triangles.
+    pub fn place(&self, triangle: usize, u: f32, v: f32) -> Option<Vec2> {
+        match triangle.checked_sub(self.triangle)? {
+            0 if !self.parallelogram => Some(Vec2::new(u, v)),
+            0 => Some(Vec2::new(u + v, v)),
+            1 if self.parallelogram => Some(Vec2::new(u, u + v)),
+            _ => None,
+        }
+    }
+}
+
+/// The glow of a mesh.
+struct Glow<'a> {
+    scene: &'a Scene,
+    mesh: &'a Mesh,
+    material: &'a Material,
+}
+
+impl Glow<'_> {
+    /// Emission at a point of a triangle, its texture blurred to `footprint` texels.
+    fn at(&self, t: usize, u: f32, v: f32, footprint: f32) -> Vec3 {
+        let Some(slot) = self.material.emission_texture else { return self.material.emission };
+        let texture = &self.scene.textures[slot.texture];
+        let uv = mesh_interpolate(&self.mesh.uvs[slot.uv_set], self.mesh.triangles[t], u, v);
+        self.material.emission * uv.map_or(Vec3::ONE, |uv| texture.sample(slot.map(uv), footprint).color)
+    }
+
+    /// Mean over a triangle by a few points: exact for textures that are smooth at that scale.
+    fn of_triangle(&self, t: usize) -> Vec3 {
+        let Some(slot) = self.material.emission_texture else { return self.material.emission };
+        let texture = &self.scene.textures[slot.texture];
+        let at = |u, v| mesh_interpolate(&self.mesh.uvs[slot.uv_set], self.mesh.triangles[t], u, v);
+        let sum: Vec3 = (0..POINTS_OF_A_TRIANGLE)
+            .map(|i| {
+                let (u, v) = triangle(hammersley(i, POINTS_OF_A_TRIANGLE));
+                at(u, v).map_or(Vec3::ONE, |uv| texture.sample(slot.map(uv), texture.size().x / 16.0).color)
+            })
+            .sum();
+        self.material.emission * (sum / POINTS_OF_A_TRIANGLE as f32)
+    }
+
+    /// Side of a patch's whole shape in the texture \[texels\].
+    fn texels_across(&self, patch: &Patch) -> f32 {
+        let Some(slot) = self.material.emission_texture else { return 0.0 };
+        let size = self.scene.textures[slot.texture].size();
+        let uv = |u, v| {
+            let uv = mesh_interpolate(&self.mesh.uvs[slot.uv_set], self.mesh.triangles[patch.triangle], u, v)?;
+            Some(slot.map(uv) * size)
+        };
+        let [Some(a), Some(b), Some(c)] = [uv(0.0, 0.0), uv(1.0, 0.0), uv(0.0, 1.0)] else { return 0.0 };
+        (b - a).length().max((c - a).length()).max((c - b).length())
+    }
+
+    /// Mean, and contrast (most − least) / mean of luminance, over a cell of `texels` across.
+    fn of_cell(&self, patch: &Patch, cell: Cell, texels: f32) -> (Vec3, f32) {
+        let (mut sum, mut least, mut most) = (Vec3::ZERO, f32::INFINITY, 0.0f32);
+        // A point is twice as wide as the distance to the next: the texture is seen as a whole, and what is bright right beside the
+        // cell, into which a look-up between two texels carries it, is seen too.
+        let across = (POINTS_OF_A_CELL as f32).sqrt();
+        for i in 0..POINTS_OF_A_CELL {
+            let q = Vec2::new(i as f32 % across, (i as f32 / across).floor());
+            let (t, u, v) = patch.located(cell.point((q + 0.5) / across));
+            let emission = self.at(t, u, v, 2.0 * texels / across);
+            let y = luminance(emission);
+            (sum, least, most) = (sum + emission, least.min(y), most.max(y));
+        }
+        let mean = sum / POINTS_OF_A_CELL as f32;
+        (mean, (most - least) / luminance(mean).max(f32::MIN_POSITIVE))
+    }
+
+    /// Adds the cells of `patch` to `cells`, split where the glow is uneven and more than `share`; the mean of all, by them.
+    fn split(&self, patch: Patch, share: f32, across: f32, cells: &mut Vec<Patch>) -> Vec3 {
+        let texels = across * patch.cell.side();
+        let (mean, contrast) = self.of_cell(&patch, patch.cell, texels);
+        let patch = Patch { emission: mean, ..patch };
+        // What looks dark from afar may hide a bright texel: its flux is in the mean.
+        if contrast <= EVEN || patch.power() <= share || texels <= SMALLEST {
+            cells.push(patch);
+            return mean;
+        }
+        let quarters = patch.cell.split().map(|cell| Patch { cell, area: patch.area / 4.0, ..patch });
+        quarters.map(|quarter| self.split(quarter, share, across, cells)).iter().sum::<Vec3>() / 4.0
+    }
+}
+
+/// The glowing pieces of a mesh.
+pub(super) struct Pieces {
+    pub patches: Vec<Patch>,
+    /// Rectangles, and triangles that belong to none, before any was split.
+    pub panels: usize,
+}
+
+/// The pieces of `instance`.
+pub(super) fn pieces(surfaces: &Surfaces, instance: usize) -> Pieces {
+    let scene = surfaces.scene();
+    let mesh = &scene.meshes[scene.instances[instance].mesh];
+    let glow = Glow { scene, mesh, material: &scene.materials[mesh.material] };
+    let patches = panels(surfaces, instance, &glow);
+    let panels = patches.len();
+
+    // Textures that are bright in places: as cells that glow about evenly.
+    let mut patches = if glow.material.emission_texture.is_some() { split(&glow, patches) } else { patches };
+
+    // In the order of space, strata of their power are compact.
+    if panels > FEW {
+        let middle = |patch: &Patch| {
+            let (t, u, v) = patch.located(patch.cell.point(Vec2::splat(0.5)));
+            let [a, b, c] = surfaces.corners(instance, t);
+            a + (b - a) * u + (c - a) * v
+        };
+        let middles: Vec<Vec3A> = patches.iter().map(middle).collect();
+        patches = along_curve(&middles).into_iter().map(|index| patches[index]).collect();
+    }
+    Pieces { patches, panels }
+}
+
+/// The triangles of a mesh, two together where they are a parallelogram.
+fn panels(surfaces: &Surfaces, instance: usize, glow: &Glow) -> Vec<Patch> {
+    let mut patches: Vec<Patch> = Vec::new();
+    for t in 0..glow.mesh.triangles.len() {
+        let [a, b, c] = surfaces.corners(instance, t);
+        let area = (b - a).cross(c - a).length() / 2.0;
+        let emission = glow.of_triangle(t);
+        let completes = patches.last().is_some_and(|last| {
+            // Corners p q r and p r s with q − p = r − s, as exporters split a rectangle.
+            let [p, q, r] = surfaces.corners(instance, last.triangle);
+            let tolerance = 1e-4 * (r - p).length();
+            !last.parallelogram
+                && last.triangle + 1 == t
+                && (a - p).length() <= tolerance
+                && (b - r).length() <= tolerance
+                && ((q - p) - (r - c)).length() <= tolerance
+        });
+        match patches.last_mut() {
+            Some(last) if completes => {
+                last.parallelogram = true;
+                last.cell = Cell::whole(true);
+                last.emission =
+                    (last.emission * last.area + emission * area) / (last.area + area).max(f32::MIN_POSITIVE);
+                last.area += area;
+            }
+            _ => patches.push(Patch { triangle: t, parallelogram: false, cell: Cell::whole(false), area, emission }),
+        }
+    }
+    patches
+}
+
+/// The cells of textured `patches`; those stay whole that glow evenly, or have little of the power.
+fn split(glow: &Glow, patches: Vec<Patch>) -> Vec<Patch> {
+    let share = patches.iter().map(Patch::power).sum::<f32>() * SHARE_OF_A_CELL;
+    let mut pieces = Vec::new();
+    for patch in patches {
+        let mut cells = Vec::new();
+        let mean = glow.split(patch, share, glow.texels_across(&patch), &mut cells);
+        match &cells[..] {
+            [_] => pieces.push(patch),
+            _ if mean == Vec3::ZERO => pieces.push(patch),
+            // Cells that glow not at all need no points.
+            _ => pieces.extend(cells.into_iter().filter(|cell| cell.emission != Vec3::ZERO)),
+        }
+    }
+    pieces
+}
