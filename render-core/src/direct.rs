@@ -131,10 +131,11 @@ impl DirectLights {
                 dynamic.push((anchor, flux / PI));
             }
         }
+        let sky_lamps = surfaces.scene().sky.iter().flat_map(|sky| sky.lamps());
         Self {
             areas: areas.iter().map(|&place| Area::new(&emitters.areas[place], surfaces)).collect(),
             points: emitters.points.clone(),
-            suns: emitters.suns.iter().map(Sun::new).collect(),
+            suns: emitters.suns.iter().map(Sun::new).chain(sky_lamps.map(Sun::in_sky)).collect(),
             dynamic,
             dynamic_geometry_term_bound: anchors.dynamic_geometry_term_bound(),
             dynamic_apart: false,

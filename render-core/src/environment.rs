@@ -1,8 +1,10 @@
 //! Light from far away: what arrives from each direction, and how to look where most of it comes from.
 
 mod gradient;
+mod lamps;
 
 pub use gradient::Gradient;
+pub(crate) use lamps::SkyLamp;
 
 use crate::luminance;
 use crate::sampling::Distribution;
@@ -23,6 +25,16 @@ pub struct Environment {
     size: [usize; 2],
     /// Integral of radiance over the sphere \[W·m⁻²\].
     fluence: Vec3,
+    /// Small bright spots that direct light samples, and all other light; none in most skies.
+    parts: Option<Box<Parts>>,
+}
+
+/// A sky whose lamps are taken out: its radiance is that of the rest and of the lamps.
+#[derive(Clone, Debug)]
+struct Parts {
+    lamps: Vec<SkyLamp>,
+    /// `None` if that is black.
+    rest: Option<Environment>,
 }
 
 #[derive(Clone, Debug)]
@@ -72,7 +84,16 @@ impl Environment {
         let sane = texels.map(|c| if c.is_finite() { c.max(Vec3::ZERO) } else { Vec3::ZERO });
         let turn = rotation.to_radians().sin_cos();
         let map = EquirectangularMap { texels: sane, intensity, rotation, turn };
-        let size = [map.texels.width(), map.texels.height()];
+        let whole = Self::of_map(map.clone())?;
+        let parts = lamps::split(&map, luminance(whole.fluence) / (4.0 * PI)).map(|(lamps, rest)| {
+            let rest = Self::of_map(EquirectangularMap { texels: rest, ..map });
+            Box::new(Parts { lamps, rest })
+        });
+        Some(Self { parts, ..whole })
+    }
+
+    fn of_map(map: EquirectangularMap) -> Option<Self> {
+        let (size, intensity) = ([map.texels.width(), map.texels.height()], map.intensity);
         Self::new(Sky::Image(map.clone()), size, |column, row| map.mean_over_texel(column, row) * intensity)
     }
 
@@ -91,7 +112,7 @@ impl Environment {
             })
             .collect();
         let rows = Distribution::new(columns.iter().map(|row| row.as_ref().map_or(0.0, Distribution::total)))?;
-        Some(Self { source, columns, rows, size, fluence: fluence.as_vec3() })
+        Some(Self { source, columns, rows, size, fluence: fluence.as_vec3(), parts: None })
     }
 
     /// Radiance that arrives from the unit `direction` (towards the sky) \[W·m⁻²·sr⁻¹\].
@@ -100,6 +121,26 @@ impl Environment {
         match &self.source {
             Sky::Gradient(gradient) => gradient.radiance(direction),
             Sky::Image(map) => map.radiance(direction),
+        }
+    }
+
+    /// Small bright spots, a sun in an image for one: few enough to be sampled one by one.
+    pub(crate) fn lamps(&self) -> &[SkyLamp] {
+        self.parts.as_ref().map_or(&[], |parts| &parts.lamps)
+    }
+
+    /// Number of small bright spots that direct light samples one by one.
+    #[must_use]
+    pub fn lamp_count(&self) -> usize {
+        self.lamps().len()
+    }
+
+    /// All light but that of the sky's lamps; `None` if that is black.
+    #[must_use]
+    pub fn beside_lamps(&self) -> Option<&Self> {
+        match &self.parts {
+            Some(parts) => parts.rest.as_ref(),
+            None => Some(self),
         }
     }
 
@@ -189,6 +230,13 @@ impl EquirectangularMap {
     fn turned(&self, d: Vec3, way: f32) -> Vec3 {
         let (sin, cos) = (self.turn.0 * way, self.turn.1);
         Vec3::new(cos * d.x + sin * d.z, d.y, cos * d.z - sin * d.x)
+    }
+
+    /// The unit vector towards a place in the unit square.
+    fn direction(&self, place: Vec2) -> glam::Vec3A {
+        let (sine, cosine) = (PI * place.y).sin_cos();
+        let (sin, cos) = (TAU * place.x).sin_cos();
+        self.turned(Vec3::new(-sine * sin, cosine, sine * cos), 1.0).into()
     }
 
     /// Bilinear between texels; columns continue around, rows end at the poles.

@@ -4,6 +4,7 @@ use super::balance::Balance;
 use super::{Disc, ShadingPoint, Traced, bits};
 use crate::accel::{Accelerator, PACKET};
 use crate::emitter::{AreaLight, AreaSample, PointLight, SunLight};
+use crate::environment::SkyLamp;
 use crate::polygon::Polygon;
 use crate::sampling::centered_sobol;
 use crate::surface::Surfaces;
@@ -139,7 +140,7 @@ fn corners(polygon: &Polygon, sample: &AreaSample) -> impl Iterator<Item = AreaS
     })
 }
 
-/// The disc of a sun.
+/// The disc of a sun, or a lamp of the sky.
 #[derive(Debug)]
 pub(super) struct Sun {
     pub irradiance: Vec3,
@@ -158,6 +159,17 @@ impl Sun {
             angular_radius: light.angular_radius,
             directions: centered_sobol(SUN_SAMPLES).map(|u| light.direction(u)).collect(),
             border: BORDER.map(|u| light.direction(u)),
+        }
+    }
+
+    /// A small bright spot of the sky.
+    pub fn in_sky(lamp: &SkyLamp) -> Self {
+        Self {
+            irradiance: lamp.irradiance,
+            towards: lamp.towards,
+            angular_radius: lamp.angular_radius,
+            directions: lamp.directions(SUN_SAMPLES),
+            border: lamp.border,
         }
     }
 

@@ -6,13 +6,12 @@ mod order;
 mod patch;
 mod photons;
 
-use area::Detail;
 pub(crate) use area::LightPoint;
 pub use area::{AreaLight, AreaSample};
 use photons::cone_solid_angle;
 pub use photons::{EMISSION_DIMENSIONS, EmittedPhoton, PhotonSource};
 
-use crate::environment::SkySample;
+use crate::environment::{Environment, SkySample};
 use crate::sampling::{Distribution, concentric_disc, frame};
 use crate::scene::{PunctualKind, PunctualLight, Scene};
 use crate::surface::Surfaces;
@@ -133,13 +132,13 @@ pub struct DomeLight {
     pub intensity: Vec3,
 }
 
-/// The sky as `count` points of a dome far outside of the scene; none without a sky.
+/// The sky beside its lamps as `count` points of a dome far outside of the scene; none without a sky.
 ///
 /// Each stands for about the same luminance: where the sky is bright they are dense, so that a sun in an image becomes
 /// many lights and not the luck of one.
 #[must_use]
 pub fn dome_lights(scene: &Scene, units: &Units, count: usize) -> Vec<DomeLight> {
-    let Some(sky) = &scene.sky else { return Vec::new() };
+    let Some(sky) = scene.sky.as_ref().and_then(Environment::beside_lamps) else { return Vec::new() };
     let distance = units.radius * DOME_RADII;
     (0..count)
         .map(|i| {

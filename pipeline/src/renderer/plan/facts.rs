@@ -2,6 +2,7 @@
 
 use crate::renderer::BAKED_ROUGHNESS;
 use crate::settings::RenderSettings;
+use render_core::Environment;
 use render_core::scene::{Alpha, Instance, Material, Scene};
 
 /// Facts about a scene and its settings.
@@ -17,6 +18,8 @@ pub(super) struct Facts<'a> {
     /// Whether any surface reflects light diffusely.
     pub reflects: bool,
     pub has_sky: bool,
+    /// Bright spots of the sky that direct light samples.
+    pub sky_lamps: usize,
     /// Emitting surfaces.
     pub area_lights: usize,
     /// Points, spots and suns.
@@ -51,6 +54,7 @@ impl<'a> Facts<'a> {
             camera_moves: scene.filming_camera().is_some_and(|camera| moving[camera.node]),
             reflects: scene.instances.iter().any(reflects),
             has_sky: scene.sky.is_some(),
+            sky_lamps: scene.sky.as_ref().map_or(0, Environment::lamp_count),
             area_lights: count(&|one| material(one).emits() && !material(one).unlit),
             punctual_lights: scene.punctual_lights.len(),
             textures: scene.textures.len(),
@@ -88,6 +92,12 @@ impl Facts<'_> {
         };
         let told = |told: bool, yes: &str, no: &str| if told { yes.into() } else { no.into() };
         let fact = |subject, text| Fact { subject, text, share: None };
+        let sky = match (self.has_sky, self.sky_lamps) {
+            (false, _) => "none in the scene's settings".to_owned(),
+            (true, 0) => "its dome is part of the light tree".to_owned(),
+            (true, 1) => "its dome is part of the light tree, but for a bright spot: a lamp".to_owned(),
+            (true, lamps) => format!("its dome is part of the light tree, but for {lamps} bright spots: lamps"),
+        };
         vec![
             Fact {
                 share: area_lights,
@@ -103,7 +113,7 @@ impl Facts<'_> {
                     counted(self.punctual_lights, "point, spot or sun", "points, spots and suns", "none in the file"),
                 )
             },
-            fact("sky", told(self.has_sky, "its dome is part of the light tree", "none in the scene's settings")),
+            fact("sky", sky),
             fact(
                 "textures",
                 counted(

@@ -5,7 +5,7 @@ use crate::renderer::frame::Frame;
 use crate::renderer::shade::visibility::sees;
 use glam::{Vec2, Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
-use render_core::{Hit, PosedScene, ShadingPoint, Surface, Traced, luminance, portable};
+use render_core::{Environment, Hit, PosedScene, ShadingPoint, Surface, Traced, luminance, portable};
 use std::f32::consts::PI;
 
 /// Coats that a ray is followed through.
@@ -181,7 +181,9 @@ impl Reflections<'_> {
         for coats in 0..=MOST_COATS {
             // The next surface on the ray's way; if there is none, the sky.
             let Some(hit) = accelerator.closest(origin, direction) else {
-                let sky = scene.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
+                // Lamps of the sky are reflected as suns are.
+                let sky = scene.sky.as_ref().and_then(Environment::beside_lamps);
+                let sky = sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
                 return (sum + throughput * sky, first);
             };
             way += hit.distance;

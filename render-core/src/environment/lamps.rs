@@ -1,0 +1,321 @@
+//! Lamps in an image of the sky: texels so bright and so few that shadows of theirs have an edge.
+//!
+//! ```text
+//! texel = rest + lamp          rest  the texels around a bright spot          lamp  what a bright texel has more than these
+//! ```
+//!
+//! Between texels an image is linear, so that the same holds for the radiance of every direction. Lamps are sampled one by one,
+//! as suns are; the rest is a dome of many lights.
+
+use super::{EquirectangularMap, cell_solid_angle, height};
+use crate::luminance;
+use crate::sampling::{Distribution, centered_sobol};
+use glam::{Vec2, Vec3, Vec3A};
+use plane::Plane;
+use std::collections::BTreeSet;
+use std::f32::consts::TAU;
+
+/// Radiance of a lamp's texels, in means of the sky, at least: an even sky has 1. At 64 all of a sky's light would fit into 16°.
+const BRIGHT: f32 = 64.0;
+/// Share of the sky's light that a lamp has at least: of the 1024 lights of a dome, sixteen.
+const LEAST_SHARE: f32 = 1.0 / 64.0;
+/// Half the angle across a lamp, at most \[rad\]: 6°. What is wider throws soft shadows, which the dome has too.
+const MOST_RADIUS: f32 = 0.1;
+/// Lamps of a sky, at most: each costs as much as a sun. The brightest are taken.
+const MOST_LAMPS: usize = 8;
+/// Times that the least radiance is doubled until a spot is small: the glare around a sun goes to the rest.
+const DOUBLINGS: u32 = 12;
+/// Cells along a side of a texel, for drawing directions.
+const CELLS: usize = 4;
+/// Directions around a lamp's middle in which its border is looked for.
+const BORDER: usize = 8;
+
+/// A small bright spot of a sky.
+#[derive(Clone, Debug)]
+pub(crate) struct SkyLamp {
+    /// Integral of its radiance over all directions: irradiance of a surface that faces it \[W·m⁻²\].
+    pub irradiance: Vec3,
+    /// Unit vector to its middle.
+    pub towards: Vec3A,
+    /// Half the angle that it spans, radians.
+    pub angular_radius: f32,
+    /// Unit vectors towards its border.
+    pub border: [Vec3A; BORDER],
+    /// Cells by rows, from above; each with its direction and its flux.
+    rows: Distribution,
+    columns: Vec<Option<Distribution>>,
+    directions: Vec<Vec<Vec3A>>,
+}
+
+impl SkyLamp {
+    /// `count` directions, each for the same share of its light.
+    pub fn directions(&self, count: usize) -> Vec<Vec3A> {
+        let direction = |u: Vec2| {
+            let row = self.rows.pick(f64::from(u.y)).index;
+            let columns = self.columns[row].as_ref().expect("only rows with light are picked");
+            self.directions[row][columns.pick(f64::from(u.x)).index]
+        };
+        centered_sobol(count).map(direction).collect()
+    }
+}
+
+/// The lamps of an image whose mean luminance over the sphere is `mean`, and its texels without them; `None` without lamps.
+pub(super) fn split(map: &EquirectangularMap, mean: f32) -> Option<(Vec<SkyLamp>, Plane<Vec3>)> {
+    let finder = Finder { map, mean };
+    let mut spots = finder.spots(&finder.all_texels(), BRIGHT * mean, DOUBLINGS);
+    spots.sort_by(|a, b| b.share.total_cmp(&a.share).then(a.texels.cmp(&b.texels)));
+    spots.truncate(MOST_LAMPS);
+    if spots.is_empty() {
+        return None;
+    }
+
+    // A lamp's texels become as dark as those around it.
+    let mut rest = map.texels.clone();
+    let mut lamps = Vec::new();
+    for spot in spots {
+        let around = finder.around(&spot.texels);
+        let mut excess = Plane::filled(map.texels.width(), map.texels.height(), Vec3::ZERO);
+        for &(x, y) in &spot.texels {
+            let texel = map.texels.get(x, y);
+            let remains = texel.min(around);
+            rest.set(x, y, remains);
+            excess.set(x, y, texel - remains);
+        }
+        let excess = EquirectangularMap { texels: excess, ..map.clone() };
+        lamps.extend(lamp(&excess, &spot.texels));
+    }
+    Some((lamps, rest))
+}
+
+/// Texels by column and row.
+type Texels = BTreeSet<(usize, usize)>;
+
+/// Bright texels that touch each other.
+struct Spot {
+    texels: Texels,
+    /// Share of the sky's light.
+    share: f32,
+}
+
+struct Finder<'a> {
+    map: &'a EquirectangularMap,
+    mean: f32,
+}
+
+impl Finder<'_> {
+    fn size(&self) -> [usize; 2] {
+        [self.map.texels.width(), self.map.texels.height()]
+    }
+
+    fn luminance(&self, (x, y): (usize, usize)) -> f32 {
+        luminance(self.map.texels.get(x, y)) * self.map.intensity
+    }
+
+    fn all_texels(&self) -> Texels {
+        // Those that are no candidates are left out at once: an image has millions.
+        let [width, height] = self.size();
+        let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        all.filter(|&texel| self.luminance(texel) >= BRIGHT * self.mean).collect()
+    }
+
+    /// The spots among `texels` of at least this luminance that are small and bright enough; wide ones are looked through again
+    /// for what is twice as bright.
+    fn spots(&self, texels: &Texels, least: f32, doublings: u32) -> Vec<Spot> {
+        let mut left: Texels = texels.iter().copied().filter(|&texel| self.luminance(texel) >= least).collect();
+        let mut spots = Vec::new();
+        while let Some(&first) = left.first() {
+            let spot = self.connected(first, &mut left);
+            let share = self.share(&spot);
+            if share < LEAST_SHARE {
+                continue;
+            }
+            if self.radius(&spot) <= MOST_RADIUS {
+                spots.push(Spot { texels: spot, share });
+            } else if doublings > 0 {
+                spots.extend(self.spots(&spot, 2.0 * least, doublings - 1));
+            }
+        }
+        spots
+    }
+
+    /// Takes the texels that are connected with `first` out of `left`.
+    fn connected(&self, first: (usize, usize), left: &mut Texels) -> Texels {
+        let (mut spot, mut next) = (Texels::new(), vec![first]);
+        left.remove(&first);
+        while let Some(texel) = next.pop() {
+            spot.insert(texel);
+            next.extend(self.neighbors(texel).into_iter().filter(|neighbor| left.remove(neighbor)));
+        }
+        spot
+    }
+
+    /// The eight texels around; columns continue around, rows end at the poles.
+    fn neighbors(&self, (x, y): (usize, usize)) -> Vec<(usize, usize)> {
+        let [width, height] = self.size();
+        let mut neighbors = Vec::new();
+        for row in y.saturating_sub(1)..(y + 2).min(height) {
+            for dx in [width - 1, 0, 1] {
+                neighbors.push(((x + dx) % width, row));
+            }
+        }
+        neighbors
+    }
+
+    /// Mean of the texels around a spot.
+    fn around(&self, spot: &Texels) -> Vec3 {
+        let near: Texels = spot.iter().flat_map(|&texel| self.neighbors(texel)).collect();
+        let ring: Vec<Vec3> = near.difference(spot).map(|&(x, y)| self.map.texels.get(x, y)).collect();
+        ring.iter().sum::<Vec3>() / ring.len().max(1) as f32
+    }
+
+    /// Share of the sky's light.
+    fn share(&self, spot: &Texels) -> f32 {
+        let flux: f32 = spot.iter().map(|&texel| self.luminance(texel) * cell_solid_angle(self.size(), texel.1)).sum();
+        flux / (self.mean * 4.0 * std::f32::consts::PI)
+    }
+
+    /// Half the angle across a spot \[rad\].
+    fn radius(&self, spot: &Texels) -> f32 {
+        let [width, height] = self.size();
+        let place =
+            |&(x, y): &(usize, usize)| Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
+        let directions: Vec<Vec3A> = spot.iter().map(|texel| self.map.direction(place(texel))).collect();
+        let Some(middle) = directions.iter().sum::<Vec3A>().try_normalize() else { return f32::INFINITY };
+        directions.iter().map(|direction| direction.angle_between(middle)).fold(0.0, f32::max)
+    }
+}
+
+/// The lamp of an image that is black but for a spot of `texels`.
+fn lamp(excess: &EquirectangularMap, texels: &Texels) -> Option<SkyLamp> {
+    let [width, rows] = [excess.texels.width(), excess.texels.height()];
+    let fine = [CELLS * width, CELLS * rows];
+
+    // Columns around the seam are numbered on from the first texel, half the image to either side. Light reaches a texel further.
+    let first = texels.first()?.0 as i64;
+    let unwrapped = |x: usize| {
+        let offset = (x as i64 - first).rem_euclid(width as i64);
+        first + if offset > width as i64 / 2 { offset - width as i64 } else { offset }
+    };
+    let columns = || texels.iter().map(|texel| unwrapped(texel.0));
+    let (left, right) = (columns().min()? - 1, columns().max()? + 2);
+    let right = right.min(left + width as i64);
+    let (top, bottom) = (texels.iter().map(|t| t.1).min()?.saturating_sub(1), texels.iter().map(|t| t.1).max()? + 2);
+    let bottom = bottom.min(rows);
+
+    // Cells of a quarter texel, each with the flux L ω of its middle.
+    let (mut irradiance, mut sum, mut by_row) = (glam::DVec3::ZERO, glam::DVec3::ZERO, Vec::new());
+    let (mut distributions, mut directions) = (Vec::new(), Vec::new());
+    for row in top * CELLS..bottom * CELLS {
+        let solid_angle = cell_solid_angle(fine, row);
+        let y = 0.5 * (height(row, fine[1]) + height(row + 1, fine[1]));
+        let (mut weights, mut own) = (Vec::new(), Vec::new());
+        for column in left * CELLS as i64..right * CELLS as i64 {
+            let angle = TAU * (column as f32 + 0.5) / fine[0] as f32;
+            let sine = (1.0 - y * y).max(0.0).sqrt();
+            let direction = excess.turned(Vec3::new(-sine * angle.sin(), y, sine * angle.cos()), 1.0).normalize();
+            let flux = excess.radiance(direction).as_dvec3() * f64::from(solid_angle);
+            let weight = f64::from(luminance(flux.as_vec3()));
+            irradiance += flux;
+            sum += direction.as_dvec3() * weight;
+            weights.push(weight);
+            own.push(Vec3A::from(direction));
+        }
+        let distribution = Distribution::new(weights);
+        by_row.push(distribution.as_ref().map_or(0.0, Distribution::total));
+        distributions.push(distribution);
+        directions.push(own);
+    }
+    let rows = Distribution::new(by_row)?;
+    let towards = Vec3A::from(sum.as_vec3()).try_normalize()?;
+
+    // The border: of the cells with light, those farthest from the middle in eight directions.
+    let mut lit: Vec<Vec3A> = Vec::new();
+    for (distribution, directions) in distributions.iter().zip(&directions) {
+        let Some(distribution) = distribution else { continue };
+        let shining = directions.iter().enumerate().filter(|(column, _)| distribution.probability(*column) > 0.0);
+        lit.extend(shining.map(|(_, direction)| *direction));
+    }
+    let (x, y) = crate::sampling::frame(towards.into());
+    let border = std::array::from_fn(|k| {
+        let (sine, cosine) = (TAU * k as f32 / BORDER as f32).sin_cos();
+        let along = Vec3A::from(x * cosine + y * sine);
+        lit.iter().copied().max_by(|a, b| a.dot(along).total_cmp(&b.dot(along))).unwrap_or(towards)
+    });
+    let angular_radius = border.iter().map(|direction| direction.angle_between(towards)).fold(0.0, f32::max);
+    let irradiance = irradiance.as_vec3();
+    Some(SkyLamp { irradiance, towards, angular_radius, border, rows, columns: distributions, directions })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::environment::Environment;
+    use crate::luminance;
+    use crate::sampling::{hammersley, uniform_sphere};
+    use glam::{Vec3, Vec3A};
+    use plane::Plane;
+    use std::f32::consts::PI;
+
+    /// A sky of 0.2 with these bright texels.
+    fn sky(bright: &[(usize, usize, f32)]) -> Environment {
+        let mut texels = Plane::filled(64, 32, Vec3::splat(0.2));
+        bright.iter().for_each(|&(x, y, radiance)| texels.set(x, y, Vec3::splat(radiance)));
+        Environment::image(texels, 1.0, 30.0).expect("a sky")
+    }
+
+    /// At the seam, at both poles and elsewhere, a bright texel is one lamp; lamps and rest are all of the light.
+    #[test]
+    fn lamps_and_rest_are_the_whole_sky() {
+        let cases: [(&[(usize, usize, f32)], usize); 7] = [
+            (&[(20, 5, 40_000.0)], 1),
+            (&[(0, 12, 40_000.0)], 1),
+            (&[(63, 12, 40_000.0), (0, 12, 30_000.0)], 1),
+            (&[(5, 0, 90_000.0)], 1),
+            (&[(5, 31, 90_000.0)], 1),
+            (&[(10, 8, 9000.0), (40, 14, 9000.0)], 2),
+            (&[(10, 8, 1.0)], 0),
+        ];
+        for (bright, count) in cases {
+            let sky = sky(bright);
+            assert_eq!(sky.lamps().len(), count, "{bright:?}");
+            let rest = sky.beside_lamps().expect("the sky around").fluence();
+            let sum: Vec3 = sky.lamps().iter().map(|lamp| lamp.irradiance).sum();
+            assert!(((sum + rest) / sky.fluence() - 1.0).abs().max_element() < 0.01, "{bright:?}: {sum} + {rest}");
+            assert!(count == 0 || luminance(rest) < 1.3 * 0.2 * 4.0 * PI, "{bright:?}: {rest}");
+        }
+    }
+
+    /// Directions of a lamp are where the sky is bright, as often as it is: their mean is that of the light.
+    #[test]
+    fn directions_are_those_of_the_light() {
+        for bright in [&[(0, 12, 40_000.0)][..], &[(30, 3, 40_000.0), (31, 3, 20_000.0)], &[(5, 0, 90_000.0)]] {
+            let sky = sky(bright);
+            let [lamp] = sky.lamps() else { panic!("one lamp") };
+            let count = 1 << 20;
+            let mut mean = Vec3::ZERO;
+            for direction in (0..count).map(|i| uniform_sphere(hammersley(i, count))) {
+                mean += direction * luminance(sky.radiance(direction) - Vec3::splat(0.2));
+            }
+            let mean = Vec3A::from(mean.normalize());
+            let drawn = lamp.directions(32).iter().sum::<Vec3A>().normalize();
+            assert!(lamp.towards.angle_between(mean) < 0.004, "{bright:?}: {}", lamp.towards.angle_between(mean));
+            assert!(drawn.angle_between(mean) < 0.01, "{bright:?}: {}", drawn.angle_between(mean));
+            assert!(lamp.angular_radius < 0.25, "{}", lamp.angular_radius);
+        }
+    }
+
+    /// A window as wide as a room's stays in the dome; a sun before its glare does not.
+    #[test]
+    fn wide_regions_are_no_lamps() {
+        let of = |radiance: fn(f32) -> f32| {
+            let texels = Plane::from_fn(128, 64, |x, y| {
+                let way = (x as f32 - 64.0).hypot(y as f32 - 20.0);
+                Vec3::splat(0.01 + radiance(way))
+            });
+            Environment::image(texels, 1.0, 0.0).expect("a sky")
+        };
+        assert!(of(|way| if way < 8.0 { 100.0 } else { 0.0 }).lamps().is_empty());
+        let sun = of(|way| if way < 1.0 { 50_000.0 } else { 200.0 / (1.0 + way * way) });
+        assert_eq!(sun.lamps().len(), 1);
+        assert!(sun.lamps()[0].angular_radius < 0.2, "{}", sun.lamps()[0].angular_radius);
+    }
+}
