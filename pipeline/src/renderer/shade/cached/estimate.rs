@@ -11,21 +11,39 @@ use render_core::{Anchor, Gathered, PACKET, ShadingPoint, luminance};
 /// of them together stay below half a per cent.
 const UNTRACED_SHARE: f32 = 2e-4;
 
+/// Lights below this cosine are at the horizon, and stand for those behind it.
+const HORIZON_COSINE: f32 = 0.4;
+
 /// Σ I t over lights of intensity I, t being the geometric term, and its derivatives.
+///
+/// A term's derivative by the normal holds the horizon fixed: of even light L from all around, a normal turned by α would have
+/// π L cos α. What rises over the horizon makes up for that, and is taken to be as bright as what is just above it:
+///
+/// ```text
+/// ∂E/∂n = Σ I ∂t/∂n − min(π Lₕ, E) nᵀ          Lₕ = Σ I t / cos θ over θ near the horizon / (2π h)          h  its cosine
+/// ```
 struct Sum {
     irradiance: Vec3,
     by_normal: Mat3A,
     by_position: Mat3A,
+    /// π Lₕ \[W·m⁻²\].
+    horizon: Vec3,
 }
 
 impl Sum {
     /// Of no light. (A matrix is the identity by default.)
-    const ZERO: Self = Self { irradiance: Vec3::ZERO, by_normal: Mat3A::ZERO, by_position: Mat3A::ZERO };
+    const ZERO: Self =
+        Self { irradiance: Vec3::ZERO, by_normal: Mat3A::ZERO, by_position: Mat3A::ZERO, horizon: Vec3::ZERO };
 
     fn add(&mut self, intensity: Vec3, term: &IrradianceTerm) {
         self.irradiance += intensity * term.value;
         self.by_normal += outer(intensity, term.by_normal);
         self.by_position += outer(intensity, term.by_position);
+        // t / cos θ is the length of ∂t/∂n.
+        let facing = term.by_normal.length();
+        if term.value < HORIZON_COSINE * facing {
+            self.horizon += intensity * (facing / (2.0 * HORIZON_COSINE));
+        }
     }
 }
 
@@ -33,7 +51,7 @@ impl TreeLight<'_> {
     /// The sum over the visible clusters with the intensities that they have now, and what softening took from it.
     pub fn estimate(&self, receiver: &ShadingPoint, recipe: &Recipe) -> LocalIrradiance {
         let frame = self.visible.frame;
-        let (position, normal) = (receiver.position.into(), receiver.normal.into());
+        let (position, normal): (Vec3, Vec3) = (receiver.position.into(), receiver.normal.into());
         let mut sum = Sum::ZERO;
         for cluster in recipe.seen_clusters() {
             let light = &frame.tree.lights()[cluster.light as usize];
@@ -41,6 +59,7 @@ impl TreeLight<'_> {
             sum.add(frame.tree.cluster_intensity(cluster), &term);
         }
         self.add_moving_anchors(receiver, &mut sum);
+        sum.by_normal -= outer(sum.horizon.min(sum.irradiance), normal);
 
         // Light from close by, which softening takes, is that of the final gather.
         let Gathered { harmonic_mean, nearest, .. } = recipe.surroundings;
@@ -49,7 +68,7 @@ impl TreeLight<'_> {
             sum.irradiance += missing.irradiance;
             sum.by_position += missing.by_position;
         }
-        let Sum { irradiance, by_normal, by_position } = sum;
+        let Sum { irradiance, by_normal, by_position, .. } = sum;
         // A record's threshold is a share of that of its pixels.
         let tolerance = recipe.threshold / FINENESS;
         LocalIrradiance { irradiance, by_normal, by_position, harmonic_mean, nearest, tolerance }
