@@ -6,7 +6,7 @@ use crate::feedback_loop::{Parts, Run, Start, couple, follow};
 use crate::film::{Display, Masking, Video};
 use crate::plan::{Plan, Stage};
 use crate::ranks::{Lead, Team};
-use crate::renderer::{Crew, Preparation, Shading, SimulatedRanks, exposure_of_first_frame};
+use crate::renderer::{Crew, Preparation, Shading, SimulatedRanks, exposure_of_first_frame, exposure_of_lit_frames};
 use crate::report::{Ending, Report};
 use crate::settings::{Aov, Settings};
 use render_core::scene::Scene;
@@ -124,7 +124,7 @@ impl<'a> Render<'a> {
     /// # Errors
     /// The first failure of a stage: a file that cannot be written, or a fault of this program.
     pub fn finish(mut self, run: Run<'_>) -> Result<Report> {
-        if let Some(exposure) = self.exposure_of_chunks() {
+        if let Some(exposure) = self.exposure_before() {
             self.parts.display.set_exposure(exposure);
         }
         let inputs = Some(sum_of_inputs(self.scene, self.settings)?);
@@ -135,19 +135,25 @@ impl<'a> Render<'a> {
         Ok(Report { inputs, ..Report::new(scene, settings, plan.steps(), reports, ending) })
     }
 
-    /// The exposure of a film in chunks that begins and has none of its own: none of its chunks may depend on another's frames. One
-    /// that is continued knows it already.
-    fn exposure_of_chunks(&self) -> Option<f32> {
+    /// The exposure that a film has before its first frame: of its lit frames, where the first is no measure of them; else of a small
+    /// first frame for a film in chunks, none of which may depend on another's frames. One that is continued has its exposure.
+    fn exposure_before(&self) -> Option<f32> {
         let Self { scene, settings, start, .. } = self;
-        let is_wanted = settings.is_in_chunks() && settings.auto_exposure;
         let begins = start.first_frame() == settings.frame_range().start;
-        (is_wanted && begins).then(|| {
-            exposure_of_first_frame(scene, &settings.renderer(), |settings, plan| {
-                let shading = Shading::new(settings, plan);
-                #[cfg(feature = "bake")]
-                let shading = with_baked(shading, self.baked.as_ref());
-                shading
-            })
+        if !settings.auto_exposure || !begins {
+            return None;
+        }
+        let of_lit_frames = exposure_of_lit_frames(scene, &settings.renderer());
+        of_lit_frames.or_else(|| settings.is_in_chunks().then(|| self.exposure_of_chunks()))
+    }
+
+    fn exposure_of_chunks(&self) -> f32 {
+        let Self { scene, settings, .. } = self;
+        exposure_of_first_frame(scene, &settings.renderer(), |settings, plan| {
+            let shading = Shading::new(settings, plan);
+            #[cfg(feature = "bake")]
+            let shading = with_baked(shading, self.baked.as_ref());
+            shading
         })
     }
 }

@@ -6,7 +6,7 @@ use crate::film::linear::write_linear;
 use crate::parts::{LastThresholds, Shade};
 use crate::picture_file::{PictureFormat, shown, write_shown};
 use crate::plan::Plan;
-use crate::renderer::{Preparation, Shading, exposure_of_first_frame};
+use crate::renderer::{Preparation, Shading, exposure_of_first_frame, exposure_of_lit_frames};
 use crate::settings::{ExrDepth, Settings};
 use perceptual::luminance_plane;
 use plane::Plane;
@@ -35,9 +35,12 @@ impl Still {
         let prepared = Preparation::new(scene, &renderer, &plan).frame(frame);
         let shaded = Shading::new(&renderer, &plan).step(&prepared, LastThresholds::none());
 
-        // Without an exposure of its own a film has that of its first frame.
+        // Without an exposure of its own a film has that of its first frame, or of those that are lit.
+        let of_lit_frames = || exposure_of_lit_frames(scene, &renderer);
+        let found = settings.auto_exposure.then(of_lit_frames).flatten();
         let exposure = match (settings.auto_exposure, frame) {
             (false, _) => settings.tone_map.exposure,
+            (true, _) if found.is_some() => found.unwrap_or(1.0),
             (true, 0) => exposure_for(&luminance_plane(&shaded.radiance)),
             (true, _) => exposure_of_first_frame(scene, &renderer, |settings, plan| Shading::new(settings, plan)),
         };

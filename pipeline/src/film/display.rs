@@ -16,6 +16,8 @@ use std::sync::atomic::AtomicBool;
 
 /// Luminance that the middle of a picture is brought to when no exposure is set: photography's gray card.
 const MIDDLE_GRAY: f64 = 0.18;
+/// Share of a picture's mean luminance below which a pixel counts as black for the exposure: seventeen stops.
+const LEAST_LIT: f64 = 1.0 / 131_072.0;
 
 /// The tone curve of a film, and the files of its uncompressed frames.
 #[derive(Debug)]
@@ -53,6 +55,7 @@ impl Display {
 
     /// Shows all frames with this factor on radiance.
     pub(crate) fn set_exposure(&mut self, exposure: f32) {
+        self.auto_exposure = false;
         self.tone_map = self.tone_map.with_exposure(exposure);
     }
 
@@ -126,14 +129,23 @@ pub(crate) fn blended<'a>(shaded: &'a Shaded, tone_map: &ToneMap) -> Cow<'a, Pla
     radiance
 }
 
-/// Brings the geometric mean of the lit pixels' luminance to middle gray.
+/// Brings the geometric mean of the lit pixels' luminance to middle gray; 1 for a black picture.
 pub(crate) fn exposure_for(luminance: &Plane<f32>) -> f32 {
-    let logs: Vec<f64> = luminance.samples().iter().filter(|&&y| y > 0.0).map(|&y| f64::from(y).ln()).collect();
+    exposure_for_luminances(luminance.samples()).unwrap_or(1.0)
+}
+
+/// The same for pixels of any pictures; `None` if all are black.
+pub(crate) fn exposure_for_luminances(luminances: &[f32]) -> Option<f32> {
+    // What is next to nothing beside the rest counts as black: noise and leaks, which no exposure could show with it.
+    let mean = luminances.iter().map(|&y| f64::from(y)).sum::<f64>() / luminances.len() as f64;
+    let least = mean * LEAST_LIT;
+    let lit = luminances.iter().map(|&y| f64::from(y)).filter(|&y| y > 0.0 && y >= least);
+    let logs: Vec<f64> = lit.map(f64::ln).collect();
     if logs.is_empty() {
-        return 1.0;
+        return None;
     }
     let mean = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
-    ((MIDDLE_GRAY / mean) as f32).clamp(1e-20, 1e20)
+    Some(((MIDDLE_GRAY / mean) as f32).clamp(1e-20, 1e20))
 }
 
 /// Uncompressed frames in a YUV4MPEG2 file, chroma sited as MPEG-2 has it.
@@ -196,5 +208,8 @@ mod tests {
         let picture = Plane::from_fn(4, 1, |x, _| [0.0, 10.0, 1000.0, 100.0][x]);
         assert!((exposure_for(&picture) - 0.0018).abs() < 1e-6);
         assert_eq!(exposure_for(&Plane::filled(2, 2, 0.0)), 1.0);
+        // A leak beside a lit wall changes nothing.
+        let leaking = Plane::from_fn(4, 1, |x, _| [1e-9, 10.0, 1000.0, 100.0][x]);
+        assert_eq!(exposure_for(&leaking), exposure_for(&picture));
     }
 }

@@ -13,7 +13,7 @@ mod shade;
 #[cfg(feature = "bake")]
 pub mod texels;
 
-pub(crate) use exposure::exposure_of_first_frame;
+pub(crate) use exposure::{exposure_of_first_frame, exposure_of_lit_frames};
 pub use frame::{Frame, PreparedFrame};
 pub use prepare::Preparation;
 pub use shade::{

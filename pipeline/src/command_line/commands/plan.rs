@@ -34,6 +34,11 @@ pub fn run(arguments: Plan) -> Result<ExitCode> {
     say!("time:   some {seconds:.2} CPU s a frame after the first; {frames} in some {}", rough_time(all));
     let (needed, size) = (MemorySize(memory::estimate(&scene, settings.size)), settings.size);
     say!("memory: some {needed} for {}x{} pixels", size.width, size.height);
+    let exposure = match settings.auto_exposure {
+        true => "the first frame sets it; where that is dark, or lamps move, the film's lit frames may".to_owned(),
+        false => format!("{}, as set", settings.tone_map.exposure),
+    };
+    say!("exposure: {exposure}");
     notes::before(&scene, &settings).iter().for_each(|note| say!("note: {}", single_line(note)));
     Ok(ExitCode::SUCCESS)
 }

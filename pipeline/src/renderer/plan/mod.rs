@@ -8,7 +8,6 @@ mod rules;
 mod stage;
 
 pub use facts::Fact;
-#[cfg(feature = "bake")]
 pub(crate) use facts::lamp_moves;
 pub use stage::{Stage, State};
 
