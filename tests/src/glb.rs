@@ -16,6 +16,52 @@ pub struct Glb {
     pub bin: Vec<u8>,
 }
 
+/// A ball of facets.
+#[derive(Clone, Copy, Debug)]
+pub struct Ball {
+    /// \[m\]
+    pub center: Vec3,
+    /// \[m\]
+    pub radius: f32,
+    /// Facets around +y.
+    pub columns: u32,
+    /// Rows of facets.
+    pub rows: u32,
+    /// Whether it ends at the equator.
+    pub half: bool,
+    /// Whether its facets face inward.
+    pub inward: bool,
+}
+
+impl Ball {
+    fn corners(&self) -> Vec<Vec3> {
+        let most = std::f32::consts::PI * if self.half { 0.5 } else { 1.0 };
+        let corner = |row: u32, column: u32| {
+            let (sine, y) = (most * row as f32 / self.rows as f32).sin_cos();
+            let (z, x) = (std::f32::consts::TAU * column as f32 / self.columns as f32).sin_cos();
+            self.center + self.radius * vec3(sine * x, y, sine * z)
+        };
+        (0..=self.rows).flat_map(|row| (0..self.columns).map(move |column| corner(row, column))).collect()
+    }
+
+    fn indices(&self) -> Vec<u32> {
+        let mut indices = Vec::new();
+        for row in 0..self.rows {
+            for column in 0..self.columns {
+                let at = |row: u32, column: u32| row * self.columns + column % self.columns;
+                let [a, b, c, d] = [(0, 0), (0, 1), (1, 1), (1, 0)].map(|(r, k)| at(row + r, column + k));
+                // At a pole one of the two triangles has no area.
+                let upper = (row > 0).then_some([a, b, c]);
+                let lower = (self.half || row + 1 < self.rows).then_some([a, c, d]);
+                for [a, b, c] in upper.into_iter().chain(lower) {
+                    indices.extend(if self.inward { [a, c, b] } else { [a, b, c] });
+                }
+            }
+        }
+        indices
+    }
+}
+
 /// Numbers as an accessor describes them.
 struct Numbers {
     /// As they lie in the buffer.
@@ -87,6 +133,50 @@ impl Glb {
         let positions = self.accessor(Numbers::vectors(&corners), bounds);
         let indices: Vec<u32> = (0..quads.len() as u32).flat_map(|q| [0, 1, 2, 0, 2, 3].map(|i| 4 * q + i)).collect();
         let indices = self.accessor(Numbers::integers(&indices), json!({}));
+        self.add_primitive(json!({ "POSITION": positions }), indices, base_color, emission)
+    }
+
+    /// As [`Glb::add`], for the triangles of a ball whose facets face outward, or inward: `columns` around +y, `rows` from pole to
+    /// pole, or down to the equator alone.
+    pub fn add_ball(&mut self, ball: Ball, base_color: Vec3, emission: Vec3) -> usize {
+        let (corners, indices) = (ball.corners(), ball.indices());
+        let reach = Vec3::splat(ball.radius);
+        let bounds = json!({ "min": (ball.center - reach).to_array(), "max": (ball.center + reach).to_array() });
+        let positions = self.accessor(Numbers::vectors(&corners), bounds);
+        let indices = self.accessor(Numbers::integers(&indices), json!({}));
+        self.add_primitive(json!({ "POSITION": positions }), indices, base_color, emission)
+    }
+
+    /// A square that glows by `codes` of an image, `side` texels across, times `emission`, as [`Glb::add`] places one quad; the
+    /// image's first row is opposite to the corner. With `double_sided` the back glows too.
+    pub fn add_screen(
+        &mut self,
+        [corner, x, y]: Quad,
+        emission: f32,
+        (side, codes): (usize, &[u8]),
+        double_sided: bool,
+    ) -> usize {
+        let node = self.add(&[[corner, x, y]], Vec3::ZERO, Vec3::splat(emission));
+        let uvs: Vec<f32> = vec![0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
+        let uvs = Numbers { kind: "VEC2", count: 4, ..Numbers::floats(&uvs) };
+        let uvs = self.accessor(uvs, json!({}));
+        let image = gray_png(side, codes);
+        let view = json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": image.len() });
+        let view = self.push("bufferViews", view);
+        self.bin.extend(image);
+        self.bin.resize(self.bin.len().next_multiple_of(4), 0);
+        self.json["images"] = json!([{ "bufferView": view, "mimeType": "image/png" }]);
+        self.json["textures"] = json!([{ "source": 0 }]);
+        let mesh = self.json["nodes"][node]["mesh"].as_u64().expect("a mesh") as usize;
+        let primitive = &mut self.json["meshes"][mesh]["primitives"][0];
+        primitive["attributes"]["TEXCOORD_0"] = json!(uvs);
+        let material = primitive["material"].as_u64().expect("a material") as usize;
+        self.json["materials"][material]["emissiveTexture"] = json!({ "index": 0 });
+        self.json["materials"][material]["doubleSided"] = json!(double_sided);
+        node
+    }
+
+    fn add_primitive(&mut self, attributes: Value, indices: usize, base_color: Vec3, emission: Vec3) -> usize {
         let strength = emission.max_element().max(1.0);
         let material = json!({
             "pbrMetallicRoughness": { "baseColorFactor": [base_color.x, base_color.y, base_color.z, 1.0], "metallicFactor": 0.0 },
@@ -95,7 +185,7 @@ impl Glb {
         });
         self.json["extensionsUsed"] = json!(["KHR_materials_emissive_strength"]);
         let material = self.push("materials", material);
-        let primitive = json!({ "attributes": { "POSITION": positions }, "indices": indices, "material": material });
+        let primitive = json!({ "attributes": attributes, "indices": indices, "material": material });
         let mesh = self.push("meshes", json!({ "primitives": [primitive] }));
         self.add_node(json!({ "mesh": mesh }))
     }
@@ -123,6 +213,18 @@ impl Glb {
         }]);
     }
 
+    /// Moves a node to places at times \[s\], where it stays until the next.
+    pub fn animate_in_steps(&mut self, node: usize, places: &[(f32, Vec3)]) {
+        let (times, places): (Vec<f32>, Vec<Vec3>) = places.iter().copied().unzip();
+        let bounds = json!({ "min": [times[0]], "max": [times[times.len() - 1]] });
+        let input = self.accessor(Numbers::floats(&times), bounds);
+        let output = self.accessor(Numbers::vectors(&places), json!({}));
+        self.json["animations"] = json!([{
+            "channels": [{ "sampler": 0, "target": { "node": node, "path": "translation" } }],
+            "samplers": [{ "input": input, "output": output, "interpolation": "STEP" }]
+        }]);
+    }
+
     /// The file.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut document = self.json.clone();
@@ -137,6 +239,39 @@ impl Glb {
     pub fn write(&self, path: &Path) {
         std::fs::write(path, self.to_bytes()).expect("a scene can be written");
     }
+}
+
+/// A square image of `side` × `side` gray codes as a PNG file, not compressed (RFC 1950, 1951; PNG, 5).
+fn gray_png(side: usize, codes: &[u8]) -> Vec<u8> {
+    // Rows, each after the number of its filter, in stored blocks of at most 65 535 bytes.
+    let rows: Vec<u8> = codes.chunks(side).flat_map(|row| [&[0], row].concat()).collect();
+    let mut data = vec![0x78, 0x01];
+    let blocks = rows.chunks(65_535);
+    let last = blocks.len() - 1;
+    for (k, block) in blocks.enumerate() {
+        let length = block.len() as u16;
+        data.push(u8::from(k == last));
+        data.extend(length.to_le_bytes());
+        data.extend((!length).to_le_bytes());
+        data.extend(block);
+    }
+    let (a, b) = rows.iter().fold((1u32, 0u32), |(a, b), &byte| {
+        let a = (a + u32::from(byte)) % 65_521;
+        (a, (b + a) % 65_521)
+    });
+    data.extend((b << 16 | a).to_be_bytes());
+
+    let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
+    let size = (side as u32).to_be_bytes();
+    // 8 bits of gray.
+    let header = [&size[..], &size, &[8, 0, 0, 0, 0]].concat();
+    for (kind, chunk) in [(b"IHDR", header), (b"IDAT", data), (b"IEND", Vec::new())] {
+        let named = [&kind[..], &chunk].concat();
+        file.extend((chunk.len() as u32).to_be_bytes());
+        file.extend(&named);
+        file.extend(crc32fast::hash(&named).to_be_bytes());
+    }
+    file
 }
 
 /// A .glb file of this document and this binary part: header, JSON chunk, binary chunk (glTF 2.0, 4.4).

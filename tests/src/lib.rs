@@ -16,7 +16,7 @@ mod tools;
 pub use blocks::{Blocks, Comparison};
 pub use decoders::{decode_ffmpeg, decode_mpeg2dec, read_y4m, tolerant_frame_count};
 pub use exchange::Exchange;
-pub use glb::{Glb, Moving, Quad, checkered_room, furnace, textured_square};
+pub use glb::{Ball, Glb, Moving, Quad, checkered_room, furnace, textured_square};
 pub use hostile::{Hostile, Random, damaged, hostile_scenes};
 pub use program::{
     Finished, Rendered, assert_fails, cornell, program, render, render2mpeg, shared_scenes, sorted_names,

@@ -1,6 +1,7 @@
 //! Rooms that strangers' scenes have: closed, dim, behind thin walls. Films next to paths, by blocks of 8×8 pixels.
 
 mod coincidence;
+mod lamps;
 mod walls;
 
 use glam::{Vec3, vec3};
