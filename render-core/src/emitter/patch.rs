@@ -16,7 +16,7 @@ const POINTS_OF_A_CELL: usize = 16;
 /// is in a few cells of its own.
 const SHARE_OF_A_CELL: f32 = 1.0 / 256.0;
 /// Contrast (most − least) / mean of a cell's luminance up to which its points count as alike.
-const EVEN: f32 = 0.5;
+const EVEN: f32 = 0.25;
 /// Side of the smallest cells \[texels\]: between the middles of two texels a look-up is linear.
 const SMALLEST: f32 = 0.5;
 /// A mesh of more pieces than this is put in the order of space. A few panels keep the order of the file.
@@ -102,7 +102,8 @@ impl Glow<'_> {
             Some(slot.map(uv) * size)
         };
         let [Some(a), Some(b), Some(c)] = [uv(0.0, 0.0), uv(1.0, 0.0), uv(0.0, 1.0)] else { return 0.0 };
-        (b - a).length().max((c - a).length()).max((c - b).length())
+        // Along the two sides that span the shape: a parallelogram's are a b and b c. Its diagonal would blur more than a side.
+        (b - a).length().max(if patch.parallelogram { c - b } else { c - a }.length())
     }
 
     /// Mean, and contrast (most − least) / mean of luminance, over a cell of `texels` across.
