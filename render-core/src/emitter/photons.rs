@@ -1,9 +1,8 @@
 //! Photons on their way out of lights, and the same ways backwards: how a light gets to a place.
 
-use super::area::Detail;
 use super::Emitters;
+use super::area::Detail;
 use crate::environment::SkySample;
-use crate::luminance;
 use crate::photon::{SeenLight, Start};
 use crate::sampling::{Distribution, concentric_disc, cosine_hemisphere, disc_to_square, frame, uniform_sphere};
 use crate::scene::{PunctualKind, Scene};
@@ -193,4 +192,3 @@ impl PhotonSource<'_> {
         Some(SeenLight { irradiance, towards, end: None, start: Vec4::new(place.x, place.y, way.x, way.y) })
     }
 }
-
