@@ -14,7 +14,8 @@ use grid::Grid;
 pub(crate) use grid::{SplatScratch, Spot};
 use patches::Patches;
 pub(crate) use sight::Sight;
-pub(crate) use surfels::{Moved, SurfelMap, Surfels};
+pub use surfels::Moved;
+pub(crate) use surfels::{SurfelMap, Surfels};
 
 use crate::Units;
 use crate::accel::Geometry;

@@ -30,7 +30,7 @@ pub mod ranks;
 pub mod sampling;
 
 pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
-pub use anchor::{Anchor, Anchors, DynamicAnchor};
+pub use anchor::{Anchor, Anchors, DynamicAnchor, Moved};
 #[cfg(feature = "bake")]
 pub use atlas::{Atlas, AtlasError, AtlasPoint, FinePoint, FineTexels, TexelBlend, TexelSite};
 pub use bsdf::{Bsdf, BsdfSample};

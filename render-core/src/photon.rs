@@ -48,7 +48,7 @@ pub struct AnchorFlux {
     /// others is known from the frames before, or from other ranks.
     pub traced: u64,
     /// What moving things hide of surfels.
-    pub(crate) moved: Moved,
+    pub moved: Moved,
 }
 
 /// The photons of a scene, frame after frame.

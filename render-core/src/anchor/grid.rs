@@ -336,14 +336,14 @@ mod tests {
         for k in 0..100 {
             let mut sum = 0.0;
             let at = random(777 + k) * Vec3A::new(0.9, 0.0, 0.9);
-            assert!(grid.splat(&spot(at), |point, weight| {
+            assert!(grid.splat(&spot(at), None, |point, weight| {
                 assert!(point % 2 == 0, "the other side's anchor took light");
                 sum += weight;
             }));
             assert!((sum - 1.0f32).abs() < 1e-5);
         }
         let none = Grid::new(&[], &[], 1.0);
-        assert!(!none.splat(&spot(Vec3A::ZERO), |_, _| unreachable!("there is no anchor")));
+        assert!(!none.splat(&spot(Vec3A::ZERO), None, |_, _| unreachable!("there is no anchor")));
     }
 
     /// Two sheets that face the same way, closer together than their points: each keeps its own light.
@@ -362,9 +362,11 @@ mod tests {
             let position = random(777 + k) * Vec3A::new(0.9, 0.0, 0.9) - Vec3A::Y * 0.01 * instance as f32;
             let spot = Spot { position, normal: Vec3A::Y, instance, only_own: false, came: None };
             let mut own = 0.0;
-            grid.splat(&spot, |point, weight| own += if points[point].instance == instance { weight } else { 0.0 });
+            grid.splat(&spot, None, |point, weight| {
+                own += if points[point].instance == instance { weight } else { 0.0 }
+            });
             assert!(own > 0.9, "{own} of the light stays on its sheet");
-            assert_eq!(points[grid.best(&spot, |_| 1.0).unwrap()].instance, instance);
+            assert_eq!(points[grid.best(&spot, None, |_| 1.0).unwrap()].instance, instance);
         }
     }
 
@@ -386,16 +388,17 @@ mod tests {
             })
             .collect();
         let mut shares: Vec<Vec<(usize, f32)>> = vec![Vec::new(); spots.len()];
-        grid.splat_all(&spots, &mut SplatScratch::default(), |k, parts| {
+        grid.splat_all(&spots, None, &mut SplatScratch::default(), |k, parts| {
             shares[k] = parts.iter().map(|&(p, weight)| (grid.index[p as usize] as usize, weight)).collect();
         });
         for ((spot, _), shares) in spots.iter().zip(shares) {
             let mut alone = Vec::new();
-            grid.splat(spot, |point, weight| alone.push((point, weight)));
+            grid.splat(spot, None, |point, weight| alone.push((point, weight)));
             assert_eq!(shares, alone);
         }
         let by_place: Vec<u32> = grid.points.iter().map(|point| point.instance).collect();
         assert_eq!(grid.by_index(&by_place), points.iter().map(|point| point.instance).collect::<Vec<_>>());
-        Grid::new(&[], &[], 1.0).splat_all(&spots, &mut SplatScratch::default(), |_, parts| assert!(parts.is_empty()));
+        Grid::new(&[], &[], 1.0)
+            .splat_all(&spots, None, &mut SplatScratch::default(), |_, parts| assert!(parts.is_empty()));
     }
 }

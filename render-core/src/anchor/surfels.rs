@@ -28,7 +28,7 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use moved::Movable;
-pub(crate) use moved::Moved;
+pub use moved::Moved;
 
 /// Surfels to an anchor: a kernel that is expected to hold eight of them holds the share of two anchors.
 ///

@@ -170,3 +170,74 @@ impl Grid {
         hidden
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::SplatScratch;
+    use super::*;
+    use crate::accel::Geometry;
+    use crate::sampling::hash_unit;
+    use crate::scene::{Material, Mesh, Scene};
+    use glam::{Vec3, Vec3A};
+
+    /// A floor of 4×4 m with a wall along x = 0 and a curb of 1 cm along x = 1.
+    fn parted_floor() -> Scene {
+        let mut mesh = Mesh::default();
+        for [corner, a, b] in [
+            [Vec3::new(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0],
+            [Vec3::new(0.0, -0.1, -2.0), Vec3::Z * 4.0, Vec3::Y * 2.0],
+            [Vec3::new(1.0, -0.1, -2.0), Vec3::Z * 4.0, Vec3::Y * 0.11],
+        ] {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend([corner, corner + a, corner + a + b, corner + b]);
+            mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        }
+        Scene::of_mesh(mesh, Material::default())
+    }
+
+    fn on_floor(key: u64) -> Vec3A {
+        Vec3A::new(hash_unit(3, key, 0) * 4.0 - 2.0, 1e-4, hash_unit(3, key, 1) * 4.0 - 2.0)
+    }
+
+    #[test]
+    fn lists_hide_what_rays_hide_and_walls_part_the_floor() {
+        let scene = parted_floor();
+        let accelerator = Geometry::new(&scene).place(&scene.pose(0.0));
+        let sight = Sight { accelerator: &accelerator, epsilon: 1e-4 };
+        let count = 2000;
+        let points: Vec<Anchor> =
+            (0..count).map(|k| Anchor { position: on_floor(k), normal: Vec3A::Y, instance: 0 }).collect();
+        let share = 16.0 / count as f32;
+        let mut by_lists = Grid::new(&points, &[], share);
+        by_lists.find_walls(Some(&sight));
+        let by_rays = Grid::new(&points, &[], share);
+
+        let (mut differing, mut over_curb) = (0, 0);
+        let spots: Vec<(Spot, usize)> = (0..4000)
+            .map(|k| {
+                let place = Anchor { position: on_floor(90_000 + k), normal: Vec3A::Y, instance: 0 };
+                (Spot::of(&place, false), k as usize)
+            })
+            .collect();
+        by_lists.splat_all(&spots, Some(&sight), &mut SplatScratch::default(), |k, parts| {
+            let spot = &spots[k].0;
+            let mut of_lists: Vec<(usize, f32)> =
+                parts.iter().map(|&(p, weight)| (by_lists.index[p as usize] as usize, weight)).collect();
+            let mut of_rays = Vec::new();
+            by_rays.splat(spot, Some(&sight), |point, weight| of_rays.push((point, weight)));
+            of_lists.sort_by_key(|part| part.0);
+            of_rays.sort_by_key(|part| part.0);
+            // Over a low curb one place may see what its neighbor does not.
+            let near_curb = (spot.position.x - 1.0).abs() < 2.0 * by_lists.radius;
+            let is_same = of_lists.iter().map(|part| part.0).eq(of_rays.iter().map(|part| part.0));
+            differing += usize::from(!is_same && !near_curb);
+            for (point, weight) in of_lists {
+                let [from, to] = [spot.position.x, points[point].position.x];
+                assert!(from * to > 0.0, "{weight} of the light at {from} goes to {to}");
+                over_curb += usize::from((from - 1.0) * (to - 1.0) < 0.0);
+            }
+        });
+        assert_eq!(differing, 0, "places share light as rays say, but next to the curb");
+        assert!(over_curb > 100, "a curb is no wall: {over_curb}");
+    }
+}

@@ -26,7 +26,7 @@ pub(super) struct Movable {
 
 /// Differences that moving things make in one frame.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Moved {
+pub struct Moved {
     /// By surfel, in rising order.
     pub(super) changes: Vec<Change>,
 }
