@@ -20,9 +20,9 @@ pub(crate) use surfels::{SurfelMap, Surfels};
 use crate::Units;
 use crate::accel::Geometry;
 use crate::luminance;
-use crate::photon::{AnchorFlux, SweptVolume};
 use crate::scene::Scene;
 use crate::surface::Surfaces;
+use crate::swept::SweptVolume;
 use glam::{Vec3, Vec3A};
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -169,10 +169,10 @@ impl Anchors {
         Arc::make_mut(&mut self.surfels.fixed).expect_movement(swept, &self.fixed, self.area_share);
     }
 
-    /// The flux of the fixed anchors, from that which photons left at the fixed surfels in a frame \[W\].
+    /// The flux of the fixed anchors, from that which photons left at the fixed surfels in a frame, and what has `moved` there \[W\].
     #[must_use]
-    pub fn fixed_flux(&self, of_frame: &AnchorFlux) -> Vec<Vec3> {
-        self.surfels.fixed.anchor_flux(&of_frame.surfels[0], &of_frame.moved, self.fixed.len())
+    pub fn fixed_flux(&self, of_surfels: &[Vec3], moved: &Moved) -> Vec<Vec3> {
+        self.surfels.fixed.anchor_flux(of_surfels, moved, self.fixed.len())
     }
 
     fn without_surfels(surfaces: &Surfaces, units: &Units, fixed: usize, dynamic: usize) -> Self {

@@ -24,6 +24,7 @@ mod posed_scene;
 mod reconstruct;
 mod steps;
 mod surface;
+mod swept;
 
 pub mod image_file;
 pub mod ranks;
@@ -48,10 +49,11 @@ pub use gbuffer::{
     SurfacePart,
 };
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling, path_traced};
-pub use photon::{AnchorFlux, Guide, GuideSearch, Photons, SweptVolume};
+pub use photon::{AnchorFlux, Guide, GuideSearch, Photons};
 pub use posed_scene::PosedScene;
 pub use reconstruct::{reconstruct, reconstruct_counted, sample_offsets};
 pub use surface::{Paint, Surface, Surfaces};
+pub use swept::SweptVolume;
 
 /// Vectors, matrices and planes stand in signatures.
 pub use glam;

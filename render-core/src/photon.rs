@@ -11,15 +11,13 @@ mod boxes;
 mod guide;
 mod path;
 mod quanta;
-mod swept;
 
 pub use guide::{Guide, GuideSearch};
-pub(crate) use guide::{SeenLight, Start};
-pub use swept::SweptVolume;
 
 use crate::anchor::{Anchors, Moved, Sight, SurfelMap};
 use crate::emitter::Emitters;
 use crate::ranks::{Alone, Meter, Ranks, Turn, sum_of_all};
+use crate::swept::SweptVolume;
 use crate::{Busy, PosedScene, Timed, Units};
 use glam::Vec3;
 use guide::Starts;

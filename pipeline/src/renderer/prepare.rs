@@ -294,7 +294,7 @@ impl<'s> Work<'s> {
             self.photons.trace(scene, &emitters, &self.anchors, &self.units);
         if !std::mem::replace(&mut self.is_split, true) {
             self.split_anchors(n, &anchor_flux.fixed);
-            anchor_flux.fixed = self.anchors.fixed_flux(&anchor_flux);
+            anchor_flux.fixed = self.anchors.fixed_flux(&anchor_flux.surfels[0], &anchor_flux.moved);
         }
         figures.photons_traced = anchor_flux.traced;
         figures.seconds.photons = seconds;

@@ -318,6 +318,7 @@ impl SurfelMap {
             // It is its own anchor now, and sends out just what it holds.
             *owner = Owner { anchor: Some(anchor as u32), share: 1.0 };
         }
+        self.take_anchors(anchors);
     }
 
     /// Flux of each of `anchors` anchors, from that of the surfels \[W\]; what has `moved` gives some surfels other owners.

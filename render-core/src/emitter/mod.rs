@@ -8,6 +8,7 @@ mod photons;
 
 pub(crate) use area::LightPoint;
 pub use area::{AreaLight, AreaSample};
+pub(crate) use photons::Start;
 use photons::cone_solid_angle;
 pub use photons::{EMISSION_DIMENSIONS, EmittedPhoton, PhotonSource};
 

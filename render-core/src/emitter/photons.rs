@@ -3,7 +3,6 @@
 use super::Emitters;
 use super::area::Detail;
 use crate::environment::SkySample;
-use crate::photon::{SeenLight, Start};
 use crate::sampling::{Distribution, concentric_disc, cosine_hemisphere, disc_to_square, frame, uniform_sphere};
 use crate::scene::{PunctualKind, Scene};
 use crate::surface::Surfaces;
@@ -26,6 +25,30 @@ pub struct EmittedPhoton {
 
 /// Dimensions of the Halton sequence that an emission uses.
 pub const EMISSION_DIMENSIONS: usize = 5;
+
+/// How a photon starts.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Start {
+    pub light: usize,
+    /// Left of the number that chose the light, 0…1.
+    pub rest: f64,
+    pub place: Vec2,
+    pub way: Vec2,
+    /// Probability density of all that.
+    pub density: f32,
+}
+
+/// How a surface is lit straight by a light, and how a photon would start to get there.
+pub(crate) struct SeenLight {
+    /// On the surface, without shadows \[W·m⁻²\].
+    pub irradiance: Vec3,
+    /// Unit vector towards the light.
+    pub towards: Vec3A,
+    /// A little off the light; `None` if that is infinitely far away.
+    pub end: Option<Vec3A>,
+    /// Place and way of the photon; for lights that are infinitely far away.
+    pub start: Vec4,
+}
 
 /// Solid angle that the light of a cone would fill at full intensity.
 pub(super) fn cone_solid_angle(kind: PunctualKind) -> f32 {

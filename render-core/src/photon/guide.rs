@@ -14,7 +14,7 @@
 
 use super::boxes::Boxes;
 use crate::anchor::{Anchor, Anchors};
-use crate::emitter::{Emitters, PhotonSource};
+use crate::emitter::{Emitters, PhotonSource, Start};
 use crate::gbuffer::CameraRay;
 use crate::sampling::{Distribution, Pick, cosine_hemisphere, hash, owen_sobol_point};
 use crate::scene::View;
@@ -61,18 +61,6 @@ struct Found {
     start: Vec4,
     /// Luminance, as the camera gets it.
     light_in_picture: f64,
-}
-
-/// How a photon starts.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Start {
-    pub light: usize,
-    /// Left of the number that chose the light, 0…1.
-    pub rest: f64,
-    pub place: Vec2,
-    pub way: Vec2,
-    /// Probability density of all that.
-    pub density: f32,
 }
 
 impl GuideSearch {
@@ -266,16 +254,4 @@ impl Starts {
         let (place, way) = (Vec2::new(start.x, start.y), Vec2::new(start.z, start.w));
         Start { light, rest, place, way, density: probability as f32 * density }
     }
-}
-
-/// How a surface is lit straight by a light, and how a photon would start to get there.
-pub(crate) struct SeenLight {
-    /// On the surface, without shadows \[W·m⁻²\].
-    pub irradiance: Vec3,
-    /// Unit vector towards the light.
-    pub towards: Vec3A,
-    /// A little off the light; `None` if that is infinitely far away.
-    pub end: Option<Vec3A>,
-    /// Place and way of the photon; for lights that are infinitely far away.
-    pub start: Vec4,
 }

@@ -1,6 +1,5 @@
 //! The way of one photon: emission, reflections by roulette, end.
 
-use super::SweptVolume;
 use super::guide::Starts;
 use crate::accel::Accelerator;
 use crate::anchor::Spot;
@@ -9,6 +8,7 @@ use crate::emitter::{EMISSION_DIMENSIONS, EmittedPhoton, PhotonSource};
 use crate::luminance;
 use crate::sampling::{cosine_hemisphere, frame, halton, hash_unit};
 use crate::surface::Surfaces;
+use crate::swept::SweptVolume;
 use glam::{Vec2, Vec3, Vec3A};
 use std::sync::Arc;
 

@@ -60,7 +60,9 @@ fn off_edges([u, v]: [f32; 2], corners: [Vec3A; 3], area_vector: Vec3A) -> Vec3A
     // Inward along the plane, where there is room.
     let step = OFF_EDGE * largest;
     let is_high = inverse_heights.cmplt(Vec3A::splat((LEAST_HEIGHT * step).powi(-2)));
-    let inward = |k: usize| area_vector.cross(edges[k]).normalize_or_zero() * step;
+    // Of unit vectors: products of three lengths leave the range of f32 in the largest scenes.
+    let normal = area_vector.normalize_or_zero();
+    let inward = |k: usize| normal.cross(edges[k].normalize_or_zero()) * step;
     (0..3).filter(|&k| on_edge.test(k) && is_high.test(k)).map(inward).sum()
 }
 

@@ -93,7 +93,7 @@ fn films_of_encoders_that_look_ahead() {
     let film = |name: &str, more: &str| render(folder.path(), name, &cornell(), &format!("{arguments} {more}"));
     let mean = |film: &tests::Rendered| film.figures(&["threshold_mean_relative"])[2..].iter().sum::<f64>() / 6.0;
     // By how much predicted thresholds are above the others: as the README of `perceptual` says, in whole percent.
-    for (quantiser_scale, above) in [(8, 0.02), (32, 0.26)] {
+    for (quantiser_scale, above) in [(8, 0.01), (32, 0.22)] {
         let known = mean(&film("known", &format!("--qscale {quantiser_scale}")));
         let predicted = mean(&film("predicted", &format!("--qscale {quantiser_scale} --bframes 2")));
         println!("quantiser_scale {quantiser_scale}: {known:.4} with the coding known, {predicted:.4} predicted");

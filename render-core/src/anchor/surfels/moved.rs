@@ -6,7 +6,7 @@
 use super::{Owner, SurfelMap};
 use crate::anchor::grid::{Grid, Spot};
 use crate::anchor::{Anchor, Sight};
-use crate::photon::SweptVolume;
+use crate::swept::SweptVolume;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -22,6 +22,8 @@ pub(super) struct Movable {
     points: Vec<Anchor>,
     anchors: Vec<Anchor>,
     anchor_grid: Grid,
+    /// Square meters that an anchor stands for.
+    anchor_share: f32,
 }
 
 /// Differences that moving things make in one frame.
@@ -48,9 +50,19 @@ impl SurfelMap {
         let may_meet: Vec<bool> = points.iter().map(|point| near.is_entered(point.position, point.position)).collect();
         self.grid.expect_movement(&may_meet);
         let surfels: Vec<u32> = (0..).zip(&may_meet).filter(|(_, meets)| **meets).map(|(surfel, _)| surfel).collect();
-        let anchor_grid = Grid::new(anchors, &[], area_share);
-        self.movable = (!surfels.is_empty())
-            .then(|| Arc::new(Movable { surfels, points, anchors: anchors.to_vec(), anchor_grid }));
+        self.movable = (!surfels.is_empty()).then(|| {
+            let (anchors, anchor_grid) = (anchors.to_vec(), Grid::new(anchors, &[], area_share));
+            Arc::new(Movable { surfels, points, anchors, anchor_grid, anchor_share: area_share })
+        });
+    }
+
+    /// Takes other `anchors`, whose surfels have new owners already.
+    pub(super) fn take_anchors(&mut self, anchors: &[Anchor]) {
+        if let Some(movable) = &mut self.movable {
+            let movable = Arc::make_mut(movable);
+            movable.anchor_grid = Grid::new(anchors, &[], movable.anchor_share);
+            movable.anchors = anchors.to_vec();
+        }
     }
 
     /// Differences at the time of `sight`.
