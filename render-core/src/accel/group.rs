@@ -2,7 +2,7 @@
 
 use super::cut_outs::CutOuts;
 use super::ray::Ray;
-use super::ties::Reach;
+use super::reach::Reach;
 use super::tree::{Costs, Tree, Visit};
 use super::triangles::{BLOCK, Block, Leaf, Owner};
 use lanes::{LANES, Lanes};

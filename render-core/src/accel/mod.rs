@@ -8,11 +8,13 @@
 //! neither overflow nor vanish, whatever the unit.
 
 mod cut_outs;
+mod found;
 mod geometry;
 mod group;
 mod packet;
 mod query;
 mod ray;
+mod reach;
 mod shaft;
 mod sharing;
 mod ties;
@@ -23,11 +25,12 @@ pub use geometry::Geometry;
 pub use packet::PACKET;
 pub use shaft::Shaft;
 
+use found::Found;
 use glam::{Affine3A, BVec3A, DVec3, Vec3A};
 use group::Group;
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2};
 use packet::PacketRay;
-use query::{Blocked, Closest, Found, Settle, Together};
+use query::{Blocked, Closest, Settle, Together};
 use std::{sync::Arc, time::Duration};
 use ties::AllSides;
 use tree::{Costs, Tree};

@@ -7,7 +7,7 @@
 
 use super::group::{Group, Met, NO_TRIANGLE, Nearest};
 use super::ray::{LEAST_COMPONENT, LENGTHENING, Octant};
-use super::ties::Reach;
+use super::reach::Reach;
 use super::tree::{Kind, Stack, Tree, farthest_first};
 use super::triangles::{Meeting, meet};
 use glam::Vec3A;

@@ -10,7 +10,6 @@
 //! Both ways are free of surfaces. So what is shared out stays in the same room, whatever its walls are made of.
 
 use super::Anchor;
-use super::grid::Spot;
 use crate::accel::{Accelerator, PACKET};
 use glam::Vec3A;
 
@@ -24,10 +23,11 @@ pub(crate) struct Sight<'a> {
 }
 
 impl Sight<'_> {
-    /// Bits of those `points`, at most [`PACKET`], that no light gets to from `spot`; `height` is h \[m\].
-    pub fn hidden(&self, spot: &Spot, points: &[Anchor], height: f32) -> u64 {
+    /// Bits of those `points`, at most [`PACKET`], that no light gets to from the place at `position` with the unit `normal`;
+    /// `height` is h \[m\].
+    pub fn hidden(&self, (position, normal): (Vec3A, Vec3A), points: &[Anchor], height: f32) -> u64 {
         // Straight ways first: they begin at one point, and nearly all are free.
-        let from = spot.position + spot.normal * self.epsilon;
+        let from = position + normal * self.epsilon;
         let mut ends = [Vec3A::ZERO; PACKET];
         for (end, point) in ends.iter_mut().zip(points) {
             *end = point.position;
@@ -40,9 +40,9 @@ impl Sight<'_> {
         while left != 0 {
             let index = left.trailing_zeros() as usize;
             left &= left - 1;
-            let Anchor { position, normal, .. } = points[index];
-            let above = (from + position) / 2.0 + (spot.normal + normal).normalize_or_zero() * height;
-            if !self.accelerator.occluded(from, above) && !self.accelerator.occluded(above, position) {
+            let to = &points[index];
+            let above = (from + to.position) / 2.0 + (normal + to.normal).normalize_or_zero() * height;
+            if !self.accelerator.occluded(from, above) && !self.accelerator.occluded(above, to.position) {
                 hidden &= !(1 << index);
             }
         }

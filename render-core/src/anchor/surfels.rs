@@ -22,7 +22,7 @@ use super::{Anchor, Anchors, DynamicAnchor, Grid, Patches, Sight};
 use crate::Units;
 use crate::accel::Accelerator;
 use crate::surface::Surfaces;
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -175,7 +175,7 @@ fn add_anchors(owners: &mut [Owner], (points, seen): (&[Anchor], &[Outlook]), an
         let spot = Spot::of(point, false);
         let is_near = |(surfel, _): &&(usize, usize)| {
             let other = &points[*surfel];
-            spot.is_beside(other, radius) && sight.hidden(&spot, std::slice::from_ref(other), radius) == 0
+            spot.is_beside(other, radius) && sight.hidden(spot.place(), std::slice::from_ref(other), radius) == 0
         };
         let (surfel, anchor) = added.iter().find(is_near).copied().unwrap_or_else(|| {
             anchors.fixed.push(*point);
@@ -205,6 +205,11 @@ impl Owner {
 }
 
 impl Spot {
+    /// Position and normal.
+    pub(super) fn place(&self) -> (Vec3A, Vec3A) {
+        (self.position, self.normal)
+    }
+
     /// Whether `point` is within `radius` meters and faces like the surface here.
     fn is_beside(&self, point: &Anchor, radius: f32) -> bool {
         point.position.distance_squared(self.position) < radius * radius && point.normal.dot(self.normal) > LEAST_COSINE

@@ -5,7 +5,7 @@ use super::{Grid, LEAST_COSINE, MOST_HEIGHT, OTHER_INSTANCE, Sight, Spot};
 use crate::accel::PACKET;
 
 /// Most points that share what is left at one place: one packet of rays finds which of them it sees.
-pub(super) const MOST_NEAR: usize = PACKET;
+const MOST_NEAR: usize = PACKET;
 
 /// The points of a cell and of those beside it, by axis.
 #[derive(Clone, Debug, Default)]

@@ -3,8 +3,8 @@
 //! Most places have no wall near them. So each point has a list of those within the kernel around it that a wall hides, and what is
 //! shared out where all these lists are empty needs no ray.
 
-use super::around::MOST_NEAR;
 use super::{Grid, Spot};
+use crate::accel::PACKET;
 use crate::anchor::{Anchor, Sight};
 use rayon::prelude::*;
 
@@ -47,12 +47,12 @@ impl Walls {
             let spot = Spot::of(&grid.points[p as usize], false);
             let (mut later, mut places) = (Vec::new(), Vec::new());
             grid.near(&spot, |k, _| {
-                if k > p && later.len() < MOST_NEAR {
+                if k > p && later.len() < PACKET {
                     later.push(grid.points[k as usize]);
                     places.push(k);
                 }
             });
-            let hidden = sight.hidden(&spot, &later, grid.height());
+            let hidden = sight.hidden(spot.place(), &later, grid.height());
             places.into_iter().enumerate().filter(|(i, _)| hidden >> i & 1 == 1).map(|(_, k)| k).collect::<Vec<u32>>()
         };
         let later: Vec<Vec<u32>> = (0..grid.points.len() as u32).into_par_iter().map(later_hidden).collect();
@@ -128,18 +128,18 @@ impl Grid {
     }
 
     fn hidden_by_rays(&self, spot: &Spot, sight: &Sight, parts: &[(u32, f32)]) -> u64 {
-        let mut points = [Anchor::NOWHERE; MOST_NEAR];
+        let mut points = [Anchor::NOWHERE; PACKET];
         for (point, &(p, _)) in points.iter_mut().zip(parts) {
             *point = self.points[p as usize];
         }
-        sight.hidden(spot, &points[..parts.len()], self.height())
+        sight.hidden(spot.place(), &points[..parts.len()], self.height())
     }
 
     /// By the list of the nearest point in sight: whoever that sees is seen from here. Rays find that point, and what lies beyond
     /// its reach.
     fn hidden_by_lists(&self, spot: &Spot, sight: &Sight, parts: &[(u32, f32)]) -> u64 {
         let is_hidden = |i: usize| self.hidden_by_rays(spot, sight, &parts[i..=i]) != 0;
-        let all = u64::MAX >> (MOST_NEAR - parts.len().max(1));
+        let all = u64::MAX >> (PACKET - parts.len().max(1));
         let mut hidden = 0;
         while hidden != all {
             let mut hub = usize::MAX;
