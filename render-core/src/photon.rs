@@ -22,7 +22,7 @@ use crate::{Busy, PosedScene, Timed, Units};
 use glam::Vec3;
 use guide::Starts;
 use path::{LONGEST_PATH, Leg, Path, Walk};
-use quanta::{Left, Quantum, Sums};
+use quanta::{Left, Quantum, Receivers, Sums};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -153,7 +153,7 @@ impl Photons {
             let surfels = [&anchors.surfels.fixed, &dynamic];
             let source = emitters.photons(surfaces.scene()).filter(|_| self.count > 0);
             let Some(source) = source else {
-                return Sums::new(surfels).anchor_flux(Quantum::default(), 0, anchors, surfels, Moved::default());
+                return Sums::new(surfels).anchor_flux(Quantum::default(), anchors, surfels, Moved::default());
             };
             let starts = Starts::new(&source, self.guide.clone());
             let walk = Walk {
@@ -174,7 +174,7 @@ impl Photons {
             let emission = Emission { walk, quantum, surfels, busy, ranks: &*ranks };
             let (sums, traced) = self.sums(&emission);
             let moved = anchors.surfels.fixed.moved(&emission.sight());
-            sums.anchor_flux(emission.quantum, traced, anchors, surfels, moved)
+            AnchorFlux { traced, ..sums.anchor_flux(emission.quantum, anchors, surfels, moved) }
         })
     }
 
@@ -261,11 +261,15 @@ impl Emission<'_> {
     }
 
     fn take(&self, sums: &mut Sums, path: &Path, left: &mut Left) {
-        sums.take(path, self.quantum, left, self.surfels, &self.sight());
+        sums.take(path, self.quantum, left, &self.receivers());
     }
 
     fn settle(&self, sums: &mut Sums, left: &mut Left) {
-        sums.settle(left, self.surfels, self.quantum, &self.sight());
+        sums.settle(left, self.quantum, &self.receivers());
+    }
+
+    fn receivers(&self) -> Receivers<'_> {
+        Receivers { surfels: self.surfels, sight: self.sight() }
     }
 
     fn sight(&self) -> Sight<'_> {

@@ -150,7 +150,7 @@ fn guide_by_camera(scene: &Scene, settings: &RenderSettings, geometry: &Geometry
     // Moments evenly over the film, whichever part of it is made here.
     let is_still = ![scene.moving_nodes(), scene.moving_instances()].concat().contains(&true);
     let moments = if is_still { 1 } else { settings.frames.clamp(1, MOMENTS) };
-    let mut search = GuideSearch::default();
+    let mut search = GuideSearch::over(moments as usize);
     for moment in 0..moments {
         let frame = (2 * u64::from(moment) + 1) * u64::from(settings.frames) / (2 * u64::from(moments));
         let pose = scene.pose(settings.time(frame as u32));
@@ -159,7 +159,7 @@ fn guide_by_camera(scene: &Scene, settings: &RenderSettings, geometry: &Geometry
         let Size { width, height } = settings.size;
         let view = scene.view(&pose, width, height);
         let accelerator = geometry.place(&pose);
-        search.look(PosedScene::new(&accelerator, &surfaces), &emitters, &view, units, moments as usize);
+        search.look(PosedScene::new(&accelerator, &surfaces), &emitters, &view, units);
     }
     search.finish()
 }
@@ -172,7 +172,7 @@ fn guide_by_surfaces(
 ) -> Option<Guide> {
     let emitters = Emitters::new(surfaces, pose, units);
     let accelerator = geometry.place(pose);
-    let mut search = GuideSearch::default();
+    let mut search = GuideSearch::over(1);
     search.look_everywhere(PosedScene::new(&accelerator, surfaces), &emitters, anchors, units);
     search.finish()
 }

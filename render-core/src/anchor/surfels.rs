@@ -84,7 +84,7 @@ impl Surfels {
     pub fn of(anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
         let points = Self::points(surfaces, units, anchors.fixed.len(), anchors.area_share);
         let owners = Self::owners(anchors, &points, (&[], &[]), None);
-        let fixed = SurfelMap::new(&points, &[], owners, anchors.area_share / PER_ANCHOR, false, None);
+        let fixed = SurfelMap::new((&points, &[]), owners, anchors.area_share / PER_ANCHOR, false, None);
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
@@ -106,7 +106,7 @@ impl Surfels {
         let mut owners = Self::owners(anchors, &points, (&seen, outlooks), sight);
         let share = anchors.area_share;
         add_anchors(&mut owners, (&points, &seen), anchors, &Sight { accelerator, epsilon: units.epsilon });
-        let fixed = SurfelMap::new(&points, &seen, owners, share / PER_ANCHOR, false, sight);
+        let fixed = SurfelMap::new((&points, &seen), owners, share / PER_ANCHOR, false, sight);
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
@@ -152,7 +152,7 @@ impl Surfels {
     /// Surfels of moving surfaces, at the pose that `surfaces` has.
     pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
         let points: Vec<Anchor> = self.dynamic.iter().map(|point| point.in_world(surfaces)).collect();
-        SurfelMap::new(&points, &[], self.dynamic_owners.clone(), self.dynamic_area_share, true, None)
+        SurfelMap::new((&points, &[]), self.dynamic_owners.clone(), self.dynamic_area_share, true, None)
     }
 }
 
@@ -224,8 +224,7 @@ impl Spot {
 
 impl SurfelMap {
     fn new(
-        points: &[Anchor],
-        outlooks: &[Outlook],
+        (points, outlooks): (&[Anchor], &[Outlook]),
         owners: Vec<Owner>,
         area_share: f32,
         own_instance: bool,

@@ -32,7 +32,7 @@ mod tests {
     #[test]
     fn neighbors_in_the_list_are_near() {
         // A grid in a scattered order: 7919 has no factor in common with 4096.
-        let points: Vec<Vec3A> = (0..4096).map(|i| i * 7919 % 4096).map(|i| grid(i)).collect();
+        let points: Vec<Vec3A> = (0..4096).map(|i| i * 7919 % 4096).map(grid).collect();
         let order = along_curve(&points);
         let mean = order.windows(2).map(|pair| points[pair[0]].distance(points[pair[1]])).sum::<f32>() / 4095.0;
         assert!(mean < 2.0, "{mean} steps of the grid");

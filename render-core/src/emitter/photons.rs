@@ -138,7 +138,7 @@ impl PhotonSource<'_> {
         }
         let light = light - e.points.len();
         let disc_area = std::f32::consts::PI * self.radius * self.radius;
-        let (towards, irradiance) = self.from_afar(light, way);
+        let (towards, irradiance) = self.distant_light(light, way);
         let flux = irradiance * (disc_area * share);
         let (x, y) = frame(towards.into());
         let on_disc = concentric_disc(place) * self.radius;
@@ -147,7 +147,7 @@ impl PhotonSource<'_> {
     }
 
     /// A direction towards light number `light` of those infinitely far away, drawn with `way`, and the irradiance from it.
-    fn from_afar(&self, light: usize, way: Vec2) -> (Vec3A, Vec3) {
+    fn distant_light(&self, light: usize, way: Vec2) -> (Vec3A, Vec3) {
         match self.emitters.suns.get(light) {
             Some(sun) => (sun.direction(way), sun.irradiance),
             None => {
@@ -205,7 +205,7 @@ impl PhotonSource<'_> {
             let irradiance = point.intensity_towards(position) * (facing(towards)? / (way.length_squared() + least));
             return Some(SeenLight { irradiance, towards, end: Some(point.position), start: Vec4::ZERO });
         }
-        let (towards, irradiance) = self.from_afar(light - self.near_lights(), way);
+        let (towards, irradiance) = self.distant_light(light - self.near_lights(), way);
         let irradiance = irradiance * facing(towards)?;
         // The inverse of the way that a photon starts.
         let (x, y) = frame(towards.into());

@@ -255,6 +255,9 @@ mod tests {
     use plane::Plane;
     use std::f32::consts::PI;
 
+    /// Column, row and radiance.
+    type Texel = (usize, usize, f32);
+
     /// A sky of 0.2 with these bright texels.
     fn sky(bright: &[(usize, usize, f32)]) -> Environment {
         let mut texels = Plane::filled(64, 32, Vec3::splat(0.2));
@@ -280,7 +283,7 @@ mod tests {
     /// At the seam, at both poles and elsewhere, a bright texel is one lamp; lamps and rest are all of the light.
     #[test]
     fn lamps_and_rest_are_the_whole_sky() {
-        let cases: [(&[(usize, usize, f32)], usize); 7] = [
+        let cases: [(&[Texel], usize); 7] = [
             (&[(20, 5, 40_000.0)], 1),
             (&[(0, 12, 40_000.0)], 1),
             (&[(63, 12, 40_000.0), (0, 12, 30_000.0)], 1),

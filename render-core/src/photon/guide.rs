@@ -46,6 +46,8 @@ pub struct Guide {
 #[derive(Clone, Debug, Default)]
 pub struct GuideSearch {
     found: Vec<Found>,
+    /// Paths of a moment.
+    paths: usize,
     moments: u64,
     lights: usize,
     distant: usize,
@@ -64,8 +66,14 @@ struct Found {
 }
 
 impl GuideSearch {
-    /// Follows paths from the camera at one of `moments` moments, with the lights of then.
-    pub fn look(&mut self, scene: PosedScene, emitters: &Emitters, view: &View, units: &Units, moments: usize) {
+    /// A search at this number of moments, which share the paths.
+    #[must_use]
+    pub fn over(moments: usize) -> Self {
+        Self { paths: PATHS.div_ceil(moments.max(1)), ..Self::default() }
+    }
+
+    /// Follows paths from the camera at one of the moments, with the lights of then.
+    pub fn look(&mut self, scene: PosedScene, emitters: &Emitters, view: &View, units: &Units) {
         let moment = self.moments;
         let from_camera = |index: u32| {
             let at = owen_sobol_point(index, hash(moment, 0, 0));
@@ -75,7 +83,7 @@ impl GuideSearch {
             let part = (at.y * PARTS as f32) as usize * PARTS + (at.x * PARTS as f32) as usize;
             Some((part, Departure::from(&surface, units)))
         };
-        self.follow(scene, emitters, units, PATHS.div_ceil(moments.max(1)), from_camera);
+        self.follow(scene, emitters, units, from_camera);
     }
 
     /// Follows paths from places all over the surfaces at rest: for light that is looked at from anywhere.
@@ -87,16 +95,15 @@ impl GuideSearch {
             let part = index as usize * PARTS * PARTS / PATHS;
             Some((part, Departure { origin: *position, normal: *normal, geometric_normal: *normal }))
         };
-        self.follow(scene, emitters, units, PATHS, from_anchor);
+        self.follow(scene, emitters, units, from_anchor);
     }
 
-    /// Follows `count` paths; `depart` gives the part of the picture and the first surface of each.
+    /// Follows the paths of a moment; `depart` gives the part of the picture and the first surface of each.
     fn follow(
         &mut self,
         scene: PosedScene,
         emitters: &Emitters,
         units: &Units,
-        count: usize,
         depart: impl Fn(u32) -> Option<(usize, Departure)> + Sync,
     ) {
         let Some(source) = emitters.photons(scene.surfaces.scene()) else { return };
@@ -104,7 +111,7 @@ impl GuideSearch {
         let first_part = self.moments as usize * PARTS * PARTS;
         let follow =
             |index| depart(index).map_or(Vec::new(), |(part, start)| paths.follow(index, first_part + part, start));
-        let found: Vec<Vec<Found>> = (0..count as u32).into_par_iter().map(follow).collect();
+        let found: Vec<Vec<Found>> = (0..self.paths as u32).into_par_iter().map(follow).collect();
         self.found.extend(found.into_iter().flatten());
         self.moments += 1;
         (self.lights, self.distant) = (source.powers().len(), source.near_lights());
@@ -181,20 +188,14 @@ impl Paths<'_> {
 
             // Light that a photon would leave there is seen from the surface before.
             from = Departure::from(&surface, self.units);
-            self.light(&from, throughput, part, &mut points, &mut found);
+            self.light(&from, throughput, &mut points, &mut found);
         }
+        found.iter_mut().for_each(|found| found.part = part);
         found
     }
 
     /// Light straight from its sources at a surface: of one light close by, and of all that are infinitely far away.
-    fn light(
-        &self,
-        at: &Departure,
-        throughput: Vec3,
-        part: usize,
-        points: &mut impl FnMut() -> Vec2,
-        found: &mut Vec<Found>,
-    ) {
+    fn light(&self, at: &Departure, throughput: Vec3, points: &mut impl FnMut() -> Vec2, found: &mut Vec<Found>) {
         let PosedScene { accelerator, surfaces } = self.scene;
         for (light, chance) in self.source.some_lights(points().x) {
             let (place, way) = (points(), points());
@@ -207,7 +208,7 @@ impl Paths<'_> {
             };
             let light_in_picture = f64::from(luminance(throughput * seen.irradiance)) / chance;
             if !hidden && light_in_picture > 0.0 {
-                found.push(Found { part, light, start: seen.start, light_in_picture });
+                found.push(Found { part: 0, light, start: seen.start, light_in_picture });
             }
         }
     }

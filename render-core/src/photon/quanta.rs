@@ -83,6 +83,13 @@ pub(super) struct Sums {
 
 portable!(Sums { held, emitted, reflected, lost });
 
+/// Surfels that share what photons leave: at rest, and those that move.
+pub(super) struct Receivers<'a> {
+    pub surfels: [&'a SurfelMap; 2],
+    /// Among those at rest; moving things share with nobody.
+    pub sight: Sight<'a>,
+}
+
 /// Flux that photons left at surfaces, until it is shared out: at surfaces that stand still and at those that move.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Left {
@@ -103,20 +110,21 @@ impl Sums {
 
     /// Takes what the photon of `path` brought; what it left at surfaces is put down in `left` for [`Sums::settle`], which shares
     /// out much of it faster than little.
-    pub fn take(&mut self, path: &Path, quantum: Quantum, left: &mut Left, surfels: [&SurfelMap; 2], sight: &Sight) {
+    pub fn take(&mut self, path: &Path, quantum: Quantum, left: &mut Left, receivers: &Receivers) {
         self.emitted.add(quantum.count(path.emitted));
         self.lost.add(quantum.count(path.lost));
         for reflection in &path.reflections {
             left.kinds[usize::from(reflection.on_moving)].push((reflection.spot(), reflection.flux));
         }
         if left.kinds.iter().any(|spots| spots.len() >= MOST_LEFT) {
-            self.settle(left, surfels, quantum, sight);
+            self.settle(left, quantum, receivers);
         }
     }
 
     /// Shares out what was `left` among the surfels near by, and leaves nothing.
-    pub fn settle(&mut self, left: &mut Left, surfels: [&SurfelMap; 2], quantum: Quantum, sight: &Sight) {
+    pub fn settle(&mut self, left: &mut Left, quantum: Quantum, receivers: &Receivers) {
         let Left { kinds, scratch } = left;
+        let Receivers { surfels, sight } = receivers;
         let sights = [Some(sight), None];
         for (((spots, held), surfels), sight) in kinds.iter_mut().zip(&mut self.held).zip(surfels).zip(sights) {
             surfels.splat_all(spots, sight, scratch, |flux, parts| {
@@ -147,11 +155,10 @@ impl Sums {
         self
     }
 
-    /// In watts.
+    /// In watts, without the number of photons.
     pub fn anchor_flux(
         &self,
         quantum: Quantum,
-        traced: u64,
         anchors: &Anchors,
         surfels: [&SurfelMap; 2],
         moved: Moved,
@@ -167,7 +174,7 @@ impl Sums {
             emitted: quantum.watts(self.emitted),
             reflected: quantum.watts(self.reflected),
             lost: quantum.watts(self.lost),
-            traced,
+            traced: 0,
             moved,
         }
     }

@@ -6,6 +6,9 @@ use glam::{Vec3, vec3};
 use std::io::Write;
 use tests::{Ball, Comparison, Glb, read_y4m, render};
 
+/// Column, row and radiance of a texel.
+type Texel = (usize, usize, f32);
+
 /// Facets around and from pole to pole, and whether these end at the equator.
 const SURROUNDINGS: [(u32, u32, bool); 4] = [(8, 4, false), (48, 24, false), (200, 100, false), (48, 12, true)];
 
@@ -75,7 +78,7 @@ fn bright_texels_of_a_screen_are_lamps() {
 /// A sky's very bright texels throw shadows with an edge, at the seam of the image and at its pole too.
 #[test]
 fn bright_texels_of_a_sky_are_suns() {
-    let cases: [(&str, &[(usize, usize, f32)]); 4] = [
+    let cases: [(&str, &[Texel]); 4] = [
         ("one texel", &[(40, 18, 40_000.0)]),
         ("at the seam", &[(0, 20, 40_000.0)]),
         ("at the pole", &[(5, 0, 300_000.0)]),
