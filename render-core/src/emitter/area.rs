@@ -13,7 +13,7 @@ const FEW_PANELS: usize = 4;
 /// A glowing surface: all emissive triangles of one instance.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
-    /// Index into [`Scene::instances`].
+    /// Index into [`Scene::instances`](crate::scene::Scene::instances).
     pub instance: usize,
     patches: Vec<Patch>,
     panels: usize,

@@ -33,7 +33,7 @@ const VERTICES: usize = 3;
 /// Parts of the picture along a side.
 const PARTS: usize = 8;
 
-/// Where photons start. See the [module](self).
+/// Where the photons of a film start: more of them where their light gets to what the camera sees.
 #[derive(Clone, Debug)]
 pub struct Guide {
     /// I_ℓ / Σ I for each light: glowing surfaces, point lights, suns, sky; empty where nothing was found.
