@@ -45,7 +45,7 @@ pub struct AnchorFlux {
     /// Photons that this rank traced for the frame, whole or from where something may have moved into their way. The flux of all
     /// others is known from the frames before, or from other ranks.
     pub traced: u64,
-    /// What moving things hide of surfels.
+    /// Surfels that moving things hide from each other.
     pub moved: Moved,
 }
 

@@ -136,7 +136,7 @@ pub(crate) fn exposure_for(luminance: &Plane<f32>) -> f32 {
 
 /// The same for pixels of any pictures; `None` if all are black.
 pub(crate) fn exposure_for_luminances(luminances: &[f32]) -> Option<f32> {
-    // What is next to nothing beside the rest counts as black: noise and leaks, which no exposure could show with it.
+    // Pixels far darker than the mean count as black: they are noise and leaks.
     let mean = luminances.iter().map(|&y| f64::from(y)).sum::<f64>() / luminances.len() as f64;
     let least = mean * LEAST_LIT;
     let lit = luminances.iter().map(|&y| f64::from(y)).filter(|&y| y > 0.0 && y >= least);

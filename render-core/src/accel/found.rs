@@ -1,4 +1,4 @@
-//! What a ray has found so far: the nearest triangle of all groups.
+//! The nearest triangle of all groups that a ray has met so far.
 
 use super::group::{BEFORE_ALL, Met, NO_TRIANGLE, Nearest};
 use super::reach::Reach;

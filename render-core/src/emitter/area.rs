@@ -250,7 +250,7 @@ impl AreaLight {
                 points += count;
             }
         }
-        // Densities hold p already: what is left is the factor that makes them these shares.
+        // Densities contain p already. The remaining factor turns them into these shares.
         let share = |(face, &count): (usize, &usize)| match count {
             0 => 0.0,
             _ if stands_alone(face, count) => power(face) / count as f64,

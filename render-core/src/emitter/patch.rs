@@ -128,7 +128,7 @@ impl Glow<'_> {
         let texels = across * patch.cell.side();
         let (mean, contrast) = self.of_cell(&patch, patch.cell, texels);
         let patch = Patch { emission: mean, ..patch };
-        // What looks dark from afar may hide a bright texel: its flux is in the mean.
+        // A cell that looks dark from afar may have a bright texel: its flux is in the mean.
         if contrast <= EVEN || patch.power() <= share || texels <= SMALLEST {
             cells.push(patch);
             return mean;

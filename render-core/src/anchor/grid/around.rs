@@ -77,7 +77,7 @@ pub(super) struct Near {
     sum: f32,
     /// Bits of those that belong to the instance of the place.
     own: u64,
-    /// What may stand near any of them.
+    /// Largest doubt of any of them.
     doubt: Doubt,
 }
 

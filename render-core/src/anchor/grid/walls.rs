@@ -8,7 +8,7 @@ use crate::accel::PACKET;
 use crate::anchor::{Anchor, Sight};
 use rayon::prelude::*;
 
-/// What may stand between a point and others near it.
+/// Kind of obstacle between a point and others near it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Doubt {
     /// Nothing.
@@ -87,7 +87,7 @@ impl Walls {
         self.doubts = (0..self.doubts.len() as u32).into_par_iter().map(is_near_wall).collect();
     }
 
-    /// What may stand near point `p`.
+    /// Kind of obstacle near point `p`.
     #[inline]
     pub fn doubt(&self, p: u32) -> Doubt {
         self.doubts[p as usize]
