@@ -8,6 +8,7 @@ mod grid;
 mod patches;
 mod sight;
 mod surfels;
+mod zones;
 
 use exposure::Eye;
 use grid::Grid;
@@ -16,6 +17,8 @@ use patches::Patches;
 pub(crate) use sight::Sight;
 pub use surfels::Moved;
 pub(crate) use surfels::{SurfelMap, Surfels};
+use zones::Shares;
+pub use zones::{ZoneSearch, Zones};
 
 use crate::Units;
 use crate::accel::Geometry;
@@ -48,6 +51,9 @@ const BRIGHT: f32 = 8.0;
 /// anchors happen to lie: in `cornell`, 99.984 % of the pixels are within three times 2 % with 4, and 99.953 to 99.989 % with 5
 /// to 22.
 const PLACEMENT: u64 = 4;
+
+/// Least gain of anchors by zones. Below it, a picture gains less than it may lose at the border of a zone.
+const GAIN: f32 = 2.0;
 
 /// Distance at which a ray from an anchor gets out, in sides of an anchor's share. Nearer things stand between the anchor and
 /// the neighbors that it shares energy with.
@@ -86,10 +92,11 @@ pub struct Anchors {
     pub fixed: Vec<Anchor>,
     /// On surfaces that move or bend.
     pub dynamic: Vec<DynamicAnchor>,
-    /// Square meters that each fixed anchor stands for.
+    /// Square meters that each fixed anchor stands for, in the first of the zones.
     pub area_share: f32,
     /// Square meters that each dynamic anchor stands for.
     pub dynamic_area_share: f32,
+    pub(crate) zones: Zones,
     /// Photons leave their flux here.
     pub(crate) surfels: Surfels,
 }
@@ -103,7 +110,7 @@ impl Anchors {
     /// Spreads `fixed` anchors over static surfaces and `dynamic` ones over those that move.
     #[must_use]
     pub fn spread(surfaces: &Surfaces, units: &Units, fixed: usize, dynamic: usize) -> Self {
-        let anchors = Self::without_surfels(surfaces, units, fixed, dynamic);
+        let anchors = Self::without_surfels(surfaces, units, &Zones::default(), [fixed, dynamic]);
         Self { surfels: Surfels::of(&anchors, surfaces, units), ..anchors }
     }
 
@@ -114,8 +121,8 @@ impl Anchors {
         surfaces: &Surfaces,
         geometry: &Geometry,
         units: &Units,
-        fixed: usize,
-        dynamic: usize,
+        zones: &Zones,
+        [fixed, dynamic]: [usize; 2],
     ) -> Self {
         // Places are rated by the things at rest alone.
         let accelerator = &geometry.place_still();
@@ -124,7 +131,7 @@ impl Anchors {
         };
 
         // A first spread over all surfaces tells by probes which share of them is exposed.
-        let mut anchors = Self::without_surfels(surfaces, units, fixed, dynamic);
+        let mut anchors = Self::without_surfels(surfaces, units, zones, [fixed, dynamic]);
         // Odd: points within a triangle lie on a sequence of base 2.
         let every = (anchors.fixed.len() / PROBES) | 1;
         let probes: Vec<Anchor> = anchors.fixed.iter().step_by(every).copied().collect();
@@ -133,7 +140,7 @@ impl Anchors {
         // Divided by this share, the count leaves about the number of anchors wanted.
         if exposed > 0 && exposed < probes.len() {
             let count = (fixed as f64 * probes.len() as f64 / exposed as f64).round();
-            anchors = Self::without_surfels(surfaces, units, count as usize, dynamic);
+            anchors = Self::without_surfels(surfaces, units, zones, [count as usize, dynamic]);
         }
 
         // Those that are not exposed would take energy from their neighbors, and lose it.
@@ -148,7 +155,7 @@ impl Anchors {
     /// that are virtual lights too.
     #[must_use]
     pub fn none(surfaces: &Surfaces, count: usize) -> Self {
-        let area = Patches::of(surfaces, false).map_or(0.0, |patches| patches.area());
+        let area = Patches::of(surfaces, false, &Zones::default()).map_or(0.0, |patches| patches.area());
         Self { area_share: area / count.max(1) as f32, ..Self::default() }
     }
 
@@ -166,7 +173,8 @@ impl Anchors {
 
     /// Expects moving things within the `swept` space: light that is left near it is shared out by what is in sight in each frame.
     pub fn expect_movement(&mut self, swept: &SweptVolume) {
-        Arc::make_mut(&mut self.surfels.fixed).expect_movement(swept, &self.fixed, self.area_share);
+        let shares = self.shares();
+        Arc::make_mut(&mut self.surfels.fixed).expect_movement(swept, &self.fixed, &shares);
     }
 
     /// The flux of the fixed anchors, from that which photons left at the fixed surfels in a frame, and what has `moved` there \[W\].
@@ -175,13 +183,18 @@ impl Anchors {
         self.surfels.fixed.anchor_flux(of_surfels, moved, self.fixed.len())
     }
 
-    fn without_surfels(surfaces: &Surfaces, units: &Units, fixed: usize, dynamic: usize) -> Self {
-        let mut anchors = Anchors::default();
-        if let Some(patches) = Patches::of(surfaces, false) {
+    /// Square meters that fixed anchors stand for.
+    pub(crate) fn shares(&self) -> Shares {
+        Shares::new(self.area_share, &self.zones)
+    }
+
+    fn without_surfels(surfaces: &Surfaces, units: &Units, zones: &Zones, [fixed, dynamic]: [usize; 2]) -> Self {
+        let mut anchors = Anchors { zones: worth_it(zones, surfaces), ..Anchors::default() };
+        if let Some(patches) = Patches::of(surfaces, false, &anchors.zones) {
             anchors.fixed = patches.spread(fixed, units).iter().map(|anchor| anchor.in_world(surfaces)).collect();
             anchors.area_share = patches.area() / fixed.max(1) as f32;
         }
-        if let Some(patches) = Patches::of(surfaces, true) {
+        if let Some(patches) = Patches::of(surfaces, true, &Zones::default()) {
             anchors.dynamic = patches.spread(dynamic, units);
             anchors.dynamic_area_share = patches.area() / dynamic.max(1) as f32;
         }
@@ -220,6 +233,13 @@ impl Anchors {
         let doublings = (triangles / 1000.0).log2().clamp(0.0, 6.0);
         (4000.0 * 10f64.powf(doublings / 6.0)).round() as usize
     }
+}
+
+/// The `zones`, if they leave the first more than `GAIN` (2) times as many anchors; else one zone.
+fn worth_it(zones: &Zones, surfaces: &Surfaces) -> Zones {
+    let area = |zones| Patches::of(surfaces, false, zones).map_or(0.0, |patches| patches.area());
+    let is_worth_it = !zones.is_one() && area(&Zones::default()) > GAIN * area(zones);
+    if is_worth_it { zones.clone() } else { Zones::default() }
 }
 
 impl DynamicAnchor {

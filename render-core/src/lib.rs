@@ -31,7 +31,7 @@ pub mod ranks;
 pub mod sampling;
 
 pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
-pub use anchor::{Anchor, Anchors, DynamicAnchor, Moved};
+pub use anchor::{Anchor, Anchors, DynamicAnchor, Moved, ZoneSearch, Zones};
 #[cfg(feature = "bake")]
 pub use atlas::{Atlas, AtlasError, AtlasPoint, FinePoint, FineTexels, TexelBlend, TexelSite};
 pub use bsdf::{Bsdf, BsdfSample};

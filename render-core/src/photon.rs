@@ -7,6 +7,7 @@
 //! which photons are traced again. So the ways of all are traced once up to where anything that moves could meet them
 //! ([`Photons::with_swept_volume`]), and the bits are those of tracing them whole.
 
+mod aims;
 mod boxes;
 mod guide;
 mod path;

@@ -14,7 +14,7 @@ use render_core::ranks::{Alone, Ranks};
 use render_core::scene::{Pose, Scene};
 use render_core::{
     Accelerator, AnchorFlux, Anchors, Busy, DirectLights, Emitters, FinalGather, GBuffer, Geometry, Guide, GuideSearch,
-    Photons, PosedScene, Surfaces, SweptVolume, Timed, Units, dome_lights,
+    Photons, PosedScene, Surfaces, SweptVolume, Timed, Units, ZoneSearch, Zones, dome_lights,
 };
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -145,12 +145,17 @@ struct Lights {
     gather: Arc<FinalGather>,
 }
 
-/// Where the photons of a film start: where their light gets to what its camera sees at some moments of it.
-fn guide_by_camera(scene: &Scene, settings: &RenderSettings, geometry: &Geometry, units: &Units) -> Option<Guide> {
+/// Which light and which anchors the camera of a film looks at, by what it sees at some moments.
+fn look_by_camera(
+    scene: &Scene,
+    settings: &RenderSettings,
+    geometry: &Geometry,
+    units: &Units,
+) -> (Option<Guide>, Zones) {
     // Moments evenly over the film, whichever part of it is made here.
     let is_still = ![scene.moving_nodes(), scene.moving_instances()].concat().contains(&true);
     let moments = if is_still { 1 } else { settings.frames.clamp(1, MOMENTS) };
-    let mut search = GuideSearch::over(moments as usize);
+    let (mut photons, mut zones) = (GuideSearch::over(moments as usize), ZoneSearch::default());
     for moment in 0..moments {
         let frame = (2 * u64::from(moment) + 1) * u64::from(settings.frames) / (2 * u64::from(moments));
         let pose = scene.pose(settings.time(frame as u32));
@@ -159,9 +164,11 @@ fn guide_by_camera(scene: &Scene, settings: &RenderSettings, geometry: &Geometry
         let Size { width, height } = settings.size;
         let view = scene.view(&pose, width, height);
         let accelerator = geometry.place(&pose);
-        search.look(PosedScene::new(&accelerator, &surfaces), &emitters, &view, units);
+        let posed = PosedScene::new(&accelerator, &surfaces);
+        photons.look(posed, &emitters, &view, units);
+        zones.look(posed, &view);
     }
-    search.finish()
+    (photons.finish(), zones.finish())
 }
 
 /// Where photons start whose light is looked at from anywhere.
@@ -189,28 +196,34 @@ impl<'s> Work<'s> {
         let rest = scene.pose(0.0);
         let geometry = Geometry::new(scene);
         let surfaces = Surfaces::new(scene, &rest);
-        let (mut anchors, photons) = if plan.is_off(Stage::Photons) {
+        let has_photons = !plan.is_off(Stage::Photons);
+        let (guide, zones) = match has_photons {
+            true => look_by_camera(scene, settings, &geometry, &units),
+            false => (None, Zones::default()),
+        };
+        let (mut anchors, photons) = if !has_photons {
             (Anchors::none(&surfaces, settings.vpls), 0)
         } else {
             let dynamic = if plan.is_off(Stage::DynamicAnchors) { 0 } else { settings.moving_vpls };
-            (Anchors::spread_exposed(&surfaces, &geometry, &units, settings.vpls, dynamic), settings.photons)
+            let counts = [settings.vpls, dynamic];
+            (Anchors::spread_exposed(&surfaces, &geometry, &units, &zones, counts), settings.photons)
         };
         let mut photons = Photons::new(photons, settings.seed).with_ranks(ranks.clone());
         if let Some(bounces) = settings.bounces {
             // The last reflection is the one that the viewer sees.
             photons = photons.with_bounces(bounces.saturating_sub(1) as usize);
         }
-        if !plan.is_off(Stage::Photons) && scene.moving_instances().contains(&true) {
+        if has_photons && scene.moving_instances().contains(&true) {
             let swept = SweptVolume::of(scene, &units, (0..settings.frames).map(|n| settings.time(n)));
             anchors.expect_movement(&swept);
             if plan.is_on(Stage::KeptPhotons) {
                 photons = photons.with_swept_volume(swept);
             }
         }
-        if !plan.is_off(Stage::Photons) && settings.photons > 0 {
+        if has_photons && settings.photons > 0 {
             photons = photons.with_guide(match everywhere {
                 true => guide_by_surfaces(&surfaces, &rest, (&geometry, &anchors, &units)),
-                false => guide_by_camera(scene, settings, &geometry, &units),
+                false => guide,
             });
         }
         let settings = settings.clone();

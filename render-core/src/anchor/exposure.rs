@@ -3,7 +3,7 @@
 //! Much of the area of a modeled scene is out of reach: the floor under a column, a wall behind its molding, the outside
 //! of a shell. An anchor there would take its share of the energy that photons leave around it, and lose that.
 
-use super::{Anchor, Anchors};
+use super::{Anchor, Anchors, Shares};
 use crate::accel::Accelerator;
 use crate::sampling::{centered_sobol, cosine_hemisphere, hash_unit};
 use crate::surface::Surfaces;
@@ -70,8 +70,8 @@ pub(super) fn exposed(places: &[Anchor], outlooks: Vec<Outlook>) -> (Vec<Anchor>
 pub(super) struct Eye<'a> {
     pub surfaces: &'a Surfaces<'a>,
     pub accelerator: &'a Accelerator,
-    /// Side of an anchor's share \[m\].
-    pub side: f32,
+    /// Shares of the anchors.
+    pub shares: Shares,
     /// Bound of the anchors' geometry term \[m²\].
     pub bound: f32,
     /// How far rays have to go to get out, in sides.
@@ -89,8 +89,8 @@ impl<'a> Eye<'a> {
         accelerator: &'a Accelerator,
         (near, rays): (f32, u8),
     ) -> Self {
-        let (side, bound) = (anchors.area_share.sqrt(), anchors.geometry_term_bound(true));
-        Self { surfaces, accelerator, side, bound, near, rays }
+        let (shares, bound) = (anchors.shares(), anchors.geometry_term_bound(true));
+        Self { surfaces, accelerator, shares, bound, near, rays }
     }
 
     pub fn outlooks(&self, places: &[Anchor]) -> Vec<Outlook> {
@@ -101,7 +101,8 @@ impl<'a> Eye<'a> {
     /// reflect is lost.
     fn outlook(&self, place: &Anchor, index: u64) -> Outlook {
         // The radius is that of a disc of an anchor's share. All places have the same rays, each turned by an angle of its own.
-        let (near, radius) = (self.near * self.side, self.side / PI.sqrt());
+        let side = self.shares.at(place.position).sqrt();
+        let (near, radius) = (self.near * side, side / PI.sqrt());
         let turn = hash_unit(index, 0, 0);
         let (mut found, mut out, mut openness) = (Outlook { rays: self.rays, ..Outlook::default() }, 0, 0.0);
         for u in centered_sobol(self.rays.into()) {

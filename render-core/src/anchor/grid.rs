@@ -7,6 +7,7 @@ mod walls;
 use super::Anchor;
 use super::exposure::Outlook;
 use super::sight::Sight;
+use super::zones::{Shares, Zones};
 use around::{Around, Near};
 use glam::Vec3A;
 use nearest::Boxes;
@@ -27,7 +28,11 @@ pub(crate) struct Grid {
     low: Vec3A,
     size: [usize; 3],
     cell: f32,
+    /// Of the kernel in zone 0 \[m\].
     radius: f32,
+    zones: Zones,
+    /// Largest scale of the zones that points are in.
+    largest_scale: f32,
     /// For [`Grid::nearest`], made when it is first asked.
     boxes: OnceLock<Boxes>,
 }
@@ -81,12 +86,16 @@ pub(super) fn kernel_radius(area_share: f32) -> f32 {
 }
 
 impl Grid {
-    /// Sorts `points`, each standing for `area_share` m², with their `outlooks` if these are known.
-    pub fn new(points: &[Anchor], outlooks: &[Outlook], area_share: f32) -> Self {
-        let radius = kernel_radius(area_share);
+    /// Sorts `points` that stand for these `shares`, with their `outlooks` if these are known.
+    pub fn new(points: &[Anchor], outlooks: &[Outlook], shares: impl Into<Shares>) -> Self {
+        let shares = shares.into();
+        let (radius, zones) = (kernel_radius(shares.area), shares.zones().clone());
         let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let mut largest_scale: f32 = 1.0;
         for point in points {
-            (low, high) = (low.min(point.position), high.max(point.position));
+            let at = zones.unfolded(point.position, radius);
+            (low, high) = (low.min(at), high.max(at));
+            largest_scale = largest_scale.max(zones.scale(point.position));
         }
         let extent = if points.is_empty() { Vec3A::ZERO } else { high - low };
 
@@ -101,7 +110,7 @@ impl Grid {
         let size = cells(cell);
 
         // Points by cell, those of a cell in their old order.
-        let mut grid = Self { low, size, cell, radius, ..Self::default() };
+        let mut grid = Self { low, size, cell, radius, zones, largest_scale, ..Self::default() };
         let mut order = Vec::with_capacity(points.len());
         for (index, point) in (0u32..).zip(points) {
             order.push((grid.place(grid.cell_of(point.position)), index));
@@ -118,14 +127,20 @@ impl Grid {
         grid
     }
 
-    /// Radius of the kernel \[m\].
+    /// Largest radius of a kernel \[m\].
     pub fn reach(&self) -> f32 {
-        self.radius
+        self.radius * self.largest_scale
     }
 
-    /// Height of what light is shared out over \[m\].
-    pub fn height(&self) -> f32 {
-        LOW_WALL * self.radius
+    /// Radius of the kernel around `position` \[m\].
+    #[inline]
+    fn radius_at(&self, position: Vec3A) -> f32 {
+        self.radius * self.zones.scale(position)
+    }
+
+    /// Height of what light is shared out over at `position` \[m\].
+    pub fn height_at(&self, position: Vec3A) -> f32 {
+        LOW_WALL * self.radius_at(position)
     }
 
     /// How many points it holds.
@@ -135,7 +150,7 @@ impl Grid {
 
     /// The cell of a point; outside of the box, the nearest.
     fn cell_of(&self, position: Vec3A) -> [usize; 3] {
-        let at = ((position - self.low) / self.cell).to_array();
+        let at = ((self.zones.unfolded(position, self.radius) - self.low) / self.cell).to_array();
         // Negative values and NaN become 0.
         std::array::from_fn(|axis| (at[axis] as usize).min(self.size[axis] - 1))
     }
@@ -188,8 +203,9 @@ impl Grid {
 
             // Each spot is shared out among what is around the cell, by the kernel and by how likely its light gets there.
             for &(spot, what) in &here {
-                around.weigh(&spot, self.radius);
-                let about = spot.came.map(|length| Outlook::bin(length / self.radius));
+                let radius = self.radius_at(spot.position);
+                around.weigh(&spot, radius);
+                let about = spot.came.map(|length| Outlook::bin(length / radius));
                 let mut near = Near::default();
                 for (i, (&p, &weight)) in around.places.iter().zip(&around.weights).enumerate() {
                     if weight > 0.0 {
@@ -239,7 +255,8 @@ impl Grid {
     /// kernel.
     fn is_own_beside(&self, p: usize, spot: &Spot) -> bool {
         let Anchor { instance, position, .. } = self.points[p];
-        instance == spot.instance && position.distance_squared(spot.position) < (OWN_REACH * self.radius).powi(2)
+        instance == spot.instance
+            && position.distance_squared(spot.position) < (OWN_REACH * self.radius_at(spot.position)).powi(2)
     }
 
     /// Calls `found(p, weight)` with the place in `points` and the kernel's weight of each point that takes from `spot`.
@@ -250,16 +267,17 @@ impl Grid {
         if self.points.is_empty() {
             return;
         }
-        let about = came.map(|length| Outlook::bin(length / self.radius));
+        let radius = self.radius_at(position);
+        let about = came.map(|length| Outlook::bin(length / radius));
         self.rows(self.cell_of(position)).for_each(|row| {
             for p in row {
                 // Of the same wall is what is near, faces the same way, and lies neither before nor behind it.
                 let point = &self.points[p as usize];
-                let d2 = point.position.distance_squared(position) / (self.radius * self.radius);
+                let d2 = point.position.distance_squared(position) / (radius * radius);
                 let is_own = instance == point.instance;
                 let same_wall = d2 < 1.0
                     && point.normal.dot(normal) > LEAST_COSINE
-                    && normal.dot(point.position - position).abs() < MOST_HEIGHT * self.radius
+                    && normal.dot(point.position - position).abs() < MOST_HEIGHT * radius
                     && (is_own || !only_own);
 
                 // w = 1 − d² / R², less for points of other instances.

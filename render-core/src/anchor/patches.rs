@@ -1,12 +1,13 @@
 //! The surfaces that anchors and surfels are spread over, by area.
 
 use super::grid::kernel_radius;
+use super::zones::Zones;
 use super::{DynamicAnchor, PLACEMENT};
 use crate::Units;
 use crate::sampling::{hash, owen_sobol_point, triangle};
 use crate::scene::Instance;
 use crate::surface::Surfaces;
-use glam::Vec3A;
+use glam::{Vec2, Vec3A};
 use std::collections::HashMap;
 
 /// Most points in a cube with edges of the kernel's radius. A wall has three there, the densest foliage of the scenes tried
@@ -18,25 +19,36 @@ const CROWD: usize = 256;
 pub(super) struct Patches<'a> {
     surfaces: &'a Surfaces<'a>,
     on_moving: bool,
-    /// Square meters, above 0.
+    zones: Zones,
+    /// Square meters, above 0; farther zones count for less.
     area: f64,
 }
 
-/// A side of a triangle.
+/// A side of a triangle, or of a piece of it.
 struct Patch {
     /// How many patches come before it.
     number: usize,
     instance: usize,
     triangle: usize,
     front: bool,
-    /// Square meters.
+    piece: Piece,
+    /// Square meters; farther zones count for less.
     area: f64,
 }
 
+/// Barycentric weights of the second and the third corner of a triangle, at the corners of a piece of it.
+type Piece = [Vec2; 3];
+
+/// A triangle as its only piece.
+const WHOLE: Piece = [Vec2::ZERO, Vec2::X, Vec2::Y];
+
+/// Times that a triangle is halved along its edges, at most.
+const MOST_HALVINGS: u32 = 12;
+
 impl<'a> Patches<'a> {
     /// `None` if there is no area.
-    pub fn of(surfaces: &'a Surfaces<'a>, on_moving: bool) -> Option<Self> {
-        let mut patches = Self { surfaces, on_moving, area: 0.0 };
+    pub fn of(surfaces: &'a Surfaces<'a>, on_moving: bool, zones: &Zones) -> Option<Self> {
+        let mut patches = Self { surfaces, on_moving, zones: zones.clone(), area: 0.0 };
         let mut area = 0.0;
         patches.for_each(|patch| area += patch.area);
         patches.area = area;
@@ -67,14 +79,40 @@ impl<'a> Patches<'a> {
                 let area = f64::from((b - a).cross(c - a).length() / 2.0);
                 let area = if area.is_finite() { area } else { 0.0 };
                 for &front in sides {
-                    visit(Patch { number, instance, triangle, front, area });
-                    number += 1;
+                    self.pieces([a, b, c], WHOLE, MOST_HALVINGS, &mut |piece, share| {
+                        visit(Patch { number, instance, triangle, front, piece, area: area * share });
+                        number += 1;
+                    });
                 }
             }
         }
     }
 
-    /// Square meters.
+    /// Calls `visit` with the pieces that zones cut the `piece` of a triangle with these `corners` into, and with the share of the
+    /// triangle's area that each counts for.
+    fn pieces(&self, corners: [Vec3A; 3], piece: Piece, halvings: u32, visit: &mut impl FnMut(Piece, f64)) {
+        let [a, b, c] = corners;
+        let center = (a + b + c) / 3.0;
+        let radius = corners.map(|corner| corner.distance(center)).into_iter().fold(0.0, f32::max);
+        let is_cut = self.zones.part_ball(center, radius) && halvings > 0 && radius.is_finite();
+        if !is_cut {
+            // A zone has one point in 8^z of those that its area would have in the first.
+            let scale = f64::from(self.zones.scale(center));
+            visit(piece, 0.25f64.powi((MOST_HALVINGS - halvings) as i32) / (scale * scale));
+            return;
+        }
+
+        // Four pieces: at the corners, and between the middles of the edges.
+        let [ab, bc, ca] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
+        let [p, q, r] = piece;
+        let [pq, qr, rp] = [(p + q) / 2.0, (q + r) / 2.0, (r + p) / 2.0];
+        self.pieces([a, ab, ca], [p, pq, rp], halvings - 1, visit);
+        self.pieces([ab, b, bc], [pq, q, qr], halvings - 1, visit);
+        self.pieces([ca, bc, c], [rp, qr, r], halvings - 1, visit);
+        self.pieces([ab, bc, ca], [pq, qr, rp], halvings - 1, visit);
+    }
+
+    /// Square meters; farther zones count for less.
     pub fn area(&self) -> f32 {
         self.area as f32
     }
@@ -129,10 +167,13 @@ impl Patch {
         // Each patch has a sequence of its own: one for all would tie the place in a patch to its number, and front sides to
         // one half of their triangles where each side has a single point.
         let key = hash(count as u64, self.number as u64, PLACEMENT);
+        let (u, v) = triangle(owen_sobol_point(within as u32, key));
+        let [p, q, r] = self.piece;
+        let at = p + (q - p) * u + (r - p) * v;
         DynamicAnchor {
             instance: self.instance as u32,
             triangle: self.triangle as u32,
-            barycentric: triangle(owen_sobol_point(within as u32, key)),
+            barycentric: (at.x, at.y),
             front: self.front,
             offset: units.epsilon,
         }
@@ -161,7 +202,7 @@ mod tests {
     fn one_walk_picks_as_a_table_of_areas_does() {
         let scene = pile(3);
         let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
-        let patches = Patches::of(&surfaces, false).unwrap();
+        let patches = Patches::of(&surfaces, false, &Zones::default()).unwrap();
         let table = Distribution::new([0.5, 0.5, 2.0, 2.0].repeat(3)).unwrap();
         for count in [1, 7, 100] {
             let points = patches.spread(count, &Units::of(&scene));
@@ -183,7 +224,7 @@ mod tests {
         for copies in [1000, 4000] {
             let scene = pile(copies);
             let surfaces = Surfaces::new(&scene, &scene.pose(0.0));
-            let patches = Patches::of(&surfaces, false).unwrap();
+            let patches = Patches::of(&surfaces, false, &Zones::default()).unwrap();
             let points = patches.spread(10_000, &Units::of(&scene));
             let radius = kernel_radius(patches.area() / 10_000.0);
             let places: Vec<Vec3A> = points.iter().map(|point| point.in_world(&surfaces).position).collect();

@@ -8,7 +8,7 @@
 //! L_j = Σ w_jk Φ_k / (π Σ w_jk A_k)          radiance around surfel j, from the surfels k around it
 //!   o     share of the light that gets out of the neighborhood: mean of r² / (r² + s) over all directions
 //!   s     bound of the geometry term
-//!   w_jk  kernel            A_k  area that surfel k takes from, A Σ_i w_ik
+//!   w_jk  kernel            A_k  area that surfel k takes from, Σ_i A_i w_ik
 //! ```
 //!
 //! An anchor shines for what is far away, and what is near sees the surfels themselves ([`crate::gather`]). The ratio of the
@@ -18,7 +18,7 @@ mod moved;
 
 use super::exposure::{Eye, Outlook, exposed};
 use super::grid::{LEAST_COSINE, SplatScratch, Spot, kernel_radius};
-use super::{Anchor, Anchors, DynamicAnchor, Grid, Patches, Sight};
+use super::{Anchor, Anchors, DynamicAnchor, Grid, Patches, Shares, Sight, Zones};
 use crate::Units;
 use crate::accel::Accelerator;
 use crate::surface::Surfaces;
@@ -65,8 +65,8 @@ pub(crate) struct SurfelMap {
     around: Vec<(u32, f32)>,
     /// A_k of each \[m²\].
     areas: Vec<f32>,
-    /// A \[m²\].
-    area_share: f32,
+    /// A \[m²\] of each place.
+    shares: Shares,
     /// Those that moving things get near.
     movable: Option<Arc<Movable>>,
 }
@@ -82,9 +82,9 @@ struct Owner {
 impl Surfels {
     /// For the surfaces that `anchors` are spread over, all of them taken as open.
     pub fn of(anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
-        let points = Self::points(surfaces, units, anchors.fixed.len(), anchors.area_share);
+        let points = Self::points(surfaces, units, anchors);
         let owners = Self::owners(anchors, &points, (&[], &[]), None);
-        let fixed = SurfelMap::new((&points, &[]), owners, anchors.area_share / PER_ANCHOR, false, None);
+        let fixed = SurfelMap::new((&points, &[]), owners, shares(anchors), false, None);
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
@@ -96,7 +96,7 @@ impl Surfels {
         accelerator: &Accelerator,
         units: &Units,
     ) -> Self {
-        let points = Self::points(surfaces, units, anchors.fixed.len(), anchors.area_share);
+        let points = Self::points(surfaces, units, anchors);
         let eye = Eye::of(anchors, surfaces, accelerator, (NEAR, OUTLOOK_RAYS));
         let seen = eye.outlooks(&points);
         let (points, seen) = exposed(&points, seen);
@@ -104,18 +104,17 @@ impl Surfels {
         // Surfels belong to anchors of their room, and light is shared out within it.
         let sight = Some(&Sight { accelerator, epsilon: units.epsilon });
         let mut owners = Self::owners(anchors, &points, (&seen, outlooks), sight);
-        let share = anchors.area_share;
         add_anchors(&mut owners, (&points, &seen), anchors, &Sight { accelerator, epsilon: units.epsilon });
-        let fixed = SurfelMap::new((&points, &seen), owners, share / PER_ANCHOR, false, sight);
+        let fixed = SurfelMap::new((&points, &seen), owners, shares(anchors), false, sight);
         Self::with_dynamic(fixed, anchors, surfaces, units)
     }
 
     /// Points over all that stands still; none without anchors.
-    fn points(surfaces: &Surfaces, units: &Units, anchors: usize, area_share: f32) -> Vec<Anchor> {
-        let Some(patches) = Patches::of(surfaces, false).filter(|_| anchors > 0) else {
+    fn points(surfaces: &Surfaces, units: &Units, anchors: &Anchors) -> Vec<Anchor> {
+        let Some(patches) = Patches::of(surfaces, false, &anchors.zones).filter(|_| !anchors.fixed.is_empty()) else {
             return Vec::new();
         };
-        let count = (PER_ANCHOR * patches.area() / area_share).round() as usize;
+        let count = (PER_ANCHOR * patches.area() / anchors.area_share).round() as usize;
         patches.spread(count, units).iter().map(|point| point.in_world(surfaces)).collect()
     }
 
@@ -126,7 +125,7 @@ impl Surfels {
         (seen, seen_by_anchors): (&[Outlook], &[Outlook]),
         sight: Option<&Sight>,
     ) -> Vec<Owner> {
-        let grid = Grid::new(&anchors.fixed, &[], anchors.area_share);
+        let grid = Grid::new(&anchors.fixed, &[], anchors.shares());
         let owner = |(j, point)| Owner::of(point, openness(seen, j), &grid, seen_by_anchors, sight);
         points.par_iter().enumerate().map(owner).collect()
     }
@@ -135,7 +134,7 @@ impl Surfels {
     fn with_dynamic(fixed: SurfelMap, anchors: &Anchors, surfaces: &Surfaces, units: &Units) -> Self {
         // Points over all that moves; none without anchors there.
         let count = (PER_ANCHOR * anchors.dynamic.len() as f32) as usize;
-        let patches = Patches::of(surfaces, true).filter(|_| !anchors.dynamic.is_empty());
+        let patches = Patches::of(surfaces, true, &Zones::default()).filter(|_| !anchors.dynamic.is_empty());
         let dynamic = patches.map_or(Vec::new(), |patches| patches.spread(count, units));
 
         // Each belongs to the best anchor of its own instance, and keeps to it: both move with the surface.
@@ -152,8 +151,13 @@ impl Surfels {
     /// Surfels of moving surfaces, at the pose that `surfaces` has.
     pub fn dynamic_in_world(&self, surfaces: &Surfaces) -> SurfelMap {
         let points: Vec<Anchor> = self.dynamic.iter().map(|point| point.in_world(surfaces)).collect();
-        SurfelMap::new((&points, &[]), self.dynamic_owners.clone(), self.dynamic_area_share, true, None)
+        SurfelMap::new((&points, &[]), self.dynamic_owners.clone(), self.dynamic_area_share.into(), true, None)
     }
+}
+
+/// Shares of the fixed surfels.
+fn shares(anchors: &Anchors) -> Shares {
+    Shares::new(anchors.area_share / PER_ANCHOR, &anchors.zones)
 }
 
 /// o of the place i; 1 where it was not measured.
@@ -163,7 +167,7 @@ fn openness(outlooks: &[Outlook], i: usize) -> f32 {
 
 /// Makes anchors of surfels that see no anchor near them, as in a room smaller than an anchor's share.
 fn add_anchors(owners: &mut [Owner], (points, seen): (&[Anchor], &[Outlook]), anchors: &mut Anchors, sight: &Sight) {
-    let radius = kernel_radius(anchors.area_share);
+    let radius_in_zone_0 = kernel_radius(anchors.area_share);
     // Surfels that became anchors, with the numbers of these.
     let mut added: Vec<(usize, usize)> = Vec::new();
     for (j, (owner, point)) in owners.iter_mut().zip(points).enumerate() {
@@ -173,6 +177,7 @@ fn add_anchors(owners: &mut [Owner], (points, seen): (&[Anchor], &[Outlook]), an
 
         // One that was added before may be in the same room.
         let spot = Spot::of(point, false);
+        let radius = radius_in_zone_0 * anchors.zones.scale(point.position);
         let is_near = |(surfel, _): &&(usize, usize)| {
             let other = &points[*surfel];
             spot.is_beside(other, radius) && sight.hidden(spot.place(), std::slice::from_ref(other), radius) == 0
@@ -226,12 +231,12 @@ impl SurfelMap {
     fn new(
         (points, outlooks): (&[Anchor], &[Outlook]),
         owners: Vec<Owner>,
-        area_share: f32,
+        shares: Shares,
         own_instance: bool,
         sight: Option<&Sight>,
     ) -> Self {
         // w_jk of the surfels k around each surfel j that no wall hides from it.
-        let mut grid = Grid::new(points, outlooks, area_share);
+        let mut grid = Grid::new(points, outlooks, shares.clone());
         grid.find_walls(sight);
         let weights_of = |point: &Anchor| {
             let mut near = Vec::new();
@@ -240,11 +245,12 @@ impl SurfelMap {
         };
         let weights: Vec<Vec<(u32, f32)>> = points.par_iter().map(weights_of).collect();
 
-        // A_k = A Σ_i w_ik: photons leave at surfel k what is given all over this area.
+        // A_k = Σ_i A_i w_ik: photons leave at surfel k what is given all over this area.
         let mut areas = vec![0.0f32; points.len()];
-        for near in &weights {
+        for (point, near) in points.iter().zip(&weights) {
+            let share = shares.at(point.position);
             for &(k, weight) in near {
-                areas[k as usize] += weight * area_share;
+                areas[k as usize] += weight * share;
             }
         }
 
@@ -258,7 +264,7 @@ impl SurfelMap {
             }
             first.push(around.len() as u32);
         }
-        Self { grid, owners, first, around, areas, area_share, movable: None }
+        Self { grid, owners, first, around, areas, shares, movable: None }
     }
 
     /// How far around a place what is left there is shared out \[m\].

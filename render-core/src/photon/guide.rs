@@ -10,8 +10,10 @@
 //!   u    the four numbers in 0…1 that its place and its way follow from          g_ℓ  density of the paths' light over u
 //! ```
 //! Each photon has flux in inverse proportion to p, so that the expected light is the same. Light counts as a share of what its part
-//! of the picture gets: a dim corner has its photons too. The same guide serves all frames of a film.
+//! of the picture gets: a dim corner has its photons too. Far from the camera, reflected photons aim at it (`photon/aims.rs`). The
+//! same guide serves all frames of a film.
 
+use super::aims::{Aims, Cone, Edge};
 use super::boxes::Boxes;
 use crate::anchor::{Anchor, Anchors};
 use crate::emitter::{Emitters, PhotonSource, Start};
@@ -40,12 +42,14 @@ pub struct Guide {
     shares: Vec<f64>,
     /// g_ℓ of the lights that are infinitely far away: suns, then the sky.
     distant: Vec<Option<Boxes>>,
+    aims: Aims,
 }
 
 /// Paths from the camera at some moments of a film, which a [`Guide`] follows from.
 #[derive(Clone, Debug, Default)]
 pub struct GuideSearch {
     found: Vec<Found>,
+    edges: Vec<PathEdge>,
     /// Paths of a moment.
     paths: usize,
     moments: u64,
@@ -63,6 +67,14 @@ struct Found {
     start: Vec4,
     /// Luminance, as the camera gets it.
     light_in_picture: f64,
+}
+
+/// An edge of a path.
+#[derive(Clone, Copy, Debug)]
+struct PathEdge {
+    /// Moment and part of the picture.
+    part: usize,
+    edge: Edge,
 }
 
 impl GuideSearch {
@@ -109,10 +121,14 @@ impl GuideSearch {
         let Some(source) = emitters.photons(scene.surfaces.scene()) else { return };
         let paths = Paths { scene, source: &source, units, moment: self.moments };
         let first_part = self.moments as usize * PARTS * PARTS;
-        let follow =
-            |index| depart(index).map_or(Vec::new(), |(part, start)| paths.follow(index, first_part + part, start));
-        let found: Vec<Vec<Found>> = (0..self.paths as u32).into_par_iter().map(follow).collect();
-        self.found.extend(found.into_iter().flatten());
+        let follow = |index| {
+            depart(index).map(|(part, start)| paths.follow(index, first_part + part, start)).unwrap_or_default()
+        };
+        let ways: Vec<Way> = (0..self.paths as u32).into_par_iter().map(follow).collect();
+        for Way { found, edges } in ways {
+            self.found.extend(found);
+            self.edges.extend(edges);
+        }
         self.moments += 1;
         (self.lights, self.distant) = (source.powers().len(), source.near_lights());
     }
@@ -135,8 +151,24 @@ impl GuideSearch {
             let of_light = self.found.iter().filter(|found| found.light == light);
             Boxes::around(of_light.map(|found| (found.start, found.light_in_picture)).collect())
         };
-        Some(Guide { shares, distant: (self.distant..self.lights).map(boxes).collect() })
+        let distant = (self.distant..self.lights).map(boxes).collect();
+
+        // Edges along which light comes.
+        let mut edges = Vec::new();
+        for PathEdge { part, edge } in self.edges {
+            if edge.light > 0.0 {
+                edges.push(Edge { light: edge.light / sums[part], ..edge });
+            }
+        }
+        Some(Guide { shares, distant, aims: Aims::new(edges) })
     }
+}
+
+/// What a path finds.
+#[derive(Default)]
+struct Way {
+    found: Vec<Found>,
+    edges: Vec<PathEdge>,
 }
 
 /// Where a path leaves a surface.
@@ -165,8 +197,8 @@ struct Paths<'a> {
 
 impl Paths<'_> {
     /// Light that path `index` finds.
-    fn follow(&self, index: u32, part: usize, mut from: Departure) -> Vec<Found> {
-        let mut found = Vec::new();
+    fn follow(&self, index: u32, part: usize, mut from: Departure) -> Way {
+        let Way { mut found, mut edges } = Way::default();
         let mut dimension = 0;
         let mut points = || {
             dimension += 1;
@@ -187,11 +219,17 @@ impl Paths<'_> {
             }
 
             // Light that a photon would leave there is seen from the surface before.
+            let (to, before) = (from.origin, found.len());
             from = Departure::from(&surface, self.units);
             self.light(&from, throughput, &mut points, &mut found);
+
+            // It comes to the camera along all edges so far.
+            edges.push(PathEdge { part, edge: Edge { from: from.origin, to, light: 0.0 } });
+            let gain: f64 = found[before..].iter().map(|found| found.light_in_picture).sum();
+            edges.iter_mut().for_each(|PathEdge { edge, .. }| edge.light += gain);
         }
         found.iter_mut().for_each(|found| found.part = part);
-        found
+        Way { found, edges }
     }
 
     /// Light straight from its sources at a surface: of one light close by, and of all that are infinitely far away.
@@ -240,6 +278,12 @@ impl Starts {
         let by_power = source.choice();
         let choice = guide.as_ref().and_then(|guide| Distribution::new(guide.weights(by_power, source.powers().len())));
         Self { choice: choice.unwrap_or_else(|| by_power.clone()), guide, near: source.near_lights() }
+    }
+
+    /// The cone that photons aim into that are reflected at `place`; `None` where they need not aim.
+    #[inline]
+    pub fn cone(&self, place: Vec3A) -> Option<Cone> {
+        self.guide.as_ref()?.aims.cone(place)
     }
 
     /// The start that these numbers in 0…1 draw.

@@ -17,6 +17,8 @@ use std::sync::Arc;
 pub(super) const LONGEST_PATH: usize = 1024;
 /// Dimensions of a bounce: direction (2) and roulette (1).
 const BOUNCE_DIMENSIONS: usize = 3;
+/// Reflections of a photon that may be aimed: each may double its flux.
+const MOST_AIMS: usize = 2;
 /// Directions that are drawn from a coat until one leads away from the surface.
 const MOST_DRAWS: u64 = 8;
 
@@ -159,7 +161,17 @@ impl Walk<'_> {
                         _ => Vec2::new(again(2 * k), again(2 * k + 1)),
                     })
                 }
-                None => (cosine_hemisphere(surface.shading_normal().into(), point), albedo),
+                None => {
+                    let normal = surface.shading_normal().into();
+                    let cone = if bounce < MOST_AIMS { self.starts.cone(surface.position) } else { None };
+                    match cone {
+                        Some(cone) => {
+                            let (direction, gain) = cone.draw(normal, u(2) / survival, point);
+                            (direction, albedo * gain)
+                        }
+                        None => (cosine_hemisphere(normal, point), albedo),
+                    }
+                }
             };
             if Vec3A::from(direction).dot(surface.geometric_normal) <= 0.0 {
                 return;

@@ -52,7 +52,7 @@ impl Walls {
                     places.push(k);
                 }
             });
-            let hidden = sight.hidden(spot.place(), &later, grid.height());
+            let hidden = sight.hidden(spot.place(), &later, grid.height_at(spot.position));
             places.into_iter().enumerate().filter(|(i, _)| hidden >> i & 1 == 1).map(|(_, k)| k).collect::<Vec<u32>>()
         };
         let later: Vec<Vec<u32>> = (0..grid.points.len() as u32).into_par_iter().map(later_hidden).collect();
@@ -132,7 +132,7 @@ impl Grid {
         for (point, &(p, _)) in points.iter_mut().zip(parts) {
             *point = self.points[p as usize];
         }
-        sight.hidden(spot.place(), &points[..parts.len()], self.height())
+        sight.hidden(spot.place(), &points[..parts.len()], self.height_at(spot.position))
     }
 
     /// By the list of the nearest point in sight: whoever that sees is seen from here. Rays find that point, and what lies beyond
@@ -154,11 +154,12 @@ impl Grid {
             }
 
             let center = &self.points[parts[hub].0 as usize];
+            let radius = self.radius_at(center.position);
             let found = hidden;
             for i in (0..parts.len()).filter(|&i| i != hub && found >> i & 1 == 0) {
                 let (p, _) = parts[i];
                 let reach2 = center.position.distance_squared(self.points[p as usize].position);
-                let is_known = reach2 < self.radius * self.radius;
+                let is_known = reach2 < radius * radius;
                 let is_behind = match is_known {
                     true => self.walls.stand_between(parts[hub].0, p),
                     false => is_hidden(i),

@@ -5,7 +5,7 @@
 
 use super::{Owner, SurfelMap};
 use crate::anchor::grid::{Grid, Spot};
-use crate::anchor::{Anchor, Sight};
+use crate::anchor::{Anchor, Shares, Sight};
 use crate::swept::SweptVolume;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -22,8 +22,8 @@ pub(super) struct Movable {
     points: Vec<Anchor>,
     anchors: Vec<Anchor>,
     anchor_grid: Grid,
-    /// Square meters that an anchor stands for.
-    anchor_share: f32,
+    /// Square meters that anchors stand for.
+    anchor_shares: Shares,
 }
 
 /// Differences that moving things make in one frame.
@@ -43,16 +43,16 @@ pub(super) struct Change {
 }
 
 impl SurfelMap {
-    /// Expects moving things within the `swept` space. The surfels belong to these `anchors`, each standing for `area_share` m².
-    pub fn expect_movement(&mut self, swept: &SweptVolume, anchors: &[Anchor], area_share: f32) {
+    /// Expects moving things within the `swept` space. The surfels belong to these `anchors`, which stand for `shares`.
+    pub fn expect_movement(&mut self, swept: &SweptVolume, anchors: &[Anchor], shares: &Shares) {
         let points = self.grid.points_by_index();
         let near = swept.widened(self.reach());
         let may_meet: Vec<bool> = points.iter().map(|point| near.is_entered(point.position, point.position)).collect();
         self.grid.expect_movement(&may_meet);
         let surfels: Vec<u32> = (0..).zip(&may_meet).filter(|(_, meets)| **meets).map(|(surfel, _)| surfel).collect();
         self.movable = (!surfels.is_empty()).then(|| {
-            let (anchors, anchor_grid) = (anchors.to_vec(), Grid::new(anchors, &[], area_share));
-            Arc::new(Movable { surfels, points, anchors, anchor_grid, anchor_share: area_share })
+            let (anchors, anchor_grid) = (anchors.to_vec(), Grid::new(anchors, &[], shares.clone()));
+            Arc::new(Movable { surfels, points, anchors, anchor_grid, anchor_shares: shares.clone() })
         });
     }
 
@@ -60,7 +60,7 @@ impl SurfelMap {
     pub(super) fn take_anchors(&mut self, anchors: &[Anchor]) {
         if let Some(movable) = &mut self.movable {
             let movable = Arc::make_mut(movable);
-            movable.anchor_grid = Grid::new(anchors, &[], movable.anchor_share);
+            movable.anchor_grid = Grid::new(anchors, &[], movable.anchor_shares.clone());
             movable.anchors = anchors.to_vec();
         }
     }
@@ -76,13 +76,13 @@ impl SurfelMap {
         // Which surfels around it are in sight.
         let spot = Spot::of(&movable.points[surfel as usize], false);
         let around: Vec<Anchor> = self.row(surfel).iter().map(|&(k, _)| movable.points[k as usize]).collect();
-        let hidden = sight.hidden(spot.place(), &around, self.grid.height());
+        let hidden = sight.hidden(spot.place(), &around, self.grid.height_at(spot.position));
 
         // Whether the own anchor is; else one that is.
         let mut owner = self.owners[surfel as usize];
         let sees = |anchor: u32| {
             let anchor = &movable.anchors[anchor as usize..=anchor as usize];
-            sight.hidden(spot.place(), anchor, movable.anchor_grid.height()) == 0
+            sight.hidden(spot.place(), anchor, movable.anchor_grid.height_at(spot.position)) == 0
         };
         if owner.anchor.is_some_and(|anchor| !sees(anchor)) {
             let other = movable.anchor_grid.best(&spot, Some(sight), |_| 1.0);
@@ -113,15 +113,17 @@ impl SurfelMap {
             })
             .collect();
 
-        // A_k = A Σ_i w_ik, by what has changed of it.
+        // A_k = Σ_i A_i w_ik, by what has changed of it.
+        let Some(movable) = &self.movable else { return };
         let mut areas: HashMap<u32, f32> = HashMap::new();
         for (surfel, row) in &rows {
+            let own = self.shares.at(movable.points[*surfel as usize].position);
             let sum: f32 = self.row(*surfel).iter().map(|(_, weight)| weight).sum();
             for &(k, weight) in self.row(*surfel) {
-                *areas.entry(k).or_default() -= self.area_share * weight / sum;
+                *areas.entry(k).or_default() -= own * weight / sum;
             }
             for &(k, weight) in row {
-                *areas.entry(k).or_default() += self.area_share * weight;
+                *areas.entry(k).or_default() += own * weight;
             }
         }
 

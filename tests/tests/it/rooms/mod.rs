@@ -2,6 +2,7 @@
 
 mod coincidence;
 mod lamps;
+mod plain;
 mod walls;
 
 use glam::{Vec3, vec3};

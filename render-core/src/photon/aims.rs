@@ -1,0 +1,202 @@
+//! Guided reflection: photons that are far from what the camera sees aim at it.
+//!
+//! Of the photons that the ground outside reflects, one in thousands finds the window of the room that the camera is in, and brings
+//! as much light as all that miss it. So each edge x → y of a camera path along which light comes back notes that photons at y are
+//! to aim at x, and
+//!
+//! ```text
+//! p(ω) = ½ cos θ / π + ½ / Ω    within the cone Ω around the ball that holds most x of the edges that begin close by
+//! p(ω) = ½ cos θ / π            beyond it
+//! ```
+//! A photon's weight is that of an even lobe over this, `cos θ / π / p(ω)` ≤ 2: the expected light is the same.
+
+use crate::sampling::{cosine_hemisphere, frame};
+use glam::{Vec2, Vec3, Vec3A};
+use std::f32::consts::{PI, TAU};
+
+/// Edges of a leaf.
+const LEAF: usize = 24;
+/// Radius of the ball in standard deviations of the places that it holds.
+const DEVIATIONS: f32 = 1.5;
+/// A ball is aimed at from this many radii on: below, an even lobe meets it often.
+const FAR: f32 = 2.0;
+/// Share of the photons that aim.
+const AIMED: f32 = 0.5;
+
+/// An edge of a camera path, against its way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Edge {
+    /// y: where a photon is reflected.
+    pub from: Vec3A,
+    /// x: where it is to go.
+    pub to: Vec3A,
+    /// Luminance that the camera gets by this edge.
+    pub light: f64,
+}
+
+/// Balls to aim at: a tree over the places that edges begin at.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Aims(Vec<Node>);
+
+#[derive(Clone, Debug)]
+enum Node {
+    /// Parted at `at` along `axis`: the lower half is the next node.
+    Halves { axis: usize, at: f32, upper: u32 },
+    /// The ball.
+    Leaf { center: Vec3A, radius: f32 },
+}
+
+/// A cone to aim into.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cone {
+    axis: Vec3A,
+    /// 1 − cos of the half angle.
+    height: f32,
+}
+
+impl Aims {
+    /// By these edges.
+    pub fn new(mut edges: Vec<Edge>) -> Self {
+        let mut aims = Self::default();
+        if !edges.is_empty() {
+            aims.add(&mut edges);
+        }
+        aims
+    }
+
+    /// Makes the node of these edges, and all below it.
+    fn add(&mut self, edges: &mut [Edge]) {
+        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for edge in edges.iter() {
+            (low, high) = (low.min(edge.from), high.max(edge.from));
+        }
+        let extent = (high - low).to_array();
+        let axis = (1..3).fold(0, |widest, axis| if extent[axis] > extent[widest] { axis } else { widest });
+        // Leaves are small; so are crowds at one place.
+        if edges.len() <= LEAF || extent[axis] <= 0.0 {
+            return self.0.push(ball(edges));
+        }
+
+        let half = edges.len() / 2;
+        edges.select_nth_unstable_by(half, |a, b| a.from[axis].total_cmp(&b.from[axis]));
+        let (at, number) = (edges[half].from[axis], self.0.len());
+        let (lower, upper) = edges.split_at_mut(half);
+        self.0.push(Node::Halves { axis, at, upper: 0 });
+        self.add(lower);
+        self.0[number] = Node::Halves { axis, at, upper: self.0.len() as u32 };
+        self.add(upper);
+    }
+
+    /// The cone that photons at `place` aim into; `None` where an even lobe does as well.
+    pub fn cone(&self, place: Vec3A) -> Option<Cone> {
+        let mut number = 0;
+        loop {
+            match *self.0.get(number)? {
+                Node::Halves { axis, at, upper } => number = if place[axis] < at { number + 1 } else { upper as usize },
+                Node::Leaf { center, radius } => return Cone::around(center - place, radius),
+            }
+        }
+    }
+}
+
+/// Mean and spread of the places that `edges` lead to, by their light.
+fn ball(edges: &[Edge]) -> Node {
+    let light: f64 = edges.iter().map(|edge| edge.light).sum();
+    let mut center = Vec3A::ZERO;
+    for edge in edges {
+        center += edge.to * (edge.light / light) as f32;
+    }
+    let mut variance = 0.0;
+    for edge in edges {
+        variance += edge.to.distance_squared(center) * (edge.light / light) as f32;
+    }
+    Node::Leaf { center, radius: DEVIATIONS * variance.sqrt() }
+}
+
+impl Cone {
+    /// Around a ball with its center at the end of `way`, if that is far.
+    fn around(way: Vec3A, radius: f32) -> Option<Self> {
+        let distance = way.length();
+        let is_far = distance.is_finite() && radius > 0.0 && distance > FAR * radius;
+        // sin θ = radius / distance;  1 − cos θ = sin² θ / (1 + cos θ), which does not round to 0.
+        let sine2 = (radius / distance).powi(2);
+        is_far.then(|| Self { axis: way / distance, height: sine2 / (1.0 + (1.0 - sine2).sqrt()) })
+    }
+
+    /// A direction for a photon that leaves along `normal`, and its weight; the numbers in 0…1 draw it.
+    pub fn draw(&self, normal: Vec3, which: f32, point: Vec2) -> (Vec3, f32) {
+        let is_aimed = which < AIMED;
+        let direction = if is_aimed { self.within(point) } else { cosine_hemisphere(normal, point) };
+        let even = normal.dot(direction).max(0.0) / PI;
+        let is_inside = is_aimed || self.axis.dot(direction.into()) >= 1.0 - self.height;
+        let aimed = if is_inside { 1.0 / (TAU * self.height) } else { 0.0 };
+        let density = (1.0 - AIMED) * even + AIMED * aimed;
+        (direction, if even > 0.0 { even / density } else { 0.0 })
+    }
+
+    /// A direction in the cone, all alike.
+    fn within(&self, point: Vec2) -> Vec3 {
+        let low = point.x * self.height;
+        let sine = (low * (2.0 - low)).max(0.0).sqrt();
+        let (s, c) = (TAU * point.y).sin_cos();
+        let (x, y) = frame(self.axis.into());
+        (x * (sine * c) + y * (sine * s) + Vec3::from(self.axis) * (1.0 - low)).normalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::hash_unit;
+
+    /// Edges from a ground of 100 m to a room of 2 m in its middle.
+    fn aims() -> Aims {
+        let edge = |k| {
+            let u = |d| hash_unit(1, k, d) * 2.0 - 1.0;
+            let (from, to) = (Vec3A::new(u(0), 0.0, u(1)) * 50.0, Vec3A::new(u(2), u(3) + 1.0, u(4)));
+            Edge { from, to, light: 1.0 + f64::from(u(5)) }
+        };
+        Aims::new((0..5000).map(edge).collect())
+    }
+
+    /// Moments of the direction over an even lobe: ∫ cos θ / π dω = 1, of the direction's height 2/3, of its square 1/2; the same
+    /// with and without aim, whatever is aimed at, also below the horizon.
+    #[test]
+    fn aim_leaves_the_mean_as_it_is() {
+        let normal = Vec3::Y;
+        for way in [Vec3A::new(10.0, 1.0, 0.0), Vec3A::new(0.0, 3.0, 0.1), Vec3A::new(9.0, -0.5, 3.0)] {
+            let cone = Cone::around(way, 1.0).unwrap();
+            let count = 400_000;
+            let mut moments = [0.0f64; 3];
+            for k in 0..count {
+                let point = Vec2::new(hash_unit(2, k, 0), hash_unit(2, k, 1));
+                let (direction, weight) = cone.draw(normal, hash_unit(2, k, 2), point);
+                assert!((0.0..=2.0001).contains(&weight), "{weight}");
+                for (power, moment) in moments.iter_mut().enumerate() {
+                    *moment += f64::from(weight * direction.y.max(0.0).powi(power as i32)) / count as f64;
+                }
+            }
+            for (found, expected) in moments.into_iter().zip([1.0, 2.0 / 3.0, 0.5]) {
+                assert!((found - expected).abs() < 0.005, "{way}: {found} instead of {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn photons_far_away_aim_at_the_room() {
+        let aims = aims();
+        for place in [Vec3A::new(40.0, 0.0, -30.0), Vec3A::new(-20.0, 0.0, 5.0), Vec3A::X * 1000.0] {
+            let cone = aims.cone(place).expect("far enough");
+            // Half of them pass within 4 m of the middle of the room.
+            let passes = |k| {
+                let (direction, _) = cone.draw(Vec3::Y, hash_unit(3, k, 2), Vec2::new(hash_unit(3, k, 0), 0.3));
+                let way = Vec3A::Y - place;
+                way.reject_from(direction.into()).length() < 4.0
+            };
+            let count = (0..1000).filter(|&k| passes(k)).count();
+            assert!((400..700).contains(&count), "{place}: {count}");
+        }
+        assert!(aims.cone(Vec3A::ZERO).is_none(), "an even lobe does within the room");
+        assert!(Aims::default().cone(Vec3A::ZERO).is_none());
+    }
+}
