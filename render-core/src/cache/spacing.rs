@@ -39,9 +39,13 @@ pub(super) fn radius_in_view<R>(record: &Record<R>, picture: &Picture) -> f32 {
     let beside_wall = record.estimate.nearest < BESIDE_WALLS * pixel;
     let least = pixel * if beside_wall { BESIDE_WALLS } else { ON_SCREEN.0 };
 
-    // The picture has a say where it shows the record.
-    let kept_up = record.radius >= least || picture.shows(&record.site, least);
-    let radius = if kept_up { record.radius.clamp(least, ON_SCREEN.1 * pixel) } else { record.radius };
+    // The picture has a say where it shows the record. Out of the picture, or behind something, a record may be in another room:
+    // its rays tell of a wall only if that is close.
+    let shown = picture.shows(&record.site, least);
+    let on_picture = shown && picture.pixel_of(&record.site).is_some();
+    let most = if on_picture { ON_SCREEN.1 * pixel } else { least };
+    let kept_up = record.radius >= least || shown;
+    let radius = if kept_up { record.radius.clamp(least, most) } else { record.radius };
 
     // A contradicted record answers for a share of that, but for some pixels in any case.
     (radius * record.share).max(radius.min(DOUBTED * pixel))
