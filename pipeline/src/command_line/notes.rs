@@ -1,10 +1,17 @@
 //! Notes on a scene and its film: what users may not expect, and nothing refuses.
 
 use crate::settings::Settings;
-use render_core::scene::Scene;
+use perceptual::luminance_plane;
+use plane::Plane;
+use render_core::luminance;
+use render_core::scene::{PunctualKind, Scene};
+use std::f32::consts::PI;
 
 /// Luma of a picture that counts as black, at most: eight codes above the black of video, which hardly any display shows.
 const BLACK: u8 = 24;
+
+/// A picture is dim below this share of the light outdoors: ten stops less, as a cellar has.
+const DIM: f32 = 1e-3;
 
 /// Notes before work begins: warnings of the scene, and frames beyond its end.
 pub(super) fn before(scene: &Scene, settings: &Settings) -> Vec<String> {
@@ -57,9 +64,65 @@ pub(super) fn on_darkness(brightest: Option<u8>, settings: &Settings) -> Option<
     ))
 }
 
+/// Mean luminance of a picture.
+pub(super) fn mean_luminance(radiance: &Plane<[f32; 3]>) -> f32 {
+    let luminances = luminance_plane(radiance);
+    luminances.samples().iter().sum::<f32>() / luminances.samples().len().max(1) as f32
+}
+
+/// Reports pictures that hardly any light of sky and suns gets to, where there is no other; the largest of their
+/// [mean luminances](mean_luminance) is `brightest`.
+pub(super) fn on_dimness(brightest: f32, scene: &Scene) -> Option<String> {
+    // Lamps light what is around them, however bright it is outdoors.
+    let has_lamps = scene.punctual_lights.iter().any(|light| light.kind != PunctualKind::Directional)
+        || scene.materials.iter().any(|material| material.emits());
+    let share = brightest / luminance_outdoors(scene);
+    (!has_lamps && share > 0.0 && share < DIM).then(|| {
+        format!(
+            "the pictures get 1/{:.0} of the light of sky and sun: noise of the photons shows; lamps or wider openings help",
+            1.0 / share
+        )
+    })
+}
+
+/// Luminance of a white surface that faces all light of the sky, on average, and every sun: E/π, with E = Φ/4 for a fluence Φ.
+fn luminance_outdoors(scene: &Scene) -> f32 {
+    let mut irradiance = scene.sky.as_ref().map_or(0.0, |sky| luminance(sky.fluence()) / 4.0);
+    for light in &scene.punctual_lights {
+        if light.kind == PunctualKind::Directional {
+            irradiance += luminance(light.color);
+        }
+    }
+    irradiance / PI
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
+    use render_core::Environment;
+    use render_core::scene::{Gradient, Material, PunctualLight};
+
+    #[test]
+    fn pictures_in_the_dark_of_a_bright_day_are_dim() {
+        // A sky of radiance 1 on all sides lights a white surface to a luminance of 1: E = 4π / 4.
+        let white = Gradient { zenith: Vec3::ONE, horizon: Vec3::ONE, ground: Vec3::ONE };
+        let mut scene = Scene { sky: Environment::gradient(white), ..Scene::default() };
+        let is_dim = |scene: &Scene, brightest: f32| on_dimness(brightest, scene).is_some();
+        assert!((luminance_outdoors(&scene) - 1.0).abs() < 0.02, "{}", luminance_outdoors(&scene));
+        assert_eq!(
+            [0.0, 9e-4, 1.1e-3, f32::NAN].map(|brightest| is_dim(&scene, brightest)),
+            [false, true, false, false]
+        );
+
+        // A sun of π brings as much again; a lamp of any power is light of the room's own.
+        let sun = PunctualLight { node: 0, color: Vec3::splat(PI), kind: PunctualKind::Directional };
+        scene.punctual_lights.push(sun);
+        assert!(is_dim(&scene, 1.9e-3) && !is_dim(&scene, 2.1e-3));
+        scene.materials.push(Material { emission: Vec3::splat(1e-6), ..Material::default() });
+        assert!(!is_dim(&scene, 1e-6));
+        assert!(!is_dim(&Scene::default(), 1e-6), "there is no light at all");
+    }
 
     #[test]
     fn a_lamp_alone_makes_no_picture_bright() {

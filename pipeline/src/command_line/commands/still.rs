@@ -89,6 +89,8 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
         // Codes of displays begin at 0, those of video at 16.
         let bright = notes::bright_code(still.shown.samples().iter().flatten().copied()).saturating_add(16);
         notes::on_darkness(Some(bright), &settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
+        let brightest = notes::mean_luminance(&still.radiance);
+        notes::on_dimness(brightest, &scene).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
         super::tell_of_picture(&output, settings.size, begin);
     }
     Ok(ExitCode::SUCCESS)

@@ -30,7 +30,7 @@ use files::{Files, check_streams, report_beside};
 use render_core::scene::Scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 use std::time::Duration;
 use watching::{Watching, keep_for_page, write_page};
 
@@ -239,8 +239,9 @@ impl Render {
             checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
         });
         let brightest = AtomicU8::new(0);
-        let observer =
-            Watching { frames, brightest, page: files.html.as_ref().map(|_| keep_for_page(&mut film, settings)) };
+        let lightest = AtomicU32::new(0);
+        let page = files.html.as_ref().map(|_| keep_for_page(&mut film, settings));
+        let observer = Watching { frames, brightest, lightest, page };
         let result = film.finish(Run { observer: &observer, stop: &interrupt.stop });
         progress.clear();
         let brightest = observer.brightest.load(Ordering::Relaxed);
@@ -263,6 +264,8 @@ impl Render {
             // A run that was ended before a frame was made has shown nothing.
             let shown = (brightest > 0).then_some(brightest);
             notes::on_darkness(shown, settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
+            let lightest = f32::from_bits(observer.lightest.load(Ordering::Relaxed));
+            notes::on_dimness(lightest, scene).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
             if interrupted {
                 self.tell_of_early_end(settings);
             }

@@ -17,13 +17,15 @@ use perceptual::YCbCr;
 use plane::{Picture, Plane};
 use render_core::scene::Scene;
 use std::path::Path;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
-/// Lines for each frame, the largest code of bright luma, and what the page shows of the film.
+/// Lines for each frame, the largest code of bright luma and mean of light, and what the page shows of the film.
 pub(super) struct Watching<F> {
     pub frames: OnFrame<F>,
     /// 0 before the first frame.
     pub brightest: AtomicU8,
+    /// Bits of the largest mean luminance.
+    pub lightest: AtomicU32,
     pub page: Option<FilmWatch>,
 }
 
@@ -38,6 +40,9 @@ impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
     }
 
     fn shaded(&self, index: u32, shaded: &Shaded) {
+        // Numbers that are not negative have the order of their bits.
+        let mean = notes::mean_luminance(&shaded.radiance).max(0.0);
+        self.lightest.fetch_max(mean.to_bits(), Ordering::Relaxed);
         self.page.iter().for_each(|page| page.shaded(index, shaded));
     }
 
