@@ -3,6 +3,7 @@
 use crate::{
     Config, Level, Rate, Standard,
     bits::{BitSink, BitWriter},
+    config::coded_size,
     level::Limits,
     quant::QuantiserParameters,
     scan::ZIGZAG,
@@ -51,22 +52,10 @@ pub(crate) struct PictureHeader {
     pub quantisers: QuantiserParameters,
 }
 
-/// The size that horizontal_size or vertical_size says: its low 12 bits shall not be zero (6.3.3),
-/// so such a picture is coded one sample larger and the display size tells the true one.
-fn coded_size(size: usize) -> u32 {
-    let size = size as u32;
-    if size.is_multiple_of(4096) { size + 1 } else { size }
-}
-
-/// Width and height in whole macroblocks: mb_width and mb_height (6.3.3).
-pub(crate) fn macroblock_counts(width: usize, height: usize) -> (usize, usize) {
-    (coded_size(width).div_ceil(16) as usize, coded_size(height).div_ceil(16) as usize)
-}
-
 /// sequence_header(), sequence_extension(), sequence_display_extension() (6.2.2.1, 6.2.2.3, 6.2.2.4); in MPEG-1 the first
 /// of them (11172-2, 2.4.2.3).
 pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
-    let (horizontal_size, vertical_size) = (coded_size(config.width), coded_size(config.height));
+    let (horizontal_size, vertical_size) = config.coded_size();
     let limits = config.level().limits();
     let (bit_rate, vbv_buffer_size) = config.stated_rate();
 

@@ -58,6 +58,7 @@ mod lookahead; // what waiting frames tell: types of pictures, quantisers
 mod container; // streams with times
 mod elementary; // streams that were written before
 
+mod bounds; // the level that holds a stream
 mod coder; // one picture
 mod rate; // bounds of bits
 mod rate_control; // the quantiser that keeps to them

@@ -113,8 +113,12 @@ impl Companion {
         command.args(["-nostdin", "-v", "error", "-y", "-i"]).arg(file(film));
         command.args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-c:v", encoder.name]);
         command.args(encoder.options).args(COLOR);
-        if encoder.is_even && (size.width % 2 == 1 || size.height % 2 == 1) {
-            command.args(["-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2"]);
+        // Sides that the film's header cannot state are coded one sample longer.
+        let is_longer = size.width.is_multiple_of(4096) || size.height.is_multiple_of(4096);
+        let shown = |side: usize| if encoder.is_even { side / 2 * 2 } else { side };
+        let (width, height) = (shown(size.width), shown(size.height));
+        if is_longer || (width, height) != (size.width, size.height) {
+            command.arg("-vf").arg(format!("crop={width}:{height}:0:0"));
         }
         command.args(["-f", encoder.ending]).arg(file(&part));
         let output = command

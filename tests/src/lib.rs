@@ -12,6 +12,7 @@ mod hostile;
 mod program;
 mod replay;
 mod tools;
+pub mod truth;
 
 pub use blocks::{Blocks, Comparison};
 pub use decoders::{decode_ffmpeg, decode_mpeg2dec, read_y4m, tolerant_frame_count};
