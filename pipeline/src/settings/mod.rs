@@ -27,7 +27,7 @@ pub use values::{
 
 use crate::error::Result;
 use mpeg2enc::{Container, Rate, Standard};
-use perceptual::ToneMap;
+use perceptual::{ColorMatrix, ToneMap};
 use render_core::scene::Scene;
 use serde::Serialize;
 use std::ops::Range;
@@ -136,6 +136,9 @@ pub struct Settings {
     pub aov: Vec<Aov>,
     /// File for the frames before compression, if wanted.
     pub y4m: Option<PathBuf>,
+    /// Whether that file has the matrix of the film, for readers that expect it.
+    #[serde(skip)]
+    pub y4m_is_coded: bool,
 }
 
 fn is_zero(number: &u32) -> bool {
@@ -176,6 +179,12 @@ impl Settings {
     /// not coded yet.
     pub fn looks_ahead(&self) -> bool {
         self.bitrate.is_some() || self.bframes > 0
+    }
+
+    /// Matrix of the film: MPEG-1 states none, and decoders assume BT.601 (11172-2, 2.4.1).
+    #[must_use]
+    pub fn matrix(&self) -> ColorMatrix {
+        if self.mpeg1 { ColorMatrix::Bt601 } else { ColorMatrix::Bt709 }
     }
 
     /// Configuration of the encoder for these settings.

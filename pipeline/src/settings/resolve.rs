@@ -123,6 +123,7 @@ impl Options {
             exr_depth: self.exr_depth,
             aov: self.aov.clone(),
             y4m: self.y4m.clone(),
+            y4m_is_coded: false,
         })
     }
 

@@ -129,7 +129,7 @@ fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     files.places(FilePlaces::of(&scene).reads("--config", arguments.source.config()), &settings).check()?;
-    let companion = |path: &PathBuf| Companion::new(path, settings.size);
+    let companion = |path: &PathBuf| Companion::new(path, &settings);
     let companions = files.also.iter().map(companion).collect::<Result<Vec<_>, _>>()?;
 
     // A film that is there is continued, finished already, or replaced.
