@@ -71,7 +71,7 @@ fn buffer(config: &Config) -> Buffer {
         Standard::Mpeg2 => size,
     };
     let size = 16_384 * i64::from(size);
-    Buffer::new(400 * i64::from(bit_rate), size, config.frame_rate.fraction(), size, true)
+    Buffer::new(400 * i64::from(bit_rate), size, config.buffer_rate(), size, true).with_pulldown(config.pulldown)
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use crate::{
     picture::{CodedPicture, MacroblockKind, PictureCoder},
     pool::Pool,
     predict::References,
+    pulldown::shown,
     quant::{QuantiserParameters, Quantisers},
     quantiser_scale::quantiser_scale_code,
     scan::{ALTERNATE, ZIGZAG},
@@ -182,12 +183,14 @@ impl Coder {
         };
         let references: References =
             [&job.directions[0], &job.directions[1]].map(|direction| direction.as_ref().map(|d| d.reference));
+        let number = self.config.first_number + job.display_index;
         let header = PictureHeader {
             picture_type: job.picture_type,
             temporal_reference: job.temporal_reference,
             vbv_delay: job.vbv_delay,
             f_code: [reach(&vectors[0]), reach(&vectors[1])],
             quantisers: self.quantisers.parameters,
+            shown: self.config.pulldown.then(|| shown(number, self.config.reorder())),
         };
         let picture = PictureCoder {
             header,

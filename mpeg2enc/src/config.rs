@@ -43,6 +43,7 @@ pub struct Config {
     pub(crate) first_number: u64,
     pub(crate) color: ColorDescription,
     pub(crate) aspect: AspectRatio,
+    pub(crate) pulldown: bool,
 }
 
 impl Config {
@@ -80,6 +81,7 @@ impl Config {
             first_number: 0,
             color: ColorDescription::default(),
             aspect: AspectRatio::default(),
+            pulldown: false,
         }
     }
 
@@ -231,6 +233,12 @@ impl Config {
     /// States this shape (6.3.3): square samples unless another is requested. MPEG-1 states the nearest shape of a sample.
     pub fn with_aspect(self, aspect: AspectRatio) -> Self {
         Self { aspect, ..self }
+    }
+
+    /// Whether 24 pictures a second, or 24000/1001, are shown in 30 frames, or 30000/1001, as DVD-Video has them: every other picture
+    /// for three fields (repeat_first_field, 6.3.10). Not in MPEG-1.
+    pub fn with_pulldown(self, pulldown: bool) -> Self {
+        Self { pulldown, ..self }
     }
 
     /// May macroblocks have quantisers of their own?

@@ -117,19 +117,20 @@ impl Multiplexer {
     /// For the packets of an encoder with these settings.
     pub fn new(container: Container, config: &Config) -> Self {
         let schedule = Schedule::new(config);
-        let (numerator, denominator) = config.frame_rate.fraction();
+        let (numerator, denominator) = config.stated_frame_rate().fraction();
         // Only streams of 13818-1 have times of bytes, and only in Matroska are there none of decoding.
         let start = match container {
             Container::Mp4 | Container::Matroska => 0,
             _ => schedule.start(),
         };
         let reorder = u64::from(config.b_pictures > 0 && container != Container::Matroska);
-        let clock = Clock { frame_rate: (numerator.into(), denominator.into()), start, count: 0, reorder };
+        let pulldown = config.pulldown;
+        let clock = Clock { frame_rate: (numerator.into(), denominator.into()), start, count: 0, reorder, pulldown };
         let wrapper = match container {
             Container::Elementary => Wrapper::Elementary,
             Container::Program | Container::Disc => {
                 let is_disc = container == Container::Disc;
-                Wrapper::Program(program::Writer::new(schedule, config.frame_rate.fps(), is_disc))
+                Wrapper::Program(program::Writer::new(schedule, config.stated_frame_rate().fps(), is_disc))
             }
             Container::Transport => Wrapper::Transport(transport::Writer::new(schedule, config)),
             Container::Mp4 => {

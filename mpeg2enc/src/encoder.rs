@@ -155,6 +155,19 @@ impl Encoder {
         self.push_frame(frame, motion, Some(weights))
     }
 
+    /// Shows the last frame again, as another one. Without a look-ahead all of its macroblocks are skipped, as far as the standard
+    /// allows; with one, `frame` is coded with what changed meanwhile, which may be nothing.
+    ///
+    /// # Panics
+    /// As [`Encoder::push`], or if there was no frame.
+    #[must_use = "packets are the stream"]
+    pub fn push_again(&mut self, frame: &Picture, motion: KnownMotion) -> Vec<Packet> {
+        match &mut self.state.mode {
+            Mode::Immediate(immediate) => vec![immediate.push_again(&mut self.coder)],
+            Mode::Ahead(_) => self.push_frame(frame, motion, None),
+        }
+    }
+
     fn push_frame(&mut self, frame: &Picture, motion: KnownMotion, weights: Option<&Plane<f32>>) -> Vec<Packet> {
         let KnownMotion { to_previous, to_next } = motion;
         check_input(self.config(), frame, [to_previous, to_next]);

@@ -46,6 +46,7 @@ mod limits; // the largest values of settings
 mod pool; // memory of pictures
 mod quantiser_scale;
 
+mod pulldown; // 24 pictures a second in 30 frames
 mod standard; // MPEG-1 or MPEG-2
 
 mod level; // limits of Main Profile

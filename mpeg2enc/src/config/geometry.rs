@@ -19,7 +19,9 @@ impl Config {
     /// Width and height in whole macroblocks: mb_width and mb_height (6.3.3).
     pub(crate) fn macroblock_counts(&self) -> (usize, usize) {
         let (width, height) = self.coded_size();
-        (width.div_ceil(16) as usize, height.div_ceil(16) as usize)
+        // Where sequences are not progressive, each field has whole macroblocks.
+        let rows = if self.pulldown { 2 * height.div_ceil(32) } else { height.div_ceil(16) };
+        (width.div_ceil(16) as usize, rows as usize)
     }
 
     /// The finest quantiser_scale of the standard that is no finer than `least`; the coarsest where there is none.

@@ -105,7 +105,7 @@ impl Writer {
             false => buffer_size.into(),
         };
         let constant = matches!(config.rate, Rate::Constant { .. });
-        let slots = constant.then(|| Slots::new(schedule.bytes_per_second, config.frame_rate.fps()));
+        let slots = constant.then(|| Slots::new(schedule.bytes_per_second, config.stated_frame_rate().fps()));
         schedule.bound(most_waiting(limits.bits_per_second.max(400 * u64::from(bit_rate)), buffer_size));
         Self { schedule, standard, counters: [0; 3], tables_sent: None, clock_sent: None, packets: 0, slots }
     }

@@ -95,6 +95,12 @@ impl Immediate {
         packet
     }
 
+    /// Codes the last picture again, as it was decoded: nothing is left to code where it is a P picture.
+    pub fn push_again(&mut self, coder: &mut Coder) -> Packet {
+        let last = self.reference.clone().expect("a picture before");
+        self.push(coder, &last, None, None)
+    }
+
     /// Lets `config` state what the stream has stated.
     pub fn restate(&self, config: &mut Config) {
         self.bounds.restate(config);

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::output::{Output, Written};
 use crate::parts::{Displayed, Outline, Shaded};
 use crate::picture_file::{shown, write_shown};
-use crate::settings::{ExrDepth, Settings, Size};
+use crate::settings::{CodedRate, ExrDepth, Settings, Size};
 use crate::state::{decode, encode};
 use perceptual::{ColorMatrix, ToneMap, YCbCr, luminance_plane};
 use plane::{Picture, Plane};
@@ -173,9 +173,10 @@ pub(crate) struct Y4m {
 
 impl Y4m {
     fn new(path: &Path, settings: &Settings) -> Result<Self> {
-        let (numerator, denominator) = mpeg2enc::FrameRate::from_fps(settings.fps)?.fraction();
+        let (numerator, denominator) = CodedRate::of(settings.fps)?.frames();
+        let [wide, high] = settings.aspect.pixel(settings.size);
         let Size { width, height } = settings.size;
-        let header = format!("YUV4MPEG2 W{width} H{height} F{numerator}:{denominator} Ip A1:1 C420mpeg2\n");
+        let header = format!("YUV4MPEG2 W{width} H{height} F{numerator}:{denominator} Ip A{wide}:{high} C420mpeg2\n");
         let matrix = if settings.y4m_is_coded { settings.matrix() } else { ColorMatrix::Bt601 };
         Ok(Self { path: path.into(), header, matrix, output: None })
     }

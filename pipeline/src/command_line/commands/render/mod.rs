@@ -263,6 +263,7 @@ impl Render {
             // A run that was ended before a frame was made has shown nothing.
             let shown = (brightest > 0).then_some(brightest);
             notes::on_darkness(shown, settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
+            notes::on_level(&report).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
             if interrupted {
                 self.tell_of_early_end(settings);
             }

@@ -2,12 +2,10 @@
 //!
 //! `tests::render` checks each film of the test suite in the same way. Here are clips and options that strain one number each.
 
-use glam::Vec3;
+mod films;
+
 use mpeg2enc::{Config, Container, FrameRate, KnownMotion, Level, Multiplexer, Picture, Plane, Rate, Standard};
-use std::path::Path;
-use std::process::{Command, Stdio};
 use tests::truth::{Elementary, assert_true};
-use tests::{Glb, render};
 
 /// Containers that have clocks or none.
 const CONTAINERS: [Container; 4] = [Container::Elementary, Container::Program, Container::Disc, Container::Transport];
@@ -143,63 +141,6 @@ fn a_table_of_options_states_the_truth() {
                 for container in CONTAINERS {
                     film(container, &config, (0..40).map(|time| waves(160, 112, time)));
                 }
-            }
-        }
-    }
-}
-
-/// Pixels of the first frame of a file as ffmpeg shows them, R′G′B′.
-fn shown_by_ffmpeg(file: &Path) -> Vec<u8> {
-    let mut command = Command::new("ffmpeg");
-    command.args(["-v", "error", "-i"]).arg(file);
-    command.args(["-frames:v", "1", "-sws_flags", "accurate_rnd+full_chroma_int"]);
-    command.args(["-pix_fmt", "rgb24", "-f", "rawvideo", "-"]);
-    let output = command.stdin(Stdio::null()).output().expect("ffmpeg can be run");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    output.stdout
-}
-
-/// Eight bars that glow, side by side in front of a camera, which sees 1.2 m of them in each direction.
-fn bars() -> Glb {
-    let mut glb = Glb::default();
-    for bar in 0..8u8 {
-        let color = Vec3::new(f32::from(bar & 1), f32::from(bar >> 1 & 1), f32::from(bar >> 2)) * 0.7 + 0.02;
-        let corner = Vec3::new(0.3 * f32::from(bar) - 1.2, -1.2, 0.0);
-        glb.add(&[[corner, Vec3::X * 0.3, Vec3::Y * 2.4]], Vec3::ZERO, color);
-    }
-    glb.add_camera(Vec3::new(0.0, 0.0, 1.2 / 0.45f32.tan()));
-    glb
-}
-
-/// MPEG-1 and YUV4MPEG2 state no matrix, and readers assume BT.601.
-#[test]
-fn colors_are_those_of_the_png_in_every_format() {
-    const SIDE: usize = 128;
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    bars().write(&folder.join("bars.glb"));
-    std::fs::write(folder.join("bars.toml"), "[tone_mapping]\nexposure = 1\n").unwrap();
-    let common = "--size 128x128 --frames 2 --qscale 2 --bounces 1 --photons 1000";
-    for (name, more) in [
-        ("two.m2v", ""),
-        ("one.m1v", "--mpeg1"),
-        ("one.mpg", "--mpeg1"),
-        ("one.ts", "--mpeg1 --bframes 1"),
-        ("one.mp4", "--mpeg1"),
-        ("one.mkv", "--mpeg1"),
-    ] {
-        let files = "--y4m film.y4m --png frames";
-        render(folder, name, &folder.join("bars.glb"), &format!("{common} {files} {more}"));
-        let truth = shown_by_ffmpeg(&folder.join("frames/frame_00000.png"));
-        for file in [name, "film.y4m"] {
-            let shown = shown_by_ffmpeg(&folder.join(file));
-            assert_eq!(shown.len(), 3 * SIDE * SIDE);
-            for bar in 0..8 {
-                let at = 3 * (SIDE / 2 * SIDE + SIDE / 16 * (2 * bar + 1));
-                let [shown, truth] = [&shown, &truth].map(|pixels| &pixels[at..at + 3]);
-                let off = shown.iter().zip(truth).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
-                println!("{file} {more} bar {bar}: {shown:?}, {truth:?} in the PNG, {off} off");
-                assert!(off <= 8, "{file} {more}, bar {bar}: {shown:?}, not {truth:?}");
             }
         }
     }
