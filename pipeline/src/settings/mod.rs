@@ -32,7 +32,7 @@ pub use values::{
 };
 
 use crate::error::Result;
-use mpeg2enc::{Container, Rate, Standard};
+use mpeg2enc::{Container, Level, Rate, Standard};
 use perceptual::{ColorMatrix, ToneMap};
 use render_core::scene::Scene;
 use serde::Serialize;
@@ -225,6 +225,12 @@ impl Settings {
             .with_rate(rate)
             .with_effort(self.effort);
         config.validate()?;
+        // DVD-Video has Main Level.
+        let stated = if pulldown { 30_000.0 / 1001.0 } else { frame_rate.fps() };
+        let lowest = Level::lowest(self.size.width, self.size.height, stated);
+        if is_disc && lowest.is_some_and(|lowest| lowest <= Level::Main) {
+            return Ok(config.with_level(Level::Main));
+        }
         if !self.is_in_chunks() {
             return Ok(config);
         }

@@ -79,7 +79,7 @@ impl Options {
         let (tone_map, auto_exposure) = tone_map(&path, scene)?;
         let qscale = *self.qscale.get_or_insert(8);
         let size = *self.size.get_or_insert(Size { width: 512, height: 512 });
-        let aspect = PictureAspect::of(self.aspect, &output, self.range, size)?;
+        let aspect = *self.aspect.insert(PictureAspect::of(self.aspect, &output, self.range, size)?);
         check_disc(&output, self.range, fps)?;
         Ok(Settings {
             scene: path,

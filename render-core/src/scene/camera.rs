@@ -186,6 +186,7 @@ impl View {
             camera_from_world: self.left_handed_camera(),
             picture_from_world: self.normalized_device(),
             window_width: matches!(self.projection, Projection::Perspective { .. }).then_some(width),
+            pixel_aspect: self.pixel_aspect,
         }
     }
 

@@ -260,6 +260,9 @@ fn films_of_noise_state_a_level_that_holds_them() {
         ("main.mpg", "--size 720x576 --qscale 2", 8),
         ("low.ts", "--size 352x288 --qscale 1 --bframes 2", 10),
         ("one.mpg", "--size 352x288 --qscale 2 --mpeg1", 0),
+        ("chunks.m2v", "--size 352x288 --qscale 1 --chunk 4", 10),
+        // Discs have Main Level: pictures are coded coarser.
+        ("disc.vob", "--size 352x288 --qscale 1", 10),
     ] {
         let options = format!("--frames 8 --bounces 1 --photons 1000 {more}");
         let film = render(folder, name, &folder.join("noise.glb"), &options).stream;
