@@ -7,11 +7,12 @@ use crate::{
     decide::Tools,
     effort::Effort,
     frame::{copy, psnr_of},
-    header::{self, PictureHeader, macroblock_counts},
+    header::{self, PictureHeader},
     motion::{Candidates, CoarseSearch, Estimate},
     picture::{CodedPicture, MacroblockKind, PictureCoder},
     pool::Pool,
     predict::References,
+    pulldown::shown,
     quant::{QuantiserParameters, Quantisers},
     quantiser_scale::quantiser_scale_code,
     scan::{ALTERNATE, ZIGZAG},
@@ -53,6 +54,7 @@ pub struct Packet {
 }
 
 /// Where vectors of one direction are searched, and what is known of them.
+#[derive(Clone, Copy)]
 pub(crate) struct Direction<'a> {
     pub reference: &'a Picture,
     /// Candidates of every macroblock, or empty.
@@ -74,6 +76,24 @@ pub(crate) struct Job<'a> {
     pub quantiser_scale: u32,
     /// The requested quantiser_scale of every macroblock, in sixteenths.
     pub scales_x16: &'a [u32],
+}
+
+/// Counts of macroblocks across and down.
+struct Macroblocks {
+    coded: (usize, usize),
+    /// Fewer than `coded` where the standard requires macroblocks outside of the requested picture.
+    shown: (usize, usize),
+}
+
+impl Macroblocks {
+    /// The samples of the shown macroblocks, of one sample for each coded macroblock.
+    fn plane<T: Copy>(&self, samples: Vec<T>) -> Plane<T> {
+        let coded = Plane::from_vec(self.coded.0, self.coded.1, samples);
+        if self.shown == self.coded {
+            return coded;
+        }
+        Plane::from_fn(self.shown.0, self.shown.1, |x, y| coded.get(x, y))
+    }
 }
 
 /// A packet without sequence and group headers, and what the next picture needs.
@@ -128,7 +148,7 @@ impl Coder {
 
     /// A copy of a frame in whole macroblocks.
     pub fn whole(&mut self, frame: &Picture) -> Arc<Picture> {
-        let (columns, rows) = macroblock_counts(self.config.width, self.config.height);
+        let (columns, rows) = self.config.macroblock_counts();
         self.pool.filled(16 * columns, 16 * rows, |whole| copy(frame, whole)).0
     }
 
@@ -163,12 +183,14 @@ impl Coder {
         };
         let references: References =
             [&job.directions[0], &job.directions[1]].map(|direction| direction.as_ref().map(|d| d.reference));
+        let number = self.config.first_number + job.display_index;
         let header = PictureHeader {
             picture_type: job.picture_type,
             temporal_reference: job.temporal_reference,
             vbv_delay: job.vbv_delay,
             f_code: [reach(&vectors[0]), reach(&vectors[1])],
             quantisers: self.quantisers.parameters,
+            shown: self.config.pulldown.then(|| shown(number, self.config.reorder())),
         };
         let picture = PictureCoder {
             header,
@@ -208,16 +230,17 @@ impl Coder {
         let reference = (job.picture_type != PictureType::B).then_some(whole);
         let (kinds, levels) = coded.macroblocks.into_iter().unzip();
         let (in_force, of_levels) = coded.quantiser_scales.into_iter().unzip();
+        let macroblocks = Macroblocks { coded: (columns, rows), shown: self.config.shown_macroblocks() };
         let packet = Packet {
             bits: 8 * data.len() as u64,
             data,
             display_index: job.display_index,
             picture_type: job.picture_type,
             quantiser_scale: job.quantiser_scale,
-            quantiser_scales: Plane::from_vec(columns, rows, in_force),
-            scales_of_levels: Plane::from_vec(columns, rows, of_levels),
-            macroblock_kinds: Plane::from_vec(columns, rows, kinds),
-            levels: Plane::from_vec(columns, rows, levels),
+            quantiser_scales: macroblocks.plane(in_force),
+            scales_of_levels: macroblocks.plane(of_levels),
+            macroblock_kinds: macroblocks.plane(kinds),
+            levels: macroblocks.plane(levels),
             alternate_scan: header.quantisers.alternate_scan,
             psnr_y,
             reconstruction,

@@ -1,11 +1,14 @@
 //! The settings of an encoder: plain values, checked once.
 
 mod fingerprint;
+mod geometry;
+mod stated;
 mod validate;
 
 use crate::{
     AspectRatio, CoefficientTable, ColorDescription, Effort, FrameRate, Level, Rate, Standard, limits::LOOKAHEAD_MAX,
 };
+pub(crate) use geometry::coded_size;
 use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 
 /// Settings of an [`Encoder`](crate::Encoder); [`Config::validate`] checks them.
@@ -22,6 +25,8 @@ pub struct Config {
     mean_quantiser_x256: Option<u32>,
     pub(crate) intra_dc_precision: u32,
     pub(crate) level: Option<Level>,
+    /// The level above those that size and rate need, which the first picture has required.
+    pub(crate) raised: Option<Level>,
     pub(crate) effort: Effort,
     pub(crate) lookahead: u32,
     pub(crate) b_pictures: u32,
@@ -38,6 +43,7 @@ pub struct Config {
     pub(crate) first_number: u64,
     pub(crate) color: ColorDescription,
     pub(crate) aspect: AspectRatio,
+    pub(crate) pulldown: bool,
 }
 
 impl Config {
@@ -59,6 +65,7 @@ impl Config {
             mean_quantiser_x256: None,
             intra_dc_precision: 8,
             level: None,
+            raised: None,
             effort: Effort::default(),
             lookahead: 0,
             b_pictures: 0,
@@ -74,6 +81,7 @@ impl Config {
             first_number: 0,
             color: ColorDescription::default(),
             aspect: AspectRatio::default(),
+            pulldown: false,
         }
     }
 
@@ -125,7 +133,8 @@ impl Config {
         Self { intra_dc_precision: bits, ..self }
     }
 
-    /// States this level instead of the lowest that holds size and rate.
+    /// States this level instead of the lowest that holds size and rate. At a constant quantiser, pictures that its buffer does not hold
+    /// are coded coarser.
     pub fn with_level(self, level: Level) -> Self {
         Self { level: Some(level), ..self }
     }
@@ -226,6 +235,12 @@ impl Config {
         Self { aspect, ..self }
     }
 
+    /// Whether 24 pictures a second, or 24000/1001, are shown in 30 frames, or 30000/1001, as DVD-Video has them: every other picture
+    /// for three fields (repeat_first_field, 6.3.10). Not in MPEG-1.
+    pub fn with_pulldown(self, pulldown: bool) -> Self {
+        Self { pulldown, ..self }
+    }
+
     /// May macroblocks have quantisers of their own?
     pub(crate) fn varies(&self) -> bool {
         self.lookahead > 0 && !self.uniform_quantiser
@@ -254,33 +269,6 @@ impl Config {
             _ => LOOKAHEAD_MAX,
         };
         needed.min(self.lookahead) as usize
-    }
-
-    /// The level that the stream will state; beyond High Level, where none is right, it states High.
-    pub fn level(&self) -> Level {
-        let (rate, buffer) = self.rate.stated().unwrap_or_default();
-        let holds_rate = |level: &Level| {
-            let limits = level.limits();
-            400 * u64::from(rate) <= limits.bits_per_second && u64::from(buffer) <= limits.vbv_buffer_size
-        };
-        let lowest = Level::lowest(self.width, self.height, self.frame_rate.fps()).unwrap_or(Level::High);
-        let levels = [Level::Low, Level::Main, Level::High1440, Level::High];
-        self.level
-            .or_else(|| levels.into_iter().find(|level| *level >= lowest && holds_rate(level)))
-            .unwrap_or(Level::High)
-    }
-
-    /// bit_rate in units of 400 bits a second, and vbv_buffer_size in units of 16 384 bits, as the stream states them: the
-    /// bounds of the level where there are no others.
-    pub(crate) fn stated_rate(&self) -> (u32, u32) {
-        self.rate.stated().unwrap_or_else(|| {
-            let limits = self.level().limits();
-            // Beyond the highest level the bounds grow with the sample rate.
-            let rate = (self.width * self.height) as f64 * self.frame_rate.fps() / limits.luma_samples_per_second;
-            let growth = rate.ceil().max(1.0) as u64;
-            let bit_rate = (limits.bits_per_second * growth / 400).min((1 << 30) - 1);
-            (bit_rate as u32, (limits.vbv_buffer_size * growth).min((1 << 18) - 1) as u32)
-        })
     }
 }
 

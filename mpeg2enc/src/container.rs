@@ -12,14 +12,16 @@ mod mp4;
 mod pes;
 mod program;
 mod schedule;
+mod stated;
 mod transport;
 
-use crate::{Config, PictureType, header::SEQUENCE_END_CODE};
+use crate::{Config, PictureType, Rate, header::SEQUENCE_END_CODE};
 pub use access_unit::AccessUnit;
 use clock::Clock;
 use description::Description;
 use pes::Picture;
 use schedule::Schedule;
+use stated::stated_rate;
 use std::{fmt, path::Path};
 
 /// The container around a stream.
@@ -67,9 +69,8 @@ impl Container {
 /// Wraps packets as they come out of an encoder.
 ///
 /// Pictures are due at the frame rate. What arrives when is that of a decoder whose buffer is as large as the stream states,
-/// filled at the bit rate that it states, as soon as there is room, and a second before it is needed at most. With a bounded
-/// [`Rate`](crate::Rate) everything is there in time, and at a constant rate just as vbv_delay says. Pictures at a constant
-/// quantiser that exceed what their level allows come late; files play all the same.
+/// filled at the bit rate that it states, as soon as there is room, and a second before it is needed at most. Everything is
+/// there in time unless even the coarsest quantiser is not coarse enough, and at a constant rate just as vbv_delay states.
 ///
 /// Packs of a program stream have 2048 bytes at most, those of a disc just as many, and each picture begins with one. In MP4 and
 /// Matroska a group of pictures is written when the next one begins.
@@ -96,6 +97,8 @@ impl Container {
 pub struct Multiplexer {
     wrapper: Wrapper,
     clock: Clock,
+    /// Whether the first picture may state another bit rate and buffer than settings have: at a constant quantiser.
+    is_open: bool,
     /// The last packet: what ends the sequence belongs to it.
     waiting: Option<Picture>,
 }
@@ -114,21 +117,22 @@ impl Multiplexer {
     /// For the packets of an encoder with these settings.
     pub fn new(container: Container, config: &Config) -> Self {
         let schedule = Schedule::new(config);
-        let (numerator, denominator) = config.frame_rate.fraction();
+        let (numerator, denominator) = config.stated_frame_rate().fraction();
         // Only streams of 13818-1 have times of bytes, and only in Matroska are there none of decoding.
         let start = match container {
             Container::Mp4 | Container::Matroska => 0,
             _ => schedule.start(),
         };
         let reorder = u64::from(config.b_pictures > 0 && container != Container::Matroska);
-        let clock = Clock { frame_rate: (numerator.into(), denominator.into()), start, count: 0, reorder };
+        let pulldown = config.pulldown;
+        let clock = Clock { frame_rate: (numerator.into(), denominator.into()), start, count: 0, reorder, pulldown };
         let wrapper = match container {
             Container::Elementary => Wrapper::Elementary,
             Container::Program | Container::Disc => {
                 let is_disc = container == Container::Disc;
-                Wrapper::Program(program::Writer::new(schedule, config.frame_rate.fps(), is_disc))
+                Wrapper::Program(program::Writer::new(schedule, config.stated_frame_rate().fps(), is_disc))
             }
-            Container::Transport => Wrapper::Transport(transport::Writer::new(schedule, config.standard)),
+            Container::Transport => Wrapper::Transport(transport::Writer::new(schedule, config)),
             Container::Mp4 => {
                 let description = Description::new(config);
                 let begin = reorder * description.period();
@@ -136,7 +140,7 @@ impl Multiplexer {
             }
             Container::Matroska => Wrapper::Matroska(matroska::Writer::new(Description::new(config))),
         };
-        Self { wrapper, clock, waiting: None }
+        Self { wrapper, clock, is_open: config.rate == Rate::ConstantQuantiser, waiting: None }
     }
 
     /// States at the beginning of the file, where the container can, how long `count` pictures are. A film of fewer states too much.
@@ -153,6 +157,11 @@ impl Multiplexer {
     /// gives what can be written now: all but that picture.
     pub fn push(&mut self, picture: impl Into<AccessUnit>) -> Vec<u8> {
         let AccessUnit { data, display_index, picture_type } = picture.into();
+        if std::mem::take(&mut self.is_open)
+            && let Some(stated) = stated_rate(&data)
+        {
+            self.restate(stated);
+        }
         let times = self.clock.next(display_index);
         let (is_entry, is_disposable) = (picture_type == PictureType::I, picture_type == PictureType::B);
         let before = self.waiting.replace(Picture { data, times, is_entry, is_disposable });
@@ -182,6 +191,16 @@ impl Multiplexer {
             Wrapper::Transport(mut writer) => [writer.put(&picture), writer.finish()].concat(),
             Wrapper::Mp4(mut writer) => [writer.put(picture), writer.finish()].concat(),
             Wrapper::Matroska(mut writer) => [writer.put(picture), writer.finish()].concat(),
+        }
+    }
+
+    /// Wraps for a decoder with this bit rate and buffer.
+    fn restate(&mut self, stated: (u32, u32)) {
+        match &mut self.wrapper {
+            Wrapper::Program(writer) => self.clock.start = writer.restate(stated),
+            Wrapper::Transport(writer) => self.clock.start = writer.restate(stated),
+            Wrapper::Mp4(writer) => writer.restate(stated),
+            Wrapper::Elementary | Wrapper::Matroska(_) => {}
         }
     }
 

@@ -7,7 +7,6 @@ mod weighted;
 use crate::{
     Config, ConfigError, KnownMotion, Picture, RestoreError,
     coder::{Coder, Packet, sequence_end},
-    header::macroblock_counts,
     lookahead::weights,
     quantiser_scale::quantiser_scale_code,
 };
@@ -103,6 +102,10 @@ impl Encoder {
             _ => return Err(RestoreError::OtherSettings),
         }
         self.state = state;
+        match &self.state.mode {
+            Mode::Immediate(immediate) => immediate.restate(&mut self.coder.config),
+            Mode::Ahead(ahead) => ahead.restate(&mut self.coder.config),
+        }
         Ok(())
     }
 
@@ -147,15 +150,29 @@ impl Encoder {
     /// samples, width and height rounded up.
     #[must_use = "packets are the stream"]
     pub fn push_weighted(&mut self, frame: &Picture, motion: KnownMotion, weights: &Plane<f32>) -> Vec<Packet> {
-        let counts = macroblock_counts(self.config().width, self.config().height);
+        let counts = self.config().shown_macroblocks();
         assert_eq!((weights.width(), weights.height()), counts, "weights that are not one for each macroblock");
         self.push_frame(frame, motion, Some(weights))
+    }
+
+    /// Shows the last frame again, as another one. Without a look-ahead all of its macroblocks are skipped, as far as the standard
+    /// allows; with one, `frame` is coded with what changed meanwhile, which may be nothing.
+    ///
+    /// # Panics
+    /// As [`Encoder::push`], or if there was no frame.
+    #[must_use = "packets are the stream"]
+    pub fn push_again(&mut self, frame: &Picture, motion: KnownMotion) -> Vec<Packet> {
+        match &mut self.state.mode {
+            Mode::Immediate(immediate) => vec![immediate.push_again(&mut self.coder)],
+            Mode::Ahead(_) => self.push_frame(frame, motion, None),
+        }
     }
 
     fn push_frame(&mut self, frame: &Picture, motion: KnownMotion, weights: Option<&Plane<f32>>) -> Vec<Packet> {
         let KnownMotion { to_previous, to_next } = motion;
         check_input(self.config(), frame, [to_previous, to_next]);
-        let weights = weights.map(weights::given);
+        let coded = self.config().macroblock_counts();
+        let weights = weights.map(|weights| weights::given(weights, coded));
         match &mut self.state.mode {
             Mode::Immediate(immediate) => vec![immediate.push(&mut self.coder, frame, to_previous, weights)],
             Mode::Ahead(ahead) => ahead.push(&mut self.coder, frame, motion, weights),

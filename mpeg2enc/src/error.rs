@@ -23,6 +23,12 @@ pub enum ConfigError {
         /// The requested rate.
         fps: f64,
     },
+    /// Only 24 pictures a second become 30 frames.
+    #[error("{fps:.3} pictures a second have no pulldown; use it at 23.976 or 24, or leave it out")]
+    Pulldown {
+        /// The requested rate.
+        fps: f64,
+    },
     /// Distance of I pictures out of range.
     #[error("a group of {pictures} pictures is not allowed; the distance of I pictures goes from 1 to {GROUP_MAX}")]
     GroupOfPictures {

@@ -37,6 +37,15 @@ impl FrameRate {
             .ok_or(ConfigError::FrameRate { fps })
     }
 
+    /// The rate of frames in which every other picture of this rate has three fields; none of rates other than 24.
+    pub(crate) fn after_pulldown(self) -> Option<Self> {
+        match self.code {
+            1 => Some(Self { code: 4 }),
+            2 => Some(Self { code: 5 }),
+            _ => None,
+        }
+    }
+
     /// Frames a second.
     pub fn fps(self) -> f64 {
         let (numerator, denominator) = self.fraction();

@@ -3,7 +3,9 @@
 use crate::{
     Config, Level, Rate, Standard,
     bits::{BitSink, BitWriter},
+    config::coded_size,
     level::Limits,
+    pulldown::{Shown, fields_before},
     quant::QuantiserParameters,
     scan::ZIGZAG,
 };
@@ -29,6 +31,7 @@ const F_CODE_UNUSED: u32 = 15;
 
 /// Coding type of a picture (Table 6-12).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum PictureType {
     /// Intra: needs no other picture.
     I = 1,
@@ -49,24 +52,14 @@ pub(crate) struct PictureHeader {
     /// f_code\[s\]\[t\]: forward and backward, horizontal and vertical reach of vectors.
     pub f_code: [[u32; 2]; 2],
     pub quantisers: QuantiserParameters,
-}
-
-/// The size that horizontal_size or vertical_size says: its low 12 bits shall not be zero (6.3.3),
-/// so such a picture is coded one sample larger and the display size tells the true one.
-fn coded_size(size: usize) -> u32 {
-    let size = size as u32;
-    if size.is_multiple_of(4096) { size + 1 } else { size }
-}
-
-/// Width and height in whole macroblocks: mb_width and mb_height (6.3.3).
-pub(crate) fn macroblock_counts(width: usize, height: usize) -> (usize, usize) {
-    (coded_size(width).div_ceil(16) as usize, coded_size(height).div_ceil(16) as usize)
+    /// How a picture with pulldown is shown.
+    pub shown: Option<Shown>,
 }
 
 /// sequence_header(), sequence_extension(), sequence_display_extension() (6.2.2.1, 6.2.2.3, 6.2.2.4); in MPEG-1 the first
 /// of them (11172-2, 2.4.2.3).
 pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
-    let (horizontal_size, vertical_size) = (coded_size(config.width), coded_size(config.height));
+    let (horizontal_size, vertical_size) = config.coded_size();
     let limits = config.level().limits();
     let (bit_rate, vbv_buffer_size) = config.stated_rate();
 
@@ -81,7 +74,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     // Settings without a code are refused before.
     let aspect = config.aspect.code(config.standard, config.width, config.height).unwrap_or(1);
     writer.put(aspect, 4); // aspect_ratio_information; pel_aspect_ratio in MPEG-1
-    writer.put(config.frame_rate.code().into(), 4); // frame_rate_code
+    writer.put(config.stated_frame_rate().code().into(), 4); // frame_rate_code
     writer.put(bit_rate & 0x3_ffff, 18); // bit_rate_value
     writer.put(1, 1); // marker_bit
     writer.put(vbv_buffer_size & 0x3ff, 10); // vbv_buffer_size_value
@@ -103,7 +96,7 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
     writer.start_code(EXTENSION_START_CODE);
     writer.put(SEQUENCE_EXTENSION_ID, 4); // extension_start_code_identifier
     writer.put(profile_and_level(config.intra_dc_precision, limits), 8);
-    writer.put(1, 1); // progressive_sequence
+    writer.put((!config.pulldown).into(), 1); // progressive_sequence
     writer.put(1, 2); // chroma_format: 4:2:0
     writer.put(horizontal_size >> 12, 2); // horizontal_size_extension
     writer.put(vertical_size >> 12, 2); // vertical_size_extension
@@ -130,7 +123,8 @@ pub(crate) fn put_sequence_header(writer: &mut BitWriter, config: &Config) {
 ///
 /// A group that is not `closed` begins with B pictures that the group before is needed for.
 pub(crate) fn put_group_header(writer: &mut BitWriter, config: &Config, number: u64, closed: bool) {
-    let per_second = config.frame_rate.fps().round() as u64;
+    let per_second = config.stated_frame_rate().fps().round() as u64;
+    let number = if config.pulldown { fields_before(number, config.reorder()) / 2 } else { number };
     let seconds = number / per_second;
     writer.start_code(GROUP_START_CODE);
     writer.put(0, 1); // time_code: drop_frame_flag
@@ -176,13 +170,14 @@ pub(crate) fn put_picture_header(writer: &mut BitWriter, picture: &PictureHeader
     }
     writer.put(picture.quantisers.intra_dc_precision - 8, 2); // intra_dc_precision
     writer.put(3, 2); // picture_structure: frame picture
-    writer.put(0, 1); // top_field_first
+    let shown = picture.shown.unwrap_or_default();
+    writer.put(shown.top_field_first.into(), 1); // top_field_first
     writer.put(1, 1); // frame_pred_frame_dct
     writer.put(0, 1); // concealment_motion_vectors
     writer.put(picture.quantisers.q_scale_type.into(), 1); // q_scale_type
     writer.put(picture.quantisers.intra_table as u32, 1); // intra_vlc_format
     writer.put(picture.quantisers.alternate_scan.into(), 1); // alternate_scan
-    writer.put(0, 1); // repeat_first_field
+    writer.put(shown.repeat_first_field.into(), 1); // repeat_first_field
     writer.put(1, 1); // chroma_420_type: the same as progressive_frame
     writer.put(1, 1); // progressive_frame
     writer.put(0, 1); // composite_display_flag

@@ -2,6 +2,7 @@
 
 /// A level of Main Profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Level {
     /// Low Level: up to 352×288 at 30 pictures a second.
     Low,
@@ -57,6 +58,12 @@ impl Level {
     /// The lowest level that holds pictures of this size at this rate; `None` beyond High Level.
     pub fn lowest(width: usize, height: usize, fps: f64) -> Option<Self> {
         LIMITS.iter().find(|limits| limits.hold(width, height, fps)).map(|limits| limits.level)
+    }
+
+    /// The bit rate of the level with this vbv_buffer_size, in units of 400 bits a second.
+    pub(crate) fn rate_of_buffer(vbv_buffer_size: u32) -> Option<u32> {
+        let limits = LIMITS.iter().find(|limits| limits.vbv_buffer_size == u64::from(vbv_buffer_size))?;
+        Some((limits.bits_per_second / 400) as u32)
     }
 
     pub(crate) fn limits(self) -> &'static Limits {

@@ -46,6 +46,7 @@ mod limits; // the largest values of settings
 mod pool; // memory of pictures
 mod quantiser_scale;
 
+mod pulldown; // 24 pictures a second in 30 frames
 mod standard; // MPEG-1 or MPEG-2
 
 mod level; // limits of Main Profile
@@ -58,6 +59,7 @@ mod lookahead; // what waiting frames tell: types of pictures, quantisers
 mod container; // streams with times
 mod elementary; // streams that were written before
 
+mod bounds; // the level that holds a stream
 mod coder; // one picture
 mod rate; // bounds of bits
 mod rate_control; // the quantiser that keeps to them

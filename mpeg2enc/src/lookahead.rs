@@ -14,7 +14,6 @@ pub(crate) mod weights;
 
 use crate::{
     Config, Effort, KnownMotion, Picture, RestoreError,
-    header::macroblock_counts,
     motion::{Candidates, all_candidates},
     restore::ensure,
     vector::HalfSample,
@@ -110,7 +109,7 @@ impl Lookahead {
         ensure((self.quick, self.transformed) == (fresh.quick, fresh.transformed), "the effort of the look-ahead")?;
         ensure(self.first < MOST_FRAMES, "the number of frames")?;
         ensure(self.first == 0 || !self.frames.is_empty(), "the waiting frames")?;
-        let counts = macroblock_counts(config.width, config.height);
+        let counts = config.macroblock_counts();
         self.frames.iter().try_for_each(|frame| frame.check(config, counts))?;
         // Groups are as long as they may be at most.
         let starts: Vec<usize> = (self.first..self.end()).filter(|&index| self.get(index).begins_group).collect();

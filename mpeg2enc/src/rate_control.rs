@@ -109,7 +109,7 @@ impl RateControl {
         let macroblocks = macroblocks as i64;
         let first = |t: usize| Model { floor: FIRST_FLOOR[t] * macroblocks, c: FIRST_C[t], is_learnt: false };
         Some(Self {
-            buffer: Buffer::new(bit_rate, size, config.frame_rate.fraction(), start, pauses),
+            buffer: Buffer::new(bit_rate, size, config.buffer_rate(), start, pauses).with_pulldown(config.pulldown),
             rate: config.rate,
             quantiser_x16: config.quantiser_x256() / 16,
             last_x16: FINEST_X16,

@@ -20,17 +20,34 @@ pub(crate) struct Buffer {
     fullness: i64,
     /// Is a full buffer just not filled further (variable rate), or is that an error (constant rate)?
     pauses: bool,
+    /// With pulldown, whether the next period has three fields, and not two; the rate is that of the fields then.
+    is_long: Option<bool>,
 }
 
 impl Buffer {
     pub fn new(bit_rate: i64, size: i64, frame_rate: (u32, u32), fullness: i64, pauses: bool) -> Self {
         let frame_rate = (i64::from(frame_rate.0), i64::from(frame_rate.1));
-        Self { bit_rate, size, frame_rate, fullness: fullness * frame_rate.0, pauses }
+        Self { bit_rate, size, frame_rate, fullness: fullness * frame_rate.0, pauses, is_long: None }
+    }
+
+    /// The buffer for periods of three and two fields, in turn, at a rate that is that of the fields.
+    pub fn with_pulldown(self, pulldown: bool) -> Self {
+        Self { is_long: pulldown.then_some(true), ..self }
+    }
+
+    /// Bits that come in until the picture after the next one is taken out, times the numerator.
+    fn filling(&self) -> i64 {
+        let periods = match self.is_long {
+            None => 1,
+            Some(false) => 2,
+            Some(true) => 3,
+        };
+        self.bit_rate * self.frame_rate.1 * periods
     }
 
     /// Whether both are the same buffer, at any time of a film.
     pub fn is_like(&self, other: &Self) -> bool {
-        let same = |of: &Self| (of.bit_rate, of.size, of.frame_rate, of.pauses);
+        let same = |of: &Self| (of.bit_rate, of.size, of.frame_rate, of.pauses, of.is_long.is_some());
         // Pictures that are too large even with the coarsest quantiser leave less than nothing.
         same(self) == same(other) && self.bits() <= self.size && self.bits() >= FULLNESS_MIN
     }
@@ -50,19 +67,20 @@ impl Buffer {
         if self.pauses {
             return 0;
         }
-        let after = self.fullness + self.bit_rate * self.frame_rate.1 - self.size * self.frame_rate.0;
+        let after = self.fullness + self.filling() - self.size * self.frame_rate.0;
         (after + self.frame_rate.0 - 1).div_euclid(self.frame_rate.0).max(0)
     }
 
     /// Is the buffer full before the picture after one of `bits`, so that bits are stuffed or reading pauses?
     pub fn is_full_after(&self, bits: i64) -> bool {
-        let after = self.fullness + self.bit_rate * self.frame_rate.1 - bits * self.frame_rate.0;
+        let after = self.fullness + self.filling() - bits * self.frame_rate.0;
         after > self.size * self.frame_rate.0
     }
 
     /// Takes out a picture and fills for a frame period.
     pub fn take(&mut self, bits: i64) {
-        self.fullness += self.bit_rate * self.frame_rate.1 - bits * self.frame_rate.0;
+        self.fullness += self.filling() - bits * self.frame_rate.0;
+        self.is_long = self.is_long.map(|is_long| !is_long);
         if self.pauses {
             self.fullness = self.fullness.min(self.size * self.frame_rate.0);
         }

@@ -1,8 +1,9 @@
-//! Linear RGB pictures to what an MPEG-2 encoder takes: 8-bit Y′C_BC_R 4:2:0, limited range, Rec. ITU-R BT.709.
+//! Linear RGB pictures to what an MPEG-2 encoder takes: 8-bit Y′C_BC_R 4:2:0, limited range, Rec. ITU-R BT.709 or BT.601.
 //!
 //! ```text
-//! Y′  = 16 + 219 (0.2126 R′ + 0.7152 G′ + 0.0722 B′)
-//! C_B = 128 + 224 (B′ − Y′₁) / 1.8556        C_R = 128 + 224 (R′ − Y′₁) / 1.5748        Y′₁ = (Y′ − 16) / 219
+//! Y′  = 16 + 219 Y′₁                      Y′₁ = w_R R′ + w_G G′ + w_B B′
+//! C_B = 128 + 112 (B′ − Y′₁) / (1 − w_B)  w   0.2126, 0.7152, 0.0722 in BT.709
+//! C_R = 128 + 112 (R′ − Y′₁) / (1 − w_R)      0.299, 0.587, 0.114 in BT.601
 //! ```
 //!
 //! Chroma samples lie where MPEG-2 puts them (ISO/IEC 13818-2, 6.1.1.8): in line with every second luma column, half-way
@@ -15,9 +16,43 @@ use std::sync::Arc;
 
 /// Code value of black.
 const BLACK: f32 = 16.0;
-/// Code values per unit of B′ − Y′ and of R′ − Y′.
-const CB_SCALE: f32 = 224.0 / 1.8556;
-const CR_SCALE: f32 = 224.0 / 1.5748;
+/// Weights of red, green and blue in the luma of BT.601.
+const BT601_WEIGHTS: [f32; 3] = [0.299, 0.587, 0.114];
+
+/// The weights of red, green and blue in luma, and the scales of chroma that follow from them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColorMatrix {
+    /// Rec. ITU-R BT.709: high definition.
+    #[default]
+    Bt709,
+    /// Rec. ITU-R BT.601: MPEG-1, and files that state no matrix.
+    Bt601,
+}
+
+impl ColorMatrix {
+    /// Luma of R′G′B′, 0…1.
+    fn luma(self, [r, g, b]: [f32; 3]) -> f32 {
+        match self {
+            Self::Bt709 => luminance([r, g, b]),
+            Self::Bt601 => BT601_WEIGHTS[0] * r + BT601_WEIGHTS[1] * g + BT601_WEIGHTS[2] * b,
+        }
+    }
+
+    fn weights(self) -> [f32; 3] {
+        match self {
+            Self::Bt709 => LUMINANCE_WEIGHTS,
+            Self::Bt601 => BT601_WEIGHTS,
+        }
+    }
+
+    /// Code values per unit of B′ − Y′ and of R′ − Y′.
+    fn chroma_scales(self) -> [f32; 2] {
+        match self {
+            Self::Bt709 => [224.0 / 1.8556, 224.0 / 1.5748],
+            Self::Bt601 => [224.0 / 1.772, 224.0 / 1.402],
+        }
+    }
+}
 
 /// Luminance of every pixel. Negative components count as 0, as in the tone map; a pixel that is not finite has luminance 0.
 pub fn luminance_plane(radiance: &Plane<[f32; 3]>) -> Plane<f32> {
@@ -48,7 +83,7 @@ struct Row {
 
 impl Row {
     /// Fills the row; returns how many pixels were not finite.
-    fn fill(&mut self, radiance: &[[f32; 3]], table: &EncodeTable) -> usize {
+    fn fill(&mut self, radiance: &[[f32; 3]], table: &EncodeTable, matrix: ColorMatrix) -> usize {
         let mut non_finite = 0;
         self.rgb.clear();
         self.rgb.extend(radiance.iter().map(|pixel| {
@@ -60,7 +95,7 @@ impl Row {
             }
         }));
         self.luma.clear();
-        self.luma.extend(self.rgb.iter().map(|&rgb| luminance(rgb).clamp(0.0, 1.0)));
+        self.luma.extend(self.rgb.iter().map(|&rgb| matrix.luma(rgb).clamp(0.0, 1.0)));
         non_finite
     }
 }
@@ -75,11 +110,11 @@ struct Strip<'a> {
 }
 
 impl Strip<'_> {
-    fn convert(self, width: usize, table: &EncodeTable, rows: &mut [Row; 2]) -> usize {
+    fn convert(self, width: usize, table: &EncodeTable, matrix: ColorMatrix, rows: &mut [Row; 2]) -> usize {
         let mut non_finite = 0;
         let luma_rows = self.radiance.len() / width;
         for (i, row) in rows.iter_mut().enumerate().take(luma_rows) {
-            non_finite += row.fill(&self.radiance[i * width..][..width], table);
+            non_finite += row.fill(&self.radiance[i * width..][..width], table, matrix);
             let range = i * width..(i + 1) * width;
             for ((y, luma), &value) in self.y[range.clone()].iter_mut().zip(&mut self.luma[range]).zip(&row.luma) {
                 *luma = WHITE_LUMA * value;
@@ -95,12 +130,13 @@ impl Strip<'_> {
             (b0 + b1, r0 + r1)
         };
         let code = |scale: f32, sum: f32| (128.0 + scale * 0.125 * sum).round().clamp(16.0, 240.0) as u8;
+        let [cb_scale, cr_scale] = matrix.chroma_scales();
         let mut left = differences(0);
         for (i, (cb, cr)) in self.cb.iter_mut().zip(self.cr).enumerate() {
             let middle = differences(2 * i);
             let right = differences((2 * i + 1).min(width - 1));
-            *cb = code(CB_SCALE, left.0 + 2.0 * middle.0 + right.0);
-            *cr = code(CR_SCALE, left.1 + 2.0 * middle.1 + right.1);
+            *cb = code(cb_scale, left.0 + 2.0 * middle.0 + right.0);
+            *cr = code(cr_scale, left.1 + 2.0 * middle.1 + right.1);
             left = right;
         }
         non_finite
@@ -108,8 +144,13 @@ impl Strip<'_> {
 }
 
 impl YCbCr {
-    /// Tone maps linear RGB radiance and converts it, each value rounded to the nearest code. Any size.
+    /// Tone maps linear RGB radiance and converts it by BT.709, each value rounded to the nearest code. Any size.
     pub fn from_radiance(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap) -> Self {
+        Self::with_matrix(radiance, tone_map, ColorMatrix::Bt709)
+    }
+
+    /// Tone maps linear RGB radiance and converts it by `matrix`, each value rounded to the nearest code. Any size.
+    pub fn with_matrix(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap, matrix: ColorMatrix) -> Self {
         let (width, height) = (radiance.width(), radiance.height());
         let chroma_width = width.div_ceil(2);
         let mut picture = Picture::black(width, height);
@@ -127,18 +168,27 @@ impl YCbCr {
             .zip(luma_strips)
             .zip(chroma_strips)
             .map_init(<[Row; 2]>::default, |rows, ((radiance, (y, luma)), (cb, cr))| {
-                Strip { radiance, y, luma, cb, cr }.convert(width, &table, rows)
+                Strip { radiance, y, luma, cb, cr }.convert(width, &table, matrix, rows)
             })
             .sum();
         Self { picture: Arc::new(picture), luma, non_finite }
     }
 }
 
-/// A picture as 8-bit R′G′B′, for previews.
+/// A picture of BT.709 as 8-bit R′G′B′, for previews.
 ///
 /// Chroma is interpolated linearly from where MPEG-2 sites it.
 #[must_use]
 pub fn to_rgb8(picture: &Picture) -> Plane<[u8; 3]> {
+    to_rgb8_by(picture, ColorMatrix::Bt709)
+}
+
+/// A picture of `matrix` as 8-bit R′G′B′, for previews.
+///
+/// Chroma is interpolated linearly from where MPEG-2 sites it.
+#[must_use]
+pub fn to_rgb8_by(picture: &Picture, matrix: ColorMatrix) -> Plane<[u8; 3]> {
+    let [cb_scale, cr_scale] = matrix.chroma_scales();
     let chroma = |plane: &Plane<u8>, x: usize, y: usize| {
         let (column, row) = ((x / 2) as isize, (y / 2) as isize);
         let next_column = column + (x % 2) as isize;
@@ -150,9 +200,9 @@ pub fn to_rgb8(picture: &Picture) -> Plane<[u8; 3]> {
     };
     Plane::from_fn(picture.width(), picture.height(), |x, y| {
         let luma = (f32::from(picture.luma().get(x, y)) - BLACK) / WHITE_LUMA;
-        let b = luma + chroma(picture.cb(), x, y) / CB_SCALE;
-        let r = luma + chroma(picture.cr(), x, y) / CR_SCALE;
-        let [wr, wg, wb] = LUMINANCE_WEIGHTS;
+        let b = luma + chroma(picture.cb(), x, y) / cb_scale;
+        let r = luma + chroma(picture.cr(), x, y) / cr_scale;
+        let [wr, wg, wb] = matrix.weights();
         let g = (luma - wr * r - wb * b) / wg;
         [r, g, b].map(|c| (255.0 * c).round().clamp(0.0, 255.0) as u8)
     })

@@ -4,7 +4,7 @@
 
 use crate::error::{Error, Result};
 use crate::output::part_of;
-use crate::settings::Size;
+use crate::settings::{Settings, Size};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -52,14 +52,17 @@ pub struct Companion {
     path: PathBuf,
     encoder: &'static Encoder,
     size: Size,
+    /// Whether the film is MPEG-1, which states no matrix and has that of BT.601.
+    is_mpeg1: bool,
 }
 
 impl Companion {
-    /// Looks for ffmpeg and for the encoder that the ending of `path` asks for, before any work is done for a film of this `size`.
+    /// Looks for ffmpeg and for the encoder that the ending of `path` asks for, before any work is done for a film of these `settings`.
     ///
     /// # Errors
     /// There is no such ending, ffmpeg is not installed, or it was built without the encoder.
-    pub fn new(path: &Path, size: Size) -> Result<Self> {
+    pub fn new(path: &Path, settings: &Settings) -> Result<Self> {
+        let size = settings.size;
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
         let wanted: Vec<&Encoder> = ENCODERS.iter().filter(|encoder| encoder.ending == ending).collect();
         if wanted.is_empty() {
@@ -71,7 +74,7 @@ impl Companion {
         let is_known =
             |encoder: &&Encoder| known.lines().any(|line| line.split_whitespace().nth(1) == Some(encoder.name));
         match wanted.iter().copied().filter(fits).find(is_known) {
-            Some(encoder) => Ok(Self { path: path.into(), encoder, size }),
+            Some(encoder) => Ok(Self { path: path.into(), encoder, size, is_mpeg1: settings.mpeg1 }),
             None => {
                 let names = wanted.iter().map(|encoder| encoder.name).collect::<Vec<_>>().join(" or ");
                 Err(Error::content(
@@ -101,7 +104,7 @@ impl Companion {
     /// # Errors
     /// ffmpeg fails; its last line tells why.
     pub fn make(&self, film: &Path) -> Result<()> {
-        let Self { path, encoder, size } = self;
+        let Self { path, encoder, size, is_mpeg1 } = self;
         let part = part_of(path);
         // Paths may begin with a dash, or look like an address.
         let file = |path: &Path| {
@@ -113,8 +116,19 @@ impl Companion {
         command.args(["-nostdin", "-v", "error", "-y", "-i"]).arg(file(film));
         command.args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-c:v", encoder.name]);
         command.args(encoder.options).args(COLOR);
-        if encoder.is_even && (size.width % 2 == 1 || size.height % 2 == 1) {
-            command.args(["-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2"]);
+        // Sides that the film's header cannot state are coded one sample longer.
+        let is_longer = size.width.is_multiple_of(4096) || size.height.is_multiple_of(4096);
+        let shown = |side: usize| if encoder.is_even { side / 2 * 2 } else { side };
+        let (width, height) = (shown(size.width), shown(size.height));
+        let mut filters = Vec::new();
+        if is_longer || (width, height) != (size.width, size.height) {
+            filters.push(format!("crop={width}:{height}:0:0"));
+        }
+        if *is_mpeg1 {
+            filters.push("scale=in_color_matrix=bt601:out_color_matrix=bt709".into());
+        }
+        if !filters.is_empty() {
+            command.arg("-vf").arg(filters.join(","));
         }
         command.args(["-f", encoder.ending]).arg(file(&part));
         let output = command

@@ -15,6 +15,7 @@ use mpeg2enc::PictureType;
 use perceptual::{Feedback, NextPicture, ObservedFrame, PixelPart, ThresholdMap, ToneMap, YCbCr, reproject};
 use plane::{Coded, Correspondence, Picture, Plane};
 use render_core::image_file::FrameHeader;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// The first half of a renderer: everything that needs no thresholds. It works one frame ahead of the rest.
@@ -178,8 +179,8 @@ pub struct Encoded {
     pub coding: Coding,
 }
 
-/// A coded picture, for the report.
-#[derive(Clone, Debug)]
+/// A coded frame, for the report.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CodedFrame {
     /// Its frame.
     pub index: u32,

@@ -12,6 +12,7 @@ mod hostile;
 mod program;
 mod replay;
 mod tools;
+pub mod truth;
 
 pub use blocks::{Blocks, Comparison};
 pub use decoders::{decode_ffmpeg, decode_mpeg2dec, read_y4m, tolerant_frame_count};
@@ -22,5 +23,5 @@ pub use program::{
     Finished, Rendered, assert_fails, cornell, program, render, render2mpeg, shared_scenes, sorted_names,
     start_until_checkpoint,
 };
-pub use replay::{correspondences, encode, load};
+pub use replay::{correspondences, encode, load, render_as_coded};
 pub use tools::{is_required, need};

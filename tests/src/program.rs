@@ -73,7 +73,7 @@ impl Rendered {
 }
 
 /// Renders `scene` into `folder/NAME.m2v`, or into `folder/NAME` if that has an ending, with `extra` arguments split at
-/// spaces. It must succeed without a word.
+/// spaces. It must succeed without a word, and each number that the video states must hold.
 pub fn render(folder: &Path, name: &str, scene: &Path, extra: &str) -> Rendered {
     let (stem, ending) = name.split_once('.').unwrap_or((name, "m2v"));
     let (video, report) = (format!("{stem}.{ending}"), format!("{stem}.report.json"));
@@ -84,6 +84,7 @@ pub fn render(folder: &Path, name: &str, scene: &Path, extra: &str) -> Rendered 
     assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""), "render2mpeg {arguments:?}");
     let stream = std::fs::read(folder.join(video)).expect("the video is there");
     let report = std::fs::read(folder.join(report)).expect("the report is there");
+    crate::truth::assert_true(&stream, name);
     Rendered { stream, report: serde_json::from_slice(&report).expect("the report is JSON") }
 }
 

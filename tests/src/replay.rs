@@ -1,9 +1,10 @@
 //! The renderer's motion and the encoder, outside of the pipeline.
 
 use mpeg2enc::{Packet, Picture};
+use pipeline::feedback_loop::Run;
 use pipeline::parts::Prepare;
 use pipeline::renderer::Preparation;
-use pipeline::{Options, Plan, Settings};
+use pipeline::{Options, Plan, Report, Settings};
 use plane::Correspondence;
 use render_core::scene::{self, Scene};
 use std::path::Path;
@@ -14,6 +15,13 @@ pub fn load(path: &Path, options: Options) -> (Scene, Settings) {
     let scene = scene::load(path).expect("the scene loads");
     let settings = Settings::new(path.into(), &scene, &options).expect("the settings are right");
     (scene, settings)
+}
+
+/// Renders a film, with the frames as the encoder gets them in the y4m file of the options.
+pub fn render_as_coded(scene: &Scene, settings: &Settings) -> Report {
+    let settings = Settings { y4m_is_coded: true, ..settings.clone() };
+    let plan = Plan::new(scene, &settings.renderer());
+    pipeline::render(scene, &settings, &plan, Run::default()).expect("the film is made")
 }
 
 /// Where the renderer knows each frame's pixels to have been in the frame before; nothing for the first.

@@ -7,7 +7,7 @@ impl Config {
     /// A number for all settings but the quantiser: other settings have another one.
     pub(crate) fn fingerprint(&self) -> u64 {
         let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
-        Self { quantiser_scale: 0, mean_quantiser_x256: None, ..self.clone() }.hash(&mut hash);
+        Self { quantiser_scale: 0, mean_quantiser_x256: None, raised: None, ..self.clone() }.hash(&mut hash);
         hash.finish()
     }
 }

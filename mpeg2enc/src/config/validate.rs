@@ -14,6 +14,7 @@ impl Config {
     /// The first setting that the standard or the encoder does not have; the message says what is possible.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let (width, height, fps) = (self.width, self.height, self.frame_rate.fps());
+        let stated = self.stated_frame_rate().fps();
         if !(1..=SIZE_MAX).contains(&width) || !(1..=SIZE_MAX).contains(&height) {
             return Err(ConfigError::Size { width, height });
         }
@@ -22,12 +23,15 @@ impl Config {
         }
         quantiser_scale_code(self.quantiser_scale)?;
         check_standard(self)?;
+        if self.pulldown && self.frame_rate.after_pulldown().is_none() {
+            return Err(ConfigError::Pulldown { fps });
+        }
         if !(8..=11).contains(&self.intra_dc_precision) {
             return Err(ConfigError::IntraDcPrecision { bits: self.intra_dc_precision });
         }
-        if let Some(level) = self.level.filter(|level| !level.limits().hold(width, height, fps)) {
-            let lowest = Level::lowest(width, height, fps);
-            return Err(ConfigError::Level { level, width, height, fps, lowest });
+        if let Some(level) = self.level.filter(|level| !level.limits().hold(width, height, stated)) {
+            let lowest = Level::lowest(width, height, stated);
+            return Err(ConfigError::Level { level, width, height, fps: stated, lowest });
         }
         if self.b_pictures > B_PICTURES_MAX {
             return Err(ConfigError::BPictures { pictures: self.b_pictures });
@@ -63,6 +67,7 @@ fn check_standard(config: &Config) -> Result<(), ConfigError> {
             missing("such a quantiser_scale", "use an even one from 2 to 62")
         }
         Standard::Mpeg1 if config.intra_dc_precision != 8 => missing("such an intra DC precision", "use 8 bits"),
+        Standard::Mpeg1 if config.pulldown => missing("pulldown", "leave it out, or use MPEG-2"),
         Standard::Mpeg1 if config.alternate_scan => missing("the alternate scan", "leave it out"),
         Standard::Mpeg1 if config.color != ColorDescription::default() => {
             missing("a description of color", "leave it out, or use MPEG-2")

@@ -1,5 +1,7 @@
 //! The system clock, and when pictures are due.
 
+use crate::pulldown::fields;
+
 /// Units of the system clock in a second (2.4.2.1).
 pub(super) const CLOCK: u64 = 27_000_000;
 
@@ -24,12 +26,17 @@ pub(super) struct Clock {
     /// Frame periods by which pictures are shown later than they were decoded if none are in front of them: 1 where there
     /// may be B pictures (low_delay, 13818-2 6.3.5).
     pub reorder: u64,
+    /// Whether every other picture has three fields; `frame_rate` is that of the frames then.
+    pub pulldown: bool,
 }
 
 impl Clock {
     pub fn next(&mut self, display_index: u64) -> Times {
         let (numerator, denominator) = self.frame_rate;
-        let at = |frames: u64| self.start + frames * CLOCK * denominator / numerator;
+        let at = |pictures: u64| match self.pulldown {
+            true => self.start + fields(pictures) * CLOCK * denominator / (2 * numerator),
+            false => self.start + pictures * CLOCK * denominator / numerator,
+        };
         let times = Times { decoding: at(self.count), presentation: at(display_index + self.reorder) };
         self.count += 1;
         times

@@ -11,6 +11,8 @@ pub(super) struct Description {
     pub width: u32,
     /// Lines.
     pub height: u32,
+    /// Samples and lines as they are coded: some are not shown.
+    pub coded: (u32, u32),
     /// Width and height of a sample, as a ratio.
     pub sample: (u32, u32),
     /// Meaning of the samples; MPEG-1 does not say.
@@ -37,6 +39,7 @@ impl Description {
         Self {
             width: config.width as u32,
             height: config.height as u32,
+            coded: config.coded_size(),
             sample: sample(config),
             color: (config.standard == Standard::Mpeg2).then_some(config.color),
             standard: config.standard,

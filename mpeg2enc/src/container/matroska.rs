@@ -138,7 +138,7 @@ impl Writer {
 
     /// Video (5.1.4.1.28).
     fn video(&self) -> Vec<u8> {
-        let Description { width, height, color, .. } = &self.description;
+        let Description { width, height, coded, color, .. } = &self.description;
         let color = color.map_or(Vec::new(), |color| {
             element(
                 COLOR,
@@ -156,8 +156,10 @@ impl Writer {
             VIDEO,
             &[
                 &number(0x9a, 2),                  // FlagInterlaced: progressive
-                &number(0xb0, u64::from(*width)),  // PixelWidth
-                &number(0xba, u64::from(*height)), // PixelHeight
+                &number(0xb0, u64::from(coded.0)), // PixelWidth
+                &number(0xba, u64::from(coded.1)), // PixelHeight
+                &crop(0x54dd, coded.0 - width),    // PixelCropRight
+                &crop(0x54aa, coded.1 - height),   // PixelCropBottom
                 &self.shape(),
                 &color,
             ],
@@ -232,6 +234,11 @@ fn element(id: u32, contents: &[&[u8]]) -> Vec<u8> {
 /// An element that holds an unsigned integer.
 fn number(id: u32, value: u64) -> Vec<u8> {
     element(id, &[&without_zeros(value)])
+}
+
+/// An element of coded samples that are not shown, where there are any.
+fn crop(id: u32, samples: u32) -> Vec<u8> {
+    if samples > 0 { number(id, samples.into()) } else { Vec::new() }
 }
 
 /// A number by its bytes, the highest first, from the first that is not zero on; at least one.

@@ -57,6 +57,11 @@ impl Writer {
         self.description.pictures = Some(count);
     }
 
+    /// States this buffer.
+    pub fn restate(&mut self, (_, buffer_size): (u32, u32)) {
+        self.description.buffer = buffer_size.saturating_mul(2048);
+    }
+
     /// Takes a picture, and gives the fragment of the group before if it begins one.
     pub fn put(&mut self, picture: Picture) -> Vec<u8> {
         let out = if picture.is_entry { self.flush() } else { Vec::new() };

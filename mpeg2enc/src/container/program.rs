@@ -31,6 +31,8 @@ const HEADERS_LEAST: usize = PACK_HEADER + 9;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Writer {
     schedule: Schedule,
+    /// Pictures a second, rounded up.
+    fps: u64,
     /// program_mux_rate, in units of 50 bytes a second (2.5.3.4).
     mux_rate: u64,
     buffer_kib: u64,
@@ -43,17 +45,32 @@ pub(super) struct Writer {
 
 impl Writer {
     pub fn new(schedule: Schedule, fps: f64, is_disc: bool) -> Self {
+        let mut writer =
+            Self { schedule, fps: fps.ceil() as u64, mux_rate: 0, buffer_kib: 0, passed: 0, is_first: true, is_disc };
+        writer.bound();
+        writer
+    }
+
+    /// Fills a buffer that the stream states. Gives when the first picture is decoded then.
+    pub fn restate(&mut self, stated: (u32, u32)) -> u64 {
+        self.schedule = Schedule::of_stated(stated);
+        self.bound();
+        self.schedule.start()
+    }
+
+    /// Sets the rate of the program and the buffer to those of the schedule.
+    fn bound(&mut self) {
+        let (schedule, is_disc) = (&self.schedule, self.is_disc);
         // Full packs have the fewest headers. Each picture may leave a pack that is not full, with the most headers. Small
         // pictures that come close together are in time if two such packs pass in a frame period, and a single picture if
         // one passes within SLACK.
         let full = (schedule.bytes_per_second as usize * PACK).div_ceil(PACK - HEADERS_LEAST);
         let packs_in_period = if is_disc { 3 } else { 2 };
-        let partial = (packs_in_period * fps.ceil() as usize).max((CLOCK / SLACK) as usize) * (PACK + HEADERS);
+        let partial = (packs_in_period * self.fps as usize).max((CLOCK / SLACK) as usize) * (PACK + HEADERS);
         let least = if is_disc { DISC_MUX_RATE } else { 0 };
-        let mux_rate = ((full + partial).div_ceil(50) as u64).clamp(least, (1 << 22) - 1);
+        self.mux_rate = ((full + partial).div_ceil(50) as u64).clamp(least, (1 << 22) - 1);
         // Room for a pack more: within one, bytes come faster than the schedule knows.
-        let buffer_kib = (schedule.buffer + PACK as u64).div_ceil(1024).min((1 << 13) - 1);
-        Self { schedule, mux_rate, buffer_kib, passed: 0, is_first: true, is_disc }
+        self.buffer_kib = (schedule.buffer + PACK as u64).div_ceil(1024).min((1 << 13) - 1);
     }
 
     /// The packs of one picture; `end` follows the last one, within its 2048 bytes at most.

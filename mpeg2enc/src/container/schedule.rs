@@ -29,14 +29,24 @@ pub(super) struct Schedule {
 
 impl Schedule {
     pub fn new(config: &Config) -> Self {
-        let (bit_rate, buffer_size) = config.stated_rate();
-        // A rate of 0 is refused by the encoder, but may come here before.
-        let (bytes_per_second, buffer) = (50 * u64::from(bit_rate.max(1)), 2048 * u64::from(buffer_size));
-        // The buffer is as full as rate control believes; nothing else needs it full.
-        let full = match config.rate {
-            Rate::ConstantQuantiser => buffer.min(bytes_per_second / 2),
-            rate => starting_fullness(rate, 8 * buffer as i64) as u64 / 8,
-        };
+        match config.rate {
+            Rate::ConstantQuantiser => Self::of_stated(config.stated_rate()),
+            rate => {
+                let (bytes_per_second, buffer) = in_bytes(config.stated_rate());
+                // The buffer is as full as rate control believes.
+                Self::filled(bytes_per_second, buffer, starting_fullness(rate, 8 * buffer as i64) as u64 / 8)
+            }
+        }
+    }
+
+    /// For a variable rate of which a stream states the bounds: bit_rate and vbv_buffer_size.
+    pub fn of_stated(stated: (u32, u32)) -> Self {
+        let (bytes_per_second, buffer) = in_bytes(stated);
+        Self::filled(bytes_per_second, buffer, buffer.min(bytes_per_second / 2))
+    }
+
+    /// With a buffer of which `full` bytes are filled when the first picture is decoded.
+    fn filled(bytes_per_second: u64, buffer: u64, full: u64) -> Self {
         Self {
             bytes_per_second,
             buffer: buffer + (bytes_per_second * SLACK).div_ceil(CLOCK),
@@ -50,6 +60,11 @@ impl Schedule {
     /// When the first picture is decoded: the buffer was filled then.
     pub fn start(&self) -> u64 {
         self.start
+    }
+
+    /// Lets no more than this many bytes wait.
+    pub fn bound(&mut self, most: u64) {
+        self.buffer = self.buffer.min(most);
     }
 
     /// A picture begins, which will be decoded at this time.
@@ -87,9 +102,16 @@ impl Schedule {
         self.next = self.next.max(u128::from(time) * u128::from(self.bytes_per_second));
     }
 
-    fn now(&self) -> u64 {
+    /// When the next byte may arrive.
+    pub fn now(&self) -> u64 {
         (self.next / u128::from(self.bytes_per_second)) as u64
     }
+}
+
+/// Bytes a second and in the buffer, of bit_rate and vbv_buffer_size.
+fn in_bytes((bit_rate, buffer_size): (u32, u32)) -> (u64, u64) {
+    // A rate of 0 is refused by the encoder, but may come here before.
+    (50 * u64::from(bit_rate.max(1)), 2048 * u64::from(buffer_size))
 }
 
 #[cfg(test)]

@@ -3,10 +3,10 @@
 use super::{
     clock::CLOCK,
     pes::{Header, Picture},
-    schedule::Schedule,
+    schedule::{SLACK, Schedule},
 };
 use crate::{
-    Standard,
+    Config, Level, Rate, Standard,
     bits::{BitSink, BitWriter},
 };
 
@@ -18,9 +18,13 @@ const PMT_PID: u32 = 0x1000;
 const VIDEO_PID: u32 = 0x100;
 const NULL_PID: u32 = 0x1fff;
 const PROGRAM: u32 = 1;
-/// The longest time between two clock references is 0.1 s (2.7.2); the tables come as often, so that a receiver finds its
-/// way soon.
+/// The byte of a packet with the last bit of program_clock_reference_base.
+const REFERENCE_BYTE: usize = 10;
+/// A clock reference goes with a packet that comes this long after the last one, and the tables as often as every third of them, so
+/// that a receiver finds its way soon.
 const CLOCK_INTERVAL: u64 = CLOCK / 30;
+/// The longest time between two clock references, 0.04 s: that of DVB (ETSI TS 101 154, 4.1.5.3). The standard allows 0.1 s (2.7.2).
+const CLOCK_INTERVAL_MOST: u64 = CLOCK / 25;
 const TABLE_INTERVAL: u64 = CLOCK / 10;
 /// The fewest packets of a stream: ffmpeg recognizes none with less than 2040 bytes, ten times the largest packet.
 const LEAST_PACKETS: usize = 11;
@@ -37,6 +41,39 @@ pub(super) struct Writer {
     clock_sent: Option<u64>,
     /// Packets so far.
     packets: usize,
+    /// Times of packets at a constant rate.
+    slots: Option<Slots>,
+}
+
+/// Packets that come one after the other, at a constant rate.
+#[derive(Clone, Copy)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Slots {
+    bytes_per_second: u64,
+}
+
+impl Slots {
+    /// For video at `bytes_per_second` of `fps` pictures.
+    fn new(bytes_per_second: u64, fps: f64) -> Self {
+        // A picture may come with two tables, and leave a packet that is not full; its times take a part of another one.
+        let extra = (4 * fps.ceil() as u64 + CLOCK / CLOCK_INTERVAL * 2).max(4 * CLOCK / SLACK);
+        let full = (bytes_per_second * PACKET as u64).div_ceil((PACKET - 4) as u64);
+        Self { bytes_per_second: full + extra * PACKET as u64 }
+    }
+
+    /// When the first byte of a packet comes in, rounded down.
+    fn begin(self, number: usize) -> u64 {
+        self.time(number, 0)
+    }
+
+    /// program_clock_reference in a packet: when the byte comes in that ends its base (2.4.2.2).
+    fn reference_after(self, number: usize) -> u64 {
+        self.time(number, REFERENCE_BYTE)
+    }
+
+    fn time(self, number: usize, byte: usize) -> u64 {
+        (u128::from(CLOCK) * (number * PACKET + byte) as u128 / u128::from(self.bytes_per_second)) as u64
+    }
 }
 
 /// Adaptation field, in front of the payload of a packet (2.4.3.4).
@@ -59,8 +96,25 @@ struct PacketHeader {
 }
 
 impl Writer {
-    pub fn new(schedule: Schedule, standard: Standard) -> Self {
-        Self { schedule, standard, counters: [0; 3], tables_sent: None, clock_sent: None, packets: 0 }
+    pub fn new(mut schedule: Schedule, config: &Config) -> Self {
+        let (standard, limits) = (config.standard, config.level().limits());
+        let (bit_rate, buffer_size) = config.stated_rate();
+        // Up to Main Level, a buffer that is smaller than the level's leaves room for multiplexing.
+        let buffer_size = match limits.level <= Level::Main {
+            true => limits.vbv_buffer_size.max(buffer_size.into()),
+            false => buffer_size.into(),
+        };
+        let constant = matches!(config.rate, Rate::Constant { .. });
+        let slots = constant.then(|| Slots::new(schedule.bytes_per_second, config.stated_frame_rate().fps()));
+        schedule.bound(most_waiting(limits.bits_per_second.max(400 * u64::from(bit_rate)), buffer_size));
+        Self { schedule, standard, counters: [0; 3], tables_sent: None, clock_sent: None, packets: 0, slots }
+    }
+
+    /// Fills a buffer that the stream states. Gives when the first picture is decoded then.
+    pub fn restate(&mut self, stated: (u32, u32)) -> u64 {
+        self.schedule = Schedule::of_stated(stated);
+        self.schedule.bound(most_waiting(400 * u64::from(stated.0), stated.1.into()));
+        self.schedule.start()
     }
 
     /// The packets of one picture.
@@ -71,33 +125,76 @@ impl Writer {
         data.extend(&picture.data);
         let mut out = Vec::with_capacity(data.len() * PACKET / (PACKET - 12) + 4 * PACKET);
         let mut rest = &data[..];
-        let mut begins = true;
+        let (mut begins, mut was_paused) = (true, false);
         while !rest.is_empty() {
-            let arrival = self.schedule.wait(rest.len().min(PACKET - 4) as u64);
-            let is_due = |sent: Option<u64>, interval| sent.is_none_or(|sent| arrival >= sent + interval);
-            if begins && (picture.is_entry || is_due(self.tables_sent, TABLE_INTERVAL)) {
+            let free = self.schedule.now();
+            let due = self.schedule.wait(rest.len().min(PACKET - 4) as u64);
+            // Bytes between two references come at one rate: a pause ends with a reference, and the next packet has one for the rate after it.
+            let is_paused = due > free;
+            self.fill(&mut out, due);
+            let is_due = |sent: Option<u64>, interval, now| sent.is_none_or(|sent| now >= sent + interval);
+            if begins && (picture.is_entry || is_due(self.tables_sent, TABLE_INTERVAL, due)) {
                 self.put_tables(&mut out);
-                self.tables_sent = Some(arrival);
+                self.tables_sent = Some(due);
             }
-            let clock = (begins || is_due(self.clock_sent, CLOCK_INTERVAL)).then_some(arrival);
+            let now = self.slots.map_or(due, |slots| slots.reference_after(self.packets + out.len() / PACKET));
+            let has_clock = begins || is_paused || was_paused || is_due(self.clock_sent, self.clock_interval(), now);
+            let clock = has_clock.then_some(now);
             self.clock_sent = clock.or(self.clock_sent);
             let adaptation = Adaptation { random_access: begins && picture.is_entry, clock };
             let taken =
                 put_packet(&mut out, PacketHeader { pid: VIDEO_PID, begins, adaptation }, &mut self.counters[2], rest);
             // Only the elementary stream goes through the buffer.
             self.schedule.take(taken.saturating_sub(if begins { header } else { 0 }) as u64);
-            (rest, begins) = (&rest[taken..], false);
+            (rest, begins, was_paused) = (&rest[taken..], false, is_paused && !begins);
         }
         self.packets += out.len() / PACKET;
         out
     }
 
+    /// Time after which the next packet has a clock reference.
+    fn clock_interval(&self) -> u64 {
+        // Tables may come in between, in packets that take their time.
+        if self.slots.is_some() { CLOCK_INTERVAL / 2 } else { CLOCK_INTERVAL }
+    }
+
+    /// Packets without video until the video is `due`: clock references, and at a constant rate null packets.
+    fn fill(&mut self, out: &mut Vec<u8>, due: u64) {
+        if let Some(slots) = self.slots {
+            loop {
+                let number = self.packets + out.len() / PACKET;
+                if slots.begin(number) >= due {
+                    return;
+                }
+                let now = slots.reference_after(number);
+                if self.clock_sent.is_some_and(|sent| now >= sent + self.clock_interval()) {
+                    self.put_clock(out, now);
+                } else {
+                    put_null(out);
+                }
+            }
+        }
+        while let Some(sent) = self.clock_sent
+            && due > sent + CLOCK_INTERVAL_MOST
+        {
+            let gap = due - sent;
+            self.put_clock(out, sent + gap / gap.div_ceil(CLOCK_INTERVAL_MOST));
+        }
+    }
+
+    /// A packet with a clock reference alone, which does not count (2.4.3.3).
+    fn put_clock(&mut self, out: &mut Vec<u8>, clock: u64) {
+        let adaptation = Adaptation { random_access: false, clock: Some(clock) };
+        let mut counter = (self.counters[2] + 15) % 16;
+        put_packet(out, PacketHeader { pid: VIDEO_PID, begins: false, adaptation }, &mut counter, &[]);
+        self.clock_sent = Some(clock);
+    }
+
     /// Null packets (Table 2-3), if the stream is so short that programs would not recognize it.
     pub fn finish(self) -> Vec<u8> {
-        let (mut out, mut counter) = (Vec::new(), 0);
-        let header = PacketHeader { pid: NULL_PID, begins: false, adaptation: Adaptation::default() };
+        let mut out = Vec::new();
         for _ in self.packets..LEAST_PACKETS {
-            put_packet(&mut out, header, &mut counter, &[0xff; PACKET - 4]);
+            put_null(&mut out);
         }
         out
     }
@@ -126,6 +223,18 @@ impl Writer {
         map.put(0, 12); // ES_info_length
         put_section(out, PMT_PID, &mut self.counters[1], 0x02, &map.into_bytes());
     }
+}
+
+/// The most bytes that may wait in a decoder: 4 ms of the level's bit rate and a 750th of it for headers, and the buffer of
+/// `buffer_size` times 16 384 bits (2.4.2.3).
+fn most_waiting(bits_per_second: u64, buffer_size: u64) -> u64 {
+    (bits_per_second / 250 + bits_per_second / 750 + 16_384 * buffer_size) / 8
+}
+
+/// A null packet (Table 2-3).
+fn put_null(out: &mut Vec<u8>) {
+    let header = PacketHeader { pid: NULL_PID, begins: false, adaptation: Adaptation::default() };
+    put_packet(out, header, &mut 0, &[0xff; PACKET - 4]);
 }
 
 /// A section in a packet of its own. The number after its length is that of the stream, or of the program: both are 1.
@@ -170,7 +279,9 @@ fn put_packet(
     writer.put(0, 1); // transport_priority
     writer.put(pid, 13); // PID
     writer.put(0, 2); // transport_scrambling_control
-    writer.put(if field > 0 { 0b11 } else { 0b01 }, 2); // adaptation_field_control
+    let has_payload = !payload.is_empty();
+    writer.put((field > 0).into(), 1); // adaptation_field_control: a field, a payload
+    writer.put(has_payload.into(), 1);
     writer.put(*counter, 4); // continuity_counter
     *counter = (*counter + 1) % 16;
     if field > 0 {

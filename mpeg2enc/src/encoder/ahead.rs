@@ -2,8 +2,9 @@
 
 use crate::{
     Config, KnownMotion, Picture, PictureType, Rate, RestoreError,
+    bounds::Bounds,
     coder::{Coded, Coder, Direction, Job, Packet},
-    header::{VBV_DELAY_VARIABLE, macroblock_counts},
+    header::VBV_DELAY_VARIABLE,
     lookahead::{Lookahead, plan::Span, weights},
     motion::Candidates,
     quantiser_scale::spread_over_rows,
@@ -18,6 +19,7 @@ use std::sync::Arc;
 pub(super) struct Ahead {
     lookahead: Lookahead,
     rate: Option<RateControl>,
+    bounds: Bounds,
     /// The last two I or P pictures.
     anchors: [Option<Anchor>; 2],
     /// Display index of the first picture of the group.
@@ -41,6 +43,8 @@ struct Turn<'a> {
     factors: &'a [u32],
     /// Headers in front of the picture.
     headers: Vec<u8>,
+    /// Whether the group that begins with the picture is closed.
+    is_closed: bool,
     /// This picture and the known ones after it, in the order of coding; empty where bits are not bounded.
     upcoming: &'a [Upcoming],
     /// No frame comes after those.
@@ -49,9 +53,10 @@ struct Turn<'a> {
 
 impl Ahead {
     pub fn new(config: &Config) -> Self {
-        let (columns, rows) = macroblock_counts(config.width, config.height);
+        let (columns, rows) = config.macroblock_counts();
         Self {
             rate: RateControl::new(config, columns * rows),
+            bounds: Bounds::default(),
             lookahead: Lookahead::new(config.effort),
             anchors: [None, None],
             group_start: 0,
@@ -144,11 +149,19 @@ impl Ahead {
         let mut headers = Vec::new();
         if span.is_intra {
             self.group_start = span.anchor - span.b_pictures;
-            headers = coder.group_headers(self.group_start as u64, span.b_pictures == 0);
+            headers = self.group_headers(coder, span.b_pictures == 0);
         }
+        let is_closed = span.b_pictures == 0;
         let picture_type = if span.is_intra { PictureType::I } else { PictureType::P };
-        let anchor =
-            Turn { index: span.anchor, picture_type, factors: &factors, headers, upcoming: &upcoming, complete };
+        let anchor = Turn {
+            index: span.anchor,
+            picture_type,
+            factors: &factors,
+            headers,
+            is_closed,
+            upcoming: &upcoming,
+            complete,
+        };
         let coded = self.code_within_rate(coder, anchor);
         packets.push(coded.packet);
         self.anchors.swap(0, 1);
@@ -160,6 +173,7 @@ impl Ahead {
                 picture_type: PictureType::B,
                 factors: &b_factors,
                 headers: Vec::new(),
+                is_closed,
                 upcoming: upcoming.get(i + 1..).unwrap_or_default(),
                 complete,
             };
@@ -171,9 +185,7 @@ impl Ahead {
     fn code_within_rate(&mut self, coder: &mut Coder, turn: Turn) -> Coded {
         let wanted_x256 = coder.config.quantiser_x256();
         let Some(mut rate) = self.rate.take() else {
-            let mut coded = self.code_picture(coder, &turn, wanted_x256, VBV_DELAY_VARIABLE);
-            coded.packet.prepend(turn.headers);
-            return coded;
+            return self.code_within_bounds(coder, turn);
         };
         let Turn { picture_type, upcoming, complete, .. } = turn;
         let header_bits = 8 * turn.headers.len() as i64;
@@ -217,10 +229,39 @@ impl Ahead {
         coded
     }
 
+    /// Codes one picture with the quantiser of the settings times its factors, coarser if the level's buffer requires it.
+    fn code_within_bounds(&mut self, coder: &mut Coder, turn: Turn) -> Coded {
+        let mut base_x256 = coder.config.quantiser_x256();
+        let mut coded = loop {
+            let coded = self.code_picture(coder, &turn, base_x256, VBV_DELAY_VARIABLE);
+            let bits = coded.packet.bits + 8 * turn.headers.len() as u64;
+            self.bounds.begin(&mut coder.config, bits);
+            match self.bounds.coarser(base_x256, bits) {
+                Some(coarser) => base_x256 = coarser,
+                None => break coded,
+            }
+        };
+        // Only now is the level known that they state.
+        let is_first = !turn.headers.is_empty();
+        let headers = if is_first { self.group_headers(coder, turn.is_closed) } else { Vec::new() };
+        coded.packet.prepend(headers);
+        self.bounds.take(coded.packet.bits);
+        coded
+    }
+
+    fn group_headers(&self, coder: &Coder, is_closed: bool) -> Vec<u8> {
+        coder.group_headers(self.group_start as u64, is_closed)
+    }
+
+    /// Lets `config` state what the stream has stated.
+    pub fn restate(&self, config: &mut Config) {
+        self.bounds.restate(config);
+    }
+
     /// Codes one picture; `base_x256` is quantiser_scale before factors, in 256ths.
     fn code_picture(&mut self, coder: &mut Coder, turn: &Turn, base_x256: u32, vbv_delay: u32) -> Coded {
         let &Turn { index, picture_type, factors, .. } = turn;
-        let columns = macroblock_counts(coder.config.width, coder.config.height).0;
+        let columns = coder.config.macroblock_counts().0;
         // A factor that all macroblocks share would jump from one quantiser that exists to the next.
         let spreads = coder.config.has_mean_quantiser() && factors.iter().all(|&factor| factor == factors[0]);
         let q_scale_type = coder.q_scale_type();
@@ -260,7 +301,7 @@ impl Ahead {
 
     /// Whether an encoder of these settings can continue from here.
     pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
-        let counts = macroblock_counts(config.width, config.height);
+        let counts = config.macroblock_counts();
         self.lookahead.check(config)?;
         let (first, end) = (self.lookahead.first(), self.lookahead.end());
         let last = self.last_anchor();
@@ -277,6 +318,7 @@ impl Ahead {
         ensure(self.group_start <= first && first - self.group_start <= longest, "the beginning of the group")?;
         let fresh = RateControl::new(config, counts.0 * counts.1);
         ensure(self.rate.is_some() == fresh.is_some(), "rate control")?;
+        self.bounds.check(config, last.is_some())?;
         self.rate.iter().zip(fresh).try_for_each(|(rate, fresh)| rate.check(&fresh))
     }
 }

@@ -3,8 +3,9 @@
 use super::weighted::scales_x16;
 use crate::{
     Config, Picture, PictureType, RestoreError,
+    bounds::Bounds,
     coder::{Coder, Direction, Job, Packet},
-    header::{VBV_DELAY_VARIABLE, macroblock_counts},
+    header::VBV_DELAY_VARIABLE,
     motion::{CoarseSearch, all_candidates, quarter},
     restore::{ensure, is_whole},
     vector::HalfSample,
@@ -22,6 +23,7 @@ pub(super) struct Immediate {
     reference: Option<Arc<Picture>>,
     /// Vectors of the last picture, or empty.
     vectors: Vec<HalfSample>,
+    bounds: Bounds,
 }
 
 impl Immediate {
@@ -34,13 +36,8 @@ impl Immediate {
         weights: Option<Vec<u32>>,
     ) -> Packet {
         let config = &coder.config;
-        let (columns, rows) = macroblock_counts(config.width, config.height);
+        let (columns, rows) = config.macroblock_counts();
         let place_in_group = self.count % u64::from(config.gop);
-        let quantiser_scale = config.quantiser_scale;
-        let scales_x16 = match weights.filter(|_| !config.uniform_quantiser) {
-            Some(weights) => scales_x16(&weights, columns, quantiser_scale, coder.q_scale_type()),
-            None => vec![16 * quantiser_scale; columns * rows],
-        };
         let padded = (!is_whole(frame, (columns, rows))).then(|| coder.whole(frame));
         let source = padded.as_deref().unwrap_or(frame);
         let reference = self.reference.take().filter(|_| place_in_group != 0);
@@ -58,20 +55,39 @@ impl Immediate {
             before: &self.vectors,
             coarse: quarters.as_ref().map(|[source, reference]| CoarseSearch { source, reference }),
         });
-        let coded = coder.code(&Job {
-            picture_type: if forward.is_some() { PictureType::P } else { PictureType::I },
-            display_index: self.count,
-            temporal_reference: place_in_group as u32,
-            vbv_delay: VBV_DELAY_VARIABLE,
-            source,
-            directions: [forward, None],
-            quantiser_scale,
-            scales_x16: &scales_x16,
-        });
+        let mut settings = coder.config.clone();
+        let headers = if forward.is_none() { coder.group_headers(self.count, true) } else { Vec::new() };
+        let mut quantiser_scale = settings.quantiser_scale;
+        let coded = loop {
+            let scales_x16 = match weights.as_ref().filter(|_| !settings.uniform_quantiser) {
+                Some(weights) => scales_x16(weights, columns, quantiser_scale, coder.q_scale_type()),
+                None => vec![16 * quantiser_scale; columns * rows],
+            };
+            let coded = coder.code(&Job {
+                picture_type: if forward.is_some() { PictureType::P } else { PictureType::I },
+                display_index: self.count,
+                temporal_reference: place_in_group as u32,
+                vbv_delay: VBV_DELAY_VARIABLE,
+                source,
+                directions: [forward, None],
+                quantiser_scale,
+                scales_x16: &scales_x16,
+            });
+            let bits = coded.packet.bits + 8 * headers.len() as u64;
+            self.bounds.begin(&mut coder.config, bits);
+            let coarser = self.bounds.coarser(256 * quantiser_scale, bits);
+            let coarser = coarser.map(|coarser| settings.quantiser_at_least(coarser.div_ceil(256)));
+            let Some(coarser) = coarser.filter(|&coarser| coarser > quantiser_scale) else { break coded };
+            quantiser_scale = coarser;
+            coder.set_config(coder.config.clone().with_quantiser_scale(coarser));
+        };
+        // Headers have the same length at each level, which is chosen only now.
+        let headers = if forward.is_none() { coder.group_headers(self.count, true) } else { Vec::new() };
+        settings.raised = coder.config.raised;
+        coder.set_config(settings);
         let mut packet = coded.packet;
-        if packet.picture_type == PictureType::I {
-            packet.prepend(coder.group_headers(self.count, true));
-        }
+        packet.prepend(headers);
+        self.bounds.take(packet.bits);
         let [vectors, _] = coded.vectors;
         self.vectors = vectors;
         self.reference = coded.reference;
@@ -79,12 +95,24 @@ impl Immediate {
         packet
     }
 
+    /// Codes the last picture again, as it was decoded: nothing is left to code where it is a P picture.
+    pub fn push_again(&mut self, coder: &mut Coder) -> Packet {
+        let last = self.reference.clone().expect("a picture before");
+        self.push(coder, &last, None, None)
+    }
+
+    /// Lets `config` state what the stream has stated.
+    pub fn restate(&self, config: &mut Config) {
+        self.bounds.restate(config);
+    }
+
     /// Whether an encoder of these settings can continue from here.
     pub fn check(&self, config: &Config) -> Result<(), RestoreError> {
-        let counts = macroblock_counts(config.width, config.height);
+        let counts = config.macroblock_counts();
         let reference = self.reference.as_ref();
         ensure(reference.is_some() == (self.count > 0), "the reference picture")?;
         ensure(reference.is_none_or(|reference| is_whole(reference, counts)), "the size of the reference picture")?;
+        self.bounds.check(config, self.count > 0)?;
         let complete = self.vectors.is_empty() || self.vectors.len() == counts.0 * counts.1;
         ensure(complete && self.vectors.iter().all(|vector| vector.is_plausible()), "vectors")
     }

@@ -33,12 +33,14 @@ pub(crate) fn by_activity(luma: &Plane<u8>) -> Vec<u32> {
     logarithms.iter().map(|l| power((l - mean) * STRENGTH_256THS / 256).clamp(FACTORS.0, FACTORS.1)).collect()
 }
 
-/// Factors as they came from a caller: 1 where they are not numbers.
-pub(crate) fn given(weights: &Plane<f32>) -> Vec<u32> {
-    let factor = |&weight: &f32| {
+/// Factors of `counts` macroblocks across and down as they came from a caller: 1 where they are not numbers, and those of
+/// the border outside of the requested picture.
+pub(crate) fn given(weights: &Plane<f32>, counts: (usize, usize)) -> Vec<u32> {
+    let factor = |weight: f32| {
         if weight.is_nan() { 256 } else { (256.0 * weight).round().clamp(GIVEN.0 as f32, GIVEN.1 as f32) as u32 }
     };
-    weights.samples().iter().map(factor).collect()
+    let at = |x: usize, y: usize| weights.get(x.min(weights.width() - 1), y.min(weights.height() - 1));
+    Plane::from_fn(counts.0, counts.1, |x, y| factor(at(x, y))).samples().to_vec()
 }
 
 /// Whether a factor in 256ths is one that an encoder makes.
@@ -99,6 +101,6 @@ mod tests {
     #[test]
     fn what_callers_give_is_kept_within_reason() {
         let weights = Plane::from_vec(5, 1, vec![1.0, 0.5, f32::NAN, -3.0, f32::INFINITY]);
-        assert_eq!(given(&weights), [256, 128, 256, 16, 4096]);
+        assert_eq!(given(&weights, (5, 1)), [256, 128, 256, 16, 4096]);
     }
 }

@@ -1,7 +1,7 @@
 //! Decoders show what the encoder says they show.
 
 use crate::common::*;
-use mpeg2enc::{KnownMotion, Level};
+use mpeg2enc::{KnownMotion, Level, Packet};
 use plane::Plane;
 
 /// Least agreement that is required in a group of 15, dB: in each picture the integer transforms of both decoders
@@ -138,6 +138,28 @@ fn a_multiple_of_4096_is_coded_one_larger() {
         for (frame, packet) in frames.iter().zip(&packets) {
             let shown = Plane::from_fn(4096, 20, |x, y| frame.luma().get(x, y));
             assert!(mpeg2enc::psnr(&shown, packet.reconstruction.luma()) > AGREEMENT_DB);
+        }
+    }
+}
+
+/// Planes of packets are those of the requested picture, whatever is coded around it.
+#[test]
+fn a_multiple_of_4096_takes_weights_and_gives_planes_of_its_own_size() {
+    for (width, height) in [(4096usize, 20usize), (20, 8192), (12_288, 16)] {
+        let (columns, rows) = (width.div_ceil(16), height.div_ceil(16));
+        for lookahead in [0, 2] {
+            let mut encoder = config(width, height).with_lookahead(lookahead).encoder().expect("a valid configuration");
+            let weights = Plane::filled(columns, rows, 0.5);
+            let frames = (0..2).map(|time| moving(width, height, time));
+            let mut packets: Vec<Packet> =
+                frames.flat_map(|frame| encoder.push_weighted(&frame, KnownMotion::default(), &weights)).collect();
+            packets.extend(encoder.finish().packets);
+            assert_eq!(packets.len(), 2);
+            for packet in packets {
+                let kinds = &packet.macroblock_kinds;
+                assert_eq!((kinds.width(), kinds.height()), (columns, rows), "{width}x{height}");
+                assert_eq!(packet.coded().luma().width(), width, "{width}x{height}");
+            }
         }
     }
 }

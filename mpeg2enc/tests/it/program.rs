@@ -329,6 +329,13 @@ fn full_range_becomes_limited_range() {
     assert!(full != of("XOTHER=FULLY", frames().collect()));
 }
 
+/// YUV4MPEG2 states no matrix, and programs that write it assume BT.601.
+#[test]
+fn the_matrix_of_a_clip_is_that_of_bt601() {
+    let called = call_with(&["-", "-o", "-"], &clip(HEADER, 1)[..]).succeeds();
+    assert!(called.output.windows(8).any(|bytes| bytes == [0, 0, 1, 0xb5, 0x2b, 1, 1, 6]));
+}
+
 #[test]
 fn colors_reach_the_stream() {
     let options = ["--primaries", "bt470bg", "--transfer", "smpte170m", "--matrix", "fcc"];

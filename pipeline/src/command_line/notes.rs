@@ -1,6 +1,8 @@
 //! Notes on a scene and its film: what users may not expect, and nothing refuses.
 
-use crate::settings::Settings;
+use crate::report::Report;
+use crate::settings::{CodedRate, Settings, Size};
+use mpeg2enc::Level;
 use perceptual::luminance_plane;
 use plane::Plane;
 use render_core::luminance;
@@ -17,7 +19,35 @@ const DIM: f32 = 1e-3;
 pub(super) fn before(scene: &Scene, settings: &Settings) -> Vec<String> {
     let mut notes = scene.warnings.clone();
     notes.extend(beyond_the_end(scene, settings));
+    notes.extend(beyond_levels(settings));
     notes
+}
+
+/// A note that no level is right for size and rate, if none is.
+fn beyond_levels(settings: &Settings) -> Option<String> {
+    let (Size { width, height }, rate) = (settings.size, CodedRate::of(settings.fps).ok()?.rate);
+    if settings.mpeg1 || Level::lowest(width, height, rate.fps()).is_some() {
+        return None;
+    }
+    let fps = rate.fps();
+    Some(format!(
+        "no level of MPEG-2 holds {width}x{height} at {fps:.2} pictures a second: the film states High Level, which is too low"
+    ))
+}
+
+/// A note on frames that were coded coarser than at the quantiser of the settings, so that the level holds them.
+pub(super) fn on_level(report: &Report) -> Option<String> {
+    let settings = &report.settings;
+    if settings.bitrate.is_some() {
+        return None;
+    }
+    let coarser = report.frames.iter().filter(|frame| frame.qscale > settings.qscale).count();
+    (coarser > 0).then(|| {
+        let qscale = settings.qscale;
+        format!(
+            "{coarser} frames are coded coarser than at --qscale {qscale}, to keep to the bit rate that the film states"
+        )
+    })
 }
 
 /// Says that frames are beyond the end of what moves, if any are.

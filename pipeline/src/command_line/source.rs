@@ -4,9 +4,8 @@ use super::foreign;
 use super::print_config::ProgramOption;
 use crate::error::Result;
 use crate::memory;
-use crate::settings::{MemorySize, Settings, read_tone_map};
+use crate::settings::{CodedRate, MemorySize, Settings, read_tone_map};
 use clap::Args;
-use mpeg2enc::FrameRate;
 use render_core::scene::{self, Reach, Scene, SceneSettings, Setting};
 use std::path::{Path, PathBuf};
 
@@ -93,7 +92,7 @@ fn setting(text: &str) -> Result<Setting, String> {
         read_tone_map(table)?;
     }
     if let Some(fps) = alone.video.fps {
-        FrameRate::from_fps(fps).map_err(|error| error.to_string())?;
+        CodedRate::of(fps).map_err(|error| error.to_string())?;
     }
     Ok(setting)
 }

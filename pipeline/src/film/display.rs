@@ -5,9 +5,9 @@ use crate::error::Result;
 use crate::output::{Output, Written};
 use crate::parts::{Displayed, Outline, Shaded};
 use crate::picture_file::{shown, write_shown};
-use crate::settings::{ExrDepth, Settings, Size};
+use crate::settings::{CodedRate, ExrDepth, Settings, Size};
 use crate::state::{decode, encode};
-use perceptual::{ToneMap, YCbCr, luminance_plane};
+use perceptual::{ColorMatrix, ToneMap, YCbCr, luminance_plane};
 use plane::{Picture, Plane};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -25,6 +25,8 @@ pub struct Display {
     tone_map: ToneMap,
     /// Whether the first frame sets the exposure.
     auto_exposure: bool,
+    /// The film's matrix.
+    matrix: ColorMatrix,
     /// Folder for frames as displays show them.
     png: Option<PathBuf>,
     /// Folder for linear frames.
@@ -37,7 +39,8 @@ impl Display {
     /// Shows frames by `tone_map`, and writes no files.
     #[must_use]
     pub fn new(tone_map: ToneMap) -> Self {
-        Self { tone_map, auto_exposure: false, png: None, exr: None, exr_depth: ExrDepth::default(), y4m: None }
+        let (matrix, exr_depth) = (ColorMatrix::default(), ExrDepth::default());
+        Self { tone_map, auto_exposure: false, matrix, png: None, exr: None, exr_depth, y4m: None }
     }
 
     /// The tone curve and the files that `settings` name.
@@ -50,7 +53,8 @@ impl Display {
         let auto_exposure = settings.auto_exposure && !settings.is_in_chunks();
         let (png, exr) = (settings.png.clone(), settings.exr.clone());
         let exr_depth = settings.exr_depth.unwrap_or_default();
-        Ok(Self { auto_exposure, png, exr, exr_depth, y4m, ..Self::new(settings.tone_map) })
+        let matrix = settings.matrix();
+        Ok(Self { auto_exposure, matrix, png, exr, exr_depth, y4m, ..Self::new(settings.tone_map) })
     }
 
     /// Shows all frames with this factor on radiance.
@@ -75,7 +79,7 @@ impl Display {
         let tone_map = self.tone_map;
         let radiance = blended(shaded, &tone_map);
         let luminance = luminance_plane(&radiance);
-        let picture = Arc::new(YCbCr::from_radiance(&radiance, &tone_map));
+        let picture = Arc::new(YCbCr::with_matrix(&radiance, &tone_map, self.matrix));
         let (luminance, importance) = (Arc::new(luminance), shaded.importance.clone());
         Displayed { index, picture, luminance, tone_map, importance, correspondence: None, forward: None }
     }
@@ -89,11 +93,21 @@ impl Display {
             let shown = shown(&blended(&shaded, &self.tone_map), &self.tone_map);
             write_shown(&folder.join(format!("frame_{index:05}.png")), &shown)?;
         }
+        if let Some(file) = &mut self.y4m {
+            // Readers take the matrix of BT.601 for granted.
+            match file.matrix == self.matrix {
+                true => file.write(&picture.picture)?,
+                false => {
+                    let radiance = blended(&shaded, &self.tone_map);
+                    file.write(&YCbCr::with_matrix(&radiance, &self.tone_map, file.matrix).picture)?;
+                }
+            }
+        }
         if let Some(folder) = &self.exr {
             let path = folder.join(format!("frame_{index:05}.exr"));
             write_linear(&path, &shaded.header, &shaded.radiance, shaded.channels, self.exr_depth)?;
         }
-        self.y4m.as_mut().map_or(Ok(()), |file| file.write(&picture.picture))
+        Ok(())
     }
 
     /// The exposure, and how much of the uncompressed film there is on the disk.
@@ -148,20 +162,23 @@ pub(crate) fn exposure_for_luminances(luminances: &[f32]) -> Option<f32> {
     Some(((MIDDLE_GRAY / mean) as f32).clamp(1e-20, 1e20))
 }
 
-/// Uncompressed frames in a YUV4MPEG2 file, chroma sited as MPEG-2 has it.
+/// Uncompressed frames in a YUV4MPEG2 file, chroma sited as MPEG-2 has it. It states no matrix, so that readers assume BT.601.
 #[derive(Debug)]
 pub(crate) struct Y4m {
     path: PathBuf,
     header: String,
+    matrix: ColorMatrix,
     output: Option<Output>,
 }
 
 impl Y4m {
     fn new(path: &Path, settings: &Settings) -> Result<Self> {
-        let (numerator, denominator) = mpeg2enc::FrameRate::from_fps(settings.fps)?.fraction();
+        let (numerator, denominator) = CodedRate::of(settings.fps)?.frames();
+        let [wide, high] = settings.aspect.pixel(settings.size);
         let Size { width, height } = settings.size;
-        let header = format!("YUV4MPEG2 W{width} H{height} F{numerator}:{denominator} Ip A1:1 C420mpeg2\n");
-        Ok(Self { path: path.into(), header, output: None })
+        let header = format!("YUV4MPEG2 W{width} H{height} F{numerator}:{denominator} Ip A{wide}:{high} C420mpeg2\n");
+        let matrix = if settings.y4m_is_coded { settings.matrix() } else { ColorMatrix::Bt601 };
+        Ok(Self { path: path.into(), header, matrix, output: None })
     }
 
     #[cfg(feature = "sweep")]

@@ -3,7 +3,7 @@
 use super::weights::weights;
 use crate::error::{Error, Result};
 use crate::parts::{CodedFrame, Coding, Displayed, Encode, Encoded};
-use crate::settings::{AdaptiveQuantiser, Settings, begins_chunk};
+use crate::settings::{AdaptiveQuantiser, CodedRate, Settings, begins_chunk};
 use crate::state::{NONSENSE, decode, encode};
 use mpeg2enc::{AccessUnit, Container, Encoder, Finish, KnownMotion, Multiplexer, Packet, Picture};
 use perceptual::NextPicture;
@@ -15,8 +15,10 @@ use std::sync::Arc;
 /// Pictures in, bytes of the file out.
 pub struct Video {
     encoder: Encoder,
-    /// The film's number of the first picture of this encoder.
+    /// The film's number of the first frame of this encoder.
     first: u32,
+    /// Pictures of each frame.
+    pictures: u32,
     /// Frames of a chunk, with the first of which another encoder begins.
     chunk: Option<u32>,
     stream: Stream,
@@ -32,8 +34,14 @@ pub struct Video {
 /// The container, and what its packets tell.
 struct Stream {
     multiplexer: Multiplexer,
-    /// The film's number of the first picture in this file.
+    /// The film's number of the first frame in this file.
     first: u32,
+    /// Pictures of each frame.
+    pictures: u32,
+    /// Whether pictures come out as they are pushed.
+    is_immediate: bool,
+    /// The frame whose pictures may still come.
+    held: Option<CodedFrame>,
     /// The mean over the finest of the pictures coded last, from which the others are predicted; before any, that of the settings.
     quantiser_scale: f32,
     /// Whether masking sees what became of each picture. An encoder that looks ahead is late: masking is then at another one.
@@ -56,16 +64,22 @@ impl Video {
     /// The standard does not have what the settings request; the message names what it has.
     pub fn new(settings: &Settings) -> Result<Self> {
         let config = settings.encoder_config()?;
+        let CodedRate { pictures, .. } = CodedRate::of(settings.fps)?;
         let frames = settings.frame_range();
         let (first, count) = (frames.start, frames.len() as u64);
-        let multiplexer = Multiplexer::new(settings.container(), &config).with_pictures(count);
+        let multiplexer = Multiplexer::new(settings.container(), &config).with_pictures(count * u64::from(pictures));
+        let number = u64::from(first) * u64::from(pictures);
         Ok(Self {
-            encoder: config.with_first_number(first.into()).encoder()?,
+            encoder: config.with_first_number(number).encoder()?,
             first,
+            pictures,
             chunk: settings.chunk,
             stream: Stream {
                 multiplexer,
                 first,
+                pictures,
+                is_immediate: !settings.looks_ahead(),
+                held: None,
                 quantiser_scale: settings.qscale as f32,
                 tells_outcome: settings.thresholds.follow_coding() && !settings.looks_ahead(),
             },
@@ -86,8 +100,17 @@ impl Video {
         Ok(Self {
             encoder: config.encoder()?,
             first: 0,
+            pictures: 1,
             chunk: None,
-            stream: Stream { multiplexer, first: 0, quantiser_scale: quantiser_scale as f32, tells_outcome: false },
+            stream: Stream {
+                multiplexer,
+                first: 0,
+                pictures: 1,
+                is_immediate: true,
+                held: None,
+                quantiser_scale: quantiser_scale as f32,
+                tells_outcome: false,
+            },
             uses_motion: true,
             masks: false,
             waits: false,
@@ -97,11 +120,17 @@ impl Video {
 
     fn push(&mut self, waiting: Waiting, to_next: Option<&Correspondence>) -> Encoded {
         let Waiting { picture, to_previous, weights } = waiting;
-        let motion = KnownMotion { to_previous: to_previous.as_deref(), to_next };
-        let packets = match weights {
+        // A frame of several pictures stands still from each to the next.
+        let still = (self.pictures > 1).then(|| Correspondence::still(picture.width(), picture.height()));
+        let motion = KnownMotion { to_previous: to_previous.as_deref(), to_next: still.as_ref().or(to_next) };
+        let mut packets = match weights {
             Some(weights) => self.encoder.push_weighted(&picture, motion, &weights),
             None => self.encoder.push(&picture, motion),
         };
+        for number in 1..self.pictures {
+            let to_next = if number + 1 == self.pictures { to_next } else { still.as_ref() };
+            packets.extend(self.encoder.push_again(&picture, KnownMotion { to_previous: still.as_ref(), to_next }));
+        }
         self.stream.wrap(packets, self.first)
     }
 
@@ -113,10 +142,11 @@ impl Video {
     /// Ends the chunk before frame `index`, with which another encoder begins. The stream goes on: it has no end here.
     fn begin_chunk(&mut self, index: u32) -> Result<Encoded> {
         let last = self.push_last();
-        let config = self.encoder.config().clone().with_first_number(index.into());
+        let number = u64::from(index) * u64::from(self.pictures);
+        let config = self.encoder.config().clone().with_first_number(number);
         let quantiser_scale = config.quantiser_scale() as f32;
         let Finish { packets, .. } = std::mem::replace(&mut self.encoder, config.encoder()?).finish();
-        let rest = self.stream.wrap(packets, self.first);
+        let rest = self.stream.wrap_last(packets, self.first);
         (self.first, self.stream.quantiser_scale) = (index, quantiser_scale);
         Ok(joined(last, rest))
     }
@@ -124,7 +154,8 @@ impl Video {
     /// Whether frame `index` begins a group, as far as the encoder knows now.
     fn begins_group(&self, index: u32) -> bool {
         // Only a forged state has an encoder that began later.
-        self.encoder.begins_group(index.saturating_sub(self.first).into()) == Some(true)
+        let number = u64::from(index.saturating_sub(self.first)) * u64::from(self.pictures);
+        self.encoder.begins_group(number) == Some(true)
     }
 }
 
@@ -146,23 +177,46 @@ impl Stream {
         });
         // The finest pictures are those that the others are predicted from.
         self.quantiser_scale = scales.reduce(f32::min).unwrap_or(self.quantiser_scale);
-        let outcome = packets.last().filter(|_| self.tells_outcome).map(Packet::coded);
+        let is_first = |packet: &&Packet| packet.display_index.is_multiple_of(self.pictures.into());
+        let outcome = packets.iter().rev().find(is_first).filter(|_| self.tells_outcome).map(Packet::coded);
         let mut coded =
             Encoded { coding: Coding { outcome, ..Coding::of_quantiser(self.quantiser_scale) }, ..Encoded::default() };
         for packet in packets {
-            let index = first.saturating_add(packet.display_index as u32);
-            coded.pictures.push(CodedFrame {
-                index,
-                picture_type: packet.picture_type,
-                bits: packet.bits,
-                quantiser_scale: packet.quantiser_scale,
-                psnr_y: packet.psnr_y,
-                decoded: Some(packet.reconstruction.clone()),
-            });
-            let unit = AccessUnit { display_index: index.saturating_sub(self.first).into(), ..packet.into() };
+            coded.pictures.extend(self.count(&packet, first));
+            let before = u64::from(first.saturating_sub(self.first)) * u64::from(self.pictures);
+            let unit = AccessUnit { display_index: before + packet.display_index, ..packet.into() };
             coded.bytes.extend(self.multiplexer.push(unit));
         }
+        if self.pictures == 1 || self.is_immediate {
+            coded.pictures.extend(self.held.take());
+        }
         coded
+    }
+}
+
+impl Stream {
+    /// The last packets of an encoder.
+    fn wrap_last(&mut self, packets: Vec<Packet>, first: u32) -> Encoded {
+        let mut coded = self.wrap(packets, first);
+        coded.pictures.extend(self.held.take());
+        coded
+    }
+
+    /// Counts a picture among those of its frame, and gives the frame before if it is complete.
+    fn count(&mut self, packet: &Packet, first: u32) -> Option<CodedFrame> {
+        let pictures = u64::from(self.pictures);
+        if let Some(held) = self.held.as_mut().filter(|_| !packet.display_index.is_multiple_of(pictures)) {
+            held.bits += packet.bits;
+            return None;
+        }
+        self.held.replace(CodedFrame {
+            index: first.saturating_add((packet.display_index / pictures) as u32),
+            picture_type: packet.picture_type,
+            bits: packet.bits,
+            quantiser_scale: packet.quantiser_scale,
+            psnr_y: packet.psnr_y,
+            decoded: Some(packet.reconstruction.clone()),
+        })
     }
 }
 
@@ -204,7 +258,7 @@ impl Encode for Video {
     fn finish(mut self) -> Result<Encoded> {
         let last = self.push_last();
         let Finish { packets, end, .. } = self.encoder.finish();
-        let mut coded = joined(last, self.stream.wrap(packets, self.first));
+        let mut coded = joined(last, self.stream.wrap_last(packets, self.first));
         coded.bytes.extend(self.stream.multiplexer.finish(&end));
         Ok(coded)
     }
@@ -216,11 +270,11 @@ impl Encode for Video {
     /// Everything that the next bytes depend on, besides settings and frames to come.
     fn state(&self) -> Vec<u8> {
         let Self { encoder, first, stream, waiting, .. } = self;
-        encode(&(first, encoder.state(), &stream.multiplexer, stream.quantiser_scale, waiting))
+        encode(&(first, encoder.state(), &stream.multiplexer, stream.quantiser_scale, waiting, &stream.held))
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<()> {
-        let (first, encoder, multiplexer, quantiser_scale, waiting) = decode(state)?;
+        let (first, encoder, multiplexer, quantiser_scale, waiting, held) = decode(state)?;
         let (first, waiting): (u32, Option<Waiting>) = (first, waiting);
 
         // Forged weights are those of another picture.
@@ -228,13 +282,18 @@ impl Encode for Video {
             let counts = (picture.width().div_ceil(MACROBLOCK), picture.height().div_ceil(MACROBLOCK));
             weights.as_ref().is_none_or(|weights| (weights.width(), weights.height()) == counts)
         };
-        if !waiting.iter().all(fits) {
+        // Only a frame of several pictures waits for the others.
+        let held: Option<CodedFrame> = held;
+        let may_hold = self.pictures > 1 && !self.stream.is_immediate;
+        if !waiting.iter().all(fits) || held.is_some() && !may_hold {
             return Err(Error::Checkpoint(NONSENSE.into()));
         }
-        let mut same = self.encoder.config().clone().with_first_number(first.into()).encoder()?;
+        let mut same =
+            self.encoder.config().clone().with_first_number(u64::from(first) * u64::from(self.pictures)).encoder()?;
         same.restore(encoder).map_err(|_| Error::Checkpoint(NONSENSE.into()))?;
         (self.encoder, self.first, self.waiting) = (same, first, waiting);
         (self.stream.multiplexer, self.stream.quantiser_scale) = (multiplexer, quantiser_scale);
+        self.stream.held = held;
         Ok(())
     }
 }

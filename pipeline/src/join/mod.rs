@@ -6,12 +6,12 @@
 mod order;
 mod part;
 
-use crate::error::{Context, Result};
+use crate::error::{Context, Error, Result};
 use crate::output::Output;
 use crate::places::FilePlaces;
 use crate::report::{Ending, FrameReport, Summary, path_beside, write_json};
-use crate::settings::{container_of, unknown_ending};
-use mpeg2enc::{AccessUnit, ElementaryStream, Multiplexer};
+use crate::settings::{CodedRate, check_disc, container_of, unknown_ending};
+use mpeg2enc::{AccessUnit, Container, ElementaryStream, Multiplexer};
 use part::Part;
 use serde::Serialize;
 use serde_json::Value;
@@ -99,13 +99,19 @@ pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
     places(paths).writes("-o", Some(output)).check()?;
     let parts = paths.iter().map(|path| Part::read(path)).collect::<Result<Vec<Part>>>()?;
     order::check(&parts)?;
+    if container == Container::Disc {
+        check_disc(output, None, parts[0].fps)?;
+        check_disc_part(&parts[0])?;
+    }
 
     // Each part is read again when its turn comes: a film may be larger than memory.
     let config = parts[0].encoder_config()?;
-    let mut multiplexer = Multiplexer::new(container, &config).with_pictures(parts[0].film_frames.into());
+    let pictures = u64::from(parts[0].pictures);
+    let all = u64::from(parts[0].film_frames) * pictures;
+    let mut multiplexer = Multiplexer::new(container, &config).with_pictures(all);
     let mut film = Output::create(output)?;
     for part in &parts {
-        let first = u64::from(part.range.first);
+        let first = u64::from(part.range.first) * pictures;
         for unit in part.stream()?.units {
             film.write(&multiplexer.push(AccessUnit { display_index: first + unit.display_index, ..unit }))?;
         }
@@ -113,4 +119,21 @@ pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
     film.write(&multiplexer.finish(&ElementaryStream::END))?;
     film.finish().context("the joined film")?;
     Ok(JoinedReport::new(parts, output))
+}
+
+/// Whether a part can be one of DVD-Video, which its own file cannot tell.
+///
+/// # Errors
+/// Its pixels are square, or its rate needs pulldown.
+fn check_disc_part(part: &Part) -> Result<()> {
+    let remedy = match CodedRate::of(part.fps)?.rate.fraction() {
+        (24_000, 1001) => {
+            "has no pulldown, which DVD-Video needs at 23.976 pictures a second: render the film in one run"
+        }
+        _ if part.aspect.is_square() => {
+            "has square pixels, and DVD-Video has pictures of 4:3 or 16:9: render parts with --aspect"
+        }
+        _ => return Ok(()),
+    };
+    Err(Error::content(&part.path, format!(" {remedy}, or name the output .mpg")))
 }

@@ -2,8 +2,8 @@
 
 use crate::error::{Context, Error, Result};
 use crate::report::{FrameReport, Summary, path_beside};
-use crate::settings::FrameRange;
-use mpeg2enc::{Config, ElementaryStream, FrameRate, Standard};
+use crate::settings::{CodedRate, FrameRange, PictureAspect};
+use mpeg2enc::{Config, ElementaryStream, Standard};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 use std::fs;
@@ -16,6 +16,12 @@ pub(super) struct Part {
     pub range: FrameRange,
     /// Frames of the whole film.
     pub film_frames: u32,
+    /// Frames a second.
+    pub fps: f64,
+    /// Shape of the displayed picture.
+    pub aspect: PictureAspect,
+    /// Pictures of each frame.
+    pub pictures: u32,
     /// Sequence header and extensions of its stream.
     pub sequence_header: Vec<u8>,
     pub report: PartReport,
@@ -39,6 +45,8 @@ pub(super) struct PartReport {
 struct Coded {
     size: CodedSize,
     fps: f64,
+    #[serde(default)]
+    aspect: PictureAspect,
     mpeg1: bool,
     bframes: u32,
 }
@@ -71,19 +79,40 @@ impl Part {
             return wrong(format!(" was ended early, {made} of its {wanted} frames are there: go on with --resume"));
         }
 
-        // Sizes of pictures tell streams apart.
+        let place = path_beside(path).display().to_string();
+        let coded: Coded = serde_json::from_value(report.settings.clone().into()).context(place.clone())?;
+        let CodedRate { pictures, .. } = CodedRate::of(coded.fps).context(place)?;
+
+        // Sizes of frames tell streams apart. With a look-ahead, pictures of a frame may be counted with the frame before.
         let mut lines: Vec<(u32, u64)> = report.frames.iter().map(|frame| (frame.index, frame.bits)).collect();
-        let picture = |unit: &mpeg2enc::AccessUnit| (first + unit.display_index as u32, 8 * unit.data.len() as u64);
-        let mut pictures: Vec<(u32, u64)> = stream.units.iter().map(picture).collect();
         lines.sort_unstable();
-        pictures.sort_unstable();
-        if lines != pictures || !pictures.iter().map(|&(index, _)| index).eq(first..=last) {
+        let mut frames = vec![0; wanted as usize];
+        for unit in &stream.units {
+            if let Some(bits) = frames.get_mut((unit.display_index / u64::from(pictures)) as usize) {
+                *bits += 8 * unit.data.len() as u64;
+            }
+        }
+        let is_same = match pictures {
+            1 => lines.iter().map(|&(_, bits)| bits).eq(frames.iter().copied()),
+            _ => lines.iter().map(|&(_, bits)| bits).sum::<u64>() == frames.iter().sum::<u64>(),
+        };
+        let has_all = lines.iter().map(|&(index, _)| index).eq(first..=last);
+        if !is_same || !has_all || stream.units.len() as u64 != wanted * u64::from(pictures) {
             return wrong(format!(" is not the video that {} tells of: bring both again", path_beside(path).display()));
         }
         if !stream.begins_closed {
             return wrong(" begins with pictures that need others before them: it is no part of a film".into());
         }
-        Ok(Self { path: path.into(), range, film_frames, sequence_header: stream.sequence_header, report })
+        Ok(Self {
+            path: path.into(),
+            range,
+            film_frames,
+            fps: coded.fps,
+            aspect: coded.aspect,
+            pictures,
+            sequence_header: stream.sequence_header,
+            report,
+        })
     }
 
     /// The stream, read again.
@@ -106,8 +135,9 @@ impl Part {
     pub fn encoder_config(&self) -> Result<Config> {
         let place = path_beside(&self.path).display().to_string();
         let coded: Coded = serde_json::from_value(self.report.settings.clone().into()).context(place.clone())?;
-        let Coded { size: CodedSize { width, height }, fps, mpeg1, bframes } = coded;
-        let config = Config::new(width, height, FrameRate::from_fps(fps).context(place.clone())?)
+        let Coded { size: CodedSize { width, height }, fps, aspect, mpeg1, bframes } = coded;
+        let config = Config::new(width, height, CodedRate::of(fps).context(place.clone())?.rate)
+            .with_aspect(aspect.ratio())
             .with_standard(if mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
             .with_lookahead(if bframes > 0 { Config::LOOKAHEAD_MAX } else { 0 })
             .with_b_pictures(bframes);

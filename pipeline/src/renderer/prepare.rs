@@ -162,7 +162,7 @@ fn look_by_camera(
         let surfaces = Surfaces::new(scene, &pose);
         let emitters = Emitters::new(&surfaces, &pose, units);
         let Size { width, height } = settings.size;
-        let view = scene.view(&pose, width, height);
+        let view = scene.view(&pose, width, height).with_pixel_aspect(settings.pixel_aspect);
         let accelerator = geometry.place(&pose);
         let posed = PosedScene::new(&accelerator, &surfaces);
         photons.look(posed, &emitters, &view, units);
@@ -255,7 +255,7 @@ impl<'s> Work<'s> {
         let seen = match &self.kept {
             Some(kept) if !self.plan.runs(Stage::PrimaryRays, n) => kept.seen.clone(),
             _ => {
-                let view = self.scene.view(&pose, width, height);
+                let view = self.scene.view(&pose, width, height).with_pixel_aspect(self.settings.pixel_aspect);
                 Arc::new(busy.take(GBuffer::trace(PosedScene::new(&accelerator, &surfaces), &view, (width, height))))
             }
         };

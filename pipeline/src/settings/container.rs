@@ -1,6 +1,7 @@
 //! The container that an output's name says.
 
 use super::chunks::FrameRange;
+use super::coded_rate::CodedRate;
 use crate::error::{Error, Result};
 use crate::places::is_stream;
 use mpeg2enc::Container;
@@ -42,4 +43,19 @@ pub(super) fn check_part(range: Option<FrameRange>, output: &Path) -> Result<()>
     Err(Error::Options(format!(
         "{name}: --range makes a part, which is an elementary stream; name it .m2v, and let render2mpeg join make the film"
     )))
+}
+
+/// Whether DVD-Video has a film's rate.
+///
+/// # Errors
+/// `output` is for a disc, and it has not.
+pub(crate) fn check_disc(output: &Path, range: Option<FrameRange>, fps: f64) -> Result<()> {
+    let rate = CodedRate::of(fps).map(|coded| coded.rate.fraction());
+    let has_rate = [Ok((24_000, 1001)), Ok((25, 1)), Ok((30_000, 1001))].contains(&rate);
+    if has_rate || rate.is_err() || container_of(output, range) != Some(Container::Disc) {
+        return Ok(());
+    }
+    let name = output.display();
+    let text = "use one of these with --fps, or name the output .mpg";
+    Err(Error::Options(format!("{name}: DVD-Video has 23.976, 25 or 29.97 pictures a second, and not {fps}: {text}")))
 }

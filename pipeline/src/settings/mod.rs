@@ -1,6 +1,8 @@
 //! Choices of a run: [`Options`] as they are made, [`Settings`] with every default filled in for a scene.
 
+mod aspect;
 mod chunks;
+mod coded_rate;
 mod container;
 mod emphasis;
 mod options;
@@ -10,9 +12,13 @@ mod resolve;
 mod tiles;
 mod values;
 
+pub use aspect::PictureAspect;
 pub use chunks::FrameRange;
 pub(crate) use chunks::begins_chunk;
-pub(crate) use container::{container_of, unknown_ending};
+pub use coded_rate::CodedRate;
+#[cfg(feature = "command-line")]
+pub(crate) use coded_rate::parse_fps;
+pub(crate) use container::{check_disc, container_of, unknown_ending};
 pub use emphasis::{AdaptiveQuantiser, Importance};
 pub use mpeg2enc::Effort;
 pub use options::Options;
@@ -26,8 +32,8 @@ pub use values::{
 };
 
 use crate::error::Result;
-use mpeg2enc::{Container, Rate, Standard};
-use perceptual::ToneMap;
+use mpeg2enc::{Container, Level, Rate, Standard};
+use perceptual::{ColorMatrix, ToneMap};
 use render_core::scene::Scene;
 use serde::Serialize;
 use std::ops::Range;
@@ -58,6 +64,9 @@ pub struct Settings {
     pub fps: f64,
     /// Size of the picture.
     pub size: Size,
+    /// Shape of the displayed picture.
+    #[serde(skip_serializing_if = "PictureAspect::is_square")]
+    pub aspect: PictureAspect,
     /// The standard's quantiser_scale, 1…112.
     pub qscale: u32,
     /// Choice of the macroblocks that are quantised finer than others.
@@ -136,6 +145,9 @@ pub struct Settings {
     pub aov: Vec<Aov>,
     /// File for the frames before compression, if wanted.
     pub y4m: Option<PathBuf>,
+    /// Whether that file has the matrix of the film, for readers that expect it.
+    #[serde(skip)]
+    pub y4m_is_coded: bool,
 }
 
 fn is_zero(number: &u32) -> bool {
@@ -178,12 +190,20 @@ impl Settings {
         self.bitrate.is_some() || self.bframes > 0
     }
 
+    /// Matrix of the film: MPEG-1 states none, and decoders assume BT.601 (11172-2, 2.4.1).
+    #[must_use]
+    pub fn matrix(&self) -> ColorMatrix {
+        if self.mpeg1 { ColorMatrix::Bt601 } else { ColorMatrix::Bt709 }
+    }
+
     /// Configuration of the encoder for these settings.
     ///
     /// # Errors
     /// A size, rate, quantiser or group of pictures that the standard does not have; the message names what it has.
     pub fn encoder_config(&self) -> Result<mpeg2enc::Config> {
-        let frame_rate = mpeg2enc::FrameRate::from_fps(self.fps)?;
+        let CodedRate { rate: frame_rate, pictures } = CodedRate::of(self.fps)?;
+        let is_disc = self.container() == Container::Disc;
+        let pulldown = is_disc && frame_rate == mpeg2enc::FrameRate::from_fps(24_000.0 / 1001.0)?;
         let rate = match self.bitrate {
             None => Rate::ConstantQuantiser,
             Some(BitRate(bits_per_second)) => {
@@ -196,17 +216,45 @@ impl Settings {
         };
         let config = mpeg2enc::Config::new(self.size.width, self.size.height, frame_rate)
             .with_standard(if self.mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
-            .with_gop(self.gop)
+            .with_gop(coded_group(self.gop, pictures))
+            .with_aspect(self.aspect.ratio())
+            .with_pulldown(pulldown)
             .with_quantiser_scale(self.qscale)
             .with_lookahead(if self.looks_ahead() { mpeg2enc::Config::LOOKAHEAD_MAX } else { 0 })
             .with_b_pictures(self.bframes)
             .with_rate(rate)
             .with_effort(self.effort);
         config.validate()?;
-        Ok(config)
+        // DVD-Video has Main Level.
+        let stated = if pulldown { 30_000.0 / 1001.0 } else { frame_rate.fps() };
+        let lowest = Level::lowest(self.size.width, self.size.height, stated);
+        if is_disc && lowest.is_some_and(|lowest| lowest <= Level::Main) {
+            return Ok(config.with_level(Level::Main));
+        }
+        if !self.is_in_chunks() {
+            return Ok(config);
+        }
+        // Chunks are coded apart: none may choose a level by its pictures.
+        let pixels = (self.size.width * self.size.height) as u64;
+        let bits = if self.qscale < FINE { pixels * BUSY_BITS / u64::from(self.qscale.max(1)) } else { 0 };
+        Ok(config.with_level_for(bits))
     }
 }
 
+/// Pictures from one I picture to the next, of groups of `gop` frames with some `pictures` each: I pictures are first ones.
+fn coded_group(gop: u32, pictures: u32) -> u32 {
+    if pictures == 1 || gop > LONGEST_GROUP {
+        return gop;
+    }
+    gop.saturating_mul(pictures).min(LONGEST_GROUP / pictures * pictures)
+}
+
+/// Films in chunks at finer quantisers than this state a level for busy pictures.
+const FINE: u32 = 8;
+/// Bits of a pixel of noise at quantiser_scale 1; ours, about those of full range. At others it is this divided by them.
+const BUSY_BITS: u64 = 12;
+/// The most pictures from one I picture to the next, as [`mpeg2enc::Config::with_gop`] has it.
+const LONGEST_GROUP: u32 = 132;
 /// A decoder buffers half a second, within what High Level allows.
 const SMALLEST_BUFFER: u32 = 16_384;
 const LARGEST_BUFFER: u32 = 9_781_248;

@@ -1,5 +1,6 @@
 //! Options, by library, command line and file.
 
+use super::aspect::PictureAspect;
 use super::chunks::FrameRange;
 use super::emphasis::{AdaptiveQuantiser, Importance};
 use super::preset::Preset;
@@ -55,13 +56,26 @@ pub struct Options {
     )]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<FrameRange>,
-    /// Pictures a second: 23.976, 24, 25, 29.97, 30, 50, 59.94 or 60 [default: as the TOML file says, else 25]
-    #[cfg_attr(feature = "command-line", arg(long, help_heading = "Film", hide_short_help = true))]
+    /// Frames a second: 23.976, 24, 25, 29.97, 30, 50, 59.94, 60, or a fraction such as 24000/1001; others of which these are multiples
+    /// repeat frames, such as 12 or 15 [default: as the TOML file says, else 25]
+    #[cfg_attr(
+        feature = "command-line",
+        arg(long, value_parser = super::coded_rate::parse_fps, help_heading = "Film", hide_short_help = true)
+    )]
+    #[serde(deserialize_with = "super::coded_rate::optional_fps")]
     pub fps: Option<f64>,
     /// Size of the picture, in pixels [default: 512x512]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "WxH", help_heading = "Film"))]
     #[serde(with = "size_as_text", skip_serializing_if = "Option::is_none")]
     pub size: Option<Size>,
+    /// Shape of the displayed picture: 4:3 or 16:9, with pixels of the shape that follows, or square pixels [default: square; the nearer
+    /// of 4:3 and 16:9 in .vob]
+    #[cfg_attr(
+        feature = "command-line",
+        arg(long, value_name = "SHAPE", help_heading = "Film", hide_short_help = true)
+    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub aspect: Option<PictureAspect>,
     /// MPEG-2's quantiser_scale, 1 (best) to 112 (smallest); ffmpeg's -q:v is half of it [default: 8]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "Q", help_heading = "Quality"))]
     pub qscale: Option<u32>,

@@ -1,7 +1,6 @@
 //! The settings that the renderer reads: what a frame shows, and how exact its light is.
 
-use super::{Aov, Importance, Lighting, PixelShading, Settings, Size, Stopping, Thresholds, TileSettings};
-use mpeg2enc::FrameRate;
+use super::{Aov, CodedRate, Importance, Lighting, PixelShading, Settings, Size, Stopping, Thresholds, TileSettings};
 use perceptual::ToneMap;
 use render_core::image_file::FramePlace;
 
@@ -22,6 +21,8 @@ pub struct RenderSettings {
     pub every: u32,
     /// Size of the picture.
     pub size: Size,
+    /// Width of a pixel as a share of its height.
+    pub pixel_aspect: f32,
     /// Weights of the maps that say where people look, if they are to steer anything.
     pub importance: Option<Importance>,
     /// Factor G on thresholds: they are divided by G where importance is 1, and multiplied where it is 0.
@@ -93,7 +94,7 @@ impl RenderSettings {
     /// Frame `n` in a film of the rate that the video has; none of a rate that no video has.
     #[must_use]
     pub fn place(&self, n: u32) -> Option<FramePlace> {
-        let (frames, seconds) = FrameRate::from_fps(self.fps).ok()?.fraction();
+        let (frames, seconds) = CodedRate::of(self.fps).ok()?.frames();
         Some(FramePlace { number: n, frames, seconds })
     }
 }
@@ -110,6 +111,7 @@ impl Settings {
             from: self.from,
             every: self.every,
             size: self.size,
+            pixel_aspect: self.pixel_aspect(),
             importance: self.importance,
             importance_gain: self.importance_gain.unwrap_or(1.0),
             tiles: self.tiles,

@@ -1,7 +1,9 @@
 //! From options to settings: every default, and every check of a single choice. No other place states a default.
 
+use super::aspect::PictureAspect;
 use super::chunks::checked_range;
-use super::container::{check_part, container_of, unknown_ending};
+use super::coded_rate::CodedRate;
+use super::container::{check_disc, check_part, container_of, unknown_ending};
 use super::emphasis::AdaptiveQuantiser;
 use super::options::Options;
 use super::preset::Preset;
@@ -9,7 +11,6 @@ use super::values::{Aov, Lighting, PixelShading, Size, Stopping, Switch, Thresho
 use super::{Effort, Settings};
 use crate::error::{Error, Result};
 use lighttree::Calibration;
-use mpeg2enc::FrameRate;
 use perceptual::ToneMap;
 use render_core::scene::{Scene, SceneSettings, SettingsError};
 use std::path::{Path, PathBuf};
@@ -77,6 +78,9 @@ impl Options {
         let lighting = self.fill_in_lighting(&path)?;
         let (tone_map, auto_exposure) = tone_map(&path, scene)?;
         let qscale = *self.qscale.get_or_insert(8);
+        let size = *self.size.get_or_insert(Size { width: 512, height: 512 });
+        let aspect = *self.aspect.insert(PictureAspect::of(self.aspect, &output, self.range, size)?);
+        check_disc(&output, self.range, fps)?;
         Ok(Settings {
             scene: path,
             output,
@@ -86,7 +90,8 @@ impl Options {
             chunk: self.chunk,
             range: self.range,
             fps,
-            size: *self.size.get_or_insert(Size { width: 512, height: 512 }),
+            size,
+            aspect,
             qscale,
             aq: *self.aq.get_or_insert(AdaptiveQuantiser::Off),
             gop: *self.gop.get_or_insert(15),
@@ -123,6 +128,7 @@ impl Options {
             exr_depth: self.exr_depth,
             aov: self.aov.clone(),
             y4m: self.y4m.clone(),
+            y4m_is_coded: false,
         })
     }
 
@@ -166,7 +172,7 @@ impl Options {
     fn fill_in_length(&mut self, path: &Path, scene: &Scene) -> Result<(f64, u32)> {
         // A rate that nobody typed is one of the scene's settings: the message says where it stands.
         let video = scene.settings.video;
-        if let Some(Err(error)) = video.fps.filter(|_| self.fps.is_none()).map(FrameRate::from_fps) {
+        if let Some(Err(error)) = video.fps.filter(|_| self.fps.is_none()).map(CodedRate::of) {
             return Err(Error::content(&SceneSettings::path_for(path), format!(": [video] fps: {error}")));
         }
         let fps = *self.fps.get_or_insert(video.fps.unwrap_or(25.0));

@@ -22,7 +22,8 @@ const MOST_NUMBERED: u32 = 30;
 /// Attributes that all parts of a file share: chromaticities and time code.
 pub(super) fn of_image(header: &FrameHeader, size: (usize, usize)) -> ImageAttributes {
     let time_code = header.place.as_ref().and_then(time_code);
-    ImageAttributes { chromaticities: Some(REC_709), time_code, ..ImageAttributes::with_size(size) }
+    let pixel_aspect = header.camera.as_ref().map_or(1.0, |camera| camera.pixel_aspect);
+    ImageAttributes { chromaticities: Some(REC_709), time_code, pixel_aspect, ..ImageAttributes::with_size(size) }
 }
 
 /// Attributes of the picture: camera, rate, number, software, and further texts.
@@ -31,7 +32,7 @@ pub(super) fn of_image(header: &FrameHeader, size: (usize, usize)) -> ImageAttri
 pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
     let FrameHeader { camera, place, texts } = header;
     let mut attributes = LayerAttributes { software_name: Text::new_or_none(SOFTWARE), ..LayerAttributes::default() };
-    if let Some(FrameCamera { camera_from_world, picture_from_world, window_width }) = camera {
+    if let Some(FrameCamera { camera_from_world, picture_from_world, window_width, .. }) = camera {
         attributes.world_to_camera = Some(camera_from_world.to_cols_array());
         attributes.world_to_normalized_device = Some(picture_from_world.to_cols_array());
         attributes.screen_window_width = window_width.unwrap_or(attributes.screen_window_width);
@@ -119,7 +120,12 @@ mod tests {
     #[test]
     fn matrices_apply_to_rows() {
         let camera_from_world = Mat4::from_translation(Vec3::new(-1.0, -2.0, 3.0));
-        let camera = FrameCamera { camera_from_world, picture_from_world: Mat4::IDENTITY, window_width: Some(2.0) };
+        let camera = FrameCamera {
+            camera_from_world,
+            picture_from_world: Mat4::IDENTITY,
+            window_width: Some(2.0),
+            pixel_aspect: 1.0,
+        };
         let header = FrameHeader { camera: Some(camera), ..FrameHeader::default() };
         let matrix = of_layer(&header).world_to_camera.unwrap();
         // The last row moves: [x y z 1] · M.

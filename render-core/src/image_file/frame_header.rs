@@ -32,6 +32,8 @@ pub struct FrameCamera {
     pub picture_from_world: Mat4,
     /// Width of what the picture shows at a distance of 1 m, in meters; `None` where it depends on no distance.
     pub window_width: Option<f32>,
+    /// Width of a pixel as a share of its height.
+    pub pixel_aspect: f32,
 }
 
 /// Place of a frame in its film.

@@ -239,8 +239,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         let matrix = Mat4::from_cols_array(&std::array::from_fn(|index| index as f32));
-        let camera =
-            FrameCamera { camera_from_world: matrix, picture_from_world: matrix.transpose(), window_width: None };
+        let camera = FrameCamera {
+            camera_from_world: matrix,
+            picture_from_world: matrix.transpose(),
+            window_width: None,
+            pixel_aspect: 1.0,
+        };
         let place = FramePlace { number: 61, frames: 30_000, seconds: 1001 };
         let text = HeaderText { name: "cryptomatte/0123456/name".into(), text: "CryptoObject".into() };
         let header = FrameHeader { camera: Some(camera), place: Some(place), texts: vec![text] };

@@ -50,6 +50,8 @@ pub struct View {
     half_height: f32,
     width: f32,
     height: f32,
+    /// Width of a pixel as a share of its height.
+    pixel_aspect: f32,
 }
 
 impl View {
@@ -73,7 +75,14 @@ impl View {
             half_height,
             width: width as f32,
             height: height as f32,
+            pixel_aspect: 1.0,
         }
+    }
+
+    /// The view on pixels of this width, as a share of their height: what is seen above and below stays.
+    #[must_use]
+    pub fn with_pixel_aspect(self, pixel_aspect: f32) -> Self {
+        Self { pixel_aspect, ..self }
     }
 
     /// Width and height of the picture \[pixels\].
@@ -86,7 +95,7 @@ impl View {
     #[must_use]
     pub fn ray(&self, pixel: Vec2) -> (Vec3A, Vec3A) {
         let scale = 2.0 * self.half_height / self.height;
-        let x = (pixel.x - self.width / 2.0) * scale;
+        let x = (pixel.x - self.width / 2.0) * scale * self.pixel_aspect;
         let y = (self.height / 2.0 - pixel.y) * scale;
         let m = &self.world_from_camera;
         match self.projection {
@@ -121,7 +130,7 @@ impl View {
             Projection::Orthographic { .. } => 1.0,
         };
         let scale = self.height / (2.0 * self.half_height * divisor);
-        let pixel = Vec2::new(self.width / 2.0 + p.x * scale, self.height / 2.0 - p.y * scale);
+        let pixel = Vec2::new(self.width / 2.0 + p.x * scale / self.pixel_aspect, self.height / 2.0 - p.y * scale);
         pixel.is_finite().then_some((pixel, depth))
     }
 
@@ -133,6 +142,11 @@ impl View {
             Projection::Perspective { .. } => at_one * depth,
             Projection::Orthographic { .. } => at_one,
         }
+    }
+
+    /// Half the width of the picture, at a distance of 1 m in perspective \[m\].
+    fn half_width(&self) -> f32 {
+        self.half_height * self.width / self.height * self.pixel_aspect
     }
 
     /// Camera space from the world \[m\], left-handed: x to the right, y up, z along the view.
@@ -150,7 +164,7 @@ impl View {
     /// ```
     /// It is OpenEXR's attribute `worldToNDC`, of which readers drop z; here z lets the matrix have an inverse.
     fn normalized_device(&self) -> Mat4 {
-        let half = Vec2::new(self.half_height * self.width / self.height, self.half_height);
+        let half = Vec2::new(self.half_width(), self.half_height);
         let (x, y) = (0.5 / half.x, -0.5 / half.y);
         let [column_x, column_y] = [Vec4::new(x, 0.0, 0.0, 0.0), Vec4::new(0.0, y, 0.0, 0.0)];
         let picture_from_camera = match self.projection {
@@ -167,11 +181,12 @@ impl View {
     /// The camera for the header of a picture's file.
     #[must_use]
     pub fn frame_camera(&self) -> FrameCamera {
-        let width = 2.0 * self.half_height * self.width / self.height;
+        let width = 2.0 * self.half_width();
         FrameCamera {
             camera_from_world: self.left_handed_camera(),
             picture_from_world: self.normalized_device(),
             window_width: matches!(self.projection, Projection::Perspective { .. }).then_some(width),
+            pixel_aspect: self.pixel_aspect,
         }
     }
 

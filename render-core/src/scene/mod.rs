@@ -27,7 +27,7 @@ pub use material::{Alpha, Material, TextureSlot, UV_SETS};
 pub(crate) use mesh::interpolate as mesh_interpolate;
 pub use mesh::{Influence, Mesh, MorphTarget, Skinning};
 pub use setting::Setting;
-pub use settings::{Gaze, SceneSettings};
+pub use settings::{Gaze, SceneSettings, parse_frame_rate};
 pub use settings_error::SettingsError;
 pub use sky::SkySettings;
 pub use texture::{Encoding, Filtered, Texture, Wrap};

@@ -3,7 +3,9 @@
 use super::setting::Setting;
 use super::settings_error::SettingsError;
 use super::sky::SkySettings;
-use serde::Deserialize;
+use serde::de::{self, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Contents of `SCENE.toml`; every part may be left out.
@@ -68,7 +70,8 @@ pub struct AnimationChoice {
 pub struct Video {
     /// Pictures.
     pub frames: Option<u32>,
-    /// Pictures a second.
+    /// Pictures a second: a number, or a text with a fraction, such as "24000/1001".
+    #[serde(default, deserialize_with = "frame_rate")]
     pub fps: Option<f64>,
 }
 
@@ -161,6 +164,41 @@ impl SceneSettings {
         }
         Ok(())
     }
+}
+
+/// Reads pictures a second.
+fn frame_rate<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    struct FrameRate;
+
+    impl Visitor<'_> for FrameRate {
+        type Value = f64;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a number, or a fraction such as \"24000/1001\"")
+        }
+
+        fn visit_f64<E: de::Error>(self, fps: f64) -> Result<f64, E> {
+            Ok(fps)
+        }
+
+        fn visit_i64<E: de::Error>(self, fps: i64) -> Result<f64, E> {
+            Ok(fps as f64)
+        }
+
+        fn visit_str<E: de::Error>(self, text: &str) -> Result<f64, E> {
+            parse_frame_rate(text).ok_or_else(|| E::invalid_type(Unexpected::Str(text), &self))
+        }
+    }
+
+    deserializer.deserialize_any(FrameRate).map(Some)
+}
+
+/// Pictures a second from a text: a number such as `29.97`, or a fraction such as `30000/1001`.
+#[must_use]
+pub fn parse_frame_rate(text: &str) -> Option<f64> {
+    let Some((numerator, denominator)) = text.split_once('/') else { return text.trim().parse().ok() };
+    let [numerator, denominator] = [numerator, denominator].map(|text| text.trim().parse::<f64>().ok());
+    Some(numerator? / denominator?)
 }
 
 #[cfg(test)]

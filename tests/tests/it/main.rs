@@ -52,4 +52,5 @@ mod structure;
 mod sweep;
 mod tiles;
 mod tools;
+mod truth_of_streams;
 mod video;

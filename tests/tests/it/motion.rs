@@ -2,11 +2,12 @@
 
 use glam::{Vec3, vec3};
 use mpeg2enc::{Packet, Picture, PictureType};
+use pipeline::settings::Thresholds;
 use pipeline::{Options, Settings};
 use plane::Correspondence;
 use std::path::Path;
 use std::sync::Arc;
-use tests::{Moving, checkered_room, cornell, correspondences, encode, load, read_y4m, render};
+use tests::{Moving, checkered_room, cornell, correspondences, encode, load, read_y4m, render_as_coded};
 
 const SIZE: (usize, usize) = (96, 96);
 const FRAMES: u32 = 12;
@@ -28,16 +29,14 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
         size: "96x96".parse().ok(),
         vpls: Some(400),
         photons: Some(20_000),
+        output: Some(folder.join(format!("{name}.m2v"))),
+        y4m: Some(folder.join(format!("{name}.y4m"))),
         ..Options::default()
     };
-    render(
-        folder,
-        name,
-        path,
-        &format!("--size 96x96 --frames {FRAMES} --vpls 400 --photons 20000 --thresholds perceptual --y4m {name}.y4m"),
-    );
+    let (scene, settings) = load(path, options.clone());
+    let (_, perceptual) = load(path, Options { thresholds: Some(Thresholds::Perceptual), ..options });
+    render_as_coded(&scene, &perceptual);
     let frames: Vec<Picture> = read_y4m(&folder.join(format!("{name}.y4m")), SIZE);
-    let (scene, settings) = load(path, options);
     let exact = correspondences(&scene, &settings);
     let still = Arc::new(Correspondence::still(SIZE.0, SIZE.1));
     let at = |qscale: u32, motion: &[Option<Arc<Correspondence>>]| {

@@ -108,13 +108,9 @@ pub struct Arguments {
         default_value_t = TransferCharacteristics::Bt709
     )]
     transfer: TransferCharacteristics,
-    /// matrix_coefficients to be stated
-    #[arg(
-        long,
-        value_parser = named(MatrixCoefficients::ALL, MatrixCoefficients::name),
-        default_value_t = MatrixCoefficients::Bt709
-    )]
-    matrix: MatrixCoefficients,
+    /// matrix_coefficients to be stated; that of BT.601 if not given, which programs assume in YUV4MPEG2
+    #[arg(long, value_parser = named(MatrixCoefficients::ALL, MatrixCoefficients::name))]
+    matrix: Option<MatrixCoefficients>,
     /// Motion to the frame before: i16 pairs, little endian, in 64ths of a pixel, frame after frame
     #[arg(short, long)]
     pub motion: Option<PathBuf>,
@@ -135,7 +131,9 @@ pub struct Arguments {
 impl Arguments {
     /// The settings for a clip of this name and format.
     pub fn config(&self, clip: &str, format: &Format) -> Result<Config> {
-        let color = ColorDescription { primaries: self.primaries, transfer: self.transfer, matrix: self.matrix };
+        let usual = if self.mpeg1 { MatrixCoefficients::default() } else { MatrixCoefficients::Smpte170M };
+        let matrix = self.matrix.unwrap_or(usual);
+        let color = ColorDescription { primaries: self.primaries, transfer: self.transfer, matrix };
         let aspect = match self.aspect {
             Some(aspect) => aspect,
             None => format.aspect().with_context(|| clip.to_owned())?,

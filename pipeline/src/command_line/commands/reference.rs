@@ -8,7 +8,7 @@ use crate::output::Output;
 use crate::picture_file::{PictureFormat, shown, write_shown};
 use crate::places::FilePlaces;
 use crate::renderer::reference::{self, ReferenceMethod};
-use crate::settings::{Size, Switch};
+use crate::settings::{Size, Switch, parse_fps};
 use crate::{Options, Settings};
 use anyhow::Result;
 use clap::Args;
@@ -57,7 +57,7 @@ pub(crate) struct Reference {
     #[arg(long, value_name = "N")]
     photons: Option<u64>,
     /// Pictures a second, which say when the frame is [default: as the TOML file says, else 25]
-    #[arg(long)]
+    #[arg(long, value_parser = parse_fps)]
     fps: Option<f64>,
     /// Threads [default: one per processor]; the result is the same for any number
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]

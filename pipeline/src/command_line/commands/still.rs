@@ -8,7 +8,7 @@ use crate::command_line::source::{MemoryLimit, Reading};
 use crate::output::Output;
 use crate::picture_file::PictureFormat;
 use crate::places::FilePlaces;
-use crate::settings::{Preset, Size};
+use crate::settings::{Preset, Size, parse_fps};
 use crate::still::Still;
 use anyhow::Result;
 use clap::Args;
@@ -36,7 +36,7 @@ pub(crate) struct StillArguments {
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// Pictures a second, which say when the frame is [default: as the TOML file says, else 25]
-    #[arg(long)]
+    #[arg(long, value_parser = parse_fps)]
     fps: Option<f64>,
     /// Anchor lights that carry the indirect light [default: as for films]
     #[arg(long, value_name = "N")]

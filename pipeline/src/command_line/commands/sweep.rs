@@ -7,7 +7,7 @@ use crate::command_line::print::single_line;
 use crate::command_line::progress;
 use crate::command_line::source::Reading;
 use crate::laboratory::sweep::{DEFAULT_FRAMES, DEFAULT_QSCALES, DEFAULT_SIZE, METHODS, Method, Source};
-use crate::settings::Size;
+use crate::settings::{Size, parse_fps};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
@@ -39,7 +39,7 @@ pub(crate) struct Sweep {
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
     /// Pictures a second [default: as the TOML file says, else 25]
-    #[arg(long)]
+    #[arg(long, value_parser = parse_fps)]
     fps: Option<f64>,
     /// Multiplier on what masking allows, of the methods "perceptual" [default: as for films]
     #[arg(long, value_name = "K")]

@@ -13,7 +13,7 @@ use std::path::Path;
 
 const MAGIC: [u8; 4] = *b"R2MC";
 /// Counts changes of anything that is stored.
-const VERSION: u32 = 15;
+const VERSION: u32 = 16;
 const HEADER: usize = 20;
 
 /// The origin of a film: only the same can be continued.

@@ -1,7 +1,7 @@
 //! A picture in all the forms that measures need, whatever file it came from.
 
 use crate::film::display::exposure_for;
-use perceptual::{ToneMap, WHITE_LUMA, YCbCr, luminance, luminance_plane, to_rgb8};
+use perceptual::{ColorMatrix, ToneMap, WHITE_LUMA, YCbCr, luminance, luminance_plane, to_rgb8_by};
 use plane::Plane;
 use std::sync::Arc;
 
@@ -20,8 +20,8 @@ pub enum Picture {
     },
     /// R′G′B′ as a display takes it, sRGB.
     Display(Plane<[u8; 3]>),
-    /// A picture of a video: Y′C_BC_R, Rec. 709.
-    Video(plane::Picture),
+    /// A picture of a video: Y′C_BC_R, and its matrix.
+    Video(plane::Picture, ColorMatrix),
 }
 
 /// The same, ready to be measured.
@@ -45,7 +45,7 @@ impl Picture {
         match self {
             Self::Linear { radiance, .. } => (radiance.width(), radiance.height()),
             Self::Display(picture) => (picture.width(), picture.height()),
-            Self::Video(frame) => (frame.width(), frame.height()),
+            Self::Video(frame, _) => (frame.width(), frame.height()),
         }
     }
 
@@ -83,9 +83,12 @@ impl Picture {
                 let luma = fine_luma.map(|luma| (BLACK + luma).round() as u8);
                 View { linear: shown.clone(), variance: None, luma, fine_luma, shown }
             }
-            Self::Video(frame) => {
+            Self::Video(frame, ColorMatrix::Bt601) => {
+                Self::Display(to_rgb8_by(&frame, ColorMatrix::Bt601)).view(exposure)
+            }
+            Self::Video(frame, matrix) => {
                 let fine_luma = frame.luma().map(|code| f32::from(code) - BLACK);
-                let display = Self::Display(to_rgb8(&frame)).view(exposure);
+                let display = Self::Display(to_rgb8_by(&frame, matrix)).view(exposure);
                 let [luma, ..] = frame.into_planes();
                 View { luma, fine_luma, ..display }
             }
@@ -104,7 +107,7 @@ mod tests {
         assert!((linear.exposure() - 1.0).abs() < 1e-5);
         let display = Picture::Display(Plane::filled(16, 16, [118u8; 3]));
         let frame = plane::Picture::gray(Plane::filled(16, 16, 117));
-        for picture in [linear, display, Picture::Video(frame)] {
+        for picture in [linear, display, Picture::Video(frame, ColorMatrix::Bt709)] {
             let view = picture.view(1.0);
             assert_eq!(view.luma.get(3, 3), 117);
             assert!((view.fine_luma.get(3, 3) - 101.1).abs() < 0.4);

@@ -3,6 +3,7 @@
 use super::picture::Picture;
 use super::png_file;
 use crate::error::{Error, Result};
+use perceptual::ColorMatrix;
 use plane::Plane;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read};
@@ -64,8 +65,8 @@ impl Iterator for Pictures {
     fn next(&mut self) -> Option<Self::Item> {
         match &mut self.source {
             Source::Files(paths) => paths.next().map(|path| read_picture(&path)),
-            Source::Y4m(decoder) => next_frame(&self.path, decoder).transpose(),
-            Source::Ffmpeg(decoder, child) => match next_frame(&self.path, decoder).transpose() {
+            Source::Y4m(decoder) => next_frame(&self.path, decoder, ColorMatrix::Bt601).transpose(),
+            Source::Ffmpeg(decoder, child) => match next_frame(&self.path, decoder, ColorMatrix::Bt709).transpose() {
                 None => match child.wait() {
                     Ok(status) if status.success() => None,
                     _ => Some(Err(Error::content(&self.path, ": ffmpeg could not decode it to the end"))),
@@ -161,7 +162,7 @@ fn header_and_all(mut input: Box<dyn Read>) -> std::io::Result<(Vec<u8>, Box<dyn
     Ok((header, all))
 }
 
-fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>) -> Result<Option<Picture>> {
+fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>, matrix: ColorMatrix) -> Result<Option<Picture>> {
     let (width, height) = (decoder.get_width(), decoder.get_height());
     let frame = match decoder.read_frame() {
         Ok(frame) => frame,
@@ -172,7 +173,7 @@ fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>) -> Result<
     let chroma = |samples| plane(samples, width.div_ceil(2), height.div_ceil(2));
     let (cb, cr) = (chroma(frame.get_u_plane()), chroma(frame.get_v_plane()));
     let picture = plane::Picture::new(plane(frame.get_y_plane(), width, height), cb, cr);
-    Ok(Some(Picture::Video(picture.expect("chroma of half of the size"))))
+    Ok(Some(Picture::Video(picture.expect("chroma of half of the size"), matrix)))
 }
 
 /// Lets ffmpeg decode; what it has to say goes to standard error.
@@ -180,6 +181,8 @@ fn ffmpeg(path: &Path) -> Result<Source> {
     let mut child = Command::new("ffmpeg")
         .args(["-nostdin", "-v", "error", "-i"])
         .arg(path)
+        // Films that state no matrix have that of BT.601.
+        .args(["-vf", "scale=out_color_matrix=bt709"])
         .args(["-fps_mode", "passthrough", "-f", "yuv4mpegpipe", "-pix_fmt", "yuv420p", "-"])
         .stdin(Stdio::null())
         .stdout(Stdio::piped())

@@ -9,7 +9,7 @@ use crate::feedback_loop::observe::Observer;
 use crate::parts::Shaded;
 use crate::settings::Settings;
 use minijinja::{Value, context};
-use perceptual::to_rgb8;
+use perceptual::{ColorMatrix, to_rgb8_by};
 use plane::{Picture, Plane};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -28,6 +28,7 @@ const QUALITY: (u8, u8) = (92, 80);
 pub struct FilmWatch {
     frames: Range<u32>,
     fps: f64,
+    matrix: ColorMatrix,
     /// Share of its luminance that a pixel without a threshold may be wrong by.
     share_elsewhere: f32,
     held: Mutex<Held>,
@@ -57,6 +58,7 @@ impl FilmWatch {
         Self {
             frames: settings.frame_range(),
             fps: settings.fps,
+            matrix: settings.matrix(),
             share_elsewhere: settings.thresholds.share_elsewhere(),
             held: Mutex::default(),
             importance: ImportanceSum::default(),
@@ -91,7 +93,7 @@ impl FilmWatch {
             }
         }
         let shown = |(name, still): (&str, &Still)| {
-            let uri = jpeg(&to_rgb8(&still.picture), QUALITY.0)?;
+            let uri = jpeg(&to_rgb8_by(&still.picture, self.matrix), QUALITY.0)?;
             Ok(context! { name, index => still.index, uri })
         };
         stills.into_iter().map(shown).collect()
@@ -148,7 +150,7 @@ impl Observer for FilmWatch {
         let is_of_strip = index.wrapping_sub(self.frames.start).is_multiple_of(self.every());
         let small = is_of_strip.then(|| {
             let factor = factor(picture.width(), picture.height(), STRIP.1);
-            shrunk(&to_rgb8(picture), factor, mean_color)
+            shrunk(&to_rgb8_by(picture, self.matrix), factor, mean_color)
         });
 
         // Each place has the frame that fits it best of those that came.

@@ -160,7 +160,7 @@ fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
     let (mut others, own) = (Pictures::open(stream)?, Pictures::open(decoded)?);
     let (mut largest, mut equal, mut count, mut frames) = (0, 0usize, 0usize, 0);
     for own in own {
-        let (Picture::Video(own), Some(Picture::Video(other))) = (own?, others.next().transpose()?) else {
+        let (Picture::Video(own, _), Some(Picture::Video(other, _))) = (own?, others.next().transpose()?) else {
             return Err(Error::Comparison("ffmpeg finds fewer pictures than were coded".into()));
         };
         for (&a, &b) in own.luma().samples().iter().zip(other.luma().samples()) {

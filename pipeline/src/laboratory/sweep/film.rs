@@ -52,7 +52,7 @@ impl Film {
     pub fn frames(&self) -> Result<impl Iterator<Item = Result<FilmFrame>>> {
         let mut pictures = Pictures::open(&uncompressed(self.folder.path()))?;
         Ok((0..self.settings.frames).map(move |n| {
-            let Some(Picture::Video(picture)) = pictures.next().transpose()? else {
+            let Some(Picture::Video(picture, _)) = pictures.next().transpose()? else {
                 return Err(Error::content(&pictures.path, " ends early"));
             };
             read_frame(&linear(self.folder.path(), n), n, picture)
@@ -111,6 +111,7 @@ pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut()
         exr_depth: Some(ExrDepth::Float),
         aov: vec![Aov::Motion, Aov::Threshold, Aov::CutSize],
         y4m: Some(uncompressed(folder.path())),
+        y4m_is_coded: true,
         ..settings.clone()
     };
     let plan = Plan::new(scene, &with_files.renderer());

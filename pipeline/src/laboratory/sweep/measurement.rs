@@ -8,7 +8,7 @@ use super::method::Method;
 use crate::error::{Error, Result};
 use crate::laboratory::compare::{Comparison, Picture, measure};
 use crate::settings::{Settings, Thresholds};
-use perceptual::{YCbCr, flicker, luminance, to_rgb8};
+use perceptual::{ColorMatrix, YCbCr, flicker, luminance, to_rgb8};
 use plane::{Correspondence, NO_MATCH, Plane};
 use std::path::Path;
 
@@ -127,7 +127,7 @@ impl Sums {
         rendered.psnr_y = Some(perceptual::psnr(frame.picture.luma(), truth.picture.luma())).filter(|p| p.is_finite());
         rendered.ssim = perceptual::ssim(frame.picture.luma(), truth.picture.luma());
         self.rendered.push(rendered);
-        let video = |frame: &plane::Picture| Picture::Video(frame.clone()).view(1.0);
+        let video = |frame: &plane::Picture| Picture::Video(frame.clone(), ColorMatrix::Bt709).view(1.0);
         self.decoded.push(measure(&video(&coded.decoded), &video(&truth.picture)));
         self.bits += coded.bits;
         self.seconds += coded.seconds;

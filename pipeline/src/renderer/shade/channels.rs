@@ -93,6 +93,7 @@ impl Known<'_> {
         for (after, sign, names) in [(-1, 1.0, ["Vector.X", "Vector.Y"]), (1, -1.0, ["Vector.Z", "Vector.W"])] {
             let pose = scene.pose(self.settings.time_beside(frame.index, after));
             let view = scene.view(&pose, seen.pixels.width(), seen.pixels.height());
+            let view = view.with_pixel_aspect(self.settings.pixel_aspect);
             let motion = seen.motion_to(&Surfaces::new(scene, &pose), &view);
             for (c, name) in names.into_iter().enumerate() {
                 // Rows count from above, and y from below.

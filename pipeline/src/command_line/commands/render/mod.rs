@@ -129,7 +129,7 @@ fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     files.places(FilePlaces::of(&scene).reads("--config", arguments.source.config()), &settings).check()?;
-    let companion = |path: &PathBuf| Companion::new(path, settings.size);
+    let companion = |path: &PathBuf| Companion::new(path, &settings);
     let companions = files.also.iter().map(companion).collect::<Result<Vec<_>, _>>()?;
 
     // A film that is there is continued, finished already, or replaced.
@@ -266,6 +266,7 @@ impl Render {
             notes::on_darkness(shown, settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
             let lightest = f32::from_bits(observer.lightest.load(Ordering::Relaxed));
             notes::on_dimness(lightest, scene).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
+            notes::on_level(&report).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
             if interrupted {
                 self.tell_of_early_end(settings);
             }

@@ -1,0 +1,47 @@
+//! Pulldown: 24 pictures a second in a stream of 30 frames, as discs have it. Every other picture is shown for three fields, the
+//! others for two (repeat_first_field, 13818-2, 6.3.10).
+
+/// Fields that are shown in the time of `periods` pictures, from one of three fields on.
+pub(crate) fn fields(periods: u64) -> u64 {
+    (5 * periods).div_ceil(2)
+}
+
+/// How a picture is shown, as its picture coding extension states it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Shown {
+    /// top_field_first.
+    pub top_field_first: bool,
+    /// repeat_first_field.
+    pub repeat_first_field: bool,
+}
+
+/// How the picture with this `number` in the order of display is shown. With B pictures each is shown a period after it was decoded at
+/// the earliest: `reorder` is 1 then, and 0 elsewhere. So pictures are decoded in the rhythm in which they are shown.
+pub(crate) fn shown(number: u64, reorder: u64) -> Shown {
+    let before = fields_before(number, reorder);
+    let own = fields_before(number + 1, reorder) - before;
+    Shown { top_field_first: before.is_multiple_of(2), repeat_first_field: own == 3 }
+}
+
+/// Fields that are shown before the picture with this `number`.
+pub(crate) fn fields_before(number: u64, reorder: u64) -> u64 {
+    fields(number + reorder) - fields(reorder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn four_pictures_make_five_frames() {
+        for reorder in [0, 1] {
+            assert_eq!(fields_before(4, reorder), 10);
+            let flags = (0..4).map(|number| shown(number, reorder));
+            assert_eq!(flags.filter(|shown| shown.repeat_first_field).count(), 2);
+            // The next cycle begins with the same field.
+            assert_eq!(shown(4, reorder), shown(0, reorder));
+        }
+        assert_eq!([0, 1, 2, 3].map(|number| fields_before(number, 0)), [0, 3, 5, 8]);
+        assert_eq!([0, 1, 2, 3].map(|number| fields_before(number, 1)), [0, 2, 5, 7]);
+    }
+}
