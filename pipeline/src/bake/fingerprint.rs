@@ -36,12 +36,24 @@ pub fn fingerprint(scene: &Scene) -> u64 {
         punctual_lights,
         cameras: _,
         channels: _,
+        camera_channels: _,
         sky,
         settings,
         warnings: _,
         origin: _,
     } = scene;
-    let SceneSettings { tone_mapping: _, sky: _, sun, camera: _, animation: _, video: _, importance: _ } = settings;
+    let SceneSettings {
+        tone_mapping: _,
+        sky: _,
+        sun,
+        camera: _,
+        animation: _,
+        variant: _,
+        strokes: _,
+        light: _,
+        video: _,
+        importance: _,
+    } = settings;
     let mut hash = SceneHash { hash: Xxh3::new(), batch: Vec::new(), numbers: numbers(scene) };
     hash.number(VERSION);
 

@@ -3,6 +3,7 @@
 mod chunks;
 mod container;
 mod emphasis;
+mod frame_list;
 mod options;
 mod preset;
 mod render;
@@ -14,6 +15,7 @@ pub use chunks::FrameRange;
 pub(crate) use chunks::begins_chunk;
 pub(crate) use container::{container_of, unknown_ending};
 pub use emphasis::{AdaptiveQuantiser, Importance};
+pub use frame_list::FrameList;
 pub use mpeg2enc::Effort;
 pub use options::Options;
 pub use preset::Preset;

@@ -58,7 +58,7 @@ pub struct Options {
     /// Pictures a second: 23.976, 24, 25, 29.97, 30, 50, 59.94 or 60 [default: as the TOML file says, else 25]
     #[cfg_attr(feature = "command-line", arg(long, help_heading = "Film", hide_short_help = true))]
     pub fps: Option<f64>,
-    /// Size of the picture, in pixels [default: 512x512]
+    /// Size of the picture, in pixels [default: 512x512 pixels in the camera's shape, such as 682x384]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "WxH", help_heading = "Film"))]
     #[serde(with = "size_as_text", skip_serializing_if = "Option::is_none")]
     pub size: Option<Size>,

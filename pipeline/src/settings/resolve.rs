@@ -86,7 +86,7 @@ impl Options {
             chunk: self.chunk,
             range: self.range,
             fps,
-            size: *self.size.get_or_insert(Size { width: 512, height: 512 }),
+            size: *self.size.get_or_insert_with(|| Size::of_camera(scene, 512)),
             qscale,
             aq: *self.aq.get_or_insert(AdaptiveQuantiser::Off),
             gop: *self.gop.get_or_insert(15),
@@ -130,14 +130,14 @@ impl Options {
     fn fill_in_preset(&mut self, preset: Preset, scene: &Scene) {
         match preset {
             Preset::Draft => {
-                self.size.get_or_insert(Size { width: 256, height: 256 });
+                self.size.get_or_insert_with(|| Size::of_camera(scene, 256));
                 self.qscale.get_or_insert(16);
                 self.effort.get_or_insert(Effort::Fast);
                 self.vpls.get_or_insert_with(|| render_core::Anchors::default_count(scene).div_ceil(DRAFT_SHARE));
             }
             Preset::Good => {}
             Preset::Final => {
-                self.size.get_or_insert(Size { width: 1024, height: 1024 });
+                self.size.get_or_insert_with(|| Size::of_camera(scene, 1024));
                 self.qscale.get_or_insert(4);
                 self.samples.get_or_insert(4);
                 self.effort.get_or_insert(Effort::Best);
