@@ -26,7 +26,7 @@ impl Loader<'_> {
         let mut value: Value = serde_json::from_slice(text).or_else(|error| {
             self.bad(format!("not a whole glTF file ({}); export or copy it again", one_line(&error.to_string())))
         })?;
-        let found = lenient::normalize(&mut value).or_else(|why| self.bad(why))?;
+        let found = lenient::normalize(&mut value, bytes.starts_with(b"glTF")).or_else(|why| self.bad(why))?;
         let mut root: json::Root = serde_json::from_value(value).or_else(|error| {
             self.bad(format!("its JSON does not follow glTF 2.0 ({}); export it again", one_line(&error.to_string())))
         })?;
@@ -50,7 +50,7 @@ impl Loader<'_> {
         Ok(Parsed { document, buffers: Buffers::new(bytes, zeros), found })
     }
 
-    /// Reads the buffers that some view uses; others may lack their data.
+    /// Reads the buffers that some view uses and that have data.
     fn buffers(
         &self,
         document: &gltf::Document,
@@ -59,8 +59,7 @@ impl Loader<'_> {
     ) -> Result<Vec<Vec<u8>>, LoadError> {
         let mut buffers = Vec::new();
         for buffer in document.buffers() {
-            let is_source = matches!(buffer.source(), gltf::buffer::Source::Uri(_)) || buffer.index() == 0;
-            if !used.contains(&buffer.index()) || !is_source {
+            if !used.contains(&buffer.index()) {
                 buffers.push(Vec::new());
                 continue;
             }

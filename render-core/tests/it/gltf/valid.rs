@@ -193,6 +193,49 @@ fn absent_and_empty_lists_are_read() {
     }
 }
 
+/// A file without scenes is "a library of individual entities such as materials or meshes" (3.5.1): all nodes are shown.
+#[test]
+fn files_without_scenes_show_all_nodes() {
+    let mut file = File::square();
+    let below = file.push("nodes", json!({ "mesh": 0, "translation": [2.0, 0.0, 0.0] }));
+    file.json["nodes"][0]["children"] = json!([below]);
+    let root = file.json.as_object_mut().unwrap();
+    root.remove("scene");
+    root.remove("scenes");
+    let scene = file.load();
+    assert_eq!((scene.instances.len(), notes(&scene, "no scene: all its nodes are shown")), (2, 1));
+    // Of meshes without a node nothing is shown.
+    file.json.as_object_mut().unwrap().remove("nodes");
+    assert_eq!(notes(&file.load(), "nothing but the sky"), 1);
+    // An index of a scene that is not there is no valid one.
+    file.json["scene"] = json!(0);
+    assert!(file.load_with(&[]).unwrap_err().contains("scene"));
+}
+
+/// "When bufferView is undefined, the accessor MUST be initialized with zeros" (5.1.1), in files without any view, too. Buffers
+/// without `uri` may be filled by an extension (3.6.1): their parts are left out.
+#[test]
+fn accessors_and_buffers_without_data_are_read() {
+    let mut file = File::square();
+    let root = file.json.as_object_mut().unwrap();
+    root.remove("bufferViews");
+    root.remove("buffers");
+    root["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.gltf");
+    std::fs::write(&path, file.json.to_string()).unwrap();
+    assert_eq!(render_core::scene::load(&path).unwrap().meshes[0].positions, [Vec3::ZERO; 6]);
+    let mut json = File::square().json;
+    json["buffers"] = json!([{ "byteLength": 72 }]);
+    json["images"] = json!([{ "bufferView": 0, "mimeType": "image/png" }]);
+    json["textures"] = json!([{ "source": 0 }]);
+    json["materials"] = json!([{ "emissiveTexture": { "index": 0 } }]);
+    std::fs::write(&path, json.to_string()).unwrap();
+    let scene = render_core::scene::load(&path).unwrap();
+    assert_eq!((scene.triangle_count(), notes(&scene, "without positions")), (0, 1), "{:?}", scene.warnings);
+    assert_eq!(notes(&scene, "textures without an image"), 1);
+}
+
 /// Buffers that nothing reads need no data.
 #[test]
 fn buffers_without_use_may_be_absent() {
@@ -269,6 +312,8 @@ fn binary_files_may_have_chunks_of_other_types() {
 fn other_versions_and_wrong_types_are_named() {
     for (pointer, value, words) in [
         ("/asset/version", json!("1.0"), "glTF 1.0"),
+        ("/asset/version", json!("1.0.2"), "glTF 1.0.2"),
+        ("/asset/version", json!(1), "glTF 1;"),
         ("/asset/version", json!("3.0"), "glTF 3.0"),
         ("/asset/minVersion", json!("2.1"), "glTF 2.1"),
         ("/nodes/0/mesh", json!("box"), "does not follow glTF 2.0"),

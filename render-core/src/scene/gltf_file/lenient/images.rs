@@ -8,9 +8,13 @@ use std::collections::BTreeSet;
 const PLACEHOLDER: &str = "data:application/octet-stream;base64,";
 
 /// Removes textures without an image that can be read from materials (glTF 2.0, 5.29: `source` may be omitted).
-pub(super) fn images(root: &mut Value, found: &mut Normalized) {
+pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normalized) {
     let mut empty = BTreeSet::new();
     for (place, image) in objects(root, "images").enumerate() {
+        let view = image.get("bufferView").and_then(index);
+        if view.is_some_and(|view| dry.contains(&view)) {
+            empty.insert(place);
+        }
         if image.contains_key("bufferView") {
             // The decoder looks at the data itself.
             image.entry("mimeType").or_insert_with(|| json!("image/png"));

@@ -8,8 +8,7 @@ use std::collections::BTreeSet;
 const COMPRESSED: [&str; 1] = ["KHR_draco_mesh_compression"];
 
 /// Replaces accessors of unknown types and returns their indices, with those whose buffer has no data.
-pub(super) fn accessors(root: &mut Value) -> BTreeSet<usize> {
-    let dry = dry_views(root);
+pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usize> {
     let mut unreadable = BTreeSet::new();
     for (place, accessor) in objects(root, "accessors").enumerate() {
         let kind = accessor.get("type").and_then(Value::as_str);
@@ -18,7 +17,11 @@ pub(super) fn accessors(root: &mut Value) -> BTreeSet<usize> {
         if !known_kind || component.is_some_and(|c| ![5120, 5121, 5122, 5123, 5125, 5126].contains(&c)) {
             *accessor = placeholder();
             unreadable.insert(place);
-        } else if accessor.get("bufferView").and_then(index).is_some_and(|view| dry.contains(&view)) {
+            continue;
+        }
+        let sparse = |part: &str| accessor.get("sparse")?.get(part)?.get("bufferView");
+        let views = [accessor.get("bufferView"), sparse("indices"), sparse("values")];
+        if views.into_iter().flatten().filter_map(index).any(|view| dry.contains(&view)) {
             unreadable.insert(place);
         }
     }
@@ -44,12 +47,13 @@ fn placeholder() -> Map<String, Value> {
     ])
 }
 
-/// Views of buffers without data: those that an extension fills, such as the fallback of `EXT_meshopt_compression`.
-fn dry_views(root: &mut Value) -> BTreeSet<usize> {
+/// Views of buffers without data, which are not `used`: those that an extension fills, such as the fallback of `EXT_meshopt_compression`.
+pub(super) fn dry_views(root: &mut Value, has_binary: bool, used: &mut BTreeSet<usize>) -> BTreeSet<usize> {
     let mut dry = BTreeSet::new();
     for (place, buffer) in objects(root, "buffers").enumerate() {
-        if place > 0 && !buffer.contains_key("uri") {
+        if !buffer.contains_key("uri") && (place > 0 || !has_binary) {
             dry.insert(place);
+            used.remove(&place);
         }
     }
     let mut views = BTreeSet::new();

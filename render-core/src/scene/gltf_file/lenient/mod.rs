@@ -26,7 +26,7 @@ pub(super) struct Normalized {
     pub generator: Option<String>,
     /// Buffer views that an accessor, an image or an extension reads.
     used_views: BTreeSet<usize>,
-    /// Buffers that these views read.
+    /// Buffers with data that these views read.
     pub used_buffers: BTreeSet<usize>,
 }
 
@@ -39,39 +39,46 @@ impl Normalized {
     }
 }
 
-/// Brings the document into the form that the `gltf` crate parses.
+/// Brings the document into the form that the `gltf` crate parses; `has_binary` where the first buffer may be part of the file.
 ///
 /// # Errors
 /// The file is of another version of glTF.
-pub(super) fn normalize(root: &mut Value) -> Result<Normalized, String> {
+pub(super) fn normalize(root: &mut Value, has_binary: bool) -> Result<Normalized, String> {
     check_version(root)?;
     let generator = root.pointer("/asset/generator").and_then(Value::as_str).map(str::to_owned);
     let mut found = Normalized { generator, ..Normalized::default() };
     plain(root, &mut found);
     found.notes = extension_notes(root, &found.extensions);
-    scenes(root);
+    scenes(root, &mut found);
     nodes(root);
     cameras(root, &mut found);
     lights(root, &mut found);
     buffers(root, &mut found);
-    images::images(root, &mut found);
+    let dry = meshes::dry_views(root, has_binary, &mut found.used_buffers);
+    images::images(root, &dry, &mut found);
     materials(root, &mut found);
-    let unreadable = meshes::accessors(root);
+    let unreadable = meshes::accessors(root, &dry);
     meshes::primitives(root, &unreadable, &mut found);
     animations::animations(root, &unreadable, &mut found);
     Ok(found)
 }
 
-/// glTF 2.0, 3.2: a file of version 2.x is read, unless its least version is newer than 2.0.
+/// glTF 2.0, 3.2: a file of version 2.x is read, unless its least version is newer than 2.0. Version 1 has objects in place of lists.
 fn check_version(root: &Value) -> Result<(), String> {
-    let number = |name: &str| root.pointer(name).and_then(Value::as_str).and_then(|text| text.parse::<f32>().ok());
-    for name in ["/asset/version", "/asset/minVersion"] {
-        let is_minimum = name.ends_with("minVersion");
-        if let Some(version) = number(name).filter(|v| !(2.0..3.0).contains(v) || (is_minimum && *v > 2.0)) {
-            return Err(format!("the file is of glTF {version:.1}; 2.0 is read: export it as glTF 2.0"));
-        }
+    let mut version = match root.pointer("/asset/version") {
+        Some(Value::String(text)) => text.clone(),
+        Some(Value::Number(number)) => number.to_string(),
+        _ if root.get("nodes").is_some_and(Value::is_object) => "1.0".into(),
+        _ => return Ok(()),
+    };
+    let least = root.pointer("/asset/minVersion").and_then(Value::as_str);
+    if let Some(least) = least.filter(|least| least.parse().is_ok_and(|least: f32| least > 2.0)) {
+        version = least.into();
+    } else if version.split('.').next() == Some("2") {
+        return Ok(());
     }
-    Ok(())
+    let shown: String = version.chars().take(8).collect();
+    Err(format!("the file is of glTF {shown}; 2.0 is read: export it as glTF 2.0"))
 }
 
 /// Removes `extras`, which may be of any type, and nulls; writes 4.0 as 4; collects the names of extensions.
@@ -115,8 +122,22 @@ fn extension_notes(root: &Value, found: &BTreeSet<String>) -> Vec<String> {
     extensions::notes(&names, list("materials"))
 }
 
-/// glTF 2.0, 5.24: a scene may have no nodes.
-fn scenes(root: &mut Value) {
+/// glTF 2.0, 3.5.1: a scene may have no nodes, and a file no scenes: "a library of individual entities such as materials or meshes".
+fn scenes(root: &mut Value, found: &mut Normalized) {
+    if root.get("scene").is_none() && objects(root, "scenes").next().is_none() {
+        let mut is_child = BTreeSet::new();
+        let mut count = 0;
+        for node in objects(root, "nodes") {
+            let children = node.get("children").and_then(Value::as_array);
+            is_child.extend(children.into_iter().flatten().filter_map(index));
+            count += 1;
+        }
+        let roots: Vec<usize> = (0..count).filter(|node| !is_child.contains(node)).collect();
+        if !roots.is_empty() {
+            found.note("the file has no scene: all its nodes are shown");
+        }
+        root["scenes"] = json!([{ "nodes": roots }]);
+    }
     for scene in objects(root, "scenes") {
         scene.entry("nodes").or_insert_with(|| json!([]));
     }
@@ -180,6 +201,13 @@ fn lights(root: &mut Value, found: &mut Normalized) {
 
 /// Drops hints of views that no reader needs, and finds the buffers that views read.
 fn buffers(root: &mut Value, found: &mut Normalized) {
+    // Accessors without a view are zeros; the crate wants any view for them.
+    if objects(root, "bufferViews").next().is_none() && objects(root, "accessors").next().is_some() {
+        if objects(root, "buffers").next().is_none() {
+            root["buffers"] = json!([{ "byteLength": 1 }]);
+        }
+        root["bufferViews"] = json!([{ "buffer": 0, "byteLength": 1 }]);
+    }
     for (place, view) in objects(root, "bufferViews").enumerate() {
         view.remove("target");
         if view.get("byteStride").and_then(Value::as_u64) == Some(0) {
