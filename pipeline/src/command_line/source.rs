@@ -51,7 +51,7 @@ pub(crate) struct Reading {
     /// The variant of the materials that is shown [default: the materials of the meshes]
     #[arg(long, value_name = "NAME", help_heading = "Film", hide_short_help = true)]
     variant: Option<String>,
-    /// Width of points and lines, in meters [default: 1/400 of the diagonal of their mesh]
+    /// Width of points and lines, in meters [default: 1/200 of the diagonal of their mesh]
     #[arg(long, value_name = "METERS", value_parser = point_size, help_heading = "Film", hide_short_help = true)]
     point_size: Option<Setting>,
     /// A setting in place of one in the scene's TOML file: exposure=1.5, operator=reinhard, angular_diameter=2; may be repeated.

@@ -23,7 +23,7 @@ pub use camera::{Camera, CameraChannel, CameraProperty, DepthRange, Projected, P
 pub use deform::{DeformedMesh, MorphedNode, Skin};
 pub use files::{Origin, Reach};
 pub use gltf_file::{EXTENSIONS, Extension, GltfSource, LoadError, Support, extension_table, load, load_with};
-pub use light::{PunctualKind, PunctualLight};
+pub use light::{LightChannel, LightProperty, PunctualKind, PunctualLight};
 pub use material::{Alpha, Material, TextureSlot, UV_SETS};
 pub(crate) use mesh::interpolate as mesh_interpolate;
 pub use mesh::{Influence, Mesh, MorphTarget, Skinning};
@@ -111,6 +111,8 @@ pub struct Scene {
     pub channels: Vec<Channel>,
     /// The animation of lenses.
     pub camera_channels: Vec<CameraChannel>,
+    /// The animation of punctual lights.
+    pub light_channels: Vec<LightChannel>,
     /// Light from all around, if the scene has any.
     pub sky: Option<Environment>,
     /// Settings from the TOML file beside the scene.
@@ -144,12 +146,20 @@ pub struct Pose {
     deformed: Vec<Option<Arc<DeformedMesh>>>,
     /// The cameras of the scene, or none at all where no lens is animated.
     cameras: Vec<Camera>,
+    /// The punctual lights of the scene, or none at all where none is animated.
+    lights: Vec<PunctualLight>,
 }
 
 impl Pose {
     /// One per instance, or none at all where no mesh has a skin or morph targets.
     pub(crate) fn all_deformed(&self) -> &[Option<Arc<DeformedMesh>>] {
         &self.deformed
+    }
+
+    /// The punctual lights of its `scene` as they shine at that time.
+    #[must_use]
+    pub fn punctual_lights<'a>(&'a self, scene: &'a Scene) -> &'a [PunctualLight] {
+        if self.lights.is_empty() { &scene.punctual_lights } else { &self.lights }
     }
 
     /// The vertices of an instance with a skin or morph targets; others are as their mesh says.
@@ -173,7 +183,7 @@ impl Scene {
             world.push(node.parent.map_or(matrix, |parent| world[parent] * matrix));
         }
         let deformed = self.deformed_meshes(&world, time);
-        Pose { world, deformed, cameras: self.cameras_at(time) }
+        Pose { world, deformed, cameras: self.cameras_at(time), lights: self.lights_at(time) }
     }
 
     /// World from the space of an instance's vertices. A skin places vertices by its joints alone: the node that the mesh
@@ -196,6 +206,10 @@ impl Scene {
         for channel in self.camera_channels.iter().filter(|channel| channel.keys.changes()) {
             moving[channel.keys.node] = true;
         }
+        // So does a light that changes.
+        for channel in self.light_channels.iter().filter(|channel| channel.keys.changes()) {
+            moving[channel.keys.node] = true;
+        }
         for index in 0..self.nodes.len() {
             moving[index] |= self.nodes[index].parent.is_some_and(|parent| moving[parent]);
         }
@@ -216,7 +230,8 @@ impl Scene {
     #[must_use]
     pub fn duration(&self) -> f32 {
         let lenses = self.camera_channels.iter().map(|channel| &channel.keys);
-        let ends = self.channels.iter().chain(lenses).filter_map(|channel| channel.times.last());
+        let lights = self.light_channels.iter().map(|channel| &channel.keys);
+        let ends = self.channels.iter().chain(lenses).chain(lights).filter_map(|channel| channel.times.last());
         ends.fold(0.0, |longest, &time| longest.max(time))
     }
 

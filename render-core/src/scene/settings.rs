@@ -94,7 +94,7 @@ pub struct LightSettings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StrokeSettings {
-    /// Width \[m\], before the scale of their node; 1/400 of the mesh's diagonal when left out.
+    /// Width \[m\], before the scale of their node; 1/200 of the mesh's diagonal when left out.
     pub point_size: Option<f32>,
 }
 

@@ -5,7 +5,7 @@ use super::lenient::PointerChannel;
 use super::nodes::NodeOf;
 use super::pointers::{self, Target};
 use super::{LoadError, Loader, Source};
-use crate::scene::{CameraChannel, Channel, Interpolation, Scene, Track};
+use crate::scene::{CameraChannel, Channel, Interpolation, LightChannel, LightProperty, Scene, Track};
 use glam::{Quat, Vec3};
 use gltf::animation::Property;
 use std::collections::HashSet;
@@ -66,7 +66,7 @@ impl Loader<'_> {
 
         let morphed_places = scene.morphed_places();
         let weights_of = |node| morphed_places.get(&node).map(|&place| scene.morphed_nodes[place].weights.len());
-        let (mut channels, mut lenses) = (Vec::new(), Vec::new());
+        let (mut channels, mut lenses, mut lights) = (Vec::new(), Vec::new(), Vec::new());
         for (target, sampler) in targets {
             let keys = Keys { sampler, buffers: source.buffers };
             match target {
@@ -88,6 +88,21 @@ impl Loader<'_> {
                         channels.extend(self.visibility(&place, node, &keys)?);
                     }
                 }
+                Target::Light(index, property) => {
+                    let place = format!("animation of light {index}");
+                    let kind = match property {
+                        LightProperty::Color => Property::Translation,
+                        _ => Property::MorphTargetWeights,
+                    };
+                    let keys = self.channel(&place, 0, (&keys, kind), Some(1))?;
+                    let light = source.document.lights().and_then(|mut lights| lights.nth(index));
+                    let (Some(keys), Some(light)) = (keys, light) else { continue };
+                    let rest = (Vec3::from(light.color()), light.intensity(), source.lamps);
+                    for light in node_of.lights(index) {
+                        let keys = Channel { node: scene.punctual_lights[light].node, ..keys.clone() };
+                        lights.push(LightChannel { light, property, rest, keys });
+                    }
+                }
                 Target::Camera(index, property) => {
                     let place = format!("animation of camera {index}");
                     let keys = self.channel(&place, 0, (&keys, Property::MorphTargetWeights), Some(1))?;
@@ -101,6 +116,7 @@ impl Loader<'_> {
         }
         scene.channels.extend(channels);
         scene.camera_channels.extend(lenses);
+        scene.light_channels.extend(lights);
         Ok(())
     }
 

@@ -32,9 +32,16 @@ pub(super) fn give_radius(scene: &mut Scene, radius: f32) {
         return;
     }
     let lights = std::mem::take(&mut scene.punctual_lights);
-    for light in lights {
-        if light.kind != PunctualKind::Point || light.color == Vec3::ZERO {
+    for (index, light) in lights.into_iter().enumerate() {
+        // Balls do not change their light.
+        let changes = scene.light_channels.iter().any(|channel| channel.light == index);
+        if light.kind != PunctualKind::Point || light.color == Vec3::ZERO || changes {
+            let place = scene.punctual_lights.len();
             scene.punctual_lights.push(light);
+            // Places only become smaller: a channel that was changed is not met again.
+            for channel in scene.light_channels.iter_mut().filter(|channel| channel.light == index) {
+                channel.light = place;
+            }
             continue;
         }
         let mut ball = ball(radius);

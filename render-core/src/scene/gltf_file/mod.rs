@@ -250,6 +250,8 @@ struct Source<'d> {
     pointers: &'d [PointerChannel],
     /// Width of points and lines \[m\], if it is given.
     point_size: Option<f32>,
+    /// Factor on candela and lux.
+    lamps: f32,
 }
 
 /// Reads one file; the parts of the work stand in the modules beside this one.
@@ -293,6 +295,7 @@ impl Loader<'_> {
             variant,
             pointers: &found.pointers,
             point_size: settings.strokes.point_size,
+            lamps,
         };
         let read = self
             .meshes(source, &mut node_of, &mut scene)

@@ -20,6 +20,8 @@ pub(super) struct NodeOf {
     hidden_by: Vec<Vec<usize>>,
     /// Our cameras of each glTF camera.
     cameras: HashMap<usize, Vec<usize>>,
+    /// Our punctual lights of each glTF light.
+    lights: HashMap<usize, Vec<usize>>,
     /// Nodes in whose place a mesh is shown that hangs from another node.
     showing: HashMap<usize, Vec<usize>>,
     /// Nodes whose scale is the visibility of a glTF node.
@@ -40,6 +42,11 @@ impl NodeOf {
     /// Our cameras of a glTF camera.
     pub fn cameras(&self, index: usize) -> Vec<usize> {
         self.cameras.get(&index).cloned().unwrap_or_default()
+    }
+
+    /// Our punctual lights of a glTF light.
+    pub fn lights(&self, index: usize) -> Vec<usize> {
+        self.lights.get(&index).cloned().unwrap_or_default()
     }
 
     /// The nodes in whose place the mesh of one of our nodes is shown.
@@ -108,6 +115,7 @@ impl Loader<'_> {
                 scene.cameras.push(self.camera(&camera, &name, index)?);
             }
             if let Some(light) = node.light().filter(|_| shown) {
+                node_of.lights.entry(light.index()).or_default().push(scene.punctual_lights.len());
                 scene.punctual_lights.push(self.light(&light, lamps, index)?);
             }
             let children = stack.len();

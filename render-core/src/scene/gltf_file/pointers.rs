@@ -1,6 +1,6 @@
 //! Properties that `KHR_animation_pointer` animates.
 
-use crate::scene::CameraProperty;
+use crate::scene::{CameraProperty, LightProperty};
 use gltf::animation::Property;
 
 /// A property of the document.
@@ -10,12 +10,16 @@ pub(super) enum Target {
     Node(usize, Property),
     /// Lens of a camera.
     Camera(usize, CameraProperty),
+    /// A punctual light.
+    Light(usize, LightProperty),
     /// Visibility of a node with all below it.
     Visible(usize),
 }
 
 /// The property of a JSON pointer; `None` for those that are left out.
 pub(super) fn target(pointer: &str) -> Option<Target> {
+    let short = pointer.strip_prefix("/extensions/KHR_lights_punctual/").map(|rest| format!("/{rest}"));
+    let pointer = short.as_deref().unwrap_or(pointer);
     let mut parts = pointer.strip_prefix('/')?.splitn(3, '/');
     let (list, index, path) = (parts.next()?, parts.next()?.parse().ok()?, parts.next()?);
     Some(match (list, path) {
@@ -24,6 +28,10 @@ pub(super) fn target(pointer: &str) -> Option<Target> {
         ("nodes", "scale") => Target::Node(index, Property::Scale),
         ("nodes", "weights") => Target::Node(index, Property::MorphTargetWeights),
         ("nodes", "extensions/KHR_node_visibility/visible") => Target::Visible(index),
+        ("lights", "color") if short.is_some() => Target::Light(index, LightProperty::Color),
+        ("lights", "intensity") if short.is_some() => Target::Light(index, LightProperty::Intensity),
+        ("lights", "spot/innerConeAngle") if short.is_some() => Target::Light(index, LightProperty::InnerCone),
+        ("lights", "spot/outerConeAngle") if short.is_some() => Target::Light(index, LightProperty::OuterCone),
         ("cameras", "perspective/yfov") => Target::Camera(index, CameraProperty::FieldOfView),
         ("cameras", "perspective/aspectRatio") => Target::Camera(index, CameraProperty::Aspect),
         ("cameras", "orthographic/ymag") => Target::Camera(index, CameraProperty::HalfHeight),

@@ -3,8 +3,8 @@
 use glam::Vec3;
 use gltf::mesh::Mode;
 
-/// Width of points and lines compared with the diagonal of their mesh: about a pixel of a picture of the whole mesh.
-const WIDTH: f32 = 1.0 / 400.0;
+/// Width of points and lines compared with the diagonal of their mesh: two pixels or so of a picture of the whole mesh.
+const WIDTH: f32 = 1.0 / 200.0;
 
 /// Bytes that a point or a segment takes, at most: vertices, triangles and their sources.
 pub(super) const BYTES_PER_STROKE: usize = 8 * size_of::<[f32; 4]>() + 12 * size_of::<[u32; 3]>();

@@ -45,9 +45,9 @@ fn points_and_lines_are_closed_bodies() {
         assert!((found / expected - 1.0).abs() < 1e-3, "mode {mode}: {found} m³, not {expected} m³");
         assert_eq!(notes(&scene, "--point-size"), 1);
     }
-    // By default they are 1/400 of the diagonal wide.
+    // By default they are 1/200 of the diagonal wide.
     let found = volume(&drawn(1, None).load());
-    let expected = 6.0 * (18f32.sqrt() / 400.0).powi(2) / 2.0;
+    let expected = 6.0 * (18f32.sqrt() / 200.0).powi(2) / 2.0;
     assert!((found / expected - 1.0).abs() < 1e-3, "{found} m³, not {expected} m³");
 }
 
