@@ -212,14 +212,14 @@ fn see_together(
         rays[count] = CameraRay::through(Vec2::new(x as f32, y as f32) + sample.offset, view);
         count += 1;
     }
-    let hits = first_hits(scene, &rays[..count]);
+    let hits = first_hits(scene, &rays[..count], view);
     for i in 0..count {
         set(pixels[i], see(hits[i], rays[i], scene, &|depth| sample.width * view.pixel_width(depth), view));
     }
 }
 
 /// First hit of each ray, at most [`PACKET`] of them.
-fn first_hits(scene: PosedScene, rays: &[CameraRay]) -> [Option<Hit>; PACKET] {
+fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit>; PACKET] {
     let mut hits = [None; PACKET];
     let Some(&CameraRay { origin, .. }) = rays.first() else { return hits };
     if rays.iter().all(|other| other.origin == origin) {
@@ -230,6 +230,10 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay]) -> [Option<Hit>; PACKET] {
         // The parallel rays of an orthographic camera.
         hits.iter_mut().zip(rays).for_each(|(hit, ray)| *hit = scene.accelerator.closest(ray.origin, ray.direction));
     }
+    for (hit, ray) in hits.iter_mut().zip(rays) {
+        let closest = |origin| scene.accelerator.closest(origin, ray.direction);
+        *hit = ray.cut(view.distances(ray.direction), *hit, closest);
+    }
     hits
 }
 
@@ -238,7 +242,7 @@ fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) 
     let CameraRay { origin, direction } = ray;
     let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |seen| seen.depth);
     let width = |hit: &Hit| width(depth(hit));
-    let shown = hit.and_then(|hit| ray.shown(scene, hit, width));
+    let shown = hit.and_then(|hit| ray.shown_within(view.distances(direction), scene, hit, width));
     let Some((hit, surface)) = shown.map(|(hit, point)| (hit, point.surface())) else {
         let sky = scene.surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };

@@ -8,8 +8,8 @@
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use render_core::scene::{
-    Alpha, Channel, Influence, Interpolation, Material, Mesh, MorphTarget, MorphedNode, Node, PunctualKind,
-    PunctualLight, Scene, SceneSettings, Skin, Skinning, TextureSlot, Track, Transform,
+    Alpha, Channel, Influence, Interpolation, LightChannel, Material, Mesh, MorphTarget, MorphedNode, Node,
+    PunctualKind, PunctualLight, Scene, SceneSettings, Skin, Skinning, TextureSlot, Track, Transform,
 };
 use xxhash_rust::xxh3::Xxh3;
 
@@ -36,12 +36,25 @@ pub fn fingerprint(scene: &Scene) -> u64 {
         punctual_lights,
         cameras: _,
         channels: _,
+        camera_channels: _,
+        light_channels,
         sky,
         settings,
         warnings: _,
         origin: _,
     } = scene;
-    let SceneSettings { tone_mapping: _, sky: _, sun, camera: _, animation: _, video: _, importance: _ } = settings;
+    let SceneSettings {
+        tone_mapping: _,
+        sky: _,
+        sun,
+        camera: _,
+        animation: _,
+        variant: _,
+        strokes: _,
+        light: _,
+        video: _,
+        importance: _,
+    } = settings;
     let mut hash = SceneHash { hash: Xxh3::new(), batch: Vec::new(), numbers: numbers(scene) };
     hash.number(VERSION);
 
@@ -67,6 +80,9 @@ pub fn fingerprint(scene: &Scene) -> u64 {
 
     // Lights.
     hash.each(punctual_lights, SceneHash::light);
+    if !light_channels.is_empty() {
+        hash.each(light_channels, SceneHash::light_channel);
+    }
     hash.floats(&[sun.angular_diameter]);
     hash.number(usize::from(sky.is_some()));
     if let Some(sky) = sky {
@@ -241,6 +257,14 @@ impl SceneHash {
                 self.list(format!("{kind:?}").as_bytes(), |byte| [u32::from(byte)]);
             }
         }
+    }
+
+    fn light_channel(&mut self, LightChannel { light, property, rest, keys }: &LightChannel) {
+        self.number(*light);
+        self.list(format!("{property:?}").as_bytes(), |byte| [u32::from(byte)]);
+        self.points(&[rest.0]);
+        self.floats(&[rest.1, rest.2]);
+        self.channel(keys);
     }
 
     /// The nodes that count, and what moves them.

@@ -23,7 +23,7 @@ pub const RENDER: &str = "Examples:
   render2mpeg render --config job.toml --qscale 4               options from a file, overridden
   render2mpeg render scene.glb --frames 30 --chunk 10 --range 10-19     a part, for join
 
-Without options it makes SCENE.mpg of 512x512 pixels as long as the scene's animation, and SCENE.report.json beside it.
+Without options it makes SCENE.mpg of 512x512 pixels, or as many in the camera's shape, as long as the scene's animation, and SCENE.report.json beside it.
 Ctrl-C ends with a video that plays, after this frame; a second one ends it at once.
 Exit codes: 0 done, 1 failed, 2 wrong arguments; ended early by 130 Ctrl-C, 143 SIGTERM, 129 a closed terminal.";
 
@@ -43,6 +43,7 @@ and what moves waits for a light of the viewer. With lit.glb comes lit.toml, by 
 pub const STILL: &str = "Examples:
   render2mpeg still scene.glb                                   into scene.png, in this folder
   render2mpeg still scene.glb -o picture.jpg --frame 50 --size 1920x1080 --samples 8
+  render2mpeg still scene.glb -o picture.png --frame 0,10,20-25       picture_00.png, picture_10.png ...
   render2mpeg still scene.glb --preset draft --camera 1         fast, by another camera
   render2mpeg still scene.glb -o light.exr                      linear light, for other programs
 

@@ -44,9 +44,15 @@ pub(crate) struct Reading {
     /// The camera that films, by its name or its number from 0 [default: the first that moves, else the first]
     #[arg(long, value_name = "NAME|N", help_heading = "Film", hide_short_help = true)]
     camera: Option<String>,
-    /// The animation that plays [default: the first]
-    #[arg(long, value_name = "NAME", help_heading = "Film", hide_short_help = true)]
+    /// The animation that plays, or "all": those that move different properties [default: the first]
+    #[arg(long, value_name = "NAME|all", help_heading = "Film", hide_short_help = true)]
     animation: Option<String>,
+    /// The variant of the materials that is shown [default: the materials of the meshes]
+    #[arg(long, value_name = "NAME", help_heading = "Film", hide_short_help = true)]
+    variant: Option<String>,
+    /// Width of points and lines, in meters [default: 1/200 of the diagonal of their mesh]
+    #[arg(long, value_name = "METERS", value_parser = point_size, help_heading = "Film", hide_short_help = true)]
+    point_size: Option<Setting>,
     /// A setting in place of one in the scene's TOML file: exposure=1.5, operator=reinhard, angular_diameter=2; may be repeated.
     /// sky.intensity=2 needs a [sky] in that file; a wrong KEY lists all
     #[arg(long, value_name = "KEY=VALUE", value_parser = setting, help_heading = "Film", hide_short_help = true)]
@@ -60,10 +66,12 @@ impl Reading {
     }
 
     /// As a file for `--config` has them.
-    pub fn options(&self) -> [ProgramOption; 3] {
+    pub fn options(&self) -> [ProgramOption; 5] {
         [
             ProgramOption::text("camera", self.camera.clone()),
             ProgramOption::text("animation", self.animation.clone()),
+            ProgramOption::text("variant", self.variant.clone()),
+            ProgramOption::text("point-size", self.point_size.as_ref().map(Setting::value)),
             ProgramOption::list("set", self.set.iter().map(ToString::to_string)),
         ]
     }
@@ -75,11 +83,18 @@ impl Reading {
     pub fn load(&self, path: &Path) -> anyhow::Result<Scene> {
         foreign::check(path)?;
         let mut set = self.set.clone();
-        for (table, name) in [("camera", &self.camera), ("animation", &self.animation)] {
+        set.extend(self.point_size.clone());
+        let names = [("camera", &self.camera), ("animation", &self.animation), ("variant", &self.variant)];
+        for (table, name) in names {
             set.extend(name.as_deref().map(|name| Setting::text(table, "name", name)));
         }
         Ok(scene::load_with(path, self.reach(), &set)?)
     }
+}
+
+/// Reads a width as a setting.
+fn point_size(text: &str) -> Result<Setting, String> {
+    setting(&format!("point_size={text}"))
 }
 
 /// Reads a setting, and refuses what no scene can have: the file beside the scene is not to blame for it.

@@ -64,7 +64,7 @@ pub struct Options {
     )]
     #[serde(deserialize_with = "super::coded_rate::optional_fps")]
     pub fps: Option<f64>,
-    /// Size of the picture, in pixels [default: 512x512]
+    /// Size of the picture, in pixels [default: 512x512 pixels in the camera's shape, such as 682x384]
     #[cfg_attr(feature = "command-line", arg(long, value_name = "WxH", help_heading = "Film"))]
     #[serde(with = "size_as_text", skip_serializing_if = "Option::is_none")]
     pub size: Option<Size>,

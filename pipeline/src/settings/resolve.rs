@@ -78,7 +78,7 @@ impl Options {
         let lighting = self.fill_in_lighting(&path)?;
         let (tone_map, auto_exposure) = tone_map(&path, scene)?;
         let qscale = *self.qscale.get_or_insert(8);
-        let size = *self.size.get_or_insert(Size { width: 512, height: 512 });
+        let size = *self.size.get_or_insert_with(|| Size::of_camera(scene, 512));
         let aspect = *self.aspect.insert(PictureAspect::of(self.aspect, &output, self.range, size)?);
         check_disc(&output, self.range, fps)?;
         Ok(Settings {
@@ -136,14 +136,14 @@ impl Options {
     fn fill_in_preset(&mut self, preset: Preset, scene: &Scene) {
         match preset {
             Preset::Draft => {
-                self.size.get_or_insert(Size { width: 256, height: 256 });
+                self.size.get_or_insert_with(|| Size::of_camera(scene, 256));
                 self.qscale.get_or_insert(16);
                 self.effort.get_or_insert(Effort::Fast);
                 self.vpls.get_or_insert_with(|| render_core::Anchors::default_count(scene).div_ceil(DRAFT_SHARE));
             }
             Preset::Good => {}
             Preset::Final => {
-                self.size.get_or_insert(Size { width: 1024, height: 1024 });
+                self.size.get_or_insert_with(|| Size::of_camera(scene, 1024));
                 self.qscale.get_or_insert(4);
                 self.samples.get_or_insert(4);
                 self.effort.get_or_insert(Effort::Best);

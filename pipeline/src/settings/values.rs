@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 #[cfg(feature = "command-line")]
 use mpeg2enc::Effort;
+use render_core::scene::Scene;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use std::fmt;
 use std::str::FromStr;
@@ -278,6 +279,15 @@ pub struct Size {
     pub height: usize,
 }
 
+impl Size {
+    /// The shape of the camera that films, with as many pixels as a square of this side, to even numbers; a square without.
+    pub(super) fn of_camera(scene: &Scene, side: usize) -> Self {
+        let aspect = scene.filming_camera().and_then(|camera| camera.aspect).unwrap_or(1.0).clamp(0.125, 8.0);
+        let even = |length: f32| 2 * (length / 2.0).round() as usize;
+        Self { width: even(side as f32 * aspect.sqrt()), height: even(side as f32 / aspect.sqrt()) }
+    }
+}
+
 impl fmt::Display for Size {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}x{}", self.width, self.height)
@@ -411,6 +421,25 @@ pub(super) mod size_as_text {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Pictures have 512² pixels, or as near to that as even sides come, in the shape of the camera.
+    #[test]
+    fn the_default_size_has_the_camera_s_shape() {
+        use render_core::scene::{Camera, Node, Transform};
+        let size = |aspect: Option<f32>, side| {
+            let nodes = vec![Node { name: String::new(), parent: None, rest: Transform::IDENTITY }];
+            let cameras = vec![Camera { aspect, ..Camera::default() }];
+            Size::of_camera(&Scene { nodes, cameras, ..Scene::default() }, side).to_string()
+        };
+        assert_eq!(size(None, 512), "512x512");
+        assert_eq!(size(Some(1.0), 512), "512x512");
+        assert_eq!(size(Some(16.0 / 9.0), 512), "682x384");
+        assert_eq!(size(Some(9.0 / 16.0), 512), "384x682");
+        assert_eq!(size(Some(4.0 / 3.0), 512), "592x444");
+        assert_eq!(size(Some(16.0 / 9.0), 256), "342x192");
+        assert_eq!(size(Some(1e6), 512), "1448x182");
+        assert_eq!(Size::of_camera(&Scene::default(), 512).to_string(), "512x512");
+    }
 
     #[test]
     fn sizes_rates_and_thresholds_are_read_or_explained() {

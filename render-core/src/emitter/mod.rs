@@ -86,7 +86,7 @@ impl Emitters {
         };
         let moving = areas.iter().map(|area| surfaces.moving()[area.instance]);
         let moving = moving.chain(punctual(false)).chain(punctual(true)).collect();
-        for light in &scene.punctual_lights {
+        for light in pose.punctual_lights(scene) {
             let world = &pose.world[light.node];
             let axis = world.transform_vector3a(-Vec3A::Z).try_normalize().unwrap_or(-Vec3A::Y);
             match light.kind {

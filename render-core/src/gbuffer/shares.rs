@@ -3,6 +3,7 @@
 use super::{CameraRay, GBuffer, NOTHING, first_hits};
 use crate::accel::{Hit, PACKET};
 use crate::sampling::centered_sobol;
+use crate::scene::View;
 use crate::{PosedScene, Timed};
 use glam::Vec2;
 use rayon::prelude::*;
@@ -81,9 +82,9 @@ impl GBuffer {
                 let corner = Vec2::new(x as f32, y as f32);
                 rays.extend(offsets.iter().map(|&offset| CameraRay::through(corner + offset, &self.view)));
             }
-            let hits = first_hits(scene, &rays);
+            let hits = first_hits(scene, &rays, &self.view);
             for (rays, hits) in rays.chunks(offsets.len()).zip(hits.chunks(offsets.len())) {
-                shares.add(instances(scene, rays, hits));
+                shares.add(instances(scene, rays, hits, &self.view));
             }
         }
         shares
@@ -91,7 +92,7 @@ impl GBuffer {
 }
 
 /// The instances that the rays of a pixel show which hit these places.
-fn instances(scene: PosedScene, rays: &[CameraRay], hits: &[Option<Hit>]) -> Vec<u32> {
+fn instances(scene: PosedScene, rays: &[CameraRay], hits: &[Option<Hit>], view: &View) -> Vec<u32> {
     let mut instances = Vec::with_capacity(rays.len());
     // Most rays of a pixel meet one triangle: seen from one place, it shows one side.
     let mut front: Option<Hit> = None;
@@ -105,7 +106,8 @@ fn instances(scene: PosedScene, rays: &[CameraRay], hits: &[Option<Hit>]) -> Vec
             instances.push(hit.instance);
             continue;
         }
-        let shown = ray.shown(scene, hit, |_| 0.0).map(|(shown, _)| shown);
+        let distances = view.distances(ray.direction);
+        let shown = ray.shown_within(distances, scene, hit, |_| 0.0).map(|(shown, _)| shown);
         instances.push(shown.map_or(NOTHING, |shown| shown.instance));
         if shown.is_some_and(is_same) {
             front = Some(hit);
@@ -117,7 +119,7 @@ fn instances(scene: PosedScene, rays: &[CameraRay], hits: &[Option<Hit>]) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Material, Mesh, Projection, Scene, View};
+    use crate::scene::{Material, Mesh, Projection, Scene};
     use crate::{Geometry, Surfaces};
     use glam::{Affine3A, Vec3};
 

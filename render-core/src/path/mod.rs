@@ -127,11 +127,17 @@ impl<'a> PathTracer<'a> {
         let mut drawn: Option<f32> = None;
         for bounce in 0.. {
             let hit = self.scene.accelerator.closest(origin, direction);
+            let ray = CameraRay { origin, direction };
+            let distances = view.distances(direction);
+            let hit = match drawn {
+                None => ray.cut(distances, hit, |origin| self.scene.accelerator.closest(origin, direction)),
+                Some(_) => hit,
+            };
             let met = match drawn {
                 None => hit.and_then(|hit| {
                     let footprint = |hit: &Hit| self.footprint(view, origin + direction * hit.distance);
                     let width = |hit: &Hit| if sharp { 0.0 } else { footprint(hit) };
-                    let shown = CameraRay { origin, direction }.shown(self.scene, hit, width);
+                    let shown = ray.shown_within(distances, self.scene, hit, width);
                     shown.map(|(hit, point)| (hit, point.surface()))
                 }),
                 Some(_) => hit.map(|hit| (hit, self.scene.surfaces.at(&hit, direction, 0.0))),

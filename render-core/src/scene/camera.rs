@@ -1,5 +1,6 @@
 //! From points in the world to pixels and back.
 
+use super::{Channel, Scene};
 use crate::image_file::FrameCamera;
 use glam::{Affine3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
@@ -30,7 +31,7 @@ pub struct Projected {
 }
 
 /// A camera on a node, looking along the node's −z with +y up.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// Name of the node or of the camera, or empty.
     pub name: String,
@@ -38,6 +39,103 @@ pub struct Camera {
     pub node: usize,
     /// How it sees.
     pub projection: Projection,
+    /// Width of its picture over the height; pictures of another shape show all of it, and more.
+    pub aspect: Option<f32>,
+    /// Depths between which it shows surfaces \[m\].
+    pub depths: DepthRange,
+}
+
+impl Default for Camera {
+    fn default() -> Self {
+        let projection = Projection::Perspective { yfov: std::f32::consts::FRAC_PI_4 };
+        Self { name: String::new(), node: 0, projection, aspect: None, depths: DepthRange::ALL }
+    }
+}
+
+/// An animated property of a lens.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum CameraProperty {
+    /// Vertical field of view \[rad\].
+    FieldOfView,
+    /// Distance from the axis to the upper border \[m\].
+    HalfHeight,
+    /// Distance from the axis to the right border \[m\].
+    HalfWidth,
+    /// Width over height.
+    Aspect,
+    /// Least depth \[m\].
+    Near,
+    /// Greatest depth \[m\].
+    Far,
+}
+
+/// The animation of a lens.
+#[derive(Clone, Debug)]
+pub struct CameraChannel {
+    /// Index into the scene's cameras.
+    pub camera: usize,
+    /// The property.
+    pub property: CameraProperty,
+    /// Its values, as one weight each.
+    pub keys: Channel,
+}
+
+impl Scene {
+    /// The cameras at `time` seconds; none where no lens is animated. Values that no lens can have leave it as it is.
+    pub(super) fn cameras_at(&self, time: f32) -> Vec<Camera> {
+        if self.camera_channels.is_empty() {
+            return Vec::new();
+        }
+        let mut cameras = self.cameras.clone();
+        for CameraChannel { camera, property, keys } in &self.camera_channels {
+            let (mut value, camera) = ([f32::NAN], &mut cameras[*camera]);
+            keys.apply_weights(time, &mut value);
+            camera.set(*property, value[0]);
+        }
+        cameras
+    }
+}
+
+impl Camera {
+    /// Changes a property, if the lens can have the value.
+    fn set(&mut self, property: CameraProperty, value: f32) {
+        let is_size = value > 0.0 && value.is_finite();
+        match (property, &mut self.projection) {
+            (CameraProperty::FieldOfView, Projection::Perspective { yfov }) if is_size => {
+                *yfov = value.min(MOST_YFOV);
+            }
+            (CameraProperty::HalfHeight, Projection::Orthographic { ymag }) if is_size => {
+                self.aspect = self.aspect.map(|aspect| aspect * *ymag / value);
+                *ymag = value;
+            }
+            (CameraProperty::HalfWidth, Projection::Orthographic { ymag }) if is_size => {
+                self.aspect = Some(value / *ymag);
+            }
+            (CameraProperty::Aspect, _) if is_size => self.aspect = Some(value),
+            (CameraProperty::Near, _) if value >= 0.0 => self.depths.near = value,
+            (CameraProperty::Far, _) if value > 0.0 => self.depths.far = value,
+            _ => {}
+        }
+    }
+}
+
+/// Widest field of view \[rad\], a little below half a turn.
+const MOST_YFOV: f32 = 3.1;
+
+/// Depths between which a camera shows surfaces. Light and shadows ignore it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct DepthRange {
+    /// Least depth along the axis \[m\]: `znear`.
+    pub near: f32,
+    /// Greatest depth along the axis \[m\], or infinity: `zfar`.
+    pub far: f32,
+}
+
+impl DepthRange {
+    /// From the camera to infinity.
+    pub const ALL: Self = Self { near: 0.0, far: f32::INFINITY };
 }
 
 /// A camera at one time, with a picture of one size. Pixels have their centers at `(x + 0.5, y + 0.5)`, y down.
@@ -52,6 +150,9 @@ pub struct View {
     height: f32,
     /// Width of a pixel as a share of its height.
     pixel_aspect: f32,
+    depths: DepthRange,
+    /// Width over height that is shown at least.
+    shape: f32,
 }
 
 impl View {
@@ -76,13 +177,43 @@ impl View {
             width: width as f32,
             height: height as f32,
             pixel_aspect: 1.0,
+            depths: DepthRange::ALL,
+            shape: 0.0,
         }
     }
 
-    /// The view on pixels of this width, as a share of their height: what is seen above and below stays.
+    /// The view on pixels of this width, as a share of their height: what is seen above and below stays, unless the camera's whole
+    /// width would not be seen.
     #[must_use]
     pub fn with_pixel_aspect(self, pixel_aspect: f32) -> Self {
-        Self { pixel_aspect, ..self }
+        let before = self.widening();
+        let view = Self { pixel_aspect, ..self };
+        Self { half_height: view.half_height * view.widening() / before, ..view }
+    }
+
+    /// Factor on the height so that a picture narrower than the camera's shows its whole width.
+    fn widening(&self) -> f32 {
+        (self.shape / (self.width / self.height * self.pixel_aspect)).max(1.0)
+    }
+
+    /// The view of a camera from the node transform `world_from_camera` on `width × height` pixels. A picture that is narrower than
+    /// the camera's shows its whole width: glTF 2.0, 3.10.3: "The viewport's aspect ratio SHOULD NOT crop or stretch".
+    #[must_use]
+    pub fn of(camera: &Camera, world_from_camera: Affine3A, width: usize, height: usize) -> Self {
+        let mut view = Self::new(world_from_camera, camera.projection, width, height);
+        (view.depths, view.shape) = (camera.depths, camera.aspect.unwrap_or(0.0));
+        view.half_height *= view.widening();
+        view
+    }
+
+    /// Distances along the ray through a pixel, in a unit `direction`, between which it shows surfaces \[m\].
+    #[must_use]
+    pub fn distances(&self, direction: Vec3A) -> (f32, f32) {
+        let depth_per_meter = match self.projection {
+            Projection::Perspective { .. } => -direction.dot(self.world_from_camera.matrix3.z_axis),
+            Projection::Orthographic { .. } => 1.0,
+        };
+        (self.depths.near / depth_per_meter, self.depths.far / depth_per_meter)
     }
 
     /// Width and height of the picture \[pixels\].
@@ -235,6 +366,24 @@ mod tests {
         }
         let view = View::new(world, Projection::Perspective { yfov: 0.8 }, 640, 360);
         assert!((view.frame_camera().window_width.unwrap() - 2.0 * 0.4f32.tan() * 640.0 / 360.0).abs() < 1e-6);
+    }
+
+    /// A camera of 16:9 shows its whole view on pictures of any shape, and more on those of another.
+    #[test]
+    fn all_of_a_camera_is_shown_on_any_picture() {
+        let perspective = Projection::Perspective { yfov: 0.8 };
+        for (projection, half) in [(perspective, 0.4f32.tan()), (Projection::Orthographic { ymag: 1.0 }, 1.0)] {
+            let camera = Camera { projection, aspect: Some(16.0 / 9.0), ..Camera::default() };
+            for (width, height) in [(682, 384), (512, 512), (100, 400), (800, 100)] {
+                let view = View::of(&camera, Affine3A::IDENTITY, width, height);
+                let corner = Vec3A::new(half * 16.0 / 9.0, half, -1.0);
+                let Projected { pixel, .. } = view.project(corner).unwrap();
+                let size = Vec2::new(width as f32, height as f32);
+                assert!(pixel.x <= size.x + 0.01 && pixel.y >= -0.01, "{pixel} of {size}");
+                // It touches the border of one of both sides.
+                assert!(pixel.x >= size.x - 0.01 || pixel.y <= 0.01, "{pixel} of {size}");
+            }
+        }
     }
 
     #[test]

@@ -1,6 +1,9 @@
 //! Lights without area, as `KHR_lights_punctual` describes them.
 
+use super::{Channel, Scene, Transform};
 use glam::Vec3;
+use std::collections::HashMap;
+use std::f32::consts::FRAC_PI_2;
 
 /// Strongest that any light may be \[W·sr⁻¹ or W·m⁻²·sr⁻¹\]: ten thousand million times the sun's surface. Sums over pixels, lights
 /// and photons, and their squares over what falls off with distance, stay inside of the range of `f32`.
@@ -35,6 +38,64 @@ pub struct PunctualLight {
     pub color: Vec3,
     /// The shape.
     pub kind: PunctualKind,
+}
+
+/// An animated property of a punctual light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LightProperty {
+    /// Linear RGB color.
+    Color,
+    /// Factor on the color \[cd or lx\].
+    Intensity,
+    /// Angle where the fall-off of a spot begins \[rad\].
+    InnerCone,
+    /// Angle where nothing is left of a spot \[rad\].
+    OuterCone,
+}
+
+/// The animation of a punctual light.
+#[derive(Clone, Debug)]
+pub struct LightChannel {
+    /// Index into the scene's punctual lights.
+    pub light: usize,
+    /// The property.
+    pub property: LightProperty,
+    /// Linear RGB color and intensity of the file, and the factor on their product.
+    pub rest: (Vec3, f32, f32),
+    /// Its values: translations are colors, weights are numbers.
+    pub keys: Channel,
+}
+
+impl Scene {
+    /// The punctual lights at `time` seconds; none where no light is animated. Values that no light can have are clamped.
+    pub(super) fn lights_at(&self, time: f32) -> Vec<PunctualLight> {
+        if self.light_channels.is_empty() {
+            return Vec::new();
+        }
+        let mut lights = self.punctual_lights.clone();
+        let mut parts: HashMap<usize, (Vec3, f32, f32)> = HashMap::new();
+        for LightChannel { light, property, rest, keys } in &self.light_channels {
+            let (mut vector, mut number) = (Transform::IDENTITY, [0.0]);
+            keys.apply(time, &mut vector);
+            keys.apply_weights(time, &mut number);
+            let (part, light) = (parts.entry(*light).or_insert(*rest), &mut lights[*light]);
+            match (property, &mut light.kind) {
+                (LightProperty::Color, _) => part.0 = vector.translation,
+                (LightProperty::Intensity, _) => part.1 = number[0],
+                (LightProperty::InnerCone, PunctualKind::Spot { inner, .. }) => {
+                    *inner = number[0].clamp(0.0, FRAC_PI_2)
+                }
+                (LightProperty::OuterCone, PunctualKind::Spot { outer, .. }) => {
+                    *outer = number[0].clamp(0.0, FRAC_PI_2)
+                }
+                _ => {}
+            }
+            let (color, intensity, factor) = *part;
+            light.color = (color * intensity * factor).clamp(Vec3::ZERO, Vec3::splat(STRONGEST));
+        }
+        lights
+    }
 }
 
 impl PunctualKind {

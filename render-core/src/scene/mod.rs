@@ -1,6 +1,7 @@
 //! A scene, and the places of its things at a time: nodes, meshes, materials, lights, cameras.
 
 mod animation;
+mod backdrop;
 mod camera;
 mod deform;
 mod far;
@@ -18,16 +19,16 @@ mod typed_setting;
 
 pub use crate::environment::Gradient;
 pub use animation::{Channel, Interpolation, Track};
-pub use camera::{Camera, Projected, Projection, View};
+pub use camera::{Camera, CameraChannel, CameraProperty, DepthRange, Projected, Projection, View};
 pub use deform::{DeformedMesh, MorphedNode, Skin};
 pub use files::{Origin, Reach};
-pub use gltf_file::{GltfSource, LoadError, load, load_with};
-pub use light::{PunctualKind, PunctualLight};
+pub use gltf_file::{EXTENSIONS, Extension, GltfSource, LoadError, Support, extension_table, load, load_with};
+pub use light::{LightChannel, LightProperty, PunctualKind, PunctualLight};
 pub use material::{Alpha, Material, TextureSlot, UV_SETS};
 pub(crate) use mesh::interpolate as mesh_interpolate;
 pub use mesh::{Influence, Mesh, MorphTarget, Skinning};
 pub use setting::Setting;
-pub use settings::{Gaze, SceneSettings, parse_frame_rate};
+pub use settings::{Gaze, LightSettings, SceneSettings, parse_frame_rate};
 pub use settings_error::SettingsError;
 pub use sky::SkySettings;
 pub use texture::{Encoding, Filtered, Texture, Wrap};
@@ -108,6 +109,10 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// The animation that plays.
     pub channels: Vec<Channel>,
+    /// The animation of lenses.
+    pub camera_channels: Vec<CameraChannel>,
+    /// The animation of punctual lights.
+    pub light_channels: Vec<LightChannel>,
     /// Light from all around, if the scene has any.
     pub sky: Option<Environment>,
     /// Settings from the TOML file beside the scene.
@@ -139,12 +144,22 @@ pub struct Pose {
     pub world: Vec<Affine3A>,
     /// One per instance, or none at all where no mesh has a skin or morph targets.
     deformed: Vec<Option<Arc<DeformedMesh>>>,
+    /// The cameras of the scene, or none at all where no lens is animated.
+    cameras: Vec<Camera>,
+    /// The punctual lights of the scene, or none at all where none is animated.
+    lights: Vec<PunctualLight>,
 }
 
 impl Pose {
     /// One per instance, or none at all where no mesh has a skin or morph targets.
     pub(crate) fn all_deformed(&self) -> &[Option<Arc<DeformedMesh>>] {
         &self.deformed
+    }
+
+    /// The punctual lights of its `scene` as they shine at that time.
+    #[must_use]
+    pub fn punctual_lights<'a>(&'a self, scene: &'a Scene) -> &'a [PunctualLight] {
+        if self.lights.is_empty() { &scene.punctual_lights } else { &self.lights }
     }
 
     /// The vertices of an instance with a skin or morph targets; others are as their mesh says.
@@ -168,7 +183,7 @@ impl Scene {
             world.push(node.parent.map_or(matrix, |parent| world[parent] * matrix));
         }
         let deformed = self.deformed_meshes(&world, time);
-        Pose { world, deformed }
+        Pose { world, deformed, cameras: self.cameras_at(time), lights: self.lights_at(time) }
     }
 
     /// World from the space of an instance's vertices. A skin places vertices by its joints alone: the node that the mesh
@@ -186,6 +201,14 @@ impl Scene {
         let moves = |channel: &&Channel| channel.changes() && !matches!(channel.track, Track::Weights(_));
         for channel in self.channels.iter().filter(moves) {
             moving[channel.node] = true;
+        }
+        // A lens that changes moves the picture as a node does.
+        for channel in self.camera_channels.iter().filter(|channel| channel.keys.changes()) {
+            moving[channel.keys.node] = true;
+        }
+        // So does a light that changes.
+        for channel in self.light_channels.iter().filter(|channel| channel.keys.changes()) {
+            moving[channel.keys.node] = true;
         }
         for index in 0..self.nodes.len() {
             moving[index] |= self.nodes[index].parent.is_some_and(|parent| moving[parent]);
@@ -206,7 +229,10 @@ impl Scene {
     /// Seconds until the last key of the animation; 0 without one.
     #[must_use]
     pub fn duration(&self) -> f32 {
-        self.channels.iter().filter_map(|channel| channel.times.last()).fold(0.0, |longest, &time| longest.max(time))
+        let lenses = self.camera_channels.iter().map(|channel| &channel.keys);
+        let lights = self.light_channels.iter().map(|channel| &channel.keys);
+        let ends = self.channels.iter().chain(lenses).chain(lights).filter_map(|channel| channel.times.last());
+        ends.fold(0.0, |longest, &time| longest.max(time))
     }
 
     /// Corners of the box around all meshes in `pose`; `None` when nothing has a volume to show.
@@ -249,26 +275,37 @@ impl Scene {
     /// The camera of this name, or with this number, counted from 0.
     #[must_use]
     pub fn camera(&self, name: &str) -> Option<&Camera> {
-        let named = self.cameras.iter().find(|camera| camera.name == name);
-        named.or_else(|| self.cameras.get(name.parse::<usize>().ok()?))
+        self.cameras.get(self.camera_number(name)?)
+    }
+
+    /// The place in the list of a camera of this name or number.
+    fn camera_number(&self, name: &str) -> Option<usize> {
+        let named = self.cameras.iter().position(|camera| camera.name == name);
+        named.or_else(|| name.parse().ok().filter(|&number| number < self.cameras.len()))
     }
 
     /// The camera that films: the one the settings name, else the first that moves, else the first.
     #[must_use]
     pub fn filming_camera(&self) -> Option<&Camera> {
+        self.cameras.get(self.filming_camera_number()?)
+    }
+
+    /// The place in the list of the camera that films.
+    fn filming_camera_number(&self) -> Option<usize> {
         let named = self.settings.camera.name.as_deref();
         let moving = self.moving_nodes();
         named
-            .and_then(|name| self.camera(name))
-            .or_else(|| self.cameras.iter().find(|camera| moving[camera.node]))
-            .or(self.cameras.first())
+            .and_then(|name| self.camera_number(name))
+            .or_else(|| self.cameras.iter().position(|camera| moving[camera.node]))
+            .or((!self.cameras.is_empty()).then_some(0))
     }
 
     /// The filming camera's view in `pose`; a scene without a camera is seen whole, from its front.
     #[must_use]
     pub fn view(&self, pose: &Pose, width: usize, height: usize) -> View {
-        match self.filming_camera() {
-            Some(camera) => View::new(pose.world[camera.node], camera.projection, width, height),
+        let number = self.filming_camera_number();
+        match number.and_then(|number| pose.cameras.get(number).or(self.cameras.get(number))) {
+            Some(camera) => View::of(camera, pose.world[camera.node], width, height),
             None => {
                 let rest = self.pose(0.0);
                 let (min, max) = self.bounds(&rest).unwrap_or((Vec3A::splat(-1.0), Vec3A::ONE));

@@ -25,6 +25,12 @@ impl Setting {
         Self { table: table.into(), key: key.into(), value: Value::String(value.into()) }
     }
 
+    /// Its value as a text.
+    #[must_use]
+    pub fn value(&self) -> String {
+        self.value.to_string()
+    }
+
     /// Writes it over what the tables of a settings file say.
     pub(super) fn put_into(&self, tables: &mut Table) {
         let table = tables.entry(&self.table).or_insert_with(|| Value::Table(Table::new()));

@@ -25,6 +25,15 @@ pub struct SceneSettings {
     /// The animation that plays.
     #[serde(default)]
     pub animation: AnimationChoice,
+    /// The variant of the materials that is shown.
+    #[serde(default)]
+    pub variant: VariantChoice,
+    /// Points, spots and suns.
+    #[serde(default)]
+    pub light: LightSettings,
+    /// Points and lines.
+    #[serde(default)]
+    pub strokes: StrokeSettings,
     /// How long, how fast.
     #[serde(default)]
     pub video: Video,
@@ -60,8 +69,35 @@ pub struct CameraChoice {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnimationChoice {
-    /// Name of an animation of the file; the first when left out.
+    /// Name of an animation of the file, or "all"; the first when left out.
     pub name: Option<String>,
+}
+
+/// The variant of the materials that is shown (`KHR_materials_variants`).
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VariantChoice {
+    /// Name of a variant of the file; the materials of its meshes when left out.
+    pub name: Option<String>,
+}
+
+/// Points, spots and suns of the file (`KHR_lights_punctual`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LightSettings {
+    /// Factor on their candela and lux [default: 1, and 1/683 for files of Blender].
+    pub lamps: Option<f32>,
+    /// Radius of points \[m\], which files lack; 0 gives hard shadows.
+    #[serde(default)]
+    pub lamp_radius: f32,
+}
+
+/// Points and lines, which have no width in files.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StrokeSettings {
+    /// Width \[m\], before the scale of their node; 1/200 of the mesh's diagonal when left out.
+    pub point_size: Option<f32>,
 }
 
 /// Length and rate of the video.
@@ -146,6 +182,16 @@ impl SceneSettings {
         if !(0.0..=90.0).contains(&self.sun.angular_diameter) {
             let problem = format!("angular_diameter {} must lie in 0..=90 degrees", self.sun.angular_diameter);
             return Err(SettingsError::value("sun", problem));
+        }
+        let LightSettings { lamps, lamp_radius } = self.light;
+        if lamps.is_some_and(|factor| !(0.0..=1e9).contains(&factor)) {
+            return Err(SettingsError::value("light", "lamps must lie in 0..=1000000000"));
+        }
+        if !(0.0..=1e3).contains(&lamp_radius) {
+            return Err(SettingsError::value("light", "lamp_radius must lie in 0..=1000 meters"));
+        }
+        if self.strokes.point_size.is_some_and(|size| !(1e-9..=1e6).contains(&size)) {
+            return Err(SettingsError::value("strokes", "point_size must lie in 0.000000001..=1000000 meters"));
         }
         if self.video.frames == Some(0) {
             return Err(SettingsError::value("video", "frames must be at least 1"));

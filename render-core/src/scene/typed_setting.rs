@@ -5,12 +5,15 @@ use std::str::FromStr;
 use toml::{Table, Value};
 
 /// The tables of a settings file, and the keys of each. A key that one table alone has may be named without it.
-const TABLES: [(&str, &[&str]); 7] = [
+const TABLES: [(&str, &[&str]); 10] = [
     ("tone_mapping", &["operator", "exposure", "gamma", "white", "display"]),
     ("sky", &["zenith", "horizon", "ground", "image", "intensity", "rotation"]),
     ("sun", &["angular_diameter"]),
     ("camera", &["name"]),
     ("animation", &["name"]),
+    ("variant", &["name"]),
+    ("light", &["lamps", "lamp_radius"]),
+    ("strokes", &["point_size"]),
     ("video", &["frames", "fps"]),
     ("importance", &["nodes", "viewing_distance", "screen_width"]),
 ];

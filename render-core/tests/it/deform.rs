@@ -22,7 +22,7 @@ fn node(scene: &mut Scene, parent: Option<usize>, translation: Vec3) -> usize {
 fn camera(scene: &mut Scene) {
     let node = node(scene, None, Vec3::ZERO);
     let projection = Projection::Perspective { yfov: YFOV };
-    scene.cameras.push(Camera { name: String::new(), node, projection });
+    scene.cameras.push(Camera { name: String::new(), node, projection, ..Camera::default() });
 }
 
 fn animate(scene: &mut Scene, node: usize, track: Track) {

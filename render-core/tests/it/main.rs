@@ -8,6 +8,7 @@ mod coverage;
 mod cut_outs;
 mod deform;
 mod direct;
+mod gltf;
 mod light;
 mod materials;
 mod motion;

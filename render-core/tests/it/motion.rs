@@ -29,6 +29,7 @@ fn scene() -> Scene {
         name: "camera".into(),
         node: camera,
         projection: Projection::Perspective { yfov: YFOV },
+        ..Camera::default()
     });
     let mut animate = |node, track| {
         scene.channels.push(Channel { node, times: vec![0.0, 1.0], track, interpolation: Interpolation::Linear });

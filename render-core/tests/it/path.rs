@@ -18,7 +18,7 @@ fn level() -> Transform {
 /// A camera at `position`, looking down −z of the `rotation`.
 fn film(scene: &mut Scene, position: Vec3, rotation: Quat, projection: Projection) {
     scene.nodes.push(Node { name: String::new(), parent: None, rest: askew(position, rotation) });
-    scene.cameras = vec![Camera { name: String::new(), node: scene.nodes.len() - 1, projection }];
+    scene.cameras = vec![Camera { name: String::new(), node: scene.nodes.len() - 1, projection, ..Camera::default() }];
 }
 
 fn render(scene: &Scene, size: usize, options: PathOptions) -> PathEstimate {

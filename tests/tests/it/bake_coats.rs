@@ -20,7 +20,12 @@ fn seen_from(eye: Vec3, tilt: f32) -> Scene {
     for rest in [Transform::IDENTITY, turned] {
         scene.nodes.push(Node { name: String::new(), parent: None, rest });
     }
-    scene.cameras.push(Camera { name: String::new(), node: 1, projection: Projection::Perspective { yfov: 0.9 } });
+    scene.cameras.push(Camera {
+        name: String::new(),
+        node: 1,
+        projection: Projection::Perspective { yfov: 0.9 },
+        ..Camera::default()
+    });
     scene
 }
 

@@ -105,6 +105,8 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
             "max-memory",
             "camera",
             "animation",
+            "variant",
+            "point-size",
             "set",
             "preset",
             "from",

@@ -383,9 +383,9 @@ fn videos_that_claim_much_are_refused() {
     }
 }
 
-/// A skinned mesh whose first primitive is made of lines: the joints of its triangles are their own.
+/// A skinned mesh whose first primitive is made of lines: lines and triangles hang from their own joints.
 #[test]
-fn skins_skip_what_is_not_shown() {
+fn lines_and_triangles_have_their_own_joints() {
     let mut glb = square(json!({}));
     let start = glb.bin.len();
     // Of the two vertices of the line, then of the four of the square: all of joint 0, all of joint 1.
@@ -422,8 +422,13 @@ fn skins_skip_what_is_not_shown() {
     glb.json["skins"] = json!([{ "joints": [1, 2] }]);
     glb.json["nodes"][0]["skin"] = json!(0);
     let scene = load(&glb, "").unwrap();
-    let (low, _) = scene.bounds(&scene.pose(0.0)).unwrap();
-    assert!((low.x - 9.0).abs() < 1e-5, "the square hangs from joint 1: {low}");
+    let pose = scene.pose(0.0);
+    let left = |instance: usize| {
+        let shape = pose.deformed(instance).unwrap();
+        shape.positions.iter().fold(f32::MAX, |least, position| least.min(position.x))
+    };
+    assert!((left(0) - 5.0).abs() < 0.01, "the line hangs from joint 0: {}", left(0));
+    assert!((left(1) - 9.0).abs() < 1e-5, "the square hangs from joint 1: {}", left(1));
 }
 
 /// Loads a damaged scene and renders a frame of it, if it can be loaded; true if so.

@@ -45,6 +45,12 @@ fn a_still_is_the_frame_of_a_film() {
     let apart = difference(&png(&folder.join("late.png")), &late);
     assert!(apart < 4.0 && difference(&first, &late) > 2.0 * apart, "{apart} of {}", difference(&first, &late));
 
+    // Several frames have files of their own.
+    run(folder, &format!("still room.glb {SMALL} --samples 1 --frame 20,0 -o list.png"));
+    for (one, of_list) in [("room.png", "list_00.png"), ("late.png", "list_20.png")] {
+        assert!(fs::read(folder.join(one)).unwrap() == fs::read(folder.join(of_list)).unwrap(), "{of_list}");
+    }
+
     // A reference as a picture agrees, within its noise.
     run(folder, "reference room.glb --size 48x32 --spp 64 -o truth.png --quiet");
     let apart = difference(&png(&folder.join("truth.png")), &first);

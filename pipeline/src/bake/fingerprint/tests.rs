@@ -52,7 +52,12 @@ fn stage() -> Scene {
         skins: vec![Skin { joints: vec![JOINT], inverse_bind: vec![Affine3A::IDENTITY] }],
         morphed_nodes: vec![MorphedNode { node: HAND, weights: vec![0.5] }],
         punctual_lights: vec![PunctualLight { node: LAMP, color: Vec3::ONE, kind: PunctualKind::Point }],
-        cameras: vec![Camera { name: "eye".into(), node: CAMERA, projection: Projection::Perspective { yfov: 0.8 } }],
+        cameras: vec![Camera {
+            name: "eye".into(),
+            node: CAMERA,
+            projection: Projection::Perspective { yfov: 0.8 },
+            ..Camera::default()
+        }],
         channels: vec![moves(CAMERA, 1.0), moves(BODY, 2.0), channel(HAND, Track::Weights(vec![0.0, 1.0]))],
         sky: sky(2.0),
         ..Scene::default()

@@ -44,7 +44,7 @@ pub(crate) struct Reference {
     /// Sample the centers of the pixels alone: the picture of a film without anti-aliasing
     #[arg(long, alias = "centre")]
     center: bool,
-    /// Size of the picture, in pixels [default: 512x512]
+    /// Size of the picture, in pixels [default: 512x512 pixels in the camera's shape, such as 682x384]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
     /// Seed of paths and photons [default: 1]

@@ -8,11 +8,11 @@ use crate::command_line::source::{MemoryLimit, Reading};
 use crate::output::Output;
 use crate::picture_file::PictureFormat;
 use crate::places::FilePlaces;
-use crate::settings::{Preset, Size, parse_fps};
+use crate::settings::{FrameList, Preset, Size, parse_fps};
 use crate::still::Still;
 use anyhow::Result;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// The frame, and how good its picture is to be.
@@ -23,13 +23,13 @@ pub(crate) struct StillArguments {
     /// The picture: .png or .jpg as a display shows it, .exr with linear light [default: the scene's name with .png, here]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Number of the frame, counted from 0
-    #[arg(long, value_name = "K", default_value_t = 0)]
-    frame: u32,
+    /// Number of the frame, counted from 0, or a list such as 2,4,10-20: the names of several pictures end in their numbers
+    #[arg(long, alias = "range", value_name = "K|LIST", default_value_t = FrameList::one(0))]
+    frame: FrameList,
     /// How good and how slow: draft, good or final, as for films
     #[arg(long, value_enum, value_name = "HOW")]
     preset: Option<Preset>,
-    /// Size of the picture, in pixels [default: 512x512]
+    /// Size of the picture, in pixels [default: 512x512 pixels in the camera's shape, such as 682x384]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
     /// Samples of visibility and light to the pixel: 4 smooths edges [default: 4]
@@ -69,29 +69,46 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     let _ = PictureFormat::of(&output)?;
     let scene = reading.load(&path)?;
     FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
-    overwrite.check(&output)?;
+    let pictures = named(&output, &frame);
+    pictures.iter().try_for_each(|(_, path)| overwrite.check(path))?;
 
     // A film of enough frames, at a quantiser as fine as pictures are.
     let samples = samples.or_else(|| preset.is_none().then_some(SAMPLES));
-    let (frames, qscale) = (Some(frame.saturating_add(1)), Some(1));
+    let (frames, qscale) = (Some(frame.last() + 1), Some(1));
     let options = Options { preset, size, samples, fps, vpls, frames, qscale, ..Options::default() };
     let settings = options.clone().fill_in(path, &scene)?;
     memory.check(&scene, &settings)?;
     // An output that cannot be written is told of before the work, not after it.
-    drop(Output::create(&output)?);
-    let begin = std::time::Instant::now();
+    for (_, path) in &pictures {
+        drop(Output::create(path)?);
+    }
     if !quiet {
         notes::before(&scene, &settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
     }
-    let still = Still::render(&scene, &settings, frame);
-    still.write(&output)?;
-    if !quiet {
-        // Codes of displays begin at 0, those of video at 16.
-        let bright = notes::bright_code(still.shown.samples().iter().flatten().copied()).saturating_add(16);
-        notes::on_darkness(Some(bright), &settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
-        let brightest = notes::mean_luminance(&still.radiance);
-        notes::on_dimness(brightest, &scene).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
-        super::tell_of_picture(&output, settings.size, begin);
+    for (frame, path) in pictures {
+        let begin = std::time::Instant::now();
+        let still = Still::render(&scene, &settings, frame);
+        still.write(&path)?;
+        if !quiet {
+            // Codes of displays begin at 0, those of video at 16.
+            let bright = notes::bright_code(still.shown.samples().iter().flatten().copied()).saturating_add(16);
+            let dimness = notes::on_dimness(notes::mean_luminance(&still.radiance), &scene);
+            let notes = notes::on_darkness(Some(bright), &settings).into_iter().chain(dimness);
+            notes.for_each(|note| tell!("note: {}", single_line(&note)));
+            super::tell_of_picture(&path, settings.size, begin);
+        }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The files of these frames: `output` itself for one, with numbers of equal length for several.
+fn named(output: &Path, frames: &FrameList) -> Vec<(u32, PathBuf)> {
+    if let [frame] = frames.frames() {
+        return vec![(*frame, output.into())];
+    }
+    let digits = frames.last().to_string().len();
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let ending = output.extension().unwrap_or_default().to_string_lossy().into_owned();
+    let name = |frame: &u32| output.with_file_name(format!("{stem}_{frame:0digits$}.{ending}"));
+    frames.frames().iter().map(|frame| (*frame, name(frame))).collect()
 }

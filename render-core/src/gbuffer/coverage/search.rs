@@ -135,7 +135,7 @@ impl Search<'_> {
                 let corner = Vec2::new(area.place.0 as f32, area.place.1 as f32);
                 rays.extend(offsets.iter().map(|&offset| CameraRay::through(corner + offset, view)));
             }
-            let hits = first_hits(self.scene, &rays);
+            let hits = first_hits(self.scene, &rays, view);
             for (k, area) in areas.iter_mut().enumerate() {
                 for (i, &offset) in (k * offsets.len()..).zip(offsets) {
                     area.add(offset, rays[i], hits[i]);
@@ -237,7 +237,8 @@ impl<'a> Area<'a> {
     /// What a ray shows whose triangle is not known; none where nobody knows its light.
     fn show(&mut self, ray: CameraRay, hit: Option<Hit>) -> Option<Shown> {
         let Search { seen, scene, .. } = *self.search;
-        let point = hit.and_then(|hit| ray.shown(scene, hit, |_| 0.0));
+        let distances = seen.view.distances(ray.direction);
+        let point = hit.and_then(|hit| ray.shown_within(distances, scene, hit, |_| 0.0));
         // Which surface it is, where, and whether it glows, is all that most rays need.
         let surface = point.as_ref().map_or(EMPTY, |(hit, point)| PixelSurface {
             position: point.position.into(),

@@ -1,24 +1,31 @@
 //! The clip that plays.
 
 use super::accessor::Buffers;
+use super::lenient::PointerChannel;
 use super::nodes::NodeOf;
-use super::{LoadError, Loader};
-use crate::scene::{Channel, Interpolation, Scene, Track};
+use super::pointers::{self, Target};
+use super::{LoadError, Loader, Source};
+use crate::scene::{CameraChannel, Channel, Interpolation, LightChannel, LightProperty, Scene, Track};
 use glam::{Quat, Vec3};
 use gltf::animation::Property;
+use std::collections::HashSet;
 
 impl Loader<'_> {
-    /// The animation of that `name`, or the first: a file's others are alternatives, not parts.
-    pub(super) fn clip<'d>(
+    /// The animation of that `name`, or the first: a file's others may be alternatives. "all" are all that move different
+    /// properties.
+    pub(super) fn clips<'d>(
         &self,
         document: &'d gltf::Document,
+        pointers: &[PointerChannel],
         name: Option<&str>,
         warnings: &mut Vec<String>,
-    ) -> Result<Option<gltf::Animation<'d>>, LoadError> {
+    ) -> Result<Vec<gltf::Animation<'d>>, LoadError> {
         let mut clips: Vec<gltf::Animation> = document.animations().collect();
+        clips.retain(|clip| !moved_by(clip, pointers).is_empty());
         if let Some(name) = name {
             return match clips.iter().position(|clip| clip.name() == Some(name)) {
-                Some(place) => Ok(Some(clips.swap_remove(place))),
+                Some(place) => Ok(vec![clips.swap_remove(place)]),
+                None if name == "all" => Ok(all_together(clips, pointers, warnings)),
                 None => {
                     let names = clips.iter().filter_map(gltf::Animation::name).collect::<Vec<_>>().join("\", \"");
                     self.bad(format!("there is no animation \"{name}\"; there are \"{names}\""))
@@ -27,42 +34,118 @@ impl Loader<'_> {
         }
         if clips.len() > 1 {
             warnings.push(format!(
-                "of {} animations the first plays; name another as [animation] name = \"…\" in the settings beside the scene",
+                "of {} animations the first plays; --animation NAME plays another, --animation all those that move different properties",
                 clips.len()
             ));
         }
-        Ok(clips.into_iter().next())
+        clips.truncate(1);
+        Ok(clips)
     }
 
-    /// Reads the tracks of an animation.
+    /// Reads the tracks of an animation, with those that pointers of the extension aim at.
     pub(super) fn channels(
         &self,
         clip: &gltf::Animation,
-        buffers: &Buffers,
+        source: Source,
         node_of: &NodeOf,
         scene: &mut Scene,
     ) -> Result<(), LoadError> {
+        let mut targets = Vec::new();
+        for channel in clip.channels() {
+            let (node, property) = (channel.target().node().index(), channel.target().property());
+            targets.push((Target::Node(node, property), channel.sampler()));
+        }
+        let pointers = || source.pointers.iter().filter(|pointer| pointer.animation == clip.index());
+        scene.warnings.extend(pointers::note(pointers().map(|pointer| pointer.pointer.as_str())));
+        for pointer in pointers() {
+            let Some(sampler) = clip.samplers().nth(pointer.sampler) else {
+                return self.bad(format!("animation {} has no sampler {}", clip.index(), pointer.sampler));
+            };
+            targets.extend(pointers::target(&pointer.pointer).map(|target| (target, sampler)));
+        }
+
         let morphed_places = scene.morphed_places();
         let weights_of = |node| morphed_places.get(&node).map(|&place| scene.morphed_nodes[place].weights.len());
-        let mut channels = Vec::new();
-        for channel in clip.channels() {
-            let Some(&node) = node_of.get(&channel.target().node().index()) else { continue };
-            channels.extend(self.channel(&channel, node, buffers, weights_of(node))?);
+        let (mut channels, mut lenses, mut lights) = (Vec::new(), Vec::new(), Vec::new());
+        for (target, sampler) in targets {
+            let keys = Keys { sampler, buffers: source.buffers };
+            match target {
+                Target::Node(index, property) => {
+                    let place = format!("animation of node {index}");
+                    let Some(&node) = node_of.get(&index) else { continue };
+                    // Copies of a mesh, and nodes that hide it, have its weights.
+                    let nodes = match property {
+                        Property::MorphTargetWeights => node_of.showing(node),
+                        _ => vec![node],
+                    };
+                    for node in nodes {
+                        channels.extend(self.channel(&place, node, (&keys, property), weights_of(node))?);
+                    }
+                }
+                Target::Visible(index) => {
+                    let place = format!("animation of the visibility of node {index}");
+                    for node in node_of.hiding(index) {
+                        channels.extend(self.visibility(&place, node, &keys)?);
+                    }
+                }
+                Target::Light(index, property) => {
+                    let place = format!("animation of light {index}");
+                    let kind = match property {
+                        LightProperty::Color => Property::Translation,
+                        _ => Property::MorphTargetWeights,
+                    };
+                    let keys = self.channel(&place, 0, (&keys, kind), Some(1))?;
+                    let light = source.document.lights().and_then(|mut lights| lights.nth(index));
+                    let (Some(keys), Some(light)) = (keys, light) else { continue };
+                    let rest = (Vec3::from(light.color()), light.intensity(), source.lamps);
+                    for light in node_of.lights(index) {
+                        let keys = Channel { node: scene.punctual_lights[light].node, ..keys.clone() };
+                        lights.push(LightChannel { light, property, rest, keys });
+                    }
+                }
+                Target::Camera(index, property) => {
+                    let place = format!("animation of camera {index}");
+                    let keys = self.channel(&place, 0, (&keys, Property::MorphTargetWeights), Some(1))?;
+                    let Some(keys) = keys else { continue };
+                    for camera in node_of.cameras(index) {
+                        let keys = Channel { node: scene.cameras[camera].node, ..keys.clone() };
+                        lenses.push(CameraChannel { camera, property, keys });
+                    }
+                }
+            }
         }
         scene.channels.extend(channels);
+        scene.camera_channels.extend(lenses);
+        scene.light_channels.extend(lights);
         Ok(())
+    }
+
+    /// The visibility of a node as the scale of one that hides it: 1 or 0, until the next key.
+    fn visibility(&self, place: &str, node: usize, keys: &Keys) -> Result<Option<Channel>, LoadError> {
+        let output = keys.sampler.output();
+        // "The output accessor of a boolean property is of unsigned bytes": zero is false.
+        let (times, values) = (keys.buffers.floats::<1>(&keys.sampler.input()), keys.buffers.floats::<1>(&output));
+        let (Some(times), Some(values)) = (times, values) else {
+            return self.bad(format!("{place} has no keys"));
+        };
+        let times: Vec<f32> = times.into_iter().flatten().collect();
+        let scales = values.iter().map(|[value]| if *value == 0.0 { Vec3::ZERO } else { Vec3::ONE }).collect();
+        let ascending = times.windows(2).all(|pair| pair[0] <= pair[1]) && times.iter().all(|t| t.is_finite());
+        if times.is_empty() || values.len() < times.len() || !ascending {
+            return self.bad(format!("{place}: keys must be finite, ascending in time, and one value each"));
+        }
+        Ok(Some(Channel { node, times, track: Track::Scale(scales), interpolation: Interpolation::Step }))
     }
 
     /// A track of keys for a node with so many `weights`; `None` for weights of a node that has nothing to morph.
     fn channel(
         &self,
-        channel: &gltf::animation::Channel,
+        place: &str,
         node: usize,
-        buffers: &Buffers,
+        (keys, property): (&Keys, Property),
         weights: Option<usize>,
     ) -> Result<Option<Channel>, LoadError> {
-        let place = format!("animation of node {}", channel.target().node().index());
-        let sampler = channel.sampler();
+        let Keys { sampler, buffers } = keys;
         let interpolation = match sampler.interpolation() {
             gltf::animation::Interpolation::Step => Interpolation::Step,
             gltf::animation::Interpolation::Linear => Interpolation::Linear,
@@ -70,7 +153,7 @@ impl Loader<'_> {
         };
         let output = sampler.output();
         let vectors = || buffers.floats::<3>(&output).map(|keys| keys.into_iter().map(Vec3::from).collect());
-        let track = match channel.target().property() {
+        let track = match property {
             Property::Translation => vectors().map(Track::Translation),
             Property::Scale => vectors().map(Track::Scale),
             Property::Rotation => buffers
@@ -103,4 +186,50 @@ impl Loader<'_> {
         }
         Ok(Some(Channel { node, times, track, interpolation }))
     }
+}
+
+/// The keys of a track.
+struct Keys<'d> {
+    sampler: gltf::animation::Sampler<'d>,
+    buffers: &'d Buffers,
+}
+
+/// The properties that a clip moves, as JSON pointers.
+fn moved_by(clip: &gltf::Animation, pointers: &[PointerChannel]) -> HashSet<String> {
+    let mut moved = HashSet::new();
+    for channel in clip.channels() {
+        let path = match channel.target().property() {
+            Property::Translation => "translation",
+            Property::Rotation => "rotation",
+            Property::Scale => "scale",
+            Property::MorphTargetWeights => "weights",
+        };
+        moved.insert(format!("/nodes/{}/{path}", channel.target().node().index()));
+    }
+    let own = pointers.iter().filter(|pointer| pointer.animation == clip.index());
+    moved.extend(own.map(|pointer| pointer.pointer.clone()));
+    moved
+}
+
+/// All clips but those that move a property which an earlier one moves, with a note that names these.
+fn all_together<'d>(
+    clips: Vec<gltf::Animation<'d>>,
+    pointers: &[PointerChannel],
+    notes: &mut Vec<String>,
+) -> Vec<gltf::Animation<'d>> {
+    let (mut moved, mut together, mut others) = (HashSet::new(), Vec::new(), Vec::new());
+    for clip in clips {
+        let own = moved_by(&clip, pointers);
+        if own.is_disjoint(&moved) {
+            moved.extend(own);
+            together.push(clip);
+        } else {
+            others.push(clip.name().unwrap_or("without a name").to_owned());
+        }
+    }
+    if !others.is_empty() {
+        let others = others.join("\", \"");
+        notes.push(format!("animations that move what an earlier one moves are left out: \"{others}\""));
+    }
+    together
 }

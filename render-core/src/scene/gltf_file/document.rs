@@ -1,41 +1,42 @@
 //! The document and the bytes it refers to.
 
 use super::accessor::Buffers;
-use super::{LoadError, Loader};
-use std::collections::HashSet;
+use super::{LoadError, Loader, extensions, lenient};
+use gltf::json;
+use serde_json::Value;
+use std::collections::{BTreeSet, HashSet};
 use std::path::Path;
 
-/// Extensions that a file may require.
-const SUPPORTED: [&str; 7] = [
-    "KHR_lights_punctual",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",
-    "KHR_materials_specular",
-    "KHR_materials_unlit",
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
-];
+/// A document with the bytes it refers to.
+pub(super) struct Parsed {
+    pub document: gltf::Document,
+    pub buffers: Buffers,
+    /// Parts that the crate does not read.
+    pub found: lenient::Normalized,
+}
 
 impl Loader<'_> {
-    /// Parses and validates, after looking at the required extensions ourselves: the crate refuses
-    /// some that it can read, and does not name the one it minds.
-    pub(super) fn document(&self, bytes: &[u8]) -> Result<(gltf::Document, Buffers), LoadError> {
+    /// Parses and validates. Required extensions are checked here: the crate refuses some that it can read, and does not name them.
+    pub(super) fn document(&self, bytes: &[u8]) -> Result<Parsed, LoadError> {
         let first = bytes.trim_ascii_start().first();
         if first.is_some_and(|&first| first != b'{') && !bytes.starts_with(b"glTF") {
             return self.bad("this is no glTF file; scenes are .glb or .gltf, as modeling programs export them");
         }
-        self.check_header(bytes)?;
-        let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).or_else(|error| {
+        let (text, blob) = self.split(bytes)?;
+        let mut value: Value = serde_json::from_slice(text).or_else(|error| {
             self.bad(format!("not a whole glTF file ({}); export or copy it again", one_line(&error.to_string())))
         })?;
-        let mut root = document.into_json();
-        if let Some(extension) = root.extensions_required.iter().find(|name| !SUPPORTED.contains(&name.as_str())) {
+        let found = lenient::normalize(&mut value, bytes.starts_with(b"glTF")).or_else(|why| self.bad(why))?;
+        let mut root: json::Root = serde_json::from_value(value).or_else(|error| {
+            self.bad(format!("its JSON does not follow glTF 2.0 ({}); export it again", one_line(&error.to_string())))
+        })?;
+        if let Some(extension) = root.extensions_required.iter().find(|name| !extensions::may_be_required(name)) {
             return Err(LoadError::Unsupported { path: self.path.into(), extension: extension.clone() });
         }
         root.extensions_required.clear();
         // An accessor without view and sparse part stands for zeros, but the crate insists on a view: any will do.
         let mut zeros = HashSet::new();
-        let any_view = (!root.buffer_views.is_empty()).then(|| gltf::json::Index::new(0));
+        let any_view = (!root.buffer_views.is_empty()).then(|| json::Index::new(0));
         for (index, accessor) in root.accessors.iter_mut().enumerate() {
             if accessor.buffer_view.is_none() && accessor.sparse.is_none() {
                 accessor.buffer_view = any_view;
@@ -45,17 +46,27 @@ impl Loader<'_> {
         self.check_document(&root)?;
         let document = gltf::Document::from_json(root)
             .or_else(|error| self.bad(one_line(&error.to_string()).trim_end_matches(';')))?;
-        let bytes = self.buffers(&document, blob)?;
-        Ok((document, Buffers::new(bytes, zeros)))
+        let bytes = self.buffers(&document, blob, &found.used_buffers)?;
+        Ok(Parsed { document, buffers: Buffers::new(bytes, zeros), found })
     }
 
-    fn buffers(&self, document: &gltf::Document, mut blob: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>, LoadError> {
+    /// Reads the buffers that some view uses and that have data.
+    fn buffers(
+        &self,
+        document: &gltf::Document,
+        mut blob: Option<&[u8]>,
+        used: &BTreeSet<usize>,
+    ) -> Result<Vec<Vec<u8>>, LoadError> {
         let mut buffers = Vec::new();
         for buffer in document.buffers() {
+            if !used.contains(&buffer.index()) {
+                buffers.push(Vec::new());
+                continue;
+            }
             let what = format!("buffer {}", buffer.index());
             let data = match buffer.source() {
                 gltf::buffer::Source::Bin => match blob.take() {
-                    Some(data) => data,
+                    Some(data) => data.to_vec(),
                     None => return self.bad(format!("{what}: the file has no binary part; export it again")),
                 },
                 gltf::buffer::Source::Uri(uri) => self.resource(&what, uri)?,
@@ -89,7 +100,14 @@ impl Loader<'_> {
         if uri.contains("://") {
             return Err(fail("it lies outside of the scene's folder"));
         }
-        self.files.read_named(Path::new(&decode_percent(uri))).map_err(|why| fail(&why))
+        // Some exporters write the separators of Windows, which no URI has (RFC 3986, 2). A file of that very name comes first.
+        let name = decode_percent(uri);
+        let read = self.files.read_named(Path::new(&name));
+        match read {
+            Err(_) if name.contains('\\') => self.files.read_named(Path::new(&name.replace('\\', "/"))),
+            read => read,
+        }
+        .map_err(|why| fail(&why))
     }
 }
 

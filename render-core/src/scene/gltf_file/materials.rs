@@ -4,9 +4,13 @@
 
 use crate::scene::{Alpha, Material, TextureSlot, UV_SETS};
 use glam::{Vec2, Vec3};
+use serde_json::Value;
 
 /// Index of refraction where a file gives none (`KHR_materials_ior`): F0 = 4 %.
 const DEFAULT_IOR: f32 = 1.5;
+
+/// The older of two material models.
+const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 
 /// All materials in the file's order, and after them the default one for primitives without; what is left out of them, as
 /// a line each.
@@ -15,11 +19,12 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Vec<String
     let mut materials: Vec<Material> = Vec::new();
     for source in document.materials() {
         let specular = source.specular();
-        left_out[0] |= source.transmission().is_some_and(|t| t.transmission_factor() > 0.0);
-        left_out[1] |= specular.is_some_and(|s| s.specular_texture().or(s.specular_color_texture()).is_some());
+        left_out[0] |= specular.is_some_and(|s| s.specular_texture().or(s.specular_color_texture()).is_some());
+        let older = source.extension_value(SPECULAR_GLOSSINESS);
+        left_out[2] |= older.is_some_and(|older| older.get("specularGlossinessTexture").is_some());
         let mut material = material(&source);
         for slot in material.slots_mut() {
-            left_out[2] |= slot.uv_set >= UV_SETS;
+            left_out[1] |= slot.uv_set >= UV_SETS;
             slot.uv_set = slot.uv_set.min(UV_SETS - 1);
         }
         materials.push(material);
@@ -27,15 +32,43 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Vec<String
     // glTF 2.0, 3.9.2 and 3.7.2.1: what is not given has its default, which for metalness and roughness is 1.
     materials.push(Material { metallic: 1.0, roughness: 1.0, ..Material::default() });
     let notes = [
-        "light that shines through glass is left out: it is shown opaque",
         "specular textures are left out, their factors are not",
         "of texture coordinates the sets 0 to 3 are read",
+        "textures of specular and glossiness are left out, their factors are not",
     ];
     let warnings = notes.iter().zip(left_out).filter(|(_, met)| *met).map(|(note, _)| note.to_string()).collect();
     (materials, warnings)
 }
 
 fn material(source: &gltf::Material) -> Material {
+    let material = metallic_roughness(source);
+    match source.extension_value(SPECULAR_GLOSSINESS) {
+        Some(extension) => specular_glossiness(material, extension),
+        None => material,
+    }
+}
+
+/// The material by `KHR_materials_pbrSpecularGlossiness`, which comes before the other model: a diffuse base below a coat.
+fn specular_glossiness(material: Material, extension: &Value) -> Material {
+    let number = |name: &str, place: usize| extension.get(name)?.get(place)?.as_f64();
+    let factor = |name: &str, place: usize| number(name, place).map_or(1.0, |x| x as f32).clamp(0.0, 1.0);
+    let color = |name: &str| Vec3::from([0, 1, 2].map(|place| factor(name, place)));
+    let glossiness = extension.get("glossinessFactor").and_then(Value::as_f64).map_or(1.0, |x| x as f32);
+    let specular = color("specularFactor");
+    Material {
+        // "c_diff = diffuse.rgb * (1 - max(specular.r, specular.g, specular.b))"
+        base_color: color("diffuseFactor") * (1.0 - specular.max_element()),
+        base_color_texture: extension.get("diffuseTexture").and_then(slot_of),
+        metallic: 0.0,
+        roughness: 1.0 - glossiness.clamp(0.0, 1.0),
+        metallic_roughness_texture: None,
+        dielectric_f0: specular,
+        opacity: factor("diffuseFactor", 3),
+        ..material
+    }
+}
+
+fn metallic_roughness(source: &gltf::Material) -> Material {
     let pbr = source.pbr_metallic_roughness();
     let [r, g, b, opacity] = pbr.base_color_factor();
     // What is beyond all numbers stays beyond what is allowed, and is refused as that.
@@ -90,20 +123,32 @@ fn slot(info: gltf::texture::Info) -> TextureSlot {
     }
 }
 
+/// As [`slot`], of the JSON of a texture's reference.
+fn slot_of(info: &Value) -> Option<TextureSlot> {
+    let texture = usize::try_from(info.get("index")?.as_u64()?).ok()?;
+    let uv_set = info.get("texCoord").and_then(Value::as_u64).unwrap_or(0);
+    Some(moved_slot(texture, uv_set as usize, info.pointer("/extensions/KHR_texture_transform")))
+}
+
 /// As [`slot`]; the crate leaves the transform of a normal texture to be read by hand.
 fn normal_slot(source: gltf::material::NormalTexture) -> (TextureSlot, f32) {
     let transform = source.extension_value("KHR_texture_transform");
+    let slot = moved_slot(source.texture().index(), source.tex_coord() as usize, transform);
+    let scale = source.scale();
+    (slot, if scale.is_finite() { scale } else { 1.0 })
+}
+
+/// A slot with the JSON of its transform.
+fn moved_slot(texture: usize, uv_set: usize, transform: Option<&Value>) -> TextureSlot {
     let number = |name: &str| transform.and_then(|t| t.get(name)?.as_f64());
     let pair = |name: &str, default: f32| {
         let at = |i: usize| transform.and_then(|t| t.get(name)?.get(i)?.as_f64()).map_or(default, |x| x as f32);
         Vec2::new(at(0), at(1))
     };
-    let slot = TextureSlot {
-        texture: source.texture().index(),
-        uv_set: number("texCoord").map_or(source.tex_coord() as usize, |set| set as usize),
+    TextureSlot {
+        texture,
+        uv_set: number("texCoord").map_or(uv_set, |set| set as usize),
         transform: transform
             .map(|_| (pair("offset", 0.0), number("rotation").unwrap_or(0.0) as f32, pair("scale", 1.0))),
-    };
-    let scale = source.scale();
-    (slot, if scale.is_finite() { scale } else { 1.0 })
+    }
 }

@@ -2,39 +2,40 @@
 
 use super::accessor::Buffers;
 use super::nodes::NodeOf;
-use super::{LoadError, Loader};
-use crate::scene::{Instance, Mesh, MorphTarget, MorphedNode, Scene, Skinning};
+use super::strokes::{BYTES_PER_STROKE, Strokes, spread};
+use super::variants::material_of;
+use super::{LoadError, Loader, Source};
+use crate::scene::{Instance, Material, Mesh, MorphTarget, MorphedNode, Scene, Skinning};
 use glam::{Vec2, Vec3, Vec4};
 use gltf::{Semantic, mesh::Mode};
 use std::collections::{HashMap, hash_map::Entry};
 
 impl Loader<'_> {
     /// Reads the meshes that nodes of the scene show, each once for each skin that bends it.
-    pub(super) fn meshes(
-        &self,
-        document: &gltf::Document,
-        buffers: &Buffers,
-        node_of: &NodeOf,
-        scene: &mut Scene,
-    ) -> Result<(), LoadError> {
+    pub(super) fn meshes(&self, source: Source, node_of: &mut NodeOf, scene: &mut Scene) -> Result<(), LoadError> {
+        let Source { document, buffers, .. } = source;
         let mut read: HashMap<(usize, Option<usize>), std::ops::Range<usize>> = HashMap::new();
         let mut skin_of: HashMap<usize, usize> = HashMap::new();
-        let mut points_or_lines = false;
+        let mut unlit_of: HashMap<usize, usize> = HashMap::new();
+        let mut has_strokes = false;
         for node in document.nodes() {
             let (Some(&index), Some(mesh)) = (node_of.get(&node.index()), node.mesh()) else { continue };
+            if !node_of.shows(index) {
+                continue;
+            }
             let skin = node.skin();
             let key = (mesh.index(), skin.as_ref().map(gltf::Skin::index));
             if let Entry::Vacant(entry) = read.entry(key) {
                 let first = scene.meshes.len();
                 let mut shown = Vec::new();
                 for primitive in mesh.primitives() {
-                    match self.primitive(&mesh, &primitive, buffers, scene)? {
-                        Some(triangles) => {
-                            scene.meshes.push(triangles);
-                            shown.push(primitive);
-                        }
-                        None => points_or_lines = true,
+                    let Drawn { mut mesh, sources } = self.primitive(&mesh, &primitive, source, scene)?;
+                    if sources.is_some() && primitive.get(&Semantic::Normals).is_none() {
+                        mesh.material = unlit(mesh.material, &mut unlit_of, &mut scene.materials);
                     }
+                    has_strokes |= sources.is_some();
+                    scene.meshes.push(mesh);
+                    shown.push((primitive, sources));
                 }
                 if let Some(skin) = skin {
                     let place = match skin_of.get(&skin.index()) {
@@ -46,10 +47,15 @@ impl Loader<'_> {
                         }
                     };
                     let joints = scene.skins[place].joints.len();
-                    for (mesh_of_skin, primitive) in scene.meshes[first..].iter_mut().zip(shown) {
+                    for (mesh_of_skin, (primitive, sources)) in scene.meshes[first..].iter_mut().zip(shown) {
                         let place_in_file = format!("mesh {} primitive {}", mesh.index(), primitive.index());
-                        let vertices = mesh_of_skin.positions.len();
-                        let sets = self.influence_sets(&place_in_file, &primitive, buffers, vertices)?;
+                        let positions = primitive.get(&Semantic::Positions);
+                        let vertices = positions.map_or(0, |positions| positions.count());
+                        let mut sets = self.influence_sets(&place_in_file, &primitive, buffers, vertices)?;
+                        for (joints, weights) in &mut sets {
+                            *joints = spread(std::mem::take(joints), sources.as_deref());
+                            *weights = spread(std::mem::take(weights), sources.as_deref());
+                        }
                         let influences = self.influences(&place_in_file, &sets, joints)?;
                         let per_vertex = 4 * sets.len();
                         mesh_of_skin.skinning = Some(Skinning { skin: place, per_vertex, influences });
@@ -58,6 +64,8 @@ impl Loader<'_> {
                 entry.insert(first..scene.meshes.len());
             }
             let meshes = read[&key].clone();
+            let copies = self.copies(&node, index, (document, buffers), scene)?;
+            let places = node_of.hide(index, copies.unwrap_or(index..index + 1).collect(), scene);
             let targets = meshes.clone().map(|mesh| scene.meshes[mesh].morph_targets.len()).max().unwrap_or(0);
             if targets > 0 {
                 buffers.charge(targets.saturating_mul(size_of::<f32>()));
@@ -66,12 +74,18 @@ impl Loader<'_> {
                 }
                 let mut weights = node.weights().or(mesh.weights()).unwrap_or_default().to_vec();
                 weights.resize(targets, 0.0);
-                scene.morphed_nodes.push(MorphedNode { node: index, weights });
+                for &node in &places {
+                    scene.morphed_nodes.push(MorphedNode { node, weights: weights.clone() });
+                }
             }
-            scene.instances.extend(meshes.map(|mesh| Instance { node: index, mesh }));
+            for &node in &places {
+                scene.instances.extend(meshes.clone().map(|mesh| Instance { node, mesh }));
+            }
         }
-        if points_or_lines {
-            scene.warnings.push("points and lines are left out".into());
+        if has_strokes {
+            scene
+                .warnings
+                .push("points and lines are drawn as thin bodies: --point-size METERS sets their width".into());
         }
         Ok(())
     }
@@ -80,9 +94,9 @@ impl Loader<'_> {
         &self,
         mesh: &gltf::Mesh,
         primitive: &gltf::Primitive,
-        buffers: &Buffers,
+        Source { document, buffers, variant, point_size, .. }: Source,
         scene: &Scene,
-    ) -> Result<Option<Mesh>, LoadError> {
+    ) -> Result<Drawn, LoadError> {
         let place = format!("mesh {} primitive {}", mesh.index(), primitive.index());
         let get = |semantic: Semantic| primitive.get(&semantic);
         let Some(positions) = get(Semantic::Positions).and_then(|accessor| buffers.floats::<3>(&accessor)) else {
@@ -102,34 +116,48 @@ impl Loader<'_> {
         if let Some(index) = indices.iter().find(|&&index| index as usize >= positions.len()) {
             return self.bad(format!("{place}: index {index}, but there are {} vertices", positions.len()));
         }
-        let Some(triangles) = triangles(primitive.mode(), &indices) else { return Ok(None) };
-
         let count = positions.len();
-        let material = primitive.material().index().unwrap_or(scene.materials.len() - 1);
+        let (positions, triangles, sources) = match triangles(primitive.mode(), &indices) {
+            Some(triangles) => (positions, triangles, None),
+            None => {
+                // Where that is too much, loading ends with a line on that.
+                let mut indices = indices;
+                if buffers.charge(indices.len().saturating_mul(BYTES_PER_STROKE)).is_none() {
+                    indices.clear();
+                }
+                let strokes = Strokes::of(primitive.mode(), &indices, &positions, point_size);
+                let Some(Strokes { positions, triangles, sources }) = strokes else {
+                    return self.bad(format!("{place} has an unknown mode"));
+                };
+                (positions, triangles, Some(sources))
+            }
+        };
+        let sources_of = sources.as_deref();
+
+        // After the materials of the file comes the default one.
+        let own = || primitive.material().index().unwrap_or(document.materials().len());
+        let material = material_of(primitive, variant).unwrap_or_else(own);
         let Some(look) = scene.materials.get(material) else {
             return self.bad(format!("{place}: there is no material {material}"));
         };
-        let normals: Vec<Vec3> = attribute(get(Semantic::Normals), buffers, count, |n: [f32; 3]| {
-            Vec3::from(n).try_normalize().unwrap_or(Vec3::Y)
-        });
+        // Bodies of points and lines have the normals of their own sides.
+        let normals = get(Semantic::Normals).filter(|_| sources.is_none());
+        let mut normals: Vec<Vec3> =
+            attribute(normals, buffers, count, |n: [f32; 3]| Vec3::from(n).normalize_or_zero());
+        fill_normals(&mut normals, &positions, &triangles);
         // Without normals, given tangents are to be ignored (glTF 2.0, 3.7.2.1); without a normal map they are not needed.
         let wants_tangents = look.normal_texture.is_some() && !normals.is_empty();
         let tangents = attribute(get(Semantic::Tangents).filter(|_| wants_tangents), buffers, count, Vec4::from_array);
         let uses = |set: usize| look.slots().any(|slot| slot.uv_set == set);
         let uvs = std::array::from_fn(|set| {
             let accessor = get(Semantic::TexCoords(set as u32)).filter(|_| uses(set));
-            attribute(accessor, buffers, count, Vec2::from_array)
+            spread(attribute(accessor, buffers, count, Vec2::from_array), sources_of)
         });
-        let mut colors = attribute(get(Semantic::Colors(0)), buffers, count, Vec4::from_array);
-        if colors.is_empty() {
-            colors = attribute(get(Semantic::Colors(0)), buffers, count, |[r, g, b]: [f32; 3]| Vec4::new(r, g, b, 1.0));
-        }
-        if !colors.iter().all(|c| c.is_finite()) {
-            colors.clear();
-        }
+        let colors = spread(colors(primitive, buffers, count), sources_of);
         let mut morph_targets = Vec::new();
         for target in primitive.morph_targets() {
-            let displacement = |accessor| attribute(accessor, buffers, count, |d: [f32; 3]| Vec3::from(d));
+            let displacement =
+                |accessor| spread(attribute(accessor, buffers, count, |d: [f32; 3]| Vec3::from(d)), sources_of);
             let target = MorphTarget {
                 positions: displacement(target.positions()),
                 normals: displacement(target.normals().filter(|_| !normals.is_empty())),
@@ -141,7 +169,7 @@ impl Loader<'_> {
             morph_targets.push(target);
         }
         let name = mesh.name().unwrap_or_default().to_owned();
-        Ok(Some(Mesh {
+        let mesh = Mesh {
             name,
             positions,
             normals,
@@ -152,8 +180,40 @@ impl Loader<'_> {
             material,
             morph_targets,
             skinning: None,
-        }))
+        };
+        Ok(Drawn { mesh, sources })
     }
+}
+
+/// Colors of vertices with opacity; none where any is not a number.
+fn colors(primitive: &gltf::Primitive, buffers: &Buffers, count: usize) -> Vec<Vec4> {
+    let accessor = || primitive.get(&Semantic::Colors(0));
+    let mut colors = attribute(accessor(), buffers, count, Vec4::from_array);
+    if colors.is_empty() {
+        colors = attribute(accessor(), buffers, count, |[r, g, b]: [f32; 3]| Vec4::new(r, g, b, 1.0));
+    }
+    if !colors.iter().all(|c| c.is_finite()) {
+        colors.clear();
+    }
+    colors
+}
+
+/// A primitive as it is drawn.
+struct Drawn {
+    mesh: Mesh,
+    /// The vertex that each corner belongs to, for points and lines.
+    sources: Option<Vec<u32>>,
+}
+
+/// A copy of a material that shows its color without light, as points and lines without normals do (glTF 2.0, 3.9.5: "the sum of
+/// the base color value and the emissive value").
+fn unlit(material: usize, unlit_of: &mut HashMap<usize, usize>, materials: &mut Vec<Material>) -> usize {
+    *unlit_of.entry(material).or_insert_with(|| {
+        let lit = &materials[material];
+        let base_color = (lit.base_color + lit.emission).min(Vec3::ONE);
+        materials.push(Material { base_color, unlit: true, emission: Vec3::ZERO, ..lit.clone() });
+        materials.len() - 1
+    })
 }
 
 /// One value per vertex; empty if there are none, or not as many.
@@ -165,6 +225,30 @@ fn attribute<const N: usize, T>(
 ) -> Vec<T> {
     let list = accessor.and_then(|accessor| buffers.floats::<N>(&accessor));
     list.filter(|list| list.len() == count).map_or_else(Vec::new, |list| list.into_iter().map(convert).collect())
+}
+
+/// Gives vertices without a normal that of their triangles, by area. Without any normal, a mesh has none: it is flat (glTF 2.0,
+/// 3.7.2.1: "client implementations MUST calculate flat normals").
+fn fill_normals(normals: &mut Vec<Vec3>, positions: &[Vec3], triangles: &[[u32; 3]]) {
+    if normals.iter().all(|&normal| normal == Vec3::ZERO) {
+        normals.clear();
+    }
+    if !normals.contains(&Vec3::ZERO) {
+        return;
+    }
+    let mut sums = vec![Vec3::ZERO; positions.len()];
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|vertex| positions[vertex as usize]);
+        let normal = (b - a).cross(c - a);
+        for &vertex in triangle {
+            sums[vertex as usize] += normal;
+        }
+    }
+    for (normal, sum) in normals.iter_mut().zip(sums) {
+        if *normal == Vec3::ZERO {
+            *normal = sum.try_normalize().unwrap_or(Vec3::Y);
+        }
+    }
 }
 
 /// Splits strips and fans; `None` for points and lines.

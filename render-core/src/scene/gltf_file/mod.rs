@@ -1,21 +1,36 @@
 //! glTF 2.0 files into a [`Scene`]: one clear line when that cannot be.
 //!
-//! The `gltf` crate checks most of a document; `validate.rs` checks the rest of what it panics on. It lets nodes form cycles,
+//! `lenient` first fills in the parts that the specification lets out and the `gltf` crate demands. The crate checks most of a
+//! document; `validate.rs` checks the rest of what it panics on. It lets nodes form cycles,
 //! so the hierarchy is walked with an explicit stack. Should a library panic all the same, [`load`] makes it an error.
 
 mod accessor;
 mod animations;
+mod copies;
 mod document;
+mod extensions;
+mod glb;
 mod image_decoder;
+mod lamps;
+mod lenient;
 mod materials;
 mod meshes;
 mod nodes;
+mod pointers;
 mod skins;
 mod source;
+mod strokes;
 mod textures;
 mod validate;
+mod variants;
 
+pub use extensions::{EXTENSIONS, Extension, Support, extension_table};
 pub use source::GltfSource;
+
+use accessor::Buffers;
+use document::Parsed;
+use lenient::PointerChannel;
+use pointers::Target;
 
 use super::files::{Reach, SceneFiles};
 use super::light::STRONGEST;
@@ -23,6 +38,7 @@ use super::sky::SkySource;
 use super::{Gradient, Material, Scene, SceneSettings, Setting};
 use crate::environment::Environment;
 use glam::{Affine3A, Vec3, Vec3A};
+use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
@@ -112,6 +128,9 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
     let settings_have_sky = settings.sky.is_some();
     scene.settings = settings;
     check_camera(path, &scene)?;
+    if scene.triangle_count() == 0 {
+        scene.warnings.push("the scene has no surface: a picture shows nothing but the sky".into());
+    }
     // A sky that the author has described, a black one too, is the author's choice.
     let lit = settings_have_sky
         || !scene.punctual_lights.is_empty()
@@ -120,6 +139,8 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
         scene.sky = Environment::gradient(Gradient::PLAIN);
         scene.warnings.push("the scene has no lamp: a plain white sky lights it".into());
     }
+    let note = scene.backdrop_note();
+    scene.warnings.extend(note);
     Ok(scene)
 }
 
@@ -218,6 +239,21 @@ fn guarded<T>(f: impl FnOnce() -> T) -> Option<T> {
     catch_unwind(AssertUnwindSafe(f)).ok()
 }
 
+/// A document as it is read.
+#[derive(Clone, Copy)]
+struct Source<'d> {
+    document: &'d gltf::Document,
+    buffers: &'d Buffers,
+    /// Number of the variant of the materials that is shown.
+    variant: Option<u64>,
+    /// Channels of `KHR_animation_pointer`.
+    pointers: &'d [PointerChannel],
+    /// Width of points and lines \[m\], if it is given.
+    point_size: Option<f32>,
+    /// Factor on candela and lux.
+    lamps: f32,
+}
+
 /// Reads one file; the parts of the work stand in the modules beside this one.
 struct Loader<'a> {
     path: &'a Path,
@@ -230,25 +266,46 @@ impl Loader<'_> {
     }
 
     fn scene(&self, bytes: &[u8], settings: &SceneSettings) -> Result<Scene, LoadError> {
-        let (document, buffers) = self.document(bytes)?;
-        let mut scene = Scene::default();
-        let node_of = self.nodes(&document, &mut scene)?;
-        (scene.materials, scene.warnings) = materials::materials(&document);
+        let Parsed { document, buffers, found } = self.document(bytes)?;
+        let mut scene = Scene { warnings: found.notes, ..Scene::default() };
+        let has_lamps = document.lights().is_some_and(|mut lights| lights.next().is_some());
+        let (lamps, note) = lamps::scale(found.generator.as_deref(), settings.light, has_lamps);
+        scene.warnings.extend(note);
+        let clips = self.clips(&document, &found.pointers, settings.animation.name.as_deref(), &mut scene.warnings)?;
+        let mut blinking = BTreeSet::new();
+        for pointer in &found.pointers {
+            let plays = clips.iter().any(|clip| clip.index() == pointer.animation);
+            if let Some(Target::Visible(node)) = pointers::target(&pointer.pointer).filter(|_| plays) {
+                blinking.insert(node);
+            }
+        }
+        let mut node_of = self.nodes(&document, (lamps, &blinking), &mut scene)?;
+        let (materials, notes) = materials::materials(&document);
+        scene.materials = materials;
+        scene.warnings.extend(notes);
         let glow = |material: &Material| material.emission.max_element();
         if let Some(index) = scene.materials.iter().position(|material| glow(material) > STRONGEST) {
             let glow = glow(&scene.materials[index]);
             return self.bad(format!("material {index} glows with {glow:e}; {STRONGEST:e} is the most"));
         }
-        let animation = settings.animation.name.as_deref();
+        let variant = self.variant(&document, settings.variant.name.as_deref(), &mut scene.warnings)?;
+        let source = Source {
+            document: &document,
+            buffers: &buffers,
+            variant,
+            pointers: &found.pointers,
+            point_size: settings.strokes.point_size,
+            lamps,
+        };
         let read = self
-            .meshes(&document, &buffers, &node_of, &mut scene)
-            .and_then(|()| self.clip(&document, animation, &mut scene.warnings))
-            .and_then(|clip| clip.map_or(Ok(()), |clip| self.channels(&clip, &buffers, &node_of, &mut scene)));
+            .meshes(source, &mut node_of, &mut scene)
+            .and_then(|()| clips.iter().try_for_each(|clip| self.channels(clip, source, &node_of, &mut scene)));
         if buffers.is_exhausted() {
             return self.bad("its accessors stand for far more numbers than the file has bytes for; export it again");
         }
         read?;
         self.textures(&document, &buffers, &mut scene)?;
+        lamps::give_radius(&mut scene, settings.light.lamp_radius);
         Ok(scene)
     }
 }

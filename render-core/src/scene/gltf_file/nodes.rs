@@ -1,43 +1,122 @@
 //! The hierarchy, with the cameras and lights that hang from it.
 
+use super::copies::hidden_nodes;
 use super::{LoadError, Loader};
 use crate::scene::light::STRONGEST;
-use crate::scene::{Camera, Node, Projection, PunctualKind, PunctualLight, Scene, Transform};
-use glam::{Quat, Vec3};
-use std::collections::HashMap;
+use crate::scene::{Camera, DepthRange, Node, Projection, PunctualKind, PunctualLight, Scene, Transform};
+use glam::{Mat3, Mat4, Quat, Vec3};
+use std::collections::{BTreeSet, HashMap};
+
+/// Most nodes with an animated visibility from the root to a node: each mesh below has a node for each.
+const MOST_HIDING: usize = 64;
 
 /// Our index of each glTF node that is in the scene.
-pub(super) type NodeOf = HashMap<usize, usize>;
+#[derive(Default)]
+pub(super) struct NodeOf {
+    places: HashMap<usize, usize>,
+    /// For each of our nodes, whether its mesh and its light are shown.
+    shown: Vec<bool>,
+    /// For each of our nodes, the glTF nodes from the root to it whose visibility is animated.
+    hidden_by: Vec<Vec<usize>>,
+    /// Our cameras of each glTF camera.
+    cameras: HashMap<usize, Vec<usize>>,
+    /// Our punctual lights of each glTF light.
+    lights: HashMap<usize, Vec<usize>>,
+    /// Nodes in whose place a mesh is shown that hangs from another node.
+    showing: HashMap<usize, Vec<usize>>,
+    /// Nodes whose scale is the visibility of a glTF node.
+    hiding: HashMap<usize, Vec<usize>>,
+}
+
+impl NodeOf {
+    /// Our index of a glTF node.
+    pub fn get(&self, index: &usize) -> Option<&usize> {
+        self.places.get(index)
+    }
+
+    /// Whether the mesh of one of our nodes is shown.
+    pub fn shows(&self, node: usize) -> bool {
+        self.shown[node]
+    }
+
+    /// Our cameras of a glTF camera.
+    pub fn cameras(&self, index: usize) -> Vec<usize> {
+        self.cameras.get(&index).cloned().unwrap_or_default()
+    }
+
+    /// Our punctual lights of a glTF light.
+    pub fn lights(&self, index: usize) -> Vec<usize> {
+        self.lights.get(&index).cloned().unwrap_or_default()
+    }
+
+    /// The nodes in whose place the mesh of one of our nodes is shown.
+    pub fn showing(&self, node: usize) -> Vec<usize> {
+        self.showing.get(&node).cloned().unwrap_or_else(|| vec![node])
+    }
+
+    /// The nodes whose scale is the visibility of a glTF node.
+    pub fn hiding(&self, index: usize) -> Vec<usize> {
+        self.hiding.get(&index).cloned().unwrap_or_default()
+    }
+
+    /// Replaces nodes that show the mesh of `node` by ones below them, which scale it to nothing while it is hidden.
+    pub fn hide(&mut self, node: usize, shown: Vec<usize>, scene: &mut Scene) -> Vec<usize> {
+        let mut shown = shown;
+        for &index in &self.hidden_by[node] {
+            for place in &mut shown {
+                scene.nodes.push(Node { name: String::new(), parent: Some(*place), rest: Transform::IDENTITY });
+                *place = scene.nodes.len() - 1;
+                self.hiding.entry(index).or_default().push(*place);
+            }
+        }
+        self.showing.insert(node, shown.clone());
+        shown
+    }
+}
 
 impl Loader<'_> {
     /// Fills in the hierarchy, parents first.
-    pub(super) fn nodes(&self, document: &gltf::Document, scene: &mut Scene) -> Result<NodeOf, LoadError> {
+    pub(super) fn nodes(
+        &self,
+        document: &gltf::Document,
+        (lamps, blinking): (f32, &BTreeSet<usize>),
+        scene: &mut Scene,
+    ) -> Result<NodeOf, LoadError> {
         let Some(root) = document.default_scene().or_else(|| document.scenes().next()) else {
             return self.bad("the file has no scene; export one");
         };
-        let mut node_of = HashMap::new();
+        let hidden = hidden_nodes(document, blinking);
+        let mut node_of = NodeOf::default();
         let mut stack: Vec<(gltf::Node, Option<usize>)> = root.nodes().map(|node| (node, None)).collect();
         stack.reverse();
         while let Some((node, parent)) = stack.pop() {
             let index = scene.nodes.len();
-            if node_of.insert(node.index(), index).is_some() {
+            if node_of.places.insert(node.index(), index).is_some() {
                 return self.bad(format!("node {} has two parents or is its own ancestor", node.index()));
             }
-            let (translation, rotation, scale) = node.transform().decomposed();
-            let rest = Transform {
-                translation: translation.into(),
-                rotation: Quat::from_array(rotation).normalize(),
-                scale: scale.into(),
-            };
+            let shown = !hidden[node.index()] && parent.is_none_or(|parent| node_of.shown[parent]);
+            node_of.shown.push(shown);
+            let mut hidden_by = parent.map_or_else(Vec::new, |parent| node_of.hidden_by[parent].clone());
+            hidden_by.extend(blinking.contains(&node.index()).then_some(node.index()));
+            if hidden_by.len() > MOST_HIDING {
+                return self.bad(format!(
+                    "node {}: the visibility of more than {MOST_HIDING} nodes above it is animated; export fewer",
+                    node.index()
+                ));
+            }
+            node_of.hidden_by.push(hidden_by);
+            let rest = transform(&node.transform());
             if !rest.matrix().is_finite() {
                 return self.bad(format!("node {} has a transform that is not finite", node.index()));
             }
             let name = node.name().unwrap_or_default().to_owned();
             if let Some(camera) = node.camera() {
+                node_of.cameras.entry(camera.index()).or_default().push(scene.cameras.len());
                 scene.cameras.push(self.camera(&camera, &name, index)?);
             }
-            if let Some(light) = node.light() {
-                scene.punctual_lights.push(self.light(&light, index)?);
+            if let Some(light) = node.light().filter(|_| shown) {
+                node_of.lights.entry(light.index()).or_default().push(scene.punctual_lights.len());
+                scene.punctual_lights.push(self.light(&light, lamps, index)?);
             }
             let children = stack.len();
             stack.extend(node.children().map(|child| (child, Some(index))));
@@ -48,9 +127,15 @@ impl Loader<'_> {
     }
 
     fn camera(&self, camera: &gltf::Camera, node_name: &str, node: usize) -> Result<Camera, LoadError> {
-        let projection = match camera.projection() {
-            gltf::camera::Projection::Perspective(p) => Projection::Perspective { yfov: p.yfov() },
-            gltf::camera::Projection::Orthographic(o) => Projection::Orthographic { ymag: o.ymag() },
+        let (projection, aspect, depths) = match camera.projection() {
+            gltf::camera::Projection::Perspective(p) => {
+                let depths = DepthRange { near: p.znear(), far: p.zfar().unwrap_or(f32::INFINITY) };
+                (Projection::Perspective { yfov: p.yfov() }, p.aspect_ratio(), depths)
+            }
+            gltf::camera::Projection::Orthographic(o) => {
+                let depths = DepthRange { near: o.znear(), far: o.zfar() };
+                (Projection::Orthographic { ymag: o.ymag() }, Some(o.xmag() / o.ymag()), depths)
+            }
         };
         let size = match projection {
             Projection::Perspective { yfov } if yfov < std::f32::consts::PI => yfov,
@@ -61,10 +146,19 @@ impl Loader<'_> {
             return self.bad(format!("camera {} has an impossible field of view", camera.index()));
         }
         let name = if node_name.is_empty() { camera.name().unwrap_or_default() } else { node_name };
-        Ok(Camera { name: name.to_owned(), node, projection })
+        // Negative shapes and empty ranges mean nothing.
+        let aspect = aspect.map(f32::abs).filter(|aspect| (1e-3..=1e3).contains(aspect));
+        let depths = if depths.near >= 0.0 && depths.far > depths.near { depths } else { DepthRange::ALL };
+        Ok(Camera { name: name.to_owned(), node, projection, aspect, depths })
     }
 
-    fn light(&self, light: &gltf::khr_lights_punctual::Light, node: usize) -> Result<PunctualLight, LoadError> {
+    /// A light of a node, with this factor on its intensity.
+    fn light(
+        &self,
+        light: &gltf::khr_lights_punctual::Light,
+        scale: f32,
+        node: usize,
+    ) -> Result<PunctualLight, LoadError> {
         use gltf::khr_lights_punctual::Kind;
         let kind = match light.kind() {
             Kind::Directional => PunctualKind::Directional,
@@ -73,7 +167,7 @@ impl Loader<'_> {
                 PunctualKind::Spot { inner: inner_cone_angle, outer: outer_cone_angle }
             }
         };
-        let color = Vec3::from(light.color()) * light.intensity();
+        let color = Vec3::from(light.color()) * light.intensity() * scale;
         if !color.is_finite() || color.min_element() < 0.0 {
             return self.bad(format!("light {} has an impossible color or intensity", light.index()));
         }
@@ -86,4 +180,43 @@ impl Loader<'_> {
         }
         Ok(PunctualLight { node, color, kind })
     }
+}
+
+/// The parts of a transform. A matrix may flatten its node: an axis of length zero has a direction all the same, across the others.
+fn transform(given: &gltf::scene::Transform) -> Transform {
+    if let gltf::scene::Transform::Matrix { matrix } = given {
+        let columns = Mat4::from_cols_array_2d(matrix);
+        let axes = [columns.x_axis, columns.y_axis, columns.z_axis].map(|axis| axis.truncate());
+        if axes.iter().any(|axis| axis.length_squared() == 0.0) {
+            return flat_transform(axes, columns.w_axis.truncate());
+        }
+    }
+    let (translation, rotation, scale) = given.clone().decomposed();
+    // A quaternion of length zero is no rotation.
+    let rotation = Quat::from_array(rotation);
+    let rotation = if rotation.length_squared() == 0.0 { Quat::IDENTITY } else { rotation.normalize() };
+    Transform { translation: translation.into(), rotation, scale: scale.into() }
+}
+
+/// The parts of a matrix with these axes, some of which have no length.
+fn flat_transform(axes: [Vec3; 3], translation: Vec3) -> Transform {
+    let mut directions = axes.map(Vec3::normalize_or_zero);
+    for k in 0..3 {
+        if directions[k] == Vec3::ZERO {
+            let (next, last) = (directions[(k + 1) % 3], directions[(k + 2) % 3]);
+            directions[k] = match (next == Vec3::ZERO, last == Vec3::ZERO) {
+                (false, false) => next.cross(last).normalize_or(next.any_orthonormal_vector()),
+                (false, true) => next.any_orthonormal_vector(),
+                (true, false) => last.any_orthonormal_vector(),
+                (true, true) => Vec3::AXES[k],
+            };
+        }
+    }
+    let [x, y, z] = directions;
+    let mut scale = Vec3::from_array(axes.map(Vec3::length));
+    // A rotation has a determinant of 1; a mirror is a negative scale.
+    let sign = if x.cross(y).dot(z) < 0.0 { -1.0 } else { 1.0 };
+    scale.x *= sign;
+    let rotation = Quat::from_mat3(&Mat3::from_cols(x * sign, y, z)).normalize();
+    Transform { translation, rotation, scale }
 }

@@ -1,6 +1,6 @@
 //! A glTF file as bytes, for programs that write it anew with changes.
 
-use super::{LoadError, Loader, malformed, without_mark};
+use super::{LoadError, Loader};
 use crate::scene::files::{Reach, SceneFiles};
 use std::path::{Path, PathBuf};
 
@@ -23,12 +23,8 @@ impl GltfSource {
     pub fn read(path: &Path, reach: Reach) -> Result<Self, LoadError> {
         let bytes =
             SceneFiles::of(path, reach).read(path).map_err(|error| LoadError::Open { path: path.into(), error })?;
-        if !bytes.starts_with(b"glTF") {
-            return Ok(Self { path: path.into(), reach, json: without_mark(&bytes).to_vec(), binary: None });
-        }
-        Loader { path, files: &SceneFiles::of(path, reach) }.check_header(&bytes)?;
-        let file = gltf::Glb::from_slice(&bytes).map_err(|error| malformed(path, error.to_string()))?;
-        let (json, binary) = (file.json.into_owned(), file.bin.map(|bytes| bytes.into_owned()));
+        let (json, binary) = Loader { path, files: &SceneFiles::of(path, reach) }.split(&bytes)?;
+        let (json, binary) = (json.to_vec(), binary.map(<[u8]>::to_vec));
         Ok(Self { path: path.into(), reach, json, binary })
     }
 

@@ -245,6 +245,7 @@ impl Render {
         let result = film.finish(Run { observer: &observer, stop: &interrupt.stop });
         progress.clear();
         let brightest = observer.brightest.load(Ordering::Relaxed);
+        let lightest = f32::from_bits(observer.lightest.load(Ordering::Relaxed));
         checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
 
         // Report, page and trace; then nothing is left to go on from.
@@ -264,7 +265,6 @@ impl Render {
             // A run that was ended before a frame was made has shown nothing.
             let shown = (brightest > 0).then_some(brightest);
             notes::on_darkness(shown, settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
-            let lightest = f32::from_bits(observer.lightest.load(Ordering::Relaxed));
             notes::on_dimness(lightest, scene).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
             notes::on_level(&report).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
             if interrupted {

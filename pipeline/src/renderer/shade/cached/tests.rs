@@ -55,7 +55,12 @@ fn floor_with_a_block() -> Scene {
         track: Track::Translation(vec![Vec3::X * 10.0, Vec3::ZERO]),
         interpolation: Interpolation::Linear,
     });
-    scene.cameras.push(Camera { name: String::new(), node: 2, projection: Projection::Perspective { yfov: 0.8 } });
+    scene.cameras.push(Camera {
+        name: String::new(),
+        node: 2,
+        projection: Projection::Perspective { yfov: 0.8 },
+        ..Camera::default()
+    });
     scene
 }
 

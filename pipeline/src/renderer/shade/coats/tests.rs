@@ -27,7 +27,12 @@ impl Stage {
         for rest in [still, turned] {
             scene.nodes.push(Node { name: String::new(), parent: None, rest });
         }
-        scene.cameras.push(Camera { name: String::new(), node: 1, projection: Projection::Perspective { yfov: 0.5 } });
+        scene.cameras.push(Camera {
+            name: String::new(),
+            node: 1,
+            projection: Projection::Perspective { yfov: 0.5 },
+            ..Camera::default()
+        });
         Self(scene)
     }
 

@@ -1,0 +1,76 @@
+//! Several frames of a scene, for pictures of each.
+
+use crate::error::{Error, Result};
+use std::fmt;
+use std::str::FromStr;
+
+/// Frames in ascending order, each once: `2,4,10-20`, counted from 0.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameList(Vec<u32>);
+
+/// Most frames of a list.
+const MOST: usize = 1_000_000;
+
+impl FrameList {
+    /// A list of one frame.
+    #[must_use]
+    pub fn one(frame: u32) -> Self {
+        Self(vec![frame])
+    }
+
+    /// The frames; at least one.
+    #[must_use]
+    pub fn frames(&self) -> &[u32] {
+        &self.0
+    }
+
+    /// The last of them.
+    #[must_use]
+    pub fn last(&self) -> u32 {
+        self.0.last().copied().unwrap_or(0)
+    }
+}
+
+impl FromStr for FrameList {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let wrong = || Error::Options(format!("\"{text}\" is no list of frames such as 2,4,10-20, counted from 0"));
+        let number = |text: &str| text.trim().parse::<u32>().ok().filter(|&frame| frame < u32::MAX).ok_or_else(wrong);
+        let mut frames = Vec::new();
+        for part in text.split(',') {
+            let (first, last) = part.split_once('-').unwrap_or((part, part));
+            let (first, last) = (number(first)?, number(last)?);
+            if first > last || (last - first) as usize >= MOST - frames.len() {
+                return Err(wrong());
+            }
+            frames.extend(first..=last);
+        }
+        frames.sort_unstable();
+        frames.dedup();
+        Ok(Self(frames))
+    }
+}
+
+impl fmt::Display for FrameList {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let frames: Vec<String> = self.0.iter().map(u32::to_string).collect();
+        write!(f, "{}", frames.join(","))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_are_numbers_and_ranges() {
+        let frames = |text: &str| text.parse::<FrameList>().map(|list| list.0);
+        assert_eq!(frames("7").unwrap(), [7]);
+        assert_eq!(frames("2,4,10-13").unwrap(), [2, 4, 10, 11, 12, 13]);
+        assert_eq!(frames("5-6, 1,5").unwrap(), [1, 5, 6]);
+        for text in ["", "a", "1,", "3-1", "-2", "1-2-3", "4294967295", "0-4000000000", "1;2"] {
+            assert!(frames(text).unwrap_err().to_string().contains("2,4,10-20"), "{text}");
+        }
+    }
+}

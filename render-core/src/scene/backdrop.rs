@@ -1,0 +1,34 @@
+//! Unlit surfaces around a scene, such as a painted sky: light from far away does not pass them.
+
+use super::{Around, PunctualKind, Scene};
+use glam::Vec3A;
+
+impl Scene {
+    /// A note where an unlit surface encloses all others, and a sun or a sky is outside.
+    pub(super) fn backdrop_note(&self) -> Option<String> {
+        let has_sun = self.punctual_lights.iter().any(|light| light.kind == PunctualKind::Directional);
+        if !has_sun && self.sky.is_none() {
+            return None;
+        }
+        let pose = self.pose(0.0);
+        let (mut lit, mut backdrops) = (Around::NOTHING, Vec::new());
+        for (index, instance) in self.instances.iter().enumerate() {
+            let mesh = &self.meshes[instance.mesh];
+            let world = self.instance_world(&pose, index);
+            let positions = pose.deformed(index).map_or(&mesh.positions, |shape| &shape.positions);
+            let around = Around::of(positions.iter().map(|&p| world.transform_point3a(p.into())));
+            if self.materials[mesh.material].unlit {
+                backdrops.push((around, self.nodes[instance.node].name.as_str()));
+            } else {
+                lit.add(around.low);
+                lit.add(around.high);
+            }
+        }
+        // A backdrop is closed at least to all sides: a wall or a floor has no depth.
+        let is_something = lit.low.cmple(lit.high).all();
+        let encloses = |around: &Around| around.holds(&lit) && (around.high - around.low).cmpgt(Vec3A::ZERO).all();
+        let (_, name) = backdrops.into_iter().find(|(around, _)| is_something && encloses(around))?;
+        let source = if has_sun { "the sun" } else { "the sky" };
+        Some(format!("the unlit surface \"{name}\" encloses the scene: where it is closed it keeps {source} out"))
+    }
+}

@@ -1,0 +1,205 @@
+//! Extensions of glTF: which are read, and a note for each of the others.
+
+use std::collections::BTreeSet;
+
+/// Effect of an extension here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Support {
+    /// It is read.
+    Read,
+    /// It is read in part; a note names the rest.
+    InPart,
+    /// It is left out, with a note.
+    Noted,
+    /// It is left out, with a note; a file that requires it is refused.
+    Refused,
+    /// It changes no picture and is left out without a note.
+    Silent,
+}
+
+/// An extension of glTF.
+#[derive(Clone, Copy, Debug)]
+pub struct Extension {
+    /// Name in files.
+    pub name: &'static str,
+    /// Its purpose, in a few words.
+    pub purpose: &'static str,
+    /// Effect here.
+    pub support: Support,
+    /// Name of a test.
+    pub test: &'static str,
+}
+
+const fn row(name: &'static str, purpose: &'static str, support: Support, test: &'static str) -> Extension {
+    Extension { name, purpose, support, test }
+}
+
+/// Test of all extensions that are left out.
+const NOTED: &str = "each_extension_that_is_left_out_has_one_note";
+/// Test of all extensions that may not be required.
+const REFUSED: &str = "required_formats_are_refused_by_name";
+/// Test of all extensions that change no picture.
+const SILENT: &str = "extensions_that_change_no_picture_have_no_note";
+
+/// Ratified and common extensions, in the order of their names.
+pub static EXTENSIONS: &[Extension] = &[
+    row("ADOBE_materials_clearcoat_specular", "varnish reflectance", Support::Noted, NOTED),
+    row("ADOBE_materials_thin_transparency", "thin glass", Support::Noted, NOTED),
+    row("AGI_articulations", "named joints", Support::Silent, SILENT),
+    row("AGI_stk_metadata", "satellite data", Support::Silent, SILENT),
+    row("CESIUM_primitive_outline", "edge lines", Support::Noted, NOTED),
+    row("CESIUM_RTC", "far origin", Support::Noted, NOTED),
+    row("EXT_implicit_ellipsoid_region", "ellipsoid shapes", Support::Noted, NOTED),
+    row("EXT_instance_features", "instance numbers", Support::Silent, SILENT),
+    row("EXT_lights_ies", "measured lamp shapes", Support::Noted, NOTED),
+    row("EXT_lights_image_based", "surrounding light image", Support::Noted, NOTED),
+    row("EXT_mesh_features", "feature numbers", Support::Silent, SILENT),
+    row("EXT_mesh_manifold", "closed shapes", Support::Silent, SILENT),
+    row("EXT_meshopt_compression", "compressed meshes", Support::Refused, REFUSED),
+    row("EXT_structural_metadata", "data of features", Support::Silent, SILENT),
+    row("EXT_texture_avif", "AVIF images", Support::Refused, REFUSED),
+    row("EXT_texture_webp", "WebP images", Support::Refused, REFUSED),
+    row("FB_geometry_metadata", "mesh statistics", Support::Silent, SILENT),
+    row("GODOT_single_root", "one root node", Support::Silent, SILENT),
+    row("KHR_accessor_float64", "double-precision numbers", Support::Refused, REFUSED),
+    row("KHR_audio_emitter", "sound sources", Support::Silent, SILENT),
+    row("KHR_draco_mesh_compression", "compressed meshes", Support::Refused, REFUSED),
+    row("KHR_gaussian_splatting", "clouds of splats", Support::Refused, REFUSED),
+    row("KHR_implicit_shapes", "shapes for physics", Support::Silent, SILENT),
+    row("KHR_interactivity", "interactive behavior", Support::Silent, SILENT),
+    row("KHR_lights_punctual", "points, spots, suns", Support::Read, "lamps_of_blender_fit_its_emission"),
+    row("KHR_materials_anisotropy", "brushed metal", Support::Noted, NOTED),
+    row("KHR_materials_clearcoat", "layer of varnish", Support::Noted, NOTED),
+    row("KHR_materials_diffuse_transmission", "light through leaves", Support::Noted, NOTED),
+    row("KHR_materials_dispersion", "prism colors", Support::Noted, NOTED),
+    row(
+        "KHR_materials_emissive_strength",
+        "strong glow",
+        Support::Read,
+        "a_sky_is_added_where_nothing_was_made_to_shine",
+    ),
+    row("KHR_materials_ior", "index of refraction", Support::Read, "materials_mean_what_the_specification_says"),
+    row("KHR_materials_iridescence", "thin film colors", Support::Noted, NOTED),
+    row(
+        "KHR_materials_pbrSpecularGlossiness",
+        "older material model",
+        Support::InPart,
+        "the_older_material_model_is_converted",
+    ),
+    row("KHR_materials_sheen", "velvet rim", Support::Noted, NOTED),
+    row("KHR_materials_specular", "reflectance factors", Support::InPart, "materials_mean_what_the_specification_says"),
+    row("KHR_materials_transmission", "light through glass", Support::Noted, NOTED),
+    row("KHR_materials_unlit", "color without light", Support::Read, "unlit_surfaces_are_marked"),
+    row("KHR_materials_variants", "alternative materials", Support::Read, "variants_replace_materials"),
+    row("KHR_materials_volume", "thickness of glass", Support::Noted, NOTED),
+    row("KHR_materials_volume_scatter", "milky glass", Support::Noted, NOTED),
+    row("KHR_mesh_quantization", "small integers", Support::Read, "quantised_meshes_have_the_numbers_they_stand_for"),
+    row("KHR_meshopt_compression", "compressed meshes", Support::Refused, REFUSED),
+    row("KHR_node_hoverability", "pointer targets", Support::Silent, SILENT),
+    row("KHR_node_selectability", "selectable nodes", Support::Silent, SILENT),
+    row("KHR_node_visibility", "hidden nodes", Support::Read, "hidden_nodes_and_all_below_them_are_not_shown"),
+    row("KHR_physics_rigid_bodies", "bodies for physics", Support::Silent, SILENT),
+    row("KHR_techniques_webgl", "own shaders", Support::Noted, NOTED),
+    row("KHR_texture_basisu", "KTX2 images", Support::Refused, REFUSED),
+    row("KHR_texture_transform", "moved textures", Support::Read, "textures_are_held_for_what_they_are_used_as"),
+    row("KHR_xmp", "authorship data", Support::Silent, SILENT),
+    row("KHR_xmp_json_ld", "authorship data", Support::Silent, SILENT),
+    row("KHR_animation_pointer", "animated properties", Support::InPart, "pointers_animate_nodes_and_lenses"),
+    row("EXT_mesh_gpu_instancing", "many copies", Support::Read, "copies_of_a_mesh_have_their_own_places"),
+    row("EXT_texture_procedurals", "computed textures", Support::Noted, NOTED),
+    row("MSFT_lod", "levels of detail", Support::Read, "the_finest_level_of_detail_is_shown"),
+    row("MSFT_packing_normalRoughnessMetallic", "packed textures", Support::Silent, SILENT),
+    row("MSFT_packing_occlusionRoughnessMetallic", "packed textures", Support::Silent, SILENT),
+    row("MSFT_texture_dds", "DDS images", Support::Refused, REFUSED),
+    row("NV_materials_mdl", "own material language", Support::Noted, NOTED),
+    row("VRM", "avatar data", Support::Silent, SILENT),
+    row("VRMC_materials_mtoon", "cartoon shading", Support::Noted, NOTED),
+    row("VRMC_node_constraint", "dependent nodes", Support::Noted, NOTED),
+    row("VRMC_springBone", "swinging hair", Support::Noted, NOTED),
+    row("VRMC_vrm", "avatar data", Support::Silent, SILENT),
+];
+
+/// Material extensions with the factor that turns them off at zero, its default.
+const FACTORS: [(&str, &str); 9] = [
+    ("KHR_materials_anisotropy", "anisotropyStrength"),
+    ("KHR_materials_clearcoat", "clearcoatFactor"),
+    ("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor"),
+    ("KHR_materials_dispersion", "dispersion"),
+    ("KHR_materials_iridescence", "iridescenceFactor"),
+    ("KHR_materials_sheen", "sheenColorFactor"),
+    ("KHR_materials_transmission", "transmissionFactor"),
+    ("KHR_materials_volume", "thicknessFactor"),
+    ("KHR_materials_volume_scatter", "multiscatterColor"),
+];
+
+/// The extension of this name.
+fn named(name: &str) -> Option<&'static Extension> {
+    EXTENSIONS.iter().find(|extension| extension.name == name)
+}
+
+/// Whether a file may require the extension: its absence leaves a picture of the same shapes.
+pub(super) fn may_be_required(name: &str) -> bool {
+    named(name).is_some_and(|extension| extension.support != Support::Refused)
+}
+
+/// A note for each of these extensions that is left out, and is not turned off in all materials.
+pub(super) fn notes(names: &BTreeSet<String>, materials: &[serde_json::Value]) -> Vec<String> {
+    let mut notes = Vec::new();
+    for name in names {
+        let purpose = match named(name) {
+            Some(Extension { support: Support::Read | Support::InPart | Support::Silent, .. }) => continue,
+            Some(_) if is_off(name, materials) => continue,
+            Some(extension) => format!(" ({})", extension.purpose),
+            None => String::new(),
+        };
+        notes.push(format!("the glTF extension {name}{purpose} is left out"));
+    }
+    notes
+}
+
+/// Whether materials have the extension, and all of them with a factor of zero.
+fn is_off(name: &str, materials: &[serde_json::Value]) -> bool {
+    let Some((_, factor)) = FACTORS.into_iter().find(|(extension, _)| *extension == name) else { return false };
+    let mut used = materials.iter().filter_map(|material| material.get("extensions")?.get(name)).peekable();
+    used.peek().is_some()
+        && used.all(|extension| match extension.get(factor) {
+            None => true,
+            Some(serde_json::Value::Array(list)) => list.iter().all(|x| x.as_f64() == Some(0.0)),
+            Some(value) => value.as_f64() == Some(0.0),
+        })
+}
+
+/// The table of extensions as a page of the documentation.
+#[must_use]
+pub fn extension_table() -> String {
+    let mut page = String::from(
+        "# Extensions of glTF
+
+`cargo run -p render2mpeg-render-core --example gltf_table > docs/reference/gltf.md` writes this page; a test compares it.
+
+- *read*: the extension has its effect.
+- *in part*: some properties have; a note names the others.
+- *noted*: it has no effect, and a note names it. A material extension whose factor is zero has no note.
+- *refused*: as noted; a file that *requires* it is refused with its name.
+- *silent*: it changes no picture.
+
+An extension that is not listed is noted, and refused where it is required.
+
+| Extension | Purpose | Effect | Test |
+|---|---|---|---|
+",
+    );
+    let mut rows: Vec<&Extension> = EXTENSIONS.iter().collect();
+    rows.sort_by_key(|extension| extension.name);
+    for Extension { name, purpose, support, test } in rows {
+        let effect = match support {
+            Support::Read => "read",
+            Support::InPart => "in part",
+            Support::Noted => "noted",
+            Support::Refused => "refused",
+            Support::Silent => "silent",
+        };
+        page.push_str(&format!("| `{name}` | {purpose} | {effect} | `{test}` |\n"));
+    }
+    page
+}

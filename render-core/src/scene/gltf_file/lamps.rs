@@ -1,0 +1,114 @@
+//! Units and sizes of lamps that files lack.
+
+use crate::scene::{Instance, LightSettings, Material, Mesh, PunctualKind, Scene};
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// Lumens of a watt in Blender's exporter: `PBR_WATTS_TO_LUMENS`, the greatest luminous efficacy of light \[lm·W⁻¹\].
+const LUMENS_PER_WATT: f32 = 683.0;
+
+/// Factor on candela and lux of a file that this `generator` wrote, and a note where it is not 1.
+///
+/// In its default mode, "Standard", Blender's exporter turns watts of lamps into candela and lux, and leaves emission as it is.
+/// Dividing by the efficacy gives both the same unit again.
+pub(super) fn scale(generator: Option<&str>, settings: LightSettings, has_lamps: bool) -> (f32, Option<String>) {
+    let is_blender = generator.is_some_and(|name| name.contains("Blender") && name.contains("glTF"));
+    match settings.lamps {
+        Some(factor) => (factor, None),
+        None if is_blender && has_lamps => (
+            1.0 / LUMENS_PER_WATT,
+            Some(
+                "Blender wrote lamps in candela and lux: divided by 683, they fit its emission; --set lamps=1 keeps them"
+                    .into(),
+            ),
+        ),
+        None => (1.0, None),
+    }
+}
+
+/// Makes points glowing balls of this radius \[m\], of the same intensity; spots have no size.
+pub(super) fn give_radius(scene: &mut Scene, radius: f32) {
+    if radius <= 0.0 {
+        return;
+    }
+    let lights = std::mem::take(&mut scene.punctual_lights);
+    for (index, light) in lights.into_iter().enumerate() {
+        // Balls do not change their light.
+        let changes = scene.light_channels.iter().any(|channel| channel.light == index);
+        if light.kind != PunctualKind::Point || light.color == Vec3::ZERO || changes {
+            let place = scene.punctual_lights.len();
+            scene.punctual_lights.push(light);
+            // Places only become smaller: a channel that was changed is not met again.
+            for channel in scene.light_channels.iter_mut().filter(|channel| channel.light == index) {
+                channel.light = place;
+            }
+            continue;
+        }
+        let mut ball = ball(radius);
+        // A convex body of the area A has the mean cross-section A / 4: its mean intensity is L · A / 4.
+        let mut area = 0.0;
+        for triangle in &ball.triangles {
+            let [a, b, c] = triangle.map(|vertex| ball.positions[vertex as usize]);
+            area += (b - a).cross(c - a).length() / 2.0;
+        }
+        ball.material = scene.materials.len();
+        scene.materials.push(Material {
+            name: "lamp".into(),
+            base_color: Vec3::ZERO,
+            emission: light.color * 4.0 / area,
+            ..Material::default()
+        });
+        scene.instances.push(Instance { node: light.node, mesh: scene.meshes.len() });
+        scene.meshes.push(ball);
+    }
+    if scene.punctual_lights.iter().any(|light| matches!(light.kind, PunctualKind::Spot { .. })) {
+        scene.warnings.push("lamp_radius is for points: spots keep their hard shadows".into());
+    }
+}
+
+/// A ball around the origin: columns of quads from pole to pole.
+fn ball(radius: f32) -> Mesh {
+    const COLUMNS: u32 = 12;
+    const ROWS: u32 = 6;
+    let mut mesh = Mesh { name: "lamp".into(), ..Mesh::default() };
+    for row in 0..=ROWS {
+        let (sin, cos) = (PI * row as f32 / ROWS as f32).sin_cos();
+        for column in 0..COLUMNS {
+            let (x, z) = (2.0 * PI * column as f32 / COLUMNS as f32).sin_cos();
+            mesh.positions.push(radius * Vec3::new(sin * x, cos, sin * z));
+        }
+    }
+    for row in 0..ROWS {
+        for column in 0..COLUMNS {
+            let next = (column + 1) % COLUMNS;
+            let [a, b] = [column, next].map(|column| row * COLUMNS + column);
+            let [c, d] = [a + COLUMNS, b + COLUMNS];
+            if row > 0 {
+                mesh.triangles.push([a, c, b]);
+            }
+            if row + 1 < ROWS {
+                mesh.triangles.push([b, c, d]);
+            }
+        }
+    }
+    mesh
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ball_is_closed_and_faces_outward() {
+        let ball = ball(2.0);
+        let mut volume = 0.0;
+        for triangle in &ball.triangles {
+            let [a, b, c] = triangle.map(|vertex| ball.positions[vertex as usize]);
+            volume += a.dot(b.cross(c)) / 6.0;
+            assert!((b - a).cross(c - a).dot(a + b + c) > 0.0);
+        }
+        // A ball of radius 2 has 4/3 π 2³; one of flat facets has a little less.
+        let whole = 4.0 / 3.0 * PI * 8.0;
+        assert!((0.85..1.0).contains(&(volume / whole)), "{volume} of {whole}");
+    }
+}

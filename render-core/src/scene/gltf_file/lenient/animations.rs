@@ -1,0 +1,58 @@
+//! Channels of animations that move something other than a property of a node.
+
+use super::{Normalized, index, objects};
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+
+/// A channel that `KHR_animation_pointer` aims at a property of the document.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::scene::gltf_file) struct PointerChannel {
+    /// Index of the animation.
+    pub animation: usize,
+    /// Index of its sampler.
+    pub sampler: usize,
+    /// JSON pointer of the property, such as `/materials/0/emissiveFactor`.
+    pub pointer: String,
+}
+
+/// Removes channels without a node (glTF 2.0, 5.5: "the target object MAY be defined by an extension"), and keeps pointers apart.
+pub(super) fn animations(root: &mut Value, unreadable: &BTreeSet<usize>, found: &mut Normalized) {
+    for (animation, clip) in objects(root, "animations").enumerate() {
+        let mut missing = BTreeSet::new();
+        let samplers = clip.get_mut("samplers").and_then(Value::as_array_mut);
+        for (place, sampler) in samplers.into_iter().flatten().enumerate() {
+            let Value::Object(sampler) = sampler else { continue };
+            let reads = |name: &str| sampler.get(name).and_then(index).is_some_and(|a| unreadable.contains(&a));
+            if reads("input") || reads("output") {
+                missing.insert(place);
+            }
+            let interpolation = sampler.get("interpolation").and_then(Value::as_str);
+            if interpolation.is_some_and(|name| !["LINEAR", "STEP", "CUBICSPLINE"].contains(&name)) {
+                sampler.remove("interpolation");
+                found.note("keys of an unknown interpolation are joined by straight lines");
+            }
+        }
+        let Some(Value::Array(channels)) = clip.get_mut("channels") else { continue };
+        channels.retain(|channel| {
+            let (Some(target), Some(sampler)) = (channel.get("target"), channel.get("sampler").and_then(index)) else {
+                return true;
+            };
+            if missing.contains(&sampler) {
+                found.note("animations whose keys cannot be read are left out");
+                return false;
+            }
+            if let Some(pointer) = target.pointer("/extensions/KHR_animation_pointer/pointer").and_then(Value::as_str) {
+                found.pointers.push(PointerChannel { animation, sampler, pointer: pointer.into() });
+                return false;
+            }
+            let path = target.get("path").and_then(Value::as_str);
+            let known = path.is_none_or(|path| ["translation", "rotation", "scale", "weights"].contains(&path));
+            if target.get("node").is_none() || !known {
+                found.note("animations of properties that no node has are left out");
+                return false;
+            }
+            true
+        });
+        clip.entry("samplers").or_insert_with(|| json!([]));
+    }
+}

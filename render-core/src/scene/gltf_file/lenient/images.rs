@@ -1,0 +1,88 @@
+//! Images without data, and the textures that show them.
+
+use super::{Normalized, index, objects};
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+
+/// An image for indices that must lead somewhere; no material uses it.
+const PLACEHOLDER: &str = "data:application/octet-stream;base64,";
+
+/// Removes textures without an image that can be read from materials (glTF 2.0, 5.29: `source` may be omitted).
+pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normalized) {
+    let mut empty = BTreeSet::new();
+    for (place, image) in objects(root, "images").enumerate() {
+        let view = image.get("bufferView").and_then(index);
+        if view.is_some_and(|view| dry.contains(&view)) {
+            empty.insert(place);
+        }
+        if image.contains_key("bufferView") {
+            // The decoder looks at the data itself.
+            image.entry("mimeType").or_insert_with(|| json!("image/png"));
+        } else if !image.contains_key("uri") {
+            image.insert("uri".into(), json!(PLACEHOLDER));
+            empty.insert(place);
+        }
+    }
+    for sampler in objects(root, "samplers") {
+        for (name, known) in [
+            ("magFilter", &[9728, 9729][..]),
+            ("minFilter", &[9728, 9729, 9984, 9985, 9986, 9987]),
+            ("wrapS", &[33071, 33648, 10497]),
+            ("wrapT", &[33071, 33648, 10497]),
+        ] {
+            if sampler.get(name).and_then(Value::as_u64).is_some_and(|value| !known.contains(&value)) {
+                sampler.remove(name);
+            }
+        }
+    }
+
+    let mut without = BTreeSet::new();
+    for (place, texture) in objects(root, "textures").enumerate() {
+        match texture.get("source").map(index) {
+            None => {
+                without.insert(place);
+                texture.insert("source".into(), json!(0));
+            }
+            Some(Some(source)) if empty.contains(&source) => {
+                without.insert(place);
+            }
+            Some(_) => {}
+        }
+    }
+    if without.is_empty() {
+        return;
+    }
+    if objects(root, "images").next().is_none() {
+        root["images"] = json!([{ "uri": PLACEHOLDER }]);
+    }
+    let mut removed = 0;
+    for material in objects(root, "materials") {
+        for member in material.values_mut() {
+            removed += remove_slots(member, &without);
+        }
+        let names: Vec<String> = material.keys().cloned().collect();
+        for name in names {
+            if leads_to(&material[&name], &without) {
+                material.remove(&name);
+                removed += 1;
+            }
+        }
+    }
+    if removed > 0 {
+        found.note("textures without an image that can be read are left out: surfaces there have their plain color");
+    }
+}
+
+/// Removes all members of an object, and of objects in it, that are such textures; returns their number.
+fn remove_slots(value: &mut Value, without: &BTreeSet<usize>) -> usize {
+    let Value::Object(object) = value else { return 0 };
+    let count = object.len();
+    object.retain(|_, member| !leads_to(member, without));
+    let removed = count - object.len();
+    removed + object.values_mut().map(|member| remove_slots(member, without)).sum::<usize>()
+}
+
+/// Whether a value is a reference to one of these textures.
+fn leads_to(value: &Value, textures: &BTreeSet<usize>) -> bool {
+    value.get("index").and_then(index).is_some_and(|texture| textures.contains(&texture))
+}

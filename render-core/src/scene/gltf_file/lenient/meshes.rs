@@ -1,0 +1,120 @@
+//! Accessors in formats that extensions add, and primitives that cannot be drawn without them.
+
+use super::{Normalized, index, objects};
+use serde_json::{Map, Value, json};
+use std::collections::BTreeSet;
+
+/// Extensions that hold vertices of a primitive which its accessors lack.
+const COMPRESSED: [&str; 1] = ["KHR_draco_mesh_compression"];
+
+/// Replaces accessors of unknown types and returns their indices, with those whose buffer has no data.
+pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usize> {
+    let mut unreadable = BTreeSet::new();
+    for (place, accessor) in objects(root, "accessors").enumerate() {
+        let kind = accessor.get("type").and_then(Value::as_str);
+        let component = accessor.get("componentType").and_then(Value::as_u64);
+        let known_kind = kind.is_none_or(|k| ["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"].contains(&k));
+        if !known_kind || component.is_some_and(|c| ![5120, 5121, 5122, 5123, 5125, 5126].contains(&c)) {
+            *accessor = placeholder();
+            unreadable.insert(place);
+            continue;
+        }
+        let sparse = |part: &str| accessor.get("sparse")?.get(part)?.get("bufferView");
+        let views = [accessor.get("bufferView"), sparse("indices"), sparse("values")];
+        if views.into_iter().flatten().filter_map(index).any(|view| dry.contains(&view)) {
+            unreadable.insert(place);
+        }
+    }
+    // glTF 2.0, 3.7.2.1 wants bounds of positions; they are computed here, whatever the file claims.
+    let mut positions = BTreeSet::new();
+    for primitive in primitives_of(root) {
+        positions.extend(primitive.get("attributes").and_then(|list| list.get("POSITION")).and_then(index));
+    }
+    for (_, accessor) in objects(root, "accessors").enumerate().filter(|(place, _)| positions.contains(place)) {
+        for name in ["min", "max"] {
+            accessor.entry(name).or_insert_with(|| json!([0.0, 0.0, 0.0]));
+        }
+    }
+    unreadable
+}
+
+/// A scalar zero.
+fn placeholder() -> Map<String, Value> {
+    Map::from_iter([
+        ("componentType".into(), json!(5126)),
+        ("count".into(), json!(1)),
+        ("type".into(), json!("SCALAR")),
+    ])
+}
+
+/// Views of buffers without data, which are not `used`: those that an extension fills, such as the fallback of `EXT_meshopt_compression`.
+pub(super) fn dry_views(root: &mut Value, has_binary: bool, used: &mut BTreeSet<usize>) -> BTreeSet<usize> {
+    let mut dry = BTreeSet::new();
+    for (place, buffer) in objects(root, "buffers").enumerate() {
+        if !buffer.contains_key("uri") && (place > 0 || !has_binary) {
+            dry.insert(place);
+            used.remove(&place);
+        }
+    }
+    let mut views = BTreeSet::new();
+    for (place, view) in objects(root, "bufferViews").enumerate() {
+        if view.get("buffer").and_then(index).is_some_and(|buffer| dry.contains(&buffer)) {
+            views.insert(place);
+        }
+    }
+    views
+}
+
+/// Removes what cannot be read: attributes of unknown names, and primitives without positions (glTF 2.0, 3.7.2.1: "client
+/// implementations SHOULD skip primitive's rendering").
+pub(super) fn primitives(root: &mut Value, unreadable: &BTreeSet<usize>, found: &mut Normalized) {
+    let without_view: BTreeSet<usize> = objects(root, "accessors")
+        .enumerate()
+        .filter(|(_, accessor)| !accessor.contains_key("bufferView") && !accessor.contains_key("sparse"))
+        .map(|(place, _)| place)
+        .collect();
+    for mesh in objects(root, "meshes") {
+        let Some(Value::Array(primitives)) = mesh.get_mut("primitives") else { continue };
+        primitives.retain_mut(|primitive| {
+            let Value::Object(primitive) = primitive else { return true };
+            let compressed = COMPRESSED
+                .into_iter()
+                .find(|name| primitive.get("extensions").is_some_and(|extensions| extensions.get(name).is_some()));
+            // Accessors of compressed vertices only state their number and type.
+            let is_missing = |accessor: Option<usize>| {
+                accessor.is_some_and(|place| {
+                    unreadable.contains(&place) || (compressed.is_some() && without_view.contains(&place))
+                })
+            };
+            primitive.entry("attributes").or_insert_with(|| json!({}));
+            if let Some(Value::Object(attributes)) = primitive.get_mut("attributes") {
+                attributes.retain(|name, accessor| is_known(name) && !is_missing(index(accessor)));
+            }
+            let has_positions =
+                primitive["attributes"].get("POSITION").is_some() || !primitive["attributes"].is_object();
+            let indices = primitive.get("indices").and_then(index);
+            let mode = primitive.get("mode").and_then(Value::as_u64);
+            let keep = has_positions && !is_missing(indices) && mode.is_none_or(|mode| mode <= 6);
+            if !keep {
+                found.note(&match compressed {
+                    Some(name) => format!("meshes whose vertices are in {name} alone are left out"),
+                    None => "parts of meshes without positions that can be read are left out".into(),
+                });
+            }
+            keep
+        });
+    }
+}
+
+/// Whether an attribute has a name that the specification or an application gives.
+fn is_known(name: &str) -> bool {
+    let numbered = |prefix: &str| name.strip_prefix(prefix).is_some_and(|set| set.parse::<u32>().is_ok());
+    ["POSITION", "NORMAL", "TANGENT"].contains(&name)
+        || ["TEXCOORD_", "COLOR_", "JOINTS_", "WEIGHTS_"].into_iter().any(numbered)
+}
+
+/// All primitives of the document.
+fn primitives_of(root: &mut Value) -> impl Iterator<Item = &mut Map<String, Value>> {
+    let lists = objects(root, "meshes").filter_map(|mesh| mesh.get_mut("primitives")?.as_array_mut());
+    lists.flatten().filter_map(Value::as_object_mut)
+}

@@ -1,0 +1,242 @@
+//! Documents in the form that the `gltf` crate expects.
+//!
+//! The specification lets files omit parts, or leave them to extensions. The crate refuses these files: this pass fills in, removes
+//! or replaces such parts first. Lists keep their length, so that indices keep their meaning.
+
+mod animations;
+mod images;
+mod meshes;
+
+pub(super) use animations::PointerChannel;
+
+use super::extensions;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeSet;
+
+/// Results of [`normalize`].
+#[derive(Debug, Default)]
+pub(super) struct Normalized {
+    /// A line for each kind of part that was left out.
+    pub notes: Vec<String>,
+    /// Animation channels that `KHR_animation_pointer` aims at a property.
+    pub pointers: Vec<PointerChannel>,
+    /// Names of extensions with an object in the document.
+    pub extensions: BTreeSet<String>,
+    /// The program that wrote the file.
+    pub generator: Option<String>,
+    /// Buffer views that an accessor, an image or an extension reads.
+    used_views: BTreeSet<usize>,
+    /// Buffers with data that these views read.
+    pub used_buffers: BTreeSet<usize>,
+}
+
+impl Normalized {
+    /// Adds a note once.
+    fn note(&mut self, text: &str) {
+        if !self.notes.iter().any(|note| note == text) {
+            self.notes.push(text.into());
+        }
+    }
+}
+
+/// Brings the document into the form that the `gltf` crate parses; `has_binary` where the first buffer may be part of the file.
+///
+/// # Errors
+/// The file is of another version of glTF.
+pub(super) fn normalize(root: &mut Value, has_binary: bool) -> Result<Normalized, String> {
+    check_version(root)?;
+    let generator = root.pointer("/asset/generator").and_then(Value::as_str).map(str::to_owned);
+    let mut found = Normalized { generator, ..Normalized::default() };
+    plain(root, &mut found);
+    found.notes = extension_notes(root, &found.extensions);
+    scenes(root, &mut found);
+    nodes(root);
+    cameras(root, &mut found);
+    lights(root, &mut found);
+    buffers(root, &mut found);
+    let dry = meshes::dry_views(root, has_binary, &mut found.used_buffers);
+    images::images(root, &dry, &mut found);
+    materials(root, &mut found);
+    let unreadable = meshes::accessors(root, &dry);
+    meshes::primitives(root, &unreadable, &mut found);
+    animations::animations(root, &unreadable, &mut found);
+    Ok(found)
+}
+
+/// glTF 2.0, 3.2: a file of version 2.x is read, unless its least version is newer than 2.0. Version 1 has objects in place of lists.
+fn check_version(root: &Value) -> Result<(), String> {
+    let mut version = match root.pointer("/asset/version") {
+        Some(Value::String(text)) => text.clone(),
+        Some(Value::Number(number)) => number.to_string(),
+        _ if root.get("nodes").is_some_and(Value::is_object) => "1.0".into(),
+        _ => return Ok(()),
+    };
+    let least = root.pointer("/asset/minVersion").and_then(Value::as_str);
+    if let Some(least) = least.filter(|least| least.parse().is_ok_and(|least: f32| least > 2.0)) {
+        version = least.into();
+    } else if version.split('.').next() == Some("2") {
+        return Ok(());
+    }
+    let shown: String = version.chars().take(8).collect();
+    Err(format!("the file is of glTF {shown}; 2.0 is read: export it as glTF 2.0"))
+}
+
+/// Removes `extras`, which may be of any type, and nulls; writes 4.0 as 4; collects the names of extensions.
+///
+/// The depth is bounded: `serde_json` refuses documents of more than 128 levels.
+fn plain(value: &mut Value, found: &mut Normalized) {
+    /// Above it, f64 does not hold every integer.
+    const LARGEST: f64 = 9_007_199_254_740_992.0;
+    match value {
+        Value::Object(object) => {
+            object.remove("extras");
+            object.retain(|_, member| !member.is_null());
+            if let Some(Value::Object(list)) = object.get("extensions") {
+                found.extensions.extend(list.keys().cloned());
+            }
+            found.used_views.extend(object.get("bufferView").and_then(index));
+            for member in object.values_mut() {
+                plain(member, found);
+            }
+        }
+        Value::Array(list) => {
+            for item in list {
+                plain(item, found);
+            }
+        }
+        Value::Number(number) if number.is_f64() => {
+            let float = number.as_f64().unwrap_or(f64::NAN);
+            if float.fract() == 0.0 && float.is_sign_positive() && float < LARGEST {
+                *value = json!(float as u64);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// A note for each extension that the document names or has, and that is left out.
+fn extension_notes(root: &Value, found: &BTreeSet<String>) -> Vec<String> {
+    let list = |name: &str| root.get(name).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+    let mut names = found.clone();
+    names.extend(list("extensionsUsed").iter().filter_map(Value::as_str).map(str::to_owned));
+    extensions::notes(&names, list("materials"))
+}
+
+/// glTF 2.0, 3.5.1: a scene may have no nodes, and a file no scenes: "a library of individual entities such as materials or meshes".
+fn scenes(root: &mut Value, found: &mut Normalized) {
+    if root.get("scene").is_none() && objects(root, "scenes").next().is_none() {
+        let mut is_child = BTreeSet::new();
+        let mut count = 0;
+        for node in objects(root, "nodes") {
+            let children = node.get("children").and_then(Value::as_array);
+            is_child.extend(children.into_iter().flatten().filter_map(index));
+            count += 1;
+        }
+        let roots: Vec<usize> = (0..count).filter(|node| !is_child.contains(node)).collect();
+        if !roots.is_empty() {
+            found.note("the file has no scene: all its nodes are shown");
+        }
+        root["scenes"] = json!([{ "nodes": roots }]);
+    }
+    for scene in objects(root, "scenes") {
+        scene.entry("nodes").or_insert_with(|| json!([]));
+    }
+}
+
+/// `KHR_lights_punctual` of a node may be without a light.
+fn nodes(root: &mut Value) {
+    for node in objects(root, "nodes") {
+        let Some(Value::Object(extensions)) = node.get_mut("extensions") else { continue };
+        if extensions.get("KHR_lights_punctual").is_some_and(|light| light.get("light").is_none()) {
+            extensions.remove("KHR_lights_punctual");
+        }
+    }
+}
+
+/// Replaces cameras of types that extensions add.
+fn cameras(root: &mut Value, found: &mut Normalized) {
+    let mut unknown = BTreeSet::new();
+    for (index, camera) in objects(root, "cameras").enumerate() {
+        let kind = camera.get("type").and_then(Value::as_str);
+        if kind.is_some_and(|kind| !["perspective", "orthographic"].contains(&kind)) {
+            unknown.insert(index as u64);
+            camera.insert("type".into(), json!("perspective"));
+            camera.insert("perspective".into(), json!({ "yfov": 1.0, "znear": 0.1 }));
+            found.note("cameras of an unknown type are left out");
+        }
+    }
+    for node in objects(root, "nodes") {
+        if node.get("camera").and_then(Value::as_u64).is_some_and(|camera| unknown.contains(&camera)) {
+            node.remove("camera");
+        }
+    }
+}
+
+/// Replaces lights of types that extensions add, and gives spots their default cone.
+fn lights(root: &mut Value, found: &mut Normalized) {
+    let mut unknown = BTreeSet::new();
+    let lights = root.pointer_mut("/extensions/KHR_lights_punctual/lights").and_then(Value::as_array_mut);
+    for (index, light) in lights.into_iter().flatten().enumerate() {
+        let Value::Object(light) = light else { continue };
+        match light.get("type").and_then(Value::as_str) {
+            Some("directional" | "point") | None => {}
+            Some("spot") => {
+                light.entry("spot").or_insert_with(|| json!({}));
+            }
+            Some(_) => {
+                unknown.insert(index as u64);
+                light.insert("type".into(), json!("point"));
+                found.note("lights of an unknown type are left out");
+            }
+        }
+    }
+    for node in objects(root, "nodes") {
+        let Some(Value::Object(extensions)) = node.get_mut("extensions") else { continue };
+        let light = extensions.get("KHR_lights_punctual").and_then(|light| light.get("light")?.as_u64());
+        if light.is_some_and(|light| unknown.contains(&light)) {
+            extensions.remove("KHR_lights_punctual");
+        }
+    }
+}
+
+/// Drops hints of views that no reader needs, and finds the buffers that views read.
+fn buffers(root: &mut Value, found: &mut Normalized) {
+    // Accessors without a view are zeros; the crate wants any view for them.
+    if objects(root, "bufferViews").next().is_none() && objects(root, "accessors").next().is_some() {
+        if objects(root, "buffers").next().is_none() {
+            root["buffers"] = json!([{ "byteLength": 1 }]);
+        }
+        root["bufferViews"] = json!([{ "buffer": 0, "byteLength": 1 }]);
+    }
+    for (place, view) in objects(root, "bufferViews").enumerate() {
+        view.remove("target");
+        if view.get("byteStride").and_then(Value::as_u64) == Some(0) {
+            view.remove("byteStride");
+        }
+        if found.used_views.contains(&place) {
+            found.used_buffers.extend(view.get("buffer").and_then(index));
+        }
+    }
+}
+
+/// glTF 2.0, 5.19: alpha modes that an extension may add count as the default.
+fn materials(root: &mut Value, found: &mut Normalized) {
+    for material in objects(root, "materials") {
+        let mode = material.get("alphaMode").and_then(Value::as_str);
+        if mode.is_some_and(|mode| !["OPAQUE", "MASK", "BLEND"].contains(&mode)) {
+            material.remove("alphaMode");
+            found.note("materials of an unknown alpha mode are shown opaque");
+        }
+    }
+}
+
+/// The objects of a list of the document; nothing where there is none.
+fn objects<'a>(root: &'a mut Value, name: &str) -> impl Iterator<Item = &'a mut Map<String, Value>> {
+    let list = root.get_mut(name).and_then(Value::as_array_mut);
+    list.into_iter().flatten().filter_map(Value::as_object_mut)
+}
+
+/// An index of the document.
+fn index(value: &Value) -> Option<usize> {
+    value.as_u64().and_then(|index| usize::try_from(index).ok())
+}

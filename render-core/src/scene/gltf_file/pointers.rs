@@ -1,0 +1,56 @@
+//! Properties that `KHR_animation_pointer` animates.
+
+use crate::scene::{CameraProperty, LightProperty};
+use gltf::animation::Property;
+
+/// A property of the document.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Target {
+    /// Place or weights of a node.
+    Node(usize, Property),
+    /// Lens of a camera.
+    Camera(usize, CameraProperty),
+    /// A punctual light.
+    Light(usize, LightProperty),
+    /// Visibility of a node with all below it.
+    Visible(usize),
+}
+
+/// The property of a JSON pointer; `None` for those that are left out.
+pub(super) fn target(pointer: &str) -> Option<Target> {
+    let short = pointer.strip_prefix("/extensions/KHR_lights_punctual/").map(|rest| format!("/{rest}"));
+    let pointer = short.as_deref().unwrap_or(pointer);
+    let mut parts = pointer.strip_prefix('/')?.splitn(3, '/');
+    let (list, index, path) = (parts.next()?, parts.next()?.parse().ok()?, parts.next()?);
+    Some(match (list, path) {
+        ("nodes", "translation") => Target::Node(index, Property::Translation),
+        ("nodes", "rotation") => Target::Node(index, Property::Rotation),
+        ("nodes", "scale") => Target::Node(index, Property::Scale),
+        ("nodes", "weights") => Target::Node(index, Property::MorphTargetWeights),
+        ("nodes", "extensions/KHR_node_visibility/visible") => Target::Visible(index),
+        ("lights", "color") if short.is_some() => Target::Light(index, LightProperty::Color),
+        ("lights", "intensity") if short.is_some() => Target::Light(index, LightProperty::Intensity),
+        ("lights", "spot/innerConeAngle") if short.is_some() => Target::Light(index, LightProperty::InnerCone),
+        ("lights", "spot/outerConeAngle") if short.is_some() => Target::Light(index, LightProperty::OuterCone),
+        ("cameras", "perspective/yfov") => Target::Camera(index, CameraProperty::FieldOfView),
+        ("cameras", "perspective/aspectRatio") => Target::Camera(index, CameraProperty::Aspect),
+        ("cameras", "orthographic/ymag") => Target::Camera(index, CameraProperty::HalfHeight),
+        ("cameras", "orthographic/xmag") => Target::Camera(index, CameraProperty::HalfWidth),
+        ("cameras", "perspective/znear" | "orthographic/znear") => Target::Camera(index, CameraProperty::Near),
+        ("cameras", "perspective/zfar" | "orthographic/zfar") => Target::Camera(index, CameraProperty::Far),
+        _ => return None,
+    })
+}
+
+/// A note on the first of these pointers that is left out, and on the number of others.
+pub(super) fn note<'p>(pointers: impl Iterator<Item = &'p str>) -> Option<String> {
+    let mut left_out: Vec<&str> = pointers.filter(|pointer| target(pointer).is_none()).collect();
+    left_out.sort_unstable();
+    left_out.dedup();
+    let first = left_out.first()?;
+    let others = match left_out.len() {
+        1 => String::new(),
+        count => format!(" and {} more", count - 1),
+    };
+    Some(format!("the animated property {first}{others} is left out: it keeps the value of the file"))
+}

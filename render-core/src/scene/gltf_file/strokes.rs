@@ -1,0 +1,97 @@
+//! Points and lines as thin bodies: rays meet surfaces alone.
+
+use glam::Vec3;
+use gltf::mesh::Mode;
+
+/// Width of points and lines compared with the diagonal of their mesh: two pixels or so of a picture of the whole mesh.
+const WIDTH: f32 = 1.0 / 200.0;
+
+/// Bytes that a point or a segment takes, at most: vertices, triangles and their sources.
+pub(super) const BYTES_PER_STROKE: usize = 8 * size_of::<[f32; 4]>() + 12 * size_of::<[u32; 3]>();
+
+/// A body around each point or line.
+pub(super) struct Strokes {
+    /// Corners of the bodies.
+    pub positions: Vec<Vec3>,
+    /// Their triangles.
+    pub triangles: Vec<[u32; 3]>,
+    /// The vertex that each corner belongs to.
+    pub sources: Vec<u32>,
+}
+
+impl Strokes {
+    /// Octahedra around points, square tubes around lines, of this width or of the default; `None` for triangles.
+    pub fn of(mode: Mode, indices: &[u32], positions: &[Vec3], width: Option<f32>) -> Option<Self> {
+        let segments: Vec<[u32; 2]> = match mode {
+            Mode::Points => Vec::new(),
+            Mode::Lines => indices.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect(),
+            Mode::LineStrip => indices.windows(2).map(|pair| [pair[0], pair[1]]).collect(),
+            Mode::LineLoop => {
+                let next = indices.iter().cycle().skip(1);
+                indices.iter().zip(next).map(|(&from, &to)| [from, to]).collect()
+            }
+            Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => return None,
+        };
+        let radius = width.unwrap_or_else(|| WIDTH * diagonal(positions)) / 2.0;
+        let mut strokes = Self { positions: Vec::new(), triangles: Vec::new(), sources: Vec::new() };
+        if mode == Mode::Points {
+            for &vertex in indices {
+                strokes.add_point(vertex, positions[vertex as usize], radius);
+            }
+        }
+        for ends in segments {
+            strokes.add_segment(ends, ends.map(|vertex| positions[vertex as usize]), radius);
+        }
+        Some(strokes)
+    }
+
+    fn add_point(&mut self, vertex: u32, center: Vec3, radius: f32) {
+        let first = self.positions.len() as u32;
+        for axis in Vec3::AXES {
+            self.positions.extend([center + radius * axis, center - radius * axis]);
+            self.sources.extend([vertex; 2]);
+        }
+        // Corners 0 and 1 are ±x, 2 and 3 ±y, 4 and 5 ±z; an odd number of minus signs mirrors a side.
+        for side in 0..8u32 {
+            let [x, y, z] = [side & 1, 2 + (side >> 1 & 1), 4 + (side >> 2 & 1)].map(|corner| first + corner);
+            self.triangles.push(if side.count_ones() % 2 == 0 { [x, y, z] } else { [x, z, y] });
+        }
+    }
+
+    fn add_segment(&mut self, vertices: [u32; 2], [from, to]: [Vec3; 2], radius: f32) {
+        let Some(along) = (to - from).try_normalize() else { return };
+        let across = along.any_orthonormal_vector();
+        let up = along.cross(across);
+        let first = self.positions.len() as u32;
+        for (vertex, center) in vertices.into_iter().zip([from, to]) {
+            for side in [across, up, -across, -up] {
+                self.positions.push(center + radius * side);
+                self.sources.push(vertex);
+            }
+        }
+        for k in 0..4 {
+            let [a, b] = [first + k, first + (k + 1) % 4];
+            self.triangles.extend([[a, b, a + 4], [b, b + 4, a + 4]]);
+        }
+        let [a, b] = [first, first + 4];
+        self.triangles.extend([[a, a + 2, a + 1], [a, a + 3, a + 2], [b, b + 1, b + 2], [b, b + 2, b + 3]]);
+    }
+}
+
+/// The values of vertices for the corners that belong to them.
+pub(super) fn spread<T: Copy>(values: Vec<T>, sources: Option<&[u32]>) -> Vec<T> {
+    match sources {
+        Some(sources) if !values.is_empty() => sources.iter().map(|&vertex| values[vertex as usize]).collect(),
+        _ => values,
+    }
+}
+
+/// Diagonal of the box around all points; 1 where they are one place.
+fn diagonal(positions: &[Vec3]) -> f32 {
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for &position in positions {
+        (low, high) = (low.min(position), high.max(position));
+    }
+    let diagonal = (high - low).length();
+    if diagonal > 0.0 && diagonal.is_finite() { diagonal } else { 1.0 }
+}

@@ -1,0 +1,10 @@
+//! glTF files: every valid one is drawn, or a note names what is left out.
+
+mod blender;
+mod cameras;
+mod extensions;
+mod file;
+mod parts;
+mod pointers;
+mod strokes;
+mod valid;
