@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn pictures_in_the_dark_of_a_bright_day_are_dim() {
         // A sky of radiance 1 on all sides lights a white surface to a luminance of 1: E = 4π / 4.
-        let white = Gradient { zenith: Vec3::ONE, horizon: Vec3::ONE, ground: Vec3::ONE };
+        let white = Gradient { zenith: [1.0; 3], horizon: [1.0; 3], ground: [1.0; 3] };
         let mut scene = Scene { sky: Environment::gradient(white), ..Scene::default() };
         let is_dim = |scene: &Scene, brightest: f32| on_dimness(brightest, scene).is_some();
         assert!((luminance_outdoors(&scene) - 1.0).abs() < 0.02, "{}", luminance_outdoors(&scene));
