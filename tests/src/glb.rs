@@ -192,7 +192,8 @@ impl Glb {
 
     /// Adds a camera that looks along −z; returns its node's index.
     pub fn add_camera(&mut self, position: Vec3) -> usize {
-        let perspective = json!({ "yfov": 0.9, "znear": 0.01 });
+        // Scenes of a millimeter are shown, too.
+        let perspective = json!({ "yfov": 0.9, "znear": 1e-6 });
         let camera = self.push("cameras", json!({ "type": "perspective", "perspective": perspective }));
         self.add_node(json!({ "camera": camera, "translation": position.to_array() }))
     }
