@@ -10,7 +10,7 @@ const MPEG1_BUFFER_MAX: u32 = 0x3ff;
 /// The coarsest quantiser_scale in 256ths.
 const COARSEST_X256: u64 = 112 * 256;
 
-/// What the stream has stated, and the buffer so far.
+/// Level that the stream states, and fullness of its buffer after the pictures so far.
 #[derive(Clone, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Bounds {

@@ -131,6 +131,7 @@ impl Anchors {
         };
 
         // A first spread over all surfaces tells by probes which share of them is exposed.
+        let zones = &worth_it(zones, surfaces);
         let mut anchors = Self::without_surfels(surfaces, units, zones, [fixed, dynamic]);
         // Odd: points within a triangle lie on a sequence of base 2.
         let every = (anchors.fixed.len() / PROBES) | 1;
@@ -189,7 +190,7 @@ impl Anchors {
     }
 
     fn without_surfels(surfaces: &Surfaces, units: &Units, zones: &Zones, [fixed, dynamic]: [usize; 2]) -> Self {
-        let mut anchors = Anchors { zones: worth_it(zones, surfaces), ..Anchors::default() };
+        let mut anchors = Anchors { zones: zones.clone(), ..Anchors::default() };
         if let Some(patches) = Patches::of(surfaces, false, &anchors.zones) {
             anchors.fixed = patches.spread(fixed, units).iter().map(|anchor| anchor.in_world(surfaces)).collect();
             anchors.area_share = patches.area() / fixed.max(1) as f32;

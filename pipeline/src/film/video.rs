@@ -120,7 +120,7 @@ impl Video {
 
     fn push(&mut self, waiting: Waiting, to_next: Option<&Correspondence>) -> Encoded {
         let Waiting { picture, to_previous, weights } = waiting;
-        // A frame of several pictures stands still from each to the next.
+        // Pictures of one frame are alike: nothing moves between them.
         let still = (self.pictures > 1).then(|| Correspondence::still(picture.width(), picture.height()));
         let motion = KnownMotion { to_previous: to_previous.as_deref(), to_next: still.as_ref().or(to_next) };
         let mut packets = match weights {
@@ -202,7 +202,7 @@ impl Stream {
         coded
     }
 
-    /// Counts a picture among those of its frame, and gives the frame before if it is complete.
+    /// Adds the bits of a picture to its frame. Returns the previous frame when a new one begins.
     fn count(&mut self, packet: &Packet, first: u32) -> Option<CodedFrame> {
         let pictures = u64::from(self.pictures);
         if let Some(held) = self.held.as_mut().filter(|_| !packet.display_index.is_multiple_of(pictures)) {

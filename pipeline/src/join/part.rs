@@ -83,7 +83,8 @@ impl Part {
         let coded: Coded = serde_json::from_value(report.settings.clone().into()).context(place.clone())?;
         let CodedRate { pictures, .. } = CodedRate::of(coded.fps).context(place)?;
 
-        // Sizes of frames tell streams apart. With a look-ahead, pictures of a frame may be counted with the frame before.
+        // A stream belongs to its report if the sizes of frames agree. With a look-ahead, pictures may be counted with the previous
+        // frame.
         let mut lines: Vec<(u32, u64)> = report.frames.iter().map(|frame| (frame.index, frame.bits)).collect();
         lines.sort_unstable();
         let mut frames = vec![0; wanted as usize];

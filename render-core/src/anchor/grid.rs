@@ -28,7 +28,7 @@ pub(crate) struct Grid {
     low: Vec3A,
     size: [usize; 3],
     cell: f32,
-    /// Of the kernel in zone 0 \[m\].
+    /// Radius of the kernel in zone 0 \[m\].
     radius: f32,
     zones: Zones,
     /// Largest scale of the zones that points are in.

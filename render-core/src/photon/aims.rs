@@ -1,11 +1,10 @@
 //! Guided reflection: photons that are far from what the camera sees aim at it.
 //!
-//! Of the photons that the ground outside reflects, one in thousands finds the window of the room that the camera is in, and brings
-//! as much light as all that miss it. So each edge x → y of a camera path along which light comes back notes that photons at y are
-//! to aim at x, and
+//! Photons that the ground outside a room reflects hardly ever meet its window, and each that does has the flux of thousands. Camera
+//! paths find that way from its other end. On an edge x → y of such a path light comes from y to x, so photons at y aim at x:
 //!
 //! ```text
-//! p(ω) = ½ cos θ / π + ½ / Ω    within the cone Ω around the ball that holds most x of the edges that begin close by
+//! p(ω) = ½ cos θ / π + ½ / Ω    within the cone Ω around a ball: most x of the edges whose y are close by lie in it
 //! p(ω) = ½ cos θ / π            beyond it
 //! ```
 //! A photon's weight is that of an even lobe over this, `cos θ / π / p(ω)` ≤ 2: the expected light is the same.

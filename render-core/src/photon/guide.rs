@@ -164,7 +164,7 @@ impl GuideSearch {
     }
 }
 
-/// What a path finds.
+/// Light and edges of a path.
 #[derive(Default)]
 struct Way {
     found: Vec<Found>,

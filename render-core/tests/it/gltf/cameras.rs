@@ -55,7 +55,7 @@ fn depths_outside_of_a_camera_s_range_are_not_shown() {
     }
 }
 
-/// "aspectRatio" of perspective cameras, "xmag" over "ymag" of others; what means nothing is ignored.
+/// "aspectRatio" of perspective cameras, "xmag" over "ymag" of others. Values without a meaning are ignored.
 #[test]
 fn cameras_have_the_shape_and_range_of_their_file() {
     let read = |camera: Value| {

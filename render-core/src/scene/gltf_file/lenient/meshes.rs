@@ -7,7 +7,8 @@ use std::collections::BTreeSet;
 /// Extensions that hold vertices of a primitive which its accessors lack.
 const COMPRESSED: [&str; 1] = ["KHR_draco_mesh_compression"];
 
-/// Replaces accessors of unknown types and returns their indices, with those whose buffer has no data.
+/// Replaces accessors of unknown types by one zero, as accessors are found by their index, and returns their indices, with those whose
+/// buffer has no data. Nothing that is drawn reads either.
 pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usize> {
     let mut unreadable = BTreeSet::new();
     for (place, accessor) in objects(root, "accessors").enumerate() {
@@ -15,7 +16,7 @@ pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usi
         let component = accessor.get("componentType").and_then(Value::as_u64);
         let known_kind = kind.is_none_or(|k| ["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"].contains(&k));
         if !known_kind || component.is_some_and(|c| ![5120, 5121, 5122, 5123, 5125, 5126].contains(&c)) {
-            *accessor = placeholder();
+            *accessor = one_zero();
             unreadable.insert(place);
             continue;
         }
@@ -38,8 +39,8 @@ pub(super) fn accessors(root: &mut Value, dry: &BTreeSet<usize>) -> BTreeSet<usi
     unreadable
 }
 
-/// A scalar zero.
-fn placeholder() -> Map<String, Value> {
+/// An accessor of one scalar, which is zero: without a view all elements are (glTF 2.0, 3.6.2.1).
+fn one_zero() -> Map<String, Value> {
     Map::from_iter([
         ("componentType".into(), json!(5126)),
         ("count".into(), json!(1)),
