@@ -7,7 +7,7 @@ mod balance;
 mod lights;
 mod tile;
 
-use crate::accel::{Accelerator, PACKET};
+use crate::accel::{Accelerator, PACKET, Shadows};
 use crate::anchor::{Anchor, Anchors};
 use crate::emitter::{AreaSample, Emitters, PointLight};
 use crate::luminance;
@@ -168,9 +168,10 @@ impl DirectLights {
     pub fn irradiance_tile(&self, accelerator: &Accelerator, receivers: &[ShadingPoint]) -> Traced<Vec<Vec3>> {
         let mut sums = vec![Vec3::ZERO; receivers.len()];
         let mut shadow_rays = 0;
+        let shadows = Shadows::new(accelerator);
         for (receivers, sums) in receivers.chunks(PACKET).zip(sums.chunks_mut(PACKET)) {
             // Dynamic anchors come last: those that are faint beside the other lights get no shadow rays.
-            let tile = Tile::new(accelerator, receivers);
+            let tile = Tile::new(&shadows, receivers);
             for area in &self.areas {
                 tile.add_area(area, sums);
             }
@@ -252,16 +253,17 @@ impl DirectLights {
         area_brdf: Option<impl Fn(Vec3A, f32) -> Vec3>,
     ) -> Traced<Vec3> {
         // Points and suns need a shadow ray or two each, an area light one for every sample that gives light.
+        let shadows = &Shadows::new(accelerator);
         let mut whole = Traced::default();
         for light in &self.points {
-            whole.add(reflected_point(light, accelerator, receiver, &brdf));
+            whole.add(reflected_point(light, shadows, receiver, &brdf));
         }
         for sun in &self.suns {
-            whole.add(sun.reflected(accelerator, receiver, &brdf));
+            whole.add(sun.reflected(shadows, receiver, &brdf));
         }
         if let Some(brdf) = area_brdf {
             for area in &self.areas {
-                area.add_reflected(accelerator, receiver, &brdf, &mut whole);
+                area.add_reflected(shadows, receiver, &brdf, &mut whole);
             }
         }
         whole
@@ -291,7 +293,8 @@ impl DirectLights {
             let hidden = tile.hidden_from(anchor.position, active, None);
             for (i, sum) in sums.iter_mut().enumerate() {
                 if hidden >> i & 1 == 0 {
-                    *sum += *intensity * terms[i];
+                    let passed = if active >> i & 1 == 1 { tile.passed(anchor.position, i) } else { 1.0 };
+                    *sum += *intensity * terms[i] * passed;
                 }
             }
         }

@@ -1,6 +1,7 @@
 //! The first surface that each pixel sees, and where that same point was a frame ago.
 
 mod coverage;
+mod layers;
 mod outline;
 mod shares;
 mod shown;
@@ -10,11 +11,13 @@ use crate::accel::{Hit, PACKET};
 use crate::scene::{DeformedMesh, View};
 use crate::{Busy, PosedScene, Surfaces, Timed};
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
+use layers::{Layer, Shown, center};
 use plane::{Correspondence, NO_MATCH, Plane};
 use rayon::prelude::*;
 use std::sync::Arc;
 
 pub use coverage::{Coverage, MixedPixel, SurfacePart};
+pub use layers::LayeredPixel;
 pub use shares::{InstanceShare, InstanceShares};
 
 /// Side of the tiles that rays are shot in: an MPEG-2 macroblock.
@@ -103,6 +106,8 @@ pub struct GBuffer {
     pub world: Vec<Affine3A>,
     /// The shapes of those that skins or morph targets bend; empty where none is.
     pub deformed: Vec<Option<Arc<DeformedMesh>>>,
+    /// The pixels whose centers are one of several layers.
+    pub layered: Arc<[LayeredPixel]>,
 }
 
 impl GBuffer {
@@ -123,32 +128,21 @@ impl GBuffer {
         (width, height): (usize, usize),
         busy: &Busy,
     ) -> Self {
+        let shown = Shown::new(scene);
+        let camera = Camera { shown: &shown, view, sample };
         let mut pixels = Plane::filled(width, height, EMPTY);
-        let strips = pixels.samples_mut().par_chunks_mut(MACROBLOCK * width);
-        strips.enumerate().for_each(|(tile_row, strip)| {
-            busy.measure(|| {
-                let (top, rows) = (tile_row * MACROBLOCK, strip.len() / width);
-                for left in (0..width).step_by(MACROBLOCK) {
-                    let columns = MACROBLOCK.min(width - left);
-                    for (x0, y0) in PACKET_CORNERS {
-                        let places = packet_places()
-                            .map(|(x, y)| (x0 + x, y0 + y))
-                            .filter(|&(x, y)| x < columns && y < rows)
-                            .map(|(x, y)| (left + x, top + y));
-                        see_together(scene, view, sample, places, |(x, y), pixel| {
-                            strip[(y - top) * width + x] = pixel;
-                        });
-                    }
-                }
-            });
-        });
-        Self::placed(pixels, scene.surfaces, view)
+        let strips = pixels.samples_mut().par_chunks_mut(MACROBLOCK * width).enumerate();
+        let layered: Vec<Vec<LayeredPixel>> = strips
+            .map(|(tile_row, strip)| busy.measure(|| camera.strip(tile_row * MACROBLOCK, width, strip)))
+            .collect();
+        let layered = layered.concat().into();
+        Self { layered, ..Self::placed(pixels, scene.surfaces, view) }
     }
 
     /// `pixels` of `surfaces` as they stand now.
     fn placed(pixels: Plane<PixelSurface>, surfaces: &Surfaces, view: &View) -> Self {
         let world = (0..surfaces.scene().instances.len()).map(|instance| *surfaces.world(instance)).collect();
-        Self { pixels, view: *view, world, deformed: surfaces.all_deformed().to_vec() }
+        Self { pixels, view: *view, world, deformed: surfaces.all_deformed().to_vec(), layered: Arc::default() }
     }
 }
 
@@ -198,23 +192,57 @@ fn packet_places() -> impl Iterator<Item = (usize, usize)> {
     (0..PACKET).map(|i| (i / 8 % 2 * 4 + i % 4, i / 16 * 2 + i / 4 % 2))
 }
 
-/// Traces the rays of a few pixels together.
-fn see_together(
-    scene: PosedScene,
-    view: &View,
+/// A sample of each pixel of a picture.
+struct Camera<'a> {
+    shown: &'a Shown<'a>,
+    view: &'a View,
     sample: PixelSample,
-    places: impl Iterator<Item = (usize, usize)>,
-    mut set: impl FnMut((usize, usize), PixelSurface),
-) {
-    let (mut pixels, mut rays, mut count) = ([(0, 0); PACKET], [CameraRay::default(); PACKET], 0);
-    for (x, y) in places {
-        pixels[count] = (x, y);
-        rays[count] = CameraRay::through(Vec2::new(x as f32, y as f32) + sample.offset, view);
-        count += 1;
+}
+
+impl Camera<'_> {
+    /// Traces a row of macroblocks, from line `top` on, into `strip`. Returns its pixels with several layers.
+    fn strip(&self, top: usize, width: usize, strip: &mut [PixelSurface]) -> Vec<LayeredPixel> {
+        let rows = strip.len() / width;
+        let mut layered = Vec::new();
+        for left in (0..width).step_by(MACROBLOCK) {
+            let columns = MACROBLOCK.min(width - left);
+            for (x0, y0) in PACKET_CORNERS {
+                let places = packet_places()
+                    .map(|(x, y)| (x0 + x, y0 + y))
+                    .filter(|&(x, y)| x < columns && y < rows)
+                    .map(|(x, y)| (left + x, top + y));
+                self.see_together(places, |(x, y), pixel, layers| {
+                    strip[(y - top) * width + x] = pixel;
+                    if layers.len() > 1 {
+                        layered.push(LayeredPixel { index: (y * width + x) as u32, layers });
+                    }
+                });
+            }
+        }
+        layered
     }
-    let hits = first_hits(scene, &rays[..count], view);
-    for i in 0..count {
-        set(pixels[i], see(hits[i], rays[i], scene, &|depth| sample.width * view.pixel_width(depth), view));
+
+    /// Traces the rays of a few pixels together.
+    fn see_together(
+        &self,
+        places: impl Iterator<Item = (usize, usize)>,
+        mut set: impl FnMut((usize, usize), PixelSurface, Vec<Layer>),
+    ) {
+        let Self { shown, view, sample } = *self;
+        let (mut pixels, mut rays, mut count) = ([(0, 0); PACKET], [CameraRay::default(); PACKET], 0);
+        for (x, y) in places {
+            pixels[count] = (x, y);
+            rays[count] = CameraRay::through(Vec2::new(x as f32, y as f32) + sample.offset, view);
+            count += 1;
+        }
+        let solid = shown.solid();
+        let hits = first_hits(solid, &rays[..count], view);
+        for i in 0..count {
+            // One of the layers, where there are any, is the surface of the pixel.
+            let layers = shown.layers(rays[i], hits[i], view, sample.width);
+            let hit = if layers.is_empty() { hits[i] } else { center(&layers, pixels[i], sample) };
+            set(pixels[i], see(hit, rays[i], solid, &|depth| sample.width * view.pixel_width(depth), view), layers);
+        }
     }
 }
 

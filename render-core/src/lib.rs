@@ -45,8 +45,8 @@ pub use emitter::{
 pub use environment::{Environment, SkySample};
 pub use gather::{FinalGather, GatherDirections, Gathered};
 pub use gbuffer::{
-    Coverage, GBuffer, InstanceShare, InstanceShares, MACROBLOCK, MixedPixel, NOTHING, PixelSample, PixelSurface,
-    SurfacePart,
+    Coverage, GBuffer, InstanceShare, InstanceShares, LayeredPixel, MACROBLOCK, MixedPixel, NOTHING, PixelSample,
+    PixelSurface, SurfacePart,
 };
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling, path_traced};
 pub use photon::{AnchorFlux, Guide, GuideSearch, Photons};

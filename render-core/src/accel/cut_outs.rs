@@ -1,13 +1,14 @@
-//! Holes: where a triangle is there, and where rays pass through.
+//! Opacity: where a triangle is there, and where rays pass through.
 //!
-//! Every ray sees the same holes, so that pictures, shadows and photons agree. A mask's holes are where its opacity is below
-//! the cutoff. A blended surface is there for a share of its points: a point is part of it if its opacity exceeds a threshold
-//! that is drawn once for each small cell of the object's own space \[Wyman17\], anchored to the object at rest, so that the
-//! grain moves with the surface and stands still with it.
+//! A mask's holes are where its opacity is below the cutoff. Far away, where a ray's cone covers several texels, a mask has the
+//! share of them that is no hole. A blended surface hides its opacity's share of what is behind it. Rays that cannot be
+//! divided (photons, rays of indirect light) meet it by chance: a point is part of it if its opacity exceeds a threshold that
+//! is drawn once for each small cell of the object's own space \[Wyman17\].
 //!
 //! # Differs from the paper
-//! * The size of the cells is a fixed share of the scene's, not a pixel's: a shadow ray knows of no pixel.
+//! * The cells are far smaller than pixels: camera rays and shadow rays see no grain, as they divide (`sheets.rs`).
 
+use super::sheets::Sheets;
 use super::triangles::Owner;
 use crate::sampling::hash_unit;
 use crate::scene::{Alpha, Mesh, Pose, Scene, Texture, TextureSlot};
@@ -15,8 +16,8 @@ use glam::{Vec2, Vec3, Vec3A};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Cells across the scene: as fine as the pixels of a picture that shows it whole.
-const CELLS: f32 = 2048.0;
+/// Cells across the scene: each ray meets another, but rounding leaves a point in its own.
+const CELLS: f32 = 131_072.0;
 /// Flat surfaces often lie at round coordinates: there no border of a cell may be.
 const OFF_ROUND: f32 = 0.381_966;
 
@@ -31,6 +32,8 @@ struct Sheet {
     alpha: Alpha,
     opacity: f32,
     texture: Option<Texture>,
+    /// Of a mask: shares of areas two texels wide, and wider, that are no holes.
+    far: Option<Texture>,
     coordinates: Vec<[Vec2; 3]>,
     vertex_opacity: Vec<[f32; 3]>,
     /// Corners at rest in the mesh's own space, for the cells.
@@ -41,11 +44,13 @@ impl CutOuts {
     /// Finds the holes in all instances of `scene`; `None` if there is not one. `pose` tells how large things are.
     pub(super) fn new(scene: &Scene, pose: &Pose, extent: f32) -> Option<Self> {
         let mut of_mesh: HashMap<usize, Option<Arc<Sheet>>> = HashMap::new();
+        let mut far = FarMasks::default();
         let sheets: Vec<Option<(Arc<Sheet>, f32)>> = (0..scene.instances.len())
             .map(|instance| {
                 let index = scene.instances[instance].mesh;
                 let mesh = &scene.meshes[index];
-                let sheet = of_mesh.entry(index).or_insert_with(|| Sheet::new(scene, mesh).map(Arc::new)).clone()?;
+                let sheet =
+                    of_mesh.entry(index).or_insert_with(|| Sheet::new(scene, mesh, &mut far).map(Arc::new)).clone()?;
                 // As large as its shape is in the world, compared with its mesh: skins often change the scale.
                 let world = scene.instance_world(pose, instance);
                 let shape = pose.deformed(instance).map_or(&mesh.positions, |bent| &bent.positions);
@@ -63,10 +68,54 @@ impl CutOuts {
         self.sheets[instance].is_some()
     }
 
-    /// Whether the point of a triangle with barycentric weights `u` of the second and `v` of the third corner is there.
-    pub(super) fn opaque_at(&self, owner: Owner, u: f32, v: f32) -> bool {
+    /// Whether `instance` is a blended surface.
+    pub(super) fn is_blended(&self, instance: usize) -> bool {
+        self.sheets[instance].as_ref().is_some_and(|(sheet, _)| sheet.alpha == Alpha::Blend)
+    }
+
+    /// Whether a point of a triangle stops a ray that these `sheets` stop. `at` has the barycentric weights of the second and
+    /// third corner.
+    pub(super) fn stops(&self, owner: Owner, at: [f32; 2], sheets: Sheets) -> bool {
         let Some((sheet, cells)) = &self.sheets[owner.instance as usize] else { return true };
-        sheet.opaque_at(owner.triangle as usize, u, v, *cells)
+        let triangle = owner.triangle as usize;
+        match (sheet.alpha, sheets) {
+            (_, Sheets::None) | (Alpha::Blend, Sheets::Masks) => false,
+            (Alpha::Opaque, _) | (_, Sheets::BlendsAlone) => true,
+            (Alpha::Mask { cutoff }, _) => sheet.opacity(triangle, at, 0.0) >= cutoff,
+            (Alpha::Blend, Sheets::ByChance) => {
+                sheet.opacity(triangle, at, 0.0) > sheet.threshold(triangle, at, *cells)
+            }
+        }
+    }
+
+    /// Share of what is behind a triangle that it hides, 0…1, around a point: over an area that is this `share` of the
+    /// parallelogram of two of its sides.
+    pub(super) fn opacity(&self, owner: Owner, at: [f32; 2], share: f32) -> f32 {
+        let Some((sheet, _)) = &self.sheets[owner.instance as usize] else { return 1.0 };
+        let triangle = owner.triangle as usize;
+        let texels = sheet.texels(triangle, share);
+        match sheet.alpha {
+            Alpha::Opaque => 1.0,
+            Alpha::Mask { cutoff } => sheet.mask(triangle, at, (texels, cutoff)),
+            Alpha::Blend => sheet.opacity(triangle, at, texels).clamp(0.0, 1.0),
+        }
+    }
+
+    /// Opacity of a blended surface at a point, 0…1; 0 of all other sheets.
+    pub(super) fn blended_opacity(&self, owner: Owner, at: [f32; 2]) -> f32 {
+        let sheet = self.sheets[owner.instance as usize].as_ref().filter(|(sheet, _)| sheet.alpha == Alpha::Blend);
+        sheet.map_or(0.0, |(sheet, _)| sheet.opacity(owner.triangle as usize, at, 0.0).clamp(0.0, 1.0))
+    }
+}
+
+/// The images of masks as they are from afar, by texture and by the bits of the opacity from which on they are no hole.
+#[derive(Default)]
+struct FarMasks(HashMap<(usize, u32), Texture>);
+
+impl FarMasks {
+    fn of(&mut self, scene: &Scene, texture: usize, least: f32) -> Texture {
+        let build = || scene.textures[texture].coverage(least);
+        self.0.entry((texture, least.to_bits())).or_insert_with(build).clone()
     }
 }
 
@@ -78,7 +127,7 @@ fn diagonal(points: impl Iterator<Item = Vec3A>) -> f32 {
 
 impl Sheet {
     /// `None` for a mesh without holes.
-    fn new(scene: &Scene, mesh: &Mesh) -> Option<Self> {
+    fn new(scene: &Scene, mesh: &Mesh, far: &mut FarMasks) -> Option<Self> {
         let material = &scene.materials[mesh.material];
         let needed = match material.alpha {
             Alpha::Opaque => return None,
@@ -109,7 +158,15 @@ impl Sheet {
         } else {
             Vec::new()
         };
+        // Where vertices have opacities of their own, no image holds what is cut.
+        let far = match (&textured, material.alpha) {
+            (Some((slot, _)), Alpha::Mask { cutoff }) if vertex_opacity.is_empty() && material.opacity > 0.0 => {
+                Some(far.of(scene, slot.texture, cutoff / material.opacity))
+            }
+            _ => None,
+        };
         Some(Self {
+            far,
             alpha: material.alpha,
             opacity: material.opacity,
             texture: textured.map(|(_, texture)| texture),
@@ -119,25 +176,46 @@ impl Sheet {
         })
     }
 
-    fn opaque_at(&self, triangle: usize, u: f32, v: f32, cells: f32) -> bool {
+    /// Width \[texels\] of an area that is this `share` of the parallelogram of two sides of a triangle.
+    fn texels(&self, triangle: usize, share: f32) -> f32 {
+        let (Some(texture), Some([a, b, c])) = (&self.texture, self.coordinates.get(triangle)) else { return 0.0 };
+        let size = texture.size();
+        (share * ((*b - *a) * size).perp_dot((*c - *a) * size).abs()).sqrt()
+    }
+
+    /// Opacity of its material at a point, over a width of the texture \[texels\].
+    fn opacity(&self, triangle: usize, [u, v]: [f32; 2], texels: f32) -> f32 {
         let w = 1.0 - u - v;
         let mut opacity = self.opacity;
         if let Some([a, b, c]) = self.vertex_opacity.get(triangle) {
             opacity *= a * w + b * u + c * v;
         }
-        if let Some((texture, [a, b, c])) = self.texture.as_ref().zip(self.coordinates.get(triangle)) {
-            opacity *= texture.sample(*a * w + *b * u + *c * v, 1.0).opacity;
+        if let Some((texture, uv)) = self.texture.as_ref().zip(self.coordinates_at(triangle, [u, v])) {
+            opacity *= texture.sample(uv, texels).opacity;
         }
-        match self.alpha {
-            Alpha::Opaque => true,
-            Alpha::Mask { cutoff } => opacity >= cutoff,
-            Alpha::Blend => {
-                let [a, b, c] = self.places[triangle];
-                let cell = ((a * w + b * u + c * v) * cells + OFF_ROUND).floor();
-                // 21 bits for each axis: the pattern repeats far outside of the scene.
-                let bits = |x: f32| (x as i64 as u64) & 0x1f_ffff;
-                opacity > hash_unit(0, bits(cell.x) | bits(cell.y) << 21 | bits(cell.z) << 42, 0)
-            }
-        }
+        opacity
+    }
+
+    /// Share of the texture around a point that is no hole: all or nothing within a texel, by area over two and more.
+    fn mask(&self, triangle: usize, at: [f32; 2], (texels, cutoff): (f32, f32)) -> f32 {
+        let sharp = || if self.opacity(triangle, at, 0.0) >= cutoff { 1.0 } else { 0.0 };
+        let far = self.far.as_ref().filter(|_| texels > 1.0).zip(self.coordinates_at(triangle, at));
+        let Some((far, uv)) = far else { return sharp() };
+        let share = far.sample(uv, 0.5 * texels).opacity;
+        let blend = texels.log2().min(1.0);
+        if blend < 1.0 { sharp() * (1.0 - blend) + share * blend } else { share }
+    }
+
+    fn coordinates_at(&self, triangle: usize, [u, v]: [f32; 2]) -> Option<Vec2> {
+        self.coordinates.get(triangle).map(|[a, b, c]| *a * (1.0 - u - v) + *b * u + *c * v)
+    }
+
+    /// The threshold at a point, 0…1.
+    fn threshold(&self, triangle: usize, [u, v]: [f32; 2], cells: f32) -> f32 {
+        let [a, b, c] = self.places[triangle];
+        let cell = ((a * (1.0 - u - v) + b * u + c * v) * cells + OFF_ROUND).floor();
+        // 21 bits for each axis: the pattern repeats far outside of the scene.
+        let bits = |x: f32| (x as i64 as u64) & 0x1f_ffff;
+        hash_unit(0, bits(cell.x) | bits(cell.y) << 21 | bits(cell.z) << 42, 0)
     }
 }

@@ -132,7 +132,7 @@ impl Geometry {
             if pose.deformed(index).is_some() { build() } else { of_mesh.entry(mesh).or_insert_with(build).clone() }
         };
 
-        let (mut whole, mut with_holes) = (Soup::default(), Soup::default());
+        let [mut whole, mut masked, mut blended] = [(); 3].map(|()| Soup::default());
         let mut parts = Vec::new();
         for (index, &Instance { node, mesh }) in scene.instances.iter().enumerate() {
             let to_tree = Affine3A::from_scale(Vec3::splat(scale)) * scene.instance_world(&pose, index);
@@ -146,11 +146,15 @@ impl Geometry {
                 let placed = own_tree(index, mesh).and_then(|group| Placed::carried(group, index, to_tree));
                 parts.extend(placed.map(Part::Fixed));
             } else {
-                let soup = if holes_of(index).is_some() { &mut with_holes } else { &mut whole };
+                let soup = match holes_of(index) {
+                    None => &mut whole,
+                    Some(holes) if holes.is_blended(index) => &mut blended,
+                    Some(_) => &mut masked,
+                };
                 soup.add(index, &to_tree, corners(&scene.meshes[mesh], &pose, index));
             }
         }
-        let fixed = [(whole, None), (with_holes, cut_outs.clone())];
+        let fixed = [(whole, None), (masked, cut_outs.clone()), (blended, cut_outs.clone())];
         let fixed = fixed.into_iter().filter_map(|(soup, holes)| soup.group(QUALITY, holes, &sides));
         parts.extend(fixed.map(|group| Part::Fixed(Placed::in_world(group))));
         Self { parts, cut_outs, sides: Arc::new(sides), scale }

@@ -3,6 +3,7 @@
 use super::cut_outs::CutOuts;
 use super::ray::Ray;
 use super::reach::Reach;
+use super::sheets::Sheets;
 use super::tree::{Costs, Tree, Visit};
 use super::triangles::{BLOCK, Block, Leaf, Owner};
 use lanes::{LANES, Lanes};
@@ -27,6 +28,8 @@ pub(super) struct Group {
     pub(super) bounds: Aabb,
     /// `None` if every triangle is there as a whole.
     pub(super) cut_outs: Option<Arc<CutOuts>>,
+    /// Whether all its triangles are of blended surfaces. No group has these and others.
+    pub(super) is_blended: bool,
 }
 
 /// A triangle that a ray met.
@@ -120,7 +123,9 @@ impl Group {
             (first * LANES + members.len() - 1) as u32
         });
         let bounds = if triangles.is_empty() { Aabb::empty() } else { *binary.nodes[0].aabb() };
-        Self { tree, blocks, owners, bounds, cut_outs }
+        let blends = |cut_outs: &Arc<CutOuts>| owners.iter().all(|owner| cut_outs.is_blended(owner.instance as usize));
+        let is_blended = cut_outs.as_ref().is_some_and(blends);
+        Self { tree, blocks, owners, bounds, cut_outs, is_blended }
     }
 
     /// The triangles of a leaf of the tree.
@@ -136,31 +141,39 @@ impl Group {
         Owner { instance: shown.unwrap_or(owner.instance), ..owner }
     }
 
-    /// The first triangle before `best`, holes passed through: those of `shown`, if that instance shows the group.
+    /// The first triangle before `best` that is there ([`Group::is_there`]). `shown` is the instance that shows the group, if
+    /// one does, and the sheets that stop the ray.
     #[inline(always)]
-    pub(super) fn closest<L: Lanes>(&self, lanes: L, ray: &Ray, best: Nearest, shown: Option<u32>) -> Nearest {
+    pub(super) fn closest<L: Lanes>(
+        &self,
+        lanes: L,
+        ray: &Ray,
+        best: Nearest,
+        shown: (Option<u32>, Sheets),
+    ) -> Nearest {
         match &self.cut_outs {
             None => self.closest_where(lanes, ray, best, |_, _, _, _| true),
-            Some(_) => {
-                self.closest_where(lanes, ray, best, |leaf, lane, u, v| self.is_there(leaf.triangle(lane), u, v, shown))
-            }
+            Some(_) => self.closest_where(lanes, ray, best, |leaf, lane, u, v| {
+                self.is_there(leaf.triangle(lane), [u, v], shown.0, shown.1)
+            }),
         }
     }
 
-    /// Whether a point of a triangle is no hole.
+    /// Whether the point of a triangle with barycentric weights `at` of the second and third corner stops a ray that these
+    /// `sheets` stop.
     #[inline(always)]
-    pub(super) fn is_there(&self, triangle: u32, u: f32, v: f32, shown: Option<u32>) -> bool {
-        self.cut_outs.as_ref().is_none_or(|cut_outs| cut_outs.opaque_at(self.owner(triangle, shown), u, v))
+    pub(super) fn is_there(&self, triangle: u32, at: [f32; 2], shown: Option<u32>, sheets: Sheets) -> bool {
+        self.cut_outs.as_ref().is_none_or(|cut_outs| cut_outs.stops(self.owner(triangle, shown), at, sheets))
     }
 
-    /// Whether any triangle is met before `limit`, holes passed through: those of `shown`, if that instance shows the group.
+    /// Whether any triangle that is there ([`Group::is_there`]) is met before `limit`.
     #[inline(always)]
-    pub(super) fn blocks<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32, shown: Option<u32>) -> bool {
+    pub(super) fn blocks<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32, shown: (Option<u32>, Sheets)) -> bool {
         match &self.cut_outs {
             None => self.blocks_where(lanes, ray, limit, |_, _, _| true),
-            Some(cut_outs) => self.blocks_where(lanes, ray, limit, |triangle, u, v| {
-                cut_outs.opaque_at(self.owner(triangle, shown), u, v)
-            }),
+            Some(_) => {
+                self.blocks_where(lanes, ray, limit, |triangle, u, v| self.is_there(triangle, [u, v], shown.0, shown.1))
+            }
         }
     }
 
@@ -178,9 +191,15 @@ impl Group {
         visitor.best
     }
 
-    /// Calls `each` (leaf, lane, hit) for all triangles that are met within `limit`.
+    /// Calls `each` (leaf, lane, hit) for all triangles that are met within `limit`, and from then on within what it returns.
     #[inline(always)]
-    pub(super) fn each_within<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32, each: impl FnMut(&Leaf, usize, Met)) {
+    pub(super) fn each_within<L: Lanes>(
+        &self,
+        lanes: L,
+        ray: &Ray,
+        limit: f32,
+        each: impl FnMut(&Leaf, usize, Met) -> f32,
+    ) {
         self.tree.walk(lanes, ray, limit, &mut EachOf { group: self, ray, each });
     }
 
@@ -226,9 +245,9 @@ struct EachOf<'a, F> {
     each: F,
 }
 
-impl<F: FnMut(&Leaf, usize, Met)> Visit for EachOf<'_, F> {
+impl<F: FnMut(&Leaf, usize, Met) -> f32> Visit for EachOf<'_, F> {
     #[inline(always)]
-    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32 {
+    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, mut limit: f32) -> f32 {
         let leaf = self.group.leaf(content);
         if let Some((mut bits, meeting)) = leaf.meet(lanes, self.ray, near, limit) {
             let (t, u, v) = (lanes.store(meeting.t), lanes.store(meeting.u), lanes.store(meeting.v));
@@ -236,7 +255,7 @@ impl<F: FnMut(&Leaf, usize, Met)> Visit for EachOf<'_, F> {
                 let lane = bits.trailing_zeros() as usize & (LANES - 1);
                 bits &= bits - 1;
                 let met = Met { t: t[lane], triangle: leaf.triangle(lane), u: u[lane], v: v[lane] };
-                (self.each)(&leaf, lane, met);
+                limit = (self.each)(&leaf, lane, met);
             }
         }
         limit

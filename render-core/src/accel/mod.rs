@@ -17,6 +17,7 @@ mod ray;
 mod reach;
 mod shaft;
 mod sharing;
+mod sheets;
 mod ties;
 mod tree;
 mod triangles;
@@ -24,6 +25,7 @@ mod triangles;
 pub use geometry::Geometry;
 pub use packet::PACKET;
 pub use shaft::Shaft;
+pub(crate) use sheets::{Cone, Shadows};
 
 use found::Found;
 use glam::{Affine3A, BVec3A, DVec3, Vec3A};
@@ -31,6 +33,7 @@ use group::Group;
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2};
 use packet::PacketRay;
 use query::{Blocked, Closest, Settle, Together};
+use sheets::Sheets;
 use std::{sync::Arc, time::Duration};
 use ties::AllSides;
 use tree::{Costs, Tree};
@@ -54,11 +57,16 @@ pub struct Hit {
 /// The scene at one time, ready for rays.
 ///
 /// The same ray has the same hit to the last bit, alone or in a packet, with vector instructions or without.
+#[derive(Clone)]
 pub struct Accelerator {
-    groups: Vec<Placed>,
+    groups: Arc<[Placed]>,
     /// Over the groups; its leaves are places in `groups`.
-    top: Tree,
+    top: Arc<Tree>,
     sides: Arc<AllSides>,
+    /// Which sheets stop its rays.
+    sheets: Sheets,
+    /// Whether there are any sheets, and whether any is a blended surface.
+    has_sheets: [bool; 2],
     scale: f32,
     lanes: lanes::Choice,
 }
@@ -130,7 +138,11 @@ impl Accelerator {
             &mut Duration::default(),
         );
         let top = Tree::new(&binary, &Costs { leaf: 4.0, primitive: 0.0, most: 1 }, |places| places[0]);
-        Self { groups, top, sides, scale, lanes: lanes::Choice::best() }
+        let has = |is: fn(&Group) -> bool| groups.iter().any(|placed| is(&placed.group));
+        let has_sheets = [has(|group| group.cut_outs.is_some()), has(|group| group.is_blended)];
+        let sheets = Sheets::ByChance;
+        let (groups, top) = (groups.into(), Arc::new(top));
+        Self { groups, top, sides, sheets, has_sheets, scale, lanes: lanes::Choice::best() }
     }
 
     /// The first surface along the ray from `origin` in the unit `direction`.
@@ -235,7 +247,7 @@ impl Accelerator {
     /// Every triangle in turn, in double precision: what [`Accelerator::closest`] is tested against.
     pub fn closest_by_exhaustion(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let mut best: Option<(f64, Hit)> = None;
-        for placed in &self.groups {
+        for placed in self.groups.iter().filter(|placed| self.meets(placed)) {
             let (origin, direction) = placed.local(origin * self.scale, direction);
             let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
             for block in &placed.group.blocks {
@@ -247,8 +259,9 @@ impl Accelerator {
                         continue;
                     };
                     let owner = placed.group.owner(index, placed.instance);
-                    let there = |cut_outs: &Arc<cut_outs::CutOuts>| cut_outs.opaque_at(owner, u as f32, v as f32);
-                    if best.is_none_or(|(nearest, _)| t < nearest) && placed.group.cut_outs.as_ref().is_none_or(there) {
+                    if best.is_none_or(|(nearest, _)| t < nearest)
+                        && placed.group.is_there(index, [u as f32, v as f32], placed.instance, self.sheets)
+                    {
                         let Owner { instance, triangle } = owner;
                         let distance = (t / f64::from(self.scale)) as f32;
                         best = Some((t, Hit { distance, instance, triangle, u: u as f32, v: v as f32 }));

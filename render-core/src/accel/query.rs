@@ -41,7 +41,8 @@ impl<const SHOWN: bool> Kernel for Closest<'_, SHOWN> {
         if let Some(group) = scene.sole_group()
             && !SHOWN
         {
-            let Nearest { met, contested, .. } = group.closest(lanes, &ray, Nearest::nothing(reach), None);
+            let Nearest { met, contested, .. } =
+                group.closest(lanes, &ray, Nearest::nothing(reach), (None, scene.sheets));
             return Found { met, place: 0, contested };
         }
         let mut visitor = ClosestGroup::<SHOWN> { scene, origin, direction, found: Found::NOTHING, reach };
@@ -60,19 +61,22 @@ struct ClosestGroup<'a, const SHOWN: bool> {
 
 impl<const SHOWN: bool> Visit for ClosestGroup<'_, SHOWN> {
     #[inline(always)]
-    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, _: f32) -> f32 {
+    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
         let place = content as usize;
         let Placed { group, instance, .. } = &self.scene.groups[place];
+        if !self.scene.meets(&self.scene.groups[place]) {
+            return limit;
+        }
         let (origin, direction) = self.scene.groups[place].local(self.origin, self.direction);
         let (ray, to_beat) = (Ray::new(origin, direction), self.found.to_beat(place, self.reach));
         let nearest = if SHOWN {
             group.closest_where(lanes, &ray, to_beat, |leaf, lane, u, v| {
                 let triangle = leaf.triangle(lane);
                 !self.scene.is_back(triangle, place, leaf.corners(lane), self.direction)
-                    && group.is_there(triangle, u, v, *instance)
+                    && group.is_there(triangle, [u, v], *instance, self.scene.sheets)
             })
         } else {
-            group.closest(lanes, &ray, to_beat, *instance)
+            group.closest(lanes, &ray, to_beat, (*instance, self.scene.sheets))
         };
         self.found.update(place, &to_beat, &nearest);
         self.reach.of(self.found.met.t)
@@ -118,11 +122,15 @@ impl Visit for Rivals<'_> {
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
         let place = content as usize;
         let Placed { group, instance, .. } = &self.scene.groups[place];
+        if !self.scene.meets(&self.scene.groups[place]) {
+            return limit;
+        }
         let (origin, direction) = self.scene.groups[place].local(self.origin, self.direction);
         group.each_within(lanes, &Ray::new(origin, direction), limit, |leaf, lane, met| {
-            if group.is_there(met.triangle, met.u, met.v, *instance) {
+            if group.is_there(met.triangle, [met.u, met.v], *instance, self.scene.sheets) {
                 self.found.push(self.scene.rival(met, place, leaf.corners(lane), self.direction));
             }
+            limit
         });
         limit
     }
@@ -144,7 +152,7 @@ impl Kernel for Blocked<'_> {
         let Self { scene, origin, direction, limit } = self;
         let ray = Ray::new(origin, direction);
         if let Some(group) = scene.sole_group() {
-            return group.blocks(lanes, &ray, limit, None);
+            return group.blocks(lanes, &ray, limit, (None, scene.sheets));
         }
         let mut visitor = AnyGroup { scene, origin, direction, blocked: false };
         scene.top.walk(lanes, &ray, limit, &mut visitor);
@@ -163,8 +171,12 @@ impl Visit for AnyGroup<'_> {
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
         let placed = &self.scene.groups[content as usize];
+        if !self.scene.meets(placed) {
+            return limit;
+        }
         let (origin, direction) = placed.local(self.origin, self.direction);
-        self.blocked = placed.group.blocks(lanes, &Ray::new(origin, direction), limit, placed.instance);
+        let shown = (placed.instance, self.scene.sheets);
+        self.blocked = placed.group.blocks(lanes, &Ray::new(origin, direction), limit, shown);
         if self.blocked { -1.0 } else { limit }
     }
 }
@@ -237,7 +249,10 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
     fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered) {
         let place = content as usize;
         let placed = &self.scene.groups[place];
-        if !CLOSEST && placed.to_local.is_none() && placed.group.cut_outs.is_none() {
+        if !self.scene.meets(placed) {
+            return;
+        }
+        if !CLOSEST && placed.to_local.is_none() && !self.scene.may_pass(placed) {
             // The packet itself can go on; which group stopped a ray does not matter.
             packet.walk(lanes, &placed.group.tree, &mut Triangles::<false>(&placed.group));
             return;
@@ -258,14 +273,15 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
             count += 1;
         }
         let origin = placed.local(self.origin, Vec3A::X).0;
-        if placed.group.cut_outs.is_some() || !CLOSEST && count < WORTH_A_PACKET {
+        if self.scene.may_pass(placed) || !CLOSEST && count < WORTH_A_PACKET {
             // Each hit is tested whether it counts, and few rays are faster alone.
+            let shown = (placed.instance, self.scene.sheets);
             for local in &local[..count] {
                 let ray = Ray::new(origin, local.direction);
                 if CLOSEST {
-                    let nearest = placed.group.closest(lanes, &ray, local.to_beat(self.reach), placed.instance);
+                    let nearest = placed.group.closest(lanes, &ray, local.to_beat(self.reach), shown);
                     self.take(packet, place, local, &nearest);
-                } else if placed.group.blocks(lanes, &ray, local.limit, placed.instance) {
+                } else if placed.group.blocks(lanes, &ray, local.limit, shown) {
                     packet.set_limit(local.index, -1.0);
                 }
             }

@@ -27,6 +27,11 @@ impl Reach {
         Self { factor: 1.0 + NEAR, beyond: NEAR * (origin.abs().max_element() + SPAN) }
     }
 
+    /// The same for directions of another `length`.
+    pub(super) fn of_length(self, length: f32) -> Self {
+        Self { beyond: self.beyond / length, ..self }
+    }
+
     /// Distance within which others may be as near as a hit at `t`, which is not negative.
     #[inline(always)]
     pub(super) fn of(self, t: f32) -> f32 {

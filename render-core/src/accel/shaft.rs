@@ -281,6 +281,9 @@ impl Kernel for Finding<'_> {
         let mut groups = Touched::new(&scene.top);
         while let Some(place) = groups.next(lanes, &hull) {
             let placed = &scene.groups[place as usize];
+            if !scene.meets(placed) {
+                continue;
+            }
             let own = placed.to_local.as_ref().map(|to_local| {
                 points.each_ref().map(|points| points.iter().map(|&p| to_local.transform_point3a(p)).collect())
             });
@@ -292,7 +295,7 @@ impl Kernel for Finding<'_> {
                 let which = reaching(lanes, &placed.group, content, hull, points);
                 if which != 0 {
                     shaft.blocks.push(Listed { place: place as usize, content, lanes: which });
-                    shaft.crowded |= placed.group.cut_outs.is_some() || shaft.blocks.len() > MOST_BLOCKS;
+                    shaft.crowded |= scene.may_pass(placed) || shaft.blocks.len() > MOST_BLOCKS;
                     if shaft.crowded {
                         return shaft;
                     }

@@ -105,7 +105,7 @@ impl Accelerator {
 
 impl Placed {
     /// Corners in the scaled world, the same bits as those of [`crate::Surfaces::corners`], scaled.
-    fn world_corners(&self, corners: [Vec3A; 3]) -> [Vec3A; 3] {
+    pub(super) fn world_corners(&self, corners: [Vec3A; 3]) -> [Vec3A; 3] {
         match &self.to_world {
             None => corners,
             Some(m) => corners.map(|corner| m.transform_point3a(corner)),

@@ -5,6 +5,7 @@ use crate::PixelSurface;
 use crate::ranks::Alone;
 use crate::scene::{Projection, View};
 use glam::{Mat3A, Vec3};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const SIDE: usize = 64;
@@ -51,7 +52,7 @@ pub(super) fn floor_from(eye: Vec3, split: impl Fn(&mut PixelSurface)) -> GBuffe
         }
         pixel
     });
-    GBuffer { pixels, view, world: vec![Affine3A::IDENTITY; 2], deformed: Vec::new() }
+    GBuffer { pixels, view, world: vec![Affine3A::IDENTITY; 2], deformed: Vec::new(), layered: Arc::default() }
 }
 
 /// A lamp of intensity `1 W/sr` in the middle above the floor: E = cos θ / r².

@@ -3,6 +3,7 @@
 use super::*;
 use crate::scene::{Projection, View};
 use glam::{Affine3A, Quat};
+use std::sync::Arc;
 
 const SIDE: usize = 48;
 /// Width of a pixel \[m\].
@@ -28,7 +29,7 @@ fn floor(steps: f32) -> GBuffer {
             triangle: 0,
         }
     });
-    GBuffer { pixels, view, world: vec![Affine3A::IDENTITY], deformed: Vec::new() }
+    GBuffer { pixels, view, world: vec![Affine3A::IDENTITY], deformed: Vec::new(), layered: Arc::default() }
 }
 
 /// The last picture of a walk over the floor.

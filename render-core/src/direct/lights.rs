@@ -2,7 +2,7 @@
 
 use super::balance::Balance;
 use super::{Disc, ShadingPoint, Traced, bits};
-use crate::accel::{Accelerator, PACKET};
+use crate::accel::{PACKET, Shadows};
 use crate::emitter::{AreaLight, AreaSample, PointLight, SunLight};
 use crate::environment::SkyLamp;
 use crate::polygon::Polygon;
@@ -94,7 +94,7 @@ impl Area {
     /// Adds to `whole` the radiance that a receiver of this `brdf` reflects of the samples, each a disc.
     pub fn add_reflected(
         &self,
-        accelerator: &Accelerator,
+        shadows: &Shadows,
         receiver: &ShadingPoint,
         brdf: impl Fn(Vec3A, f32) -> Vec3,
         whole: &mut Traced<Vec3>,
@@ -117,8 +117,9 @@ impl Area {
 
             // One packet of shadow rays tells which of them are hidden.
             whole.shadow_rays += u64::from(active.count_ones());
-            let hidden = accelerator.occluded_packet(receiver.position, &ends[..samples.len()], active);
-            whole.value += balance * bits(active & !hidden).map(|i| given[i]).sum::<Vec3>();
+            let hidden = shadows.opaque().occluded_packet(receiver.position, &ends[..samples.len()], active);
+            let seen = bits(active & !hidden).map(|i| given[i] * shadows.passed(receiver.position, ends[i]));
+            whole.value += balance * seen.sum::<Vec3>();
         }
     }
 }
@@ -181,7 +182,7 @@ impl Sun {
     /// Radiance that a receiver of this `brdf` reflects of it.
     pub fn reflected(
         &self,
-        accelerator: &Accelerator,
+        shadows: &Shadows,
         receiver: &ShadingPoint,
         brdf: impl Fn(Vec3A, f32) -> Vec3,
     ) -> Traced<Vec3> {
@@ -194,15 +195,15 @@ impl Sun {
 
         // The visible share of the disc is that of its first points.
         let first = &self.directions[..FIRST_SUN_SAMPLES];
-        let seen = first.iter().filter(|&&towards| !accelerator.occluded_towards(receiver.position, towards));
-        Traced { value: given * (seen.count() as f32 / first.len() as f32), shadow_rays: first.len() as u64 }
+        let seen: f32 = first.iter().map(|&towards| shadows.visible_towards(receiver.position, towards)).sum();
+        Traced { value: given * (seen / first.len() as f32), shadow_rays: first.len() as u64 }
     }
 }
 
 /// Radiance that a receiver of this `brdf` reflects of a point light.
 pub(super) fn reflected_point(
     light: &PointLight,
-    accelerator: &Accelerator,
+    shadows: &Shadows,
     receiver: &ShadingPoint,
     brdf: impl Fn(Vec3A, f32) -> Vec3,
 ) -> Traced<Vec3> {
@@ -216,6 +217,5 @@ pub(super) fn reflected_point(
     if given == Vec3::ZERO {
         return Traced::default();
     }
-    let hidden = accelerator.occluded(receiver.position, light.position);
-    Traced { value: if hidden { Vec3::ZERO } else { given }, shadow_rays: 1 }
+    Traced { value: given * shadows.visible(receiver.position, light.position), shadow_rays: 1 }
 }

@@ -2,7 +2,7 @@
 
 use super::lights::{Area, FIRST_AREA_SAMPLES, FIRST_SUN_SAMPLES, Sun};
 use super::{Disc, ShadingPoint, WORTH_A_SHAFT, bits, disc_term};
-use crate::accel::{Accelerator, PACKET, Shaft};
+use crate::accel::{Accelerator, PACKET, Shadows, Shaft};
 use crate::emitter::{AreaSample, PointLight};
 use glam::{Vec3, Vec3A};
 use std::cell::Cell;
@@ -17,15 +17,39 @@ struct Votes {
 }
 
 impl Votes {
-    fn add(&mut self, e: Vec3, hidden: bool) {
-        self.dark |= hidden;
-        self.lit |= !hidden;
-        self.sum += if hidden { Vec3::ZERO } else { e };
+    /// Adds a sample that gives `e`, of which this `share` arrives.
+    fn add(&mut self, e: Vec3, share: f32) {
+        self.dark |= share < 1.0;
+        self.lit |= share > 0.0;
+        self.sum += e * share;
     }
 
     /// Whether all agreed. Without a vote there is no agreement, as when the first few samples all lie below the horizon.
     fn agree(&self) -> bool {
         self.lit != self.dark
+    }
+}
+
+/// The shafts between the receivers of a tile and a light, where they are worth their cost: to what hides it, and to what hides
+/// it in part.
+struct Shafts {
+    opaque: Option<Shaft>,
+    blended: Option<Shaft>,
+}
+
+/// How a light, or a sample of one, is hidden from the receivers of a tile.
+struct Hidden {
+    /// Receivers from which it is hidden as a whole, as bits.
+    whole: u64,
+    /// Share of it that arrives at each receiver; `None` where that is all or nothing.
+    passed: Option<[f32; PACKET]>,
+}
+
+impl Hidden {
+    /// Share of the light that arrives at a receiver.
+    fn share(&self, receiver: usize) -> f32 {
+        let whole = || if self.whole >> receiver & 1 == 1 { 0.0 } else { 1.0 };
+        self.passed.as_ref().map_or_else(whole, |passed| passed[receiver])
     }
 }
 
@@ -56,14 +80,21 @@ impl TileVotes {
     const NONE: Self = Self { lit: 0, dark: 0, seen: [[0.0; PACKET]; 3], all: [[0.0; PACKET]; 3] };
 
     /// Adds a sample: `terms` times its intensity, 0 where it does not shine, for the receivers in `traced`.
-    fn add(&mut self, intensity: Vec3, terms: &[f32; PACKET], traced: u64, hidden: u64) {
-        self.lit |= traced & !hidden;
-        self.dark |= traced & hidden;
+    fn add(&mut self, intensity: Vec3, terms: &[f32; PACKET], traced: u64, hidden: &Hidden) {
+        let Hidden { whole, passed } = hidden;
+        self.lit |= traced & !whole;
+        self.dark |= traced & whole;
+        if let Some(passed) = passed {
+            self.dark |= traced & bits_where(passed, |share| share < 1.0);
+        }
 
         // Eight receivers at a time, all of a row together: rows that no ray was traced to are passed over.
         let (terms, _) = terms.as_chunks::<8>();
         for (row, terms) in terms.iter().enumerate().filter(|(row, _)| traced >> (8 * row) & 0xff != 0) {
-            let factors = &FACTORS[(hidden >> (8 * row)) as usize & 0xff];
+            let factors = match passed {
+                Some(passed) => &passed.as_chunks::<8>().0[row],
+                None => &FACTORS[(whole >> (8 * row)) as usize & 0xff],
+            };
             for (c, intensity) in intensity.to_array().into_iter().enumerate() {
                 // E = I · term, all of it, and what is seen of it. The factor is 0 where the sample is hidden: no branches.
                 let seen = &mut self.seen[c].as_chunks_mut::<8>().0[row];
@@ -89,7 +120,7 @@ impl TileVotes {
 
 /// Up to [`PACKET`] receivers that are lit together.
 pub(super) struct Tile<'a> {
-    accelerator: &'a Accelerator,
+    shadows: &'a Shadows<'a>,
     receivers: &'a [ShadingPoint],
     positions: [Vec3A; PACKET],
     /// The same, and both normals, by axis.
@@ -99,7 +130,7 @@ pub(super) struct Tile<'a> {
 }
 
 impl<'a> Tile<'a> {
-    pub(super) fn new(accelerator: &'a Accelerator, receivers: &'a [ShadingPoint]) -> Self {
+    pub(super) fn new(shadows: &'a Shadows<'a>, receivers: &'a [ShadingPoint]) -> Self {
         // By axis, so that the terms of a disc are computed for many receivers at once.
         // Places without a receiver repeat the last.
         let mut columns = [[[0.0; PACKET]; 3]; 3];
@@ -110,7 +141,7 @@ impl<'a> Tile<'a> {
             }
         }
         let positions = std::array::from_fn(|i| receivers.get(i).map_or(Vec3A::ZERO, |receiver| receiver.position));
-        Self { accelerator, receivers, positions, columns, rays: Cell::new(0) }
+        Self { shadows, receivers, positions, columns, rays: Cell::new(0) }
     }
 
     /// Shadow rays traced so far.
@@ -129,10 +160,12 @@ impl<'a> Tile<'a> {
         terms
     }
 
-    /// The shaft between the receivers and a light's points, if it is worth its cost.
-    fn shaft(&self, light: &[Vec3A]) -> Option<Shaft> {
+    /// The shafts between the receivers and a light's points, if they are worth their cost.
+    fn shafts(&self, light: &[Vec3A]) -> Shafts {
         let receivers = &self.positions[..self.receivers.len()];
-        (receivers.len() >= WORTH_A_SHAFT && !light.is_empty()).then(|| self.accelerator.shaft(receivers, light))
+        let is_worth = receivers.len() >= WORTH_A_SHAFT && !light.is_empty();
+        let to = |scene: &Accelerator| is_worth.then(|| scene.shaft(receivers, light));
+        Shafts { opaque: to(self.shadows.opaque()), blended: self.shadows.blends().and_then(to) }
     }
 
     /// All receivers, as bits.
@@ -150,31 +183,57 @@ impl<'a> Tile<'a> {
         // All the rays of a packet share their origin, the light. Within a shaft they meet fewer boxes of the tree.
         self.rays.set(self.rays.get() + u64::from(active.count_ones()));
         match shaft {
-            Some(shaft) => self.accelerator.occluded_packet_within(shaft, light, &self.columns[0], active),
-            None => self.accelerator.occluded_packet(light, &self.positions[..self.receivers.len()], active),
+            Some(shaft) => self.shadows.opaque().occluded_packet_within(shaft, light, &self.columns[0], active),
+            None => self.shadows.opaque().occluded_packet(light, &self.positions[..self.receivers.len()], active),
         }
+    }
+
+    /// How `light` is hidden from the receivers among `active`, as [`Tile::hidden_from`], with the shares that blended surfaces
+    /// let through.
+    fn hidden(&self, light: Vec3A, active: u64, shafts: &Shafts) -> Hidden {
+        let whole = self.hidden_from(light, active, shafts.opaque.as_ref());
+        let left = active & !whole;
+        let partly = match (self.shadows.blends(), &shafts.blended) {
+            (None, _) => 0,
+            (Some(_), Some(shaft)) if shaft.is_empty() => 0,
+            (Some(blends), Some(shaft)) => blends.occluded_packet_within(shaft, light, &self.columns[0], left),
+            (Some(blends), None) => blends.occluded_packet(light, &self.positions[..self.receivers.len()], left),
+        };
+        if partly == 0 {
+            return Hidden { whole, passed: None };
+        }
+        let mut passed = std::array::from_fn(|i| if whole >> i & 1 == 1 { 0.0 } else { 1.0 });
+        bits(partly).for_each(|i| passed[i] = self.shadows.passed(light, self.positions[i]));
+        Hidden { whole, passed: Some(passed) }
+    }
+
+    /// As [`Tile::hidden`], where few receivers ask: share of `light` that blended surfaces let through to one.
+    pub(super) fn passed(&self, light: Vec3A, receiver: usize) -> f32 {
+        self.shadows.passed(light, self.positions[receiver])
     }
 
     /// Adds the irradiance from a glowing surface: exact where all of it is visible, else by the visible share of its samples,
     /// each weighted by its unshadowed irradiance.
     pub(super) fn add_area(&self, area: &Area, sums: &mut [Vec3]) {
         // A shadow ray votes for a receiver: whether this sample is visible there.
-        let shaft = self.shaft(&area.positions);
+        let shafts = self.shafts(&area.positions);
         let mut votes = TileVotes::NONE;
         let mut trace_samples = |samples: &[AreaSample], among: u64| {
             for sample in samples {
                 let terms = self.terms(&Disc::of_sample(sample));
                 let traced = among & shining(&terms);
-                let hidden = self.hidden_from(sample.position, traced, shaft.as_ref());
-                votes.add(sample.intensity, &terms, traced, hidden);
+                let hidden = self.hidden(sample.position, traced, &shafts);
+                votes.add(sample.intensity, &terms, traced, &hidden);
             }
             among & !votes.agreed()
         };
 
         // Corners and the first samples go to all receivers, the rest to those of a penumbra: where the votes disagree.
-        let (first, rest) = match &shaft {
+        let (first, rest) = match (&shafts.opaque, &shafts.blended) {
             // Where nothing can hide it, one sample that shines is enough.
-            Some(shaft) if shaft.is_empty() => area.samples.split_at(1),
+            (Some(opaque), blended) if opaque.is_empty() && blended.as_ref().is_none_or(Shaft::is_empty) => {
+                area.samples.split_at(1)
+            }
             _ => {
                 trace_samples(&area.corners, self.all());
                 area.samples.split_at(FIRST_AREA_SAMPLES.min(area.samples.len()))
@@ -210,30 +269,29 @@ impl<'a> Tile<'a> {
         }
 
         // Shadow rays for those it shines on.
-        let shaft = self.shaft(&[light.position]);
-        let hidden = self.hidden_from(light.position, active, shaft.as_ref());
-        bits(active & !hidden).for_each(|i| sums[i] += given[i]);
+        let hidden = self.hidden(light.position, active, &self.shafts(&[light.position]));
+        bits(active & !hidden.whole).for_each(|i| sums[i] += given[i] * hidden.share(i));
     }
 
     /// Adds the irradiance from a sun: all of it or none is visible where its border and the first few of its points agree.
     pub(super) fn add_sun(&self, sun: &Sun, sums: &mut [Vec3]) {
         let share = sun.irradiance / sun.directions.len() as f32;
         for (receiver, sum) in self.receivers.iter().zip(sums) {
-            // Irradiance from a point of the disc, and whether something is in the way.
+            // Irradiance from a point of the disc, and the share of it that arrives.
             let given = |towards: Vec3A| {
                 let above = receiver.geometric_normal.dot(towards) > 0.0;
                 share * if above { receiver.normal.dot(towards).max(0.0) } else { 0.0 }
             };
-            let hides = |towards: Vec3A| {
+            let visible = |towards: Vec3A| {
                 self.rays.set(self.rays.get() + 1);
-                self.accelerator.occluded_towards(receiver.position, towards)
+                self.shadows.visible_towards(receiver.position, towards)
             };
 
             // The border of the disc first: its points give nothing, and show whether the sun is partly hidden.
             let mut votes = Votes::default();
             for towards in sun.border {
                 if given(towards) != Vec3::ZERO && !(votes.lit && votes.dark) {
-                    votes.add(Vec3::ZERO, hides(towards));
+                    votes.add(Vec3::ZERO, visible(towards));
                 }
             }
 
@@ -242,7 +300,8 @@ impl<'a> Tile<'a> {
                 let e = given(towards);
                 if e != Vec3::ZERO {
                     let is_known = index >= FIRST_SUN_SAMPLES && votes.agree();
-                    votes.add(e, if is_known { votes.dark } else { hides(towards) });
+                    let known = if votes.dark { 0.0 } else { 1.0 };
+                    votes.add(e, if is_known { known } else { visible(towards) });
                 }
             }
             *sum += votes.sum;
@@ -252,5 +311,9 @@ impl<'a> Tile<'a> {
 
 /// Where a disc shines, as bits.
 fn shining(terms: &[f32; PACKET]) -> u64 {
-    terms.iter().rev().fold(0, |bits, &term| bits << 1 | u64::from(term > 0.0))
+    bits_where(terms, |term| term > 0.0)
+}
+
+fn bits_where(numbers: &[f32; PACKET], is: impl Fn(f32) -> bool) -> u64 {
+    numbers.iter().rev().fold(0, |bits, &number| bits << 1 | u64::from(is(number)))
 }

@@ -7,17 +7,20 @@
 //! L(p) ← Σ_q c_q L(q) / Σ_q c_q      q  pixels around p      c_q  rays of p that see what q shows
 //! ```
 //!
+//! Where a ray shows several layers, one behind the other, each counts with its share of the ray (`layered.rs`).
+//!
 //! A surface that no center shows, as a wire thinner than a pixel, borrows the irradiance of a pixel that faces the same
 //! way (`borrow.rs`). The mean may also be taken of what a display shows of the parts: [`Coverage::pixels`].
 
 mod borrow;
+mod layered;
 mod search;
 
-use super::GBuffer;
+use super::{GBuffer, PixelSample};
 use crate::{PosedScene, Timed};
 use glam::Vec3;
 use plane::Plane;
-use search::{Search, Wanted};
+use search::{Search, SearchedPixel, Wanted};
 
 /// The surfaces that each pixel of a picture shows, and the share of its area that each covers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -37,6 +40,8 @@ struct Mixed {
     pixel: u32,
     /// How many surfaces it shows.
     parts: u32,
+    /// Whether no outline crosses it: all of it shows the same layers.
+    is_layered: bool,
 }
 
 /// A surface that a pixel shows, and where its light is known.
@@ -74,6 +79,8 @@ impl SurfacePart {
 pub struct MixedPixel<'a> {
     /// Its place in raster order.
     pub index: usize,
+    /// Whether no outline crosses it: its surfaces are one behind the other all over it.
+    pub is_layered: bool,
     /// The surfaces that it shows, and their shares of its area.
     pub parts: &'a [SurfacePart],
 }
@@ -95,16 +102,20 @@ impl Coverage {
     pub fn of(seen: &GBuffer, scene: PosedScene, light: &Plane<Vec3>) -> Timed<Self> {
         assert_eq!((seen.pixels.width(), seen.pixels.height()), (light.width(), light.height()), "light of each pixel");
         Timed::of(|busy| {
-            let search = Search { seen, scene, light };
+            let search = Search::new(seen, scene, light);
             let mut is_known = vec![false; light.samples().len()];
             let mut coverage = Self::default();
             let mut wanted = search.crossed(busy);
             wanted.iter().for_each(|pixel| is_known[pixel.index as usize] = true);
+            for found in search.by_centers(&is_known, PixelSample::WHOLE.offset, busy) {
+                coverage.add(&found, true);
+                is_known[found.pixel as usize] = true;
+            }
             // Thin things are followed from pixel to pixel until they end, or centers show them again.
             while !wanted.is_empty() {
                 let mut beside: Vec<Wanted> = Vec::new();
                 for found in search.trace(&wanted, busy) {
-                    coverage.add(found.pixel, &found.parts);
+                    coverage.add(&found, false);
                     let unknown = found.beside.into_iter();
                     beside.extend(unknown.filter(|next| !std::mem::replace(&mut is_known[next.index as usize], true)));
                 }
@@ -114,10 +125,26 @@ impl Coverage {
         })
     }
 
+    /// Finds the shares of the layers of each pixel whose center shows several, where `seen` is this `sample` of each pixel and
+    /// `light` has the radiance that it shows. Outlines stay as they are.
+    ///
+    /// # Panics
+    /// If `light` is not of the size of the picture.
+    pub fn of_layers(seen: &GBuffer, scene: PosedScene, light: &Plane<Vec3>, sample: PixelSample) -> Timed<Self> {
+        assert_eq!((seen.pixels.width(), seen.pixels.height()), (light.width(), light.height()), "light of each pixel");
+        Timed::of(|busy| {
+            let mut coverage = Self::default();
+            for found in layered::of_layers(seen, scene, light, sample.offset, busy) {
+                coverage.add(&found, true);
+            }
+            coverage
+        })
+    }
+
     /// Adds a pixel, if it shows more than one surface.
-    fn add(&mut self, pixel: u32, parts: &[SurfacePart]) {
+    fn add(&mut self, SearchedPixel { pixel, parts, .. }: &SearchedPixel, is_layered: bool) {
         if !parts.is_empty() {
-            self.mixed.push(Mixed { pixel, parts: parts.len() as u32 });
+            self.mixed.push(Mixed { pixel: *pixel, parts: parts.len() as u32, is_layered });
             self.parts.extend_from_slice(parts);
         }
     }
@@ -144,7 +171,7 @@ impl Coverage {
         self.mixed.iter().map(move |mixed| {
             let (parts, others) = rest.split_at(mixed.parts as usize);
             rest = others;
-            MixedPixel { index: mixed.pixel as usize, parts }
+            MixedPixel { index: mixed.pixel as usize, is_layered: mixed.is_layered, parts }
         })
     }
 

@@ -209,11 +209,16 @@ impl View {
     /// Distances along the ray through a pixel, in a unit `direction`, between which it shows surfaces \[m\].
     #[must_use]
     pub fn distances(&self, direction: Vec3A) -> (f32, f32) {
-        let depth_per_meter = match self.projection {
+        let depth_per_meter = self.depth_per_meter(direction);
+        (self.depths.near / depth_per_meter, self.depths.far / depth_per_meter)
+    }
+
+    /// Depth that a ray in the unit `direction` gains per meter.
+    pub(crate) fn depth_per_meter(&self, direction: Vec3A) -> f32 {
+        match self.projection {
             Projection::Perspective { .. } => -direction.dot(self.world_from_camera.matrix3.z_axis),
             Projection::Orthographic { .. } => 1.0,
-        };
-        (self.depths.near / depth_per_meter, self.depths.far / depth_per_meter)
+        }
     }
 
     /// Width and height of the picture \[pixels\].

@@ -1,6 +1,8 @@
 //! Images on surfaces, filtered so that they neither shimmer nor blur.
 
+use crate::sampling::centered_sobol;
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 use std::sync::{Arc, LazyLock};
 
 /// How coordinates outside of 0…1 are read.
@@ -29,6 +31,8 @@ pub struct Texture {
     levels: Arc<[Level]>,
     wrap: [Wrap; 2],
     encoding: Encoding,
+    /// Whether its texels have sharp borders from nearby.
+    is_blocky: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -105,7 +109,36 @@ impl Texture {
             let half = last.half(encoding);
             levels.push(half);
         }
-        Self { levels: levels.into(), wrap, encoding }
+        Self { levels: levels.into(), wrap, encoding, is_blocky: false }
+    }
+
+    /// The same with sharp borders between its texels where it is enlarged (glTF 2.0, 5.26.1: `NEAREST`), smoothed over the
+    /// footprint alone.
+    #[must_use]
+    pub fn blocky(self) -> Self {
+        Self { is_blocky: true, ..self }
+    }
+
+    /// An image half as wide and high whose opacity is, in each texel, the share of the area where that of this one is at least
+    /// `least`: a mask from afar. Sixteen points of each texel are counted.
+    #[must_use]
+    pub(crate) fn coverage(&self, least: f32) -> Self {
+        let Level { width, height, .. } = self.levels[0];
+        let (width, height) = (width.div_ceil(2), height.div_ceil(2));
+        let step = Vec2::new(width as f32, height as f32).recip();
+        let points: Vec<Vec2> = centered_sobol(16).collect();
+        let mut texels = vec![[0; 4]; width * height];
+        texels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            for (x, texel) in row.iter_mut().enumerate() {
+                let mut count = 0;
+                for &within in &points {
+                    let uv = (Vec2::new(x as f32, y as f32) + within) * step;
+                    count += u32::from(self.sample(uv, 0.0).opacity >= least);
+                }
+                texel[3] = ((count * 255 + 8) / 16) as u8;
+            }
+        });
+        Self::with_encoding(width, height, texels, self.wrap, Encoding::Linear)
     }
 
     /// Texels of the finest level along x and y.
@@ -119,16 +152,19 @@ impl Texture {
         self.levels[0].texels.iter().map(|texel| f32::from(texel[3]) / 255.0).fold(1.0, f32::min)
     }
 
-    /// Trilinear look-up: linear RGB and opacity at `uv`, blurred to `footprint` texels of the finest level.
+    /// Trilinear look-up: linear RGB and opacity at `uv`, blurred to `footprint` texels of the finest level; 0 is a point.
     #[must_use]
     pub fn sample(&self, uv: Vec2, footprint: f32) -> Filtered {
+        if self.is_blocky && footprint < 1.0 {
+            return self.bilinear(0, uv, footprint);
+        }
         let lod = footprint.max(1.0).log2().min((self.levels.len() - 1) as f32);
         let (fine, blend) = (lod as usize, lod.fract());
-        let near = self.bilinear(fine, uv);
+        let near = self.bilinear(fine, uv, 1.0);
         if blend == 0.0 || fine + 1 >= self.levels.len() {
             return near;
         }
-        let coarse = self.bilinear(fine + 1, uv);
+        let coarse = self.bilinear(fine + 1, uv, 1.0);
         Filtered {
             color: near.color.lerp(coarse.color, blend),
             opacity: near.opacity + (coarse.opacity - near.opacity) * blend,
@@ -145,7 +181,7 @@ impl Texture {
         let length = long.length();
         // False for what is not a number, too.
         if !(length > 1.0 && length.is_finite()) {
-            return self.sample(uv, 1.0);
+            return self.sample(uv, if length <= 1.0 { length } else { 1.0 });
         }
         let narrow = narrow.max(length / (SPACING * MOST_LOOK_UPS as f32)).max(1.0);
         let count = (length / (SPACING * narrow) - 0.25).ceil().max(1.0) as usize;
@@ -183,6 +219,9 @@ impl Texture {
         };
         [*width, *height].iter().for_each(|&side| visitor(&(side as u64).to_le_bytes()));
         visitor(&[wrap[0], wrap[1], encoding]);
+        if self.is_blocky {
+            visitor(&[1]);
+        }
         visitor(texels.as_flattened());
     }
 
@@ -192,11 +231,19 @@ impl Texture {
         self.sample(Vec2::ZERO, f32::MAX).color
     }
 
-    fn bilinear(&self, level: usize, uv: Vec2) -> Filtered {
+    /// The mean of a level's texels over a square `width` texels wide, at most 1. Of width 1 it is bilinear, of width 0 the
+    /// texel at `uv`.
+    ///
+    /// ```text
+    /// f ← (f − ½) / width + ½,  within 0…1        f  way from the center of one texel to that of the next
+    /// ```
+    fn bilinear(&self, level: usize, uv: Vec2, width: f32) -> Filtered {
         let level = &self.levels[level];
         let clamp = |c: f32, wrap: Wrap| if wrap == Wrap::Clamp { c.clamp(0.0, 1.0 - f32::EPSILON) } else { c };
         let (columns, fx) = neighbors(clamp(uv.x, self.wrap[0]), level.width, self.wrap[0]);
         let (rows, fy) = neighbors(clamp(uv.y, self.wrap[1]), level.height, self.wrap[1]);
+        let narrowed = |f: f32| ((f - 0.5) / width.max(1e-6) + 0.5).clamp(0.0, 1.0);
+        let (fx, fy) = if width < 1.0 { (narrowed(fx), narrowed(fy)) } else { (fx, fy) };
         let to_linear = self.encoding.to_linear();
         let mut color = Vec3::ZERO;
         let mut opacity = 0.0;
@@ -389,6 +436,67 @@ mod tests {
             let mean = sum / (steps * steps) as f32;
             assert!((found - mean).abs() < 0.02, "{k}: {found} for {mean}");
         }
+    }
+
+    /// An image of random opacities.
+    fn opacities(width: usize, height: usize) -> Texture {
+        let random = |i: usize| (crate::sampling::hash_unit(7, i as u64, 0) * 255.99) as u8;
+        let texels = (0..width * height).map(|i| [0, 0, 0, random(i)]).collect();
+        Texture::new(width, height, texels, [Wrap::Repeat; 2])
+    }
+
+    /// Of a mask's area, the share of points whose opacity is at least the cutoff, counted one by one: of the whole image, and of
+    /// two texels' width. Images of odd sizes too.
+    #[test]
+    fn coverage_is_the_share_of_points_that_are_no_holes() {
+        for (width, height) in [(16, 16), (13, 7), (1, 5)] {
+            for least in [0.2, 0.5, 0.8] {
+                let image = opacities(width, height);
+                let far = image.coverage(least);
+                let share = |low: Vec2, size: Vec2| {
+                    let within = |i: usize| Vec2::new((i % 64) as f32 + 0.5, (i / 64) as f32 + 0.5) / 64.0;
+                    let is_there = |i: &usize| image.sample(low + within(*i) * size, 0.0).opacity >= least;
+                    (0..64 * 64).filter(is_there).count() as f32 / (64.0 * 64.0)
+                };
+                let (whole, expected) = (far.sample(Vec2::ZERO, f32::MAX).opacity, share(Vec2::ZERO, Vec2::ONE));
+                // Odd sizes lose a row or a column of each mip level.
+                let slack = if width == height { 0.01 } else { 0.06 };
+                assert!((whole - expected).abs() < slack, "{whole} for {expected} of {width}x{height} above {least}");
+                let step = far.size().recip();
+                for (x, y) in [(0, 0), (far.levels[0].width - 1, far.levels[0].height / 2)] {
+                    let low = Vec2::new(x as f32, y as f32) * step;
+                    let found = far.sample(low + 0.5 * step, 0.0).opacity;
+                    // Sixteen points: a sixteenth off, twice.
+                    assert!((found - share(low, step)).abs() < 0.13, "{found} for {} at {x} {y}", share(low, step));
+                }
+            }
+        }
+    }
+
+    /// The mean of square texels over a square footprint, summed point by point; of a footprint of 0 the texel itself.
+    #[test]
+    fn blocky_texels_are_smoothed_over_the_footprint_alone() {
+        let image = opacities(8, 8).blocky();
+        let texel = |p: Vec2| {
+            let [x, y] = (p * 8.0).floor().to_array().map(|i| (i as i64).rem_euclid(8) as usize);
+            f32::from(image.levels[0].texels[y * 8 + x][3]) / 255.0
+        };
+        for k in 0..200 {
+            let of = |dimension| crate::sampling::hash_unit(9, k, dimension);
+            let (uv, footprint) = (Vec2::new(of(0), of(1)) * 3.0 - 1.0, of(2));
+            assert_eq!(image.sample(uv, 0.0).opacity, texel(uv), "at {uv}");
+            let steps = 40;
+            let mut sum = 0.0;
+            for i in 0..steps * steps {
+                let within = Vec2::new((i % steps) as f32 + 0.5, (i / steps) as f32 + 0.5) / steps as f32 - 0.5;
+                sum += texel(uv + within * footprint / 8.0);
+            }
+            let (found, mean) = (image.sample(uv, footprint).opacity, sum / (steps * steps) as f32);
+            assert!((found - mean).abs() < 0.04, "{found} for {mean} at {uv} over {footprint}");
+        }
+        // Bilinear from a texel's width on, as all other textures.
+        let smooth = opacities(8, 8);
+        assert_eq!(image.sample(Vec2::new(0.3, 0.7), 1.0), smooth.sample(Vec2::new(0.3, 0.7), 1.0));
     }
 
     #[test]

@@ -14,3 +14,4 @@ mod materials;
 mod motion;
 mod outline;
 mod path;
+mod sheets;

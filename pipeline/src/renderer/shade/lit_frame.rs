@@ -37,6 +37,8 @@ pub(super) struct Light {
     pub samples: Vec<Sample>,
     /// The surfaces of pixels that show several, where these are blended.
     pub coverage: Option<Coverage>,
+    /// The layers of pixels that show several one behind the other, of each sample where all pixels have several samples.
+    pub layers: Vec<Coverage>,
     pub cache_records: u64,
     /// Where people look, and how many samples each pixel has for it; where none is stated all have the same number.
     pub importance: Option<ImportanceMap>,
@@ -50,7 +52,15 @@ impl Light {
         blend: impl Fn(&Coverage, &Plane<Vec3>) -> Plane<Vec3>,
     ) -> Plane<[f32; 3]> {
         let triples = |light: Plane<Vec3>| light.map(|rgb| rgb.to_array());
-        let planes: Vec<Plane<[f32; 3]>> = self.samples.iter().map(|sample| triples(of(sample))).collect();
+        let mut planes: Vec<Plane<[f32; 3]>> = Vec::new();
+        for (index, sample) in self.samples.iter().enumerate() {
+            let light = of(sample);
+            let layers = self.layers.get(index).filter(|layers| layers.mixed_pixels() > 0);
+            planes.push(triples(match layers {
+                Some(layers) => blend(layers, &light),
+                None => light,
+            }));
+        }
         let places = sample_offsets(planes.len());
 
         // Coverage is known of the first sample, and has a say where that is alone.
@@ -77,7 +87,8 @@ impl Light {
             }
             Outline { pixel: pixel.index, parts }
         };
-        coverage.pixels().map(of).collect()
+        // Layers are no outlines: a lamp behind glass outshines the glass.
+        coverage.pixels().filter(|pixel| !pixel.is_layered).map(of).collect()
     }
 }
 

@@ -331,6 +331,7 @@ impl Shading<'_> {
                     lit.importance = Some(map);
                 }
             }
+            self.add_layers(prepared, &of_sample, (sample, &light), &mut lit);
             lit.samples.push(light);
             lit.direct.add_counts(of_direct);
             lit.indirect.add_counts(of_indirect);
@@ -357,6 +358,21 @@ impl Shading<'_> {
         SampleSurfaces { seen, own, below, emitted }
     }
 
+    /// Adds the layers of pixels that show several, where each pixel has all of several samples.
+    fn add_layers(
+        &self,
+        prepared: &PreparedFrame,
+        surfaces: &SampleSurfaces,
+        (sample, light): (usize, &Sample),
+        lit: &mut SamplesLight,
+    ) {
+        let offsets = sample_offsets(self.settings.samples as usize);
+        if offsets.len() > 1 && self.looking.is_none() {
+            let place = PixelSample::one_of(offsets.len(), offsets[sample]);
+            lit.layers.push(surfaces.layers(prepared, place, light, &lit.visibility));
+        }
+    }
+
     /// The frame of this light, with what it took in its `figures`, and what its audits found.
     fn finished(
         &mut self,
@@ -364,15 +380,21 @@ impl Shading<'_> {
         lit: SamplesLight,
         figures: &mut FrameFigures,
     ) -> (LitFrame, Audits) {
-        let SamplesLight { samples, mut direct, indirect, reused, importance, places, visibility } = lit;
+        let SamplesLight { samples, layers, mut direct, indirect, reused, importance, places, visibility } = lit;
         let Frame { accelerator, surfaces, seen, .. } = &prepared.frame;
 
         // Outlines are looked for where they are seen: by the light on either side.
         let scene = PosedScene::new(accelerator, surfaces);
-        let coverage = self
-            .plan
-            .is_on(Stage::Antialiasing)
-            .then(|| visibility.take(Coverage::of(seen, scene, &samples[0].whole())));
+        let has_outlines = self.plan.is_on(Stage::Antialiasing);
+        let has_layers = layers.is_empty() && !seen.layered.is_empty();
+        let coverage = (has_outlines || has_layers).then(|| {
+            let light = samples[0].whole();
+            visibility.take(if has_outlines {
+                Coverage::of(seen, scene, &light)
+            } else {
+                Coverage::of_layers(seen, scene, &light, PixelSample::WHOLE)
+            })
+        });
         self.places = places;
 
         // Times and counts of the samples together.
@@ -384,7 +406,7 @@ impl Shading<'_> {
         direct.add_counts(indirect);
         add_ranks(&*self.ranks, &mut direct);
         put(&direct, figures);
-        let light = Light { samples, coverage, cache_records: direct.records.in_use, importance };
+        let light = Light { samples, layers, coverage, cache_records: direct.records.in_use, importance };
         (LitFrame::new(&prepared.frame, light, reused), direct.audits)
     }
 }

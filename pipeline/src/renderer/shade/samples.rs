@@ -8,12 +8,14 @@ use crate::renderer::frame::PreparedFrame;
 use glam::Vec3;
 use plane::Plane;
 use render_core::ranks::Ranks;
-use render_core::{Busy, GBuffer};
+use render_core::{Busy, Coverage, GBuffer, PixelSample, PosedScene};
 
 /// Light of a frame through the places of its pixels, before it is one picture.
 #[derive(Default)]
 pub(super) struct SamplesLight {
     pub samples: Vec<Sample>,
+    /// The layers of pixels that show several, for each of several samples ([`Light::layers`](super::lit_frame::Light::layers)).
+    pub layers: Vec<Coverage>,
     /// Times and counts of all samples.
     pub direct: Lit,
     pub indirect: Lit,
@@ -58,5 +60,15 @@ impl SampleSurfaces<'_> {
             ranks,
             movement,
         }
+    }
+
+    /// The layers of pixels that show several, where the `sample` of each pixel shows this light.
+    pub fn layers(&self, prepared: &PreparedFrame, sample: PixelSample, light: &Sample, busy: &Busy) -> Coverage {
+        let seen = self.own.as_ref().unwrap_or(self.seen);
+        if seen.layered.is_empty() {
+            return Coverage::default();
+        }
+        let scene = PosedScene::new(&prepared.frame.accelerator, &prepared.frame.surfaces);
+        busy.take(Coverage::of_layers(seen, scene, &light.whole(), sample))
     }
 }

@@ -47,6 +47,7 @@ pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame)
     let (size, count) = ((pixels.width(), pixels.height()), pixels.samples().len());
     let fits = |light: &Light| {
         light.coverage.as_ref().is_none_or(|coverage| coverage.fits(count))
+            && light.layers.iter().all(|layers| layers.fits(count))
             && light.importance.as_ref().is_none_or(|map| map.fits(size))
     };
     if !still.iter().all(fits) {

@@ -55,7 +55,7 @@ impl<'a> Visibility<'a> {
         }
         // All others share their origin: one packet.
         let active = active & above;
-        active & !self.frame.accelerator.occluded_packet(receiver.position, &ends[..lamps.len()], active)
+        active & !self.frame.accelerator.hidden_lamps(receiver.position, &ends[..lamps.len()], active)
     }
 
     /// Finds, among the `receivers` whose bits are set in `active`, those that light from `lamp` arrives at; `positions` are theirs.
@@ -73,7 +73,7 @@ impl<'a> Visibility<'a> {
         }
         // Rays from the light share their origin: one packet.
         let active = active & above;
-        active & !self.frame.accelerator.occluded_packet(place, positions, active)
+        active & !self.frame.accelerator.lamp_hidden(place, positions, active)
     }
 
     /// Final gather at `receiver`; `key` turns its rays.
@@ -113,7 +113,7 @@ impl<'a> Visibility<'a> {
 #[inline]
 pub(super) fn sees(accelerator: &Accelerator, receiver: &ShadingPoint, lamp: &Light) -> bool {
     let lamp = Vec3A::from(lamp.position);
-    is_above(receiver, lamp) && !accelerator.occluded(receiver.position, lamp)
+    is_above(receiver, lamp) && !accelerator.hides_lamp(lamp, receiver.position)
 }
 
 /// A light below the triangle's own plane is hidden by it, whatever the smooth normal says.

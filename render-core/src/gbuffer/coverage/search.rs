@@ -5,7 +5,9 @@
 
 use super::SurfacePart;
 use super::borrow::{Lender, around, shows};
+use super::layered::LayeredIndex;
 use crate::accel::{Hit, PACKET};
+use crate::gbuffer::layers::{Layer, Shown as ShownScene};
 use crate::gbuffer::{CameraRay, EMPTY, GBuffer, NOTHING, PixelSurface, first_hits, see};
 use crate::sampling::centered_sobol;
 use crate::{Busy, MACROBLOCK, PosedScene};
@@ -17,6 +19,8 @@ use rayon::prelude::*;
 /// in the mean. In the tests' window, 64 come to 51.3 dB of luma, 32 to 47.8 and 16 to 42.6.
 const RAYS: [Density; 3] =
     [Density { contrast: 0.04, rays: 8 }, Density { contrast: 0.3, rays: 16 }, Density { contrast: 0.6, rays: 64 }];
+/// The contrast that an outline of a layer is taken to have: centers on either side may show the same surface.
+const LAYERED_CONTRAST: f32 = RAYS[1].contrast;
 /// Rays that are traced first; the others where these show more than the center.
 const FIRST: usize = 16;
 /// Pixels that a thread traces in a row.
@@ -35,9 +39,10 @@ struct Density {
 /// A picture whose pixels are searched for more surfaces.
 pub(super) struct Search<'a> {
     pub seen: &'a GBuffer,
-    pub scene: PosedScene<'a>,
+    pub shown: ShownScene<'a>,
     /// Radiance of the pixels' centers.
     pub light: &'a Plane<Vec3>,
+    pub layered: LayeredIndex,
 }
 
 /// A pixel to be traced.
@@ -50,6 +55,13 @@ pub(super) struct Wanted {
     from: Option<Lender>,
 }
 
+impl Wanted {
+    /// A pixel that its center's ray alone stands for.
+    pub fn layered(index: u32) -> Self {
+        Self { index, rays: 1, from: None }
+    }
+}
+
 /// What the rays of a pixel have found.
 pub(super) struct SearchedPixel {
     /// Its place in raster order.
@@ -58,6 +70,12 @@ pub(super) struct SearchedPixel {
     pub parts: Vec<SurfacePart>,
     /// Pixels beside it where something thin goes on.
     pub beside: Vec<Wanted>,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(seen: &'a GBuffer, scene: PosedScene<'a>, light: &'a Plane<Vec3>) -> Self {
+        Self { seen, shown: ShownScene::new(scene), light, layered: LayeredIndex::new(seen) }
+    }
 }
 
 impl Search<'_> {
@@ -88,6 +106,11 @@ impl Search<'_> {
         let mut contrast = 0.0f32;
         for (u, v) in around(x, y, size).flatten() {
             let other = &pixels.row(v)[u];
+            // Pixels with several layers differ in what their centers are.
+            if let Some(differ) = self.layered_apart((x, y), (u, v)) {
+                contrast = if differ { contrast.max(LAYERED_CONTRAST) } else { contrast };
+                continue;
+            }
             // Most pixels are amid a triangle, or its like.
             let is_same = other.triangle == center.triangle && other.instance == center.instance;
             if (is_same && (other.emission == [0.0; 3]) == (center.emission == [0.0; 3])) || shows(other, center) {
@@ -100,6 +123,17 @@ impl Search<'_> {
         }
         let density = RAYS.iter().rev().find(|density| contrast >= density.contrast)?;
         Some(Wanted { index: (y * size.0 + x) as u32, rays: density.rays, from: None })
+    }
+
+    /// Whether two pixels show different layers; `None` if neither has several.
+    fn layered_apart(&self, a: (usize, usize), b: (usize, usize)) -> Option<bool> {
+        if self.layered.is_empty() {
+            return None;
+        }
+        let width = self.size().0;
+        let [a, b] = [a, b].map(|(x, y)| y * width + x);
+        let has_several = |pixel| !self.layered.layers(self.seen, pixel).is_empty();
+        (has_several(a) || has_several(b)).then(|| self.layers_differ(a, b))
     }
 
     /// Traces the pixels that are `wanted`.
@@ -135,7 +169,7 @@ impl Search<'_> {
                 let corner = Vec2::new(area.place.0 as f32, area.place.1 as f32);
                 rays.extend(offsets.iter().map(|&offset| CameraRay::through(corner + offset, view)));
             }
-            let hits = first_hits(self.scene, &rays, view);
+            let hits = first_hits(self.shown.solid(), &rays, view);
             for (k, area) in areas.iter_mut().enumerate() {
                 for (i, &offset) in (k * offsets.len()..).zip(offsets) {
                     area.add(offset, rays[i], hits[i]);
@@ -144,7 +178,7 @@ impl Search<'_> {
         }
     }
 
-    fn place(&self, index: u32) -> (usize, usize) {
+    pub fn place(&self, index: u32) -> (usize, usize) {
         let width = self.light.width();
         (index as usize % width, index as usize / width)
     }
@@ -169,10 +203,10 @@ impl Rays {
 }
 
 /// The area of a pixel, as its rays find it.
-struct Area<'a> {
-    search: &'a Search<'a>,
+pub(super) struct Area<'a> {
+    pub search: &'a Search<'a>,
     pixel: Wanted,
-    place: (usize, usize),
+    pub place: (usize, usize),
     parts: Vec<Sum>,
     /// Triangles that rays have shown.
     known: Vec<Known>,
@@ -184,6 +218,7 @@ struct Sum {
     source: Lender,
     /// Whether few centers around show it.
     is_thin: bool,
+    /// How many, a ray that shows several layers by its share.
     rays: f32,
     tint: Vec3,
     emission: Vec3,
@@ -200,15 +235,15 @@ struct Known {
 
 /// What a ray shows.
 #[derive(Clone, Copy)]
-struct Shown {
+pub(super) struct Shown {
     /// Place in [`Area::parts`].
-    part: usize,
-    tint: Vec3,
-    emission: Vec3,
+    pub part: usize,
+    pub tint: Vec3,
+    pub emission: Vec3,
 }
 
 impl<'a> Area<'a> {
-    fn new(search: &'a Search<'a>, pixel: Wanted) -> Self {
+    pub fn new(search: &'a Search<'a>, pixel: Wanted) -> Self {
         let place = search.place(pixel.index);
         Self { search, pixel, place, parts: Vec::new(), known: Vec::new(), beside: Vec::new() }
     }
@@ -218,17 +253,31 @@ impl<'a> Area<'a> {
         self.parts.iter().any(|part| part.source != Lender::center(self.pixel.index))
     }
 
-    /// A `ray` through `offset` has found this `hit`.
+    /// A `ray` through `offset` has found this `hit`, behind sheets or not.
     fn add(&mut self, offset: Vec2, ray: CameraRay, hit: Option<Hit>) {
+        match &self.search.shown.layers(ray, hit, &self.search.seen.view, 1.0)[..] {
+            [] => self.add_hit(offset, ray, hit),
+            &[Layer { hit, .. }] => self.add_hit(offset, ray, hit),
+            layers => layers.iter().for_each(|layer| self.add_layer(ray, layer)),
+        }
+    }
+
+    /// Adds to a part what a share of a ray shows of it.
+    pub fn count(&mut self, shown: &Shown, share: f32) {
+        let part = &mut self.parts[shown.part];
+        part.rays += share;
+        part.tint += shown.tint * share;
+        part.emission += shown.emission * share;
+    }
+
+    /// A `ray` through `offset` shows this `hit` alone.
+    fn add_hit(&mut self, offset: Vec2, ray: CameraRay, hit: Option<Hit>) {
         // Where nothing is hit, nothing is met behind a back either.
         let (instance, triangle) = hit.map_or((NOTHING, 0), |hit| (hit.instance, hit.triangle));
         let known = self.known.iter().find(|known| known.instance == instance && known.triangle == triangle).copied();
         let Some(shown) = known.map_or_else(|| self.show(ray, hit), |known| known.shown) else { return };
-        let part = &mut self.parts[shown.part];
-        part.rays += 1.0;
-        part.tint += shown.tint;
-        part.emission += shown.emission;
-        let (is_thin, source) = (part.is_thin, part.source);
+        self.count(&shown, 1.0);
+        let Sum { is_thin, source, .. } = self.parts[shown.part];
         if is_thin {
             self.follow(offset, source);
         }
@@ -236,7 +285,8 @@ impl<'a> Area<'a> {
 
     /// What a ray shows whose triangle is not known; none where nobody knows its light.
     fn show(&mut self, ray: CameraRay, hit: Option<Hit>) -> Option<Shown> {
-        let Search { seen, scene, .. } = *self.search;
+        let Search { seen, shown, .. } = self.search;
+        let scene = shown.solid();
         let distances = seen.view.distances(ray.direction);
         let point = hit.and_then(|hit| ray.shown_within(distances, scene, hit, |_| 0.0));
         // Which surface it is, where, and whether it glows, is all that most rays need.
@@ -270,7 +320,7 @@ impl<'a> Area<'a> {
     }
 
     /// Light for a surface that no center around shows.
-    fn borrow(&mut self, surface: &PixelSurface) -> Option<Shown> {
+    pub fn borrow(&mut self, surface: &PixelSurface) -> Option<Shown> {
         let seen = self.search.seen;
         let emission = Vec3::from(surface.emission);
         if let Some(lender) = seen.lender(self.place, surface) {
@@ -285,7 +335,7 @@ impl<'a> Area<'a> {
     }
 
     /// Place of the part that takes its light from `source`.
-    fn part(&mut self, source: Lender) -> usize {
+    pub fn part(&mut self, source: Lender) -> usize {
         let place = self.parts.iter().position(|part| part.source == source);
         place.unwrap_or_else(|| {
             let is_thin = source.is_borrowed || self.search.seen.centers_alike(self.place, source.pixel) <= THIN;
@@ -320,7 +370,7 @@ impl<'a> Area<'a> {
         }
     }
 
-    fn found(self) -> SearchedPixel {
+    pub fn found(self) -> SearchedPixel {
         // A pixel of its own surface alone stays as it is.
         let is_mixed = self.is_mixed();
         let Self { pixel, parts, beside, .. } = self;

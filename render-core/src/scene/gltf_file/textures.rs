@@ -24,7 +24,7 @@ impl Loader<'_> {
         }
         let files: Vec<gltf::Texture> = document.textures().collect();
         let mut texels = 0;
-        let mut place_of: HashMap<(usize, [Wrap; 2], Encoding), usize> = HashMap::new();
+        let mut place_of: HashMap<(usize, [Wrap; 2], Encoding, bool), usize> = HashMap::new();
         let Scene { materials, textures, .. } = scene;
         for (material, _) in materials.iter_mut().zip(shown).filter(|(_, shown)| *shown) {
             let color = [&mut material.base_color_texture, &mut material.emission_texture].into_iter().flatten();
@@ -33,7 +33,7 @@ impl Loader<'_> {
             let slots = color.map(|slot| (slot, Encoding::Srgb)).chain(data.map(|slot| (slot, Encoding::Linear)));
             for (slot, encoding) in slots {
                 let Some(texture) = files.get(slot.texture) else { return self.bad("a texture index is out of range") };
-                let key = (texture.source().index(), wrap(texture), encoding);
+                let key = (texture.source().index(), wrap(texture), encoding, is_blocky(texture));
                 slot.texture = match place_of.get(&key) {
                     Some(&place) => place,
                     None => {
@@ -69,11 +69,17 @@ impl Loader<'_> {
         if width == 0 || height == 0 {
             return self.bad(format!("{what} is empty"));
         }
-        Ok(Texture::with_encoding(width, height, texels, wrap(texture), encoding))
+        let read = Texture::with_encoding(width, height, texels, wrap(texture), encoding);
+        Ok(if is_blocky(texture) { read.blocky() } else { read })
     }
 }
 
-/// How the texture is continued; its filters are hints that a renderer with its own filter does not need.
+/// Whether its texels are to be seen from nearby. Of its other filters none is needed: textures have their own.
+fn is_blocky(texture: &gltf::Texture) -> bool {
+    texture.sampler().mag_filter() == Some(gltf::texture::MagFilter::Nearest)
+}
+
+/// How the texture is continued.
 fn wrap(texture: &gltf::Texture) -> [Wrap; 2] {
     let sampler = texture.sampler();
     [sampler.wrap_s(), sampler.wrap_t()].map(|mode| match mode {

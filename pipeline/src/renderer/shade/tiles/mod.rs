@@ -134,6 +134,10 @@ impl Tiling {
         }
         self.light_some(shading, (&frame, further), &mut lit, (&mut counts, &mut seconds));
         self.workers.end(&mut shading.layers, &frame.visible[0]);
+        for (sample, light) in std::mem::take(&mut lit.samples).into_iter().enumerate() {
+            shading.add_layers(prepared, &surfaces[sample], (sample, &light), &mut lit);
+            lit.samples.push(light);
+        }
 
         // Costs of this frame tell those of the next.
         self.cost = Some(seconds.by_sample());
