@@ -178,7 +178,8 @@ pub(super) fn notes(names: &BTreeSet<String>, materials: &[serde_json::Value]) -
             Some(extension) => format!(" ({})", extension.purpose),
             None => String::new(),
         };
-        let remedy = missing_feature(name).map_or(String::new(), |f| format!("; a build with the feature {f} reads it"));
+        let remedy =
+            missing_feature(name).map_or(String::new(), |f| format!("; a build with the feature {f} reads it"));
         notes.push(format!("the glTF extension {name}{purpose} is left out{remedy}"));
     }
     notes

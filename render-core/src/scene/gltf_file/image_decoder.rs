@@ -20,7 +20,7 @@ pub(super) fn decode(bytes: Vec<u8>) -> Result<Texels, String> {
     let is_webp = bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP");
     if bytes.starts_with(b"\xabKTX 20\xbb\r\n\x1a\n") {
         #[cfg(feature = "basis")]
-        return super::ktx2::decode(&bytes);
+        return super::ktx2::decode(bytes);
         #[cfg(not(feature = "basis"))]
         return Err("this build reads no KTX2; build it with the feature basis".into());
     }

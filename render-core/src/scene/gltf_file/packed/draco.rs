@@ -44,7 +44,10 @@ pub(super) fn decode(data: &[u8], ids: &[u32], most: Most) -> Result<Unpacked, S
     let vertices = mesh.num_points();
     let indices: Vec<u32> = mesh.faces().iter().flatten().map(|corner| corner.0).collect();
     if indices.len() > 3 * most.triangles || vertices > indices.len() {
-        return Err(format!("has {} triangles and {vertices} vertices, more than its accessors state", indices.len() / 3));
+        return Err(format!(
+            "has {} triangles and {vertices} vertices, more than its accessors state",
+            indices.len() / 3
+        ));
     }
     let mut attributes = Vec::new();
     for &id in ids {

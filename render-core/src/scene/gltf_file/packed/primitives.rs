@@ -1,7 +1,7 @@
 //! Primitives that `KHR_draco_mesh_compression` packs.
 
 use super::draco::{Attribute, Most, Unpacked, decode};
-use super::shared::{add, add_buffer, bytes, list, number, unlist};
+use super::parts::{add, add_buffer, bytes, list, number, unlist};
 use super::{LoadError, Loader, Stored};
 use crate::scene::gltf_file::guarded;
 use serde_json::{Map, Value, json};
@@ -51,7 +51,7 @@ impl Loader<'_> {
                     Ok(unpacked) => {
                         read.insert(key.clone(), add_accessors(root, stored, &primitive, unpacked));
                     }
-                    Err(fault) => self.keep_plain((root, notes), place, &fault)?,
+                    Err(fault) => self.keep_plain(root, notes, place, &fault)?,
                 }
             }
             let primitive = at(root, place);
@@ -70,7 +70,7 @@ impl Loader<'_> {
     }
 
     /// Notes that the plain copy is read; without one, it is an error that the packed data is damaged.
-    fn keep_plain(&self, (root, notes): (&Value, &mut Vec<String>), place: Place, fault: &str) -> Result<(), LoadError> {
+    fn keep_plain(&self, root: &Value, notes: &mut Vec<String>, place: Place, fault: &str) -> Result<(), LoadError> {
         let (mesh, index) = place;
         let primitive = &root["meshes"][mesh]["primitives"][index];
         let view = &primitive["extensions"][NAME]["bufferView"];
@@ -144,13 +144,13 @@ fn add_accessors(root: &mut Value, stored: &mut Stored, primitive: &Value, unpac
     let count = indices.len();
     let indices: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
     let indices = Attribute { bytes: indices, component: 5125, width: 1 };
-    let indices = add_accessor(root, stored, indices, (count, false));
+    let indices = add_accessor(root, stored, indices, count, false);
     let mut named = Vec::new();
     let names = primitive["extensions"][NAME]["attributes"].as_object().into_iter().flat_map(Map::keys);
     for (name, attribute) in names.zip(attributes) {
         let plain = number(&primitive["attributes"][name]).and_then(|plain| list(root, "accessors").get(plain));
         let is_normalized = plain.is_some_and(|plain| plain["normalized"] == true) && attribute.component != 5126;
-        named.push((name.clone(), add_accessor(root, stored, attribute, (vertices, is_normalized))));
+        named.push((name.clone(), add_accessor(root, stored, attribute, vertices, is_normalized)));
     }
     Accessors { indices, attributes: named }
 }
@@ -159,7 +159,8 @@ fn add_accessor(
     root: &mut Value,
     stored: &mut Stored,
     attribute: Attribute,
-    (count, is_normalized): (usize, bool),
+    count: usize,
+    is_normalized: bool,
 ) -> usize {
     let Attribute { bytes, component, width } = attribute;
     let length = bytes.len().max(1);

@@ -1,7 +1,7 @@
 //! Buffer views that `EXT_meshopt_compression` or `KHR_meshopt_compression` packs.
 
 use super::meshopt::Layout;
-use super::shared::{add_buffer, bytes, list, number, unlist};
+use super::parts::{add_buffer, bytes, list, number, unlist};
 use super::{LoadError, Loader, Stored};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -27,7 +27,8 @@ impl Loader<'_> {
         for (place, name, extension) in packed.into_iter().filter(|(place, ..)| used.contains(place)) {
             let unpacked = unpacked(root, stored, &extension)?;
             if stored.allowance.is_exhausted() {
-                return self.bad(format!("buffer view {place} unpacks to far more bytes than the file has; export it again"));
+                return self
+                    .bad(format!("buffer view {place} unpacks to far more bytes than the file has; export it again"));
             }
             match unpacked {
                 Ok(data) => {
@@ -58,7 +59,8 @@ impl Loader<'_> {
 
 /// The extension that packs a view, with its members.
 fn packed_by(place: usize, view: &Value) -> Option<(usize, &'static str, Value)> {
-    let extension = |name: &'static str| view.get("extensions")?.get(name).map(|members| (place, name, members.clone()));
+    let extension =
+        |name: &'static str| view.get("extensions")?.get(name).map(|members| (place, name, members.clone()));
     NAMES.into_iter().find_map(extension)
 }
 
