@@ -10,7 +10,7 @@ struct Part {
     commands: &'static [&'static str],
 }
 
-const PARTS: [Part; 10] = [
+const PARTS: [Part; 14] = [
     Part { feature: "textures", is_built: cfg!(feature = "textures"), commands: &[] },
     Part { feature: "webp", is_built: cfg!(feature = "webp"), commands: &[] },
     Part { feature: "basis", is_built: cfg!(feature = "basis"), commands: &[] },

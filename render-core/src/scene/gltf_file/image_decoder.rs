@@ -1,18 +1,8 @@
 //! Images into texels, within limits. The data shows its format, whatever the document claims.
 
-/// Width, height, and R′G′B′ with opacity in raster order.
-pub(super) type Texels = (usize, usize, Vec<[u8; 4]>);
-
-/// Largest side of a texture.
+use super::image_limits::Texels;
 #[cfg(feature = "textures")]
-const SIDE: u32 = 16384;
-/// Most texels that a file of some bytes may claim: deflate's limit, 1032 to 1, at eight texels a byte. Memory is taken for
-/// the size in the header, before it shows that the rest is missing.
-#[cfg(feature = "textures")]
-const TEXELS_PER_BYTE: u64 = 8256;
-/// Texels that any file of WebP and KTX2 may claim: an image of one color takes no bytes.
-#[cfg(feature = "textures")]
-const TEXELS: u64 = 1 << 24;
+use super::image_limits::{SIDE, TEXELS, TEXELS_PER_BYTE, impossible};
 
 /// Decodes what `bytes` are a file of.
 #[cfg(feature = "textures")]
@@ -65,23 +55,6 @@ const READ: &str = match (cfg!(feature = "webp"), cfg!(feature = "basis")) {
     (false, true) => "PNG, JPEG and KTX2",
     (false, false) => "PNG and JPEG",
 };
-
-/// Refuses sizes that are too large, or that a file of so many bytes cannot have.
-#[cfg(feature = "basis")]
-pub(super) fn check_claim(width: u32, height: u32, length: usize) -> Result<(), String> {
-    if width.max(height) > SIDE {
-        return Err(format!("{width}x{height} texels; {SIDE} along a side are the most"));
-    }
-    if u64::from(width) * u64::from(height) > TEXELS.max(TEXELS_PER_BYTE * length as u64) {
-        return Err(impossible(width, height, length as u64));
-    }
-    Ok(())
-}
-
-#[cfg(feature = "textures")]
-fn impossible(width: u32, height: u32, length: u64) -> String {
-    format!("{width}x{height} texels in {length} bytes cannot be; copy the file again")
-}
 
 /// A picture with a surface in a wrong color would look as if it were right.
 #[cfg(not(feature = "textures"))]

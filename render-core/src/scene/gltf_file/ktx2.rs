@@ -1,7 +1,7 @@
 //! KTX2 images as `KHR_texture_basisu` allows them: ETC1S with BasisLZ, or UASTC, with Zstandard or without.
 
 use super::guarded;
-use super::image_decoder::{Texels, check_claim};
+use super::image_limits::{Texels, check_claim};
 use basisu::{DecodeFlags, TargetFormat, Transcoder};
 
 /// Positions in the file (KTX 2.0, 3: "File structure").

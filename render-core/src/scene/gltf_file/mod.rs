@@ -11,6 +11,7 @@ mod document;
 mod extensions;
 mod glb;
 mod image_decoder;
+mod image_limits;
 #[cfg(feature = "basis")]
 mod ktx2;
 mod lamps;

@@ -1,7 +1,8 @@
 //! Images that visible surfaces use.
 
 use super::accessor::Buffers;
-use super::image_decoder::{Texels, decode};
+use super::image_decoder::decode;
+use super::image_limits::Texels;
 use super::{LoadError, Loader};
 use crate::scene::{Encoding, Scene, Texture, Wrap};
 use std::collections::{BTreeMap, HashMap};
