@@ -106,7 +106,7 @@ pub struct GBuffer {
     pub world: Vec<Affine3A>,
     /// The shapes of those that skins or morph targets bend; empty where none is.
     pub deformed: Vec<Option<Arc<DeformedMesh>>>,
-    /// The pixels whose centers are one of several layers.
+    /// The pixels whose centers are one of several layers, in raster order.
     pub layered: Arc<[LayeredPixel]>,
 }
 
@@ -135,8 +135,9 @@ impl GBuffer {
         let layered: Vec<Vec<LayeredPixel>> = strips
             .map(|(tile_row, strip)| busy.measure(|| camera.strip(tile_row * MACROBLOCK, width, strip)))
             .collect();
-        let layered = layered.concat().into();
-        Self { layered, ..Self::placed(pixels, scene.surfaces, view) }
+        let mut layered = layered.concat();
+        layered.sort_unstable_by_key(|pixel| pixel.index);
+        Self { layered: layered.into(), ..Self::placed(pixels, scene.surfaces, view) }
     }
 
     /// `pixels` of `surfaces` as they stand now.
@@ -147,6 +148,11 @@ impl GBuffer {
 }
 
 impl GBuffer {
+    /// Whether the center of a pixel, by its place in raster order, is one of several layers.
+    pub(crate) fn is_layered(&self, pixel: usize) -> bool {
+        self.layered.binary_search_by_key(&pixel, |layered| layered.index as usize).is_ok()
+    }
+
     /// World-space corners of the triangle that `pixel` sees, if its mesh is bent.
     fn bent_corners(&self, pixel: &PixelSurface) -> Option<[Vec3A; 3]> {
         let instance = pixel.instance as usize;

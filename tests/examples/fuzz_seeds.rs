@@ -16,6 +16,11 @@ fn main() {
         seed(&folder, "scene", &format!("{name}.glb"), 1, &glb.to_bytes());
         seed(&folder, "scene", &format!("{name}.gltf"), 0, glb.json.to_string().as_bytes());
     }
+    for name in ["meshopt", "draco", "images"] {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../render-core/tests/data");
+        let bytes = std::fs::read(Path::new(path).join(name).with_extension("glb")).expect("a file");
+        seed(&folder, "scene", &format!("{name}.glb"), 1, &bytes);
+    }
     let sky = "[sky]\nzenith = [1, 2, 3]\nhorizon = [1, 1, 1]\nintensity = 2\n[sun]\nangular_diameter = 1.0\n";
     let rest = "[tone_mapping]\noperator = \"gamma\"\nexposure = 2.0\n[video]\nframes = 5\nfps = 25.0\n[camera]\nname = \"a\"\n";
     let config = folder.join("config");

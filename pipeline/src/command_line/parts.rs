@@ -10,8 +10,12 @@ struct Part {
     commands: &'static [&'static str],
 }
 
-const PARTS: [Part; 10] = [
+const PARTS: [Part; 14] = [
     Part { feature: "textures", is_built: cfg!(feature = "textures"), commands: &[] },
+    Part { feature: "webp", is_built: cfg!(feature = "webp"), commands: &[] },
+    Part { feature: "basis", is_built: cfg!(feature = "basis"), commands: &[] },
+    Part { feature: "meshopt", is_built: cfg!(feature = "meshopt"), commands: &[] },
+    Part { feature: "draco", is_built: cfg!(feature = "draco"), commands: &[] },
     Part { feature: "bake", is_built: cfg!(feature = "bake"), commands: &["bake"] },
     Part { feature: "exr", is_built: cfg!(feature = "exr"), commands: &["reference"] },
     Part { feature: "still", is_built: cfg!(feature = "still"), commands: &["still"] },

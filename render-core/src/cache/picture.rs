@@ -11,6 +11,8 @@ use glam::Vec3A;
 use rayon::prelude::*;
 use std::ops::Range;
 
+/// Centers so far to all sides may show another layer of a pixel: of 4×4 one is of a layer that has a sixteenth of each.
+const LAYERED: usize = 3;
 /// Distance from a record up to which a pixel counts as showing it \[pixels\].
 const NEARBY: f32 = 8.0;
 
@@ -124,12 +126,21 @@ impl<'a> Picture<'a> {
     }
 
     /// Whether the pixel that a place falls on shows the same surface, no farther than `apart` from it \[m\]; outside of the
-    /// picture it counts as shown.
+    /// picture it counts as shown. Where the pixel shows several layers, the centers around it are asked too.
     pub fn shows(&self, site: &Site, apart: f32) -> bool {
         let Some((x, y)) = self.pixel_of(site) else { return true };
-        self.request
-            .surface(x, y)
-            .is_some_and(|shown| shown.carrier == site.carrier && shown.position.distance(site.position) < apart)
+        let (width, height) = self.size();
+        let reach = if self.seen.is_layered(y * width + x) { LAYERED } else { 0 };
+        let rows = y.saturating_sub(reach)..height.min(y + reach + 1);
+        rows.into_iter().any(|v| {
+            let mut columns = x.saturating_sub(reach)..width.min(x + reach + 1);
+            columns.any(|u| self.shows_at((u, v), site, apart))
+        })
+    }
+
+    fn shows_at(&self, (x, y): (usize, usize), site: &Site, apart: f32) -> bool {
+        let shown = self.request.surface(x, y);
+        shown.is_some_and(|shown| shown.carrier == site.carrier && shown.position.distance(site.position) < apart)
     }
 
     /// Whether the pixel that a place falls on shows it, or what is beside it within a few pixels.

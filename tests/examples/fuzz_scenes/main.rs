@@ -70,6 +70,7 @@ fn fuzz(arguments: &Arguments) -> io::Result<u64> {
     build_program()?;
     let mut seeds = own_seeds();
     seeds.extend(seeds_below(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes").as_ref()));
+    seeds.extend(seeds_below(concat!(env!("CARGO_MANIFEST_DIR"), "/../render-core/tests/data").as_ref()));
     seeds.extend(shared_scenes().iter().flat_map(|folder| seeds_below(folder)));
     let names: Vec<&str> = seeds.iter().map(|seed| seed.name.as_str()).collect();
     println!("seed {}, {} scenes to begin with: {}", arguments.seed, seeds.len(), names.join(", "));

@@ -9,6 +9,23 @@ use std::path::Path;
 /// Larger scenes would take the time of many others \[bytes\].
 const LARGEST: usize = 200_000;
 
+/// Extensions that name a buffer in a view.
+const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+/// Moves a view to the one buffer of a draft, or to the second one, which has no data.
+fn move_view(view: &mut Value, starts: &[usize], absent: &[bool]) -> Option<()> {
+    let number = |key: &str| view.get(key).and_then(Value::as_u64).unwrap_or(0) as usize;
+    let buffer = number("buffer");
+    if absent.get(buffer) == Some(&true) {
+        view["buffer"] = json!(1);
+        return Some(());
+    }
+    let start = starts.get(buffer)? + number("byteOffset");
+    view["buffer"] = json!(0);
+    view["byteOffset"] = json!(start);
+    Some(())
+}
+
 /// Scenes of the tests: a room in which something moves, a textured square with a spot light.
 pub fn own_seeds() -> Vec<Draft> {
     let rooms = [("room, box", Moving::Box), ("room, camera", Moving::Camera)];
@@ -49,14 +66,19 @@ fn in_one_piece(path: &Path) -> Option<Draft> {
         starts.push(bin.len());
         bin.extend(match buffer.get("uri").and_then(Value::as_str) {
             Some(uri) => source.resource(&format!("buffer {index}"), uri).ok()?,
+            // The place of a plain copy that the file lacks.
+            None if index > 0 => continue,
             None => source.binary.clone()?,
         });
     }
+    let absent: Vec<bool> = buffers.iter().enumerate().map(|(i, b)| i > 0 && b.get("uri").is_none()).collect();
     for view in json.get_mut("bufferViews").and_then(Value::as_array_mut).into_iter().flatten() {
-        let number = |key: &str| view.get(key).and_then(Value::as_u64).unwrap_or(0) as usize;
-        let start = starts.get(number("buffer"))? + number("byteOffset");
-        view["buffer"] = json!(0);
-        view["byteOffset"] = json!(start);
+        move_view(view, &starts, &absent)?;
+        for name in MESHOPT {
+            if let Some(packed) = view.get_mut("extensions").and_then(|extensions| extensions.get_mut(name)) {
+                move_view(packed, &starts, &absent)?;
+            }
+        }
     }
 
     // Images behind them, each with a view of its own.
@@ -72,6 +94,9 @@ fn in_one_piece(path: &Path) -> Option<Draft> {
     if !bin.is_empty() {
         json["bufferViews"] = json!(views);
         json["buffers"] = json!([{ "byteLength": bin.len() }]);
+        if absent.contains(&true) {
+            json["buffers"] = json!([{ "byteLength": bin.len() }, { "byteLength": LARGEST }]);
+        }
     }
 
     // Settings that name no further files come along.

@@ -19,9 +19,10 @@ pub(super) struct Document {
 }
 
 impl Document {
-    /// Reads a scene file that was loaded before, with all of its buffers.
+    /// Reads a scene file that was loaded before, with all of its buffers. Packed meshes and views are plain in it.
     pub fn read(path: &Path, reach: Reach) -> Result<Self> {
         let mut source = GltfSource::read(path, reach)?;
+        let unpacked = source.unpack()?;
         let json: Value = serde_json::from_slice(&source.json)
             .map_err(|error| Error::content(path, format!(": no JSON ({error}); export or copy it again")))?;
         let mut binary = source.binary.take();
@@ -29,13 +30,17 @@ impl Document {
         if !document.json.is_object() {
             return Err(document.damaged("the document"));
         }
-        for (index, buffer) in document.list("buffers").to_vec().iter().enumerate() {
+        let buffers = document.list("buffers").to_vec();
+        for (index, buffer) in buffers.iter().take(buffers.len() - unpacked.len()).enumerate() {
             let bytes = match buffer["uri"].as_str() {
                 Some(uri) => document.source.resource(&format!("buffer {index}"), uri)?,
+                // The place of a plain copy that the file lacks.
+                None if index > 0 => Vec::new(),
                 None => binary.take().ok_or_else(|| document.damaged(&format!("buffer {index}")))?,
             };
             document.buffers.push(bytes);
         }
+        document.buffers.extend(unpacked);
         Ok(document)
     }
 

@@ -3,46 +3,37 @@
 //! Our own reader rather than the crate's: that one trusts strides and counts, and takes positions, normals and tangents
 //! for floats, which `KHR_mesh_quantization` allows to be bytes and shorts.
 
+use super::stored::Allowance;
 use gltf::Accessor;
 use gltf::accessor::{DataType, sparse::IndexType};
 use gltf::buffer::View;
-use std::cell::Cell;
 use std::collections::HashSet;
 
 /// Most elements of an accessor without a buffer view: zeros that no byte of the file stands for.
 const ELEMENTS_WITHOUT_DATA: usize = 1 << 24;
-
-/// Memory that accessors and weights of nodes may take together, as bytes and as a multiple of those that the file has: many may point to the same
-/// bytes, each for a mesh of its own.
-const ALLOWANCE: (usize, usize) = (1 << 28, 256);
 
 /// The bytes that accessors point into.
 pub(super) struct Buffers {
     bytes: Vec<Vec<u8>>,
     /// Accessors that stand for zeros, whatever view they name.
     zeros: HashSet<usize>,
-    /// What is left of the allowance \[bytes\]; none once a request exceeded it.
-    allowance: Cell<Option<usize>>,
+    allowance: Allowance,
 }
 
 impl Buffers {
-    /// With all that accessors may take.
-    pub(super) fn new(bytes: Vec<Vec<u8>>, zeros: HashSet<usize>) -> Self {
-        let held = bytes.iter().map(Vec::len).fold(0, usize::saturating_add);
-        let allowance = held.saturating_mul(ALLOWANCE.1).saturating_add(ALLOWANCE.0);
-        Self { bytes, zeros, allowance: Cell::new(Some(allowance)) }
+    /// With the memory that accessors may take.
+    pub(super) fn new(bytes: Vec<Vec<u8>>, zeros: HashSet<usize>, allowance: Allowance) -> Self {
+        Self { bytes, zeros, allowance }
     }
 
     /// Whether accessors stand for more than a file of this size may.
     pub(super) fn is_exhausted(&self) -> bool {
-        self.allowance.get().is_none()
+        self.allowance.is_exhausted()
     }
 
     /// Takes `bytes` from the allowance; `None` once it is exhausted.
     pub(super) fn charge(&self, bytes: usize) -> Option<()> {
-        let left = self.allowance.get().and_then(|left| left.checked_sub(bytes));
-        self.allowance.set(left);
-        left.map(|_| ())
+        self.allowance.charge(bytes)
     }
 
     /// The bytes of a view; `None` if they lie outside of their buffer.

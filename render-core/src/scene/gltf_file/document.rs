@@ -1,10 +1,11 @@
 //! The document and the bytes it refers to.
 
 use super::accessor::Buffers;
+use super::stored::Stored;
 use super::{LoadError, Loader, extensions, lenient};
 use gltf::json;
 use serde_json::Value;
-use std::collections::{BTreeSet, HashSet};
+use std::collections::HashSet;
 use std::path::Path;
 
 /// A document with the bytes it refers to.
@@ -26,11 +27,19 @@ impl Loader<'_> {
         let mut value: Value = serde_json::from_slice(text).or_else(|error| {
             self.bad(format!("not a whole glTF file ({}); export or copy it again", one_line(&error.to_string())))
         })?;
-        let found = lenient::normalize(&mut value, bytes.starts_with(b"glTF")).or_else(|why| self.bad(why))?;
+        let mut stored = Stored::new(self, blob);
+        let notes = self.unpack(&mut value, &mut stored)?;
+        let mut found = lenient::normalize(&mut value, bytes.starts_with(b"glTF")).or_else(|why| self.bad(why))?;
+        found.notes.extend(notes);
         let mut root: json::Root = serde_json::from_value(value).or_else(|error| {
             self.bad(format!("its JSON does not follow glTF 2.0 ({}); export it again", one_line(&error.to_string())))
         })?;
         if let Some(extension) = root.extensions_required.iter().find(|name| !extensions::may_be_required(name)) {
+            if let Some(feature) = extensions::missing_feature(extension) {
+                return self.bad(format!(
+                    "needs the glTF extension {extension}, which this build does not read; build it with the feature {feature}"
+                ));
+            }
             return Err(LoadError::Unsupported { path: self.path.into(), extension: extension.clone() });
         }
         root.extensions_required.clear();
@@ -46,41 +55,15 @@ impl Loader<'_> {
         self.check_document(&root)?;
         let document = gltf::Document::from_json(root)
             .or_else(|error| self.bad(one_line(&error.to_string()).trim_end_matches(';')))?;
-        let bytes = self.buffers(&document, blob, &found.used_buffers)?;
-        Ok(Parsed { document, buffers: Buffers::new(bytes, zeros), found })
-    }
-
-    /// Reads the buffers that some view uses and that have data.
-    fn buffers(
-        &self,
-        document: &gltf::Document,
-        mut blob: Option<&[u8]>,
-        used: &BTreeSet<usize>,
-    ) -> Result<Vec<Vec<u8>>, LoadError> {
-        let mut buffers = Vec::new();
-        for buffer in document.buffers() {
-            if !used.contains(&buffer.index()) {
-                buffers.push(Vec::new());
-                continue;
-            }
-            let what = format!("buffer {}", buffer.index());
-            let data = match buffer.source() {
-                gltf::buffer::Source::Bin => match blob.take() {
-                    Some(data) => data.to_vec(),
-                    None => return self.bad(format!("{what}: the file has no binary part; export it again")),
-                },
-                gltf::buffer::Source::Uri(uri) => self.resource(&what, uri)?,
+        for buffer in document.buffers().filter(|buffer| found.used_buffers.contains(&buffer.index())) {
+            let uri = match buffer.source() {
+                gltf::buffer::Source::Bin => None,
+                gltf::buffer::Source::Uri(uri) => Some(uri),
             };
-            if data.len() < buffer.length() {
-                return self.bad(format!(
-                    "{what} has {} of {} bytes: the file was cut short; copy it again",
-                    data.len(),
-                    buffer.length()
-                ));
-            }
-            buffers.push(data);
+            stored.read(buffer.index(), uri, buffer.length())?;
         }
-        Ok(buffers)
+        let (bytes, allowance) = stored.into_parts(document.buffers().len());
+        Ok(Parsed { document, buffers: Buffers::new(bytes, zeros, allowance), found })
     }
 
     /// Reads a `data:` URI or a file beside the scene.

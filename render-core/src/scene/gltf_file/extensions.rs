@@ -34,6 +34,17 @@ const fn row(name: &'static str, purpose: &'static str, support: Support, test: 
     Extension { name, purpose, support, test }
 }
 
+/// Support of an extension that a feature of the build reads.
+const fn behind(is_built: bool) -> Support {
+    if is_built { Support::Read } else { Support::Refused }
+}
+
+/// Test of compressed images.
+const IMAGES: &str = "packed_images_have_the_reference_texels";
+/// Test of meshes that Draco packed.
+const DRACO: &str = "meshes_packed_by_draco_have_the_reference_numbers";
+/// Test of buffer views that meshoptimizer packed.
+const MESHOPT: &str = "views_packed_by_meshopt_have_the_reference_numbers";
 /// Test of all extensions that are left out.
 const NOTED: &str = "each_extension_that_is_left_out_has_one_note";
 /// Test of all extensions that may not be required.
@@ -55,15 +66,15 @@ pub static EXTENSIONS: &[Extension] = &[
     row("EXT_lights_image_based", "surrounding light image", Support::Noted, NOTED),
     row("EXT_mesh_features", "feature numbers", Support::Silent, SILENT),
     row("EXT_mesh_manifold", "closed shapes", Support::Silent, SILENT),
-    row("EXT_meshopt_compression", "compressed meshes", Support::Refused, REFUSED),
+    row("EXT_meshopt_compression", "compressed meshes", behind(cfg!(feature = "meshopt")), MESHOPT),
     row("EXT_structural_metadata", "data of features", Support::Silent, SILENT),
     row("EXT_texture_avif", "AVIF images", Support::Refused, REFUSED),
-    row("EXT_texture_webp", "WebP images", Support::Refused, REFUSED),
+    row("EXT_texture_webp", "WebP images", behind(cfg!(feature = "webp")), IMAGES),
     row("FB_geometry_metadata", "mesh statistics", Support::Silent, SILENT),
     row("GODOT_single_root", "one root node", Support::Silent, SILENT),
     row("KHR_accessor_float64", "double-precision numbers", Support::Refused, REFUSED),
     row("KHR_audio_emitter", "sound sources", Support::Silent, SILENT),
-    row("KHR_draco_mesh_compression", "compressed meshes", Support::Refused, REFUSED),
+    row("KHR_draco_mesh_compression", "compressed meshes", behind(cfg!(feature = "draco")), DRACO),
     row("KHR_gaussian_splatting", "clouds of splats", Support::Refused, REFUSED),
     row("KHR_implicit_shapes", "shapes for physics", Support::Silent, SILENT),
     row("KHR_interactivity", "interactive behavior", Support::Silent, SILENT),
@@ -94,13 +105,13 @@ pub static EXTENSIONS: &[Extension] = &[
     row("KHR_materials_volume", "thickness of glass", Support::Noted, NOTED),
     row("KHR_materials_volume_scatter", "milky glass", Support::Noted, NOTED),
     row("KHR_mesh_quantization", "small integers", Support::Read, "quantised_meshes_have_the_numbers_they_stand_for"),
-    row("KHR_meshopt_compression", "compressed meshes", Support::Refused, REFUSED),
+    row("KHR_meshopt_compression", "compressed meshes", behind(cfg!(feature = "meshopt")), MESHOPT),
     row("KHR_node_hoverability", "pointer targets", Support::Silent, SILENT),
     row("KHR_node_selectability", "selectable nodes", Support::Silent, SILENT),
     row("KHR_node_visibility", "hidden nodes", Support::Read, "hidden_nodes_and_all_below_them_are_not_shown"),
     row("KHR_physics_rigid_bodies", "bodies for physics", Support::Silent, SILENT),
     row("KHR_techniques_webgl", "own shaders", Support::Noted, NOTED),
-    row("KHR_texture_basisu", "KTX2 images", Support::Refused, REFUSED),
+    row("KHR_texture_basisu", "KTX2 images", behind(cfg!(feature = "basis")), IMAGES),
     row("KHR_texture_transform", "moved textures", Support::Read, "textures_are_held_for_what_they_are_used_as"),
     row("KHR_xmp", "authorship data", Support::Silent, SILENT),
     row("KHR_xmp_json_ld", "authorship data", Support::Silent, SILENT),
@@ -132,6 +143,21 @@ const FACTORS: [(&str, &str); 9] = [
     ("KHR_materials_volume_scatter", "multiscatterColor"),
 ];
 
+/// Extensions that a feature of the build reads.
+const FEATURES: [(&str, &str); 5] = [
+    ("EXT_meshopt_compression", "meshopt"),
+    ("EXT_texture_webp", "webp"),
+    ("KHR_draco_mesh_compression", "draco"),
+    ("KHR_meshopt_compression", "meshopt"),
+    ("KHR_texture_basisu", "basis"),
+];
+
+/// The feature that reads an extension, if this build lacks it.
+pub(super) fn missing_feature(name: &str) -> Option<&'static str> {
+    let (_, feature) = FEATURES.into_iter().find(|(extension, _)| *extension == name)?;
+    (!may_be_required(name)).then_some(feature)
+}
+
 /// The extension of this name.
 fn named(name: &str) -> Option<&'static Extension> {
     EXTENSIONS.iter().find(|extension| extension.name == name)
@@ -152,7 +178,9 @@ pub(super) fn notes(names: &BTreeSet<String>, materials: &[serde_json::Value]) -
             Some(extension) => format!(" ({})", extension.purpose),
             None => String::new(),
         };
-        notes.push(format!("the glTF extension {name}{purpose} is left out"));
+        let remedy =
+            missing_feature(name).map_or(String::new(), |f| format!("; a build with the feature {f} reads it"));
+        notes.push(format!("the glTF extension {name}{purpose} is left out{remedy}"));
     }
     notes
 }

@@ -1,19 +1,32 @@
-//! PNG and JPEG into texels, within limits.
+//! Images into texels, within limits. The data shows its format, whatever the document claims.
 
-/// Width, height, and R′G′B′ with opacity in raster order.
-type Texels = (usize, usize, Vec<[u8; 4]>);
+use super::image_limits::Texels;
+#[cfg(feature = "textures")]
+use super::image_limits::{SIDE, TEXELS, TEXELS_PER_BYTE, impossible};
 
 /// Decodes what `bytes` are a file of.
 #[cfg(feature = "textures")]
 pub(super) fn decode(bytes: Vec<u8>) -> Result<Texels, String> {
-    /// Largest side of a texture, and the most memory that decoding one may take.
-    const SIDE: u32 = 16384;
+    let is_webp = bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP");
+    if bytes.starts_with(b"\xabKTX 20\xbb\r\n\x1a\n") {
+        #[cfg(feature = "basis")]
+        return super::ktx2::decode(bytes);
+        #[cfg(not(feature = "basis"))]
+        return Err("this build reads no KTX2; build it with the feature basis".into());
+    }
+    if is_webp && cfg!(not(feature = "webp")) {
+        return Err("this build reads no WebP; build it with the feature webp".into());
+    }
+    decode_plain(&bytes, is_webp)
+}
+
+/// Decodes PNG, JPEG and WebP.
+#[cfg(feature = "textures")]
+fn decode_plain(bytes: &[u8], is_webp: bool) -> Result<Texels, String> {
+    /// The most memory that decoding may take.
     const BYTES: u64 = 1 << 30;
-    /// Most texels that a file of some bytes may claim: deflate's limit, 1032 to 1, at eight texels a byte. Memory is taken for
-    /// what the header says, before it shows that the rest is missing.
-    const TEXELS_PER_BYTE: u64 = 8256;
     let length = bytes.len() as u64;
-    let open = || image::ImageReader::new(std::io::Cursor::new(&bytes)).with_guessed_format();
+    let open = || image::ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format();
     let mut reader = open().map_err(|error| error.to_string())?;
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(SIDE);
@@ -21,15 +34,27 @@ pub(super) fn decode(bytes: Vec<u8>) -> Result<Texels, String> {
     limits.max_alloc = Some(BYTES);
     reader.limits(limits);
     let claimed = open().map_err(|error| error.to_string())?.into_dimensions();
-    if let Some((width, height)) = claimed.ok().filter(|&(w, h)| u64::from(w) * u64::from(h) > TEXELS_PER_BYTE * length)
+    let free = if is_webp { TEXELS } else { 0 };
+    if let Some((width, height)) =
+        claimed.ok().filter(|&(w, h)| u64::from(w) * u64::from(h) > free.max(TEXELS_PER_BYTE * length))
     {
-        return Err(format!("{width}x{height} texels in {length} bytes cannot be; copy the file again"));
+        return Err(impossible(width, height, length));
     }
     let why = |error: image::ImageError| super::document::one_line(&error.to_string());
-    let pixels = reader.decode().map_err(|error| format!("{}; PNG and JPEG are read", why(error)))?.into_rgba8();
+    let decoded = reader.decode().map_err(|error| format!("{}; {} are read", why(error), READ))?;
+    let pixels = decoded.into_rgba8();
     let texels = pixels.pixels().map(|pixel| pixel.0).collect();
     Ok((pixels.width() as usize, pixels.height() as usize, texels))
 }
+
+/// The formats that this build reads.
+#[cfg(feature = "textures")]
+const READ: &str = match (cfg!(feature = "webp"), cfg!(feature = "basis")) {
+    (true, true) => "PNG, JPEG, WebP and KTX2",
+    (true, false) => "PNG, JPEG and WebP",
+    (false, true) => "PNG, JPEG and KTX2",
+    (false, false) => "PNG and JPEG",
+};
 
 /// A picture with a surface in a wrong color would look as if it were right.
 #[cfg(not(feature = "textures"))]

@@ -11,14 +11,19 @@ mod document;
 mod extensions;
 mod glb;
 mod image_decoder;
+mod image_limits;
+#[cfg(feature = "basis")]
+mod ktx2;
 mod lamps;
 mod lenient;
 mod materials;
 mod meshes;
 mod nodes;
+mod packed;
 mod pointers;
 mod skins;
 mod source;
+mod stored;
 mod strokes;
 mod textures;
 mod validate;
@@ -267,7 +272,7 @@ impl Loader<'_> {
 
     fn scene(&self, bytes: &[u8], settings: &SceneSettings) -> Result<Scene, LoadError> {
         let Parsed { document, buffers, found } = self.document(bytes)?;
-        let mut scene = Scene { warnings: found.notes, ..Scene::default() };
+        let mut scene = Scene { warnings: found.notes.clone(), ..Scene::default() };
         let has_lamps = document.lights().is_some_and(|mut lights| lights.next().is_some());
         let (lamps, note) = lamps::scale(found.generator.as_deref(), settings.light, has_lamps);
         scene.warnings.extend(note);
@@ -304,7 +309,7 @@ impl Loader<'_> {
             return self.bad("its accessors stand for far more numbers than the file has bytes for; export it again");
         }
         read?;
-        self.textures(&document, &buffers, &mut scene)?;
+        self.textures(&document, &buffers, &found.plain_images, &mut scene)?;
         lamps::give_radius(&mut scene, settings.light.lamp_radius);
         Ok(scene)
     }

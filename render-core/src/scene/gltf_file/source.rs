@@ -1,7 +1,9 @@
 //! A glTF file as bytes, for programs that write it anew with changes.
 
+use super::stored::Stored;
 use super::{LoadError, Loader};
 use crate::scene::files::{Reach, SceneFiles};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// The parts of a glTF file that are read before any of them is understood.
@@ -34,5 +36,24 @@ impl GltfSource {
     /// The resource cannot be read, lies where none is read from, or is not base64.
     pub fn resource(&self, name: &str, uri: &str) -> Result<Vec<u8>, LoadError> {
         Loader { path: &self.path, files: &SceneFiles::of(&self.path, self.reach) }.resource(name, uri)
+    }
+    /// Unpacks meshes and buffer views that extensions pack: `json` has them plain then. Returns the buffers that this adds, in the
+    /// order of their indices, which follow those of the file.
+    ///
+    /// # Errors
+    /// Packed data cannot be read or is damaged, and has no plain copy.
+    pub fn unpack(&mut self) -> Result<Vec<Vec<u8>>, LoadError> {
+        let files = SceneFiles::of(&self.path, self.reach);
+        let loader = Loader { path: &self.path, files: &files };
+        let mut stored = Stored::new(&loader, self.binary.as_deref());
+        let Ok(mut root) = serde_json::from_slice::<Value>(&self.json) else { return Ok(Vec::new()) };
+        let count = |root: &Value| root["buffers"].as_array().map_or(0, Vec::len);
+        let first = count(&root);
+        loader.unpack(&mut root, &mut stored)?;
+        let (buffers, _) = stored.into_parts(count(&root));
+        if buffers.len() > first {
+            self.json = root.to_string().into_bytes();
+        }
+        Ok(buffers.into_iter().skip(first).collect())
     }
 }

@@ -2,9 +2,10 @@
 
 use super::accessor::Buffers;
 use super::image_decoder::decode;
+use super::image_limits::Texels;
 use super::{LoadError, Loader};
 use crate::scene::{Encoding, Scene, Texture, Wrap};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// Most texels of all textures together, 2 GB of them: a few bytes may stand for a large image, and many textures for one file.
 const MOST_TEXELS: usize = 1 << 29;
@@ -16,8 +17,10 @@ impl Loader<'_> {
         &self,
         document: &gltf::Document,
         buffers: &Buffers,
+        plain_images: &BTreeMap<usize, usize>,
         scene: &mut Scene,
     ) -> Result<(), LoadError> {
+        let images: Vec<gltf::Image> = document.images().collect();
         let mut shown = vec![false; scene.materials.len()];
         for instance in &scene.instances {
             shown[scene.meshes[instance.mesh].material] = true;
@@ -25,7 +28,7 @@ impl Loader<'_> {
         let files: Vec<gltf::Texture> = document.textures().collect();
         let mut texels = 0;
         let mut place_of: HashMap<(usize, [Wrap; 2], Encoding, bool), usize> = HashMap::new();
-        let Scene { materials, textures, .. } = scene;
+        let Scene { materials, textures, warnings, .. } = scene;
         for (material, _) in materials.iter_mut().zip(shown).filter(|(_, shown)| *shown) {
             let color = [&mut material.base_color_texture, &mut material.emission_texture].into_iter().flatten();
             let data = material.metallic_roughness_texture.iter_mut();
@@ -37,7 +40,16 @@ impl Loader<'_> {
                 slot.texture = match place_of.get(&key) {
                     Some(&place) => place,
                     None => {
-                        let read = self.texture(texture, encoding, buffers)?;
+                        let plain = plain_images.get(&texture.index()).and_then(|&plain| images.get(plain));
+                        let (width, height, colors) = match (self.image(&texture.source(), buffers), plain) {
+                            (Err(error), Some(plain)) => {
+                                warnings.push(format!("{}; image {} is shown", without_path(&error), plain.index()));
+                                self.image(plain, buffers)?
+                            }
+                            (read, _) => read?,
+                        };
+                        let read = Texture::with_encoding(width, height, colors, wrap(texture), encoding);
+                        let read = if is_blocky(texture) { read.blocky() } else { read };
                         let size = read.size();
                         texels += size.x as usize * size.y as usize;
                         if texels > MOST_TEXELS {
@@ -55,8 +67,7 @@ impl Loader<'_> {
         Ok(())
     }
 
-    fn texture(&self, texture: &gltf::Texture, encoding: Encoding, buffers: &Buffers) -> Result<Texture, LoadError> {
-        let image = texture.source();
+    fn image(&self, image: &gltf::Image, buffers: &Buffers) -> Result<Texels, LoadError> {
         let what = format!("image {}", image.index());
         let bytes = match image.source() {
             gltf::image::Source::View { view, .. } => match buffers.view(&view) {
@@ -65,12 +76,20 @@ impl Loader<'_> {
             },
             gltf::image::Source::Uri { uri, .. } => self.resource(&what, uri)?,
         };
-        let (width, height, texels) = decode(bytes).or_else(|why| self.bad(format!("{what}: {why}")))?;
-        if width == 0 || height == 0 {
+        let texels = decode(bytes).or_else(|why| self.bad(format!("{what}: {why}")))?;
+        if texels.0 == 0 || texels.1 == 0 {
             return self.bad(format!("{what} is empty"));
         }
-        let read = Texture::with_encoding(width, height, texels, wrap(texture), encoding);
-        Ok(if is_blocky(texture) { read.blocky() } else { read })
+        Ok(texels)
+    }
+}
+
+/// An error's text for a note, which the scene's path precedes.
+fn without_path(error: &LoadError) -> String {
+    match error {
+        LoadError::Malformed { what, .. } => what.clone(),
+        LoadError::Resource { what, uri, why, .. } => format!("{what} \"{uri}\" cannot be read ({why})"),
+        error => error.to_string(),
     }
 }
 

@@ -30,7 +30,7 @@ fn textures_without_a_source_leave_the_plain_color() {
     let slot = json!({ "index": 0 });
     for (texture, images) in [
         (json!({}), None),
-        (json!({ "extensions": { "EXT_texture_webp": { "source": 0 } } }), Some(json!([{ "uri": "a.webp" }]))),
+        (json!({ "extensions": { "EXT_texture_avif": { "source": 0 } } }), Some(json!([{ "uri": "a.avif" }]))),
         (json!({ "source": 0 }), Some(json!([{ "name": "neither uri nor view" }]))),
     ] {
         let mut file = File::square();
@@ -79,12 +79,15 @@ fn primitives_without_positions_are_skipped() {
     file.json["buffers"].as_array_mut().unwrap().push(json!({ "byteLength": 72 }));
     file.json["bufferViews"][0]["buffer"] = json!(1);
     assert_eq!(file.load().triangle_count(), 0);
-    let mut file = File::square();
-    file.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
-    file.json["meshes"][0]["primitives"][0]["extensions"] =
-        json!({ "KHR_draco_mesh_compression": { "bufferView": 0, "attributes": { "POSITION": 0 } } });
-    let scene = file.load();
-    assert_eq!((scene.triangle_count(), notes(&scene, "in KHR_draco_mesh_compression alone")), (0, 1));
+    // A build without the feature leaves packed meshes out.
+    if !cfg!(feature = "draco") {
+        let mut file = File::square();
+        file.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+        file.json["meshes"][0]["primitives"][0]["extensions"] =
+            json!({ "KHR_draco_mesh_compression": { "bufferView": 0, "attributes": { "POSITION": 0 } } });
+        let scene = file.load();
+        assert_eq!((scene.triangle_count(), notes(&scene, "in KHR_draco_mesh_compression alone")), (0, 1));
+    }
 }
 
 /// Attributes, members and values that applications and extensions add change nothing.

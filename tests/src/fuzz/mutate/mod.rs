@@ -6,6 +6,7 @@ mod hierarchy;
 mod looks;
 mod names;
 mod numbers;
+mod packed;
 mod places;
 mod settings;
 mod structure;
@@ -17,7 +18,7 @@ use crate::Random;
 type Mutation = (&'static str, fn(&mut Draft, &mut Random) -> Option<()>);
 
 /// All changes, by subject: subjects are drawn evenly. What mostly loads stands here twice.
-const SUBJECTS: [&[Mutation]; 12] = [
+const SUBJECTS: [&[Mutation]; 13] = [
     &structure::MUTATIONS,
     &hierarchy::MUTATIONS,
     &accessors::MUTATIONS,
@@ -30,6 +31,7 @@ const SUBJECTS: [&[Mutation]; 12] = [
     &hierarchy::TRANSFORMS,
     &animations::MUTATIONS,
     &looks::MUTATIONS,
+    &packed::MUTATIONS,
 ];
 
 /// Changes the scene one to six times; the names of the changes.

@@ -7,6 +7,10 @@ use std::collections::BTreeSet;
 /// An image for indices that must lead somewhere; no material uses it.
 const PLACEHOLDER: &str = "data:application/octet-stream;base64,";
 
+/// Extensions of textures whose images are read.
+const FORMATS: [(&str, bool); 2] =
+    [("KHR_texture_basisu", cfg!(feature = "basis")), ("EXT_texture_webp", cfg!(feature = "webp"))];
+
 /// Removes textures without an image that can be read from materials (glTF 2.0, 5.29: `source` may be omitted).
 pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normalized) {
     let mut empty = BTreeSet::new();
@@ -38,6 +42,12 @@ pub(super) fn images(root: &mut Value, dry: &BTreeSet<usize>, found: &mut Normal
 
     let mut without = BTreeSet::new();
     for (place, texture) in objects(root, "textures").enumerate() {
+        let formats = FORMATS.into_iter().filter(|(_, is_read)| *is_read);
+        let source = |(name, _)| texture.get("extensions")?.get(name)?.get("source").and_then(index);
+        if let Some(source) = formats.filter_map(source).find(|source| !empty.contains(source)) {
+            let plain = texture.insert("source".into(), json!(source)).as_ref().and_then(index);
+            found.plain_images.extend(plain.filter(|plain| !empty.contains(plain)).map(|plain| (place, plain)));
+        }
         match texture.get("source").map(index) {
             None => {
                 without.insert(place);

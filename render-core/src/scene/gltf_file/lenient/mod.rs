@@ -11,7 +11,7 @@ pub(super) use animations::PointerChannel;
 
 use super::extensions;
 use serde_json::{Map, Value, json};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Results of [`normalize`].
 #[derive(Debug, Default)]
@@ -22,6 +22,8 @@ pub(super) struct Normalized {
     pub pointers: Vec<PointerChannel>,
     /// Names of extensions with an object in the document.
     pub extensions: BTreeSet<String>,
+    /// Images to show where that of a texture, by its index, cannot be read.
+    pub plain_images: BTreeMap<usize, usize>,
     /// The program that wrote the file.
     pub generator: Option<String>,
     /// Buffer views that an accessor, an image or an extension reads.

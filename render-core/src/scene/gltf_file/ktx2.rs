@@ -1,0 +1,74 @@
+//! KTX2 images as `KHR_texture_basisu` allows them: ETC1S with BasisLZ, or UASTC, with Zstandard or without.
+
+use super::guarded;
+use super::image_limits::{Texels, check_claim};
+use basisu::{DecodeFlags, TargetFormat, Transcoder};
+
+/// Positions in the file (KTX 2.0, 3: "File structure").
+const FORMAT: usize = 12;
+const WIDTH: usize = 20;
+const HEIGHT: usize = 24;
+const DEPTH: usize = 28;
+const LAYERS: usize = 32;
+const FACES: usize = 36;
+const LEVELS: usize = 40;
+const SUPERCOMPRESSION: usize = 44;
+const DESCRIPTOR: usize = 48;
+/// Offset and length of keys and values, 4 bytes each.
+const KEYS: std::ops::Range<usize> = 56..64;
+/// Offset and length of the tables that all levels share, 8 bytes each.
+const GLOBAL: usize = 64;
+/// The first level: its offset, its length and its unpacked length, of 8 bytes each.
+const LEVEL: usize = 80;
+/// Bytes with the index of one level.
+const HEADER: usize = 104;
+/// Color models of the data format descriptor (Khronos Data Format 1.4, 5.6).
+const ETC1S: u32 = 163;
+const UASTC: u32 = 166;
+/// Texels along a side of a block, and bytes of a block of UASTC.
+const BLOCK: u32 = 4;
+const BLOCK_BYTES: u64 = 16;
+
+/// Decodes the largest level; others are computed here.
+pub(super) fn decode(mut bytes: Vec<u8>) -> Result<Texels, String> {
+    let [width, height] = checked_size(&bytes)?;
+    // Keys change no texel. Their places are not checked.
+    bytes[KEYS].fill(0);
+    let decoded = guarded(|| {
+        let image = Transcoder::new(&bytes).ok()?;
+        image.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).ok()
+    });
+    let (size, texels) = (width as usize * height as usize, decoded.flatten().unwrap_or_default());
+    if texels.len() != 4 * size {
+        return Err("its KTX2 data is damaged; export it again".into());
+    }
+    Ok((width as usize, height as usize, texels.as_chunks().0.to_vec()))
+}
+
+/// Checks the header and the size that it claims, before memory is taken for it.
+fn checked_size(bytes: &[u8]) -> Result<[u32; 2], String> {
+    if bytes.len() < HEADER {
+        return Err("its KTX2 header was cut short; copy it again".into());
+    }
+    let word = |at: usize| bytes.get(at..at + 4).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let long = |at: usize| u64::from(word(at)) | (u64::from(word(at + 4)) << 32);
+    let (width, height) = (word(WIDTH), word(HEIGHT));
+    if word(DEPTH) > 0 || word(LAYERS) > 0 || word(FACES) != 1 || word(LEVELS) == 0 {
+        return Err("its KTX2 data is no single image; export it as one".into());
+    }
+    let (model, packing) = (word((word(DESCRIPTOR) as usize).saturating_add(12)) & 255, word(SUPERCOMPRESSION));
+    if word(FORMAT) != 0 || ![(ETC1S, 1), (UASTC, 0), (UASTC, 2)].contains(&(model, packing)) {
+        return Err("its KTX2 data is neither ETC1S nor UASTC; export it as one of them".into());
+    }
+    for place in [GLOBAL, LEVEL] {
+        if long(place).checked_add(long(place + 8)).is_none_or(|end| end > bytes.len() as u64) {
+            return Err("its KTX2 data was cut short; copy it again".into());
+        }
+    }
+    check_claim(width, height, bytes.len())?;
+    let blocks = u64::from(width.div_ceil(BLOCK)) * u64::from(height.div_ceil(BLOCK));
+    if packing == 2 && long(LEVEL + 16) != blocks * BLOCK_BYTES {
+        return Err("its KTX2 data unpacks to another size than that of the image; export it again".into());
+    }
+    Ok([width, height])
+}

@@ -1,0 +1,104 @@
+//! Buffer views packed by `EXT_meshopt_compression` and `KHR_meshopt_compression`: the second's bitstreams contain the first's.
+//!
+//! Sections refer to the text of `KHR_meshopt_compression`.
+
+mod attributes;
+mod filters;
+mod indices;
+
+/// Why a stream is refused.
+pub(super) type Fault = &'static str;
+
+/// A stream that ends before its last element.
+const SHORT: Fault = "ends early";
+/// A stream that goes on after its last element.
+const LONG: Fault = "has bytes left over";
+
+/// The bitstream of a view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Mode {
+    Attributes,
+    Triangles,
+    Indices,
+}
+
+/// The change of values after decoding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Filter {
+    None,
+    Octahedral,
+    Quaternion,
+    Exponential,
+    Color,
+}
+
+/// Format of a packed view.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layout {
+    pub mode: Mode,
+    pub filter: Filter,
+    /// Number of elements.
+    pub count: usize,
+    /// Bytes of an element.
+    pub stride: usize,
+}
+
+impl Layout {
+    /// Reads `mode` and `filter`, and checks them ("JSON schema updates").
+    pub fn new(mode: &str, filter: Option<&str>, count: usize, stride: usize) -> Result<Self, Fault> {
+        let mode = match mode {
+            "ATTRIBUTES" => Mode::Attributes,
+            "TRIANGLES" => Mode::Triangles,
+            "INDICES" => Mode::Indices,
+            _ => return Err("is of an unknown mode"),
+        };
+        let filter = match filter.unwrap_or("NONE") {
+            "NONE" => Filter::None,
+            "OCTAHEDRAL" => Filter::Octahedral,
+            "QUATERNION" => Filter::Quaternion,
+            "EXPONENTIAL" => Filter::Exponential,
+            "COLOR" => Filter::Color,
+            _ => return Err("has an unknown filter"),
+        };
+        let strides: &[usize] = match (mode, filter) {
+            (Mode::Attributes, Filter::None | Filter::Exponential) => &[],
+            (Mode::Attributes, Filter::Octahedral | Filter::Color) => &[4, 8],
+            (Mode::Attributes, Filter::Quaternion) => &[8],
+            (_, Filter::None) => &[2, 4],
+            _ => return Err("has a filter, which indices cannot have"),
+        };
+        let is_attribute = strides.is_empty() && stride.is_multiple_of(4) && (4..=256).contains(&stride);
+        if !is_attribute && !strides.contains(&stride) {
+            return Err("has a stride that its mode and filter do not allow");
+        }
+        if mode == Mode::Triangles && !count.is_multiple_of(3) {
+            return Err("has a number of indices that is no multiple of 3");
+        }
+        Ok(Self { mode, filter, count, stride })
+    }
+
+    /// Bytes of the view, once unpacked.
+    pub fn size(&self) -> usize {
+        self.count.saturating_mul(self.stride)
+    }
+
+    /// Unpacks `data`. Memory is taken after a check that `data` may hold so many elements.
+    pub fn unpack(&self, data: &[u8]) -> Result<Vec<u8>, Fault> {
+        let mut out = match self.mode {
+            Mode::Attributes => attributes::decode(data, self.count, self.stride)?,
+            Mode::Triangles => narrowed(indices::triangles(data, self.count)?, self.stride),
+            Mode::Indices => narrowed(indices::sequence(data, self.count)?, self.stride),
+        };
+        filters::apply(self.filter, self.stride, &mut out);
+        Ok(out)
+    }
+}
+
+/// Indices as little-endian numbers of 2 or 4 bytes.
+fn narrowed(indices: Vec<u32>, stride: usize) -> Vec<u8> {
+    if stride == 2 {
+        indices.iter().flat_map(|&index| (index as u16).to_le_bytes()).collect()
+    } else {
+        indices.iter().flat_map(|index| index.to_le_bytes()).collect()
+    }
+}

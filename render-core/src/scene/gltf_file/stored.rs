@@ -1,0 +1,101 @@
+//! Bytes of buffers, read when first needed, and the memory that parts of the document may take.
+
+use super::{LoadError, Loader};
+use std::cell::Cell;
+
+/// Memory that a document may take, as bytes and as a multiple of the bytes that its buffers have: many accessors may point to the
+/// same bytes, each for a mesh of its own, and packed data is smaller than its contents.
+const ALLOWANCE: (usize, usize) = (1 << 28, 256);
+
+/// Memory that parts of a document may still take \[bytes\]; none once a request exceeded it.
+pub(super) struct Allowance(Cell<Option<usize>>);
+
+impl Allowance {
+    /// Whether parts of the document stand for more than a file of this size may.
+    pub fn is_exhausted(&self) -> bool {
+        self.0.get().is_none()
+    }
+
+    /// Takes `bytes`; `None` once it is exhausted.
+    pub fn charge(&self, bytes: usize) -> Option<()> {
+        let left = self.0.get().and_then(|left| left.checked_sub(bytes));
+        self.0.set(left);
+        left.map(|_| ())
+    }
+
+    /// Bytes left.
+    #[cfg(feature = "draco")]
+    pub fn left(&self) -> usize {
+        self.0.get().unwrap_or(0)
+    }
+
+    fn extend(&self, file_bytes: usize) {
+        self.0.set(self.0.get().map(|left| left.saturating_add(file_bytes.saturating_mul(ALLOWANCE.1))));
+    }
+}
+
+/// The buffers of a document.
+pub(super) struct Stored<'a> {
+    loader: &'a Loader<'a>,
+    /// Binary part of the file, until a buffer takes it.
+    blob: Option<&'a [u8]>,
+    held: Vec<Option<Vec<u8>>>,
+    pub allowance: Allowance,
+}
+
+impl<'a> Stored<'a> {
+    /// With none of the buffers read.
+    pub fn new(loader: &'a Loader<'a>, blob: Option<&'a [u8]>) -> Self {
+        Self { loader, blob, held: Vec::new(), allowance: Allowance(Cell::new(Some(ALLOWANCE.0))) }
+    }
+
+    /// The buffer of this index, of which `length` bytes at least must be there; its `uri` is none for the binary part of the file.
+    pub fn read(&mut self, index: usize, uri: Option<&str>, length: usize) -> Result<&[u8], LoadError> {
+        if self.held.len() <= index {
+            self.held.resize(index + 1, None);
+        }
+        if self.held[index].is_none() {
+            let what = format!("buffer {index}");
+            let data = match (uri, self.blob) {
+                (Some(uri), _) => self.loader.resource(&what, uri)?,
+                (None, Some(data)) => {
+                    self.blob = None;
+                    data.to_vec()
+                }
+                (None, None) => {
+                    return self.loader.bad(format!("{what}: the file has no binary part; export it again"));
+                }
+            };
+            if data.len() < length {
+                return self.loader.bad(format!(
+                    "{what} has {} of {length} bytes: the file was cut short; copy it again",
+                    data.len()
+                ));
+            }
+            self.allowance.extend(data.len());
+            self.held[index] = Some(data);
+        }
+        Ok(self.held[index].as_deref().unwrap_or_default())
+    }
+
+    /// Adds a buffer of unpacked data.
+    #[cfg(any(feature = "draco", feature = "meshopt"))]
+    pub fn put(&mut self, index: usize, data: Vec<u8>) {
+        if self.held.len() <= index {
+            self.held.resize(index + 1, None);
+        }
+        self.held[index] = Some(data);
+    }
+
+    /// Whether the file has a binary part.
+    #[cfg(feature = "meshopt")]
+    pub fn has_binary(&self) -> bool {
+        self.blob.is_some() || self.held.first().is_some_and(Option::is_some)
+    }
+
+    /// The bytes of `count` buffers, empty where they were not read, and what is left of the memory.
+    pub fn into_parts(mut self, count: usize) -> (Vec<Vec<u8>>, Allowance) {
+        self.held.resize(count, None);
+        (self.held.into_iter().map(Option::unwrap_or_default).collect(), self.allowance)
+    }
+}
