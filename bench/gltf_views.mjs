@@ -42,6 +42,7 @@ try {
   loader.setMeshoptDecoder(MeshoptDecoder);
   const gltf = await loader.loadAsync("/job/${index}/${encodeURIComponent(basename(job.file))}");
   const root = gltf.scene ?? gltf.scenes[0];
+  if (!root) throw new Error("the file has no scene");
   const scene = new THREE.Scene();
   scene.add(root);
   let lamps = 0;
