@@ -1,4 +1,4 @@
-"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints|rates [--quick|--full] [options].
+"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints|rates|gltf [--quick|--full] [options].
 
 Quick, the default, answers in five minutes on two processors and says how far its figures can be trusted.
 Full makes the tables of the documentation; for bits, larger films.
@@ -14,6 +14,7 @@ import coupling
 import encoders
 import error
 import features
+import gltf
 import importance
 import joints
 import rates
@@ -30,6 +31,7 @@ MEASUREMENTS = {
     "importance": importance,
     "joints": joints,
     "rates": rates,
+    "gltf": gltf,
 }
 
 

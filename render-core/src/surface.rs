@@ -10,7 +10,7 @@ pub use paint::Paint;
 use site::Footprint;
 
 use crate::accel::Hit;
-use crate::scene::{DeformedMesh, Mesh, Pose, Scene, normal_matrix};
+use crate::scene::{DeformedMesh, Material, Mesh, Pose, Scene, normal_matrix};
 use glam::{Affine3A, Mat3A, Vec3, Vec3A, Vec4};
 use std::sync::Arc;
 
@@ -45,6 +45,8 @@ pub struct Surfaces<'a> {
     /// As in the pose: empty where nothing is deformed.
     deformed: Vec<Option<Arc<DeformedMesh>>>,
     moving: Arc<[bool]>,
+    /// As in the pose: empty where none is animated.
+    materials: Arc<[Material]>,
 }
 
 impl std::fmt::Debug for Surfaces<'_> {
@@ -67,7 +69,8 @@ impl<'a> Surfaces<'a> {
         let world: Vec<Affine3A> = instances.map(|instance| scene.instance_world(pose, instance)).collect();
         let normals = world.iter().map(normal_matrix).collect();
         let moving = scene.moving_instances().into();
-        Self { scene, world, normals, deformed: pose.all_deformed().to_vec(), moving }
+        let (deformed, materials) = (pose.all_deformed().to_vec(), pose.animated_materials().clone());
+        Self { scene, world, normals, deformed, moving, materials }
     }
 
     /// Evaluates `hit` for a ray in the unit `direction` whose cone is `width` meters across at the hit.
@@ -128,7 +131,14 @@ impl<'a> Surfaces<'a> {
         self.scene
     }
 
-    /// By instance, whether it ever moves or changes its shape ([`Scene::moving_instances`]).
+    /// The material of an instance at that time.
+    #[must_use]
+    pub fn material(&self, instance: usize) -> &Material {
+        let material = self.mesh(instance).material;
+        self.materials.get(material).unwrap_or(&self.scene.materials[material])
+    }
+
+    /// By instance, whether it ever moves or changes its shape or material ([`Scene::moving_instances`]).
     #[must_use]
     pub fn moving(&self) -> &Arc<[bool]> {
         &self.moving

@@ -8,8 +8,9 @@
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use render_core::scene::{
-    Alpha, Channel, Influence, Interpolation, LightChannel, Material, Mesh, MorphTarget, MorphedNode, Node,
-    PunctualKind, PunctualLight, Scene, SceneSettings, Skin, Skinning, TextureSlot, Track, Transform,
+    Alpha, Channel, Influence, Interpolation, LightChannel, Material, MaterialChannel, MaterialFactors, Mesh,
+    MorphTarget, MorphedNode, Node, PunctualKind, PunctualLight, Scene, SceneSettings, Skin, Skinning, TextureSlot,
+    Track, Transform,
 };
 use xxhash_rust::xxh3::Xxh3;
 
@@ -38,6 +39,8 @@ pub fn fingerprint(scene: &Scene) -> u64 {
         channels: _,
         camera_channels: _,
         light_channels,
+        material_channels,
+        curtains,
         sky,
         settings,
         warnings: _,
@@ -83,6 +86,10 @@ pub fn fingerprint(scene: &Scene) -> u64 {
     if !light_channels.is_empty() {
         hash.each(light_channels, SceneHash::light_channel);
     }
+    if !material_channels.is_empty() {
+        hash.each(material_channels, SceneHash::material_channel);
+    }
+    curtains.iter().for_each(|&node| hash.node(node));
     hash.floats(&[sun.angular_diameter]);
     hash.number(usize::from(sky.is_some()));
     if let Some(sky) = sky {
@@ -264,6 +271,16 @@ impl SceneHash {
         self.list(format!("{property:?}").as_bytes(), |byte| [u32::from(byte)]);
         self.points(&[rest.0]);
         self.floats(&[rest.1, rest.2]);
+        self.channel(keys);
+    }
+
+    fn material_channel(&mut self, MaterialChannel { material, property, rest, keys }: &MaterialChannel) {
+        let MaterialFactors { base_color, emission, ior, specular, shows_sum } = rest;
+        self.number(*material);
+        self.list(format!("{property:?}").as_bytes(), |byte| [u32::from(byte)]);
+        self.points(&[*base_color, emission.0, specular.1]);
+        self.floats(&[emission.1, *ior, specular.0]);
+        self.number(usize::from(*shows_sum));
         self.channel(keys);
     }
 

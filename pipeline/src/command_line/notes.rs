@@ -105,7 +105,7 @@ pub(super) fn mean_luminance(radiance: &Plane<[f32; 3]>) -> f32 {
 pub(super) fn on_dimness(brightest: f32, scene: &Scene) -> Option<String> {
     // Lamps light what is around them, however bright it is outdoors.
     let has_lamps = scene.punctual_lights.iter().any(|light| light.kind != PunctualKind::Directional)
-        || scene.materials.iter().any(|material| material.emits());
+        || scene.extreme_materials().iter().any(|material| material.emits());
     let share = brightest / luminance_outdoors(scene);
     (!has_lamps && share > 0.0 && share < DIM).then(|| {
         format!(

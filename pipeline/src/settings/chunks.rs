@@ -22,7 +22,9 @@ impl FromStr for FrameRange {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let wrong = || Error::Options(format!("\"{text}\" is no range of frames such as 10-19, counted from 0"));
+        let pictures = if text.contains(',') { "; render2mpeg still --frame makes pictures of a list" } else { "" };
+        let wrong =
+            || Error::Options(format!("\"{text}\" is no range of frames such as 10-19, counted from 0{pictures}"));
         let (first, last) = text.split_once('-').unwrap_or((text, text));
         let number = |text: &str| text.trim().parse::<u32>().map_err(|_| wrong());
         let range = Self { first: number(first)?, last: number(last)? };
@@ -86,6 +88,13 @@ mod tests {
 
     fn filled(chunk: Option<u32>, range: &str, frames: u32) -> Result<Option<FrameRange>> {
         checked_range(chunk, Some(range.parse()?), frames)
+    }
+
+    #[test]
+    fn lists_of_frames_lead_to_still() {
+        let message = |text: &str| text.parse::<FrameRange>().unwrap_err().to_string();
+        assert!(message("2,4,10-20").contains("still --frame"), "{}", message("2,4,10-20"));
+        assert!(!message("2-x").contains("still"), "{}", message("2-x"));
     }
 
     #[test]

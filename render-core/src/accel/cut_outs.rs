@@ -11,7 +11,7 @@
 use super::sheets::Sheets;
 use super::triangles::Owner;
 use crate::sampling::hash_unit;
-use crate::scene::{Alpha, Mesh, Pose, Scene, Texture, TextureSlot};
+use crate::scene::{Alpha, Material, Mesh, Pose, Scene, Texture, TextureSlot};
 use glam::{Vec2, Vec3, Vec3A};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -28,7 +28,10 @@ pub(crate) struct CutOuts {
 }
 
 /// The opacity of a mesh. Lists are per triangle, and empty where they are not needed.
+#[derive(Clone)]
 struct Sheet {
+    /// Index of its material where that changes, and the coordinates of its texture before their transform.
+    changing: Option<(usize, Vec<[Vec2; 3]>)>,
     alpha: Alpha,
     opacity: f32,
     texture: Option<Texture>,
@@ -43,14 +46,15 @@ struct Sheet {
 impl CutOuts {
     /// Finds the holes in all instances of `scene`; `None` if there is not one. `pose` tells how large things are.
     pub(super) fn new(scene: &Scene, pose: &Pose, extent: f32) -> Option<Self> {
+        let changing = scene.changing_materials();
         let mut of_mesh: HashMap<usize, Option<Arc<Sheet>>> = HashMap::new();
         let mut far = FarMasks::default();
         let sheets: Vec<Option<(Arc<Sheet>, f32)>> = (0..scene.instances.len())
             .map(|instance| {
                 let index = scene.instances[instance].mesh;
                 let mesh = &scene.meshes[index];
-                let sheet =
-                    of_mesh.entry(index).or_insert_with(|| Sheet::new(scene, mesh, &mut far).map(Arc::new)).clone()?;
+                let new = || Sheet::new(scene, mesh, changing[mesh.material], &mut far).map(Arc::new);
+                let sheet = of_mesh.entry(index).or_insert_with(new).clone()?;
                 // As large as its shape is in the world, compared with its mesh: skins often change the scale.
                 let world = scene.instance_world(pose, instance);
                 let shape = pose.deformed(instance).map_or(&mesh.positions, |bent| &bent.positions);
@@ -61,6 +65,25 @@ impl CutOuts {
             })
             .collect();
         sheets.iter().any(Option::is_some).then_some(Self { sheets })
+    }
+
+    /// The holes with these `materials`; `None` where they are the same.
+    pub(super) fn at(&self, materials: &[Material]) -> Option<Self> {
+        let changes = |(sheet, _): &(Arc<Sheet>, f32)| sheet.changing.is_some();
+        if materials.is_empty() || !self.sheets.iter().flatten().any(changes) {
+            return None;
+        }
+        let sheets = self.sheets.iter().map(|sheet| {
+            let (sheet, cells) = sheet.as_ref()?;
+            let changed = sheet.changing.as_ref().map(|(material, _)| Arc::new(sheet.with(&materials[*material])));
+            Some((changed.unwrap_or_else(|| sheet.clone()), *cells))
+        });
+        Some(Self { sheets: sheets.collect() })
+    }
+
+    /// Whether the holes of `instance` change.
+    pub(super) fn has_changing_holes(&self, instance: usize) -> bool {
+        self.sheets[instance].as_ref().is_some_and(|(sheet, _)| sheet.changing.is_some())
     }
 
     /// Whether rays may pass through parts of `instance`.
@@ -127,7 +150,7 @@ fn diagonal(points: impl Iterator<Item = Vec3A>) -> f32 {
 
 impl Sheet {
     /// `None` for a mesh without holes.
-    fn new(scene: &Scene, mesh: &Mesh, far: &mut FarMasks) -> Option<Self> {
+    fn new(scene: &Scene, mesh: &Mesh, changes: bool, far: &mut FarMasks) -> Option<Self> {
         let material = &scene.materials[mesh.material];
         let needed = match material.alpha {
             Alpha::Opaque => return None,
@@ -141,13 +164,17 @@ impl Sheet {
         });
         let by_vertex = mesh.colors.iter().map(|color| color.w).fold(1.0, f32::min);
         let least = material.opacity * by_vertex * textured.as_ref().map_or(1.0, |(_, t)| t.least_opacity());
-        if least >= needed {
+        if least >= needed && !changes {
             return None;
         }
         let triangles = || mesh.triangles.iter();
         let coordinates = textured.as_ref().map_or_else(Vec::new, |(slot, _)| {
             triangles().map(|t| t.map(|vertex| slot.map(mesh.uvs[slot.uv_set][vertex as usize]))).collect()
         });
+        let of_file = |(slot, _): &(TextureSlot, Texture)| {
+            triangles().map(|t| t.map(|vertex| mesh.uvs[slot.uv_set][vertex as usize])).collect()
+        };
+        let changing = changes.then(|| (mesh.material, textured.as_ref().map_or_else(Vec::new, of_file)));
         let vertex_opacity = if by_vertex < 1.0 {
             triangles().map(|t| t.map(|vertex| mesh.colors[vertex as usize].w)).collect()
         } else {
@@ -158,14 +185,17 @@ impl Sheet {
         } else {
             Vec::new()
         };
-        // Where vertices have opacities of their own, no image holds what is cut.
+        // Where vertices have opacities of their own, or the cutoff changes, no image holds what is cut.
         let far = match (&textured, material.alpha) {
-            (Some((slot, _)), Alpha::Mask { cutoff }) if vertex_opacity.is_empty() && material.opacity > 0.0 => {
+            (Some((slot, _)), Alpha::Mask { cutoff })
+                if vertex_opacity.is_empty() && material.opacity > 0.0 && !changes =>
+            {
                 Some(far.of(scene, slot.texture, cutoff / material.opacity))
             }
             _ => None,
         };
         Some(Self {
+            changing,
             far,
             alpha: material.alpha,
             opacity: material.opacity,
@@ -174,6 +204,17 @@ impl Sheet {
             vertex_opacity,
             places,
         })
+    }
+
+    /// The same mesh with another material.
+    fn with(&self, material: &Material) -> Self {
+        let mut sheet = Self { alpha: material.alpha, opacity: material.opacity, far: None, ..self.clone() };
+        if let (Some(slot), Some((_, of_file))) = (&material.base_color_texture, &self.changing)
+            && self.texture.is_some()
+        {
+            sheet.coordinates = of_file.iter().map(|corners| corners.map(|uv| slot.map(uv))).collect();
+        }
+        sheet
     }
 
     /// Width \[texels\] of an area that is this `share` of the parallelogram of two sides of a triangle.

@@ -38,8 +38,8 @@ impl std::fmt::Debug for Geometry {
 enum Part {
     /// Where it stands in the scaled world.
     Fixed(Placed),
-    /// The tree of a mesh in its own space, and the node that carries it.
-    Carried { group: Arc<Group>, instance: usize, node: usize },
+    /// The tree of a mesh in its own space, and the node that carries it; none for a skin that keeps its shape.
+    Carried { group: Arc<Group>, instance: usize, node: Option<usize> },
     /// Built when it is placed: the instance, and the node it hangs from unless a skin places it.
     Deforming { instance: usize, node: Option<usize> },
 }
@@ -134,13 +134,13 @@ impl Geometry {
 
         let [mut whole, mut masked, mut blended] = [(); 3].map(|()| Soup::default());
         let mut parts = Vec::new();
-        for (index, &Instance { node, mesh }) in scene.instances.iter().enumerate() {
+        for (index, &Instance { mesh, .. }) in scene.instances.iter().enumerate() {
             let to_tree = Affine3A::from_scale(Vec3::splat(scale)) * scene.instance_world(&pose, index);
             if deforming[index] {
-                let node = scene.meshes[mesh].skinning.is_none().then_some(node);
-                parts.push(Part::Deforming { instance: index, node });
+                parts.push(Part::Deforming { instance: index, node: scene.carrier(index) });
             } else if moving[index] {
                 let group = own_tree(index, mesh);
+                let node = scene.carrier(index);
                 parts.extend(group.map(|group| Part::Carried { group, instance: index, node }));
             } else if sharing.shares(scene, &pose, index) {
                 let placed = own_tree(index, mesh).and_then(|group| Placed::carried(group, index, to_tree));
@@ -189,17 +189,25 @@ impl Geometry {
     #[must_use]
     pub fn place(&self, pose: &Pose) -> Accelerator {
         let scaling = Affine3A::from_scale(Vec3::splat(self.scale));
+        // Holes of materials that change are those of the pose.
+        let changed = self.cut_outs.as_ref().and_then(|cut_outs| cut_outs.at(pose.animated_materials()).map(Arc::new));
+        let cut_outs = changed.clone().or(self.cut_outs.clone());
+        let with_holes = |group: &Arc<Group>, instance: usize| match &changed {
+            Some(changed) if changed.has_changing_holes(instance) => Arc::new(group.with_cut_outs(changed.clone())),
+            _ => group.clone(),
+        };
         let placed = |part: &Part| match part {
             Part::Fixed(placed) => Some(placed.clone()),
             Part::Carried { group, instance, node } => {
-                Placed::carried(group.clone(), *instance, scaling * pose.world[*node])
+                let to_tree = node.map_or(scaling, |node| scaling * pose.world[node]);
+                Placed::carried(with_holes(group, *instance), *instance, to_tree)
             }
             Part::Deforming { instance, node } => {
                 let bent = pose.deformed(*instance)?;
                 let to_tree = node.map_or(scaling, |node| scaling * pose.world[node]);
                 let mut own = Soup::default();
                 own.add(*instance, &to_tree, (0..bent.triangles.len()).map(|t| bent.corners(t)));
-                let holes = self.cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(*instance));
+                let holes = cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(*instance));
                 own.group(BvhBuildParams::fast_build(), holes, &self.sides).map(Placed::in_world)
             }
         };

@@ -128,6 +128,13 @@ impl Group {
         Self { tree, blocks, owners, bounds, cut_outs, is_blended }
     }
 
+    /// The same triangles with other holes.
+    pub(super) fn with_cut_outs(&self, cut_outs: Arc<CutOuts>) -> Self {
+        let Self { tree, blocks, owners, bounds, is_blended, .. } = self;
+        let (tree, blocks, owners) = (tree.clone(), blocks.clone(), owners.clone());
+        Self { tree, blocks, owners, bounds: *bounds, cut_outs: Some(cut_outs), is_blended: *is_blended }
+    }
+
     /// The triangles of a leaf of the tree.
     #[inline(always)]
     pub(super) fn leaf(&self, content: u32) -> Leaf<'_> {

@@ -40,8 +40,9 @@ pub(super) struct AllSides(Vec<Sides>);
 
 impl AllSides {
     pub(super) fn new(scene: &Scene, pose: &Pose) -> Self {
+        let materials = scene.extreme_materials();
         let sides = scene.instances.iter().enumerate().map(|(index, instance)| {
-            let material = &scene.materials[scene.meshes[instance.mesh].material];
+            let material = &materials[scene.meshes[instance.mesh].material];
             let mirrored = scene.instance_world(pose, index).matrix3.determinant() < 0.0;
             Sides { double_sided: material.double_sided, glows: material.emits(), mirrored }
         });

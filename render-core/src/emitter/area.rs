@@ -67,9 +67,7 @@ pub struct AreaSample {
 
 impl AreaLight {
     pub(super) fn new(surfaces: &Surfaces, instance: usize) -> Option<Self> {
-        let scene = surfaces.scene();
-        let mesh = &scene.meshes[scene.instances[instance].mesh];
-        let material = &scene.materials[mesh.material];
+        let material = surfaces.material(instance);
         if !material.emits() || material.unlit {
             return None;
         }

@@ -149,7 +149,7 @@ pub(super) struct Pieces {
 pub(super) fn pieces(surfaces: &Surfaces, instance: usize) -> Pieces {
     let scene = surfaces.scene();
     let mesh = &scene.meshes[scene.instances[instance].mesh];
-    let glow = Glow { scene, mesh, material: &scene.materials[mesh.material] };
+    let glow = Glow { scene, mesh, material: surfaces.material(instance) };
     let patches = panels(surfaces, instance, &glow);
     let panels = patches.len();
 

@@ -42,6 +42,16 @@ pub struct Channel {
     pub interpolation: Interpolation,
 }
 
+impl Track {
+    /// The numbers of weights; none of other tracks.
+    pub(super) fn weights(&self) -> &[f32] {
+        match self {
+            Self::Weights(keys) => keys,
+            _ => &[],
+        }
+    }
+}
+
 impl Channel {
     /// Writes the value at `time` into `transform`; before the first and after the last key these hold.
     pub fn apply(&self, time: f32, transform: &mut Transform) {

@@ -221,6 +221,14 @@ impl View {
         }
     }
 
+    /// Least and greatest depth of some points along the axis \[m\], and the depths that are shown.
+    pub(super) fn depths_of(&self, points: &[Vec3A]) -> (f32, f32, DepthRange) {
+        let depths = points.iter().map(|&point| -self.camera_from_world.transform_point3a(point).z);
+        let (nearest, farthest) =
+            depths.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), depth| (low.min(depth), high.max(depth)));
+        (nearest, farthest, self.depths)
+    }
+
     /// Width and height of the picture \[pixels\].
     #[must_use]
     pub fn size(&self) -> Vec2 {

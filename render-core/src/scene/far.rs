@@ -16,8 +16,11 @@ impl Scene {
         let Some((min, max)) = self.bounds(&self.pose(0.0)) else { return };
         let Some(middle) = far_middle(min.into(), max.into()) else { return };
         self.move_far_meshes();
-        for node in self.nodes.iter_mut().filter(|node| node.parent.is_none()) {
-            node.rest.translation -= middle;
+        for (index, node) in self.nodes.iter_mut().enumerate() {
+            // A curtain hides in place: the joints of its mesh move.
+            if node.parent.is_none() && self.curtains.binary_search(&index).is_err() {
+                node.rest.translation -= middle;
+            }
         }
         for channel in self.channels.iter_mut().filter(|channel| self.nodes[channel.node].parent.is_none()) {
             let Track::Translation(keys) = &mut channel.track else { continue };

@@ -52,6 +52,8 @@ pub enum LightProperty {
     InnerCone,
     /// Angle where nothing is left of a spot \[rad\].
     OuterCone,
+    /// Visibility of the light's node or one above it: 1 or 0.
+    Visibility,
 }
 
 /// The animation of a punctual light.
@@ -89,6 +91,7 @@ impl Scene {
                 (LightProperty::OuterCone, PunctualKind::Spot { outer, .. }) => {
                     *outer = number[0].clamp(0.0, FRAC_PI_2)
                 }
+                (LightProperty::Visibility, _) if number[0] == 0.0 => part.2 = 0.0,
                 _ => {}
             }
             let (color, intensity, factor) = *part;

@@ -49,7 +49,7 @@ pub enum Alpha {
 /// A surface.
 ///
 /// Of glTF's metallic-roughness model all is here but occlusion textures: they stand for light that is computed here.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Name in the file, or empty.
     pub name: String,

@@ -3,12 +3,14 @@
 mod animation;
 mod backdrop;
 mod camera;
+mod clipped;
 mod deform;
 mod far;
 mod files;
 mod gltf_file;
 mod light;
 mod material;
+mod material_animation;
 mod mesh;
 mod setting;
 mod settings;
@@ -25,6 +27,7 @@ pub use files::{Origin, Reach};
 pub use gltf_file::{EXTENSIONS, Extension, GltfSource, LoadError, Support, extension_table, load, load_with};
 pub use light::{LightChannel, LightProperty, PunctualKind, PunctualLight};
 pub use material::{Alpha, Material, TextureSlot, UV_SETS};
+pub use material_animation::{MaterialChannel, MaterialFactors, MaterialProperty, SlotName};
 pub(crate) use mesh::interpolate as mesh_interpolate;
 pub use mesh::{Influence, Mesh, MorphTarget, Skinning};
 pub use setting::Setting;
@@ -113,6 +116,10 @@ pub struct Scene {
     pub camera_channels: Vec<CameraChannel>,
     /// The animation of punctual lights.
     pub light_channels: Vec<LightChannel>,
+    /// The animation of materials.
+    pub material_channels: Vec<MaterialChannel>,
+    /// Nodes, in ascending order, whose scale hides meshes with a skin; these hang from no other node's place.
+    pub curtains: Vec<usize>,
     /// Light from all around, if the scene has any.
     pub sky: Option<Environment>,
     /// Settings from the TOML file beside the scene.
@@ -148,6 +155,8 @@ pub struct Pose {
     cameras: Vec<Camera>,
     /// The punctual lights of the scene, or none at all where none is animated.
     lights: Vec<PunctualLight>,
+    /// The materials of the scene, or none at all where none is animated.
+    materials: Arc<[Material]>,
 }
 
 impl Pose {
@@ -160,6 +169,11 @@ impl Pose {
     #[must_use]
     pub fn punctual_lights<'a>(&'a self, scene: &'a Scene) -> &'a [PunctualLight] {
         if self.lights.is_empty() { &scene.punctual_lights } else { &self.lights }
+    }
+
+    /// The materials of its scene at that time; none at all where none is animated.
+    pub(crate) fn animated_materials(&self) -> &Arc<[Material]> {
+        &self.materials
     }
 
     /// The vertices of an instance with a skin or morph targets; others are as their mesh says.
@@ -183,15 +197,22 @@ impl Scene {
             world.push(node.parent.map_or(matrix, |parent| world[parent] * matrix));
         }
         let deformed = self.deformed_meshes(&world, time);
-        Pose { world, deformed, cameras: self.cameras_at(time), lights: self.lights_at(time) }
+        let (cameras, lights) = (self.cameras_at(time), self.lights_at(time));
+        Pose { world, deformed, cameras, lights, materials: self.materials_at(time) }
     }
 
     /// World from the space of an instance's vertices. A skin places vertices by its joints alone: the node that the mesh
     /// hangs from does not count (glTF 2.0, 3.7.3.1).
     #[must_use]
     pub fn instance_world(&self, pose: &Pose, instance: usize) -> Affine3A {
+        self.carrier(instance).map_or(Affine3A::IDENTITY, |node| pose.world[node])
+    }
+
+    /// The node whose transform places an instance; none for one that a skin places, but for nodes that hide it.
+    pub(crate) fn carrier(&self, instance: usize) -> Option<usize> {
         let Instance { node, mesh } = self.instances[instance];
-        if self.meshes[mesh].skinning.is_some() { Affine3A::IDENTITY } else { pose.world[node] }
+        let is_placed = self.meshes[mesh].skinning.is_none() || self.curtains.binary_search(&node).is_ok();
+        is_placed.then_some(node)
     }
 
     /// For each node, whether its place in the world changes with time.
@@ -216,14 +237,16 @@ impl Scene {
         moving
     }
 
-    /// For each instance, whether its place or its shape changes with time.
+    /// For each instance, whether its place, its shape or its material changes with time.
     #[must_use]
     pub fn moving_instances(&self) -> Vec<bool> {
-        let (moving, deforming) = (self.moving_nodes(), self.deforming_instances());
-        let moves = |(instance, deforms): (&Instance, bool)| {
-            deforms || (moving[instance.node] && self.meshes[instance.mesh].skinning.is_none())
+        let (moving, deforming, changing) =
+            (self.moving_nodes(), self.deforming_instances(), self.changing_materials());
+        let moves = |(index, deforms): (usize, bool)| {
+            let is_carried = self.carrier(index).is_some_and(|node| moving[node]);
+            deforms || is_carried || changing[self.meshes[self.instances[index].mesh].material]
         };
-        self.instances.iter().zip(deforming).map(moves).collect()
+        deforming.into_iter().enumerate().map(moves).collect()
     }
 
     /// Seconds until the last key of the animation; 0 without one.
@@ -231,7 +254,14 @@ impl Scene {
     pub fn duration(&self) -> f32 {
         let lenses = self.camera_channels.iter().map(|channel| &channel.keys);
         let lights = self.light_channels.iter().map(|channel| &channel.keys);
-        let ends = self.channels.iter().chain(lenses).chain(lights).filter_map(|channel| channel.times.last());
+        let materials = self.material_channels.iter().map(|channel| &channel.keys);
+        let ends = self
+            .channels
+            .iter()
+            .chain(lenses)
+            .chain(lights)
+            .chain(materials)
+            .filter_map(|channel| channel.times.last());
         ends.fold(0.0, |longest, &time| longest.max(time))
     }
 

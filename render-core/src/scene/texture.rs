@@ -61,7 +61,8 @@ impl Encoding {
         }
     }
 
-    fn code(self, c: f32) -> u8 {
+    /// Code value of a number, 0…1.
+    pub(super) fn code(self, c: f32) -> u8 {
         let c = c.clamp(0.0, 1.0);
         let e = match self {
             Encoding::Linear => c,

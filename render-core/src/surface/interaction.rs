@@ -84,7 +84,7 @@ impl<'a> Interaction<'a> {
     ) -> Self {
         let instance = hit.instance as usize;
         let mesh = surfaces.mesh(instance);
-        let material = &surfaces.scene.materials[mesh.material];
+        let material = surfaces.material(instance);
         let world = &surfaces.world[instance];
         let corners = surfaces.corners(instance, hit.triangle as usize);
         let [a, b, c] = corners;

@@ -27,7 +27,7 @@ impl Surfaces<'_> {
     pub fn paint(&self, hit: &Hit, width: f32) -> Paint {
         let (instance, triangle) = (hit.instance as usize, hit.triangle as usize);
         let mesh = self.mesh(instance);
-        let material = &self.scene.materials[mesh.material];
+        let material = self.material(instance);
         let corners = self.corners(instance, triangle);
         let [a, b, c] = corners;
         let outward = (b - a).cross(c - a).try_normalize().unwrap_or(Vec3A::Y);

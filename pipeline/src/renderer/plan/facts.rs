@@ -39,7 +39,9 @@ pub(super) struct Facts<'a> {
 impl<'a> Facts<'a> {
     pub fn new(scene: &Scene, settings: &'a RenderSettings) -> Self {
         let (moving, moving_instances) = (scene.moving_nodes(), scene.moving_instances());
-        let material = |instance: &Instance| &scene.materials[scene.meshes[instance.mesh].material];
+        // A material that changes has all properties that it has at any time.
+        let materials = scene.extreme_materials();
+        let material = |instance: &Instance| &materials[scene.meshes[instance.mesh].material];
         let count = |holds: &dyn Fn(&Instance) -> bool| scene.instances.iter().filter(|one| holds(one)).count();
         let reflects = |instance: &Instance| {
             let material = material(instance);
@@ -148,7 +150,8 @@ fn may_be_smooth(material: &Material) -> bool {
 /// Whether a light or something that glows moves.
 pub(crate) fn lamp_moves(scene: &Scene) -> bool {
     let (nodes, instances) = (scene.moving_nodes(), scene.moving_instances());
-    let glows = |one: &Instance| scene.materials[scene.meshes[one.mesh].material].emits();
+    let materials = scene.extreme_materials();
+    let glows = |one: &Instance| materials[scene.meshes[one.mesh].material].emits();
     scene.punctual_lights.iter().any(|light| nodes[light.node])
         || scene.instances.iter().zip(instances).any(|(one, moves)| moves && glows(one))
 }

@@ -3,10 +3,11 @@
 use crate::renderer::frame::Frame;
 use glam::{Affine3A, BVec3A, Vec3, Vec3A};
 use render_core::GBuffer;
-use render_core::scene::{DeformedMesh, Scene};
+use render_core::Surfaces;
+use render_core::scene::{DeformedMesh, Material};
 use std::sync::Arc;
 
-/// Where an instance that moves is, and in what shape.
+/// Place, shape and material of an instance that moves.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Place {
     world: Affine3A,
@@ -15,6 +16,8 @@ pub(super) struct Place {
     high: Vec3A,
     /// Its vertices, where these are bent.
     shape: Option<Arc<DeformedMesh>>,
+    /// Its material, where any is animated.
+    material: Option<Material>,
 }
 
 /// The box around an instance that moves.
@@ -39,8 +42,7 @@ pub(super) struct Movement {
 impl Movement {
     /// Movement to `frame` from the frame before, where the instances were at these places.
     pub fn to(frame: &Frame, before: &[Option<Place>]) -> Self {
-        let scene = frame.surfaces.scene();
-        let places = places(scene, frame.surfaces.moving(), &frame.seen, before);
+        let places = places(&frame.surfaces, &frame.seen, before);
         Self { swept: swept(before, &places), is_any: before != places, places }
     }
 
@@ -57,7 +59,8 @@ impl Movement {
 }
 
 /// Where the instances that move are in the picture `seen`; what keeps its shape keeps its box from `before`.
-fn places(scene: &Scene, moving: &[bool], seen: &GBuffer, before: &[Option<Place>]) -> Vec<Option<Place>> {
+fn places(surfaces: &Surfaces, seen: &GBuffer, before: &[Option<Place>]) -> Vec<Option<Place>> {
+    let scene = surfaces.scene();
     let around = |positions: &[Vec3]| {
         let empty = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         positions.iter().fold(empty, |(low, high), &p| (low.min(p.into()), high.max(p.into())))
@@ -70,9 +73,10 @@ fn places(scene: &Scene, moving: &[bool], seen: &GBuffer, before: &[Option<Place
             (None, Some(known)) => known,
             (None, None) => around(&scene.meshes[scene.instances[index].mesh].positions),
         };
-        moves.then_some(Place { world: seen.world[index], low, high, shape })
+        let material = (!scene.material_channels.is_empty()).then(|| surfaces.material(index).clone());
+        moves.then_some(Place { world: seen.world[index], low, high, shape, material })
     };
-    moving.iter().enumerate().map(place).collect()
+    surfaces.moving().iter().enumerate().map(place).collect()
 }
 
 /// Around what is elsewhere, or otherwise, than before: at both places.

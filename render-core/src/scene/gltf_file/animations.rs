@@ -2,10 +2,14 @@
 
 use super::accessor::Buffers;
 use super::lenient::PointerChannel;
+use super::materials::{self, SPECULAR_GLOSSINESS};
 use super::nodes::NodeOf;
 use super::pointers::{self, Target};
 use super::{LoadError, Loader, Source};
-use crate::scene::{CameraChannel, Channel, Interpolation, LightChannel, LightProperty, Scene, Track};
+use crate::scene::{
+    CameraChannel, Channel, Interpolation, LightChannel, LightProperty, MaterialChannel, MaterialFactors,
+    MaterialProperty, Scene, SlotName, Track,
+};
 use glam::{Quat, Vec3};
 use gltf::animation::Property;
 use std::collections::HashSet;
@@ -66,7 +70,7 @@ impl Loader<'_> {
 
         let morphed_places = scene.morphed_places();
         let weights_of = |node| morphed_places.get(&node).map(|&place| scene.morphed_nodes[place].weights.len());
-        let (mut channels, mut lenses, mut lights) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut channels, mut lenses, mut lights, mut materials) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (target, sampler) in targets {
             let keys = Keys { sampler, buffers: source.buffers };
             match target {
@@ -87,6 +91,18 @@ impl Loader<'_> {
                     for node in node_of.hiding(index) {
                         channels.extend(self.visibility(&place, node, &keys)?);
                     }
+                    for (light, of_file) in node_of.lights_below(index, scene) {
+                        let Some(channel) = self.visibility(&place, scene.punctual_lights[light].node, &keys)? else {
+                            continue;
+                        };
+                        let Some(rest) = source.light(of_file) else { continue };
+                        let keys = as_numbers(channel);
+                        lights.push(LightChannel { light, property: LightProperty::Visibility, rest, keys });
+                    }
+                }
+                Target::Hint => {}
+                Target::Material(index, property) => {
+                    materials.extend(self.material_channels((index, property), source, node_of, &keys)?);
                 }
                 Target::Light(index, property) => {
                     let place = format!("animation of light {index}");
@@ -95,9 +111,7 @@ impl Loader<'_> {
                         _ => Property::MorphTargetWeights,
                     };
                     let keys = self.channel(&place, 0, (&keys, kind), Some(1))?;
-                    let light = source.document.lights().and_then(|mut lights| lights.nth(index));
-                    let (Some(keys), Some(light)) = (keys, light) else { continue };
-                    let rest = (Vec3::from(light.color()), light.intensity(), source.lamps);
+                    let (Some(keys), Some(rest)) = (keys, source.light(index)) else { continue };
                     for light in node_of.lights(index) {
                         let keys = Channel { node: scene.punctual_lights[light].node, ..keys.clone() };
                         lights.push(LightChannel { light, property, rest, keys });
@@ -117,7 +131,52 @@ impl Loader<'_> {
         scene.channels.extend(channels);
         scene.camera_channels.extend(lenses);
         scene.light_channels.extend(lights);
+        scene.material_channels.extend(materials);
         Ok(())
+    }
+
+    /// The keys of a property of a material, and of the copy that points and lines have; none where there is no such material.
+    fn material_channels(
+        &self,
+        (index, property): (usize, MaterialProperty),
+        source: Source,
+        node_of: &NodeOf,
+        keys: &Keys,
+    ) -> Result<Vec<MaterialChannel>, LoadError> {
+        let place = format!("animation of material {index}");
+        let Some(material) = source.document.materials().nth(index) else { return Ok(Vec::new()) };
+        // The older model is shown instead of these factors.
+        let is_older = material.extension_value(SPECULAR_GLOSSINESS).is_some();
+        let is_replaced = matches!(
+            property,
+            MaterialProperty::BaseColor
+                | MaterialProperty::Metallic
+                | MaterialProperty::Roughness
+                | MaterialProperty::Offset(SlotName::BaseColor | SlotName::MetallicRoughness)
+                | MaterialProperty::Rotation(SlotName::BaseColor | SlotName::MetallicRoughness)
+                | MaterialProperty::Scale(SlotName::BaseColor | SlotName::MetallicRoughness)
+        );
+        if is_older && is_replaced {
+            return Ok(Vec::new());
+        }
+        let (output, buffers) = (keys.sampler.output(), keys.buffers);
+        let numbers: Option<Vec<f32>> = match property.width() {
+            1 => buffers.floats::<1>(&output).map(|list| list.concat()),
+            2 => buffers.floats::<2>(&output).map(|list| list.concat()),
+            3 => buffers.floats::<3>(&output).map(|list| list.concat()),
+            _ => buffers.floats::<4>(&output).map(|list| list.concat()),
+        };
+        let Some(numbers) = numbers else {
+            return self.bad(format!("{place} needs keys of {} numbers each", property.width()));
+        };
+        let keys = self.timed(&place, (0, keys), Track::Weights(numbers), property.width())?;
+        let rest = materials::factors(&material);
+        let mut channels = vec![MaterialChannel { material: index, property, rest, keys: keys.clone() }];
+        if let Some(&copy) = node_of.unlit.get(&index) {
+            let rest = MaterialFactors { shows_sum: true, ..rest };
+            channels.push(MaterialChannel { material: copy, property, rest, keys });
+        }
+        Ok(channels)
     }
 
     /// The visibility of a node as the scale of one that hides it: 1 or 0, until the next key.
@@ -146,11 +205,6 @@ impl Loader<'_> {
         weights: Option<usize>,
     ) -> Result<Option<Channel>, LoadError> {
         let Keys { sampler, buffers } = keys;
-        let interpolation = match sampler.interpolation() {
-            gltf::animation::Interpolation::Step => Interpolation::Step,
-            gltf::animation::Interpolation::Linear => Interpolation::Linear,
-            gltf::animation::Interpolation::CubicSpline => Interpolation::CubicSpline,
-        };
         let output = sampler.output();
         let vectors = || buffers.floats::<3>(&output).map(|keys| keys.into_iter().map(Vec3::from).collect());
         let track = match property {
@@ -163,10 +217,7 @@ impl Loader<'_> {
                 buffers.floats::<1>(&output).map(|keys| Track::Weights(keys.into_iter().flatten().collect()))
             }
         };
-        let (Some(times), Some(track)) = (buffers.floats::<1>(&sampler.input()), track) else {
-            return self.bad(format!("{place} has no keys"));
-        };
-        let times: Vec<f32> = times.into_iter().flatten().collect();
+        let Some(track) = track else { return self.bad(format!("{place} has no keys")) };
         let width = match &track {
             Track::Weights(_) => match weights {
                 Some(weights) => weights,
@@ -174,6 +225,27 @@ impl Loader<'_> {
             },
             _ => 1,
         };
+        self.timed(place, (node, keys), track, width).map(Some)
+    }
+
+    /// A track with the times of its keys, checked; each key has `width` weights.
+    fn timed(
+        &self,
+        place: &str,
+        (node, keys): (usize, &Keys),
+        track: Track,
+        width: usize,
+    ) -> Result<Channel, LoadError> {
+        let Keys { sampler, buffers } = keys;
+        let interpolation = match sampler.interpolation() {
+            gltf::animation::Interpolation::Step => Interpolation::Step,
+            gltf::animation::Interpolation::Linear => Interpolation::Linear,
+            gltf::animation::Interpolation::CubicSpline => Interpolation::CubicSpline,
+        };
+        let Some(times) = buffers.floats::<1>(&sampler.input()) else {
+            return self.bad(format!("{place} has no keys"));
+        };
+        let times: Vec<f32> = times.into_iter().flatten().collect();
         let (keys, finite) = match &track {
             Track::Translation(keys) | Track::Scale(keys) => (keys.len(), keys.iter().all(|k| k.is_finite())),
             Track::Rotation(keys) => (keys.len(), keys.iter().all(|k| k.is_finite())),
@@ -184,7 +256,24 @@ impl Loader<'_> {
         if times.is_empty() || keys < times.len() * per_key || !finite || !ascending {
             return self.bad(format!("{place}: keys must be finite, ascending in time, and one value each"));
         }
-        Ok(Some(Channel { node, times, track, interpolation }))
+        Ok(Channel { node, times, track, interpolation })
+    }
+}
+
+/// The visibility of a node as numbers.
+fn as_numbers(channel: Channel) -> Channel {
+    let track = match channel.track {
+        Track::Scale(keys) => Track::Weights(keys.into_iter().map(|scale| scale.x).collect()),
+        track => track,
+    };
+    Channel { track, ..channel }
+}
+
+impl Source<'_> {
+    /// Color and intensity of a light of the file, and the factor on their product.
+    fn light(&self, index: usize) -> Option<(Vec3, f32, f32)> {
+        let light = self.document.lights()?.nth(index)?;
+        Some((Vec3::from(light.color()), light.intensity(), self.lamps))
     }
 }
 

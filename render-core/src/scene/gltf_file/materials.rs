@@ -2,27 +2,44 @@
 //!
 //! Occlusion textures are left out on purpose: they stand for light that a rasteriser cannot compute, and we do.
 
-use crate::scene::{Alpha, Material, TextureSlot, UV_SETS};
+use super::specular_glossiness::{OlderFactors, coincide};
+use crate::scene::{Alpha, Material, MaterialFactors, TextureSlot, UV_SETS};
 use glam::{Vec2, Vec3};
 use serde_json::Value;
+use std::collections::BTreeMap;
 
-/// Index of refraction where a file gives none (`KHR_materials_ior`): F0 = 4 %.
-const DEFAULT_IOR: f32 = 1.5;
-
-/// The older of two material models.
-const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
+/// The older of two material models, which is shown where a material has both.
+pub(super) const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 
 /// All materials in the file's order, and after them the default one for primitives without; what is left out of them, as
 /// a line each.
-pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Vec<String>) {
+///
+/// Those of the older model with textures come with their factors: until textures are converted, their slots have the images of
+/// the file.
+pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec<String>) {
     let mut left_out = [false; 3];
     let mut materials: Vec<Material> = Vec::new();
+    let mut older = Older::new();
     for source in document.materials() {
         let specular = source.specular();
         left_out[0] |= specular.is_some_and(|s| s.specular_texture().or(s.specular_color_texture()).is_some());
-        let older = source.extension_value(SPECULAR_GLOSSINESS);
-        left_out[2] |= older.is_some_and(|older| older.get("specularGlossinessTexture").is_some());
         let mut material = material(&source);
+        if let Some((glossy, factors)) = source.extension_value(SPECULAR_GLOSSINESS).and_then(glossy) {
+            if material.base_color_texture.as_ref().is_none_or(|diffuse| coincide(diffuse, &glossy)) {
+                // Factors are in the texels.
+                material = Material {
+                    metallic_roughness_texture: Some(glossy),
+                    base_color: Vec3::ONE,
+                    metallic: 1.0,
+                    roughness: 1.0,
+                    dielectric_f0: Vec3::splat(0.04),
+                    ..material
+                };
+                older.insert(materials.len(), factors);
+            } else {
+                left_out[2] = true;
+            }
+        }
         for slot in material.slots_mut() {
             left_out[1] |= slot.uv_set >= UV_SETS;
             slot.uv_set = slot.uv_set.min(UV_SETS - 1);
@@ -34,11 +51,14 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Vec<String
     let notes = [
         "specular textures are left out, their factors are not",
         "of texture coordinates the sets 0 to 3 are read",
-        "textures of specular and glossiness are left out, their factors are not",
+        "textures of specular and glossiness whose coordinates differ from those of the diffuse texture are left out",
     ];
     let warnings = notes.iter().zip(left_out).filter(|(_, met)| *met).map(|(note, _)| note.to_string()).collect();
-    (materials, warnings)
+    (materials, older, warnings)
 }
+
+/// Factors of materials of the older model whose textures are to be converted, by number.
+pub(super) type Older = BTreeMap<usize, OlderFactors>;
 
 fn material(source: &gltf::Material) -> Material {
     let material = metallic_roughness(source);
@@ -50,22 +70,39 @@ fn material(source: &gltf::Material) -> Material {
 
 /// The material by `KHR_materials_pbrSpecularGlossiness`, which comes before the other model: a diffuse base below a coat.
 fn specular_glossiness(material: Material, extension: &Value) -> Material {
-    let number = |name: &str, place: usize| extension.get(name)?.get(place)?.as_f64();
-    let factor = |name: &str, place: usize| number(name, place).map_or(1.0, |x| x as f32).clamp(0.0, 1.0);
-    let color = |name: &str| Vec3::from([0, 1, 2].map(|place| factor(name, place)));
-    let glossiness = extension.get("glossinessFactor").and_then(Value::as_f64).map_or(1.0, |x| x as f32);
-    let specular = color("specularFactor");
+    let OlderFactors { diffuse, specular, glossiness } = older_factors(extension);
     Material {
         // "c_diff = diffuse.rgb * (1 - max(specular.r, specular.g, specular.b))"
-        base_color: color("diffuseFactor") * (1.0 - specular.max_element()),
+        base_color: diffuse * (1.0 - specular.max_element()),
         base_color_texture: extension.get("diffuseTexture").and_then(slot_of),
         metallic: 0.0,
-        roughness: 1.0 - glossiness.clamp(0.0, 1.0),
+        roughness: 1.0 - glossiness,
         metallic_roughness_texture: None,
         dielectric_f0: specular,
-        opacity: factor("diffuseFactor", 3),
+        opacity: factor(extension, "diffuseFactor", 3),
         ..material
     }
+}
+
+/// The texture of specular and glossiness, and the factors with it.
+fn glossy(extension: &Value) -> Option<(TextureSlot, OlderFactors)> {
+    Some((extension.get("specularGlossinessTexture").and_then(slot_of)?, older_factors(extension)))
+}
+
+fn older_factors(extension: &Value) -> OlderFactors {
+    let color = |name: &str| Vec3::from([0, 1, 2].map(|place| factor(extension, name, place)));
+    let glossiness = extension.get("glossinessFactor").and_then(Value::as_f64).map_or(1.0, |x| x as f32);
+    OlderFactors {
+        diffuse: color("diffuseFactor"),
+        specular: color("specularFactor"),
+        glossiness: glossiness.clamp(0.0, 1.0),
+    }
+}
+
+/// A number of a list, 0…1; 1 where it is not given.
+fn factor(extension: &Value, name: &str, place: usize) -> f32 {
+    let number = || extension.get(name)?.get(place)?.as_f64();
+    number().map_or(1.0, |x| x as f32).clamp(0.0, 1.0)
 }
 
 fn metallic_roughness(source: &gltf::Material) -> Material {
@@ -85,7 +122,7 @@ fn metallic_roughness(source: &gltf::Material) -> Material {
         roughness: unit(pbr.roughness_factor()),
         metallic_roughness_texture: pbr.metallic_roughness_texture().map(slot),
         normal_texture: source.normal_texture().map(normal_slot),
-        dielectric_f0: dielectric_f0(source),
+        dielectric_f0: factors(source).dielectric_f0(),
         opacity: unit(opacity),
         alpha: match source.alpha_mode() {
             gltf::material::AlphaMode::Opaque => Alpha::Opaque,
@@ -99,18 +136,18 @@ fn metallic_roughness(source: &gltf::Material) -> Material {
     }
 }
 
-/// Reflectance at normal incidence: `KHR_materials_ior` and `KHR_materials_specular`, "Implementation".
-fn dielectric_f0(source: &gltf::Material) -> Vec3 {
-    let ior = source.ior().filter(|ior| ior.is_finite() && *ior >= 1.0);
-    // An index of 0 stands for "reflects all", for the sake of older material models.
-    let f0 = match source.ior() {
-        Some(0.0) => 1.0,
-        _ => ((ior.unwrap_or(DEFAULT_IOR) - 1.0) / (ior.unwrap_or(DEFAULT_IOR) + 1.0)).powi(2),
-    };
-    let (factor, color) =
-        source.specular().map_or((1.0, Vec3::ONE), |s| (s.specular_factor(), Vec3::from(s.specular_color_factor())));
-    let f0 = (color * f0).min(Vec3::ONE) * factor;
-    if f0.is_finite() { f0.clamp(Vec3::ZERO, Vec3::ONE) } else { Vec3::splat(0.04) }
+/// The factors that a material has only as products.
+pub(super) fn factors(source: &gltf::Material) -> MaterialFactors {
+    let [r, g, b, _] = source.pbr_metallic_roughness().base_color_factor();
+    let specular = source.specular();
+    MaterialFactors {
+        base_color: Vec3::new(r, g, b),
+        emission: (source.emissive_factor().into(), source.emissive_strength().unwrap_or(1.0)),
+        // An index that is no number is the default.
+        ior: source.ior().unwrap_or(f32::NAN),
+        specular: specular.map_or((1.0, Vec3::ONE), |s| (s.specular_factor(), Vec3::from(s.specular_color_factor()))),
+        shows_sum: false,
+    }
 }
 
 fn slot(info: gltf::texture::Info) -> TextureSlot {

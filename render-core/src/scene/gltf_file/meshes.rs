@@ -16,7 +16,6 @@ impl Loader<'_> {
         let Source { document, buffers, .. } = source;
         let mut read: HashMap<(usize, Option<usize>), std::ops::Range<usize>> = HashMap::new();
         let mut skin_of: HashMap<usize, usize> = HashMap::new();
-        let mut unlit_of: HashMap<usize, usize> = HashMap::new();
         let mut has_strokes = false;
         for node in document.nodes() {
             let (Some(&index), Some(mesh)) = (node_of.get(&node.index()), node.mesh()) else { continue };
@@ -31,7 +30,7 @@ impl Loader<'_> {
                 for primitive in mesh.primitives() {
                     let Drawn { mut mesh, sources } = self.primitive(&mesh, &primitive, source, scene)?;
                     if sources.is_some() && primitive.get(&Semantic::Normals).is_none() {
-                        mesh.material = unlit(mesh.material, &mut unlit_of, &mut scene.materials);
+                        mesh.material = unlit(mesh.material, node_of, &mut scene.materials);
                     }
                     has_strokes |= sources.is_some();
                     scene.meshes.push(mesh);
@@ -65,7 +64,8 @@ impl Loader<'_> {
             }
             let meshes = read[&key].clone();
             let copies = self.copies(&node, index, (document, buffers), scene)?;
-            let places = node_of.hide(index, copies.unwrap_or(index..index + 1).collect(), scene);
+            let is_skinned = meshes.clone().any(|mesh| scene.meshes[mesh].skinning.is_some());
+            let places = node_of.hide(index, copies.unwrap_or(index..index + 1).collect(), is_skinned, scene);
             let targets = meshes.clone().map(|mesh| scene.meshes[mesh].morph_targets.len()).max().unwrap_or(0);
             if targets > 0 {
                 buffers.charge(targets.saturating_mul(size_of::<f32>()));
@@ -207,8 +207,8 @@ struct Drawn {
 
 /// A copy of a material that shows its color without light, as points and lines without normals do (glTF 2.0, 3.9.5: "the sum of
 /// the base color value and the emissive value").
-fn unlit(material: usize, unlit_of: &mut HashMap<usize, usize>, materials: &mut Vec<Material>) -> usize {
-    *unlit_of.entry(material).or_insert_with(|| {
+fn unlit(material: usize, node_of: &mut NodeOf, materials: &mut Vec<Material>) -> usize {
+    *node_of.unlit.entry(material).or_insert_with(|| {
         let lit = &materials[material];
         let base_color = (lit.base_color + lit.emission).min(Vec3::ONE);
         materials.push(Material { base_color, unlit: true, emission: Vec3::ZERO, ..lit.clone() });

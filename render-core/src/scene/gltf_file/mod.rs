@@ -23,6 +23,7 @@ mod packed;
 mod pointers;
 mod skins;
 mod source;
+mod specular_glossiness;
 mod stored;
 mod strokes;
 mod textures;
@@ -136,16 +137,17 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
     if scene.triangle_count() == 0 {
         scene.warnings.push("the scene has no surface: a picture shows nothing but the sky".into());
     }
+    let materials = scene.extreme_materials();
     // A sky that the author has described, a black one too, is the author's choice.
     let lit = settings_have_sky
         || !scene.punctual_lights.is_empty()
-        || scene.instances.iter().any(|i| scene.materials[scene.meshes[i.mesh].material].is_lamp());
+        || scene.instances.iter().any(|i| materials[scene.meshes[i.mesh].material].is_lamp());
     if !lit {
         scene.sky = Environment::gradient(Gradient::PLAIN);
         scene.warnings.push("the scene has no lamp: a plain white sky lights it".into());
     }
-    let note = scene.backdrop_note();
-    scene.warnings.extend(note);
+    let notes = [scene.backdrop_note(), scene.clipped_note()];
+    scene.warnings.extend(notes.into_iter().flatten());
     Ok(scene)
 }
 
@@ -285,7 +287,7 @@ impl Loader<'_> {
             }
         }
         let mut node_of = self.nodes(&document, (lamps, &blinking), &mut scene)?;
-        let (materials, notes) = materials::materials(&document);
+        let (materials, older, notes) = materials::materials(&document);
         scene.materials = materials;
         scene.warnings.extend(notes);
         let glow = |material: &Material| material.emission.max_element();
@@ -309,7 +311,7 @@ impl Loader<'_> {
             return self.bad("its accessors stand for far more numbers than the file has bytes for; export it again");
         }
         read?;
-        self.textures(&document, &buffers, &found.plain_images, &mut scene)?;
+        self.textures(source, &found.plain_images, &older, &mut scene)?;
         lamps::give_radius(&mut scene, settings.light.lamp_radius);
         Ok(scene)
     }

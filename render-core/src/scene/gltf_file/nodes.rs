@@ -26,6 +26,8 @@ pub(super) struct NodeOf {
     showing: HashMap<usize, Vec<usize>>,
     /// Nodes whose scale is the visibility of a glTF node.
     hiding: HashMap<usize, Vec<usize>>,
+    /// Copies of materials that points and lines have, by material.
+    pub unlit: HashMap<usize, usize>,
 }
 
 impl NodeOf {
@@ -59,15 +61,34 @@ impl NodeOf {
         self.hiding.get(&index).cloned().unwrap_or_default()
     }
 
-    /// Replaces nodes that show the mesh of `node` by ones below them, which scale it to nothing while it is hidden.
-    pub fn hide(&mut self, node: usize, shown: Vec<usize>, scene: &mut Scene) -> Vec<usize> {
+    /// Our lights that hang from a glTF node, or from one below it, and the glTF light of each.
+    pub fn lights_below(&self, index: usize, scene: &Scene) -> Vec<(usize, usize)> {
+        let mut below = Vec::new();
+        for (&source, lights) in &self.lights {
+            let hides = |light: &&usize| self.hidden_by[scene.punctual_lights[**light].node].contains(&index);
+            below.extend(lights.iter().filter(hides).map(|&light| (light, source)));
+        }
+        below.sort_unstable();
+        below
+    }
+
+    /// Replaces nodes that show the mesh of `node` by ones below them, which scale it to nothing while it is hidden. Nodes of a mesh
+    /// with a skin hang from no other: its place is that of its joints.
+    pub fn hide(&mut self, node: usize, shown: Vec<usize>, is_skinned: bool, scene: &mut Scene) -> Vec<usize> {
         let mut shown = shown;
-        for &index in &self.hidden_by[node] {
+        for (level, &index) in self.hidden_by[node].iter().enumerate() {
             for place in &mut shown {
-                scene.nodes.push(Node { name: String::new(), parent: Some(*place), rest: Transform::IDENTITY });
+                let is_apart = is_skinned && level == 0;
+                let name = if is_apart { scene.nodes[node].name.clone() } else { String::new() };
+                let parent = (!is_apart).then_some(*place);
+                scene.nodes.push(Node { name, parent, rest: Transform::IDENTITY });
                 *place = scene.nodes.len() - 1;
                 self.hiding.entry(index).or_default().push(*place);
             }
+        }
+        if is_skinned && !self.hidden_by[node].is_empty() {
+            // New nodes come last, so the list ascends.
+            scene.curtains.extend(&shown);
         }
         self.showing.insert(node, shown.clone());
         shown

@@ -1,6 +1,6 @@
 //! Properties that `KHR_animation_pointer` animates.
 
-use crate::scene::{CameraProperty, LightProperty};
+use crate::scene::{CameraProperty, LightProperty, MaterialProperty, SlotName};
 use gltf::animation::Property;
 
 /// A property of the document.
@@ -14,6 +14,10 @@ pub(super) enum Target {
     Light(usize, LightProperty),
     /// Visibility of a node with all below it.
     Visible(usize),
+    /// A material.
+    Material(usize, MaterialProperty),
+    /// A hint that changes no picture here.
+    Hint,
 }
 
 /// The property of a JSON pointer; `None` for those that are left out.
@@ -32,12 +36,47 @@ pub(super) fn target(pointer: &str) -> Option<Target> {
         ("lights", "intensity") if short.is_some() => Target::Light(index, LightProperty::Intensity),
         ("lights", "spot/innerConeAngle") if short.is_some() => Target::Light(index, LightProperty::InnerCone),
         ("lights", "spot/outerConeAngle") if short.is_some() => Target::Light(index, LightProperty::OuterCone),
+        // "range": "a hint defining a distance cutoff"; light here reaches as far as it does.
+        ("lights", "range") if short.is_some() => Target::Hint,
+        ("materials", path) => Target::Material(index, of_material(path)?),
         ("cameras", "perspective/yfov") => Target::Camera(index, CameraProperty::FieldOfView),
         ("cameras", "perspective/aspectRatio") => Target::Camera(index, CameraProperty::Aspect),
         ("cameras", "orthographic/ymag") => Target::Camera(index, CameraProperty::HalfHeight),
         ("cameras", "orthographic/xmag") => Target::Camera(index, CameraProperty::HalfWidth),
         ("cameras", "perspective/znear" | "orthographic/znear") => Target::Camera(index, CameraProperty::Near),
         ("cameras", "perspective/zfar" | "orthographic/zfar") => Target::Camera(index, CameraProperty::Far),
+        _ => return None,
+    })
+}
+
+/// The property of a material at the end of a JSON pointer.
+fn of_material(path: &str) -> Option<MaterialProperty> {
+    if let Some((texture, part)) = path.split_once("/extensions/KHR_texture_transform/") {
+        let slot = match texture {
+            "pbrMetallicRoughness/baseColorTexture" => SlotName::BaseColor,
+            "pbrMetallicRoughness/metallicRoughnessTexture" => SlotName::MetallicRoughness,
+            "normalTexture" => SlotName::Normal,
+            "emissiveTexture" => SlotName::Emission,
+            _ => return None,
+        };
+        return match part {
+            "offset" => Some(MaterialProperty::Offset(slot)),
+            "rotation" => Some(MaterialProperty::Rotation(slot)),
+            "scale" => Some(MaterialProperty::Scale(slot)),
+            _ => None,
+        };
+    }
+    Some(match path {
+        "pbrMetallicRoughness/baseColorFactor" => MaterialProperty::BaseColor,
+        "pbrMetallicRoughness/metallicFactor" => MaterialProperty::Metallic,
+        "pbrMetallicRoughness/roughnessFactor" => MaterialProperty::Roughness,
+        "emissiveFactor" => MaterialProperty::Emission,
+        "normalTexture/scale" => MaterialProperty::NormalScale,
+        "alphaCutoff" => MaterialProperty::AlphaCutoff,
+        "extensions/KHR_materials_emissive_strength/emissiveStrength" => MaterialProperty::EmissionStrength,
+        "extensions/KHR_materials_ior/ior" => MaterialProperty::Ior,
+        "extensions/KHR_materials_specular/specularFactor" => MaterialProperty::Specular,
+        "extensions/KHR_materials_specular/specularColorFactor" => MaterialProperty::SpecularColor,
         _ => return None,
     })
 }

@@ -1,4 +1,7 @@
 //! Points and lines as thin bodies: rays meet surfaces alone.
+//!
+//! A disc that faces the camera would have no place: shadows, reflections and photons see it from other sides. An octahedron takes
+//! eight triangles, is as wide along all three axes, and looks the same to all of them.
 
 use glam::Vec3;
 use gltf::mesh::Mode;

@@ -3,8 +3,10 @@
 use super::accessor::Buffers;
 use super::image_decoder::decode;
 use super::image_limits::Texels;
-use super::{LoadError, Loader};
-use crate::scene::{Encoding, Scene, Texture, Wrap};
+use super::materials::Older;
+use super::specular_glossiness::{self, OlderFactors};
+use super::{LoadError, Loader, Source};
+use crate::scene::{Encoding, Material, Scene, Texture, TextureSlot, Wrap};
 use std::collections::{BTreeMap, HashMap};
 
 /// Most texels of all textures together, 2 GB of them: a few bytes may stand for a large image, and many textures for one file.
@@ -15,55 +17,31 @@ impl Loader<'_> {
     /// color and data is held twice: its mip levels differ.
     pub(super) fn textures(
         &self,
-        document: &gltf::Document,
-        buffers: &Buffers,
+        Source { document, buffers, .. }: Source,
         plain_images: &BTreeMap<usize, usize>,
+        older: &Older,
         scene: &mut Scene,
     ) -> Result<(), LoadError> {
-        let images: Vec<gltf::Image> = document.images().collect();
         let mut shown = vec![false; scene.materials.len()];
         for instance in &scene.instances {
             shown[scene.meshes[instance.mesh].material] = true;
         }
-        let files: Vec<gltf::Texture> = document.textures().collect();
-        let mut texels = 0;
-        let mut place_of: HashMap<(usize, [Wrap; 2], Encoding, bool), usize> = HashMap::new();
-        let Scene { materials, textures, warnings, .. } = scene;
-        for (material, _) in materials.iter_mut().zip(shown).filter(|(_, shown)| *shown) {
-            let color = [&mut material.base_color_texture, &mut material.emission_texture].into_iter().flatten();
-            let data = material.metallic_roughness_texture.iter_mut();
-            let data = data.chain(material.normal_texture.iter_mut().map(|(slot, _)| slot));
-            let slots = color.map(|slot| (slot, Encoding::Srgb)).chain(data.map(|slot| (slot, Encoding::Linear)));
-            for (slot, encoding) in slots {
-                let Some(texture) = files.get(slot.texture) else { return self.bad("a texture index is out of range") };
-                let key = (texture.source().index(), wrap(texture), encoding, is_blocky(texture));
-                slot.texture = match place_of.get(&key) {
-                    Some(&place) => place,
-                    None => {
-                        let plain = plain_images.get(&texture.index()).and_then(|&plain| images.get(plain));
-                        let (width, height, colors) = match (self.image(&texture.source(), buffers), plain) {
-                            (Err(error), Some(plain)) => {
-                                warnings.push(format!("{}; image {} is shown", without_path(&error), plain.index()));
-                                self.image(plain, buffers)?
-                            }
-                            (read, _) => read?,
-                        };
-                        let read = Texture::with_encoding(width, height, colors, wrap(texture), encoding);
-                        let read = if is_blocky(texture) { read.blocky() } else { read };
-                        let size = read.size();
-                        texels += size.x as usize * size.y as usize;
-                        if texels > MOST_TEXELS {
-                            return self.bad(format!(
-                                "its images have more than {MOST_TEXELS} texels together; make them smaller"
-                            ));
-                        }
-                        textures.push(read);
-                        place_of.insert(key, textures.len() - 1);
-                        textures.len() - 1
-                    }
-                };
-            }
+        let mut reading = Reading {
+            loader: self,
+            buffers,
+            files: document.textures().collect(),
+            images: document.images().collect(),
+            plain_images,
+            textures: Vec::new(),
+            place_of: HashMap::new(),
+            texels: 0,
+            notes: Vec::new(),
+        };
+        for (index, material) in scene.materials.iter_mut().enumerate().filter(|(index, _)| shown[*index]) {
+            reading.material(material, older.get(&index).copied())?;
         }
+        scene.textures = reading.textures;
+        scene.warnings.extend(reading.notes);
         Ok(())
     }
 
@@ -81,6 +59,109 @@ impl Loader<'_> {
             return self.bad(format!("{what} is empty"));
         }
         Ok(texels)
+    }
+}
+
+/// A texture that differs in one of these is another: its image, its continuation, its meaning, and its borders of texels.
+type Key = (usize, [Wrap; 2], Encoding, bool);
+
+/// The textures of a document, as far as they are read.
+struct Reading<'a> {
+    loader: &'a Loader<'a>,
+    buffers: &'a Buffers,
+    files: Vec<gltf::Texture<'a>>,
+    images: Vec<gltf::Image<'a>>,
+    /// Images to show where that of a texture is damaged, by texture.
+    plain_images: &'a BTreeMap<usize, usize>,
+    textures: Vec<Texture>,
+    place_of: HashMap<Key, usize>,
+    /// Texels of all textures.
+    texels: usize,
+    notes: Vec<String>,
+}
+
+impl<'a> Reading<'a> {
+    /// Reads the textures of a material; those of the `older` model are converted together.
+    fn material(&mut self, material: &mut Material, older: Option<OlderFactors>) -> Result<(), LoadError> {
+        let Material { base_color_texture, metallic_roughness_texture, emission_texture, .. } = material;
+        let rough = match (older, *metallic_roughness_texture) {
+            (Some(factors), Some(glossy)) => {
+                let [base, rough] = self.converted([*base_color_texture, Some(glossy)], factors)?;
+                *base_color_texture = Some(TextureSlot { texture: self.add(base)?, ..glossy });
+                *metallic_roughness_texture = Some(TextureSlot { texture: self.add(rough)?, ..glossy });
+                None
+            }
+            _ => {
+                self.place(base_color_texture.as_mut(), Encoding::Srgb)?;
+                metallic_roughness_texture.as_mut()
+            }
+        };
+        self.place(emission_texture.as_mut(), Encoding::Srgb)?;
+        self.place(rough, Encoding::Linear)?;
+        self.place(material.normal_texture.as_mut().map(|(slot, _)| slot), Encoding::Linear)
+    }
+
+    /// Gives a slot the number of its decoded image.
+    fn place(&mut self, slot: Option<&mut TextureSlot>, encoding: Encoding) -> Result<(), LoadError> {
+        let Some(slot) = slot else { return Ok(()) };
+        let file = self.file(slot)?;
+        let key = (file.source().index(), wrap(&file), encoding, is_blocky(&file));
+        slot.texture = match self.place_of.get(&key) {
+            Some(&place) => place,
+            None => {
+                let read = self.texture(&file, encoding)?;
+                let place = self.add(read)?;
+                self.place_of.insert(key, place);
+                place
+            }
+        };
+        Ok(())
+    }
+
+    fn file(&self, slot: &TextureSlot) -> Result<gltf::Texture<'a>, LoadError> {
+        self.files.get(slot.texture).cloned().map_or_else(|| self.loader.bad("a texture index is out of range"), Ok)
+    }
+
+    /// Adds a texture; returns its place.
+    fn add(&mut self, texture: Texture) -> Result<usize, LoadError> {
+        let size = texture.size();
+        self.texels += size.x as usize * size.y as usize;
+        if self.texels > MOST_TEXELS {
+            let what = format!("its images have more than {MOST_TEXELS} texels together; make them smaller");
+            return self.loader.bad(what);
+        }
+        self.textures.push(texture);
+        Ok(self.textures.len() - 1)
+    }
+
+    /// Decodes a texture of the file, or the plain image that it has besides, if its own is damaged.
+    fn texture(&mut self, file: &gltf::Texture, encoding: Encoding) -> Result<Texture, LoadError> {
+        let plain = self.plain_images.get(&file.index()).and_then(|&plain| self.images.get(plain));
+        let (width, height, texels) = match (self.loader.image(&file.source(), self.buffers), plain) {
+            (Err(error), Some(plain)) => {
+                self.notes.push(format!("{}; image {} is shown", without_path(&error), plain.index()));
+                self.loader.image(plain, self.buffers)?
+            }
+            (read, _) => read?,
+        };
+        let read = Texture::with_encoding(width, height, texels, wrap(file), encoding);
+        Ok(if is_blocky(file) { read.blocky() } else { read })
+    }
+
+    /// Textures of base color, and of metalness and roughness, of these diffuse and glossy slots of the older model.
+    fn converted(&mut self, slots: [Option<TextureSlot>; 2], factors: OlderFactors) -> Result<[Texture; 2], LoadError> {
+        let mut images = [None, None];
+        let (mut wraps, mut blocky) = ([Wrap::Repeat; 2], false);
+        for (image, slot) in images.iter_mut().zip(slots) {
+            let Some(slot) = slot else { continue };
+            let file = self.file(&slot)?;
+            *image = Some(self.texture(&file, Encoding::Srgb)?);
+            (wraps, blocky) = (wrap(&file), is_blocky(&file));
+        }
+        let [diffuse, glossy] = images;
+        let Some(glossy) = glossy else { return self.loader.bad("a texture index is out of range") };
+        let made = specular_glossiness::textures(diffuse.as_ref(), &glossy, factors, wraps);
+        Ok(if blocky { made.map(Texture::blocky) } else { made })
     }
 }
 

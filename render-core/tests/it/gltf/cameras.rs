@@ -1,6 +1,6 @@
 //! Cameras: the depths between which they show surfaces, and the shape of their pictures.
 
-use super::file::File;
+use super::file::{File, notes};
 use glam::{Vec3, Vec3A, vec3};
 use render_core::scene::{DepthRange, Scene};
 use render_core::{GBuffer, Geometry, PosedScene, Surfaces};
@@ -90,4 +90,23 @@ fn pictures_of_any_shape_show_all_of_the_view() {
             assert!(inside(pixel.x, width) && inside(pixel.y, height), "{pixel} of {width}x{height}");
         }
     }
+}
+
+/// Squares lie 1, 2 and 3 m away: a `znear` beyond all of them, or a `zfar` before, shows nothing. Some of them are enough.
+#[test]
+fn cameras_that_cut_the_whole_scene_off_are_named() {
+    for (near, far, nearer, beyond) in
+        [(0.1, 100.0, 0, 0), (1.5, 100.0, 0, 0), (2.9, 2.95, 0, 0), (3.5, 100.0, 1, 0), (0.1, 0.5, 0, 1)]
+    {
+        let scene =
+            three_squares(json!({ "type": "perspective", "perspective": { "yfov": 0.5, "znear": near, "zfar": far } }));
+        let found = (notes(&scene, "nearer than its znear"), notes(&scene, "beyond its zfar"));
+        assert_eq!(found, (nearer, beyond), "{near} to {far}: {:?}", scene.warnings);
+    }
+    // What is behind the camera is no matter of depths.
+    let mut file = File::square();
+    file.json["nodes"][0]["translation"] = json!([0.0, 0.0, 5.0]);
+    file.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 0.5, "znear": 9.0 } }]);
+    file.node(json!({ "camera": 0 }));
+    assert_eq!(notes(&file.load(), "shows no surface"), 0);
 }

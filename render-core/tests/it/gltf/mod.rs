@@ -4,6 +4,7 @@ mod blender;
 mod cameras;
 mod extensions;
 mod file;
+mod material_pointers;
 mod packed;
 mod parts;
 mod pointers;

@@ -2,7 +2,7 @@
 
 use super::file::{File, notes};
 use glam::{Quat, Vec3, Vec3A, vec3};
-use render_core::scene::{PunctualKind, Scene};
+use render_core::scene::{PunctualKind, Scene, TextureSlot};
 use serde_json::{Value, json};
 
 /// `KHR_node_visibility`: "When visible is false, the node and all its children" are not shown: meshes and lights, not cameras.
@@ -111,6 +111,42 @@ fn the_older_material_model_is_converted() {
     // Defaults: all factors 1, a mirror without a diffuse base.
     let mirror = &scene.materials[1];
     assert_eq!((mirror.base_color, mirror.dielectric_f0, mirror.roughness), (Vec3::ZERO, Vec3::ONE, 0.0));
+}
+
+/// Khronos' conversion of specular and glossiness, texel by texel: base color, metalness and roughness by its formula, computed apart.
+#[test]
+fn textures_of_the_older_model_are_converted() {
+    let mut file = File::square();
+    // One diffuse texel, sRGB 188, 137, 225 and half opaque; a black specular texel of glossiness 64 / 255 beside a gold one of 1.
+    file.json["images"] = json!([
+        { "uri": "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR4nGPY0/mwAQAG0gKnuUAV2QAAAABJRU5ErkJggg==" },
+        { "uri": "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAYAAAD0In+KAAAAEUlEQVR4nGNgYGBw+Hy65j8ACW0Deohp1wQAAAAASUVORK5CYII=" },
+    ]);
+    file.json["textures"] = json!([{ "source": 0 }, { "source": 1 }]);
+    let older = |diffuse: Value| {
+        json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": {
+            "glossinessFactor": 0.5, "diffuseTexture": diffuse, "specularGlossinessTexture": { "index": 1 } } } })
+    };
+    file.json["materials"] = json!([older(json!({ "index": 0 })), older(json!({ "index": 0, "texCoord": 1 }))]);
+    file.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    let scene = file.load();
+    let material = &scene.materials[0];
+    assert_eq!((material.base_color, material.metallic, material.roughness), (Vec3::ONE, 1.0, 1.0));
+    assert_eq!(material.dielectric_f0, Vec3::splat(0.04));
+    let look = |slot: TextureSlot, u: f32| scene.textures[slot.texture].sample(glam::vec2(u, 0.5), 1.0);
+    for (u, base, metallic, roughness) in [
+        (0.25, vec3(0.5238, 0.2606, 0.7843), 0.0, 1.0 - 0.5 * 64.0 / 255.0),
+        (0.75, vec3(0.9423, 0.6093, 0.344), 0.9366, 0.5),
+    ] {
+        let found = look(material.base_color_texture.unwrap(), u);
+        assert!((found.color - base).abs().max_element() < 0.005, "{} at {u}", found.color);
+        assert!((found.opacity - 128.0 / 255.0).abs() < 1e-3);
+        let data = look(material.metallic_roughness_texture.unwrap(), u).color;
+        // Half a code value.
+        assert!((data.z - metallic).abs() < 0.0021 && (data.y - roughness).abs() < 0.0021, "{data} at {u}");
+    }
+    // With coordinates of their own the two textures have no texels in common.
+    assert_eq!(notes(&scene, "coordinates differ from those of the diffuse texture"), 1, "{:?}", scene.warnings);
 }
 
 /// Candela and lux of Blender's exporter are 683 times watts: `PBR_WATTS_TO_LUMENS` of its source.

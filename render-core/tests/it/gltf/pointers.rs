@@ -157,7 +157,9 @@ fn other_pointers_are_named() {
     file.clip(
         "a",
         &[
-            (target("/materials/0/emissiveFactor"), keys),
+            (target("/materials/0/occlusionTexture/strength"), keys),
+            (target("/materials/0/extensions/KHR_materials_clearcoat/clearcoatFactor"), keys),
+            // A hint that no picture here depends on.
             (target("/extensions/KHR_lights_punctual/lights/0/range"), keys),
             (target("/cameras/0/perspective/yfov"), keys),
             (target("nonsense"), keys),

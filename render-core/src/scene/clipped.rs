@@ -1,0 +1,29 @@
+//! Cameras whose depths leave the whole scene out.
+
+use super::{Around, Scene};
+
+/// Moments of the animation at which a camera is looked through.
+const MOMENTS: usize = 5;
+
+impl Scene {
+    /// A note where the camera that films shows no surface at any time, as all are nearer than its `znear` or beyond its `zfar`.
+    pub(super) fn clipped_note(&self) -> Option<String> {
+        let camera = self.filming_camera()?;
+        let (mut too_near, mut too_far) = (true, true);
+        for moment in 0..MOMENTS {
+            let pose = self.pose(self.duration() * moment as f32 / (MOMENTS - 1) as f32);
+            let (low, high) = self.bounds(&pose)?;
+            let (nearest, farthest, depths) = self.view(&pose, 1, 1).depths_of(&Around { low, high }.corners());
+            // What is behind the camera is out of view, and no matter of its depths.
+            too_near &= farthest > 0.0 && farthest < depths.near;
+            too_far &= nearest > depths.far;
+        }
+        let (name, depths) = (&camera.name, camera.depths);
+        let cut = match (too_near, too_far) {
+            (true, _) => format!("nearer than its znear of {} m", depths.near),
+            (_, true) => format!("beyond its zfar of {} m", depths.far),
+            _ => return None,
+        };
+        Some(format!("the camera \"{name}\" shows no surface: all are {cut}"))
+    }
+}

@@ -1,0 +1,220 @@
+//! Materials that change with time.
+
+use super::light::STRONGEST;
+use super::{Alpha, Channel, Material, Scene, TextureSlot};
+use glam::{Vec2, Vec3};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A texture of a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SlotName {
+    /// The texture of the base color.
+    BaseColor,
+    /// The texture of metalness and roughness.
+    MetallicRoughness,
+    /// The texture of normals.
+    Normal,
+    /// The texture of the emission.
+    Emission,
+}
+
+/// An animated property of a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum MaterialProperty {
+    /// Linear RGB reflectance and opacity.
+    BaseColor,
+    /// Factor of metalness.
+    Metallic,
+    /// Factor of roughness.
+    Roughness,
+    /// Linear RGB factor of the emission.
+    Emission,
+    /// Factor on the emission \[W·m⁻²·sr⁻¹\].
+    EmissionStrength,
+    /// Factor on x and y of the normals of a texture.
+    NormalScale,
+    /// Least opacity that is not a hole.
+    AlphaCutoff,
+    /// Index of refraction.
+    Ior,
+    /// Factor of the reflectance at normal incidence.
+    Specular,
+    /// Linear RGB factor of the same.
+    SpecularColor,
+    /// `KHR_texture_transform`: offset of the coordinates.
+    Offset(SlotName),
+    /// `KHR_texture_transform`: rotation of the coordinates \[rad\].
+    Rotation(SlotName),
+    /// `KHR_texture_transform`: scale of the coordinates.
+    Scale(SlotName),
+}
+
+impl MaterialProperty {
+    /// Numbers of a value: 1 to 4.
+    #[must_use]
+    pub fn width(self) -> usize {
+        match self {
+            Self::BaseColor => 4,
+            Self::Emission | Self::SpecularColor => 3,
+            Self::Offset(_) | Self::Scale(_) => 2,
+            _ => 1,
+        }
+    }
+}
+
+/// Factors of the file that a [`Material`] has only as products.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MaterialFactors {
+    /// Linear RGB reflectance.
+    pub base_color: Vec3,
+    /// Linear RGB factor of the emission, and the factor on it \[W·m⁻²·sr⁻¹\].
+    pub emission: (Vec3, f32),
+    /// Index of refraction; 0 reflects all.
+    pub ior: f32,
+    /// Factor of the reflectance at normal incidence, and its linear RGB factor.
+    pub specular: (f32, Vec3),
+    /// Whether the surface shows the sum of base color and emission, as points and lines do.
+    pub shows_sum: bool,
+}
+
+/// The animation of a material.
+#[derive(Clone, Debug)]
+pub struct MaterialChannel {
+    /// Index into the scene's materials.
+    pub material: usize,
+    /// The property.
+    pub property: MaterialProperty,
+    /// Factors of the file.
+    pub rest: MaterialFactors,
+    /// Its values, as weights: [`MaterialProperty::width`] for each key.
+    pub keys: Channel,
+}
+
+impl Scene {
+    /// The materials at `time` seconds; none where no material is animated. Values that no material can have are clamped.
+    pub(super) fn materials_at(&self, time: f32) -> Arc<[Material]> {
+        self.animated_materials(|channel, value| channel.keys.apply_weights(time, value))
+    }
+
+    /// The materials with `value` of each channel; none where no material is animated.
+    fn animated_materials(&self, value: impl Fn(&MaterialChannel, &mut [f32])) -> Arc<[Material]> {
+        if self.material_channels.is_empty() {
+            return Arc::default();
+        }
+        let mut materials = self.materials.clone();
+        let mut factors: HashMap<usize, MaterialFactors> = HashMap::new();
+        for channel in &self.material_channels {
+            let mut numbers = [0.0; 4];
+            value(channel, &mut numbers[..channel.property.width()]);
+            let factors = factors.entry(channel.material).or_insert(channel.rest);
+            materials[channel.material].set(channel.property, numbers, factors);
+        }
+        materials.into()
+    }
+
+    /// For each material, whether it changes with time.
+    pub(crate) fn changing_materials(&self) -> Vec<bool> {
+        let mut changing = vec![false; self.materials.len()];
+        for channel in &self.material_channels {
+            changing[channel.material] |= channel.keys.changes();
+        }
+        changing
+    }
+
+    /// Each material as it is at its brightest and smoothest: with the largest value of all keys for each factor, and the least
+    /// roughness.
+    #[must_use]
+    pub fn extreme_materials(&self) -> Vec<Material> {
+        if self.material_channels.is_empty() {
+            return self.materials.clone();
+        }
+        let extreme = |channel: &MaterialChannel, value: &mut [f32]| {
+            let keys = channel.keys.track.weights();
+            let smallest = channel.property == MaterialProperty::Roughness;
+            for (place, number) in value.iter_mut().enumerate() {
+                let own = keys.iter().skip(place).step_by(channel.property.width()).copied();
+                let found = if smallest { own.reduce(f32::min) } else { own.reduce(f32::max) };
+                *number = found.unwrap_or(0.0);
+            }
+        };
+        self.animated_materials(extreme).to_vec()
+    }
+}
+
+impl Material {
+    /// Changes a property to the first of these numbers, with the other `factors` of the file.
+    fn set(&mut self, property: MaterialProperty, [x, y, z, w]: [f32; 4], factors: &mut MaterialFactors) {
+        let unit = |x: f32| if x.is_finite() { x.clamp(0.0, 1.0) } else { 1.0 };
+        let vector = Vec3::new(x, y, z);
+        match property {
+            MaterialProperty::BaseColor => (factors.base_color, self.opacity) = (vector, unit(w)),
+            MaterialProperty::Metallic => self.metallic = unit(x),
+            MaterialProperty::Roughness => self.roughness = unit(x),
+            MaterialProperty::Emission => factors.emission.0 = vector,
+            MaterialProperty::EmissionStrength => factors.emission.1 = x,
+            MaterialProperty::NormalScale => {
+                if let Some((_, scale)) = &mut self.normal_texture {
+                    *scale = x;
+                }
+            }
+            MaterialProperty::AlphaCutoff => {
+                if let Alpha::Mask { cutoff } = &mut self.alpha {
+                    *cutoff = x;
+                }
+            }
+            MaterialProperty::Ior => factors.ior = x,
+            MaterialProperty::Specular => factors.specular.0 = x,
+            MaterialProperty::SpecularColor => factors.specular.1 = vector,
+            MaterialProperty::Offset(name) => self.move_slot(name, |(offset, ..)| *offset = Vec2::new(x, y)),
+            MaterialProperty::Rotation(name) => self.move_slot(name, |(_, rotation, _)| *rotation = x),
+            MaterialProperty::Scale(name) => self.move_slot(name, |(.., scale)| *scale = Vec2::new(x, y)),
+        }
+
+        // Products of factors.
+        match property {
+            MaterialProperty::Ior | MaterialProperty::Specular | MaterialProperty::SpecularColor => {
+                self.dielectric_f0 = factors.dielectric_f0();
+            }
+            MaterialProperty::BaseColor | MaterialProperty::Emission | MaterialProperty::EmissionStrength => {
+                let emission = factors.emission.0 * factors.emission.1;
+                let emission = if emission.is_finite() { emission } else { Vec3::ZERO };
+                let emission = emission.clamp(Vec3::ZERO, Vec3::splat(STRONGEST));
+                let shown = if factors.shows_sum { factors.base_color + emission } else { factors.base_color };
+                self.base_color = shown.clamp(Vec3::ZERO, Vec3::ONE);
+                self.emission = if factors.shows_sum { Vec3::ZERO } else { emission };
+            }
+            _ => {}
+        }
+    }
+
+    /// Changes the transform of a texture, which is the identity where the file has none.
+    fn move_slot(&mut self, name: SlotName, change: impl Fn(&mut (Vec2, f32, Vec2))) {
+        let slot: Option<&mut TextureSlot> = match name {
+            SlotName::BaseColor => self.base_color_texture.as_mut(),
+            SlotName::MetallicRoughness => self.metallic_roughness_texture.as_mut(),
+            SlotName::Normal => self.normal_texture.as_mut().map(|(slot, _)| slot),
+            SlotName::Emission => self.emission_texture.as_mut(),
+        };
+        if let Some(slot) = slot {
+            change(slot.transform.get_or_insert((Vec2::ZERO, 0.0, Vec2::ONE)));
+        }
+    }
+}
+
+/// Index of refraction where a file gives none (`KHR_materials_ior`): F0 = 4 %.
+const DEFAULT_IOR: f32 = 1.5;
+
+impl MaterialFactors {
+    /// Reflectance at normal incidence: `KHR_materials_ior` and `KHR_materials_specular`, "Implementation".
+    #[must_use]
+    pub fn dielectric_f0(&self) -> Vec3 {
+        let ior = if self.ior.is_finite() && self.ior >= 1.0 { self.ior } else { DEFAULT_IOR };
+        // An index of 0 stands for "reflects all", for the sake of older material models.
+        let f0 = if self.ior == 0.0 { 1.0 } else { ((ior - 1.0) / (ior + 1.0)).powi(2) };
+        let (factor, color) = self.specular;
+        let f0 = (color * f0).min(Vec3::ONE) * factor;
+        if f0.is_finite() { f0.clamp(Vec3::ZERO, Vec3::ONE) } else { Vec3::splat(0.04) }
+    }
+}
