@@ -57,6 +57,9 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
     (materials, older, warnings)
 }
 
+/// Roughness up to which a coat counts, [`Material::split`]: one that reflects more than 4 % is never left out.
+const ROUGHEST: f32 = 0.999;
+
 /// Factors of materials of the older model whose textures are to be converted, by number.
 pub(super) type Older = BTreeMap<usize, OlderFactors>;
 
@@ -71,12 +74,13 @@ fn material(source: &gltf::Material) -> Material {
 /// The material by `KHR_materials_pbrSpecularGlossiness`, which comes before the other model: a diffuse base below a coat.
 fn specular_glossiness(material: Material, extension: &Value) -> Material {
     let OlderFactors { diffuse, specular, glossiness } = older_factors(extension);
+    let reflects = specular.max_element() > 0.04;
     Material {
         // "c_diff = diffuse.rgb * (1 - max(specular.r, specular.g, specular.b))"
         base_color: diffuse * (1.0 - specular.max_element()),
         base_color_texture: extension.get("diffuseTexture").and_then(slot_of),
         metallic: 0.0,
-        roughness: 1.0 - glossiness,
+        roughness: if reflects { (1.0 - glossiness).min(ROUGHEST) } else { 1.0 - glossiness },
         metallic_roughness_texture: None,
         dielectric_f0: specular,
         opacity: factor(extension, "diffuseFactor", 3),

@@ -99,6 +99,7 @@ fn the_older_material_model_is_converted() {
         { "alphaMode": "BLEND", "pbrMetallicRoughness": { "baseColorFactor": [1, 0, 0, 1] },
             "extensions": { "KHR_materials_pbrSpecularGlossiness": older } },
         { "extensions": { "KHR_materials_pbrSpecularGlossiness": {} } },
+        { "extensions": { "KHR_materials_pbrSpecularGlossiness": { "glossinessFactor": 0 } } },
     ]);
     file.json["meshes"][0]["primitives"][0]["material"] = json!(0);
     let scene = file.load();
@@ -108,6 +109,10 @@ fn the_older_material_model_is_converted() {
     assert_eq!(material.metallic, 0.0);
     let slot = material.base_color_texture.unwrap();
     assert_eq!((slot.uv_set, slot.transform.unwrap().2), (1, glam::vec2(2.0, 3.0)));
+    // Without gloss a coat of 100 % is a rough metal, and not a black body.
+    let rough = &scene.materials[2];
+    let (albedo, coat) = rough.split(rough.base_color, rough.metallic, rough.roughness);
+    assert_eq!((albedo, coat), (Vec3::ZERO, Vec3::ONE));
     // Defaults: all factors 1, a mirror without a diffuse base.
     let mirror = &scene.materials[1];
     assert_eq!((mirror.base_color, mirror.dielectric_f0, mirror.roughness), (Vec3::ZERO, Vec3::ONE, 0.0));
