@@ -4,8 +4,12 @@
 //! ordered dither, so that each layer is the center of its share of the pixels around:
 //!
 //! ```text
-//! center(p) = the first k with Σ_{i≤k} wᵢ > τ(p)        wᵢ  share of layer i (`accel/sheets.rs`)      τ  Bayer's 8×8 matrix
+//! center(p) = the first k with Σ_{i≤k} wᵢ > τ(p)        wᵢ  share of layer i (`accel/sheets.rs`)
+//! τ(x, y) = ((32 x + 43 y) mod 97 + ½) / 97
 //! ```
+//!
+//! 97 is prime: the pixels that a search from coarse to fine takes first, every second or every eighth, have all thresholds too.
+//! Bayer's matrix would show them one layer alone. Of such lattices this one is the most even over 2×2 to 4×4 of them.
 //!
 //! [`Coverage`](super::Coverage) gives each layer its share of each pixel, by the light of the nearest center that shows it.
 
@@ -100,45 +104,51 @@ pub(super) fn center(layers: &[Layer], (x, y): (usize, usize), sample: PixelSamp
     layers.last().and_then(|layer| layer.hit)
 }
 
-/// τ, 0…1: every 8×8 pixels have 64 different ones, far apart where pixels are near; samples of a pixel have others.
+/// τ, 0…1; samples of a pixel have others.
 fn threshold((x, y): (usize, usize), offset: Vec2) -> f32 {
-    let (mut rank, crossed) = (0, x ^ y);
-    for bit in 0..3 {
-        rank = rank << 2 | (crossed >> bit & 1) << 1 | (y >> bit & 1);
-    }
-    ((rank as f32 + 0.5) / 64.0 + offset.x + 0.5).fract()
+    let rank = (LATTICE[0] * x + LATTICE[1] * y) % RANKS;
+    ((rank as f32 + 0.5) / RANKS as f32 + offset.x + 0.5).fract()
 }
+
+/// Different thresholds.
+const RANKS: usize = 97;
+/// Ranks from a pixel to the next in its row, and in its column.
+const LATTICE: [usize; 2] = [32, 43];
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Each of the 64 thresholds stands once in 8×8 pixels, and each quarter of them once in every 2×2.
+    /// Of 97 pixels in a row, or every second, fourth or eighth of them, each has a threshold of its own; any 4×4 are spread over
+    /// all.
     #[test]
     fn thresholds_are_even() {
         let of = |x, y| threshold((x, y), PixelSample::WHOLE.offset);
-        let mut all: Vec<f32> = (0..64).map(|i| of(i % 8 + 3, i / 8 + 5)).collect();
-        all.sort_by(f32::total_cmp);
-        for (rank, threshold) in all.into_iter().enumerate() {
-            assert!((threshold - (rank as f32 + 0.5) / 64.0).abs() < 1e-5, "{threshold} at rank {rank}");
-        }
-        for (x, y) in [(0, 0), (3, 4), (6, 1), (7, 7)] {
-            let mut quarters = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(u, v)| (of(x + u, y + v) * 4.0) as usize);
-            quarters.sort_unstable();
-            assert_eq!(quarters, [0, 1, 2, 3], "at {x} {y}");
+        for stride in [1, 2, 4, 8] {
+            let mut row: Vec<f32> = (0..RANKS).map(|i| of(3 + i * stride, 5)).collect();
+            row.sort_by(f32::total_cmp);
+            for (rank, threshold) in row.into_iter().enumerate() {
+                assert!((threshold - (rank as f32 + 0.5) / RANKS as f32).abs() < 1e-5, "{threshold} at rank {rank}");
+            }
+            for (x, y) in [(0, 0), (13, 4), (56, 91)] {
+                let mut square: Vec<f32> = (0..16).map(|i| of(x + i % 4 * stride, y + i / 4 * stride)).collect();
+                square.sort_by(f32::total_cmp);
+                let widest = square.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f32::max);
+                assert!(widest < 0.16, "{widest} of all thresholds between two, every {stride} pixels");
+            }
         }
     }
 
-    /// Of 64 pixels, each layer is the center of its share.
+    /// Of 97 pixels, each layer is the center of its share.
     #[test]
     fn layers_are_centers_of_their_shares() {
         let hit = |instance| Some(Hit { distance: 1.0, instance, triangle: 0, u: 0.0, v: 0.0 });
         let layers = [(hit(0), 0.25), (hit(1), 0.125), (None, 0.625)].map(|(hit, share)| Layer { hit, share });
         let mut counts = [0; 3];
-        for i in 0..64 {
-            let shown = center(&layers, (i % 8, i / 8), PixelSample::WHOLE);
+        for x in 0..RANKS {
+            let shown = center(&layers, (x, 7), PixelSample::WHOLE);
             counts[shown.map_or(2, |hit| hit.instance as usize)] += 1;
         }
-        assert_eq!(counts, [16, 8, 40]);
+        assert_eq!(counts, [24, 12, 61]);
     }
 }
