@@ -120,12 +120,13 @@ impl Texture {
         Self { is_blocky: true, ..self }
     }
 
-    /// An image half as wide and high whose opacity is, in each texel, the share of the area where that of this one is at least
+    /// An image about half as wide and high, by powers of two, whose opacity is, in each texel, the share of the area where that of this one is at least
     /// `least`: a mask from afar. Sixteen points of each texel are counted.
     #[must_use]
     pub(crate) fn coverage(&self, least: f32) -> Self {
         let Level { width, height, .. } = self.levels[0];
-        let (width, height) = (width.div_ceil(2), height.div_ceil(2));
+        // Powers of two: no mip level loses a row or a column.
+        let (width, height) = (width.div_ceil(2).next_power_of_two(), height.div_ceil(2).next_power_of_two());
         let step = Vec2::new(width as f32, height as f32).recip();
         let points: Vec<Vec2> = centered_sobol(16).collect();
         let mut texels = vec![[0; 4]; width * height];
@@ -460,8 +461,8 @@ mod tests {
                     (0..64 * 64).filter(is_there).count() as f32 / (64.0 * 64.0)
                 };
                 let (whole, expected) = (far.sample(Vec2::ZERO, f32::MAX).opacity, share(Vec2::ZERO, Vec2::ONE));
-                // Odd sizes lose a row or a column of each mip level.
-                let slack = if width == height { 0.01 } else { 0.06 };
+                // Along a line of points, each border of a hole may be half a point off: at 64 points, few are 5 %.
+                let slack = if width == 1 { 0.05 } else { 0.02 };
                 assert!((whole - expected).abs() < slack, "{whole} for {expected} of {width}x{height} above {least}");
                 let step = far.size().recip();
                 for (x, y) in [(0, 0), (far.levels[0].width - 1, far.levels[0].height / 2)] {
