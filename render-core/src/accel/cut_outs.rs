@@ -96,18 +96,16 @@ impl CutOuts {
         self.sheets[instance].as_ref().is_some_and(|(sheet, _)| sheet.alpha == Alpha::Blend)
     }
 
-    /// Whether a point of a triangle stops a ray that these `sheets` stop. `at` has the barycentric weights of the second and
+    /// Whether a point of a triangle stops a ray, where sheets do so as `sheets` says. `at` has the barycentric weights of the second and
     /// third corner.
     pub(super) fn stops(&self, owner: Owner, at: [f32; 2], sheets: Sheets) -> bool {
         let Some((sheet, cells)) = &self.sheets[owner.instance as usize] else { return true };
         let triangle = owner.triangle as usize;
-        match (sheet.alpha, sheets) {
-            (_, Sheets::None) | (Alpha::Blend, Sheets::Masks) => false,
-            (Alpha::Opaque, _) | (_, Sheets::BlendsAlone) => true,
-            (Alpha::Mask { cutoff }, _) => sheet.opacity(triangle, at, 0.0) >= cutoff,
-            (Alpha::Blend, Sheets::ByChance) => {
-                sheet.opacity(triangle, at, 0.0) > sheet.threshold(triangle, at, *cells)
-            }
+        match sheet.alpha {
+            _ if sheets == Sheets::AsWholes => true,
+            Alpha::Opaque => true,
+            Alpha::Mask { cutoff } => sheet.opacity(triangle, at, 0.0) >= cutoff,
+            Alpha::Blend => sheet.opacity(triangle, at, 0.0) > sheet.threshold(triangle, at, *cells),
         }
     }
 

@@ -149,7 +149,7 @@ impl Group {
     }
 
     /// The first triangle before `best` that is there ([`Group::is_there`]). `shown` is the instance that shows the group, if
-    /// one does, and the sheets that stop the ray.
+    /// one does, and where sheets stop the ray.
     #[inline(always)]
     pub(super) fn closest<L: Lanes>(
         &self,
@@ -166,8 +166,8 @@ impl Group {
         }
     }
 
-    /// Whether the point of a triangle with barycentric weights `at` of the second and third corner stops a ray that these
-    /// `sheets` stop.
+    /// Whether the point of a triangle with barycentric weights `at` of the second and third corner stops a ray, where
+    /// sheets do so as `sheets` says.
     #[inline(always)]
     pub(super) fn is_there(&self, triangle: u32, at: [f32; 2], shown: Option<u32>, sheets: Sheets) -> bool {
         self.cut_outs.as_ref().is_none_or(|cut_outs| cut_outs.stops(self.owner(triangle, shown), at, sheets))

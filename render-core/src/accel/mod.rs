@@ -33,7 +33,7 @@ use group::Group;
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2};
 use packet::PacketRay;
 use query::{Blocked, Closest, Settle, Together};
-use sheets::Sheets;
+use sheets::{Sheets, Views};
 use std::{sync::Arc, time::Duration};
 use ties::AllSides;
 use tree::{Costs, Tree};
@@ -57,16 +57,15 @@ pub struct Hit {
 /// The scene at one time, ready for rays.
 ///
 /// The same ray has the same hit to the last bit, alone or in a packet, with vector instructions or without.
-#[derive(Clone)]
 pub struct Accelerator {
-    groups: Arc<[Placed]>,
+    groups: Vec<Placed>,
     /// Over the groups; its leaves are places in `groups`.
-    top: Arc<Tree>,
+    top: Tree,
     sides: Arc<AllSides>,
-    /// Which sheets stop its rays.
+    /// Where sheets stop its rays.
     sheets: Sheets,
-    /// Whether there are any sheets, and whether any is a blended surface.
-    has_sheets: [bool; 2],
+    /// The scene with and without its sheets, if it has any.
+    views: Option<Arc<Views>>,
     scale: f32,
     lanes: lanes::Choice,
 }
@@ -124,6 +123,11 @@ impl Placed {
 impl Accelerator {
     /// Builds the tree over `groups`. Inside, lengths are `scale` times what they are outside.
     fn new(groups: Vec<Placed>, sides: Arc<AllSides>, scale: f32) -> Self {
+        let views = Views::of(&groups, |groups, sheets| Self::of_part(groups, sides.clone(), sheets, scale));
+        Self { views: views.map(Arc::new), ..Self::of_part(groups, sides, Sheets::ByChance, scale) }
+    }
+
+    fn of_part(groups: Vec<Placed>, sides: Arc<AllSides>, sheets: Sheets, scale: f32) -> Self {
         // A box in the world may be entered a rounding later than the triangles in it are met in their own space.
         let boxes: Vec<Aabb> = groups
             .iter()
@@ -138,11 +142,7 @@ impl Accelerator {
             &mut Duration::default(),
         );
         let top = Tree::new(&binary, &Costs { leaf: 4.0, primitive: 0.0, most: 1 }, |places| places[0]);
-        let has = |is: fn(&Group) -> bool| groups.iter().any(|placed| is(&placed.group));
-        let has_sheets = [has(|group| group.cut_outs.is_some()), has(|group| group.is_blended)];
-        let sheets = Sheets::ByChance;
-        let (groups, top) = (groups.into(), Arc::new(top));
-        Self { groups, top, sides, sheets, has_sheets, scale, lanes: lanes::Choice::best() }
+        Self { groups, top, sides, sheets, views: None, scale, lanes: lanes::Choice::best() }
     }
 
     /// The first surface along the ray from `origin` in the unit `direction`.
@@ -247,7 +247,7 @@ impl Accelerator {
     /// Every triangle in turn, in double precision: what [`Accelerator::closest`] is tested against.
     pub fn closest_by_exhaustion(&self, origin: Vec3A, direction: Vec3A) -> Option<Hit> {
         let mut best: Option<(f64, Hit)> = None;
-        for placed in self.groups.iter().filter(|placed| self.meets(placed)) {
+        for placed in &self.groups {
             let (origin, direction) = placed.local(origin * self.scale, direction);
             let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
             for block in &placed.group.blocks {

@@ -61,12 +61,9 @@ struct ClosestGroup<'a, const SHOWN: bool> {
 
 impl<const SHOWN: bool> Visit for ClosestGroup<'_, SHOWN> {
     #[inline(always)]
-    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
+    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, _: f32) -> f32 {
         let place = content as usize;
         let Placed { group, instance, .. } = &self.scene.groups[place];
-        if !self.scene.meets(&self.scene.groups[place]) {
-            return limit;
-        }
         let (origin, direction) = self.scene.groups[place].local(self.origin, self.direction);
         let (ray, to_beat) = (Ray::new(origin, direction), self.found.to_beat(place, self.reach));
         let nearest = if SHOWN {
@@ -122,9 +119,6 @@ impl Visit for Rivals<'_> {
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
         let place = content as usize;
         let Placed { group, instance, .. } = &self.scene.groups[place];
-        if !self.scene.meets(&self.scene.groups[place]) {
-            return limit;
-        }
         let (origin, direction) = self.scene.groups[place].local(self.origin, self.direction);
         group.each_within(lanes, &Ray::new(origin, direction), limit, |leaf, lane, met| {
             if group.is_there(met.triangle, [met.u, met.v], *instance, self.scene.sheets) {
@@ -171,9 +165,6 @@ impl Visit for AnyGroup<'_> {
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
         let placed = &self.scene.groups[content as usize];
-        if !self.scene.meets(placed) {
-            return limit;
-        }
         let (origin, direction) = placed.local(self.origin, self.direction);
         let shown = (placed.instance, self.scene.sheets);
         self.blocked = placed.group.blocks(lanes, &Ray::new(origin, direction), limit, shown);
@@ -249,9 +240,6 @@ impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
     fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered) {
         let place = content as usize;
         let placed = &self.scene.groups[place];
-        if !self.scene.meets(placed) {
-            return;
-        }
         if !CLOSEST && placed.to_local.is_none() && !self.scene.may_pass(placed) {
             // The packet itself can go on; which group stopped a ray does not matter.
             packet.walk(lanes, &placed.group.tree, &mut Triangles::<false>(&placed.group));

@@ -11,14 +11,15 @@
 //! out what lies on the other. And a triangle whose own plane has both sets on one side is ruled out however near it is, so
 //! that the walls of a room do not count.
 
-use super::Accelerator;
 use super::group::Group;
 use super::packet::{PACKET, ROWS};
 use super::ray::{LEAST_COMPONENT, Octant};
 use super::tree::{Kind, Stack, Tree};
 use super::triangles::{Leaf, meet};
+use super::{Accelerator, GROUP_SLACK};
 use glam::{Affine3A, Vec3A};
 use lanes::{Kernel, LANES, Lanes};
+use obvhs::aabb::Aabb;
 use std::f32::consts::TAU;
 
 /// Planes around the axis of a shaft.
@@ -70,6 +71,23 @@ impl Accelerator {
     pub fn shaft(&self, from: &[Vec3A], to: &[Vec3A]) -> Shaft {
         let mut points = [from, to].map(|points| points.iter().map(|&point| point * self.scale).collect());
         self.lanes.run(Finding { scene: self, points: &mut points })
+    }
+
+    /// As [`Accelerator::shaft`] where nothing mostly lies between: boxes are compared first.
+    pub(crate) fn shaft_if_near(&self, from: &[Vec3A], to: &[Vec3A]) -> Shaft {
+        let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for &point in from.iter().chain(to) {
+            (min, max) = (min.min(point), max.max(point));
+        }
+        let (min, max) = (min * self.scale, max * self.scale);
+        let slack = Vec3A::splat(GROUP_SLACK * min.abs().max(max.abs()).max_element());
+        let (min, max) = (min - slack, max + slack);
+        let is_near = |bounds: &Aabb| bounds.min.cmple(max).all() && bounds.max.cmpge(min).all();
+        if self.groups.iter().any(|placed| is_near(&placed.bounds)) {
+            self.shaft(from, to)
+        } else {
+            Shaft { blocks: Vec::new(), crowded: false }
+        }
     }
 
     /// As [`Accelerator::occluded_packet`] for segments within `shaft`: those between the two sets of points it was made for.
@@ -281,9 +299,6 @@ impl Kernel for Finding<'_> {
         let mut groups = Touched::new(&scene.top);
         while let Some(place) = groups.next(lanes, &hull) {
             let placed = &scene.groups[place as usize];
-            if !scene.meets(placed) {
-                continue;
-            }
             let own = placed.to_local.as_ref().map(|to_local| {
                 points.each_ref().map(|points| points.iter().map(|&p| to_local.transform_point3a(p)).collect())
             });

@@ -7,7 +7,7 @@
 //! T  = Π (1 − αᵢ)                 share of a light that arrives
 //! ```
 
-use super::group::Met;
+use super::group::{Group, Met};
 use super::ray::Ray;
 use super::reach::Reach;
 use super::tree::Visit;
@@ -16,17 +16,43 @@ use crate::sampling::hash_unit;
 use glam::Vec3A;
 use lanes::{Kernel, Lanes};
 
-/// Which sheets stop the rays of an [`Accelerator`].
+/// Where sheets stop the rays of an [`Accelerator`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sheets {
-    /// Masks, and blended surfaces by chance: each in its share of places.
+    /// Masks where they are no holes, blended surfaces by chance: each in its share of places.
     ByChance,
-    /// Masks alone.
-    Masks,
-    /// None.
-    None,
-    /// Blended surfaces, wherever they are, and nothing else.
-    BlendsAlone,
+    /// Everywhere.
+    AsWholes,
+}
+
+/// Parts of a scene with sheets, each with a tree of its own over its groups.
+#[derive(Debug)]
+pub(super) struct Views {
+    /// All but the sheets, and these alone.
+    solid: [Accelerator; 2],
+    /// All but blended surfaces, and these alone, if there are any.
+    blends: Option<[Accelerator; 2]>,
+}
+
+impl Views {
+    /// The parts of a scene of these groups; `None` without sheets. `build` makes the accelerator of a part.
+    pub fn of(groups: &[Placed], build: impl Fn(Vec<Placed>, Sheets) -> Accelerator) -> Option<Self> {
+        let part = |is_in: fn(&Group) -> bool, sheets| {
+            let groups = groups.iter().filter(|placed| is_in(&placed.group));
+            build(groups.cloned().collect(), sheets)
+        };
+        let has = |is: fn(&Group) -> bool| groups.iter().any(|placed| is(&placed.group));
+        has(|group| group.cut_outs.is_some()).then(|| Self {
+            solid: [
+                part(|group| group.cut_outs.is_none(), Sheets::ByChance),
+                part(|group| group.cut_outs.is_some(), Sheets::ByChance),
+            ],
+            blends: has(|group| group.is_blended).then(|| {
+                let opaque = part(|group| !group.is_blended, Sheets::ByChance);
+                [opaque, part(|group| group.is_blended, Sheets::AsWholes)]
+            }),
+        })
+    }
 }
 
 /// A sheet that a ray meets.
@@ -49,29 +75,19 @@ pub(crate) struct Cone {
 const LEAST_SHARE: f32 = 1.0 / 512.0;
 
 impl Accelerator {
-    /// Whether its rays may meet a group.
-    #[inline(always)]
-    pub(super) fn meets(&self, placed: &Placed) -> bool {
-        match self.sheets {
-            Sheets::ByChance => true,
-            Sheets::Masks => !placed.group.is_blended,
-            Sheets::None => placed.group.cut_outs.is_none(),
-            Sheets::BlendsAlone => placed.group.is_blended,
-        }
-    }
-
     /// Whether a ray may pass through a triangle that it meets in a group.
     #[inline(always)]
     pub(super) fn may_pass(&self, placed: &Placed) -> bool {
-        placed.group.cut_outs.is_some() && self.sheets != Sheets::BlendsAlone
+        placed.group.cut_outs.is_some() && self.sheets != Sheets::AsWholes
     }
 
-    /// The same scene without its sheets, if it has any: a ray is stopped by the surfaces that are opaque as a whole.
-    pub(crate) fn without_sheets(&self) -> Option<Self> {
-        self.has_sheets[0].then(|| Self { sheets: Sheets::None, ..self.clone() })
+    /// The same scene without its sheets, and these alone, if it has any. Without them, a ray is stopped by the surfaces that are
+    /// opaque as a whole.
+    pub(crate) fn without_sheets(&self) -> Option<&[Self; 2]> {
+        self.views.as_ref().map(|views| &views.solid)
     }
 
-    /// The sheets along the ray from `origin` in the unit `direction` up to `distance` \[m\], front to back, their opacity
+    /// The surfaces of an accelerator of sheets alone, along the ray from `origin` in the unit `direction` up to `distance` \[m\], front to back, their opacity
     /// filtered over the `cone`. Backs of single-sided surfaces are passed; nothing follows what hides all behind it.
     pub(crate) fn layers(&self, origin: Vec3A, direction: Vec3A, distance: f32, cone: Cone) -> Vec<Layer> {
         let origin = origin * self.scale;
@@ -108,28 +124,26 @@ impl Accelerator {
 }
 
 /// A scene for shadow rays, of which blended surfaces let their share through.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Shadows<'a> {
     scene: &'a Accelerator,
     /// The same scene without its blended surfaces, and these alone, if it has any.
-    apart: Option<[Accelerator; 2]>,
+    apart: Option<&'a [Accelerator; 2]>,
 }
 
 impl<'a> Shadows<'a> {
     pub fn new(scene: &'a Accelerator) -> Self {
-        let with = |sheets| Accelerator { sheets, ..scene.clone() };
-        let apart = scene.has_sheets[1].then(|| [with(Sheets::Masks), with(Sheets::BlendsAlone)]);
-        Self { scene, apart }
+        Self { scene, apart: scene.views.as_ref().and_then(|views| views.blends.as_ref()) }
     }
 
     /// All that hides a light as a whole.
-    pub fn opaque(&self) -> &Accelerator {
-        self.apart.as_ref().map_or(self.scene, |[opaque, _]| opaque)
+    pub fn opaque(&self) -> &'a Accelerator {
+        self.apart.map_or(self.scene, |[opaque, _]| opaque)
     }
 
     /// All that hides a light in part, if there is anything.
-    pub fn blends(&self) -> Option<&Accelerator> {
-        self.apart.as_ref().map(|[_, blends]| blends)
+    pub fn blends(&self) -> Option<&'a Accelerator> {
+        self.apart.map(|[_, blends]| blends)
     }
 
     /// Share of light that arrives from `from` at `to`, 0…1, where nothing opaque hides it.
@@ -170,7 +184,10 @@ impl Accelerator {
     #[inline]
     #[must_use]
     pub fn hides_lamp(&self, lamp: Vec3A, place: Vec3A) -> bool {
-        if self.has_sheets[1] { self.hidden_lamps(place, &[lamp], 1) == 1 } else { self.occluded(place, lamp) }
+        match Shadows::new(self).blends() {
+            None => self.occluded(place, lamp),
+            Some(_) => self.hidden_lamps(place, &[lamp], 1) == 1,
+        }
     }
 
     #[inline]
@@ -256,7 +273,7 @@ impl Visit for SheetGroups<'_> {
         let Listing { scene, origin, direction, kind, .. } = self.listing;
         let place = content as usize;
         let placed = &scene.groups[place];
-        let Some(cut_outs) = placed.group.cut_outs.as_ref().filter(|_| scene.meets(placed)) else { return limit };
+        let Some(cut_outs) = &placed.group.cut_outs else { return limit };
         let (from, along) = placed.local(origin, direction);
         let mut nearest = limit;
         placed.group.each_within(lanes, &Ray::new(from, along), limit, |leaf, lane, met| {

@@ -164,8 +164,9 @@ impl<'a> Tile<'a> {
     fn shafts(&self, light: &[Vec3A]) -> Shafts {
         let receivers = &self.positions[..self.receivers.len()];
         let is_worth = receivers.len() >= WORTH_A_SHAFT && !light.is_empty();
-        let to = |scene: &Accelerator| is_worth.then(|| scene.shaft(receivers, light));
-        Shafts { opaque: to(self.shadows.opaque()), blended: self.shadows.blends().and_then(to) }
+        let opaque = is_worth.then(|| self.shadows.opaque().shaft(receivers, light));
+        let to = |blends: &Accelerator| is_worth.then(|| blends.shaft_if_near(receivers, light));
+        Shafts { opaque, blended: self.shadows.blends().and_then(to) }
     }
 
     /// All receivers, as bits.

@@ -39,27 +39,25 @@ pub struct LayeredPixel {
 /// A scene as rays from the camera see it.
 pub(super) struct Shown<'a> {
     scene: PosedScene<'a>,
-    /// The same scene without its sheets, if it has any.
-    solid: Option<Accelerator>,
+    /// The same scene without its sheets, and these alone, if it has any.
+    apart: Option<&'a [Accelerator; 2]>,
 }
 
 impl<'a> Shown<'a> {
     pub fn new(scene: PosedScene<'a>) -> Self {
-        Self { scene, solid: scene.accelerator.without_sheets() }
+        Self { scene, apart: scene.accelerator.without_sheets() }
     }
 
     /// What stops rays from the camera.
-    pub fn solid(&self) -> PosedScene<'_> {
+    pub fn solid(&self) -> PosedScene<'a> {
         let PosedScene { accelerator, surfaces } = self.scene;
-        PosedScene { accelerator: self.solid.as_ref().unwrap_or(accelerator), surfaces }
+        PosedScene { accelerator: self.apart.map_or(accelerator, |[solid, _]| solid), surfaces }
     }
 
     /// All that a ray shows whose first solid hit is `hit`, if it passes any sheet; none else. `width` is that of the ray's part
     /// of the picture, in pixels.
     pub fn layers(&self, ray: CameraRay, hit: Option<Hit>, view: &View, width: f32) -> Vec<Layer> {
-        if self.solid.is_none() {
-            return Vec::new();
-        }
+        let Some([_, sheets]) = self.apart else { return Vec::new() };
 
         // Sheets up to the surface that is shown, which may lie behind backs of single-sided ones.
         let CameraRay { origin, direction } = ray;
@@ -69,7 +67,7 @@ impl<'a> Shown<'a> {
         let cone = view.cone(direction, width);
         let mut layers = Vec::new();
         let mut left = 1.0;
-        for sheet in self.scene.accelerator.layers(origin, direction, distance, cone) {
+        for sheet in sheets.layers(origin, direction, distance, cone) {
             if sheet.hit.distance >= near && left > 0.0 {
                 layers.push(Layer { hit: Some(sheet.hit), share: left * sheet.opacity });
                 left *= 1.0 - sheet.opacity;
