@@ -8,7 +8,6 @@
 //! # Differs from the paper
 //! * The cells are far smaller than pixels: camera rays and shadow rays see no grain, as they divide (`sheets.rs`).
 
-use super::sheets::Sheets;
 use super::triangles::Owner;
 use crate::sampling::hash_unit;
 use crate::scene::{Alpha, Material, Mesh, Pose, Scene, Texture, TextureSlot};
@@ -20,6 +19,15 @@ use std::sync::Arc;
 const CELLS: f32 = 131_072.0;
 /// Flat surfaces often lie at round coordinates: there no border of a cell may be.
 const OFF_ROUND: f32 = 0.381_966;
+
+/// Where sheets stop the rays of an [`Accelerator`](super::Accelerator).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sheets {
+    /// Masks where they are no holes, blended surfaces by chance: each in its share of places.
+    ByChance,
+    /// Everywhere.
+    AsWholes,
+}
 
 /// The opacity of all instances that have holes.
 pub(crate) struct CutOuts {

@@ -1,9 +1,8 @@
 //! A tree of triangles that move as one, and what a ray meets in it.
 
-use super::cut_outs::CutOuts;
+use super::cut_outs::{CutOuts, Sheets};
 use super::ray::Ray;
 use super::reach::Reach;
-use super::sheets::Sheets;
 use super::tree::{Costs, Tree, Visit};
 use super::triangles::{BLOCK, Block, Leaf, Owner};
 use lanes::{LANES, Lanes};

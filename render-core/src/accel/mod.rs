@@ -27,13 +27,14 @@ pub use packet::PACKET;
 pub use shaft::Shaft;
 pub(crate) use sheets::{Cone, Shadows};
 
+use cut_outs::Sheets;
 use found::Found;
 use glam::{Affine3A, BVec3A, DVec3, Vec3A};
 use group::Group;
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2};
 use packet::PacketRay;
 use query::{Blocked, Closest, Settle, Together};
-use sheets::{Sheets, Views};
+use sheets::Views;
 use std::{sync::Arc, time::Duration};
 use ties::AllSides;
 use tree::{Costs, Tree};

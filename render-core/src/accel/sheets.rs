@@ -7,6 +7,7 @@
 //! T  = Π (1 − αᵢ)                 share of a light that arrives
 //! ```
 
+use super::cut_outs::Sheets;
 use super::group::{Group, Met};
 use super::ray::Ray;
 use super::reach::Reach;
@@ -15,15 +16,6 @@ use super::{Accelerator, Hit, Placed};
 use crate::sampling::hash_unit;
 use glam::Vec3A;
 use lanes::{Kernel, Lanes};
-
-/// Where sheets stop the rays of an [`Accelerator`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Sheets {
-    /// Masks where they are no holes, blended surfaces by chance: each in its share of places.
-    ByChance,
-    /// Everywhere.
-    AsWholes,
-}
 
 /// Parts of a scene with sheets, each with a tree of its own over its groups.
 #[derive(Debug)]

@@ -13,7 +13,7 @@
 //!
 //! [`Coverage`](super::Coverage) gives each layer its share of each pixel, by the light of the nearest center that shows it.
 
-use super::{CameraRay, PixelSample};
+use super::{CameraRay, GBuffer, PixelSample};
 use crate::PosedScene;
 use crate::accel::{Accelerator, Cone, Hit};
 use crate::scene::View;
@@ -34,6 +34,32 @@ pub struct LayeredPixel {
     pub(super) index: u32,
     /// Front to back.
     pub(super) layers: Vec<Layer>,
+}
+
+/// Places of the layered pixels of a picture in [`GBuffer::layered`], by pixel; empty if there are none.
+pub(super) struct LayeredIndex(Vec<u32>);
+
+impl LayeredIndex {
+    pub fn new(seen: &GBuffer) -> Self {
+        if seen.layered.is_empty() {
+            return Self(Vec::new());
+        }
+        let mut places = vec![u32::MAX; seen.pixels.samples().len()];
+        for (place, pixel) in seen.layered.iter().enumerate() {
+            places[pixel.index as usize] = place as u32;
+        }
+        Self(places)
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The layers of a pixel; none of most.
+    pub fn layers<'a>(&self, seen: &'a GBuffer, pixel: usize) -> &'a [Layer] {
+        let place = self.0.get(pixel).and_then(|&place| seen.layered.get(place as usize));
+        place.map_or(&[], |pixel| &pixel.layers)
+    }
 }
 
 /// A scene as rays from the camera see it.

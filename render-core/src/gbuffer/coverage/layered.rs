@@ -13,32 +13,6 @@ const LEAST_TINT: f32 = 0.02;
 /// Pixels that a thread works on in a row.
 const TOGETHER: usize = 256;
 
-/// Places of the layered pixels of a picture in [`GBuffer::layered`], by pixel; empty if there are none.
-pub(super) struct LayeredIndex(Vec<u32>);
-
-impl LayeredIndex {
-    pub fn new(seen: &GBuffer) -> Self {
-        if seen.layered.is_empty() {
-            return Self(Vec::new());
-        }
-        let mut places = vec![u32::MAX; seen.pixels.samples().len()];
-        for (place, pixel) in seen.layered.iter().enumerate() {
-            places[pixel.index as usize] = place as u32;
-        }
-        Self(places)
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
-    /// The layers of a pixel; none of most.
-    pub fn layers<'a>(&self, seen: &'a GBuffer, pixel: usize) -> &'a [Layer] {
-        let place = self.0.get(pixel).and_then(|&place| seen.layered.get(place as usize));
-        place.map_or(&[], |pixel| &pixel.layers)
-    }
-}
-
 impl Search<'_> {
     /// Whether an outline runs between two pixels, where one or both show several layers.
     pub(super) fn layers_differ(&self, a: usize, b: usize) -> bool {

@@ -5,9 +5,8 @@
 
 use super::SurfacePart;
 use super::borrow::{Lender, around, shows};
-use super::layered::LayeredIndex;
 use crate::accel::{Hit, PACKET};
-use crate::gbuffer::layers::{Layer, Shown as ShownScene};
+use crate::gbuffer::layers::{Layer, LayeredIndex, Shown as ShownScene};
 use crate::gbuffer::{CameraRay, EMPTY, GBuffer, NOTHING, PixelSurface, first_hits, see};
 use crate::sampling::centered_sobol;
 use crate::{Busy, MACROBLOCK, PosedScene};
