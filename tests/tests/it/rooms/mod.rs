@@ -1,5 +1,6 @@
 //! Rooms that strangers' scenes have: closed, dim, behind thin walls. Films next to paths, by blocks of 8×8 pixels.
 
+mod animated;
 mod blends;
 mod coincidence;
 mod lamps;
