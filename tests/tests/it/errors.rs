@@ -36,9 +36,9 @@ fn scenes() {
     missing.json["buffers"] = json!([{ "uri": "gone.bin", "byteLength": room.bin.len() }]);
     write("missing.gltf", missing.json.to_string().as_bytes());
     let mut required = room.clone();
-    required.json["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
-    required.json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
-    required.write(&folder.path().join("draco.glb"));
+    required.json["extensionsUsed"] = json!(["KHR_gaussian_splatting"]);
+    required.json["extensionsRequired"] = json!(["KHR_gaussian_splatting"]);
+    required.write(&folder.path().join("splats.glb"));
     for (name, words) in [
         ("nowhere.glb", &["nowhere.glb"][..]),
         ("cut.glb", &["cut.glb", "again"]),
@@ -47,7 +47,7 @@ fn scenes() {
         ("text.gltf", &["text.gltf: this is no glTF file"]),
         ("half.gltf", &["half.gltf: not a whole glTF file"]),
         ("missing.gltf", &["missing.gltf", "gone.bin"]),
-        ("draco.glb", &["draco.glb", "KHR_draco_mesh_compression"]),
+        ("splats.glb", &["splats.glb", "KHR_gaussian_splatting"]),
         (".", &["."]),
     ] {
         fails_cleanly(folder.path(), &["render", name], words);

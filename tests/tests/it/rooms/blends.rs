@@ -25,7 +25,7 @@ fn room(opacity: Option<f32>) -> Glb {
 /// Paths meet the card by chance, with an independent number each: their mean is that of all layers and of all shadows.
 #[test]
 fn light_around_blended_cards_is_that_of_paths() {
-    for opacity in [0.2, 0.5, 0.9] {
+    for opacity in [0.2, 0.9] {
         let blocks = Room::new(&room(Some(opacity)), "").blocks(&format!("card of {opacity}"), Comparison::default());
         assert!((blocks.mean_ratio() - 1.0).abs() < 0.015, "{opacity}: {}", blocks.mean_ratio());
         let far_off = blocks.ratios().into_iter().filter(|ratio| (ratio - 1.0).abs() > 0.05).count();
