@@ -74,7 +74,7 @@ impl<'a> Shown<'a> {
         Self { scene, apart: scene.accelerator.without_sheets() }
     }
 
-    /// What stops rays from the camera.
+    /// The solid geometry, which stops camera rays.
     pub fn solid(&self) -> PosedScene<'a> {
         let PosedScene { accelerator, surfaces } = self.scene;
         PosedScene { accelerator: self.apart.map_or(accelerator, |[solid, _]| solid), surfaces }
@@ -114,7 +114,7 @@ impl View {
     }
 }
 
-/// Of the layers of a pixel at (x, y), the one that its center shows.
+/// The layer that represents the pixel at (x, y).
 pub(super) fn center(layers: &[Layer], (x, y): (usize, usize), sample: PixelSample) -> Option<Hit> {
     let threshold = threshold((x, y), sample.offset);
     let mut sum = 0.0;

@@ -14,7 +14,7 @@ impl Scene {
             let pose = self.pose(self.duration() * moment as f32 / (MOMENTS - 1) as f32);
             let (low, high) = self.bounds(&pose)?;
             let (nearest, farthest, depths) = self.view(&pose, 1, 1).depths_of(&Around { low, high }.corners());
-            // What is behind the camera is out of view, and no matter of its depths.
+            // Geometry behind the camera is out of view at any depth range.
             too_near &= farthest > 0.0 && farthest < depths.near;
             too_far &= nearest > depths.far;
         }

@@ -14,7 +14,7 @@ pub(super) const TEXELS_PER_BYTE: u64 = 8256;
 #[cfg(feature = "textures")]
 pub(super) const TEXELS: u64 = 1 << 24;
 
-/// Refuses sizes that are too large, or that a file of so many bytes cannot have.
+/// Refuses sizes that are too large, or too large for a file of `length` bytes.
 #[cfg(feature = "basis")]
 pub(super) fn check_claim(width: u32, height: u32, length: usize) -> Result<(), String> {
     if width.max(height) > SIDE {

@@ -14,8 +14,7 @@ pub(super) const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossines
 /// All materials in the file's order, and after them the default one for primitives without; what is left out of them, as
 /// a line each.
 ///
-/// Those of the older model with textures come with their factors: until textures are converted, their slots have the images of
-/// the file.
+/// Returns the factors of textured materials of the older model too. Their slots hold the file's images until conversion.
 pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec<String>) {
     let mut left_out = [false; 3];
     let mut materials: Vec<Material> = Vec::new();

@@ -103,7 +103,7 @@ fn cameras_that_cut_the_whole_scene_off_are_named() {
         let found = (notes(&scene, "nearer than its znear"), notes(&scene, "beyond its zfar"));
         assert_eq!(found, (nearer, beyond), "{near} to {far}: {:?}", scene.warnings);
     }
-    // What is behind the camera is no matter of depths.
+    // Geometry behind the camera gives no note.
     let mut file = File::square();
     file.json["nodes"][0]["translation"] = json!([0.0, 0.0, 5.0]);
     file.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 0.5, "znear": 9.0 } }]);

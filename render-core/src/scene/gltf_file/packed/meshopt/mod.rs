@@ -82,7 +82,7 @@ impl Layout {
         self.count.saturating_mul(self.stride)
     }
 
-    /// Unpacks `data`. Memory is taken after a check that `data` may hold so many elements.
+    /// Unpacks `data`. Checks that `data` is long enough for the stated number of elements before it allocates memory.
     pub fn unpack(&self, data: &[u8]) -> Result<Vec<u8>, Fault> {
         let mut out = match self.mode {
             Mode::Attributes => attributes::decode(data, self.count, self.stride)?,
