@@ -148,11 +148,6 @@ impl GBuffer {
 }
 
 impl GBuffer {
-    /// Whether the center of a pixel, by its place in raster order, is one of several layers.
-    pub(crate) fn is_layered(&self, pixel: usize) -> bool {
-        self.layered.binary_search_by_key(&pixel, |layered| layered.index as usize).is_ok()
-    }
-
     /// World-space corners of the triangle that `pixel` sees, if its mesh is bent.
     fn bent_corners(&self, pixel: &PixelSurface) -> Option<[Vec3A; 3]> {
         let instance = pixel.instance as usize;

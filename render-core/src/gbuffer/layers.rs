@@ -36,29 +36,16 @@ pub struct LayeredPixel {
     pub(super) layers: Vec<Layer>,
 }
 
-/// Places of the layered pixels of a picture in [`GBuffer::layered`], by pixel; empty if there are none.
-pub(super) struct LayeredIndex(Vec<u32>);
-
-impl LayeredIndex {
-    pub fn new(seen: &GBuffer) -> Self {
-        if seen.layered.is_empty() {
-            return Self(Vec::new());
-        }
-        let mut places = vec![u32::MAX; seen.pixels.samples().len()];
-        for (place, pixel) in seen.layered.iter().enumerate() {
-            places[pixel.index as usize] = place as u32;
-        }
-        Self(places)
+impl GBuffer {
+    /// The layers of a pixel, by its place in raster order; none of most.
+    pub(super) fn layers(&self, pixel: usize) -> &[Layer] {
+        let place = self.layered.binary_search_by_key(&pixel, |layered| layered.index as usize);
+        place.map_or(&[], |place| &self.layered[place].layers)
     }
 
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
-    /// The layers of a pixel; none of most.
-    pub fn layers<'a>(&self, seen: &'a GBuffer, pixel: usize) -> &'a [Layer] {
-        let place = self.0.get(pixel).and_then(|&place| seen.layered.get(place as usize));
-        place.map_or(&[], |pixel| &pixel.layers)
+    /// Whether the center of a pixel is one of several layers.
+    pub(crate) fn is_layered(&self, pixel: usize) -> bool {
+        !self.layers(pixel).is_empty()
     }
 }
 

@@ -16,8 +16,7 @@ const TOGETHER: usize = 256;
 impl Search<'_> {
     /// Whether an outline runs between two pixels, where one or both show several layers.
     pub(super) fn layers_differ(&self, a: usize, b: usize) -> bool {
-        let of = |pixel| self.layered.layers(self.seen, pixel);
-        let (first, second) = (of(a), of(b));
+        let (first, second) = (self.seen.layers(a), self.seen.layers(b));
         first.len() != second.len() || first.iter().zip(second).any(|(p, q)| !self.are_alike((a, p), (b, q)))
     }
 

@@ -6,7 +6,7 @@
 use super::SurfacePart;
 use super::borrow::{Lender, around, shows};
 use crate::accel::{Hit, PACKET};
-use crate::gbuffer::layers::{Layer, LayeredIndex, Shown as ShownScene};
+use crate::gbuffer::layers::{Layer, Shown as ShownScene};
 use crate::gbuffer::{CameraRay, EMPTY, GBuffer, NOTHING, PixelSurface, first_hits, see};
 use crate::sampling::centered_sobol;
 use crate::{Busy, MACROBLOCK, PosedScene};
@@ -41,7 +41,6 @@ pub(super) struct Search<'a> {
     pub shown: ShownScene<'a>,
     /// Radiance of the pixels' centers.
     pub light: &'a Plane<Vec3>,
-    pub layered: LayeredIndex,
 }
 
 /// A pixel to be traced.
@@ -73,7 +72,7 @@ pub(super) struct SearchedPixel {
 
 impl<'a> Search<'a> {
     pub fn new(seen: &'a GBuffer, scene: PosedScene<'a>, light: &'a Plane<Vec3>) -> Self {
-        Self { seen, shown: ShownScene::new(scene), light, layered: LayeredIndex::new(seen) }
+        Self { seen, shown: ShownScene::new(scene), light }
     }
 }
 
@@ -126,13 +125,12 @@ impl Search<'_> {
 
     /// Whether two pixels show different layers; `None` if neither has several.
     fn layered_apart(&self, a: (usize, usize), b: (usize, usize)) -> Option<bool> {
-        if self.layered.is_empty() {
+        if self.seen.layered.is_empty() {
             return None;
         }
         let width = self.size().0;
         let [a, b] = [a, b].map(|(x, y)| y * width + x);
-        let has_several = |pixel| !self.layered.layers(self.seen, pixel).is_empty();
-        (has_several(a) || has_several(b)).then(|| self.layers_differ(a, b))
+        (self.seen.is_layered(a) || self.seen.is_layered(b)).then(|| self.layers_differ(a, b))
     }
 
     /// Traces the pixels that are `wanted`.
