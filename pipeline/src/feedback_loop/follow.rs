@@ -43,9 +43,8 @@ pub(crate) fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: 
         stage("prepare", move || {
             for (index, ()) in (first..).zip(turns_in) {
                 let Some(prepared) = prepare.step(index) else { break };
-                if prepared_out.send(prepared).is_err() {
-                    break;
-                }
+                // Shading may have ended. Rank 0 takes part in each turn that it has given, so this rank does too.
+                let _ = prepared_out.send(prepared);
             }
             Ok(())
         }),
@@ -106,4 +105,65 @@ fn unexpected(order: &Order) -> Error {
         Order::End { .. } => "to end",
     };
     Error::Fault(format!("rank 0 says {name} out of turn"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parts::{LastThresholds, Shaded};
+    use crate::ranks::Lead;
+    use render_core::ranks::{ThreadMail, ThreadRanks};
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::time::Duration;
+
+    /// Prepares slowly, and counts frames.
+    struct Slow(Arc<AtomicU32>);
+
+    impl Prepare for Slow {
+        type Frame = ();
+
+        fn step(&mut self, _: u32) -> Option<Prepared<()>> {
+            std::thread::sleep(Duration::from_millis(100));
+            self.0.fetch_add(1, Ordering::Relaxed);
+            Some(Prepared::default())
+        }
+
+        fn restore(&mut self, _: &[u8], _: u32) -> Result<Prepared<()>> {
+            unreachable!("a film that begins")
+        }
+    }
+
+    /// Shades nothing.
+    struct Dark;
+
+    impl Shade<()> for Dark {
+        fn step(&mut self, _: &Prepared<()>, _: LastThresholds<'_>) -> Shaded {
+            unreachable!("no frame is ordered")
+        }
+
+        fn restore(&mut self, _: &[u8], _: &Prepared<()>) -> Result<()> {
+            unreachable!("a film that begins")
+        }
+    }
+
+    /// Rank 0 fails while it prepares a second frame: the other rank prepares that one too, though nobody shades it.
+    #[test]
+    fn frames_in_preparation_are_finished_after_the_end() {
+        let prepared = Arc::new(AtomicU32::new(0));
+        let [first, second]: [Arc<dyn Ranks>; 2] = ThreadRanks::new(2)
+            .into_iter()
+            .map(|rank| Arc::new(rank) as Arc<dyn Ranks>)
+            .collect::<Vec<_>>()
+            .try_into()
+            .unwrap();
+        let mut lead = Lead::of(first);
+        lead.start(0, None);
+        lead.begin(true);
+        lead.notes(true);
+        lead.end(false);
+        let team = Team { prepare: second.clone(), shade: second, mail: Arc::new(ThreadMail::alone()) };
+        follow(Slow(prepared.clone()), Dark, &team).expect("an end in order");
+        assert_eq!(prepared.load(Ordering::Relaxed), 2);
+    }
 }
