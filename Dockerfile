@@ -9,7 +9,7 @@
 FROM rust:1.89-slim-bookworm AS build
 WORKDIR /source
 COPY . .
-RUN cargo build --release --locked --package render2mpeg && strip target/release/render2mpeg
+RUN cargo build --release --locked --package render2mpeg-cli && strip target/release/render2mpeg
 
 FROM debian:bookworm-slim
 COPY --from=build /source/target/release/render2mpeg /usr/local/bin/

@@ -6,16 +6,18 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use pipeline::feedback_loop::Run;
-use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
-use pipeline::settings::Switch;
-use pipeline::{Plan, Render, Settings, Options};
+use pipeline::Run;
+use render2mpeg::job::job_of;
+use pipeline::checkpoint::{Checkpoints, path_for};
+use render2mpeg::settings::Switch;
+use renderer::plan::Plan;
+use render2mpeg::{Options, Render, Settings};
 use render_core::scene::{self, Scene};
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
 use std::time::Duration;
 
-/// As `pipeline/src/feedback_loop/checkpoint/file.rs` stores it.
+/// As `pipeline/loop/src/checkpoint/file.rs` stores it.
 #[derive(Clone, Serialize, Deserialize)]
 struct Stored {
     program: String,
@@ -62,7 +64,7 @@ impl Film {
             };
             let settings = Settings::new(path.clone(), &scene, &options).expect("settings");
             let plan = Plan::new(&scene, &settings.renderer());
-            let job = FilmJob::of(&scene, &settings).expect("a scene");
+            let job = job_of(&scene, &settings).expect("a scene");
             let checkpoints = Checkpoints::new(&job, Some(Duration::ZERO));
             let mut film = Render::new(&scene, &settings, &plan, &checkpoints).expect("a film");
             film.write_to(&settings.output).expect("a place");
@@ -132,7 +134,7 @@ fuzz_target!(|data: &[u8]| {
     };
     let Film { scene, settings, plan, .. } = film;
     std::fs::write(path_for(&settings.output), file).expect("a file");
-    let job = FilmJob::of(scene, settings).expect("a scene");
+    let job = job_of(scene, settings).expect("a scene");
     let Ok(checkpoints) = Checkpoints::resume(&job, None) else { return };
     let Ok(mut continued) = Render::new(scene, settings, plan, &checkpoints) else { return };
     if kind % 28 < 14 {

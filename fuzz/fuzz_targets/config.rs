@@ -2,7 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use pipeline::{Plan, Settings, Options};
+use renderer::plan::Plan;
+use render2mpeg::{Options, Settings};
 use render_core::scene::{Scene, SceneSettings};
 
 fuzz_target!(|data: &[u8]| {

@@ -4,7 +4,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use pipeline::laboratory::compare::compare_paths;
+use laboratory::compare::compare_paths;
 use std::sync::OnceLock;
 
 fuzz_target!(|data: &[u8]| {

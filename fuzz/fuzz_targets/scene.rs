@@ -4,9 +4,11 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use pipeline::feedback_loop::{Run, observe::OnFrame};
+use pipeline::Run;
+use pipeline::observe::OnFrame;
 use pipeline::report::FrameReport;
-use pipeline::{Plan, Settings, Options};
+use renderer::plan::Plan;
+use render2mpeg::{Options, Settings};
 use render_core::scene;
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -37,5 +39,5 @@ fuzz_target!(|data: &[u8]| {
     let plan = Plan::new(&scene, &settings.renderer());
     let check = OnFrame::new(|frame: &FrameReport| assert_eq!(frame.non_finite_pixels, 0, "light that is no number"));
     let run = Run { observer: &check, ..Run::default() };
-    pipeline::render(&scene, &settings, &plan, run).expect("what loads can be filmed");
+    render2mpeg::render(&scene, &settings, &plan, run).expect("what loads can be filmed");
 });

@@ -8,10 +8,9 @@ pub(crate) mod in_place;
 mod quick;
 
 use crate::{
+    PictureType,
     block::{Block, Kind},
-    dct,
-    header::PictureType,
-    kernel,
+    dct, kernel,
     macroblock::{Macroblock, Mode, SliceParameters, SliceState},
     predict::{References, Samples, mean, predict, squared_errors},
     quant::{Quantiser, Quantisers, Rounding, Transformed},

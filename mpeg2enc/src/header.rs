@@ -1,5 +1,6 @@
 //! Headers of sequence, group and picture (6.2.2, 6.2.3).
 
+use crate::PictureType;
 use crate::{
     Config, Level, Rate, Standard,
     bits::{BitSink, BitWriter},
@@ -28,18 +29,6 @@ pub(crate) const VBV_DELAY_VARIABLE: u32 = 0xffff;
 const BIT_RATE_VARIABLE: u32 = 0x3_ffff;
 /// f_code where no vector is used (6.3.10).
 const F_CODE_UNUSED: u32 = 15;
-
-/// Coding type of a picture (Table 6-12).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum PictureType {
-    /// Intra: needs no other picture.
-    I = 1,
-    /// Predicted from the I or P picture before.
-    P = 2,
-    /// Predicted from the I or P pictures before and after; nothing is predicted from it.
-    B = 3,
-}
 
 /// Contents of the headers of one picture.
 #[derive(Clone, Copy)]

@@ -98,7 +98,6 @@ pub use crate::{
     error::ConfigError,
     frame::psnr,
     frame_rate::FrameRate,
-    header::PictureType,
     level::Level,
     motion::KnownMotion,
     picture::{MacroblockKind, PictureStatistics},
@@ -111,7 +110,7 @@ pub use crate::{
 };
 
 /// Input: pictures, which also come back, their planes, and where their pixels were.
-pub use plane::{Correspondence, NO_MATCH, Picture, Plane};
+pub use plane::{Correspondence, NO_MATCH, Picture, PictureType, Plane};
 
 pub use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 

@@ -1,9 +1,9 @@
 //! Syntax of a macroblock (6.2.5), and the predictors that run along a slice.
 
 use crate::{
+    PictureType,
     bits::{BitCounter, BitSink},
     block::Block,
-    header::PictureType,
     vector::HalfSample,
     vlc::{self, Codes},
 };

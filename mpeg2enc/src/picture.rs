@@ -1,7 +1,7 @@
 //! Slices of a picture: each macroblock row is one, so rows are coded beside each other.
 
 use crate::{
-    Picture,
+    Picture, PictureType,
     bits::{BitSink, BitWriter},
     block::Kind,
     decide::{
@@ -10,7 +10,7 @@ use crate::{
         lambda,
     },
     frame::squared_error,
-    header::{PictureHeader, PictureType, put_slice_header},
+    header::{PictureHeader, put_slice_header},
     kernel,
     macroblock::{Mode, SliceParameters, SliceState},
     predict::{References, Samples, samples},

@@ -9,7 +9,6 @@ mod anchor;
 #[cfg(feature = "bake")]
 mod atlas;
 mod bsdf;
-mod busy;
 pub mod cache;
 mod carried;
 mod direct;
@@ -27,7 +26,6 @@ mod surface;
 mod swept;
 
 pub mod image_file;
-pub mod ranks;
 pub mod sampling;
 
 pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
@@ -35,7 +33,6 @@ pub use anchor::{Anchor, Anchors, DynamicAnchor, Moved, ZoneSearch, Zones};
 #[cfg(feature = "bake")]
 pub use atlas::{Atlas, AtlasError, AtlasPoint, FinePoint, FineTexels, TexelBlend, TexelSite};
 pub use bsdf::{Bsdf, BsdfSample};
-pub use busy::{Busy, Timed, process_seconds};
 pub use carried::{AuditCounts, Carried, CarriedLight, Completed, Destination, Reuse, Unseen};
 pub use direct::{DirectLights, DynamicLights, Lamps, ShadingPoint, Source, Traced};
 pub use emitter::{
@@ -51,6 +48,7 @@ pub use gbuffer::{
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling, path_traced};
 pub use photon::{AnchorFlux, Guide, GuideSearch, Photons};
 pub use posed_scene::PosedScene;
+pub use ranks::{self, Busy, Timed, process_seconds};
 pub use reconstruct::{reconstruct, reconstruct_counted, sample_offsets};
 pub use surface::{Paint, Surface, Surfaces};
 pub use swept::SweptVolume;

@@ -7,9 +7,12 @@
 //! The arguments are scene, size and frames. Errors are those of frame 0 against cuts for every pixel; the change from frame
 //! to frame is that of luma before compression, in code values, over the 8×8 blocks that change least (the quieter half).
 
-use pipeline::feedback_loop::{Run, observe::OnFrame};
-use pipeline::settings::{Lighting, Size, Switch};
-use pipeline::{Options, Plan, Report, Settings};
+use pipeline::Run;
+use pipeline::observe::OnFrame;
+use render2mpeg::settings::Switch;
+use render2mpeg::{Options, Report, Settings};
+use renderer::plan::Plan;
+use renderer::settings::{Lighting, Size};
 use std::path::{Path, PathBuf};
 use tests::read_y4m;
 
@@ -70,7 +73,7 @@ fn render(scene: &Path, options: Options) -> Report {
     let plan = Plan::new(&loaded, &settings.renderer());
     let tell = |frame: &pipeline::report::FrameReport| eprint!("\rframe {}   ", frame.index);
     let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
-    let report = pipeline::render(&loaded, &settings, &plan, run);
+    let report = render2mpeg::render(&loaded, &settings, &plan, run);
     eprint!("\r             \r");
     report.expect("the run succeeds")
 }

@@ -9,10 +9,12 @@
 //! NAME.mvp the motion to the frame before: pairs of i16, little endian, in 64ths of a pixel, −32768 where the surface could not be
 //! seen; zeros for the first frame.
 
-use pipeline::feedback_loop::{Run, observe::OnFrame};
-use pipeline::settings::Size;
-use pipeline::{Options, Plan};
+use pipeline::Run;
+use pipeline::observe::OnFrame;
 use plane::NO_MATCH;
+use render2mpeg::Options;
+use renderer::plan::Plan;
+use renderer::settings::Size;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -46,7 +48,7 @@ fn write_clip(name: &str, base: &Path, size: Size, frames: u32) {
     let plan = Plan::new(&scene, &settings.renderer());
     let tell = |frame: &pipeline::report::FrameReport| eprint!("\r{name}: frame {}   ", frame.index);
     let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
-    pipeline::render(&scene, &settings, &plan, run).expect("the run succeeds");
+    render2mpeg::render(&scene, &settings, &plan, run).expect("the run succeeds");
     let mut bytes = Vec::new();
     for known in tests::correspondences(&scene, &settings) {
         let Some(known) = known else {

@@ -10,9 +10,12 @@
 //! known yet. The all-lights frames are kept in `out/closed_loop/`, since they take most of the time.
 
 use mpeg2enc::Picture;
-use pipeline::feedback_loop::{Run, observe::OnFrame};
-use pipeline::settings::{Lighting, Size, Switch, Thresholds};
-use pipeline::{Options, Plan, Report, Settings};
+use pipeline::Run;
+use pipeline::observe::OnFrame;
+use render2mpeg::settings::Switch;
+use render2mpeg::{Options, Report, Settings};
+use renderer::plan::Plan;
+use renderer::settings::{Lighting, Size, Thresholds};
 use std::path::{Path, PathBuf};
 use tests::{decode_ffmpeg, read_y4m};
 
@@ -99,7 +102,7 @@ impl Job {
         let plan = Plan::new(&scene, &settings.renderer());
         let tell = |frame: &pipeline::report::FrameReport| eprint!("\rframe {}   ", frame.index);
         let run = Run { observer: &OnFrame::new(tell), ..Run::default() };
-        let report = pipeline::render(&scene, &settings, &plan, run).expect("the run succeeds");
+        let report = render2mpeg::render(&scene, &settings, &plan, run).expect("the run succeeds");
         eprint!("\r             \r");
         report
     }

@@ -13,9 +13,10 @@
 
 use glam::{Vec3, Vec3A};
 use lighttree::{Cut, Lambert, Light, Receivers, Scratch, Stop, luminance};
-use pipeline::renderer::Preparation;
-use pipeline::{Options, Plan};
 use render_core::Busy;
+use render2mpeg::Options;
+use renderer::Preparation;
+use renderer::plan::Plan;
 
 /// Side of a block \[pixels\].
 const BLOCK: usize = 8;

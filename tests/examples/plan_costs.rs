@@ -8,10 +8,10 @@
 //! Prices of the units, which `pipeline/src/plan/estimate.rs` holds, are the seconds here by the work there: pixels, photons,
 //! lights.
 
-use pipeline::feedback_loop::Run;
-use pipeline::plan::Stage;
-use pipeline::{Options, Plan, Report, Settings};
+use pipeline::Run;
 use render_core::scene;
+use render2mpeg::{Options, Report, Settings};
+use renderer::plan::{Plan, Stage};
 
 /// Stages of the plan whose time stands alone in the report, with their seconds there.
 type Timed = (Stage, fn(&pipeline::figures::Seconds) -> f64);
@@ -40,7 +40,7 @@ fn main() -> anyhow::Result<()> {
         };
         let settings = Settings::new(path.into(), &scene, &options)?;
         let plan = Plan::new(&scene, &settings.renderer());
-        let Report { frames, .. } = pipeline::render(&scene, &settings, &plan, Run::default())?;
+        let Report { frames, .. } = render2mpeg::render(&scene, &settings, &plan, Run::default())?;
         let mean = |seconds: fn(&pipeline::figures::Seconds) -> f64| {
             frames[1..].iter().map(|frame| seconds(&frame.seconds)).sum::<f64>() / (frames.len() - 1) as f64
         };

@@ -1,12 +1,13 @@
 //! The renderer's motion and the encoder, outside of the pipeline.
 
 use mpeg2enc::{Packet, Picture};
-use pipeline::feedback_loop::Run;
+use pipeline::Run;
 use pipeline::parts::Prepare;
-use pipeline::renderer::Preparation;
-use pipeline::{Options, Plan, Report, Settings};
 use plane::Correspondence;
 use render_core::scene::{self, Scene};
+use render2mpeg::{Options, Report, Settings};
+use renderer::Preparation;
+use renderer::plan::Plan;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -21,7 +22,7 @@ pub fn load(path: &Path, options: Options) -> (Scene, Settings) {
 pub fn render_as_coded(scene: &Scene, settings: &Settings) -> Report {
     let settings = Settings { y4m_is_coded: true, ..settings.clone() };
     let plan = Plan::new(scene, &settings.renderer());
-    pipeline::render(scene, &settings, &plan, Run::default()).expect("the film is made")
+    render2mpeg::render(scene, &settings, &plan, Run::default()).expect("the film is made")
 }
 
 /// Where the renderer knows each frame's pixels to have been in the frame before; nothing for the first.

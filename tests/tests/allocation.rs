@@ -3,11 +3,12 @@
 //! A stage that works on something requests memory by its size. So bytes that are the same for any number of pixels, photons and
 //! lights are those of a stage that did not run; where it runs, they differ.
 
-use pipeline::feedback_loop::Run;
+use pipeline::Run;
 use pipeline::parts::Prepare;
-use pipeline::renderer::Preparation;
-use pipeline::{Options, Plan, Settings};
 use render_core::scene::Scene;
+use render2mpeg::{Options, Settings};
+use renderer::Preparation;
+use renderer::plan::Plan;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::alloc::System;
 use tempfile::TempDir;
@@ -71,7 +72,7 @@ fn of_a_later_frame(room: &Glb, work: Work) -> usize {
 fn of_a_run(room: &Glb, work: Work) -> usize {
     let Job { scene, settings, plan, _folder } = &Job::new(room, work, 4);
     let region = Region::new(COUNTED);
-    pipeline::render(scene, settings, plan, Run::default()).unwrap();
+    render2mpeg::render(scene, settings, plan, Run::default()).unwrap();
     region.change().bytes_allocated
 }
 

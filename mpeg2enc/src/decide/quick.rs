@@ -4,7 +4,7 @@
 //! Nothing is coded twice to compare. What is predicted poorly goes the long way, since it may have to be intra.
 
 use super::{Decision, Workspace, in_coefficients};
-use crate::{block::Block, dct, header::PictureType, kernel, macroblock::Mode, quant::Transformed, vector::HalfSample};
+use crate::{PictureType, block::Block, dct, kernel, macroblock::Mode, quant::Transformed, vector::HalfSample};
 
 /// Bits that an intra macroblock takes, or nearly so, on the clips of README.md: what differs less than these are worth is not
 /// intra.

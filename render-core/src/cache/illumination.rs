@@ -1,8 +1,8 @@
 //! The light at a place on a surface, and the interface to its source.
 
-use crate::portable;
 use crate::scene::{Projected, View};
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
+use ranks::portable;
 
 /// A place on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]

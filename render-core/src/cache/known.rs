@@ -2,8 +2,8 @@
 //! records have the same neighbors and a few new ones.
 
 use super::record::Record;
-use crate::portable;
 use glam::{Mat3A, Vec3A};
+use ranks::portable;
 
 /// The sums of a record's regression, over its neighbors.
 #[derive(Clone, Copy, Debug)]

@@ -15,12 +15,12 @@ use super::illumination::{Illumination, Site};
 use super::record::Record;
 use super::request::{OPEN, Request};
 use crate::gbuffer::{GBuffer, NOTHING};
-use crate::portable;
 use crate::ranks::{Ranks, in_order, share_each};
 use crate::scene::View;
 use crate::{Busy, MACROBLOCK};
 use glam::Vec3A;
 use plane::Plane;
+use ranks::portable;
 use rayon::prelude::*;
 
 /// Distance of what halves the light of a direction \[pixels\]. From 8 to 32 the simulated error on `nave` is the same to 3 %.

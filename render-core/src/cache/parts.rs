@@ -19,7 +19,8 @@ use super::tile::Tiles;
 use super::{CachedLight, Changes, IrradianceCache, Update, taught};
 use crate::gbuffer::{GBuffer, NOTHING};
 use crate::ranks::Alone;
-use crate::{Busy, Timed, portable};
+use crate::{Busy, Timed};
+use ranks::portable;
 
 /// Pixels around a part whose records teach those of its own: neighbors count up to 12 pixels away (`predict.rs`).
 const MARGIN: usize = 12;

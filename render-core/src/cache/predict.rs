@@ -20,12 +20,12 @@ use super::record::Record;
 use super::spacing::radius_in_view;
 use super::tile::{Tile, Tiles};
 use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
-use crate::portable;
 use crate::ranks::{in_order, share_each};
 use crate::sampling::frame;
 use crate::scene::View;
 use crate::{MACROBLOCK, luminance};
 use glam::{Mat3A, Vec3, Vec3A};
+use ranks::portable;
 
 /// Neighbors count up to this distance \[pixels\], but no nearer than the first number and no farther than the second times the
 /// record's radius. In a simulation of `nave` 2 instead of 1.25 leaves 4 % less error and needs 4 % more records; on `cornell` it

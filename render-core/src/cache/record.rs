@@ -2,8 +2,8 @@
 
 use super::illumination::{Computed, LocalIrradiance, Site};
 use super::radius::radius;
-use crate::portable;
 use crate::ranks::{Ranks, Turn};
+use ranks::portable;
 
 /// A site with its light.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -1,9 +1,9 @@
 //! Facts of a picture as OpenEXR's standard attributes (ASWF, *OpenEXR: Standard Attributes*).
 
-use super::frame_header::{FrameCamera, FrameHeader, FramePlace};
 use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, Chromaticities, Text, TimeCode};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
+use plane::{FrameCamera, FrameHeader, FramePlace};
 
 /// The program that made a picture.
 const SOFTWARE: &str = concat!("render2mpeg ", env!("CARGO_PKG_VERSION"));
@@ -33,8 +33,8 @@ pub(super) fn of_layer(header: &FrameHeader) -> LayerAttributes {
     let FrameHeader { camera, place, texts } = header;
     let mut attributes = LayerAttributes { software_name: Text::new_or_none(SOFTWARE), ..LayerAttributes::default() };
     if let Some(FrameCamera { camera_from_world, picture_from_world, window_width, .. }) = camera {
-        attributes.world_to_camera = Some(camera_from_world.to_cols_array());
-        attributes.world_to_normalized_device = Some(picture_from_world.to_cols_array());
+        attributes.world_to_camera = Some(*camera_from_world);
+        attributes.world_to_normalized_device = Some(*picture_from_world);
         attributes.screen_window_width = window_width.unwrap_or(attributes.screen_window_width);
     }
     if let Some(FramePlace { number, frames, seconds }) = *place {
@@ -121,8 +121,8 @@ mod tests {
     fn matrices_apply_to_rows() {
         let camera_from_world = Mat4::from_translation(Vec3::new(-1.0, -2.0, 3.0));
         let camera = FrameCamera {
-            camera_from_world,
-            picture_from_world: Mat4::IDENTITY,
+            camera_from_world: camera_from_world.to_cols_array(),
+            picture_from_world: Mat4::IDENTITY.to_cols_array(),
             window_width: Some(2.0),
             pixel_aspect: 1.0,
         };

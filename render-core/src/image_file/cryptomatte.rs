@@ -4,7 +4,7 @@
 //! Two pairs make a layer of four channels: `CryptoObject00.R` is an id, `.G` its share, `.B` and `.A` are the next pair.
 //! A manifest in the header tells the name of each id. Things of one name share their id, and a program selects them together.
 
-use super::frame_header::{FrameChannel, HeaderText, SampleDepth};
+use plane::{FrameChannel, HeaderText, SampleDepth};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 

@@ -4,15 +4,14 @@
 mod attributes;
 mod cryptomatte;
 mod error;
-mod frame_header;
 #[cfg(feature = "exr")]
 mod open_exr;
 
 pub use cryptomatte::{Cryptomatte, RankedId, RankedThing, cryptomatte_id, murmur_hash3};
 pub use error::ImageFileError;
-pub use frame_header::{FrameCamera, FrameChannel, FrameHeader, FramePlace, HeaderText, SampleDepth};
 #[cfg(feature = "exr")]
 pub use open_exr::{Layers, read_exr, read_layers, write_exr, write_frame, write_layers};
+pub use plane::{FrameCamera, FrameChannel, FrameHeader, FramePlace, HeaderText, SampleDepth};
 
 use glam::Vec3;
 use plane::Plane;

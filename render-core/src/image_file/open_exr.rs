@@ -1,6 +1,5 @@
 //! OpenEXR: linear pictures of any channels.
 
-use super::frame_header::{FrameChannel, FrameHeader, SampleDepth};
 use super::{ImageFileError, attributes, check_size};
 use exr::prelude::{
     AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, SmallVec, WritableImage, f16,
@@ -8,6 +7,7 @@ use exr::prelude::{
 };
 use glam::Vec3;
 use plane::Plane;
+use plane::{FrameChannel, FrameHeader, SampleDepth};
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::Path;
@@ -176,10 +176,10 @@ pub fn read_exr(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::frame_header::{FrameCamera, FramePlace, HeaderText};
     use super::*;
     use exr::meta::attribute::{AttributeValue, SampleType, Text};
     use glam::Mat4;
+    use plane::{FrameCamera, FramePlace, HeaderText};
 
     #[test]
     fn what_is_written_is_read() {
@@ -240,8 +240,8 @@ mod tests {
         let path = folder.path().join("a.exr");
         let matrix = Mat4::from_cols_array(&std::array::from_fn(|index| index as f32));
         let camera = FrameCamera {
-            camera_from_world: matrix,
-            picture_from_world: matrix.transpose(),
+            camera_from_world: matrix.to_cols_array(),
+            picture_from_world: matrix.transpose().to_cols_array(),
             window_width: None,
             pixel_aspect: 1.0,
         };

@@ -3,9 +3,9 @@
 use super::AnchorFlux;
 use super::path::Path;
 use crate::anchor::{Anchors, Moved, Sight, SplatScratch, Spot, SurfelMap};
-use crate::portable;
 use crate::ranks::Portable;
 use glam::{DVec3, Vec3};
+use ranks::portable;
 
 /// Quanta in the largest power of all lights together: 2⁴⁸ leave room for sums of 2¹⁵ times as much, and divide the
 /// share of one of a million photons into 2²⁸ parts, more than `f32` does.

@@ -327,8 +327,8 @@ impl View {
     pub fn frame_camera(&self) -> FrameCamera {
         let width = 2.0 * self.half_width();
         FrameCamera {
-            camera_from_world: self.left_handed_camera(),
-            picture_from_world: self.normalized_device(),
+            camera_from_world: self.left_handed_camera().to_cols_array(),
+            picture_from_world: self.normalized_device().to_cols_array(),
             window_width: matches!(self.projection, Projection::Perspective { .. }).then_some(width),
             pixel_aspect: self.pixel_aspect,
         }

@@ -1,6 +1,6 @@
 //! What was typed.
 
-use pipeline::Options;
+use render2mpeg::Options;
 use std::path::PathBuf;
 
 /// The film, and whether a log of it is kept.

@@ -1,12 +1,13 @@
 //! Ranks that all keep the same state and share its work, as `mpirun` starts them.
 
 use crate::arguments::Arguments;
-use pipeline::feedback_loop::Run;
-use pipeline::feedback_loop::checkpoint::Checkpoints;
-use pipeline::ranks::Team;
-use pipeline::{Options, Plan, Render, Settings};
+use pipeline::Run;
+use pipeline::checkpoint::Checkpoints;
+use pipeline::team::Team;
 use render_core::ranks::{LoggedAlone, LoggedRun, LoopLog, Network, Ranks};
 use render_core::{process_seconds, scene};
+use render2mpeg::{Options, Render, Settings};
+use renderer::plan::Plan;
 use std::sync::Arc;
 
 /// Ranks to simulate.

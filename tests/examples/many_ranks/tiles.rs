@@ -2,15 +2,18 @@
 
 use crate::arguments::Arguments;
 use crate::replicated::NETWORKS;
-use pipeline::feedback_loop::Run;
-use pipeline::feedback_loop::checkpoint::Checkpoints;
-use pipeline::feedback_loop::observe::Observer;
-use pipeline::ranks::Team;
-use pipeline::renderer::{SimulatedFrame, SimulatedRanks};
-use pipeline::settings::{Switch, Thresholds};
-use pipeline::{Options, Plan, Render, Settings, perceptual::YCbCr};
+use pipeline::Run;
+use pipeline::checkpoint::Checkpoints;
+use pipeline::observe::Observer;
+use pipeline::perceptual::YCbCr;
+use pipeline::team::Team;
 use render_core::ranks::{LoggedAlone, LoggedRun, Network, Ranks};
 use render_core::{process_seconds, scene};
+use render2mpeg::settings::Switch;
+use render2mpeg::{Options, Render, Settings};
+use renderer::plan::Plan;
+use renderer::settings::Thresholds;
+use renderer::{SimulatedFrame, SimulatedRanks};
 use std::sync::{Arc, Mutex};
 
 /// Ranks of the first frame, beside one.

@@ -12,5 +12,5 @@ fn main() -> std::process::ExitCode {
     };
     // As any thread of a stage, or of rayon.
     std::thread::spawn(fails);
-    pipeline::command_line::main()
+    program::main()
 }

@@ -1,6 +1,6 @@
 //! One of several processes that send messages to each other, for tests of ranks.
 
-use pipeline::ranks::Processes;
+use program::mpi::Processes;
 use tests::Exchange;
 
 /// More bytes than one operation of MPI takes here.

@@ -1,5 +1,5 @@
 //! The program `render2mpeg`, built together with the tests that start it.
 
 fn main() -> std::process::ExitCode {
-    pipeline::command_line::main()
+    program::main()
 }

@@ -3,9 +3,8 @@
 use super::verdict::Verdict;
 use super::{Draft, Film, Forger, mutate};
 use crate::{Random, sorted_names};
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 use tempfile::TempDir;
 
 /// Of so many cases one is a checkpoint.

@@ -3,16 +3,17 @@
 use super::verdict::{Verdict, told};
 use super::{Film, Outcome};
 use crate::{Moving, Random, checkered_room};
-use pipeline::feedback_loop::Run;
-use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
-use pipeline::{Options, Plan, Render, Settings};
+use pipeline::Run;
+use pipeline::checkpoint::{Checkpoints, path_for};
 use render_core::scene;
-use std::fs;
-use std::io;
+use render2mpeg::job::job_of;
+use render2mpeg::{Options, Render, Settings};
+use renderer::plan::Plan;
 use std::path::Path;
 use std::time::Duration;
+use std::{fs, io};
 
-/// As `pipeline/src/feedback_loop/checkpoint/file.rs` stores it: the job, the last frame that is done, the states of the parts.
+/// As `pipeline/loop/src/checkpoint/file.rs` stores it: the job, the last frame that is done, the states of the parts.
 type Stored = ((String, String, u32), u32, Vec<Vec<u8>>);
 
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
@@ -72,7 +73,7 @@ impl Forger {
             };
             let settings = Settings::new(path.clone(), &scene, &options).expect("settings");
             let plan = Plan::new(&scene, &settings.renderer());
-            let job = FilmJob::of(&scene, &settings).expect("a job");
+            let job = job_of(&scene, &settings).expect("a job");
             let checkpoints = Checkpoints::new(&job, Some(Duration::ZERO));
             let mut film = Render::new(&scene, &settings, &plan, &checkpoints).expect("a film");
             film.write_to(&output).and_then(|()| film.finish(Run::default())).expect("a film");

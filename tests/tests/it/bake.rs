@@ -2,12 +2,13 @@
 
 use glam::{Vec3, vec3};
 use perceptual::psnr;
-use pipeline::bake::{self, Bake};
-use pipeline::renderer::Preparation;
-use pipeline::{Options, Plan, Settings};
 use plane::Picture;
 use render_core::scene::{Gradient, Instance, Material, Mesh, Node, Scene, Transform};
 use render_core::{Environment, NOTHING, Surfaces, luminance};
+use render2mpeg::{Options, Settings};
+use renderer::bake::Bake;
+use renderer::plan::Plan;
+use renderer::{Preparation, bake};
 use std::path::{Path, PathBuf};
 use tests::{Moving, Rendered, assert_fails, checkered_room, cornell, load, read_y4m, render, render2mpeg};
 
@@ -48,7 +49,7 @@ pub(super) fn gray(albedo: f32) -> Material {
 fn baked(scene: &Scene, texels: usize) -> Bake {
     let options = Options { vpls: Some(1000), photons: Some(100_000), ..Options::default() };
     let settings = Settings::new("stage.glb".into(), scene, &options).expect("right settings");
-    bake::bake(scene, &settings, texels, &|_, _| ()).expect("the scene can be baked")
+    bake::bake(scene, &settings.renderer(), texels, &|_, _| ()).expect("the scene can be baked")
 }
 
 /// A box under a sky of radiance L from everywhere is lit by half of it at each point: E = π L.

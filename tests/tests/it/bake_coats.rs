@@ -2,15 +2,16 @@
 
 use super::bake::{add, gray, outside, within};
 use glam::{Quat, Vec3, vec3};
-use pipeline::bake::{self, Bake};
 use pipeline::parts::{LastThresholds, Shade};
-use pipeline::renderer::reference::by_paths;
-use pipeline::renderer::{Preparation, Shading};
-use pipeline::settings::Lighting;
-use pipeline::{Options, Plan, Settings};
 use plane::Plane;
 use render_core::scene::{Camera, Gradient, Material, Node, Projection, Scene, Transform};
 use render_core::{Environment, PathOptions, PixelSampling, Surfaces, luminance};
+use render2mpeg::{Options, Settings};
+use renderer::bake::Bake;
+use renderer::plan::Plan;
+use renderer::reference::by_paths;
+use renderer::settings::Lighting;
+use renderer::{Preparation, Shading, bake};
 use std::sync::Arc;
 
 /// A scene of nothing, seen from `eye` towards −z, tilted down by `tilt`.
@@ -40,7 +41,7 @@ fn settings(scene: &Scene, side: usize) -> Settings {
 }
 
 fn baked(scene: &Scene, texels: usize) -> Bake {
-    bake::bake(scene, &settings(scene, 16), texels, &|_, _| ()).expect("the scene can be baked")
+    bake::bake(scene, &settings(scene, 16).renderer(), texels, &|_, _| ()).expect("the scene can be baked")
 }
 
 /// Under a sky of the radiance L from everywhere the mean radiance that a coat reflects is L in every direction, whatever its lobe.
@@ -107,7 +108,7 @@ fn coats_that_look_their_light_up_are_those_of_paths() {
     let settings = settings(&scene, SIDE);
     let light = Arc::new(baked(&scene, 6000).texels);
     let frame = |lighting: Lighting| {
-        let renderer = pipeline::settings::RenderSettings { lighting, ..settings.renderer() };
+        let renderer = renderer::settings::RenderSettings { lighting, ..settings.renderer() };
         let plan = Plan::new(&scene, &renderer);
         let prepared = Preparation::new(&scene, &renderer, &plan).frame(0);
         let shading = Shading::new(&renderer, &plan);

@@ -2,10 +2,11 @@
 
 use mpeg2enc::{Config, FrameRate, KnownMotion, PictureType};
 use perceptual::{Feedback, MaskingModel, NextPicture, ObservedFrame, QuantiserSteps, ToneMap, YCbCr, luminance_plane};
-use pipeline::Options;
-use pipeline::film::Video;
-use pipeline::parts::{self, Displayed, Encode};
+use pipeline::parts;
+use pipeline::parts::{Displayed, Encode};
 use plane::{Coded, Plane};
+use render2mpeg::Options;
+use render2mpeg::stages::Video;
 use std::sync::Arc;
 use tests::{cornell, decode_ffmpeg, load, render};
 

@@ -43,7 +43,7 @@ fn videos_folders_and_pictures_are_compared() {
     assert!((psnr(&found["mean"]) - ours.iter().sum::<f64>() / 3.0).abs() < 1e-9);
     let score = found["mean"]["ssimulacra2"].as_f64().unwrap();
     assert!(score < 95.0 && found["mean"]["ssim"].as_f64().unwrap() < 0.999, "{found}");
-    let map = pipeline::laboratory::compare::png_file::read(&path("where.png")).unwrap();
+    let map = laboratory::compare::png_file::read(&path("where.png")).unwrap();
     assert_eq!((map.width(), map.height()), (64, 48));
     assert!(map.samples().iter().any(|pixel| pixel[0] > 100), "somewhere they differ");
 
@@ -55,11 +55,8 @@ fn videos_folders_and_pictures_are_compared() {
 
     // One gray against another, in closed form: codes 128 and 118 are 0.2159 and 0.1812 of white by the sRGB curve.
     let gray = |name: &str, code: u8| {
-        std::fs::write(
-            path(name),
-            pipeline::laboratory::compare::png_file::encode(&plane::Plane::filled(16, 16, [code; 3])),
-        )
-        .unwrap();
+        std::fs::write(path(name), laboratory::compare::png_file::encode(&plane::Plane::filled(16, 16, [code; 3])))
+            .unwrap();
     };
     gray("a.png", 128);
     gray("b.png", 118);

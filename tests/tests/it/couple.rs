@@ -2,14 +2,14 @@
 
 use mpeg2enc::{Config, Container, FrameRate};
 use perceptual::{DEFAULT_WEIGHT, Feedback, MaskingModel, ToneMap, YCbCr};
-use pipeline::error::Result;
-use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob};
-use pipeline::feedback_loop::observe::Observer;
-use pipeline::feedback_loop::{Parts, Run, couple};
-use pipeline::film::{Display, Video};
+use pipeline::Result;
+use pipeline::checkpoint::{Checkpoints, FilmJob};
+use pipeline::observe::Observer;
 use pipeline::parts::{Displayed, Encode, Encoded, LastThresholds, Prepare, Prepared, Shade, Shaded};
 use pipeline::report::FrameReport;
+use pipeline::{Parts, Run, couple};
 use plane::{Correspondence, Plane};
+use render2mpeg::stages::{Display, Video};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -68,7 +68,7 @@ impl Shade<u32> for Pattern {
     }
 }
 
-type Film<E> = Parts<Still, Pattern, Feedback, E>;
+type Film<E> = Parts<Still, Pattern, Display, Feedback, E>;
 
 fn film(quantiser_scale: u32, panics_at: Option<u32>) -> Film<Video> {
     let config = Config::new(SIZE.0, SIZE.1, FrameRate::FPS_25);
@@ -146,7 +146,7 @@ struct Full(Video, u32);
 impl Encode for Full {
     fn step(&mut self, displayed: &Displayed) -> Result<Encoded> {
         if displayed.index == self.1 {
-            return Err(pipeline::error::Error::other("the disk is full"));
+            return Err(pipeline::Error::other("the disk is full"));
         }
         self.0.step(displayed)
     }

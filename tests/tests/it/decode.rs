@@ -1,7 +1,7 @@
 //! Two decoders that are not ours show what the encoder says they show.
 
 use mpeg2enc::{Picture, psnr};
-use pipeline::Options;
+use render2mpeg::Options;
 use tests::{cornell, correspondences, decode_ffmpeg, decode_mpeg2dec, encode, load, read_y4m, render_as_coded};
 
 const SIZE: (usize, usize) = (96, 96);

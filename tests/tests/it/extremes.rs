@@ -2,13 +2,14 @@
 //! light adds up to is what a closed form or the same scene at a common scale says, and what had to be left out is counted.
 
 use glam::{Vec3, vec3};
-use pipeline::feedback_loop::Run;
-use pipeline::settings::{ExrDepth, Lighting};
-use pipeline::{Options, Plan, Report, Settings};
+use pipeline::Run;
 use plane::Plane;
 use render_core::image_file::{read_exr, write_exr};
-use render_core::luminance;
-use render_core::scene;
+use render_core::{luminance, scene};
+use render2mpeg::settings::ExrDepth;
+use render2mpeg::{Options, Report, Settings};
+use renderer::plan::Plan;
+use renderer::settings::Lighting;
 use serde_json::{Value, json};
 use std::path::Path;
 use tests::{Glb, Moving, checkered_room, furnace};
@@ -37,7 +38,7 @@ fn film_in(folder: &Path, glb: &Glb, settings: &str, options: Options) -> Result
     };
     let settings = Settings::new(path, &scene, &options).map_err(|error| error.to_string())?;
     let plan = Plan::new(&scene, &settings.renderer());
-    let report = pipeline::render(&scene, &settings, &plan, Run::default());
+    let report = render2mpeg::render(&scene, &settings, &plan, Run::default());
     let report = report.map_err(|error| error.chain())?;
     let last = exr.join(format!("frame_{:05}.exr", settings.frames - 1));
     Ok((read_exr(&last).unwrap(), report))

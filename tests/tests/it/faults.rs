@@ -4,11 +4,12 @@
 //! Full disks and devices are in `errors.rs`, signals in `interrupt.rs`.
 
 use perceptual::YCbCr;
-use pipeline::feedback_loop::Run;
-use pipeline::feedback_loop::observe::Observer;
+use pipeline::Run;
+use pipeline::observe::Observer;
 use pipeline::report::FrameReport;
-use pipeline::{Options, Plan, Settings, render};
 use plane::Plane;
+use render2mpeg::{Options, Settings, render};
+use renderer::plan::Plan;
 use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};

@@ -1,13 +1,14 @@
 //! The loop from the encoder's quantiser back to the renderer's cuts, one frame later.
 
 use perceptual::{ToneMap, YCbCr, luminance_plane};
-use pipeline::film::Masking;
 use pipeline::parts::{Coding, Displayed, LastThresholds, LuminanceThresholds, Mask, Prepare, Shade};
-use pipeline::renderer::{Preparation, Shading};
-use pipeline::settings::Switch;
-use pipeline::{Options, Plan, Settings};
 use plane::Plane;
 use render_core::scene::Scene;
+use render2mpeg::settings::Switch;
+use render2mpeg::stages::Masking;
+use render2mpeg::{Options, Settings};
+use renderer::plan::Plan;
+use renderer::{Preparation, Shading};
 use std::sync::Arc;
 use tests::{Moving, Rendered, assert_fails, checkered_room, cornell, load, render};
 

@@ -1,16 +1,18 @@
 //! Checkpoints whose check sums are right and whose parts are not of the film: a line and no panic.
 
-use pipeline::feedback_loop::Run;
-use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob, path_for};
+use pipeline::Run;
+use pipeline::checkpoint::{Checkpoints, path_for};
 use pipeline::report::FrameReport;
-use pipeline::{Options, Plan, Render, Settings};
 use render_core::scene::{self, Scene};
+use render2mpeg::job::job_of;
+use render2mpeg::{Options, Render, Settings};
+use renderer::plan::Plan;
 use std::collections::BTreeMap;
 use std::time::Duration;
 use tempfile::TempDir;
 use tests::{Moving, checkered_room};
 
-/// As `pipeline/src/feedback_loop/checkpoint/file.rs` stores it: the job, the last frame that is done, the states of the parts.
+/// As `pipeline/loop/src/checkpoint/file.rs` stores it: the job, the last frame that is done, the states of the parts.
 type Stored = ((String, String, u32), u32, Vec<Vec<u8>>);
 
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
@@ -19,7 +21,7 @@ const HEADER: usize = 20;
 const SHADE: usize = 1;
 const ENCODE: usize = 3;
 
-/// As `pipeline/src/feedback_loop/log.rs` leaves it: bytes of the film and their sum, the report, figures of frames that wait (none, where
+/// As `pipeline/loop/src/log.rs` leaves it: bytes of the film and their sum, the report, figures of frames that wait (none, where
 /// each frame is coded as it comes), the encoder.
 type Encoding = ((u64, u32), Vec<FrameReport>, BTreeMap<u32, ()>, Vec<u8>);
 
@@ -53,7 +55,7 @@ impl Film {
             };
             let settings = Settings::new(path.clone(), &scene, &options).unwrap();
             let plan = Plan::new(&scene, &settings.renderer());
-            let checkpoints = Checkpoints::new(&FilmJob::of(&scene, &settings).unwrap(), Some(Duration::ZERO));
+            let checkpoints = Checkpoints::new(&job_of(&scene, &settings).unwrap(), Some(Duration::ZERO));
             run(&checkpoints, &scene, &settings, &plan).unwrap();
             let bytes = std::fs::read(path_for(&settings.output)).unwrap();
             let (stored, _): (Stored, _) = bincode::serde::decode_from_slice(&bytes[HEADER..], CONFIG).unwrap();
@@ -71,7 +73,7 @@ impl Film {
         file.extend(crc32fast::hash(&body).to_le_bytes());
         file.extend(body);
         std::fs::write(path_for(&self.settings.output), file).unwrap();
-        let job = FilmJob::of(&self.scene, &self.settings).unwrap();
+        let job = job_of(&self.scene, &self.settings).unwrap();
         let checkpoints = Checkpoints::resume(&job, None).map_err(|error| error.chain())?;
         run(&checkpoints, &self.scene, &self.settings, &self.plan)
     }
@@ -83,7 +85,7 @@ fn run(checkpoints: &Checkpoints, scene: &Scene, settings: &Settings, plan: &Pla
         film.write_to(&settings.output)?;
         film.finish(Run::default())
     };
-    film().map(|_| ()).map_err(|error: pipeline::error::Error| error.chain())
+    film().map(|_| ()).map_err(|error: render2mpeg::error::Error| error.chain())
 }
 
 /// The records of a film with more lights: their cuts refer to lights that are not there.

@@ -14,7 +14,7 @@ const SMALL: &str = "--size 32x32 --vpls 60 --photons 1000";
 
 /// A picture of one texel as PNG: a color of the palette, which tells two files of one size apart.
 fn png(gray: u8) -> Vec<u8> {
-    pipeline::laboratory::compare::png_file::encode(&plane::Plane::filled(2, 2, [gray; 3]))
+    laboratory::compare::png_file::encode(&plane::Plane::filled(2, 2, [gray; 3]))
 }
 
 /// A Radiance picture of one color.

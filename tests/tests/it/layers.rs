@@ -1,12 +1,15 @@
 //! Layers of light that are made outside of the renderer and take the place of its own.
 
 use glam::Vec3;
+use pipeline::Result;
 use pipeline::parts::{LastThresholds, LuminanceThresholds, Prepare, Shade};
-use pipeline::renderer::{Frame, Layer, Lit, Preparation, Shading, Tolerance, Visible};
-use pipeline::settings::{Aov, RenderSettings, Switch};
-use pipeline::{Options, Plan, Result};
 use plane::Plane;
 use render_core::scene::Scene;
+use render2mpeg::Options;
+use render2mpeg::settings::Switch;
+use renderer::plan::Plan;
+use renderer::settings::{Aov, RenderSettings};
+use renderer::{Frame, Layer, Lit, Preparation, Shading, Tolerance, Visible};
 use std::f32::consts::PI;
 use std::sync::Arc;
 use tests::{cornell, load};

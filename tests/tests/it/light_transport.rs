@@ -2,10 +2,11 @@
 
 use glam::{Vec3, Vec3A, vec3};
 use lighttree::{Lambert, Light, Scratch, Stop};
-use pipeline::renderer::Preparation;
-use pipeline::{Options, Plan};
 use plane::Plane;
 use render_core::{image_file::read_exr, luminance};
+use render2mpeg::Options;
+use renderer::Preparation;
+use renderer::plan::Plan;
 use tests::{Glb, Quad, cornell, furnace, load, render, render2mpeg};
 
 fn frame(folder: &std::path::Path, exr: &str, index: usize) -> Plane<Vec3> {

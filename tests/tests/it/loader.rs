@@ -1,9 +1,10 @@
 //! Files from elsewhere, and files made to harm.
 
 use glam::{Vec3, Vec3A, vec2, vec3};
-use pipeline::feedback_loop::Run;
-use pipeline::{Options, Plan, Settings};
+use pipeline::Run;
 use render_core::scene::{self, Alpha, Scene};
+use render2mpeg::{Options, Settings};
+use renderer::plan::Plan;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -443,7 +444,7 @@ fn survives(path: &Path, video: &Path) -> bool {
     let options = Options { output: Some(video.into()), ..options };
     let Ok(settings) = Settings::new(path.into(), &scene, &options) else { return false };
     let plan = Plan::new(&scene, &settings.renderer());
-    let report = pipeline::render(&scene, &settings, &plan, Run::default());
+    let report = render2mpeg::render(&scene, &settings, &plan, Run::default());
     report.unwrap_or_else(|error| panic!("{}", error.chain()));
     true
 }

@@ -2,9 +2,9 @@
 
 use glam::{Vec3, vec3};
 use mpeg2enc::{Packet, Picture, PictureType};
-use pipeline::settings::Thresholds;
-use pipeline::{Options, Settings};
 use plane::Correspondence;
+use render2mpeg::{Options, Settings};
+use renderer::settings::Thresholds;
 use std::path::Path;
 use std::sync::Arc;
 use tests::{Moving, checkered_room, cornell, correspondences, encode, load, read_y4m, render_as_coded};

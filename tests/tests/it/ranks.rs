@@ -1,15 +1,19 @@
 //! Films that several ranks make together: ranks by threads here, by `mpirun` in the tests below `mpirun`.
 
-use pipeline::feedback_loop::Run;
-use pipeline::feedback_loop::checkpoint::{Checkpoints, FilmJob};
-use pipeline::feedback_loop::observe::{Observer, OnFrame};
+use pipeline::Run;
+use pipeline::checkpoint::Checkpoints;
+use pipeline::observe::{Observer, OnFrame};
 use pipeline::parts::Shaded;
-use pipeline::ranks::Team;
-use pipeline::report::{FrameReport, Report};
-use pipeline::settings::{Settings, Stopping};
-use pipeline::{Error, Options, Plan, Render};
+use pipeline::report::FrameReport;
+use pipeline::team::Team;
 use render_core::ranks::{ThreadMail, ThreadRanks};
 use render_core::scene::Scene;
+use render2mpeg::job::job_of;
+use render2mpeg::report::Report;
+use render2mpeg::settings::Settings;
+use render2mpeg::{Error, Options, Render};
+use renderer::plan::Plan;
+use renderer::settings::Stopping;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -50,7 +54,7 @@ impl Film {
     /// Makes or resumes the film on `count` ranks; returns the report of rank 0 and the results of the other ranks.
     fn made(&self, count: usize, run: Run<'_>) -> (Result<Report, Error>, Vec<Result<(), Error>>) {
         let plan = Plan::new(&self.scene, &self.settings.renderer());
-        let job = FilmJob::of(&self.scene, &self.settings).unwrap();
+        let job = job_of(&self.scene, &self.settings).unwrap();
         let checkpoints = Checkpoints::resume(&job, Some(Duration::ZERO)).unwrap();
         let mut teams = teams(count);
         std::thread::scope(|scope| {
@@ -72,7 +76,7 @@ impl Film {
         let (report, others) = self.made(count, Run::default());
         assert!(others.iter().all(Result::is_ok), "{others:?}");
         let film = std::fs::read(&self.settings.output).expect("the film is there");
-        let _ = std::fs::remove_file(pipeline::feedback_loop::checkpoint::path_for(&self.settings.output));
+        let _ = std::fs::remove_file(pipeline::checkpoint::path_for(&self.settings.output));
         (film, report.expect("a report"))
     }
 }
@@ -183,7 +187,7 @@ fn other_light_is_found_out() {
     });
     let line = "rank 1 has found other light for frame 0 than rank 0";
     for error in [first.map(drop).unwrap_err(), second.unwrap_err()] {
-        assert!(matches!(&error, Error::Ranks(text) if text.starts_with(line)), "{error}");
+        assert!(matches!(&error, Error::Loop(pipeline::Error::Ranks(text)) if text.starts_with(line)), "{error}");
     }
 }
 

@@ -1,6 +1,6 @@
 //! Single pictures, frames as pictures, and films of some of a scene's frames.
 
-use pipeline::laboratory::compare::png_file;
+use laboratory::compare::png_file;
 use plane::Plane;
 use std::fs;
 use std::path::Path;

@@ -73,8 +73,7 @@ fn a_sweep_says_what_single_commands_say() {
     for name in ["plots/decoded_psnr.svg", "maps/threshold_perceptual_32.png"] {
         assert!(folder.path().join("swept").join(name).is_file(), "{name}");
     }
-    let plot =
-        pipeline::laboratory::compare::png_file::read(&folder.path().join("swept/plots/decoded_psnr.png")).unwrap();
+    let plot = laboratory::compare::png_file::read(&folder.path().join("swept/plots/decoded_psnr.png")).unwrap();
     let dark = plot.samples().iter().filter(|pixel| pixel.iter().all(|&c| c < 100)).count();
     assert!(dark > 1000, "a plot without text: {dark} dark pixels");
 

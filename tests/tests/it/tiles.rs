@@ -2,15 +2,17 @@
 //! that each interpolates from.
 
 use perceptual::YCbCr;
-use pipeline::feedback_loop::Run;
-use pipeline::feedback_loop::checkpoint::Checkpoints;
-use pipeline::feedback_loop::observe::Observer;
-use pipeline::ranks::Team;
-use pipeline::renderer::{SimulatedFrame, SimulatedRanks};
-use pipeline::settings::{Settings, Switch, Thresholds};
-use pipeline::{Options, Plan, Render, Report};
+use pipeline::Run;
+use pipeline::checkpoint::Checkpoints;
+use pipeline::observe::Observer;
+use pipeline::team::Team;
 use render_core::ranks::{Network, ThreadMail, ThreadRanks};
 use render_core::scene::Scene;
+use render2mpeg::settings::{Settings, Switch};
+use render2mpeg::{Options, Render, Report};
+use renderer::plan::Plan;
+use renderer::settings::Thresholds;
+use renderer::{SimulatedFrame, SimulatedRanks};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use tests::{Moving, checkered_room, cornell, load};

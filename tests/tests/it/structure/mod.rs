@@ -1,6 +1,7 @@
 //! Rules about sources and documents that no compiler checks.
 
 mod circles;
+mod layers;
 mod release;
 mod sentences;
 mod signatures;
@@ -10,8 +11,21 @@ mod words;
 use std::path::{Path, PathBuf};
 
 /// The crates of the program.
-const CRATES: [&str; 8] =
-    ["lanes", "plane", "lightfield", "lighttree", "perceptual", "mpeg2enc", "render-core", "pipeline"];
+const CRATES: [&str; 13] = [
+    "support/lanes",
+    "support/plane",
+    "support/ranks",
+    "support/lightfield",
+    "lighttree",
+    "perceptual",
+    "mpeg2enc",
+    "render-core",
+    "pipeline/loop",
+    "pipeline/renderer",
+    "pipeline/film",
+    "pipeline/laboratory",
+    "pipeline/program",
+];
 
 /// The folder of the workspace.
 fn root() -> PathBuf {

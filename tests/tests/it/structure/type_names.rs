@@ -6,7 +6,12 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Names that stand for two public types of a crate and are left as they are.
 ///
 /// Exceptions: `lanes` has each vector type twice, for two kinds of processor. A build has one kind.
-const KNOWN: [(&str, &str); 4] = [("lanes", "Absolute"), ("lanes", "Bytes"), ("lanes", "Squared"), ("lanes", "Words")];
+const KNOWN: [(&str, &str); 4] = [
+    ("support/lanes", "Absolute"),
+    ("support/lanes", "Bytes"),
+    ("support/lanes", "Squared"),
+    ("support/lanes", "Words"),
+];
 
 /// Adds the names of public types among `items` with the module that defines each. Two definitions in one module are
 /// variants of one type, by configuration.

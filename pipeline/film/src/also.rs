@@ -1,0 +1,155 @@
+//! A film once more, for people's own machines: its decoded pictures, coded by an encoder that players of today know.
+//!
+//! ffmpeg does that where it is installed; nothing of it is part of this program.
+
+use crate::error::{Error, Result};
+use crate::settings::Settings;
+use pipeline::output::part_of;
+use renderer::settings::Size;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// An encoder of ffmpeg, and what it is told.
+#[derive(Debug)]
+struct Encoder {
+    /// Its name in ffmpeg.
+    name: &'static str,
+    /// The ending of its files, and ffmpeg's name of them.
+    ending: &'static str,
+    options: &'static [&'static str],
+    /// The least width and height.
+    least: usize,
+    /// Whether width and height have to be even.
+    is_even: bool,
+}
+
+/// In the order in which they are tried. Quality is a little above what each calls visually lossless: what there is to see is in the
+/// film.
+const ENCODERS: [Encoder; 3] = [
+    Encoder {
+        name: "libx264",
+        ending: "mp4",
+        options: &["-preset", "slow", "-crf", "16", "-movflags", "+faststart"],
+        least: 2,
+        is_even: true,
+    },
+    Encoder { name: "libsvtav1", ending: "webm", options: &["-preset", "6", "-crf", "24"], least: 64, is_even: true },
+    Encoder {
+        name: "libvpx-vp9",
+        ending: "webm",
+        options: &["-crf", "20", "-b:v", "0", "-row-mt", "1"],
+        least: 1,
+        is_even: false,
+    },
+];
+/// Color of the film, which encoders do not always take over.
+const COLOR: [&str; 8] =
+    ["-color_primaries", "bt709", "-color_trc", "bt709", "-colorspace", "bt709", "-color_range", "tv"];
+
+/// A file that is made from a film when that is whole.
+#[derive(Debug)]
+pub struct Companion {
+    path: PathBuf,
+    encoder: &'static Encoder,
+    size: Size,
+    /// Whether the film is MPEG-1, which states no matrix and has that of BT.601.
+    is_mpeg1: bool,
+}
+
+impl Companion {
+    /// Looks for ffmpeg and for the encoder that the ending of `path` asks for, before any work is done for a film of these `settings`.
+    ///
+    /// # Errors
+    /// There is no such ending, ffmpeg is not installed, or it was built without the encoder.
+    pub fn new(path: &Path, settings: &Settings) -> Result<Self> {
+        let size = settings.size;
+        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let wanted: Vec<&Encoder> = ENCODERS.iter().filter(|encoder| encoder.ending == ending).collect();
+        if wanted.is_empty() {
+            let name = path.display();
+            return Err(Error::Options(format!("--also {name}: such files are not made; name it .mp4 or .webm")));
+        }
+        let known = encoders_of_ffmpeg(path)?;
+        let fits = |encoder: &&Encoder| size.width.min(size.height) >= encoder.least;
+        let is_known =
+            |encoder: &&Encoder| known.lines().any(|line| line.split_whitespace().nth(1) == Some(encoder.name));
+        match wanted.iter().copied().filter(fits).find(is_known) {
+            Some(encoder) => Ok(Self { path: path.into(), encoder, size, is_mpeg1: settings.mpeg1 }),
+            None => {
+                let names = wanted.iter().map(|encoder| encoder.name).collect::<Vec<_>>().join(" or ");
+                Err(Error::content(
+                    path,
+                    format!(
+                        ": needs {names}, which the installed ffmpeg has not; install another, or leave out --also"
+                    ),
+                ))
+            }
+        }
+    }
+
+    /// Name of the encoder.
+    #[must_use]
+    pub fn encoder(&self) -> &'static str {
+        self.encoder.name
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Decodes the `film` and codes its pictures again, into a file that has its name when it is whole.
+    ///
+    /// # Errors
+    /// ffmpeg fails; its last line tells why.
+    pub fn make(&self, film: &Path) -> Result<()> {
+        let Self { path, encoder, size, is_mpeg1 } = self;
+        let part = part_of(path);
+        // Paths may begin with a dash, or look like an address.
+        let file = |path: &Path| {
+            let mut address = std::ffi::OsString::from("file:");
+            address.push(path);
+            address
+        };
+        let mut command = Command::new("ffmpeg");
+        command.args(["-nostdin", "-v", "error", "-y", "-i"]).arg(file(film));
+        command.args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-c:v", encoder.name]);
+        command.args(encoder.options).args(COLOR);
+        // Sides that the film's header cannot state are coded one sample longer.
+        let is_longer = size.width.is_multiple_of(4096) || size.height.is_multiple_of(4096);
+        let shown = |side: usize| if encoder.is_even { side / 2 * 2 } else { side };
+        let (width, height) = (shown(size.width), shown(size.height));
+        let mut filters = Vec::new();
+        if is_longer || (width, height) != (size.width, size.height) {
+            filters.push(format!("crop={width}:{height}:0:0"));
+        }
+        if *is_mpeg1 {
+            filters.push("scale=in_color_matrix=bt601:out_color_matrix=bt709".into());
+        }
+        if !filters.is_empty() {
+            command.arg("-vf").arg(filters.join(","));
+        }
+        command.args(["-f", encoder.ending]).arg(file(&part));
+        let output = command
+            .stdin(Stdio::null())
+            .output()
+            .map_err(Error::file(path, "cannot be made: ffmpeg does not start"))?;
+        if !output.status.success() {
+            let _ = fs::remove_file(&part);
+            let text = String::from_utf8_lossy(&output.stderr);
+            let last = text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("no reason is told");
+            return Err(Error::content(path, format!(" cannot be made: ffmpeg: {}", last.trim())));
+        }
+        fs::rename(&part, path).map_err(Error::file(path, "cannot be completed"))
+    }
+}
+
+/// ffmpeg's list of encoders.
+fn encoders_of_ffmpeg(path: &Path) -> Result<String> {
+    let output = Command::new("ffmpeg").args(["-v", "error", "-encoders"]).stdin(Stdio::null()).output();
+    let output =
+        output.map_err(Error::file(path, "needs ffmpeg, which is not installed; install it, or leave out --also"))?;
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}

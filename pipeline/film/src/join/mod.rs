@@ -1,0 +1,140 @@
+//! The film that parts make together: `render2mpeg join`.
+//!
+//! `part` reads a part with its report, `order` checks that parts belong together, and here they become one stream and one report.
+//! Nothing is coded again: the pictures are those of the parts, and a film that one machine made in the same chunks has the same bytes.
+
+mod order;
+mod part;
+
+use crate::error::{Context, Error, Result};
+use crate::places::FilePlaces;
+use crate::report::{Ending, Summary, path_beside, write_json};
+use crate::settings::{CodedRate, check_disc, container_of, unknown_ending};
+use mpeg2enc::{AccessUnit, Container, ElementaryStream, Multiplexer};
+use part::Part;
+use pipeline::output::Output;
+use pipeline::report::FrameReport;
+use serde::Serialize;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// The report of a joined film, laid out as [`Report`](crate::Report).
+#[derive(Clone, Debug, Serialize)]
+pub struct JoinedReport {
+    schema: u32,
+    program: String,
+    scene: Value,
+    settings: Value,
+    plan: Value,
+    /// One for each frame.
+    pub frames: Vec<FrameReport>,
+    /// Over all frames. Times are those of the parts together, and memory is the most that one of them took.
+    pub summary: Summary,
+    /// The parts in their order.
+    parts: Vec<JoinedPart>,
+}
+
+/// A part, in the report of its film.
+#[derive(Clone, Debug, Serialize)]
+struct JoinedPart {
+    file: PathBuf,
+    /// First and last frame.
+    range: String,
+    wall_seconds: f64,
+    cpu_seconds: Option<f64>,
+}
+
+impl JoinedReport {
+    /// Of a film at `output`.
+    fn new(parts: Vec<Part>, output: &Path) -> Self {
+        let summaries: Vec<&Summary> = parts.iter().map(|part| &part.report.summary).collect();
+        let wall_seconds = summaries.iter().map(|summary| summary.wall_seconds).sum();
+        let cpu_seconds = summaries.iter().map(|summary| summary.cpu_seconds).sum();
+        let peak_memory_bytes = summaries.iter().filter_map(|summary| summary.peak_memory_bytes).max();
+        let joined = parts.iter().map(|part| JoinedPart {
+            file: part.path.clone(),
+            range: part.range.to_string(),
+            wall_seconds: part.report.summary.wall_seconds,
+            cpu_seconds: part.report.summary.cpu_seconds,
+        });
+        let joined = joined.collect();
+
+        // Settings of all parts are told once; a range and an output belong to one part alone.
+        let first = &parts[0].report;
+        let (schema, program) = (first.schema, first.program.clone());
+        let (scene, mut settings, plan) = (first.scene.clone(), first.settings.clone(), first.plan.clone());
+        settings.remove("range");
+        settings.insert("output".into(), output.display().to_string().into());
+        let frames: Vec<FrameReport> = parts.into_iter().flat_map(|part| part.report.frames).collect();
+        let summary = Summary::of(&frames, Ending { interrupted: false, wall_seconds });
+        let summary = Summary { cpu_seconds, peak_memory_bytes, ..summary };
+        Self { schema, program, scene, settings: settings.into(), plan, frames, summary, parts: joined }
+    }
+
+    /// Writes the report, whole or not at all.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        write_json(self, path)
+    }
+}
+
+/// The files that the parts at `paths` are read from: streams and reports.
+#[must_use]
+pub fn places(paths: &[PathBuf]) -> FilePlaces {
+    let mut places = FilePlaces::default();
+    for path in paths {
+        places = places.reads("a part", Some(path)).reads("a part", Some(&path_beside(path)));
+    }
+    places
+}
+
+/// Joins the elementary streams at `paths`, in this order, to the film at `output`, whose ending says its container. The report of each
+/// part is beside it. Nothing is written unless all parts are whole, follow each other, and make all of a film.
+///
+/// # Errors
+/// A part is cut short, of another film, or not where it should be; or a file cannot be read or written. One line names it.
+pub fn join(paths: &[PathBuf], output: &Path) -> Result<JoinedReport> {
+    let container = container_of(output, None).ok_or_else(|| unknown_ending(output))?;
+    places(paths).writes("-o", Some(output)).check()?;
+    let parts = paths.iter().map(|path| Part::read(path)).collect::<Result<Vec<Part>>>()?;
+    order::check(&parts)?;
+    if container == Container::Disc {
+        check_disc(output, None, parts[0].fps)?;
+        check_disc_part(&parts[0])?;
+    }
+
+    // Each part is read again when its turn comes: a film may be larger than memory.
+    let config = parts[0].encoder_config()?;
+    let pictures = u64::from(parts[0].pictures);
+    let all = u64::from(parts[0].film_frames) * pictures;
+    let mut multiplexer = Multiplexer::new(container, &config).with_pictures(all);
+    let mut film = Output::create(output)?;
+    for part in &parts {
+        let first = u64::from(part.range.first) * pictures;
+        for unit in part.stream()?.units {
+            film.write(&multiplexer.push(AccessUnit { display_index: first + unit.display_index, ..unit }))?;
+        }
+    }
+    film.write(&multiplexer.finish(&ElementaryStream::END))?;
+    film.finish().context("the joined film")?;
+    Ok(JoinedReport::new(parts, output))
+}
+
+/// Whether a part can be one of DVD-Video, which its own file cannot tell.
+///
+/// # Errors
+/// Its pixels are square, or its rate needs pulldown.
+fn check_disc_part(part: &Part) -> Result<()> {
+    let remedy = match CodedRate::of(part.fps)?.rate.fraction() {
+        (24_000, 1001) => {
+            "has no pulldown, which DVD-Video needs at 23.976 pictures a second: render the film in one run"
+        }
+        _ if part.aspect.is_square() => {
+            "has square pixels, and DVD-Video has pictures of 4:3 or 16:9: render parts with --aspect"
+        }
+        _ => return Ok(()),
+    };
+    Err(Error::content(&part.path, format!(" {remedy}, or name the output .mpg")))
+}

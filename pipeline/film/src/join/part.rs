@@ -1,0 +1,167 @@
+//! A part of a film: an elementary stream, and the report beside it.
+
+use crate::error::{Context, Error, Result};
+use crate::report::{Summary, path_beside};
+use crate::settings::{CodedRate, FrameRange, PictureAspect};
+use mpeg2enc::{Config, ElementaryStream, Standard};
+use pipeline::report::FrameReport;
+use serde::Deserialize;
+use serde_json::{Map, Value};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A part whose stream is whole and is the one that its report tells of.
+#[derive(Debug)]
+pub(super) struct Part {
+    pub path: PathBuf,
+    pub range: FrameRange,
+    /// Frames of the whole film.
+    pub film_frames: u32,
+    /// Frames a second.
+    pub fps: f64,
+    /// Shape of the displayed picture.
+    pub aspect: PictureAspect,
+    /// Pictures of each frame.
+    pub pictures: u32,
+    /// Sequence header and extensions of its stream.
+    pub sequence_header: Vec<u8>,
+    pub report: PartReport,
+}
+
+/// The report of a part, as far as it is looked at.
+#[derive(Debug, Deserialize)]
+pub(super) struct PartReport {
+    pub schema: u32,
+    pub program: String,
+    pub scene: Value,
+    pub settings: Map<String, Value>,
+    pub plan: Value,
+    pub frames: Vec<FrameReport>,
+    pub summary: Summary,
+    pub inputs: Option<u32>,
+}
+
+/// Settings of a part by which its stream is wrapped.
+#[derive(Deserialize)]
+struct Coded {
+    size: CodedSize,
+    fps: f64,
+    #[serde(default)]
+    aspect: PictureAspect,
+    mpeg1: bool,
+    bframes: u32,
+}
+
+#[derive(Deserialize)]
+struct CodedSize {
+    width: usize,
+    height: usize,
+}
+
+impl Part {
+    /// Reads the stream at `path` and its report.
+    ///
+    /// # Errors
+    /// A file cannot be read, the stream is cut short or was ended early, or the report is of another stream.
+    pub fn read(path: &Path) -> Result<Self> {
+        let stream = stream_at(path)?;
+        let report = report_of(path)?;
+        let wrong = |problem: String| Err(Error::content(path, problem));
+
+        // The frames that it has are those that it was made for.
+        let range = report.settings.get("range").and_then(Value::as_str).and_then(|range| range.parse().ok());
+        let frames = report.settings.get("frames").and_then(Value::as_u64).and_then(|frames| frames.try_into().ok());
+        let (Some(range), Some(film_frames)) = (range, frames) else {
+            return wrong(" is no part of a film: parts are made by render --range A-B".into());
+        };
+        let FrameRange { first, last } = range;
+        let (made, wanted) = (report.frames.len() as u64, u64::from(last) + 1 - u64::from(first));
+        if report.summary.interrupted || made < wanted {
+            return wrong(format!(" was ended early, {made} of its {wanted} frames are there: go on with --resume"));
+        }
+
+        let place = path_beside(path).display().to_string();
+        let coded: Coded = serde_json::from_value(report.settings.clone().into()).context(place.clone())?;
+        let CodedRate { pictures, .. } = CodedRate::of(coded.fps).context(place)?;
+
+        // A stream belongs to its report if the sizes of frames agree. With a look-ahead, pictures may be counted with the previous
+        // frame.
+        let mut lines: Vec<(u32, u64)> = report.frames.iter().map(|frame| (frame.index, frame.bits)).collect();
+        lines.sort_unstable();
+        let mut frames = vec![0; wanted as usize];
+        for unit in &stream.units {
+            if let Some(bits) = frames.get_mut((unit.display_index / u64::from(pictures)) as usize) {
+                *bits += 8 * unit.data.len() as u64;
+            }
+        }
+        let is_same = match pictures {
+            1 => lines.iter().map(|&(_, bits)| bits).eq(frames.iter().copied()),
+            _ => lines.iter().map(|&(_, bits)| bits).sum::<u64>() == frames.iter().sum::<u64>(),
+        };
+        let has_all = lines.iter().map(|&(index, _)| index).eq(first..=last);
+        if !is_same || !has_all || stream.units.len() as u64 != wanted * u64::from(pictures) {
+            return wrong(format!(" is not the video that {} tells of: bring both again", path_beside(path).display()));
+        }
+        if !stream.begins_closed {
+            return wrong(" begins with pictures that need others before them: it is no part of a film".into());
+        }
+        Ok(Self {
+            path: path.into(),
+            range,
+            film_frames,
+            fps: coded.fps,
+            aspect: coded.aspect,
+            pictures,
+            sequence_header: stream.sequence_header,
+            report,
+        })
+    }
+
+    /// The stream, read again.
+    ///
+    /// # Errors
+    /// It cannot be read, or has changed meanwhile.
+    pub fn stream(&self) -> Result<ElementaryStream> {
+        let stream = stream_at(&self.path)?;
+        let bits: u64 = stream.units.iter().map(|unit| 8 * unit.data.len() as u64).sum();
+        if bits != self.report.summary.bits_total {
+            return Err(Error::content(&self.path, " has changed while parts were joined"));
+        }
+        Ok(stream)
+    }
+
+    /// Settings of an encoder, as far as containers need them.
+    ///
+    /// # Errors
+    /// The report has none that fit an encoder.
+    pub fn encoder_config(&self) -> Result<Config> {
+        let place = path_beside(&self.path).display().to_string();
+        let coded: Coded = serde_json::from_value(self.report.settings.clone().into()).context(place.clone())?;
+        let Coded { size: CodedSize { width, height }, fps, aspect, mpeg1, bframes } = coded;
+        let config = Config::new(width, height, CodedRate::of(fps).context(place.clone())?.rate)
+            .with_aspect(aspect.ratio())
+            .with_standard(if mpeg1 { Standard::Mpeg1 } else { Standard::Mpeg2 })
+            .with_lookahead(if bframes > 0 { Config::LOOKAHEAD_MAX } else { 0 })
+            .with_b_pictures(bframes);
+        config.validate().context(place)?;
+        Ok(config)
+    }
+}
+
+/// The whole elementary stream at `path`.
+fn stream_at(path: &Path) -> Result<ElementaryStream> {
+    let bytes = fs::read(path).map_err(Error::file(path, "cannot be read; a part is made by render --range"))?;
+    let stream = ElementaryStream::parse(&bytes).map_err(|error| Error::content(path, format!(" {error}")))?;
+    match stream.is_ended {
+        true => Ok(stream),
+        false => Err(Error::content(path, " is cut short: bring it again, or render it with --resume")),
+    }
+}
+
+/// The report beside a part.
+fn report_of(path: &Path) -> Result<PartReport> {
+    let place = path_beside(path);
+    let problem = format!("cannot be read; {} needs its report beside it", path.display());
+    let bytes = fs::read(&place).map_err(Error::file(&place, &problem))?;
+    serde_json::from_slice(&bytes).map_err(|error| Error::content(&place, format!(": no report of a film: {error}")))
+}

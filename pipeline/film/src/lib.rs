@@ -1,0 +1,26 @@
+//! A scene in, a film with global illumination out.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+pub mod also;
+pub mod error;
+pub mod job;
+pub mod join;
+pub mod memory;
+mod open;
+pub mod picture_file;
+pub mod places;
+mod render;
+pub mod report;
+pub mod settings;
+pub mod stages;
+pub mod still;
+
+pub use error::{Error, Result};
+pub use open::Film;
+pub use render::{Render, render};
+pub use report::Report;
+pub use settings::{Options, Settings};
+
+/// The crates whose types stand in signatures.
+pub use {mpeg2enc, perceptual, pipeline, plane, render_core, renderer};

@@ -1,0 +1,84 @@
+//! A film in one line: a scene, the options that differ from their defaults, and a path.
+
+use crate::error::{Error, Result};
+use crate::report::Report;
+use crate::settings::{Options, Settings};
+use pipeline::Run;
+use render_core::scene::{self, Scene};
+use renderer::plan::Plan;
+use std::path::{Path, PathBuf};
+
+/// A scene with the options of its film.
+///
+/// ```no_run
+/// use pipeline::{Film, Options};
+///
+/// let options = Options { frames: Some(25), qscale: Some(4), ..Options::default() };
+/// let report = Film::open("scene.glb")?.with_options(options).render_to("film.mpg")?;
+/// println!("{} frames, {} bits", report.summary.frames, report.summary.bits_total);
+/// # Ok::<(), pipeline::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Film {
+    path: PathBuf,
+    scene: Scene,
+    options: Options,
+}
+
+impl Film {
+    /// Loads a glTF 2.0 scene, `.glb` or `.gltf`, with the TOML file of the same name beside it, if there is one.
+    ///
+    /// # Errors
+    /// [`Error::Scene`]: the scene cannot be read, or requires what this renderer does not know.
+    pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
+        let path = path.into();
+        let scene = scene::load(&path)?;
+        Ok(Self { path, scene, options: Options::default() })
+    }
+
+    /// Replaces the options, which are the defaults at first.
+    #[must_use]
+    pub fn with_options(self, options: Options) -> Self {
+        Self { options, ..self }
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The options with every default filled in.
+    ///
+    /// # Errors
+    /// [`Error::Options`], [`Error::Content`] or [`Error::Encoder`]: an option or a setting of the scene is out of its range.
+    pub fn settings(&self) -> Result<Settings> {
+        let settings = Settings::new(self.path.clone(), &self.scene, &self.options)?;
+        let _ = settings.encoder_config()?;
+        Ok(settings)
+    }
+
+    /// Renders into a file, `.mpg`, `.mp4`, `.mkv`, `.ts`, `.vob` or `.m2v`, and reports what it took. Blocks until the film is finished.
+    ///
+    /// # Errors
+    /// Errors of [`Film::settings`], an [`Error::File`] if the film cannot be written, and errors of [`render`](crate::render).
+    pub fn render_to(&self, output: impl AsRef<Path>) -> Result<Report> {
+        self.render_with(output, Run::default())
+    }
+
+    /// Renders as [`Film::render_to`] does, with an observer, and with a flag that ends the film early: no further frame is
+    /// begun once it is true, and the stream plays.
+    ///
+    /// # Errors
+    /// Errors of [`Film::render_to`].
+    pub fn render_with(&self, output: impl AsRef<Path>, run: Run<'_>) -> Result<Report> {
+        let options = Options { output: Some(output.as_ref().to_owned()), ..self.options.clone() };
+        let settings = Settings::new(self.path.clone(), &self.scene, &options)?;
+        let _ = settings.encoder_config()?;
+        for folder in settings.exr.iter().chain(&settings.png) {
+            std::fs::create_dir_all(folder).map_err(Error::file(folder, "cannot be made"))?;
+        }
+        let plan = Plan::new(&self.scene, &settings.renderer());
+        crate::render(&self.scene, &settings, &plan, run)
+    }
+}

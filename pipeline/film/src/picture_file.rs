@@ -1,0 +1,88 @@
+//! Files of single pictures as displays show them.
+
+use crate::error::{Error, Result};
+use perceptual::ToneMap;
+#[cfg(feature = "still")]
+use pipeline::output::Output;
+use plane::Plane;
+use std::path::Path;
+
+/// Contents of a picture's file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureFormat {
+    /// OpenEXR: linear light.
+    Linear,
+    /// PNG or JPEG: codes for displays.
+    Shown(ShownFormat),
+}
+
+/// Formats of codes for displays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ShownFormat {
+    /// Without losses.
+    Png,
+    /// With losses that are hardly seen.
+    Jpeg,
+}
+
+impl PictureFormat {
+    /// The format for a file's ending.
+    ///
+    /// # Errors
+    /// There is none for it.
+    pub fn of(path: &Path) -> Result<Self> {
+        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+        match ending.as_str() {
+            "exr" => Ok(Self::Linear),
+            "png" => Ok(Self::Shown(ShownFormat::Png)),
+            "jpg" | "jpeg" => Ok(Self::Shown(ShownFormat::Jpeg)),
+            _ => {
+                let text = "such pictures are not written; name it .png or .jpg for displays, or .exr for linear light";
+                Err(Error::Options(format!("{}: {text}", path.display())))
+            }
+        }
+    }
+}
+
+/// Quality of JPEG files, 1…100: no blocks are seen at it.
+#[cfg(feature = "still")]
+const JPEG_QUALITY: u8 = 92;
+
+/// Codes that a display shows for linear RGB `radiance`.
+#[must_use]
+pub fn shown(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap) -> Plane<[u8; 3]> {
+    radiance.map(|rgb| rgb.map(|linear| (tone_map.encode(linear) * 255.0).round().clamp(0.0, 255.0) as u8))
+}
+
+/// Writes codes for displays, `.png` or `.jpg`, whole or not at all.
+///
+/// # Errors
+/// The file cannot be written, or has another ending.
+#[cfg(feature = "still")]
+pub fn write_shown(path: &Path, picture: &Plane<[u8; 3]>) -> Result<()> {
+    use image::{ExtendedColorType, ImageEncoder, codecs};
+    let format = PictureFormat::of(path)?;
+    let (width, height, samples) = (picture.width() as u32, picture.height() as u32, picture.samples().as_flattened());
+    let mut bytes = Vec::new();
+    let written = match format {
+        PictureFormat::Shown(ShownFormat::Jpeg) => codecs::jpeg::JpegEncoder::new_with_quality(
+            &mut bytes,
+            JPEG_QUALITY,
+        )
+        .write_image(samples, width, height, ExtendedColorType::Rgb8),
+        _ => codecs::png::PngEncoder::new(&mut bytes).write_image(samples, width, height, ExtendedColorType::Rgb8),
+    };
+    written.map_err(Error::other)?;
+    let mut file = Output::create(path)?;
+    file.write(&bytes)?;
+    Ok(file.finish()?)
+}
+
+/// The settings request none of these.
+///
+/// # Errors
+/// Always.
+#[cfg(not(feature = "still"))]
+pub fn write_shown(path: &Path, _: &Plane<[u8; 3]>) -> Result<()> {
+    Err(Error::content(path, ": this build writes no pictures; build it with the feature still"))
+}

@@ -1,0 +1,136 @@
+//! The shape of the displayed picture.
+
+use super::container::container_of;
+use super::{FrameRange, Settings};
+use crate::error::{Error, Result};
+use mpeg2enc::{AspectRatio, Container};
+use renderer::settings::{Size, parsed};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
+use std::path::Path;
+use std::str::FromStr;
+
+/// The shape of the displayed picture, or of its pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PictureAspect {
+    /// Pixels are as wide as high.
+    #[default]
+    Square,
+    /// The picture is 4 wide and 3 high.
+    Display4x3,
+    /// The picture is 16 wide and 9 high.
+    Display16x9,
+}
+
+impl PictureAspect {
+    const ALL: [Self; 3] = [Self::Square, Self::Display4x3, Self::Display16x9];
+
+    /// Whether pixels are as wide as high.
+    #[must_use]
+    pub fn is_square(&self) -> bool {
+        *self == Self::Square
+    }
+
+    /// As the encoder states it.
+    #[must_use]
+    pub fn ratio(self) -> AspectRatio {
+        match self {
+            Self::Square => AspectRatio::SquareSamples,
+            Self::Display4x3 => AspectRatio::Display4x3,
+            Self::Display16x9 => AspectRatio::Display16x9,
+        }
+    }
+
+    /// Width and height of a pixel in pictures of this size, as a ratio without a common factor.
+    #[must_use]
+    pub fn pixel(self, size: Size) -> [u64; 2] {
+        let (wide, high) = match self {
+            Self::Square => return [1, 1],
+            Self::Display4x3 => (4, 3),
+            Self::Display16x9 => (16, 9),
+        };
+        let [width, height] = [wide * size.height as u64, high * size.width as u64];
+        let (mut divisor, mut rest) = (width, height);
+        while rest > 0 {
+            (divisor, rest) = (rest, divisor % rest);
+        }
+        [width / divisor, height / divisor]
+    }
+
+    /// The shape that a film at `output` has, if `requested` or not: DVD-Video has no square pixels.
+    ///
+    /// # Errors
+    /// Square pixels are requested for a disc.
+    pub(super) fn of(requested: Option<Self>, output: &Path, range: Option<FrameRange>, size: Size) -> Result<Self> {
+        let is_disc = container_of(output, range) == Some(Container::Disc);
+        match requested {
+            Some(Self::Square) if is_disc => {
+                let name = output.display();
+                let text = "DVD-Video has pictures of 4:3 or 16:9; use --aspect 4:3, or name the output .mpg";
+                Err(Error::Options(format!("{name}: {text}")))
+            }
+            Some(aspect) => Ok(aspect),
+            None if is_disc => Ok(Self::nearest(size)),
+            None => Ok(Self::Square),
+        }
+    }
+
+    /// The shape of a disc that is nearest to square pixels.
+    fn nearest(size: Size) -> Self {
+        // 14:9 is between the two.
+        if 9 * size.width > 14 * size.height { Self::Display16x9 } else { Self::Display4x3 }
+    }
+}
+
+impl Settings {
+    /// Width of a pixel as a share of its height.
+    #[must_use]
+    pub fn pixel_aspect(&self) -> f32 {
+        let [width, height] = self.aspect.pixel(self.size);
+        width as f32 / height as f32
+    }
+}
+
+impl FromStr for PictureAspect {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let known = Self::ALL.into_iter().find(|aspect| aspect.to_string() == text);
+        known.ok_or_else(|| Error::Options(format!("\"{text}\" is none of \"4:3\", \"16:9\" and \"square\"")))
+    }
+}
+
+impl fmt::Display for PictureAspect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.ratio().name())
+    }
+}
+
+impl Serialize for PictureAspect {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for PictureAspect {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        parsed(deserializer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pixels of 625 and 525 lines.
+    #[test]
+    fn pixels_of_discs() {
+        let pixel = |aspect: PictureAspect, width, height| aspect.pixel(Size { width, height });
+        assert_eq!(pixel(PictureAspect::Display4x3, 720, 576), [16, 15]);
+        assert_eq!(pixel(PictureAspect::Display16x9, 720, 576), [64, 45]);
+        assert_eq!(pixel(PictureAspect::Display4x3, 720, 480), [8, 9]);
+        assert_eq!(pixel(PictureAspect::Display16x9, 720, 480), [32, 27]);
+        assert_eq!(PictureAspect::nearest(Size { width: 720, height: 480 }), PictureAspect::Display4x3);
+        assert_eq!(PictureAspect::nearest(Size { width: 1024, height: 576 }), PictureAspect::Display16x9);
+    }
+}

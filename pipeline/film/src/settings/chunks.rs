@@ -1,0 +1,134 @@
+//! Films in chunks, and the part of a film that one machine makes.
+//!
+//! Every `chunk` frames all state begins anew, at a closed group of pictures. So a chunk depends on no frame before it, and machines
+//! that make some chunks each make the film that one machine makes. A range without chunks is a chunk by itself.
+
+use crate::error::{Error, Result};
+use renderer::settings::parsed;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
+use std::str::FromStr;
+
+/// Frames of a film, from 0, the last one included: `10-19`, or `10` for one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameRange {
+    /// The first frame.
+    pub first: u32,
+    /// The last frame.
+    pub last: u32,
+}
+
+impl FromStr for FrameRange {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let pictures = if text.contains(',') { "; render2mpeg still --frame makes pictures of a list" } else { "" };
+        let wrong =
+            || Error::Options(format!("\"{text}\" is no range of frames such as 10-19, counted from 0{pictures}"));
+        let (first, last) = text.split_once('-').unwrap_or((text, text));
+        let number = |text: &str| text.trim().parse::<u32>().map_err(|_| wrong());
+        let range = Self { first: number(first)?, last: number(last)? };
+        if range.first > range.last || range.last == u32::MAX { Err(wrong()) } else { Ok(range) }
+    }
+}
+
+impl fmt::Display for FrameRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}-{}", self.first, self.last)
+    }
+}
+
+impl Serialize for FrameRange {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for FrameRange {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        parsed(deserializer)
+    }
+}
+
+/// The frames to make of a film of `frames` frames: those of `range`, or all. With `chunk` frames to a chunk a range is whole chunks.
+/// The last one may have fewer frames than the others, and its range may be stated as if it had as many.
+///
+/// # Errors
+/// The range is not whole chunks, or lies beyond the film; the message says what works.
+pub(super) fn checked_range(chunk: Option<u32>, range: Option<FrameRange>, frames: u32) -> Result<Option<FrameRange>> {
+    let fail = |text: String| Err(Error::Options(text));
+    if chunk == Some(0) {
+        return fail("--chunk 0: a chunk has at least one frame".into());
+    }
+    let Some(FrameRange { first, last }) = range else { return Ok(None) };
+    if first >= frames || chunk.is_none() && last >= frames {
+        return fail(format!("--range {first}-{last} lies beyond the film, whose last frame is {}", frames - 1));
+    }
+    let Some(chunk) = chunk else { return Ok(range) };
+
+    // The fewest whole chunks that hold the range, and what there is of the last one.
+    let begin = first - first % chunk;
+    let (frames, chunk) = (u64::from(frames), u64::from(chunk));
+    let end = (u64::from(last) / chunk + 1) * chunk;
+    let whole = FrameRange { first: begin, last: (end.min(frames) - 1) as u32 };
+    if first != begin || u64::from(last) + 1 != end && last != whole.last || end >= frames + chunk {
+        return fail(format!("--range {first}-{last} is not whole chunks of {chunk} frames; {whole} is"));
+    }
+    Ok(Some(whole))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn filled(chunk: Option<u32>, range: &str, frames: u32) -> Result<Option<FrameRange>> {
+        checked_range(chunk, Some(range.parse()?), frames)
+    }
+
+    #[test]
+    fn lists_of_frames_lead_to_still() {
+        let message = |text: &str| text.parse::<FrameRange>().unwrap_err().to_string();
+        assert!(message("2,4,10-20").contains("still --frame"), "{}", message("2,4,10-20"));
+        assert!(!message("2-x").contains("still"), "{}", message("2-x"));
+    }
+
+    #[test]
+    fn ranges_are_whole_chunks() {
+        for (chunk, range, frames, expected) in [
+            (10, "0-9", 30, "0-9"),
+            (10, "10-29", 30, "10-29"),
+            (10, "20-24", 25, "20-24"),
+            // The last chunk as if it were whole, as scripts count.
+            (10, "20-29", 25, "20-24"),
+            (10, "20", 21, "20-20"),
+            (1, "7", 30, "7-7"),
+            (100, "0-29", 30, "0-29"),
+            (u32::MAX, "0-3", 4, "0-3"),
+        ] {
+            assert_eq!(filled(Some(chunk), range, frames).unwrap().unwrap().to_string(), expected, "{range}");
+        }
+        // A range without chunks may hold any frames of the film.
+        assert_eq!(filled(None, "5-13", 14).unwrap().unwrap().to_string(), "5-13");
+    }
+
+    #[test]
+    fn others_are_refused_with_the_nearest_that_is_right() {
+        for (chunk, range, frames, word) in [
+            (Some(10), "5-9", 30, "0-9 is"),
+            (Some(10), "10-18", 30, "10-19 is"),
+            (Some(10), "10-20", 30, "10-29 is"),
+            (Some(10), "20-26", 25, "20-24 is"),
+            (Some(10), "20-39", 25, "20-24 is"),
+            (Some(10), "30-39", 30, "last frame is 29"),
+            (None, "20-30", 30, "last frame is 29"),
+            (Some(0), "0-9", 30, "at least one"),
+            (Some(10), "9-0", 30, "10-19"),
+            (Some(10), "a-b", 30, "10-19"),
+            (Some(10), "-5", 30, "10-19"),
+            (Some(10), "0-4294967295", 30, "10-19"),
+        ] {
+            let message = filled(chunk, range, frames).unwrap_err().to_string();
+            assert!(message.contains(word), "{range}: {message}");
+        }
+    }
+}

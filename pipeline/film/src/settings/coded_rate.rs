@@ -1,0 +1,114 @@
+//! Rates of films: those that MPEG has codes for, and others by repeated frames.
+
+use crate::error::{Error, Result};
+use mpeg2enc::{ConfigError, FrameRate};
+use render_core::scene::parse_frame_rate;
+use renderer::settings::parsed;
+use serde::{Deserialize, Deserializer};
+use std::str::FromStr;
+
+/// Films of fewer frames a second are slips.
+const LEAST: f64 = 1.0;
+/// The most pictures of a frame: at 60 a second, of films with one frame a second.
+const MOST_PICTURES: u32 = 60;
+
+/// How frames of a rate become pictures of a rate that MPEG has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CodedRate {
+    /// Pictures a second.
+    pub rate: FrameRate,
+    /// Pictures of each frame: 1 where MPEG has the rate of the frames.
+    pub pictures: u32,
+}
+
+impl CodedRate {
+    /// The lowest rate of MPEG that is a multiple of `fps` frames a second.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn of(fps: f64) -> Result<Self, ConfigError> {
+        let exact = FrameRate::from_fps(fps);
+        if exact.is_ok() || fps.is_nan() || fps < LEAST {
+            return exact.map(|rate| Self { rate, pictures: 1 });
+        }
+        for pictures in 2..=MOST_PICTURES {
+            if let Ok(rate) = FrameRate::from_fps(fps * f64::from(pictures)) {
+                return Ok(Self { rate, pictures });
+            }
+        }
+        Err(ConfigError::FrameRate { fps })
+    }
+
+    /// Frames a second as a fraction without a common factor.
+    #[must_use]
+    pub fn frames(self) -> (u32, u32) {
+        let (numerator, denominator) = self.rate.fraction();
+        let (mut divisor, mut rest) = (numerator, self.pictures);
+        while rest > 0 {
+            (divisor, rest) = (rest, divisor % rest);
+        }
+        (numerator / divisor, denominator * (self.pictures / divisor))
+    }
+}
+
+/// Frames a second, as typed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct FramesPerSecond(f64);
+
+impl FromStr for FramesPerSecond {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        parse_fps(text).map(Self)
+    }
+}
+
+impl<'de> Deserialize<'de> for FramesPerSecond {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        parsed(deserializer)
+    }
+}
+
+/// Reads frames a second.
+///
+/// # Errors
+/// The text is neither a number nor a fraction.
+pub fn parse_fps(text: &str) -> Result<f64> {
+    parse_frame_rate(text)
+        .ok_or_else(|| Error::Options(format!("\"{text}\" is no rate of frames such as 25, 29.97 or 24000/1001")))
+}
+
+/// Reads frames a second from a file with options.
+pub(super) fn optional_fps<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    Ok(Option::<FramesPerSecond>::deserialize(deserializer)?.map(|fps| fps.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_become_multiples() {
+        let of = |text: &str| {
+            let coded = CodedRate::of(parse_fps(text).unwrap()).unwrap();
+            (coded.rate.fraction(), coded.pictures)
+        };
+        assert_eq!(of("25"), ((25, 1), 1));
+        assert_eq!(of("12"), ((24, 1), 2));
+        assert_eq!(of("10"), ((30, 1), 3));
+        assert_eq!(of("12.5"), ((25, 1), 2));
+        assert_eq!(of("20"), ((60, 1), 3));
+        assert_eq!(of("1"), ((24, 1), 24));
+        assert_eq!(of("12000/1001"), ((24_000, 1001), 2));
+        for text in ["24000/1001", "23.98", "23.976"] {
+            assert_eq!(of(text), ((24_000, 1001), 1), "{text}");
+        }
+        assert_eq!(CodedRate::of(12.5).unwrap().frames(), (25, 2));
+        for fps in [f64::NAN, f64::INFINITY, -5.0, 0.0, 0.5, 16.0, 23.0, 48.0, 120.0] {
+            assert!(CodedRate::of(fps).is_err(), "{fps}");
+        }
+        for text in ["", "fast", "24000/", "1/2/3"] {
+            assert!(parse_fps(text).unwrap_err().to_string().contains("24000/1001"), "{text}");
+        }
+    }
+}

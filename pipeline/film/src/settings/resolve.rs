@@ -1,0 +1,332 @@
+//! From options to settings: every default, and every check of a single choice. No other place states a default.
+
+use super::aspect::PictureAspect;
+use super::chunks::checked_range;
+use super::coded_rate::CodedRate;
+use super::container::{check_disc, check_part, container_of, unknown_ending};
+use super::emphasis::AdaptiveQuantiser;
+use super::options::Options;
+use super::preset::Preset;
+use super::values::Switch;
+use super::{Effort, Settings};
+use crate::error::{Error, Result};
+use lighttree::Calibration;
+use perceptual::ToneMap;
+use render_core::scene::{Scene, SceneSettings, SettingsError};
+use renderer::settings::{Aov, Lighting, MOVING_ANCHORS, PixelShading, Size, Stopping, Thresholds, photons_per_anchor};
+use std::path::{Path, PathBuf};
+
+/// Factor of importance on thresholds. Ours: half the error where all people look, twice the error where nobody does.
+const IMPORTANCE_GAIN: f32 = 2.0;
+/// Samples of the most important pixels \[Debattista05, 4.2\].
+const IMPORTANT_SAMPLES: u32 = 5;
+/// Divisor of the number of anchor lights for a draft.
+const DRAFT_SHARE: usize = 4;
+/// Most samples to the pixel.
+const MOST_SAMPLES: u32 = 64;
+/// κ of [`perceptual::Feedback::with_kappa`]. Ours: with 1 the decoded luma of `cornell` at quantiser_scale 48 lies 0.4 dB
+/// below that of cuts at 2 %, with 1/4 less than 0.1 dB (`cargo run --release -p tests --example closed_loop`).
+const KAPPA: f32 = 0.25;
+/// The same of [`perceptual::Feedback::observe_coded`], which counts what errors do to the decoded picture itself. On `cornell`,
+/// 256×256, 1 costs less than 0.06 dB and 1.3 % of bits at quantisers from 8 to 48; 2 costs 0.16 dB and 3.9 %.
+const CODEC_KAPPA: f32 = 1.0;
+
+/// Returns an [`Error::Options`].
+macro_rules! fail {
+    ($($text:tt)*) => { return Err(Error::Options(format!($($text)*))) };
+}
+
+impl Options {
+    /// Fills in every default that has a value for `scene`, loaded from `path`, and returns the settings.
+    ///
+    /// # Errors
+    /// An option, or a setting of the scene, is out of its range or contradicts another; the message says what works.
+    pub fn fill_in(&mut self, path: PathBuf, scene: &Scene) -> Result<Settings> {
+        if let Some(preset) = self.preset {
+            self.fill_in_preset(preset, scene);
+        }
+        let (fps, frames) = self.fill_in_length(&path, scene)?;
+        self.fill_in_chunks(frames)?;
+        let output = self.fill_in_output(&path)?;
+        if self.cbr && self.bitrate.is_none() {
+            fail!("--cbr needs --bitrate, which says how many bits a second there are to be");
+        }
+        let (thresholds, kappa) = self.fill_in_thresholds()?;
+        let (stopping, within) = self.fill_in_stopping()?;
+        self.fill_in_importance(&path, scene)?;
+        let samples = *self.samples.get_or_insert(if self.importance.is_some() { IMPORTANT_SAMPLES } else { 1 });
+        if !(1..=MOST_SAMPLES).contains(&samples) {
+            fail!("--samples {samples} must lie in 1..={MOST_SAMPLES}; 1 is fast, 4 smooths edges");
+        }
+        if self.bounces == Some(0) {
+            fail!("--bounces 0: light that is never reflected shows nothing but lamps; 1 is direct light alone");
+        }
+        self.check_files()?;
+        let vpls = *self.vpls.get_or_insert_with(|| render_core::Anchors::default_count(scene));
+        if !(1..=10_000_000).contains(&vpls) {
+            fail!("--vpls {vpls} must lie in 1..=10000000");
+        }
+        let lighting = self.fill_in_lighting(&path)?;
+        let (tone_map, auto_exposure) = tone_map(&path, scene)?;
+        let qscale = *self.qscale.get_or_insert(8);
+        // A bit rate may lead to any quantiser.
+        let expected_qscale = if self.bitrate.is_some() { 8 } else { qscale };
+        let size = *self.size.get_or_insert_with(|| Size::of_camera(scene, 512));
+        let aspect = *self.aspect.insert(PictureAspect::of(self.aspect, &output, self.range, size)?);
+        check_disc(&output, self.range, fps)?;
+        Ok(Settings {
+            scene: path,
+            output,
+            frames,
+            from: self.from.unwrap_or(0),
+            every: self.every.unwrap_or(1),
+            chunk: self.chunk,
+            range: self.range,
+            fps,
+            size,
+            aspect,
+            qscale,
+            aq: *self.aq.get_or_insert(AdaptiveQuantiser::Off),
+            gop: *self.gop.get_or_insert(15),
+            bitrate: self.bitrate,
+            cbr: self.cbr,
+            bframes: *self.bframes.get_or_insert(0),
+            effort: *self.effort.get_or_insert(Effort::Balanced),
+            mpeg1: self.mpeg1,
+            thresholds,
+            kappa,
+            stopping,
+            within,
+            shading: *self.shading.get_or_insert(PixelShading::Adaptive),
+            importance: self.importance,
+            importance_gain: self.importance_gain,
+            tiles: self.tiles,
+            samples,
+            antialiasing: self.antialiasing.get_or_insert(Switch::On).is_on(),
+            bounces: self.bounces,
+            lighting,
+            baked: self.baked.clone(),
+            cache: self.cache.get_or_insert(Switch::On).is_on(),
+            compensation: self.compensation.get_or_insert(Switch::On).is_on(),
+            vpls,
+            moving_vpls: MOVING_ANCHORS,
+            photons: *self.photons.get_or_insert(photons_per_anchor(expected_qscale) * vpls as u64),
+            seed: *self.seed.get_or_insert(1),
+            leave_out: !self.run_everything,
+            motion: !self.no_motion,
+            tone_map,
+            auto_exposure,
+            png: self.png.clone(),
+            exr: self.exr.clone(),
+            exr_depth: self.exr_depth,
+            aov: self.aov.clone(),
+            y4m: self.y4m.clone(),
+            y4m_is_coded: false,
+        })
+    }
+
+    /// What a preset says where nothing else does.
+    fn fill_in_preset(&mut self, preset: Preset, scene: &Scene) {
+        match preset {
+            Preset::Draft => {
+                self.size.get_or_insert_with(|| Size::of_camera(scene, 256));
+                self.qscale.get_or_insert(16);
+                self.effort.get_or_insert(Effort::Fast);
+                self.vpls.get_or_insert_with(|| render_core::Anchors::default_count(scene).div_ceil(DRAFT_SHARE));
+            }
+            Preset::Good => {}
+            Preset::Final => {
+                self.size.get_or_insert_with(|| Size::of_camera(scene, 1024));
+                self.qscale.get_or_insert(4);
+                self.samples.get_or_insert(4);
+                self.effort.get_or_insert(Effort::Best);
+            }
+        }
+    }
+
+    fn fill_in_output(&mut self, path: &Path) -> Result<PathBuf> {
+        if self.output.is_none() {
+            let stem = path.file_stem();
+            let stem = stem.ok_or_else(|| Error::Options("the scene's path has no file name".into()))?;
+            let mut name = stem.to_owned();
+            match self.range {
+                Some(range) => name.push(format!("_{range}.m2v")),
+                None => name.push(".mpg"),
+            }
+            self.output = Some(name.into());
+        }
+        let output = self.output.clone().unwrap_or_default();
+        container_of(&output, self.range).ok_or_else(|| unknown_ending(&output))?;
+        check_part(self.range, &output)?;
+        Ok(output)
+    }
+
+    /// Pictures a second, and how many.
+    fn fill_in_length(&mut self, path: &Path, scene: &Scene) -> Result<(f64, u32)> {
+        // A rate that nobody typed is one of the scene's settings: the message says where it stands.
+        let video = scene.settings.video;
+        if let Some(Err(error)) = video.fps.filter(|_| self.fps.is_none()).map(CodedRate::of) {
+            return Err(Error::content(&SceneSettings::path_for(path), format!(": [video] fps: {error}")));
+        }
+        let fps = *self.fps.get_or_insert(video.fps.unwrap_or(25.0));
+        if !(fps.is_finite() && fps > 0.0) {
+            fail!("--fps {fps} must be positive");
+        }
+        // What the scene has, and what of it the film shows.
+        let animated = (f64::from(scene.duration()) * fps).round().clamp(0.0, 1e6) as u32;
+        let all = video.frames.unwrap_or(if animated > 0 { animated } else { 100 });
+        let (from, every) = (self.from.unwrap_or(0), self.every.unwrap_or(1));
+        if every == 0 {
+            fail!("--every 0: a film shows each frame (1), each second one (2) and so on");
+        }
+        let end = match self.to {
+            Some(to) if to < from => fail!("--to {to} lies before --from {from}"),
+            Some(to) => to.saturating_add(1),
+            None if self.frames.is_none() && from >= all => {
+                fail!("--from {from} lies beyond the scene, whose last frame is {}; --frames takes more", all - 1)
+            }
+            None => all,
+        };
+        let shown = end.saturating_sub(from).div_ceil(every);
+        let frames = *self.frames.get_or_insert(shown);
+        // From here on the number of frames says where the film ends.
+        self.to = None;
+        if frames == 0 {
+            fail!("--frames 0: a video has at least one frame");
+        }
+        Ok((fps, frames))
+    }
+
+    /// The frames to make, if they are not all.
+    fn fill_in_chunks(&mut self, frames: u32) -> Result<()> {
+        let option = if self.chunk.is_some() { "--chunk" } else { "--range" };
+        if self.bitrate.is_some() && (self.chunk.is_some() || self.range.is_some()) {
+            fail!(
+                "{option} with --bitrate: no bound on bits holds across chunks that are coded apart; leave out one of them"
+            );
+        }
+        self.range = checked_range(self.chunk, self.range, frames)?;
+        Ok(())
+    }
+
+    /// Where thresholds come from, and the multiplier on them.
+    fn fill_in_thresholds(&mut self) -> Result<(Thresholds, f32)> {
+        let thresholds = *self.thresholds.get_or_insert(Thresholds::Codec);
+        let kappa = *self.kappa.get_or_insert(if thresholds == Thresholds::Codec { CODEC_KAPPA } else { KAPPA });
+        if !(0.0..=100.0).contains(&kappa) {
+            fail!("--kappa {kappa} must lie in 0..=100; 1 is the paper's");
+        }
+        let looks_ahead = self.bitrate.is_some() || self.bframes.is_some_and(|most| most > 0);
+        if thresholds == Thresholds::Quantised && looks_ahead {
+            fail!(
+                "--thresholds quantised needs pictures that are coded as they come: leave out --bitrate and --bframes, or take --thresholds codec"
+            );
+        }
+        Ok((thresholds, kappa))
+    }
+
+    /// The kind of light, and the file that it is looked up in.
+    fn fill_in_lighting(&mut self, path: &Path) -> Result<Lighting> {
+        let lighting = *self.lighting.get_or_insert(Lighting::Lightcuts);
+        if self.baked.is_some() && !lighting.is_baked() {
+            fail!("--baked names a file of baked light, which --lighting baked takes; this film has other light");
+        }
+        if lighting.is_baked() && self.tiles.is_some() {
+            fail!("--tiles with --lighting baked: light that is looked up is not handed out; leave out --tiles");
+        }
+        if lighting.is_baked() {
+            self.baked.get_or_insert_with(|| path.with_extension("slf"));
+        }
+        Ok(lighting)
+    }
+
+    /// When cuts end, and the share of pixels that calibrated stopping keeps within their thresholds.
+    fn fill_in_stopping(&mut self) -> Result<(Stopping, f64)> {
+        let implied = if self.within.is_some() { Stopping::Calibrated } else { Stopping::Bound };
+        let stopping = *self.stopping.get_or_insert(implied);
+        let within = self.within.unwrap_or(Calibration::DEFAULT_SHARE);
+        if !(0.5..=0.999).contains(&within) {
+            fail!(
+                "--within {within} must lie in 0.5..=0.999; 0.95 lets one pixel in twenty be wrong by more than its threshold"
+            );
+        }
+        match stopping {
+            Stopping::Bound if self.within.is_some() => {
+                fail!("--within is measured where cuts are calibrated: leave out --stopping bound");
+            }
+            Stopping::Bound => {}
+            Stopping::Calibrated => self.within = Some(within),
+        }
+        Ok((stopping, within))
+    }
+
+    /// The gain of importance, and whether the scene has what the maps are made of.
+    fn fill_in_importance(&mut self, path: &Path, scene: &Scene) -> Result<()> {
+        let Some(weights) = self.importance else {
+            if self.importance_gain.is_some() {
+                fail!("--importance-gain needs --importance, such as --importance saliency:1");
+            }
+            if self.aov.contains(&Aov::Importance) {
+                fail!("--aov importance needs --importance, such as --importance saliency:1");
+            }
+            return Ok(());
+        };
+        let gain = *self.importance_gain.get_or_insert(IMPORTANCE_GAIN);
+        if !(1.0..=8.0).contains(&gain) {
+            fail!("--importance-gain {gain} must lie in 1..=8; 1 leaves thresholds as they are");
+        }
+
+        // A task map of nothing is a slip.
+        if weights.task > 0.0 {
+            let (file, nodes) = (SceneSettings::path_for(path), &scene.settings.importance.nodes);
+            if nodes.is_empty() {
+                let text = ": --importance task needs the names of nodes: add [importance] with nodes = [\"NAME\"]";
+                return Err(Error::content(&file, text));
+            }
+            for name in nodes {
+                if !scene.instances_under(name).contains(&true) {
+                    let text = format!(": [importance] nodes: the scene has no node \"{name}\" that shows anything");
+                    return Err(Error::content(&file, text));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_files(&mut self) -> Result<()> {
+        if self.exr.is_some() && !cfg!(feature = "exr") {
+            fail!("--exr: this build writes no OpenEXR; build it with the feature exr");
+        }
+        if self.png.is_some() && !cfg!(feature = "still") {
+            fail!("--png: this build writes no pictures; build it with the feature still");
+        }
+        if !self.aov.is_empty() && self.exr.is_none() {
+            fail!("--aov needs --exr DIR, the folder for the files that it adds to");
+        }
+        match (&self.exr, self.exr_depth) {
+            (None, Some(_)) => fail!("--exr-depth needs --exr DIR, the folder for the files that it is about"),
+            (None, None) => {}
+            (Some(_), depth) => self.exr_depth = Some(depth.unwrap_or_default()),
+        }
+        Ok(())
+    }
+}
+
+/// The tone curve of a scene, and whether the first frame sets its exposure.
+fn tone_map(path: &Path, scene: &Scene) -> Result<(ToneMap, bool)> {
+    let Some(table) = &scene.settings.tone_mapping else { return Ok((ToneMap::default(), true)) };
+    let file = SceneSettings::path_for(path);
+    let read = read_tone_map(table).map_err(|error| Error::content(&file, format!(": [tone_mapping] {error}")))?;
+    Ok((read, !table.contains_key("exposure")))
+}
+
+/// The tone curve of a `[tone_mapping]` table.
+///
+/// # Errors
+/// A key or value that does not exist, or a number out of its range; the message says what works.
+pub fn read_tone_map(table: &toml::Table) -> Result<ToneMap, String> {
+    let read: Result<ToneMap, toml::de::Error> = table.clone().try_into();
+    let tone_map = read.map_err(|error| SettingsError::of_toml(&error.to_string()).to_string())?;
+    tone_map.check().map_err(|error| error.to_string())?;
+    Ok(tone_map)
+}

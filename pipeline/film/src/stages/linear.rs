@@ -1,0 +1,54 @@
+//! Frames as linear light, in OpenEXR files.
+
+use crate::settings::ExrDepth;
+use pipeline::error::{Error, Result};
+use pipeline::parts::Channels;
+use plane::Plane;
+use render_core::image_file::FrameHeader;
+#[cfg(feature = "exr")]
+use render_core::image_file::{FrameChannel, SampleDepth, write_frame};
+use std::path::Path;
+
+/// Layers of colors and normals, which halves hold to more than eyes and compositing ask for. All others are numbers that are
+/// measured with: places, distances, ids and counts.
+#[cfg(feature = "exr")]
+const HALF_LAYERS: [&str; 5] = ["", "direct", "indirect", "albedo", "normal"];
+
+/// Writes radiance \[W·m⁻²·sr⁻¹\] as the channels R, G, B, with `further` channels; colors have this `depth`.
+///
+/// # Errors
+/// The file cannot be written.
+#[cfg(feature = "exr")]
+pub fn write_linear(
+    path: &Path,
+    header: &FrameHeader,
+    radiance: &Plane<[f32; 3]>,
+    further: Channels,
+    depth: ExrDepth,
+) -> Result<()> {
+    let mut channels: Vec<FrameChannel> = Vec::new();
+    for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
+        let samples = radiance.samples().iter().map(|rgb| rgb[c]).collect();
+        channels.push(FrameChannel { name: name.to_owned(), samples, depth: depth_of("", depth) });
+    }
+    for (name, samples) in further {
+        let depth = depth_of(name.rsplit_once('.').map_or("", |(layer, _)| layer), depth);
+        channels.push(FrameChannel { name, samples, depth });
+    }
+    write_frame(path, (radiance.width(), radiance.height()), header, channels).map_err(Error::other)
+}
+
+/// Bits of the samples of `layer`.
+#[cfg(feature = "exr")]
+fn depth_of(layer: &str, depth: ExrDepth) -> SampleDepth {
+    match depth {
+        ExrDepth::Half if HALF_LAYERS.contains(&layer) => SampleDepth::Half,
+        _ => SampleDepth::Float,
+    }
+}
+
+/// The settings request none of these.
+#[cfg(not(feature = "exr"))]
+pub fn write_linear(path: &Path, _: &FrameHeader, _: &Plane<[f32; 3]>, _: Channels, _: ExrDepth) -> Result<()> {
+    Err(Error::content(path, ": this build writes no OpenEXR; build it with the feature exr"))
+}

@@ -1,0 +1,96 @@
+//! The masking model of a film: the error of the next frame that stays invisible.
+
+use crate::settings::Settings;
+use perceptual::{DEFAULT_WEIGHT, ExpectedCoding, Feedback, MaskingModel, ObservedFrame, QuantiserSteps, ToneMap};
+use pipeline::chunks::begins_chunk;
+use pipeline::error::Result;
+use pipeline::parts::{Coding, Displayed, LuminanceThresholds, Mask};
+use pipeline::state::{decode, encode};
+use plane::{Correspondence, Plane};
+use renderer::settings::Thresholds;
+use std::sync::Arc;
+
+/// ΔY(t) of each frame t in display order, by the thresholds that the settings name.
+pub struct Masking {
+    thresholds: Thresholds,
+    kappa: f32,
+    /// Frames of a chunk, with the first of which masking begins anew.
+    chunk: Option<u32>,
+    steps: QuantiserSteps,
+    /// Made with the first frame, which may set the exposure.
+    feedback: Option<Feedback>,
+    /// ΔY and predicted luma of the last frame, where a film is continued.
+    last: Option<(Arc<Plane<f32>>, Plane<u8>)>,
+}
+
+impl Masking {
+    /// For a film from its beginning.
+    ///
+    /// # Errors
+    /// The settings fit no encoder.
+    pub fn new(settings: &Settings) -> crate::Result<Self> {
+        let config = settings.encoder_config()?;
+        let (intra_matrix, non_intra_matrix) = config.matrices();
+        let intra_dc_step = f32::from(8u8 >> (config.intra_dc_precision() - 8));
+        let steps = QuantiserSteps { intra_matrix, non_intra_matrix, intra_dc_step };
+        let &Settings { thresholds, kappa, chunk, .. } = settings;
+        Ok(Self { thresholds, kappa, chunk, steps, feedback: None, last: None })
+    }
+
+    fn begin(kappa: f32, tone_map: ToneMap, last: Option<(Arc<Plane<f32>>, Plane<u8>)>) -> Feedback {
+        let mut feedback = Feedback::new(MaskingModel::default(), tone_map, DEFAULT_WEIGHT).with_kappa(kappa);
+        if let Some((delta, predicted)) = last {
+            feedback.restore(delta);
+            feedback.restore_predicted(predicted);
+        }
+        feedback
+    }
+}
+
+impl std::fmt::Debug for Masking {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Masking").field("thresholds", &self.thresholds).finish_non_exhaustive()
+    }
+}
+
+impl Mask for Masking {
+    fn step(&mut self, displayed: &Displayed, coding: &Coding) -> Arc<Plane<f32>> {
+        let Self { thresholds, kappa, chunk, steps, feedback, last } = self;
+        if begins_chunk(*chunk, displayed.index) {
+            (*feedback, *last) = (None, None);
+        }
+        let feedback = feedback.get_or_insert_with(|| Self::begin(*kappa, displayed.tone_map, last.take()));
+        let (luma, luminance) = (&displayed.picture.luma, &displayed.luminance);
+        let known = displayed.correspondence.as_deref();
+        let frame = ObservedFrame { luma, luminance, known };
+        let &Coding { quantiser_scale, ref outcome, begins_group, next } = coding;
+        match (*thresholds, outcome) {
+            (Thresholds::Uniform(share), _) => return Arc::new(luminance.map(|luminance| share * luminance)),
+            (Thresholds::Codec, Some(coded)) => feedback.observe_coded(frame, steps, coded, next),
+            (Thresholds::Quantised, Some(coded)) => {
+                let quantised = coded.luma().map(|sample| f32::from(sample) - 16.0);
+                let still = Correspondence::still(luma.width(), luma.height());
+                let known = known.map(|_| &still);
+                feedback.observe(ObservedFrame { luma: &quantised, luminance, known }, quantiser_scale)
+            }
+            // The encoder has not coded the picture yet.
+            (Thresholds::Codec, None) => {
+                let expected = ExpectedCoding { quantiser_scale, begins_group };
+                feedback.observe_predicted(frame, steps, expected, next)
+            }
+            _ => feedback.observe(frame, quantiser_scale),
+        };
+        feedback.thresholds().clone()
+    }
+
+    /// Luma of the last frame, where the loss of coding is predicted.
+    fn state(&self) -> Vec<u8> {
+        encode(&self.feedback.as_ref().map(|feedback| feedback.predicted()))
+    }
+
+    fn restore(&mut self, state: &[u8], thresholds: &LuminanceThresholds) -> Result<()> {
+        let predicted: Option<Plane<u8>> = decode(state)?;
+        self.last = Some((thresholds.delta.clone(), predicted.unwrap_or_default()));
+        Ok(())
+    }
+}

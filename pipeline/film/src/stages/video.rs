@@ -1,0 +1,306 @@
+//! The encoder of a film, with the container that its stream is wrapped into.
+
+use super::weights::weights;
+use crate::settings::{AdaptiveQuantiser, CodedRate, Settings};
+use mpeg2enc::{AccessUnit, Container, Encoder, Finish, KnownMotion, Multiplexer, Packet, Picture};
+use perceptual::NextPicture;
+use pipeline::chunks::begins_chunk;
+use pipeline::error::{Error, Result};
+use pipeline::parts::{CodedFrame, Coding, Displayed, Encode, Encoded};
+use pipeline::state::{NONSENSE, decode, encode};
+use plane::{Correspondence, Plane};
+use render_core::MACROBLOCK;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Pictures in, bytes of the file out.
+pub struct Video {
+    encoder: Encoder,
+    /// The film's number of the first frame of this encoder.
+    first: u32,
+    /// Pictures of each frame.
+    pictures: u32,
+    /// Frames of a chunk, with the first of which another encoder begins.
+    chunk: Option<u32>,
+    stream: Stream,
+    /// Whether the renderer's motion is used.
+    uses_motion: bool,
+    /// Whether quantisers follow masking.
+    masks: bool,
+    /// Whether pictures wait for the motion into the next one, for B pictures.
+    waits: bool,
+    waiting: Option<Waiting>,
+}
+
+/// The container, and what its packets tell.
+struct Stream {
+    multiplexer: Multiplexer,
+    /// The film's number of the first frame in this file.
+    first: u32,
+    /// Pictures of each frame.
+    pictures: u32,
+    /// Whether pictures come out as they are pushed.
+    is_immediate: bool,
+    /// The frame whose pictures may still come.
+    held: Option<CodedFrame>,
+    /// The mean over the finest of the pictures coded last, from which the others are predicted; before any, that of the settings.
+    quantiser_scale: f32,
+    /// Whether masking sees what became of each picture. An encoder that looks ahead is late: masking is then at another one.
+    tells_outcome: bool,
+}
+
+/// A picture whose motion into the next one is still to come.
+#[derive(Serialize, Deserialize)]
+struct Waiting {
+    picture: Arc<Picture>,
+    to_previous: Option<Arc<Correspondence>>,
+    /// Weights of its macroblocks, where they are not all alike.
+    weights: Option<Plane<f32>>,
+}
+
+impl Video {
+    /// The encoder that `settings` describe.
+    ///
+    /// # Errors
+    /// The standard does not have what the settings request; the message names what it has.
+    pub fn new(settings: &Settings) -> crate::Result<Self> {
+        let config = settings.encoder_config()?;
+        let CodedRate { pictures, .. } = CodedRate::of(settings.fps)?;
+        let frames = settings.frame_range();
+        let (first, count) = (frames.start, frames.len() as u64);
+        let multiplexer = Multiplexer::new(settings.container(), &config).with_pictures(count * u64::from(pictures));
+        let number = u64::from(first) * u64::from(pictures);
+        Ok(Self {
+            encoder: config.with_first_number(number).encoder()?,
+            first,
+            pictures,
+            chunk: settings.chunk,
+            stream: Stream {
+                multiplexer,
+                first,
+                pictures,
+                is_immediate: !settings.looks_ahead(),
+                held: None,
+                quantiser_scale: settings.qscale as f32,
+                tells_outcome: settings.thresholds.follow_coding() && !settings.looks_ahead(),
+            },
+            uses_motion: settings.motion,
+            masks: settings.aq == AdaptiveQuantiser::Masking,
+            waits: settings.bframes > 0,
+            waiting: None,
+        })
+    }
+
+    /// At a constant quantiser, each picture as it comes: for renderers of one's own.
+    ///
+    /// # Errors
+    /// The standard does not have such a configuration.
+    pub fn immediate(config: mpeg2enc::Config, container: Container, quantiser_scale: u32) -> crate::Result<Self> {
+        let config = config.with_lookahead(0).with_quantiser_scale(quantiser_scale);
+        let multiplexer = Multiplexer::new(container, &config);
+        Ok(Self {
+            encoder: config.encoder()?,
+            first: 0,
+            pictures: 1,
+            chunk: None,
+            stream: Stream {
+                multiplexer,
+                first: 0,
+                pictures: 1,
+                is_immediate: true,
+                held: None,
+                quantiser_scale: quantiser_scale as f32,
+                tells_outcome: false,
+            },
+            uses_motion: true,
+            masks: false,
+            waits: false,
+            waiting: None,
+        })
+    }
+
+    fn push(&mut self, waiting: Waiting, to_next: Option<&Correspondence>) -> Encoded {
+        let Waiting { picture, to_previous, weights } = waiting;
+        // Pictures of one frame are alike: nothing moves between them.
+        let still = (self.pictures > 1).then(|| Correspondence::still(picture.width(), picture.height()));
+        let motion = KnownMotion { to_previous: to_previous.as_deref(), to_next: still.as_ref().or(to_next) };
+        let mut packets = match weights {
+            Some(weights) => self.encoder.push_weighted(&picture, motion, &weights),
+            None => self.encoder.push(&picture, motion),
+        };
+        for number in 1..self.pictures {
+            let to_next = if number + 1 == self.pictures { to_next } else { still.as_ref() };
+            packets.extend(self.encoder.push_again(&picture, KnownMotion { to_previous: still.as_ref(), to_next }));
+        }
+        self.stream.wrap(packets, self.first)
+    }
+
+    /// The picture that waits for motion into the next one, which there is none of.
+    fn push_last(&mut self) -> Encoded {
+        self.waiting.take().map(|last| self.push(last, None)).unwrap_or_default()
+    }
+
+    /// Ends the chunk before frame `index`, with which another encoder begins. The stream goes on: it has no end here.
+    fn begin_chunk(&mut self, index: u32) -> Result<Encoded> {
+        let last = self.push_last();
+        let number = u64::from(index) * u64::from(self.pictures);
+        let config = self.encoder.config().clone().with_first_number(number);
+        let quantiser_scale = config.quantiser_scale() as f32;
+        let Finish { packets, .. } =
+            std::mem::replace(&mut self.encoder, config.encoder().map_err(Error::other)?).finish();
+        let rest = self.stream.wrap_last(packets, self.first);
+        (self.first, self.stream.quantiser_scale) = (index, quantiser_scale);
+        Ok(joined(last, rest))
+    }
+
+    /// Whether frame `index` begins a group, as far as the encoder knows now.
+    fn begins_group(&self, index: u32) -> bool {
+        // Only a forged state has an encoder that began later.
+        let number = u64::from(index.saturating_sub(self.first)) * u64::from(self.pictures);
+        self.encoder.begins_group(number) == Some(true)
+    }
+}
+
+/// Two steps as one: the bytes and pictures of both, and the `coding` of the later.
+fn joined(first: Encoded, then: Encoded) -> Encoded {
+    Encoded {
+        bytes: [first.bytes, then.bytes].concat(),
+        pictures: [first.pictures, then.pictures].concat(),
+        coding: then.coding,
+    }
+}
+
+impl Stream {
+    /// Puts packets into the file, and notes their quantiser. Their encoder began with the film's picture `first`.
+    fn wrap(&mut self, packets: Vec<Packet>, first: u32) -> Encoded {
+        let scales = packets.iter().map(|packet| {
+            let scales = packet.quantiser_scales.samples();
+            scales.iter().map(|&scale| u32::from(scale)).sum::<u32>() as f32 / scales.len() as f32
+        });
+        // The finest pictures are those that the others are predicted from.
+        self.quantiser_scale = scales.reduce(f32::min).unwrap_or(self.quantiser_scale);
+        let is_first = |packet: &&Packet| packet.display_index.is_multiple_of(self.pictures.into());
+        let outcome = packets.iter().rev().find(is_first).filter(|_| self.tells_outcome).map(Packet::coded);
+        let mut coded =
+            Encoded { coding: Coding { outcome, ..Coding::of_quantiser(self.quantiser_scale) }, ..Encoded::default() };
+        for packet in packets {
+            coded.pictures.extend(self.count(&packet, first));
+            let before = u64::from(first.saturating_sub(self.first)) * u64::from(self.pictures);
+            let unit = AccessUnit { display_index: before + packet.display_index, ..packet.into() };
+            coded.bytes.extend(self.multiplexer.push(unit));
+        }
+        if self.pictures == 1 || self.is_immediate {
+            coded.pictures.extend(self.held.take());
+        }
+        coded
+    }
+}
+
+impl Stream {
+    /// The last packets of an encoder.
+    fn wrap_last(&mut self, packets: Vec<Packet>, first: u32) -> Encoded {
+        let mut coded = self.wrap(packets, first);
+        coded.pictures.extend(self.held.take());
+        coded
+    }
+
+    /// Adds the bits of a picture to its frame. Returns the previous frame when a new one begins.
+    fn count(&mut self, packet: &Packet, first: u32) -> Option<CodedFrame> {
+        let pictures = u64::from(self.pictures);
+        if let Some(held) = self.held.as_mut().filter(|_| !packet.display_index.is_multiple_of(pictures)) {
+            held.bits += packet.bits;
+            return None;
+        }
+        self.held.replace(CodedFrame {
+            index: first.saturating_add((packet.display_index / pictures) as u32),
+            picture_type: packet.picture_type,
+            bits: packet.bits,
+            quantiser_scale: packet.quantiser_scale,
+            psnr_y: packet.psnr_y,
+            decoded: Some(packet.reconstruction.clone()),
+        })
+    }
+}
+
+impl std::fmt::Debug for Video {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Video").field("quantiser_scale", &self.stream.quantiser_scale).finish_non_exhaustive()
+    }
+}
+
+impl Encode for Video {
+    fn step(&mut self, displayed: &Displayed) -> Result<Encoded> {
+        let Displayed { index, picture, correspondence, forward, .. } = displayed;
+        let to_previous = correspondence.clone().filter(|_| self.uses_motion);
+        let weights = weights(displayed, self.masks);
+        let before = match begins_chunk(self.chunk, *index) && *index != self.first {
+            true => self.begin_chunk(*index)?,
+            false => Encoded::default(),
+        };
+        let taken = Waiting { picture: picture.picture.clone(), to_previous, weights };
+        let mut coded = if self.waits {
+            match self.waiting.replace(taken) {
+                Some(before) => self.push(before, forward.as_deref()),
+                None => self.stream.wrap(Vec::new(), self.first),
+            }
+        } else {
+            self.push(taken, None)
+        };
+        // A picture that waits will be coded as the rate allows, and not as those coded last.
+        if let Some(planned) = self.encoder.planned_quantiser_scale() {
+            coded.coding.quantiser_scale = planned;
+        }
+        coded.coding.begins_group = self.begins_group(*index);
+        if self.begins_group(index + 1) {
+            coded.coding.next = NextPicture::Intra { group: self.encoder.config().gop() };
+        }
+        Ok(joined(before, coded))
+    }
+
+    fn finish(mut self) -> Result<Encoded> {
+        let last = self.push_last();
+        let Finish { packets, end, .. } = self.encoder.finish();
+        let mut coded = joined(last, self.stream.wrap_last(packets, self.first));
+        coded.bytes.extend(self.stream.multiplexer.finish(&end));
+        Ok(coded)
+    }
+
+    fn ending(&self) -> Vec<u8> {
+        self.stream.multiplexer.ending()
+    }
+
+    /// Everything that the next bytes depend on, besides settings and frames to come.
+    fn state(&self) -> Vec<u8> {
+        let Self { encoder, first, stream, waiting, .. } = self;
+        encode(&(first, encoder.state(), &stream.multiplexer, stream.quantiser_scale, waiting, &stream.held))
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<()> {
+        let (first, encoder, multiplexer, quantiser_scale, waiting, held) = decode(state)?;
+        let (first, waiting): (u32, Option<Waiting>) = (first, waiting);
+
+        // Forged weights are those of another picture.
+        let fits = |Waiting { picture, weights, .. }: &Waiting| {
+            let counts = (picture.width().div_ceil(MACROBLOCK), picture.height().div_ceil(MACROBLOCK));
+            weights.as_ref().is_none_or(|weights| (weights.width(), weights.height()) == counts)
+        };
+        // Only a frame of several pictures waits for the others.
+        let held: Option<CodedFrame> = held;
+        let may_hold = self.pictures > 1 && !self.stream.is_immediate;
+        if !waiting.iter().all(fits) || held.is_some() && !may_hold {
+            return Err(Error::Checkpoint(NONSENSE.into()));
+        }
+        let mut same = self
+            .encoder
+            .config()
+            .clone()
+            .with_first_number(u64::from(first) * u64::from(self.pictures))
+            .encoder()
+            .map_err(Error::other)?;
+        same.restore(encoder).map_err(|_| Error::Checkpoint(NONSENSE.into()))?;
+        (self.encoder, self.first, self.waiting) = (same, first, waiting);
+        (self.stream.multiplexer, self.stream.quantiser_scale) = (multiplexer, quantiser_scale);
+        self.stream.held = held;
+        Ok(())
+    }
+}

@@ -1,0 +1,62 @@
+//! One picture: a frame of a scene as a display shows it, or its light.
+
+use crate::error::Result;
+use crate::picture_file::{PictureFormat, shown, write_shown};
+use crate::settings::{ExrDepth, Settings};
+use crate::stages::linear::write_linear;
+use perceptual::luminance_plane;
+use pipeline::exposure::{blended, exposure_for};
+use pipeline::parts::{LastThresholds, Shade};
+use plane::Plane;
+use render_core::image_file::FrameHeader;
+use render_core::scene::Scene;
+use renderer::plan::Plan;
+use renderer::{Preparation, Shading, exposure_of_first_frame, exposure_of_lit_frames};
+use std::path::Path;
+
+/// A picture of one frame.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Still {
+    /// Linear RGB \[W·m⁻²·sr⁻¹\].
+    pub radiance: Plane<[f32; 3]>,
+    /// As a display shows it: red, green and blue of sRGB, codes of 8 bits.
+    pub shown: Plane<[u8; 3]>,
+    /// Facts for the header of a file of linear light.
+    pub header: FrameHeader,
+}
+
+impl Still {
+    /// Frame `frame` of `scene`, counted from 0, with the light that a film's first frame has.
+    #[must_use]
+    pub fn render(scene: &Scene, settings: &Settings, frame: u32) -> Self {
+        let renderer = settings.renderer();
+        let plan = Plan::new(scene, &renderer);
+        let prepared = Preparation::new(scene, &renderer, &plan).frame(frame);
+        let shaded = Shading::new(&renderer, &plan).step(&prepared, LastThresholds::none());
+
+        // Without an exposure of its own a film has that of its first frame, or of those that are lit.
+        let of_lit_frames = || exposure_of_lit_frames(scene, &renderer);
+        let found = settings.auto_exposure.then(of_lit_frames).flatten();
+        let exposure = match (settings.auto_exposure, frame) {
+            (false, _) => settings.tone_map.exposure,
+            (true, _) if found.is_some() => found.unwrap_or(1.0),
+            (true, 0) => exposure_for(&luminance_plane(&shaded.radiance)),
+            (true, _) => exposure_of_first_frame(scene, &renderer, |settings, plan| Shading::new(settings, plan)),
+        };
+        let tone_map = settings.tone_map.with_exposure(exposure);
+        let shown = shown(&blended(&shaded, &tone_map), &tone_map);
+        Self { radiance: shaded.radiance, shown, header: shaded.header }
+    }
+
+    /// Writes `.png` or `.jpg` as a display shows it, or `.exr` with linear light, in halves where these suffice.
+    ///
+    /// # Errors
+    /// The ending is another, or the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        match PictureFormat::of(path)? {
+            PictureFormat::Linear => Ok(write_linear(path, &self.header, &self.radiance, Vec::new(), ExrDepth::Half)?),
+            PictureFormat::Shown(_) => write_shown(path, &self.shown),
+        }
+    }
+}

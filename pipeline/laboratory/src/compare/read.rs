@@ -1,0 +1,198 @@
+//! Pictures from files: one, a folder of them, or a video.
+
+use super::picture::Picture;
+use super::png_file;
+use perceptual::ColorMatrix;
+use plane::Plane;
+use render2mpeg::error::{Error, Result};
+use std::fs::File;
+use std::io::{BufReader, Cursor, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+/// Largest side of a picture in a video, that of MPEG-2.
+const LARGEST_SIDE: usize = 16383;
+/// Files that ffmpeg reads.
+const VIDEO_ENDINGS: [&str; 10] = ["m2v", "m1v", "mpg", "mpeg", "ts", "m2ts", "mp4", "mkv", "avi", "mov"];
+
+/// The pictures of a file or folder, one after the other.
+pub struct Pictures {
+    /// Where they come from.
+    pub path: PathBuf,
+    source: Source,
+}
+
+enum Source {
+    Files(std::vec::IntoIter<PathBuf>),
+    Y4m(Box<y4m::Decoder<Box<dyn Read>>>),
+    /// Pictures from ffmpeg; the process is waited for at the end.
+    Ffmpeg(Box<y4m::Decoder<Box<dyn Read>>>, Child),
+}
+
+impl Pictures {
+    /// Opens an OpenEXR or PNG picture, a folder of either, or a video.
+    ///
+    /// # Errors
+    /// Nothing is there, or nothing that can be read; the message says what could.
+    pub fn open(path: &Path) -> Result<Self> {
+        let metadata = std::fs::metadata(path).map_err(Error::file(path, "cannot be read"))?;
+        let source = if metadata.is_dir() {
+            Source::Files(pictures_in(path)?.into_iter())
+        } else {
+            match ending(path).as_str() {
+                "exr" | "png" => Source::Files(vec![path.to_owned()].into_iter()),
+                "y4m" => {
+                    let file = File::open(path).map_err(Error::file(path, "cannot be read"))?;
+                    Source::Y4m(Box::new(y4m_decoder(path, Box::new(BufReader::new(file)))?))
+                }
+                video if VIDEO_ENDINGS.contains(&video) => ffmpeg(path)?,
+                _ => {
+                    let videos = VIDEO_ENDINGS.map(|ending| format!(".{ending}")).join(", ");
+                    let known =
+                        format!(": compared are pictures (.exr, .png), folders of them, and videos (.y4m, {videos})");
+                    return Err(Error::content(path, known));
+                }
+            }
+        };
+        Ok(Self { path: path.to_owned(), source })
+    }
+}
+
+impl Iterator for Pictures {
+    type Item = Result<Picture>;
+
+    /// The next picture, or why it cannot be read; the message names its file.
+    fn next(&mut self) -> Option<Self::Item> {
+        match &mut self.source {
+            Source::Files(paths) => paths.next().map(|path| read_picture(&path)),
+            Source::Y4m(decoder) => next_frame(&self.path, decoder, ColorMatrix::Bt601).transpose(),
+            Source::Ffmpeg(decoder, child) => match next_frame(&self.path, decoder, ColorMatrix::Bt709).transpose() {
+                None => match child.wait() {
+                    Ok(status) if status.success() => None,
+                    _ => Some(Err(Error::content(&self.path, ": ffmpeg could not decode it to the end"))),
+                },
+                picture => picture,
+            },
+        }
+    }
+}
+
+impl Drop for Pictures {
+    fn drop(&mut self) {
+        if let Source::Ffmpeg(_, child) = &mut self.source {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+fn ending(path: &Path) -> String {
+    path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
+/// The pictures in a folder, by name.
+fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let context = |error| Error::file(folder, "cannot be read")(error);
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(context)? {
+        let path = entry.map_err(context)?.path();
+        if matches!(ending(&path).as_str(), "exr" | "png") {
+            paths.push(path);
+        }
+    }
+    if paths.is_empty() {
+        return Err(Error::content(folder, ": there are no .exr or .png files in this folder"));
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+fn read_picture(path: &Path) -> Result<Picture> {
+    if ending(path) == "png" {
+        return Ok(Picture::Display(png_file::read(path)?));
+    }
+    linear_picture(path)
+}
+
+fn linear_picture(path: &Path) -> Result<Picture> {
+    let layers = render_core::image_file::read_layers(path).map_err(Error::other)?;
+    let radiance = layers.colors("").ok_or_else(|| Error::content(path, ": it has no channels R, G and B"))?;
+    Ok(Picture::Linear { radiance, variance: layers.colors("variance.") })
+}
+
+/// Bytes of a header, ours: those of ffmpeg are shorter than 100.
+const LONGEST_HEADER: usize = 1024;
+
+fn y4m_decoder(path: &Path, input: Box<dyn Read>) -> Result<y4m::Decoder<Box<dyn Read>>> {
+    let (header, input) = header_and_all(input).map_err(Error::file(path, "cannot be read"))?;
+    // The decoder multiplies them before it checks its limits.
+    let sides = header.split(|&byte| byte == b' ').filter(|word| matches!(word.first(), Some(b'W' | b'H')));
+    for side in sides.map(|word| String::from_utf8_lossy(&word[1..]).trim().to_owned()) {
+        if !side.parse().is_ok_and(|side| (1..=LARGEST_SIDE).contains(&side)) {
+            let problem = format!(": a picture has no side of {side}; sides go from 1 to {LARGEST_SIDE}");
+            return Err(Error::content(path, problem));
+        }
+    }
+    // Memory is taken for what the header says.
+    let limits = y4m::Limits { bytes: LARGEST_SIDE * LARGEST_SIDE * 3 / 2 + 2 * LARGEST_SIDE };
+    let decoder = y4m::Decoder::new_with_limits(input, limits)
+        .map_err(|error| Error::content(path, format!(" is not a YUV4MPEG2 video: {error}")))?;
+    use y4m::Colorspace::{C420, C420jpeg, C420mpeg2, C420paldv};
+    if !matches!(decoder.get_colorspace(), C420 | C420jpeg | C420mpeg2 | C420paldv) {
+        let problem = ": only 8-bit 4:2:0 videos are compared; ffmpeg -pix_fmt yuv420p makes one";
+        return Err(Error::content(path, problem));
+    }
+    Ok(decoder)
+}
+
+/// The first line, as far as a header may go, and the whole input with it.
+fn header_and_all(mut input: Box<dyn Read>) -> std::io::Result<(Vec<u8>, Box<dyn Read>)> {
+    let mut header = Vec::new();
+    let mut byte = [0];
+    while header.len() < LONGEST_HEADER && header.last() != Some(&b'\n') && input.read(&mut byte)? == 1 {
+        header.push(byte[0]);
+    }
+    let all = Box::new(Cursor::new(header.clone()).chain(input));
+    Ok((header, all))
+}
+
+fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>, matrix: ColorMatrix) -> Result<Option<Picture>> {
+    let (width, height) = (decoder.get_width(), decoder.get_height());
+    let frame = match decoder.read_frame() {
+        Ok(frame) => frame,
+        Err(y4m::Error::EOF) => return Ok(None),
+        Err(error) => return Err(Error::content(path, format!(": the video breaks off: {error}"))),
+    };
+    let plane = |samples: &[u8], width, height| Plane::from_vec(width, height, samples.to_vec());
+    let chroma = |samples| plane(samples, width.div_ceil(2), height.div_ceil(2));
+    let (cb, cr) = (chroma(frame.get_u_plane()), chroma(frame.get_v_plane()));
+    let picture = plane::Picture::new(plane(frame.get_y_plane(), width, height), cb, cr);
+    Ok(Some(Picture::Video(picture.expect("chroma of half of the size"), matrix)))
+}
+
+/// Lets ffmpeg decode; what it has to say goes to standard error.
+fn ffmpeg(path: &Path) -> Result<Source> {
+    let mut child = Command::new("ffmpeg")
+        .args(["-nostdin", "-v", "error", "-i"])
+        .arg(path)
+        // Films that state no matrix have that of BT.601.
+        .args(["-vf", "scale=out_color_matrix=bt709"])
+        .args(["-fps_mode", "passthrough", "-f", "yuv4mpegpipe", "-pix_fmt", "yuv420p", "-"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .spawn()
+        .map_err(|error| {
+            let problem =
+                format!(": ffmpeg decodes it, and cannot be started ({error}); install ffmpeg, or compare .y4m videos");
+            Error::content(path, problem)
+        })?;
+    let output = child.stdout.take().expect("it was requested");
+    let decoder = y4m_decoder(path, Box::new(BufReader::new(output)));
+    match decoder {
+        Ok(decoder) => Ok(Source::Ffmpeg(Box::new(decoder), child)),
+        Err(_) => {
+            let _ = child.wait();
+            Err(Error::content(path, ": ffmpeg finds no video in it"))
+        }
+    }
+}

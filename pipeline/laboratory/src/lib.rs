@@ -1,0 +1,15 @@
+//! What measures films and shows the figures. No film needs any of it.
+//!
+//! - [`compare`]: how far pictures, folders of pictures and videos are from others.
+//! - [`sweep`]: the same frames by several methods beside a reference; error against run time.
+//! - [`page`]: plots, tables and pictures as one HTML page; also the page of a single run.
+//!
+//! [`false_color`] and [`png_file`] are pictures for both comparisons and pages.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+pub mod compare;
+pub mod false_color;
+pub mod page;
+pub mod png_file;
+pub mod sweep;

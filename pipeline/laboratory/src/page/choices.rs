@@ -1,0 +1,89 @@
+//! The settings of a film as a page lists them.
+
+use super::command::file_name;
+use render2mpeg::error::Result;
+use render2mpeg::report::Report;
+use render2mpeg::settings::Settings;
+use serde_json::Value;
+use std::path::PathBuf;
+
+/// A setting in words; `usual` is the default, where it differs.
+#[derive(Clone, Debug, serde::Serialize)]
+pub(super) struct Choice {
+    name: String,
+    value: String,
+    usual: Option<String>,
+}
+
+/// All settings, each beside its default where it differs from that in `usual`.
+///
+/// # Errors
+/// A fault of our own.
+pub(super) fn choices(settings: &Settings, usual: Option<&Settings>) -> Result<Vec<Choice>> {
+    let usual = usual.map(rows).transpose()?.unwrap_or_default();
+    let known = |name: &str| usual.iter().find(|(own, _)| own == name).map(|(_, value)| value.clone());
+    let choice = |(name, value): (String, String)| {
+        // Options that are there only if they are chosen have no default.
+        let default = known(&name).or((!usual.is_empty()).then(|| "–".into()));
+        Choice { usual: default.filter(|usual| *usual != value), name, value }
+    };
+    Ok(rows(settings)?.into_iter().map(choice).collect())
+}
+
+/// Names and values, those within others by both names.
+fn rows(settings: &Settings) -> Result<Vec<(String, String)>> {
+    let mut rows = Vec::new();
+    let Value::Object(all) = serde_json::to_value(settings)? else { return Ok(rows) };
+    for (name, value) in all {
+        match value {
+            Value::Object(parts) => {
+                rows.extend(parts.iter().map(|(part, value)| (format!("{name}.{part}"), plain(value))));
+            }
+            value => rows.push((name, plain(&value))),
+        }
+    }
+    Ok(rows)
+}
+
+/// JSON as a person writes it.
+pub(super) fn plain(value: &Value) -> String {
+    match value {
+        Value::Null => "–".into(),
+        Value::String(text) => text.clone(),
+        Value::Bool(true) => "yes".into(),
+        Value::Bool(false) => "no".into(),
+        Value::Number(number) => number.to_string().trim_end_matches(".0").to_owned(),
+        Value::Array(values) if values.is_empty() => "–".into(),
+        other => other.to_string(),
+    }
+}
+
+/// `settings` with the names of files and without their folders.
+fn settings_without_folders(settings: &Settings) -> Settings {
+    let name = |path: &PathBuf| PathBuf::from(file_name(&path.to_string_lossy()).as_ref());
+    Settings {
+        scene: name(&settings.scene),
+        output: name(&settings.output),
+        baked: settings.baked.as_ref().map(name),
+        exr: settings.exr.as_ref().map(name),
+        y4m: settings.y4m.as_ref().map(name),
+        ..settings.clone()
+    }
+}
+
+/// A report that says nothing about folders of the machine.
+pub(super) fn without_folders(report: &Report) -> Report {
+    let mut report = report.clone();
+    report.settings = settings_without_folders(&report.settings);
+    let folder = report.scene.file.parent().map(|folder| format!("{}/", folder.display())).unwrap_or_default();
+    report.scene.file = report.settings.scene.clone();
+    if folder.len() > 1 {
+        report.scene.warnings.iter_mut().for_each(|warning| *warning = warning.replace(&folder, ""));
+    }
+    report
+}
+
+/// Settings of `usual`, for comparison with settings that have no folders either.
+pub(super) fn usual_without_folders(usual: Option<&Settings>) -> Option<Settings> {
+    usual.map(settings_without_folders)
+}

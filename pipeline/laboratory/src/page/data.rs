@@ -1,0 +1,57 @@
+//! Figures of a page as files that it holds itself.
+
+use super::html::data_uri;
+use super::svg::Svg;
+use minijinja::{Value, context};
+use pipeline::report::FrameReport;
+use render2mpeg::error::Result;
+
+/// A link that saves `bytes` under `name`.
+pub fn download(name: &str, mime: &str, bytes: &[u8]) -> Value {
+    context! { name, uri => data_uri(mime, bytes) }
+}
+
+/// A drawing with the link that saves it as `name`.
+pub(super) fn drawing(name: &str, svg: &Svg) -> Value {
+    context! { svg => svg.inline(), file => download(name, "image/svg+xml", svg.file().as_bytes()) }
+}
+
+/// Figures of frames as comma-separated values: a line for each frame, nothing where a figure is unknown.
+///
+/// # Errors
+/// A fault of our own.
+pub(super) fn csv_of(frames: &[FrameReport]) -> Result<String> {
+    let mut text = String::new();
+    for frame in frames {
+        let cells = cells(frame)?;
+        let line = |of: fn(&(String, String)) -> &String| cells.iter().map(of).cloned().collect::<Vec<_>>().join(",");
+        if text.is_empty() {
+            text = line(|(name, _)| name) + "\n";
+        }
+        text += &(line(|(_, value)| value) + "\n");
+    }
+    Ok(text)
+}
+
+/// Names and values of a frame's figures, its number first; those of stages have names as `seconds.direct`.
+fn cells(frame: &FrameReport) -> Result<Vec<(String, String)>> {
+    let mut cells = vec![("index".to_owned(), frame.index.to_string())];
+    let serde_json::Value::Object(figures) = serde_json::to_value(frame)? else { return Ok(cells) };
+    for (name, value) in figures.into_iter().filter(|(name, _)| name != "index") {
+        match value {
+            serde_json::Value::Object(parts) => {
+                cells.extend(parts.iter().map(|(part, value)| (format!("{name}.{part}"), cell(value))));
+            }
+            value => cells.push((name, cell(&value))),
+        }
+    }
+    Ok(cells)
+}
+
+fn cell(value: &serde_json::Value) -> String {
+    match value {
+        serde_json::Value::Null => String::new(),
+        serde_json::Value::String(text) => text.clone(),
+        other => other.to_string(),
+    }
+}

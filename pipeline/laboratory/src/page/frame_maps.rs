@@ -1,0 +1,148 @@
+//! Maps of one frame: what its pixels may be wrong by, the cuts, and which light was computed.
+
+use super::pictures::{factor, png, shrunk};
+use super::scale::{CUT_SIZE, THRESHOLD, css_color, gradient};
+use crate::false_color::false_color;
+use minijinja::{Value, context};
+use perceptual::luminance;
+use pipeline::parts::Shaded;
+use plane::Plane;
+use renderer::settings::Aov;
+
+/// The channels that maps are made of.
+pub const WATCHED: [Aov; 3] = [Aov::Threshold, Aov::CutSize, Aov::Shading];
+
+/// Longest side of a map.
+const MOST_PIXELS: usize = 512;
+/// Cuts that fewer pixels than this share have are drawn as squares of this many pixels, to be seen.
+const SPARSE: (f64, usize) = (0.25, 4);
+/// Colors of light that was computed, and whose direct part, indirect part, or all was carried.
+const REUSED: [(&str, f32); 4] =
+    [("all computed", 0.92), ("direct light carried", 0.64), ("indirect light carried", 0.42), ("all carried", 0.12)];
+
+/// Numbers of each pixel of a frame, as far as the film has them.
+#[derive(Clone, Debug)]
+pub(super) struct FrameMaps {
+    pub index: u32,
+    /// Thresholds by luminance.
+    thresholds: Option<Plane<f32>>,
+    /// Clusters of each pixel's cut; 0 where none was made.
+    cuts: Option<Plane<f32>>,
+    /// As [`Aov::Shading`] has it.
+    reused: Option<Plane<f32>>,
+}
+
+impl FrameMaps {
+    /// Maps of frame `index`. A pixel without a threshold may be wrong by the share `elsewhere` of its luminance.
+    pub fn new(index: u32, shaded: &Shaded, elsewhere: f32) -> Self {
+        let (width, height) = (shaded.radiance.width(), shaded.radiance.height());
+        let plane = |name: &str| {
+            let (_, samples) = shaded.watched.iter().find(|(own, _)| own == name)?;
+            // A map that is 0 everywhere says nothing.
+            let is_told = samples.len() == width * height && samples.iter().any(|&value| value > 0.0);
+            is_told.then(|| Plane::from_vec(width, height, samples.clone()))
+        };
+        let by_luminance = |thresholds: Plane<f32>| {
+            let pixels = thresholds.samples().iter().zip(shaded.radiance.samples());
+            let shares = pixels.map(|(&threshold, &rgb)| match luminance(rgb) {
+                light if light > 0.0 && threshold > 0.0 => threshold / light,
+                light if light > 0.0 => elsewhere,
+                // Nothing is seen there.
+                _ => 0.0,
+            });
+            Plane::from_vec(width, height, shares.collect())
+        };
+        let thresholds = plane("threshold.Y").map(by_luminance);
+        Self { index, thresholds, cuts: plane("cut.size"), reused: plane("shading.reused") }
+    }
+
+    /// The maps that there are, each with its title, its address and its legend.
+    pub fn drawn(&self) -> Vec<Value> {
+        let mut drawn = Vec::new();
+        if let Some(plane) = &self.thresholds {
+            let small = fitting(plane, mean);
+            let seen: Vec<f32> = plane.samples().iter().copied().filter(|&share| share > 0.0).collect();
+            let about = format!("mean {:.1} %: an error below this stays unseen", 100.0 * mean(&seen));
+            let map = png(&THRESHOLD.picture(&small));
+            drawn.push(context! { name => "Thresholds", uri => map, about, scale => legend(&THRESHOLD) });
+        }
+        if let Some(plane) = &self.cuts {
+            let made = plane.samples().iter().filter(|&&size| size > 0.0).count();
+            let is_sparse = (made as f64) < SPARSE.0 * plane.samples().len() as f64;
+            let squares = if is_sparse { shrunk(plane, SPARSE.1, most) } else { plane.clone() };
+            let about = match is_sparse {
+                true => format!("{made} pixels have cuts of their own; the others take light from those nearby"),
+                false => format!("mean {:.0}, largest {:.0}", mean(plane.samples()), most(plane.samples())),
+            };
+            let map = png(&CUT_SIZE.picture(&fitting(&squares, most)));
+            drawn.push(context! { name => "Sizes of cuts", uri => map, about, scale => legend(&CUT_SIZE) });
+        }
+        if let Some(plane) = &self.reused {
+            let first = |samples: &[f32]| samples[0];
+            let color = |value: f32| false_color(REUSED[kind(value)].1);
+            let map = png(&fitting(plane, first).map(color));
+            drawn.push(context! { name => "Shading", uri => map, entries => entries(plane) });
+        }
+        drawn
+    }
+}
+
+/// Which of [`REUSED`] a pixel has.
+fn kind(value: f32) -> usize {
+    (value.max(0.0) as usize).min(REUSED.len() - 1)
+}
+
+/// Kinds of pixels with their colors and shares.
+fn entries(plane: &Plane<f32>) -> Vec<Value> {
+    let mut counts = [0usize; REUSED.len()];
+    plane.samples().iter().for_each(|&value| counts[kind(value)] += 1);
+    let entry = |((name, place), count): (&(&str, f32), usize)| {
+        let share = format!("{:.0} %", 100.0 * count as f64 / plane.samples().len() as f64);
+        context! { name => *name, color => css_color(false_color(*place)), share }
+    };
+    REUSED.iter().zip(counts).filter(|(_, count)| *count > 0).map(entry).collect()
+}
+
+fn legend(scale: &super::Scale) -> Value {
+    context! { about => scale.about, low => scale.ends.0, high => scale.ends.1, gradient => gradient() }
+}
+
+/// A map with no side longer than [`MOST_PIXELS`].
+fn fitting(plane: &Plane<f32>, of: impl Fn(&[f32]) -> f32) -> Plane<f32> {
+    shrunk(plane, factor(plane.width(), plane.height(), MOST_PIXELS), of)
+}
+
+fn mean(values: &[f32]) -> f32 {
+    (values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len().max(1) as f64) as f32
+}
+
+fn most(values: &[f32]) -> f32 {
+    values.iter().copied().fold(0.0, f32::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_maps_that_say_something_are_drawn() {
+        let light = Plane::filled(4, 2, [2.0f32; 3]);
+        let channel = |name: &str, samples: [f32; 8]| (name.to_owned(), samples.to_vec());
+        let shaded = Shaded {
+            radiance: light,
+            watched: vec![
+                channel("threshold.Y", [0.2, 0.0, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2]),
+                channel("cut.size", [0.0; 8]),
+                channel("shading.reused", [0.0, 1.0, 2.0, 3.0, 3.0, 3.0, 3.0, 3.0]),
+            ],
+            ..Shaded::default()
+        };
+        let maps = FrameMaps::new(7, &shaded, 0.02);
+        let thresholds = maps.thresholds.as_ref().expect("there are some");
+        assert!((thresholds.get(0, 0) - 0.1).abs() < 1e-6 && (thresholds.get(1, 0) - 0.02).abs() < 1e-6);
+        let names: Vec<String> = maps.drawn().iter().map(|map| map.get_attr("name").unwrap().to_string()).collect();
+        assert_eq!(names, ["Thresholds", "Shading"]);
+        assert_eq!(entries(maps.reused.as_ref().unwrap()).len(), 4);
+        assert!(FrameMaps::new(0, &Shaded::default(), 0.02).drawn().is_empty());
+    }
+}

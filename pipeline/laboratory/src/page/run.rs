@@ -1,0 +1,117 @@
+//! The page of a single run: the film, what each frame took, and what became of it.
+
+use super::choices::{choices, plain, usual_without_folders, without_folders};
+use super::data::{csv_of, download, drawing};
+use super::film::FilmWatch;
+use super::html::render_template;
+use super::run_plots::Figures;
+use minijinja::value::Serde;
+use minijinja::{Value, context};
+use render2mpeg::error::Result;
+use render2mpeg::report::Report;
+use render2mpeg::settings::Settings;
+
+/// Origin of a film: command and choices.
+#[derive(Clone, Debug, Default)]
+pub struct Made {
+    /// The command, as [`command_line`](super::command_line) has it.
+    pub command: String,
+    /// Settings of a film of the same scene by which nothing was chosen, if they are known.
+    pub usual: Option<Settings>,
+}
+
+/// A page of a run: frames and a strip of the film, maps, and figures of each frame, as plots and as files. It names files, and no
+/// folders.
+///
+/// # Errors
+/// A fault of our own.
+pub fn run_page(report: &Report, film: &FilmWatch, made: &Made) -> Result<String> {
+    let report = &without_folders(report);
+    let stem = report.scene.file.file_stem().map_or("film".into(), |stem| stem.to_string_lossy().into_owned());
+    let figures = Figures::of(&report.frames);
+    let plot = |(name, svg): &(&str, _)| drawing(&format!("{stem}-{name}.svg"), svg);
+    let plots: Vec<Value> = figures.plots.iter().map(plot).collect();
+    let usual = usual_without_folders(made.usual.as_ref());
+    let maps = film.maps();
+    let (map_frame, maps) = maps.map_or((None, Vec::new()), |(index, maps)| (Some(index), maps));
+    render_template(
+        "run.html",
+        context! {
+            title => stem.clone(),
+            scene => report.scene.file.display().to_string(),
+            output => report.settings.output.display().to_string(),
+            size => format!("{}×{}", report.settings.size.width, report.settings.size.height),
+            width => report.settings.size.width,
+            height => report.settings.size.height,
+            fps => plain(&report.settings.fps.into()),
+            qscale => report.settings.qscale,
+            triangles => report.scene.triangles,
+            command => made.command.clone(),
+            stills => film.stills()?,
+            strip => film.strip()?,
+            importance => film.importance().map(|svg| drawing(&format!("{stem}-importance.svg"), &svg)),
+            tiles => tiles(report),
+            constant => figures.constant,
+            settings => Value::from(Serde(&choices(&report.settings, usual.as_ref())?)),
+            is_usual_known => usual.is_some(),
+            plan => Value::from(Serde(&report.plan)),
+            warnings => report.scene.warnings.clone(),
+            csv => download(&format!("{stem}-frames.csv"), "text/csv", csv_of(&report.frames)?.as_bytes()),
+            json => download(&format!("{stem}-report.json"), "application/json", &serde_json::to_vec(report)?),
+            plots, map_frame, maps,
+        },
+    )
+}
+
+/// The figures of the whole film.
+fn tiles(report: &Report) -> Vec<(&'static str, String)> {
+    let summary = &report.summary;
+    let mut tiles = vec![
+        ("frames", format!("{}{}", summary.frames, if summary.interrupted { ", interrupted" } else { "" })),
+        ("CPU s a frame", format!("{:.2}", summary.seconds.total)),
+        ("by the clock", format!("{:.1} s", summary.wall_seconds)),
+        ("bits", format!("{:.0} kbit/s", summary.bits * report.settings.fps / 1000.0)),
+        ("luma PSNR", summary.psnr_y.map_or("equal".into(), |psnr| format!("{psnr:.1} dB"))),
+        ("mean threshold", format!("{:.1} %", 100.0 * summary.threshold_mean_relative)),
+    ];
+    if let Some(bytes) = summary.peak_memory_bytes {
+        tiles.push(("memory at most", format!("{:.0} MB", bytes as f64 / 1e6)));
+    }
+    tiles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mpeg2enc::PictureType;
+    use pipeline::figures::FrameFigures;
+    use pipeline::observe::Observer;
+    use pipeline::parts::CodedFrame;
+    use pipeline::report::FrameReport;
+    use plane::{Picture, Plane};
+    use render_core::scene::Scene;
+    use render2mpeg::Options;
+    use render2mpeg::report::Ending;
+
+    /// A hundred frames of noise, which no picture format makes small.
+    #[test]
+    fn pages_of_long_films_are_bounded() {
+        let options = Options { frames: Some(100), ..Options::default() };
+        let settings = Settings::new("scene.glb".into(), &Scene::default(), &options).unwrap();
+        let film = FilmWatch::new(&settings);
+        let mut frames = Vec::new();
+        for index in 0..100 {
+            let noise = |x: usize, y: usize| ((x * 2_654_435_761) ^ (y * 40_503) ^ (index as usize * 97)) as u8;
+            let picture = Picture::gray(Plane::from_fn(512, 512, |x, y| noise(x, y).wrapping_mul(167)));
+            film.decoded(index, &picture);
+            let (bits, psnr_y) = (1000 + u64::from(index), 40.0 + f64::from(index));
+            let coded =
+                CodedFrame { index, picture_type: PictureType::P, bits, quantiser_scale: 8, psnr_y, decoded: None };
+            frames.push(FrameReport::new(&coded, FrameFigures::default()));
+        }
+        let ending = Ending { interrupted: false, wall_seconds: 1.0 };
+        let report = Report::new(&Scene::default(), &settings, &[], frames, ending);
+        let page = run_page(&report, &film, &Made::default()).unwrap();
+        assert!(page.len() < 6_000_000, "{} bytes", page.len());
+    }
+}

@@ -1,0 +1,90 @@
+//! Displayed pictures in PNG files, still and moving.
+
+use plane::Plane;
+use render2mpeg::error::{Cause, Error, Result};
+use std::io::BufReader;
+use std::path::Path;
+
+/// Most pixels that a file may claim before memory is taken for them.
+const MOST_PIXELS: u64 = 1 << 27;
+
+/// Reads a PNG file as R′G′B′ of 8 bits; gray and palettes are spread out, opacity is left off.
+///
+/// # Errors
+/// Not a PNG file, or larger than 2²⁷ pixels; the message names the path.
+pub fn read(path: &Path) -> Result<Plane<[u8; 3]>> {
+    let file = std::fs::File::open(path).map_err(Error::file(path, "cannot be read"))?;
+    decode(BufReader::new(file)).map_err(|source| {
+        let (path, problem) = (path.into(), " is not a whole PNG file".into());
+        pipeline::Error::Content { path, problem, source: Some(source) }.into()
+    })
+}
+
+fn decode(file: impl std::io::BufRead + std::io::Seek) -> Result<Plane<[u8; 3]>, Cause> {
+    let mut decoder = png::Decoder::new(file);
+    decoder.set_transformations(png::Transformations::normalize_to_color8());
+    let mut reader = decoder.read_info()?;
+    let (width, height) = (reader.info().width, reader.info().height);
+    if u64::from(width) * u64::from(height) > MOST_PIXELS {
+        return Err(format!("{width}x{height} pixels are more than this program takes").into());
+    }
+    let mut bytes = vec![0; reader.output_buffer_size().ok_or("its size overflows")?];
+    reader.next_frame(&mut bytes)?;
+    let channels = reader.output_color_type().0.samples();
+    let pixel = |sample: &[u8]| if channels < 3 { [sample[0]; 3] } else { [sample[0], sample[1], sample[2]] };
+    let count = width as usize * height as usize;
+    let samples = bytes.chunks_exact(channels).take(count).map(pixel).collect();
+    Ok(Plane::from_vec(width as usize, height as usize, samples))
+}
+
+/// The bytes of a PNG file of R′G′B′.
+///
+/// # Panics
+/// If the picture has no pixels.
+pub fn encode(picture: &Plane<[u8; 3]>) -> Vec<u8> {
+    animation(std::slice::from_ref(picture), 1.0)
+}
+
+/// The bytes of an animated PNG file that browsers play again and again, at `fps` pictures a second.
+///
+/// # Panics
+/// If there are no pictures, they differ in size, or have no pixels.
+pub fn animation(pictures: &[Plane<[u8; 3]>], fps: f64) -> Vec<u8> {
+    const WRITES: &str = "writing into memory cannot fail";
+    let (width, height) = (pictures[0].width(), pictures[0].height());
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::High);
+    if pictures.len() > 1 {
+        encoder.set_animated(pictures.len() as u32, 0).expect(WRITES);
+        encoder.set_frame_delay(1000, (1000.0 * fps).round().clamp(1.0, 65535.0) as u16).expect(WRITES);
+    }
+    let mut writer = encoder.write_header().expect(WRITES);
+    for picture in pictures {
+        assert_eq!((picture.width(), picture.height()), (width, height), "pictures of one film have one size");
+        writer.write_image_data(picture.samples().as_flattened()).expect(WRITES);
+    }
+    writer.finish().expect(WRITES);
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read() {
+        let picture = Plane::from_fn(7, 5, |x, y| [x as u8, 40 * y as u8, 255]);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        std::fs::write(&path, encode(&picture)).unwrap();
+        assert_eq!(read(&path).unwrap(), picture);
+        // Of a moving picture the first is read.
+        std::fs::write(&path, animation(&[picture.clone(), Plane::filled(7, 5, [0; 3])], 25.0)).unwrap();
+        assert_eq!(read(&path).unwrap(), picture);
+        std::fs::write(&path, b"no picture").unwrap();
+        assert!(read(&path).unwrap_err().chain().contains("a.png"));
+    }
+}

@@ -1,0 +1,221 @@
+//! Films in files: rendered as always, and read back frame by frame with all that is known of them.
+
+use super::method::{Method, Way};
+use crate::compare::{Picture, Pictures};
+use perceptual::YCbCr;
+use pipeline::Run;
+use pipeline::observe::OnFrame;
+use pipeline::report::FrameReport;
+use plane::{Correspondence, Plane};
+use render_core::scene::Scene;
+use render_core::{PathOptions, PixelSampling, image_file};
+use render2mpeg::Options;
+use render2mpeg::error::{Error, Result};
+use render2mpeg::report::process_cpu_seconds;
+use render2mpeg::settings::{ExrDepth, Settings};
+use render2mpeg::stages::display::Y4m;
+use renderer::plan::Plan;
+use renderer::reference;
+use renderer::settings::Aov;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use tempfile::TempDir;
+
+/// A frame before compression.
+#[derive(Clone, Debug)]
+pub struct FilmFrame {
+    /// Linear light.
+    pub radiance: Plane<[f32; 3]>,
+    /// As the encoder gets it.
+    pub picture: plane::Picture,
+    /// Where the same points were in the frame before; none in the first.
+    pub known: Option<Correspondence>,
+    /// Luminance that each pixel may be wrong by; 0 where 2 % of its own hold.
+    pub thresholds: Plane<f32>,
+    /// Clusters of each pixel's cut; with the cache, at the pixels of records.
+    pub cut_sizes: Plane<f32>,
+}
+
+/// A film before compression, in files, and what it cost. The files go when it goes: a long film never lies in memory.
+pub(super) struct Film {
+    /// Every choice.
+    pub settings: Settings,
+    /// Reports of the stages; of paths, only the time in `direct`.
+    pub reports: Vec<FrameReport>,
+    /// The video as the run wrote it; paths write none.
+    pub stream: Option<PathBuf>,
+    folder: TempDir,
+}
+
+impl Film {
+    /// Its frames, read one by one.
+    ///
+    /// # Errors
+    /// The files are not there any more.
+    pub fn frames(&self) -> Result<impl Iterator<Item = Result<FilmFrame>>> {
+        let mut pictures = Pictures::open(&uncompressed(self.folder.path()))?;
+        Ok((0..self.settings.frames).map(move |n| {
+            let Some(Picture::Video(picture, _)) = pictures.next().transpose()? else {
+                return Err(Error::content(&pictures.path, " ends early"));
+            };
+            read_frame(&linear(self.folder.path(), n), n, picture)
+        }))
+    }
+}
+
+/// Where a film in `folder` has its frames as the encoder gets them.
+fn uncompressed(folder: &Path) -> PathBuf {
+    folder.join("film.y4m")
+}
+
+/// And where frame `n` as linear light, with all that is known of it.
+fn linear(folder: &Path, n: u32) -> PathBuf {
+    folder.join(format!("frame_{n:05}.exr"))
+}
+
+/// A folder for a film's files.
+fn folder_in(workspace: &Path) -> Result<TempDir> {
+    let made = tempfile::Builder::new().prefix("film-").tempdir_in(workspace);
+    made.map_err(Error::file(workspace, "cannot be written to"))
+}
+
+/// Settings of a method, with the exposure of the reference: a curve of its own would be a difference of its own.
+pub fn settings_for(path: &Path, scene: &Scene, options: &Options, exposure: Option<f32>) -> Result<Settings> {
+    let mut settings = Settings::new(path.into(), scene, options)?;
+    if let Some(exposure) = exposure {
+        settings.tone_map = settings.tone_map.with_exposure(exposure);
+        settings.auto_exposure = false;
+    }
+    Ok(settings)
+}
+
+/// The scene of films, and the folder where they are made.
+#[derive(Clone, Copy)]
+pub struct Workshop<'a> {
+    pub scene: &'a Scene,
+    /// Folders of films are made in it.
+    pub folder: &'a Path,
+    /// Ends the work when it is set.
+    pub stop: &'a AtomicBool,
+}
+
+/// Renders into files.
+///
+/// # Errors
+/// Errors of [`render2mpeg::render`], or that `stop` was set.
+pub fn render(workshop: Workshop<'_>, settings: Settings, mut each: impl FnMut() + Send) -> Result<Film> {
+    let Workshop { scene, folder: workspace, stop } = workshop;
+    let folder = folder_in(workspace)?;
+    let video = folder.path().join("film.m2v");
+    let with_files = Settings {
+        output: video.clone(),
+        exr: Some(folder.path().to_owned()),
+        // Errors are measured on these: halves would add theirs.
+        exr_depth: Some(ExrDepth::Float),
+        aov: vec![Aov::Motion, Aov::Threshold, Aov::CutSize],
+        y4m: Some(uncompressed(folder.path())),
+        y4m_is_coded: true,
+        ..settings.clone()
+    };
+    let plan = Plan::new(scene, &with_files.renderer());
+    let observer = OnFrame::new(|_: &FrameReport| each());
+    let report = render2mpeg::render(scene, &with_files, &plan, Run { observer: &observer, stop })?;
+    if report.summary.interrupted || stop.load(Ordering::Relaxed) {
+        return Err(Error::Interrupted);
+    }
+    Ok(Film { settings, reports: report.frames, stream: Some(video), folder })
+}
+
+fn read_frame(path: &Path, n: u32, picture: plane::Picture) -> Result<FilmFrame> {
+    let layers = image_file::read_layers(path).map_err(Error::other)?;
+    let (width, height) = (layers.width, layers.height);
+    let channel = |name: &str| layers.channel(name).ok_or_else(|| Error::content(path, format!(": no channel {name}")));
+    let plane = |name: &str| Ok::<_, Error>(Plane::from_vec(width, height, channel(name)?.to_vec()));
+    let (x, y, known) = (channel("motion.X")?, channel("motion.Y")?, channel("motion.A")?);
+    let vectors = x.iter().zip(y).zip(known);
+    let vectors = vectors.map(|((&x, &y), &known)| if known > 0.0 { [x, y] } else { [f32::NAN; 2] }).collect();
+    Ok(FilmFrame {
+        radiance: layers.colors("").ok_or_else(|| Error::content(path, ": no colors"))?,
+        picture,
+        known: (n > 0).then(|| Correspondence::from_motion(Plane::from_vec(width, height, vectors))),
+        thresholds: plane("threshold.Y")?,
+        cut_sizes: plane("cut.size")?,
+    })
+}
+
+/// Renders by `spp` paths through each pixel, through its center alone without anti-aliasing; motion is that of `like`, a film of the same scene.
+///
+/// # Errors
+/// `stop` was set, or the disk is full.
+pub fn by_paths(
+    workshop: Workshop<'_>,
+    settings: Settings,
+    spp: u32,
+    like: &Film,
+    mut each: impl FnMut(),
+) -> Result<Film> {
+    let Workshop { scene, folder: workspace, stop } = workshop;
+    let folder = folder_in(workspace)?;
+    let mut pictures = Y4m::create(&uncompressed(folder.path()), &settings)?;
+    let mut reports = Vec::new();
+    for (known, report) in like.frames()?.zip(&like.reports) {
+        if stop.load(Ordering::Relaxed) {
+            return Err(Error::Interrupted);
+        }
+        // A seed for each frame: with one for all, noise would stand still and cost no bits.
+        let seed = settings.seed.wrapping_add(u64::from(report.index) << 32);
+        let pixel = if settings.antialiasing { PixelSampling::Area } else { PixelSampling::Center };
+        let options = PathOptions { samples: spp, seed, max_bounces: settings.bounces, pixel };
+        let before = process_cpu_seconds();
+        let radiance = reference::by_paths(scene, &settings.renderer(), report.index, &options, |_, _| ()).radiance;
+        let mut report = FrameReport { cut_size_mean: 0.0, cut_size_max: 0, shadow_rays: 0, ..report.clone() };
+        report.seconds = Default::default();
+        report.seconds.direct = process_cpu_seconds().zip(before).map_or(0.0, |(after, before)| after - before);
+        (report.tree_swaps_share, report.threshold_mean_relative) = (0.0, 0.0);
+        pictures.write(&YCbCr::from_radiance(&radiance, &settings.tone_map).picture)?;
+        write_frame(&linear(folder.path(), report.index), &radiance, known?.known.as_ref())?;
+        reports.push(report);
+        each();
+    }
+    pictures.finish()?;
+    Ok(Film { settings, reports, stream: None, folder })
+}
+
+/// Writes a frame for [`read_frame`], without thresholds and cuts.
+fn write_frame(path: &Path, radiance: &Plane<[f32; 3]>, known: Option<&Correspondence>) -> Result<()> {
+    let (width, height) = (radiance.width(), radiance.height());
+    let color = |c: usize| radiance.samples().iter().map(|rgb| rgb[c]).collect();
+    let motion = |index: usize| known.and_then(|known| known.motion_of(index % width, index / width));
+    let vector = |c: usize| (0..width * height).map(|index| motion(index).map_or(0.0, |vector| vector[c])).collect();
+    let is_known = (0..width * height).map(|index| if motion(index).is_some() { 1.0 } else { 0.0 }).collect();
+    let nothing = vec![0.0; width * height];
+    let channels = [
+        ("R", color(0)),
+        ("G", color(1)),
+        ("B", color(2)),
+        ("motion.X", vector(0)),
+        ("motion.Y", vector(1)),
+        ("motion.A", is_known),
+        ("threshold.Y", nothing.clone()),
+        ("cut.size", nothing),
+    ];
+    let channels = channels.map(|(name, samples)| (name.to_owned(), samples)).to_vec();
+    image_file::write_layers(path, width, height, channels).map_err(Error::other)
+}
+
+/// Renders by `method`; `reference` lends paths its motion.
+///
+/// # Errors
+/// See [`render`] and [`by_paths`].
+pub fn by_method(
+    method: &Method,
+    workshop: Workshop<'_>,
+    settings: Settings,
+    reference: &Film,
+    each: impl FnMut() + Send,
+) -> Result<Film> {
+    match method.way {
+        Way::Film(_) => render(workshop, settings, each),
+        Way::Paths(spp) => by_paths(workshop, settings, spp, reference, each),
+    }
+}

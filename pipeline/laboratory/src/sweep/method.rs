@@ -1,0 +1,191 @@
+//! The ways of rendering that a sweep compares.
+
+use render2mpeg::Options;
+use render2mpeg::settings::Switch;
+use renderer::settings::{Lighting, PixelShading, Stopping, Thresholds};
+
+/// How a method makes its frames.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub enum Way {
+    /// As films are rendered, with these differences from the defaults.
+    Film(fn(&mut Options)),
+    /// Path tracing, with this number of paths for each pixel.
+    Paths(u32),
+}
+
+/// A row of the table below.
+#[derive(Clone, Copy, Debug)]
+pub struct Method {
+    /// As typed and as in files.
+    pub name: &'static str,
+    /// As in plots; `{κ}` stands for the multiplier in force.
+    pub label: &'static str,
+    /// How frames are made.
+    pub way: Way,
+    /// Whether indirect light is cached and interpolated.
+    pub cache: bool,
+    /// Whether the quantiser changes how frames are rendered.
+    pub steered: bool,
+    /// Number of its color and mark in plots, its own.
+    pub color: usize,
+}
+
+/// Every method, in the order of plots and tables. Another one is another row.
+///
+/// Without the cache every pixel has its own cut, and nothing else is done for it: no compensation, as in \[Herzog08\].
+pub const METHODS: &[Method] = &[
+    film("lightcuts", "2 %", 6, |w| w.thresholds = Some(Thresholds::Fixed(0.02))),
+    film("paper", "κ = 1", 3, |w| masking(w).kappa = Some(1.0)).steered(),
+    film("paper-calibrated", "κ = 1, 99 % within", 9, |w| {
+        masking(w).kappa = Some(1.0);
+        w.within = Some(0.99);
+    })
+    .steered(),
+    film("perceptual", "κ = {κ}", 0, |w| _ = masking(w)).steered(),
+    film("calibrated", "calibrated", 4, |w| masking(w).stopping = Some(Stopping::Calibrated)).steered(),
+    film("codec", "codec", 5, |w| w.thresholds = Some(Thresholds::Codec)).steered(),
+    film("codec-calibrated", "codec, calibrated", 7, |w| {
+        w.thresholds = Some(Thresholds::Codec);
+        w.stopping = Some(Stopping::Calibrated);
+    })
+    .steered(),
+    film("lightcuts-cache", "2 %, cache", 12, |w| full(w).thresholds = Some(Thresholds::Fixed(0.02))).cached(),
+    film("uniform-cache", "2 % of the last frame, cache", 2, |w| w.thresholds = Some(Thresholds::Uniform(0.02)))
+        .cached(),
+    film("paper-cache", "κ = 1, cache", 8, |w| masking(full(w)).kappa = Some(1.0)).cached().steered(),
+    film("perceptual-cache", "κ = {κ}, cache", 14, |w| _ = masking(w)).cached().steered(),
+    film("calibrated-cache", "calibrated, cache", 15, |w| masking(w).stopping = Some(Stopping::Calibrated))
+        .cached()
+        .steered(),
+    film("codec-cache-full", "codec, cache, every pixel lit", 10, |w| full(w).thresholds = Some(Thresholds::Codec))
+        .cached()
+        .steered(),
+    film("codec-cache", "codec, cache", 1, |w| w.thresholds = Some(Thresholds::Codec)).cached().steered(),
+    paths("paths-4", "4 paths", 4, 11),
+    paths("paths-16", "16 paths", 16, 13),
+    paths("paths-64", "64 paths", 64, 16),
+];
+
+/// Thresholds from the masking model.
+fn masking(options: &mut Options) -> &mut Options {
+    options.thresholds = Some(Thresholds::Perceptual);
+    options
+}
+
+/// Every pixel of each frame is lit.
+fn full(options: &mut Options) -> &mut Options {
+    options.shading = Some(PixelShading::Full);
+    options
+}
+
+/// A film without cache, for which the quantiser changes nothing.
+const fn film(name: &'static str, label: &'static str, color: usize, change: fn(&mut Options)) -> Method {
+    Method { name, label, way: Way::Film(change), cache: false, steered: false, color }
+}
+
+const fn paths(name: &'static str, label: &'static str, spp: u32, color: usize) -> Method {
+    Method { name, label, way: Way::Paths(spp), cache: true, steered: false, color }
+}
+
+/// There is no method of this name; the message names all.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("\"{name}\" is not a method; there are {}", all_names())]
+pub struct UnknownMethod {
+    /// The name, as typed.
+    pub name: String,
+}
+
+fn all_names() -> String {
+    METHODS.iter().map(|method| method.name).collect::<Vec<_>>().join(", ")
+}
+
+impl Method {
+    const fn cached(self) -> Self {
+        Self { cache: true, ..self }
+    }
+
+    const fn steered(self) -> Self {
+        Self { steered: true, ..self }
+    }
+
+    /// The method called `name`.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn named(name: &str) -> Result<&'static Method, UnknownMethod> {
+        METHODS.iter().find(|method| method.name == name).ok_or_else(|| UnknownMethod { name: name.into() })
+    }
+
+    /// Its baseline for speed: fixed thresholds of 2 %, cached or not as it is; none for paths, which are
+    /// not lightcuts.
+    pub fn baseline(&self) -> Option<&'static Method> {
+        let name = if self.cache { "lightcuts-cache" } else { "lightcuts" };
+        match self.way {
+            Way::Film(_) => METHODS.iter().find(|method| method.name == name),
+            Way::Paths(_) => None,
+        }
+    }
+
+    /// Whether it is rendered as films are, and not by paths.
+    pub fn is_film(&self) -> bool {
+        matches!(self.way, Way::Film(_))
+    }
+
+    /// Whether light from close by is compensated: it is with the cache and by paths, which lose none.
+    pub fn compensates(&self) -> bool {
+        self.cache
+    }
+
+    /// The options of a film by this method, given those that all methods share.
+    pub fn options(&self, common: &Options) -> Options {
+        let switch = |on| Some(if on { Switch::On } else { Switch::Off });
+        let mut options =
+            Options { cache: switch(self.cache), compensation: switch(self.compensates()), ..common.clone() };
+        if let Way::Film(change) = self.way {
+            change(&mut options);
+        }
+        options
+    }
+
+    /// About how long a frame takes, in units of one by the cache; measured on `cornell` at 160×160. For progress only.
+    pub fn weight(&self) -> u64 {
+        match self.way {
+            Way::Film(_) if self.cache => 1,
+            Way::Film(_) => 2,
+            Way::Paths(spp) => u64::from(spp / 5).max(1),
+        }
+    }
+}
+
+/// The reference's [`Method::weight`].
+pub const REFERENCE_WEIGHT: u64 = 20;
+
+/// The options of the reference: every light, with compensation or without.
+pub fn reference_options(common: &Options, compensates: bool) -> Options {
+    let compensation = Some(if compensates { Switch::On } else { Switch::Off });
+    let (lighting, cache) = (Some(Lighting::AllLights), Some(Switch::Off));
+    // The finest quantiser: as many photons as any film has.
+    Options { lighting, cache, compensation, qscale: Some(1), ..common.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_has_a_color_of_its_own() {
+        let mut colors: Vec<usize> = METHODS.iter().map(|method| method.color).collect();
+        colors.sort_unstable();
+        assert_eq!(colors, (0..METHODS.len()).collect::<Vec<usize>>());
+    }
+
+    #[test]
+    fn names_are_found_or_told() {
+        for method in METHODS {
+            assert_eq!(Method::named(method.name).unwrap().label, method.label);
+            assert!(method.baseline().is_none_or(|base| base.cache == method.cache && !base.steered));
+        }
+        assert!(Method::named("photons").unwrap_err().to_string().contains("perceptual-cache"));
+    }
+}

@@ -1,0 +1,163 @@
+//! A sweep as one page.
+
+use super::data::csv_of;
+use super::figures::{MethodRun, RunPictures};
+use super::maps::MapPicture;
+use super::plots::Plot;
+use super::table::{HEADINGS, cells};
+use super::{Swept, maps};
+use crate::compare::png_file;
+use crate::page::{CUT_SIZE, THRESHOLD, data_uri, download, gradient, render_template};
+use minijinja::{Value, context};
+use plane::Plane;
+use render2mpeg::error::Result;
+
+/// Pictures a second of the clip: a sweep's films are too short for their own pace.
+const CLIP_FPS: f64 = 6.0;
+
+/// The page: `plots` in their order, tables, maps, frames side by side, and a clip.
+///
+/// # Errors
+/// A fault of our own.
+pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
+    let outcome = &swept.outcome;
+    let settings = &outcome.settings;
+    let drawn = |plot: &Plot| {
+        let file = download(&format!("{}.svg", plot.name), "image/svg+xml", plot.svg.file().as_bytes());
+        context! { svg => plot.svg.inline(), caption => plot.caption.clone(), file }
+    };
+    let plots: Vec<Value> = plots.iter().map(drawn).collect();
+    let mut before = None;
+    let rows: Vec<Value> = outcome
+        .rows()
+        .map(|run| {
+            let group = (run.lightcuts, run.cache, run.qscale);
+            let first = before.replace(group) != Some(group);
+            let pays = run.kappa.is_some() && run.against_baseline.as_ref().is_some_and(|beside| beside.equal_quality);
+            context! { cells => cells(run, outcome.lights).to_vec(), first, pays }
+        })
+        .collect();
+    let cheapest = outcome.references.iter().map(|reference| reference.seconds.total).fold(f64::INFINITY, f64::min);
+    let ended = if outcome.interrupted { ", ended early" } else { "" };
+    let tiles = vec![
+        ("picture", format!("{}×{}", settings.size.width, settings.size.height)),
+        ("frames", format!("{}", settings.frames)),
+        ("lights in the tree", format!("{}", outcome.lights)),
+        ("photons a frame", format!("{}", settings.photons)),
+        ("every light", format!("{cheapest:.1} CPU s a frame")),
+        ("this sweep", format!("{:.0} s{ended}", outcome.wall_seconds)),
+    ];
+    let choices = choices(swept);
+    let clip = clip(swept);
+    // The reference stands last, and beside it the picture that the clip shows.
+    let chosen = middle(&shown(swept)).map_or(0, |place| place + 1);
+    render_template(
+        "sweep.html",
+        context! {
+            title => settings.scene.file_stem().map(|stem| stem.to_string_lossy().into_owned()),
+            scene => settings.scene.file_name().map(|name| name.to_string_lossy().into_owned()),
+            counted => settings.frames.saturating_sub(1).max(1),
+            findings => outcome.findings().into_iter().map(|finding| [finding.label, finding.text].to_vec()).collect::<Vec<_>>(),
+            spread => format!("{:.0}", 100.0 * outcome.timing_spread()),
+            headings => HEADINGS,
+            check => outcome.decoder_check.as_ref().map(|check| context! {
+                frames => check.frames,
+                largest => check.largest_difference,
+                equal => format!("{:.2}", 100.0 * check.equal_share),
+            }),
+            pictures => json(&choices.iter().map(|(label, uri)| [label, uri]).collect::<Vec<_>>())?,
+            choices => choices.iter().map(|(label, _)| label.clone()).collect::<Vec<_>>(),
+            chosen,
+            first_pictures => [0, chosen].map(|i| choices[i].1.clone()),
+            width => settings.size.width,
+            height => settings.size.height,
+            clip_label => clip.as_ref().map(|(label, _)| label.clone()),
+            clip => clip.as_ref().map(|(_, uri)| uri.clone()),
+            clip_fps => CLIP_FPS,
+            map_blocks => map_blocks(swept),
+            gradient => gradient(),
+            scales => [THRESHOLD, CUT_SIZE, maps::ERROR].map(|scale| context! {
+                about => scale.about, low => scale.ends.0, high => scale.ends.1
+            }),
+            csv => download("sweep.csv", "text/csv", &csv_of(&outcome.runs)?),
+            json => download("sweep.json", "application/json", swept.json_without_folders()?.as_bytes()),
+            tiles, plots, rows,
+        },
+    )
+}
+
+/// JSON that may stand inside of a script.
+fn json(value: &impl serde::Serialize) -> Result<String> {
+    Ok(serde_json::to_string(value)?.replace('<', "\\u003c"))
+}
+
+fn uri(picture: &Plane<[u8; 3]>) -> String {
+    data_uri("image/png", &png_file::encode(picture))
+}
+
+/// Runs and their pictures, of the methods with cache where there are any.
+fn shown(swept: &Swept) -> Vec<(&MethodRun, &RunPictures)> {
+    let runs = swept.outcome.runs.iter().zip(&swept.pictures).filter(|(run, _)| run.lightcuts);
+    let runs: Vec<(&MethodRun, &RunPictures)> = runs.collect();
+    let cached: Vec<_> = runs.iter().copied().filter(|(run, _)| run.cache).collect();
+    let mut shown = if cached.is_empty() { runs } else { cached };
+    shown.sort_by_key(|(run, _)| run.qscale);
+    shown
+}
+
+/// Pictures to lay side by side: labels and addresses.
+fn choices(swept: &Swept) -> Vec<(String, String)> {
+    let mut choices = vec![("reference, uncompressed".to_owned(), uri(&swept.truth))];
+    for (run, pictures) in shown(swept) {
+        choices.push((format!("quantiser {}: {}", run.qscale, run.label), uri(&pictures.decoded)));
+    }
+    choices
+}
+
+/// Place of the last method at the middle quantiser.
+fn middle(shown: &[(&MethodRun, &RunPictures)]) -> Option<usize> {
+    let qscale = shown.get(shown.len() / 2)?.0.qscale;
+    shown.iter().rposition(|(run, _)| run.qscale == qscale)
+}
+
+/// The clip of decoded pictures, as browsers play it.
+fn clip(swept: &Swept) -> Option<(String, String)> {
+    let (place, pictures) = swept.clip.as_ref()?;
+    let run = &swept.outcome.runs[*place];
+    let film = png_file::animation(pictures, CLIP_FPS);
+    Some((format!("{} at quantiser {}", run.label, run.qscale), data_uri("image/png", &film)))
+}
+
+/// For each steered method its maps, a column for each quantiser; of the methods without cache, whose pixels all have a
+/// cut, where there are any.
+fn map_blocks(swept: &Swept) -> Vec<Value> {
+    let steered = || swept.outcome.runs.iter().zip(&swept.pictures).filter(|(run, _)| run.kappa.is_some());
+    let by_pixel = steered().any(|(run, _)| !run.cache);
+    let runs: Vec<(&MethodRun, &RunPictures)> = steered().filter(|(run, _)| run.cache != by_pixel).collect();
+    let block = |runs: &[(&MethodRun, &RunPictures)]| {
+        let columns: Vec<Value> = runs
+            .iter()
+            .filter_map(|(run, pictures)| {
+                let maps = maps::pictures(pictures.maps.as_ref()?);
+                let under = [
+                    format!("{:.0} % on average", 100.0 * run.threshold_mean_relative),
+                    format!("{:.0} on average", run.cut_size_mean),
+                    run.rendered.psnr_y.map_or("equal".into(), |psnr| format!("PSNR {psnr:.1} dB")),
+                ];
+                let pictures: Vec<Value> = maps
+                    .iter()
+                    .zip(under)
+                    .map(|(MapPicture { scale, picture }, under)| context! { name => scale.about, uri => uri(picture), under })
+                    .chain([context! {
+                        name => "decoded",
+                        uri => uri(&pictures.decoded),
+                        under => run.decoded.psnr_y.map_or("equal".into(), |psnr| format!("PSNR {psnr:.1} dB")),
+                    }])
+                    .collect();
+                Some(context! { qscale => run.qscale, pictures })
+            })
+            .collect();
+        context! { label => runs[0].0.label.clone(), columns }
+    };
+    runs.chunk_by(|a, b| a.0.method == b.0.method).map(block).collect()
+}

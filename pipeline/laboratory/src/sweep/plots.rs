@@ -1,0 +1,230 @@
+//! A sweep's figures as plots.
+
+use super::figures::{MethodRun, Outcome};
+use super::method::{METHODS, Method};
+use crate::page::{LinePlot, Series, StackedBars, Svg};
+
+/// A plot, the name of its files, and what it shows in words.
+pub struct Plot {
+    /// Name of the files.
+    pub name: String,
+    /// The drawing.
+    pub svg: Svg,
+    /// Below it.
+    pub caption: String,
+}
+
+/// Everything that is drawn of `outcome`, the most telling first.
+pub fn plots(outcome: &Outcome) -> Vec<Plot> {
+    let mut plots = against_time(outcome);
+    plots.extend(against_baselines(outcome));
+    plots.extend(of_each_method(outcome));
+    plots.extend(histograms(outcome));
+    plots
+}
+
+/// Quality against CPU time, for all methods.
+fn against_time(outcome: &Outcome) -> Vec<Plot> {
+    let all = |_: &MethodRun| true;
+    let seconds = |run: &MethodRun| run.seconds.total;
+    let psnr = |run: &MethodRun| run.decoded.psnr_y.unwrap_or(f64::NAN);
+    let rendered = |run: &MethodRun| run.rendered.relative_mse;
+    let time = ("CPU s a frame", true);
+    vec![
+        plot(
+            "decoded_psnr",
+            axes(
+                "After decoding: quality against time",
+                time,
+                ("PSNR of luma, dB", false),
+                lines(outcome, all, seconds, psnr, never),
+                None,
+            ),
+            "Decoded pictures against the uncompressed reference. Along a line the quantiser rises from top to bottom. Solid: irradiance cache; dashed: a cut for every pixel.",
+        ),
+        plot(
+            "rendered_error",
+            axes(
+                "Before compression: error against time",
+                time,
+                ("relative MSE", true),
+                lines(outcome, all, seconds, rendered, never),
+                None,
+            ),
+            "Linear light against the reference. What the renderer saves here, the codec hides above.",
+        ),
+    ]
+}
+
+/// The steered methods against fixed thresholds of 2 %, by quantiser.
+fn against_baselines(outcome: &Outcome) -> Vec<Plot> {
+    let steered = |run: &MethodRun| run.kappa.is_some();
+    let speedup = |run: &MethodRun| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.speedup_indirect);
+    let lost = |run: &MethodRun| run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.psnr_difference);
+    let bits =
+        |run: &MethodRun| 100.0 * (run.against_baseline.as_ref().map_or(f64::NAN, |beside| beside.bits_ratio) - 1.0);
+    let unequal = |run: &MethodRun| run.against_baseline.as_ref().is_some_and(|beside| !beside.equal_quality);
+    vec![
+        plot(
+            "speedup",
+            axes(
+                "Speed-up of indirect light against 2 %",
+                ("quantiser_scale", true),
+                ("times as fast", false),
+                lines(outcome, steered, qscale, speedup, unequal),
+                Some((1.0, "2 %".into())),
+            ),
+            "Crosses: decoded quality is less than equal (0.1 dB less, 1 % of bits or 10 % of flicker more), so that the speed-up does not count.",
+        ),
+        plot(
+            "decoded_difference",
+            axes(
+                "What 2 % would have given: decoded PSNR",
+                ("quantiser_scale", true),
+                ("dB more than with 2 %", false),
+                lines(outcome, steered, qscale, lost, unequal),
+                Some((0.0, "2 %".into())),
+            ),
+            "Equal quality is from −0.1 dB up, if bits and flicker are equal, too. Crosses: it is not.",
+        ),
+        plot(
+            "bits_difference",
+            axes(
+                "What 2 % would have given: bits",
+                ("quantiser_scale", true),
+                ("% more than with 2 %", false),
+                lines(outcome, steered, qscale, bits, unequal),
+                Some((0.0, "2 %".into())),
+            ),
+            "Coarser light is grainier, and grain takes bits. Equal is up to 1 %, if PSNR and flicker are equal, too.",
+        ),
+    ]
+}
+
+/// Cut sizes and errors of each method, by quantiser.
+fn of_each_method(outcome: &Outcome) -> Vec<Plot> {
+    vec![
+        plot(
+            "cut_size",
+            axes(
+                "Size of cuts",
+                ("quantiser_scale", true),
+                ("clusters, mean", true),
+                lines(outcome, |run| run.lightcuts, qscale, |run| run.cut_size_mean, never),
+                None,
+            ),
+            "Over the cuts that were made. With the cache these are few, and at the places where light changes most.",
+        ),
+        plot(
+            "rmse",
+            axes(
+                "Errors before compression and after decoding",
+                ("quantiser_scale", true),
+                ("RMSE, code values", true),
+                rmse_lines(outcome),
+                None,
+            ),
+            "Against the uncompressed reference, of 255 code values; as figure 6a of the paper.",
+        ),
+    ]
+}
+
+fn plot(name: &str, drawn: LinePlot, caption: &str) -> Plot {
+    Plot { name: name.into(), svg: drawn.draw(), caption: caption.into() }
+}
+
+/// A plot with two axes, each by its label and whether it is logarithmic.
+fn axes(title: &str, x: (&str, bool), y: (&str, bool), series: Vec<Series>, level: Option<(f64, String)>) -> LinePlot {
+    LinePlot { title: title.into(), x_label: x.0.into(), y_label: y.0.into(), x_log: x.1, y_log: y.1, series, level }
+}
+
+fn qscale(run: &MethodRun) -> f64 {
+    f64::from(run.qscale)
+}
+
+fn never(_: &MethodRun) -> bool {
+    false
+}
+
+/// A line for each method, through its quantisers.
+fn lines(
+    outcome: &Outcome,
+    wanted: impl Fn(&MethodRun) -> bool,
+    x: impl Fn(&MethodRun) -> f64,
+    y: impl Fn(&MethodRun) -> f64,
+    crossed: impl Fn(&MethodRun) -> bool,
+) -> Vec<Series> {
+    let runs: Vec<&MethodRun> = outcome.runs.iter().filter(|run| wanted(run)).collect();
+    runs.chunk_by(|a, b| a.method == b.method)
+        .map(|runs| Series {
+            name: runs[0].label.clone(),
+            color: color_of(runs[0]),
+            dashed: !runs[0].cache,
+            points_shown: true,
+            points: runs.iter().map(|run| (x(run), y(run))).collect(),
+            crossed: runs.iter().map(|run| crossed(run)).collect(),
+        })
+        .collect()
+}
+
+fn color_of(run: &MethodRun) -> usize {
+    Method::named(run.method).map_or(0, |method| method.color)
+}
+
+fn rmse_lines(outcome: &Outcome) -> Vec<Series> {
+    // A cut for every pixel, as in the paper; without such methods, the others.
+    let cached = !outcome.runs.iter().any(|run| run.lightcuts && !run.cache);
+    let wanted = move |run: &MethodRun| run.lightcuts && run.cache == cached;
+    let rmse = |psnr: Option<f64>| psnr.map_or(0.0, |psnr| 255.0 * 10f64.powf(-psnr / 20.0));
+    let mut series = lines(outcome, wanted, qscale, |run| rmse(run.rendered.psnr_y), never);
+    let mut decoded = lines(outcome, wanted, qscale, |run| rmse(run.decoded.psnr_y), never);
+
+    // Each line has a color of its own: those before compression take what the methods leave.
+    let taken: Vec<usize> = decoded.iter().map(|line| line.color).collect();
+    let free = (0..METHODS.len()).filter(|color| !taken.contains(color));
+    for (line, color) in series.iter_mut().zip(free) {
+        (line.name, line.dashed, line.color) = (format!("{}, rendered", first_word(&line.name)), true, color);
+    }
+    for line in &mut decoded {
+        (line.name, line.dashed) = (format!("{}, decoded", first_word(&line.name)), false);
+    }
+    series.extend(decoded);
+    series
+}
+
+fn first_word(label: &str) -> &str {
+    label.split(',').next().unwrap_or(label)
+}
+
+/// Error by threshold of the steered methods at the middle quantiser.
+fn histograms(outcome: &Outcome) -> Vec<Plot> {
+    let mut qscales: Vec<u32> = outcome.runs.iter().map(|run| run.qscale).collect();
+    qscales.sort_unstable();
+    qscales.dedup();
+    let middle = qscales.get(qscales.len() / 2).copied();
+    let runs = outcome.runs.iter().filter(|run| run.kappa.is_some() && Some(run.qscale) == middle);
+    runs.filter_map(|run| {
+        let histogram = run.error_by_threshold.as_ref()?;
+        let starts = (0..histogram.shares.len()).map(|i| histogram.bin * i as f64);
+        let columns = starts.clone().zip(&histogram.shares).map(|(start, &share)| {
+            if start < 1.0 - 1e-9 { vec![100.0 * share, 0.0] } else { vec![0.0, 100.0 * share] }
+        });
+        let bars = StackedBars {
+            title: format!("{} at {}: true error by threshold", run.label, run.qscale),
+            x_label: "|error| / threshold, of pixels".into(),
+            y_label: "% of pixels".into(),
+            parts: vec![("within".into(), 2), ("beyond".into(), 3)],
+            names: starts.map(|start| format!("{start:.2}")).collect(),
+            columns: columns.collect(),
+        };
+        let caption = format!(
+            "{:.1} % of pixels keep their threshold; half are below {:.2} of it, 95 in a hundred below {:.2}; {:.1} % lie beyond the right end. As figure 7 of the paper.",
+            100.0 * histogram.within,
+            histogram.median,
+            histogram.p95,
+            100.0 * histogram.above
+        );
+        Some(Plot { name: format!("histogram_{}_{}", run.method, run.qscale), svg: bars.draw(), caption })
+    })
+    .collect()
+}

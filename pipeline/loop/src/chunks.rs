@@ -1,0 +1,7 @@
+//! Films in chunks: every so many frames all state begins anew.
+
+/// Whether frame `index` is the first of a chunk of `chunk` frames. Without chunks no frame is.
+#[must_use]
+pub fn begins_chunk(chunk: Option<u32>, index: u32) -> bool {
+    chunk.is_some_and(|frames| index.is_multiple_of(frames))
+}

@@ -1,0 +1,159 @@
+//! The loop: parts on threads, joined by bounded channels, with the feedback edge from masking to shading.
+
+use super::checkpoint::Checkpoints;
+use super::observe::Observer;
+use super::stages::{Displaying, Encoding, Masking, Preparing, Shading};
+use super::start::{Parts, Start};
+use super::threads::{self, Stamped, stage, work};
+use crate::error::Result;
+use crate::parts::{Display, Encode, LuminanceThresholds, Mask, Prepare, Prepared, Shade};
+use crate::report::FrameReport;
+use crate::team::Lead;
+use crossbeam_channel::{Receiver, bounded};
+use std::cell::Cell;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The surroundings of a run.
+#[derive(Clone, Copy)]
+pub struct Run<'a> {
+    /// Sees the results of every stage.
+    pub observer: &'a dyn Observer,
+    /// When this becomes true, no further frame is begun, and the stream ends in order.
+    pub stop: &'a AtomicBool,
+}
+
+impl Default for Run<'_> {
+    /// No observer, and no early end.
+    fn default() -> Self {
+        static NEVER: AtomicBool = AtomicBool::new(false);
+        Self { observer: &(), stop: &NEVER }
+    }
+}
+
+impl std::fmt::Debug for Run<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Run").field("stop", self.stop).finish_non_exhaustive()
+    }
+}
+
+/// Runs the loop to the end of a film, and gives the report of each frame in display order.
+///
+/// Shading frame n waits for the thresholds of frame n−1, which follow from that picture as it was coded; preparation of
+/// frame n+1 goes on meanwhile. The film depends on its parts alone, and not on the time that they take. Its bytes go to the
+/// observer, and to the file of [`Start::write_to`].
+///
+/// # Errors
+/// The first failure of a part, of a file or of a checkpoint; or the panic of a part.
+pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
+    parts: Parts<P, S, D, M, E>,
+    start: Start<'_>,
+    run: Run<'_>,
+) -> Result<Vec<FrameReport>> {
+    let Parts { prepare, shade, display, encode, mask } = parts;
+    let Start { checkpoints, begin, first, thresholds, mut masking_seconds, mut log, lead } = start;
+    let Run { observer, stop } = run;
+    checkpoints.begin(mask.is_some())?;
+    let ranks = lead.ranks();
+    // Prepared frames are handed over without a queue: preparation is one frame ahead, which is all that can be used, and
+    // each further one would hold a G-buffer. Elsewhere one frame may wait.
+    let (prepared_out, prepared_in) = bounded(0);
+    let (shaded_out, shaded_in) = bounded(1);
+    let (displayed_out, displayed_in) = bounded(1);
+    let (coded_out, coded_in) = bounded(1);
+    // The feedback edge: it holds the thresholds of one frame. Shading frame n takes those of n−1 before it makes anything.
+    let (thresholds_out, thresholds_in) = bounded::<LuminanceThresholds>(1);
+    let masks = mask.is_some();
+    let last_thresholds = move |frame: u32| match masks && frame > begin {
+        true => thresholds_in.recv().ok().map(Some),
+        false => Some(None),
+    };
+    if let Some(thresholds) = thresholds {
+        // A film that is continued: those of the last frame that is done.
+        let _ = thresholds_out.send(thresholds);
+    }
+    let preparing = Preparing(prepare);
+    let shading = Shading::new(shade, ranks.clone());
+    let displaying = Displaying::new(display, observer)?;
+    let encoding = Encoding::new(encode, &mut log, observer)?;
+    let masking = mask.map(|mask| Masking::new(mask, &mut masking_seconds, observer)).transpose()?;
+    // Whether a frame is begun is asked as late as can be. Other ranks begin it at the same time, when the frame before is handed
+    // over; so where there are any, that is when it is decided.
+    let goes_on = |next: u32| {
+        let goes_on = !stop.load(Ordering::Relaxed);
+        if !goes_on {
+            checkpoints.end_before(next, first);
+        }
+        goes_on
+    };
+    let is_led = ranks.count() > 1;
+    let decided = Cell::new(is_led.then(|| goes_on(first)));
+    if let Some(goes_on) = decided.get() {
+        lead.begin(goes_on);
+    }
+
+    // A failure is reported in this order.
+    threads::run([
+        stage("encode", move || {
+            // Without masking the coding is not used.
+            work(checkpoints, encoding, displayed_in.into_iter(), |coded| !masks || coded_out.send(coded).is_ok())
+        }),
+        stage("display", move || {
+            work(checkpoints, displaying, shaded_in.into_iter(), |displayed| displayed_out.send(displayed).is_ok())
+        }),
+        stage("mask", move || {
+            let Some(masking) = masking else { return Ok(()) };
+            work(checkpoints, masking, coded_in.into_iter(), |thresholds| {
+                // The thresholds of the last frame are not used.
+                let _ = thresholds_out.send(thresholds.content);
+                true
+            })
+        }),
+        stage("shade", move || {
+            let frames = with_thresholds(prepared_in, last_thresholds, lead, checkpoints);
+            work(checkpoints, shading, frames, |shaded| shaded_out.send(shaded).is_ok())
+        }),
+        stage("prepare", move || {
+            let begun = (first..).map_while(|index| {
+                let goes_on = decided.take().unwrap_or_else(|| goes_on(index));
+                goes_on.then(|| Stamped { index, marked: checkpoints.is_due(), content: () })
+            });
+            work(checkpoints, preparing, begun, |prepared| {
+                let next = is_led.then(|| goes_on(prepared.index + 1));
+                decided.set(next);
+                prepared_out.send((prepared, next.unwrap_or_default())).is_ok()
+            })
+        }),
+    ])?;
+    log.finish(&masking_seconds)
+}
+
+/// A prepared frame on its way to shading, and whether the next one is begun.
+type OnItsWay<F> = (Stamped<Prepared<F>>, bool);
+/// The same with the thresholds of the frame before.
+type WithThresholds<F> = Stamped<(Prepared<F>, Option<LuminanceThresholds>)>;
+
+/// Prepared frames with the thresholds that `of_last` has for each, until there are no more of either. Whom this process leads is
+/// told of each.
+fn with_thresholds<F>(
+    prepared: Receiver<OnItsWay<F>>,
+    of_last: impl Fn(u32) -> Option<Option<LuminanceThresholds>>,
+    mut lead: Lead,
+    checkpoints: &Checkpoints,
+) -> impl Iterator<Item = WithThresholds<F>> {
+    let mut last = None;
+    std::iter::from_fn(move || {
+        let next = prepared.recv().ok().and_then(|(frame, goes_on)| {
+            lead.notes(goes_on);
+            let _span = tracing::debug_span!("wait for thresholds", frame = frame.index).entered();
+            let thresholds = of_last(frame.index)?;
+            lead.frame(frame.index, frame.marked, thresholds.as_ref());
+            last = Some(frame.index);
+            Some(frame.with(|prepared| (prepared, thresholds)))
+        });
+        if next.is_none() {
+            // Other ranks give their state when this one does.
+            lead.end(last.is_some_and(|last| checkpoints.ends_after(last)));
+        }
+        next
+    })
+}

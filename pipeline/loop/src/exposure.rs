@@ -1,0 +1,58 @@
+//! The exposure of a film that states none, and pixels that show several surfaces.
+
+use crate::parts::{Outline, Shaded};
+use perceptual::ToneMap;
+use plane::Plane;
+use std::borrow::Cow;
+
+/// Luminance that the middle of a picture is brought to when no exposure is set: photography's gray card.
+const MIDDLE_GRAY: f64 = 0.18;
+/// Share of a picture's mean luminance below which a pixel counts as black for the exposure: seventeen stops.
+const LEAST_LIT: f64 = 1.0 / 131_072.0;
+
+/// Radiance of which each pixel is shown as the mean of what is shown of its surfaces: a light far above white would cover what is
+/// thin before it, if it were blended before the curve.
+#[must_use]
+pub fn blended<'a>(shaded: &'a Shaded, tone_map: &ToneMap) -> Cow<'a, Plane<[f32; 3]>> {
+    let mut radiance = Cow::Borrowed(&shaded.radiance);
+    for Outline { pixel, parts } in &shaded.outlines {
+        radiance.to_mut().samples_mut()[*pixel] = tone_map.mean_shown(parts.iter().copied());
+    }
+    radiance
+}
+
+/// Brings the geometric mean of the lit pixels' luminance to middle gray; 1 for a black picture.
+#[must_use]
+pub fn exposure_for(luminance: &Plane<f32>) -> f32 {
+    exposure_for_luminances(luminance.samples()).unwrap_or(1.0)
+}
+
+/// The same for pixels of any pictures; `None` if all are black.
+#[must_use]
+pub fn exposure_for_luminances(luminances: &[f32]) -> Option<f32> {
+    // Pixels far darker than the mean count as black: they are noise and leaks.
+    let mean = luminances.iter().map(|&y| f64::from(y)).sum::<f64>() / luminances.len() as f64;
+    let least = mean * LEAST_LIT;
+    let lit = luminances.iter().map(|&y| f64::from(y)).filter(|&y| y > 0.0 && y >= least);
+    let logs: Vec<f64> = lit.map(f64::ln).collect();
+    if logs.is_empty() {
+        return None;
+    }
+    let mean = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
+    Some(((MIDDLE_GRAY / mean) as f32).clamp(1e-20, 1e20))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exposure_brings_the_middle_to_gray() {
+        let picture = Plane::from_fn(4, 1, |x, _| [0.0, 10.0, 1000.0, 100.0][x]);
+        assert!((exposure_for(&picture) - 0.0018).abs() < 1e-6);
+        assert_eq!(exposure_for(&Plane::filled(2, 2, 0.0)), 1.0);
+        // A leak beside a lit wall changes nothing.
+        let leaking = Plane::from_fn(4, 1, |x, _| [1e-9, 10.0, 1000.0, 100.0][x]);
+        assert_eq!(exposure_for(&leaking), exposure_for(&picture));
+    }
+}

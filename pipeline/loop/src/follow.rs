@@ -1,0 +1,170 @@
+//! The loop on a rank that follows: it prepares and shades what rank 0 says, and nothing else.
+
+use super::stages::Shading;
+use super::threads::{self, Stage, stage};
+use crate::error::{Error, Result};
+use crate::parts::{Prepare, Prepared, Shade};
+use crate::team::{Order, Team};
+use crossbeam_channel::{Receiver, Sender, bounded};
+use ranks::Ranks;
+
+/// Makes the frames of a film that rank 0 leads, up to their light.
+///
+/// # Errors
+/// The ranks have found different light, or what rank 0 says makes no sense.
+pub fn follow<P: Prepare, S: Shade<P::Frame>>(mut prepare: P, mut shade: S, team: &Team) -> Result<()> {
+    let orders = &*team.shade;
+
+    // The state that all begin with.
+    let first = match Order::next(orders)? {
+        Order::Start { first, restored } => {
+            if let Some(state) = restored {
+                let done = prepare.restore(&state.prepare, state.last)?;
+                shade.restore(&state.shade, &done)?;
+            }
+            first
+        }
+        order => return ended(&order),
+    };
+    let goes_on = match Order::next(orders)? {
+        Order::Begin { goes_on } => goes_on,
+        order => return ended(&order),
+    };
+
+    // Preparation works one frame ahead, as on rank 0: each turn lets it make one.
+    let (turns_out, turns_in) = bounded(1);
+    let (prepared_out, prepared_in) = bounded(1);
+    if goes_on {
+        let _ = turns_out.send(());
+    }
+    let shading = Shading::new(shade, team.shade.clone());
+    threads::run([
+        stage("shade", move || shade_all(shading, orders, &prepared_in, turns_out)),
+        stage("prepare", move || {
+            for (index, ()) in (first..).zip(turns_in) {
+                let Some(prepared) = prepare.step(index) else { break };
+                // Shading may have ended. Rank 0 takes part in each turn that it has given, so this rank does too.
+                let _ = prepared_out.send(prepared);
+            }
+            Ok(())
+        }),
+    ])
+}
+
+/// Shades the frames that rank 0 names, as they are prepared. Each order may give preparation a turn.
+fn shade_all<F, S: Shade<F>>(
+    mut shading: Shading<S, F>,
+    orders: &dyn Ranks,
+    prepared: &Receiver<Prepared<F>>,
+    turns: Sender<()>,
+) -> Result<()> {
+    let give_turn = |goes_on: bool| {
+        if goes_on {
+            let _ = turns.send(());
+        }
+    };
+    let mut result = Ok(());
+    loop {
+        match Order::next(orders)? {
+            Order::Frame { index, marked, goes_on, thresholds } if result.is_ok() => {
+                give_turn(goes_on);
+                let Ok(prepared) = prepared.recv() else {
+                    return Err(Error::Fault(format!("frame {index} is not prepared here")));
+                };
+                // All ranks know if light differs, and rank 0 says that it ends.
+                result = shading.step(index, (prepared, thresholds.map(Order::thresholds))).map(drop);
+                if marked && result.is_ok() {
+                    let _ = shading.state()?;
+                }
+            }
+            Order::End { state_wanted, goes_on } => {
+                give_turn(goes_on);
+                if state_wanted {
+                    let _ = shading.state()?;
+                }
+                return result;
+            }
+            order => return Err(unexpected(&order)),
+        }
+    }
+}
+
+/// The result where rank 0 ends before the first frame.
+fn ended(order: &Order) -> Result<()> {
+    match order {
+        Order::End { .. } => Ok(()),
+        order => Err(unexpected(order)),
+    }
+}
+
+fn unexpected(order: &Order) -> Error {
+    let name = match order {
+        Order::Start { .. } => "to start",
+        Order::Begin { .. } => "to begin",
+        Order::Frame { .. } => "to make a frame",
+        Order::End { .. } => "to end",
+    };
+    Error::Fault(format!("rank 0 says {name} out of turn"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parts::LastThresholds;
+    use crate::parts::Shaded;
+    use crate::team::Lead;
+    use ranks::{ThreadMail, ThreadRanks};
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::time::Duration;
+
+    /// Prepares slowly, and counts frames.
+    struct Slow(Arc<AtomicU32>);
+
+    impl Prepare for Slow {
+        type Frame = ();
+
+        fn step(&mut self, _: u32) -> Option<Prepared<()>> {
+            std::thread::sleep(Duration::from_millis(100));
+            self.0.fetch_add(1, Ordering::Relaxed);
+            Some(Prepared::default())
+        }
+
+        fn restore(&mut self, _: &[u8], _: u32) -> Result<Prepared<()>> {
+            unreachable!("a film that begins")
+        }
+    }
+
+    /// Shades nothing.
+    struct Dark;
+
+    impl Shade<()> for Dark {
+        fn step(&mut self, _: &Prepared<()>, _: LastThresholds<'_>) -> Shaded {
+            unreachable!("no frame is ordered")
+        }
+
+        fn restore(&mut self, _: &[u8], _: &Prepared<()>) -> Result<()> {
+            unreachable!("a film that begins")
+        }
+    }
+
+    /// Rank 0 fails while it prepares a second frame: the other rank prepares that one too, though nobody shades it.
+    #[test]
+    fn frames_in_preparation_are_finished_after_the_end() {
+        let prepared = Arc::new(AtomicU32::new(0));
+        let [first, second]: [Arc<dyn Ranks>; 2] = ThreadRanks::new(2)
+            .into_iter()
+            .map(|rank| Arc::new(rank) as Arc<dyn Ranks>)
+            .collect::<Vec<_>>()
+            .try_into()
+            .unwrap();
+        let mut lead = Lead::of(first);
+        lead.start(0, None);
+        lead.begin(true);
+        lead.notes(true);
+        lead.end(false);
+        let team = Team { prepare: second.clone(), shade: second, mail: Arc::new(ThreadMail::alone()) };
+        follow(Slow(prepared.clone()), Dark, &team).expect("an end in order");
+        assert_eq!(prepared.load(Ordering::Relaxed), 2);
+    }
+}

@@ -1,0 +1,348 @@
+//! Files that are either whole or not there.
+
+use crate::early_end::{EarlyEnd, Tail, held};
+use crate::error::{Error, Result};
+use crate::streams::{is_standard_output, is_stream};
+use serde::{Deserialize, Serialize};
+use std::fs::{self, File, TryLockError};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+
+/// A file that is written under `NAME.part` and gets its name when it is finished.
+///
+/// While it is written, its part is locked: no other run writes to the same place. Dropped unfinished, it leaves nothing behind,
+/// unless it is [kept](Output::kept_if). Killed, the process leaves the part: for video, a prefix that plays.
+/// Devices and pipes are written directly, and so is standard output, whose name is `-`.
+#[derive(Debug)]
+pub struct Output {
+    path: PathBuf,
+    part: Option<PathBuf>,
+    file: File,
+    written: Written,
+    sum: crc32fast::Hasher,
+    /// Whether the part stays where the file is not finished.
+    kept: Arc<AtomicBool>,
+    /// End of the file, shared with a thread that may end it early.
+    tail: Arc<Mutex<Tail>>,
+}
+
+/// Bytes of a file, as far as a checkpoint knows them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Written {
+    /// Number of bytes.
+    pub length: u64,
+    /// CRC-32 of them.
+    pub sum: u32,
+}
+
+impl Output {
+    /// Opens the file for writing, before any work is done for it.
+    ///
+    /// # Errors
+    /// The folder does not exist or may not be written to, or another run writes there.
+    pub fn create(path: &Path) -> Result<Self> {
+        let problem = || Error::file(path, "cannot be written; choose another place with -o");
+        if is_standard_output(path) {
+            let file = standard_output().map_err(Error::file(path, "is standard output, which is closed"))?;
+            return Ok(Self::new(Path::new("standard output"), None, file));
+        }
+        let (part, file) = if is_stream(path) {
+            (None, File::options().write(true).open(path).map_err(problem())?)
+        } else {
+            let part = part_of(path);
+            let file = locked(path, &part, File::options().write(true).create(true))?;
+            file.set_len(0).map_err(problem())?;
+            (Some(part), file)
+        };
+        Ok(Self::new(path, part, file))
+    }
+
+    fn new(path: &Path, part: Option<PathBuf>, file: File) -> Self {
+        let (written, sum) = (Written::default(), crc32fast::Hasher::new());
+        Self { path: path.to_owned(), part, file, written, sum, kept: Arc::default(), tail: Tail::of_nothing() }
+    }
+
+    /// A way to complete the file from another thread, while this one may be busy for long.
+    #[must_use]
+    pub fn early_end(&self) -> EarlyEnd {
+        EarlyEnd::new(&self.path, self.part.clone(), self.tail.clone())
+    }
+
+    /// Opens what an earlier process has left of the file, and goes on after the bytes that were `written`.
+    ///
+    /// # Errors
+    /// There is not as much of it, its bytes are others, it may not be written to, or another run writes there.
+    pub fn resume(path: &Path, written: Written) -> Result<Self> {
+        let context = |error| Error::file(path, "cannot be continued")(error);
+        let part = part_of(path);
+        let has_enough =
+            |path: &Path| fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() >= written.length);
+        let is_finished = !has_enough(&part);
+        if is_finished {
+            // Finished in order, as after Ctrl-C, it has its name already.
+            if !has_enough(path) {
+                let problem = " is shorter than when it was left: start anew, without --resume";
+                return Err(Error::content(&part, problem));
+            }
+            fs::copy(path, &part).map_err(context)?;
+        }
+        let mut file = locked(path, &part, File::options().read(true).write(true))?;
+
+        // The film would be wrong in silence if its beginning were that of another.
+        let sum = sum_of(&mut file, written.length).map_err(context)?;
+        if sum.clone().finalize() != written.sum {
+            if is_finished {
+                let _ = fs::remove_file(&part);
+            }
+            return Err(Error::content(&part, " has other bytes than when it was left: start anew, without --resume"));
+        }
+        file.set_len(written.length).map_err(context)?;
+        file.seek(SeekFrom::End(0)).map_err(context)?;
+        let mut output = Self::new(path, Some(part), file);
+        (output.written, output.sum) = (written, sum);
+        Ok(output)
+    }
+
+    /// Lets the part stay where the file is not finished, if `kept` is true then: a checkpoint knows what is in it.
+    #[must_use]
+    pub fn kept_if(mut self, kept: Arc<AtomicBool>) -> Self {
+        self.kept = kept;
+        self
+    }
+
+    /// Bytes written so far.
+    pub fn written(&self) -> Written {
+        Written { sum: self.sum.clone().finalize(), ..self.written }
+    }
+
+    /// Returns when all that was written is on the disk.
+    ///
+    /// # Errors
+    /// The disk is full or gone, or somebody has removed the part.
+    pub fn sync(&self) -> Result<()> {
+        let Some(part) = &self.part else { return Ok(()) };
+        if !is_in_place(&self.file, part) {
+            return Err(Error::content(&self.path, ": the part that was written has been removed or replaced"));
+        }
+        self.file.sync_data().map_err(Error::file(&self.path, "cannot be written"))
+    }
+
+    /// Appends `bytes`.
+    ///
+    /// # Errors
+    /// The disk is full or gone, or the file was ended early.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.write_before(bytes, Vec::new())
+    }
+
+    /// Appends `bytes`. What an early end would append next, to make the file whole, is `ending`.
+    ///
+    /// # Errors
+    /// The disk is full or gone, or the file was ended early.
+    pub fn write_before(&mut self, bytes: &[u8], ending: Vec<u8>) -> Result<()> {
+        let mut tail = held(&self.tail);
+        if !tail.is_open {
+            return Err(Error::content(&self.path, " was ended early"));
+        }
+        self.file.write_all(bytes).map_err(Error::file(&self.path, "cannot be written further"))?;
+        tail.ending = ending;
+        self.written.length += bytes.len() as u64;
+        self.sum.update(bytes);
+        Ok(())
+    }
+
+    /// Gives the file its name.
+    ///
+    /// # Errors
+    /// The written file cannot be kept.
+    pub fn finish(mut self) -> Result<()> {
+        let tail = self.tail.clone();
+        let mut tail = held(&tail);
+        if !std::mem::replace(&mut tail.is_open, false) {
+            return Err(Error::content(&self.path, " was ended early"));
+        }
+        let context = |error| Error::file(&self.path, "cannot be completed")(error);
+        if let Some(part) = &self.part {
+            self.file.sync_all().map_err(context)?;
+            fs::rename(part, &self.path).map_err(context)?;
+        } else {
+            self.file.flush().map_err(context)?;
+        }
+        self.part = None;
+        Ok(())
+    }
+}
+
+/// Standard output as a file of its own.
+#[cfg(unix)]
+fn standard_output() -> std::io::Result<File> {
+    use std::os::fd::AsFd;
+    std::io::stdout().as_fd().try_clone_to_owned().map(File::from)
+}
+
+/// The same of Windows.
+#[cfg(windows)]
+fn standard_output() -> std::io::Result<File> {
+    use std::os::windows::io::AsHandle;
+    std::io::stdout().as_handle().try_clone_to_owned().map(File::from)
+}
+
+/// Opens `part` and locks it for the file at `path`.
+fn locked(path: &Path, part: &Path, options: &fs::OpenOptions) -> Result<File> {
+    let problem = || Error::file(path, "cannot be written; choose another place with -o");
+    loop {
+        let file = options.open(part).map_err(problem())?;
+        match file.try_lock() {
+            // Another run may have given the part its name between the two calls.
+            Ok(()) if is_in_place(&file, part) => return Ok(file),
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                let text = " is being written by another run: wait for that, or choose another place with -o";
+                return Err(Error::content(path, text));
+            }
+            // Some network file systems have no locks.
+            Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => return Ok(file),
+            Err(TryLockError::Error(error)) => return Err(problem()(error)),
+        }
+    }
+}
+
+/// Whether `path` still leads to the open `file`.
+#[cfg(unix)]
+fn is_in_place(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let identity = |metadata: &fs::Metadata| (metadata.dev(), metadata.ino());
+    matches!((file.metadata(), fs::metadata(path)), (Ok(own), Ok(there)) if identity(&own) == identity(&there))
+}
+
+/// Elsewhere files that are open cannot be renamed.
+#[cfg(not(unix))]
+fn is_in_place(_: &File, _: &Path) -> bool {
+    true
+}
+
+/// The running sum of the first `length` bytes of `file`.
+fn sum_of(file: &mut File, length: u64) -> std::io::Result<crc32fast::Hasher> {
+    let mut sum = crc32fast::Hasher::new();
+    let mut first = file.take(length);
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match first.read(&mut buffer)? {
+            0 => return Ok(sum),
+            count => sum.update(&buffer[..count]),
+        }
+    }
+}
+
+/// `film.m2v` → `film.m2v.part`.
+pub fn part_of(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".part");
+    path.with_file_name(name)
+}
+
+impl Drop for Output {
+    fn drop(&mut self) {
+        if let Some(part) = self.part.as_ref().filter(|_| !self.kept.load(Ordering::Relaxed)) {
+            let _ = fs::remove_file(part);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_finished_has_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.m2v");
+        let mut output = Output::create(&path).unwrap();
+        output.write(b"abc").unwrap();
+        assert!(!path.exists());
+        drop(output);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "nothing half-written stays");
+        let mut output = Output::create(&path).unwrap();
+        output.write(b"abc").unwrap();
+        output.finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"abc");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_was_left_is_continued_where_it_was_known() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.m2v");
+        let written = |bytes: &[u8]| Written { length: bytes.len() as u64, sum: crc32fast::hash(bytes) };
+        fs::write(folder.path().join("a.m2v.part"), b"abcdef").unwrap();
+        let mut output = Output::resume(&path, written(b"abcd")).unwrap();
+        output.write(b"xy").unwrap();
+        assert_eq!(output.written(), written(b"abcdxy"));
+        output.finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"abcdxy");
+        // Now it has its name, and its first bytes can be continued all the same.
+        let mut output = Output::resume(&path, written(b"a")).unwrap();
+        output.write(b"z").unwrap();
+        output.finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"az");
+        for left in [written(b"azz"), written(b"ay")] {
+            let error = Output::resume(&path, left).err().unwrap().to_string();
+            assert!(error.contains("start anew") && error.contains("a.m2v.part"), "{error}");
+            assert_eq!(fs::read(&path).unwrap(), b"az");
+        }
+    }
+
+    #[test]
+    fn one_run_writes_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.m2v");
+        let mut first = Output::create(&path).unwrap();
+        first.write(b"abc").unwrap();
+        for second in
+            [Output::create(&path), Output::resume(&path, Written { length: 3, sum: crc32fast::hash(b"abc") })]
+        {
+            let error = second.err().unwrap().to_string();
+            assert!(error.contains("another run") && error.contains("a.m2v"), "{error}");
+        }
+        first.write(b"de").unwrap();
+        first.finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"abcde");
+        Output::create(&path).unwrap().finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"");
+    }
+
+    #[test]
+    fn what_a_checkpoint_knows_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.m2v");
+        let kept = Arc::new(AtomicBool::new(false));
+        for (keeps, stays) in [(false, false), (true, true)] {
+            let mut output = Output::create(&path).unwrap().kept_if(kept.clone());
+            output.write(b"abc").unwrap();
+            kept.store(keeps, Ordering::Relaxed);
+            drop(output);
+            assert_eq!(part_of(&path).exists(), stays);
+        }
+    }
+
+    /// Removing a part while it is written ends in an error: the file would have no name.
+    #[test]
+    #[cfg(unix)]
+    fn a_part_that_is_gone_is_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.m2v");
+        let mut output = Output::create(&path).unwrap();
+        output.write(b"abc").unwrap();
+        output.sync().unwrap();
+        fs::remove_file(part_of(&path)).unwrap();
+        assert!(output.sync().unwrap_err().to_string().contains("removed"));
+    }
+
+    #[test]
+    fn errors_name_the_file() {
+        let message = |path: &str| Output::create(Path::new(path)).err().unwrap().chain();
+        assert!(message("/no/such/folder/a.m2v").contains("/no/such/folder/a.m2v"));
+    }
+}

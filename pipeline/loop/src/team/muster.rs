@@ -1,0 +1,85 @@
+//! The ranks compare what they are about to make, before the first of them begins.
+
+use crate::error::{Error, Result};
+use crate::state::{decode_bytes, encode};
+use ranks::Ranks;
+use serde::{Deserialize, Serialize};
+
+/// A rank's answer.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Present {
+    /// It is ready for the film with this sum: see [`FilmJob::sum`](crate::checkpoint::FilmJob::sum).
+    Ready(u32),
+    /// There is nothing to be made.
+    Idle,
+    /// It cannot make the film, for this reason.
+    Fails(String),
+}
+
+/// Compares the answers of all ranks: true where all are ready for the same film, false where rank 0 makes none. Every rank gets
+/// the same result.
+///
+/// # Errors
+/// A rank fails, or is ready for another film than rank 0.
+pub fn muster(ranks: &dyn Ranks, own: &Present) -> Result<bool> {
+    if ranks.count() == 1 {
+        return Ok(matches!(own, Present::Ready(_)));
+    }
+    let mut answers = Vec::new();
+    for bytes in ranks.all_gather(encode(own)) {
+        answers.push(decode_bytes::<Present>(&bytes).map_err(|_| Error::Ranks("ranks run different programs".into()))?);
+    }
+
+    // Rank 0 says why it makes nothing, if so, and the answers of the others do not matter.
+    let first = &answers[0];
+    if !matches!(first, Present::Ready(_)) {
+        return Ok(false);
+    }
+    for (rank, answer) in answers.iter().enumerate() {
+        match answer {
+            Present::Fails(reason) => return Err(Error::Ranks(format!("rank {rank}: {reason}"))),
+            answer if answer != first => {
+                let text = "has another scene, other settings or another version of the program than rank 0";
+                return Err(Error::Ranks(format!("rank {rank} {text}: start all ranks with the same")));
+            }
+            _ => {}
+        }
+    }
+    Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ranks::ThreadRanks;
+
+    /// The results of ranks that answer so.
+    fn results(answers: &[Present]) -> Vec<Result<bool, String>> {
+        std::thread::scope(|scope| {
+            let ranks = ThreadRanks::new(answers.len());
+            let started: Vec<_> = ranks
+                .into_iter()
+                .zip(answers)
+                .map(|(ranks, answer)| scope.spawn(move || muster(&ranks, answer).map_err(|error| error.to_string())))
+                .collect();
+            started.into_iter().map(|thread| thread.join().expect("no rank panics")).collect()
+        })
+    }
+
+    #[test]
+    fn ranks_are_ready_for_one_film_or_none_begins() {
+        use Present::{Fails, Idle, Ready};
+        assert_eq!(results(&[Ready(7), Ready(7), Ready(7)]), vec![Ok(true); 3]);
+        for first in [Idle, Fails("no scene".into())] {
+            assert_eq!(results(&[first, Ready(7), Fails("disk".into())]), vec![Ok(false); 3]);
+        }
+        for (second, words) in [(Ready(8), "rank 1 has another scene"), (Fails("no a.glb".into()), "rank 1: no a.glb")]
+        {
+            for result in results(&[Ready(7), second.clone(), Ready(7)]) {
+                assert!(result.is_err_and(|error| error.starts_with(words)), "{second:?}");
+            }
+        }
+        assert_eq!(results(&[Ready(1)]), [Ok(true)]);
+        assert_eq!(results(&[Idle]), [Ok(false)]);
+    }
+}

@@ -1,0 +1,177 @@
+//! `render2mpeg bake`.
+
+use crate::overwrite::Overwrite;
+use crate::progress;
+use crate::source::Reading;
+use anyhow::Result;
+use clap::Args;
+use pipeline::output::Output;
+use render_core::scene::Scene;
+use render2mpeg::places::FilePlaces;
+use render2mpeg::{Error, Options, Settings};
+use renderer::bake;
+use renderer::bake::export::check_path;
+use renderer::texels::BakedTexels;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The scene, and how fine its light is to be.
+#[derive(Args)]
+pub(crate) struct Bake {
+    /// A glTF 2.0 scene, .glb or .gltf
+    scene: PathBuf,
+    /// Reading of the scene: folders, camera, animation, settings.
+    #[command(flatten)]
+    reading: Reading,
+    /// The baked light [default: the scene's name with .slf, beside it; with --gltf, no such file]
+    #[arg(short, long, value_name = "FILE.slf")]
+    output: Option<PathBuf>,
+    /// The scene with the light painted in, for any viewer of glTF
+    #[arg(long, value_name = "OUT.glb")]
+    gltf: Option<PathBuf>,
+    /// Longer side of the picture of the light [default: 4 for each texel of the light, 2048 to 4096]
+    #[arg(long, value_name = "SIDE", requires = "gltf", value_parser = clap::value_parser!(u32).range(64..=16384))]
+    texture: Option<u32>,
+    /// Light that is baked already, for --gltf
+    #[arg(long, value_name = "FILE.slf", requires = "gltf",
+        conflicts_with_all = ["output", "texels", "vpls", "photons", "bounces", "seed"])]
+    baked: Option<PathBuf>,
+    /// Texels on the surfaces, those that their borders need included
+    #[arg(long, value_name = "N", default_value_t = 400_000, value_parser = clap::value_parser!(u32).range(16..=16_000_000))]
+    texels: u32,
+    /// Anchor lights that carry the indirect light [default: as for films]
+    #[arg(long, value_name = "N")]
+    vpls: Option<usize>,
+    /// Photons [default: 36 for each anchor light]
+    #[arg(long, value_name = "N")]
+    photons: Option<u64>,
+    /// Reflections of light on its way to the eye, at most [default: no limit]
+    #[arg(long, value_name = "N")]
+    bounces: Option<u32>,
+    /// Seed of photons and light tree [default: 1]
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// Threads [default: one per processor]; the result is the same for any number
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Whether files may be replaced.
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// No progress: only errors are shown
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Bakes, and writes the light, the export, or both.
+pub fn run(arguments: Bake) -> Result<ExitCode> {
+    let Bake {
+        scene: path,
+        reading,
+        output,
+        gltf,
+        texture,
+        baked,
+        texels,
+        vpls,
+        photons,
+        bounces,
+        seed,
+        overwrite,
+        quiet,
+        ..
+    } = arguments;
+    let scene = reading.load(&path)?;
+    // Outputs that cannot be written are told of before the work, not after it.
+    let output = output.or_else(|| gltf.is_none().then(|| path.with_extension("slf")));
+    FilePlaces::of(&scene)
+        .reads("--baked", baked.as_deref())
+        .writes("-o", output.as_deref())
+        .writes("--gltf", gltf.as_deref())
+        .check()?;
+    for path in output.iter().chain(&gltf) {
+        overwrite.check(path)?;
+    }
+    if let Some(output) = &output {
+        drop(Output::create(output)?);
+    }
+    if let Some(gltf) = &gltf {
+        check_path(gltf, &path)?;
+    }
+
+    // The finest quantiser: as many photons as any film has.
+    let options = Options { vpls, photons, bounces, seed, qscale: Some(1), ..Options::default() };
+    let settings = Settings::new(path, &scene, &options)?;
+    let job = Job { scene: &scene, settings: &settings, quiet };
+    let light = match baked {
+        Some(path) => bake::read(&scene, &path)?,
+        None => job.bake(texels as usize, output.as_deref())?,
+    };
+    if let Some(gltf) = gltf {
+        job.export(light, &gltf, texture)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A scene to bake.
+struct Job<'a> {
+    scene: &'a Scene,
+    settings: &'a Settings,
+    quiet: bool,
+}
+
+impl Job<'_> {
+    /// Bakes the light, and writes it to `output` if there is to be such a file.
+    fn bake(&self, texels: usize, output: Option<&Path>) -> Result<BakedTexels> {
+        let begin = Instant::now();
+        let bar = progress::of_work(self.quiet);
+        let baked = bake::bake(self.scene, &self.settings.renderer(), texels, &|done, all| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        })?;
+        bar.finish_and_clear();
+        let written = output.map(|path| Ok::<_, Error>((path, baked.write(self.scene, path)?))).transpose()?;
+        if !self.quiet {
+            let seconds = begin.elapsed().as_secs_f64();
+            match written {
+                Some((path, bytes)) => tell!("{}: {bytes} bytes in {seconds:.1} s", path.display()),
+                None => tell!("light baked in {seconds:.1} s"),
+            }
+            let atlas = &baked.texels.atlas;
+            tell!(
+                "  {} texels, {} of them on surfaces and {} within something, {:.2} a meter, in {} charts and {} tiles",
+                atlas.len(),
+                atlas.covered(),
+                baked.filled,
+                atlas.texels_per_meter(),
+                atlas.charts(),
+                atlas.tiles(),
+            );
+            let coats = &baked.texels.coats;
+            if !coats.is_empty() {
+                let (texels, samples, bytes) = (coats.texels(), coats.samples(), coats.stored_bytes());
+                let seconds = baked.coat_seconds;
+                tell!("  coats: {texels} texels, {samples} directions in all, {bytes} bytes in {seconds:.1} s");
+            }
+            if written.is_some() {
+                tell!("  render2mpeg render {} --lighting baked", self.settings.scene.display());
+            }
+        }
+        Ok(baked.texels)
+    }
+
+    /// Writes the scene with `light` painted in.
+    fn export(&self, light: BakedTexels, path: &Path, side: Option<u32>) -> Result<()> {
+        let begin = Instant::now();
+        let export =
+            bake::export::export(self.scene, &self.settings.scene, &self.settings.renderer(), &Arc::new(light), side)?;
+        let bytes = export.write(path)?;
+        if !self.quiet {
+            let (width, height) = export.size;
+            tell!("{}: {bytes} bytes in {:.1} s", path.display(), begin.elapsed().as_secs_f64());
+            tell!("  {width}x{height} texels, exposure {:.3}", export.tone_map.exposure);
+        }
+        Ok(())
+    }
+}

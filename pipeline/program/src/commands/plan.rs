@@ -1,0 +1,44 @@
+//! `render2mpeg plan`.
+
+use crate::notes;
+use crate::print::{counted, rough_time, single_line};
+use crate::source::Source;
+use anyhow::Result;
+use clap::Args;
+use render2mpeg::settings::MemorySize;
+use render2mpeg::{Options, Settings, memory};
+use std::process::ExitCode;
+
+/// Options of a plan.
+#[derive(Args)]
+pub(crate) struct Plan {
+    /// The scene.
+    #[command(flatten)]
+    source: Source,
+    /// Settings of the film.
+    #[command(flatten)]
+    options: Options,
+}
+
+/// Prints the plan.
+pub fn run(arguments: Plan) -> Result<ExitCode> {
+    let path = arguments.source.path();
+    let scene = arguments.source.reading.load(&path)?;
+    let settings = Settings::new(path, &scene, &arguments.options)?;
+    let _ = settings.encoder_config()?;
+    let plan = renderer::plan::Plan::new(&scene, &settings.renderer());
+    say!("{}", plan.table().trim_end());
+    let (seconds, frames) = (plan.seconds_a_frame(), settings.frame_range().len());
+    let all = frames as f64 * seconds / rayon::current_num_threads() as f64;
+    let frames = counted(frames, "frame");
+    say!("time:   some {seconds:.2} CPU s a frame after the first; {frames} in some {}", rough_time(all));
+    let (needed, size) = (MemorySize(memory::estimate(&scene, settings.size)), settings.size);
+    say!("memory: some {needed} for {}x{} pixels", size.width, size.height);
+    let exposure = match settings.auto_exposure {
+        true => "the first frame sets it; where that is dark, or lamps move, the film's lit frames may".to_owned(),
+        false => format!("{}, as set", settings.tone_map.exposure),
+    };
+    say!("exposure: {exposure}");
+    notes::before(&scene, &settings).iter().for_each(|note| say!("note: {}", single_line(note)));
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,334 @@
+//! `render2mpeg render`.
+
+mod files;
+mod follow;
+mod watch;
+mod watching;
+
+use crate::interrupt::{Interrupt, Reactions};
+use crate::lines::{Lines, ProgressKind};
+use crate::log::Log;
+use crate::overwrite::Overwrite;
+use crate::print::single_line;
+use crate::print_config::ProgramOption;
+use crate::ranks::Ranks;
+use crate::source::{MemoryLimit, Source};
+use crate::{notes, parts, print_config, progress};
+use anyhow::Result;
+use clap::Args;
+use files::{Files, check_streams, report_beside};
+use pipeline::Run;
+use pipeline::checkpoint::{Checkpoints, FilmJob, path_for};
+use pipeline::observe::OnFrame;
+use pipeline::report::FrameReport;
+use pipeline::streams::{is_stream, make_folder};
+use pipeline::team::{Present, Team, muster};
+use render_core::scene::Scene;
+use render2mpeg::also::Companion;
+use render2mpeg::job::job_of;
+use render2mpeg::places::FilePlaces;
+use render2mpeg::settings::{CheckpointEvery, Settings};
+use render2mpeg::{Options, Render as Film};
+use renderer::plan::Plan;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+use std::time::Duration;
+use watching::{Watching, keep_for_page, write_page};
+
+/// The scene, settings of its film, and the files to write.
+#[derive(Args)]
+pub(crate) struct Render {
+    /// The scene.
+    #[command(flatten)]
+    source: Source,
+    /// Settings of the film.
+    #[command(flatten)]
+    options: Options,
+    /// Where the JSON report goes [default: beside the video, .report.json]
+    #[arg(long, value_name = "FILE", help_heading = "Output", hide_short_help = true)]
+    report: Option<PathBuf>,
+    /// Also write a page: frames of the film, maps, and plots of the time, bits, PSNR and cut size of each frame
+    #[arg(long, value_name = "FILE.html", help_heading = "Output", hide_short_help = true)]
+    html: Option<PathBuf>,
+    /// When the film is whole, code its pictures again for players of today, by ffmpeg: .mp4 (H.264) or .webm (AV1 or VP9)
+    #[arg(long, value_name = "FILE", value_delimiter = ',', help_heading = "Output", hide_short_help = true)]
+    also: Vec<PathBuf>,
+    /// Go on where a killed or interrupted run of the same film was, to the same bits; begin at the beginning if there was none
+    #[arg(long, help_heading = "Output", hide_short_help = true)]
+    resume: bool,
+    /// Keep the checkpoint of the finished film, so that --resume with more --frames can lengthen it
+    #[arg(long, help_heading = "Output", hide_short_help = true)]
+    keep_checkpoint: bool,
+    /// Whether files may be replaced.
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// Seconds between checkpoints, beside the video in .checkpoint, for --resume: 0 is each frame, off is none [default: 60]
+    #[arg(long, value_name = "SECONDS", help_heading = "Output", hide_short_help = true)]
+    checkpoint: Option<CheckpointEvery>,
+    /// Threads [default: one per processor]; the result is the same for any number
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run", hide_short_help = true)]
+    pub threads: Option<u16>,
+    /// Write when each stage worked on which frame, for chrome://tracing or Perfetto
+    #[arg(long, value_name = "FILE.json", help_heading = "Progress", hide_short_help = true)]
+    trace: Option<PathBuf>,
+    /// Bound on memory.
+    #[command(flatten)]
+    memory: MemoryLimit,
+    /// Make the film again whenever a file of the scene changes, in the place of the one before
+    #[arg(long, conflicts_with = "resume", help_heading = "Run", hide_short_help = true)]
+    watch: bool,
+    /// Print the file for --config that makes the same film, every default filled in; render nothing
+    #[arg(long, help_heading = "Run", hide_short_help = true)]
+    print_config: bool,
+    /// Progress: as a line at a terminal, as lines of JSON on standard output, or as Open Job Description has it [default: bar]
+    #[arg(long, value_enum, value_name = "KIND", help_heading = "Progress", hide_short_help = true)]
+    progress: Option<ProgressKind>,
+    /// The same as --progress json: a line of JSON for the begin, each frame and the end, for other programs
+    #[arg(long, conflicts_with = "progress", help_heading = "Progress", hide_short_help = true)]
+    json_progress: bool,
+    /// Say what happens, line by line: once for frames and checkpoints, twice for every stage
+    #[arg(short, long, action = clap::ArgAction::Count, conflicts_with = "quiet", help_heading = "Progress", hide_short_help = true)]
+    verbose: u8,
+    /// No progress, no summary: only errors are shown
+    #[arg(short, long, help_heading = "Progress", hide_short_help = true)]
+    quiet: bool,
+}
+
+/// Interval of checkpoints: a film killed after hours loses a minute.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
+
+/// Renders and reports, or follows the rank that does.
+pub fn run_among(arguments: Render, ranks: &Ranks) -> Result<ExitCode> {
+    if ranks.team().rank() > 0 {
+        return follow::run(arguments, ranks);
+    }
+    // The others wait for an answer, whatever happens here.
+    run(arguments, &mut Answer::of(ranks.team()))
+}
+
+fn run(mut arguments: Render, answer: &mut Answer) -> Result<ExitCode> {
+    arguments.check_features()?;
+    let path = arguments.source.path();
+    if arguments.watch && answer.team.count() > 1 {
+        let text = "--watch makes films by a program that is started for each: run it without mpirun";
+        return Err(render2mpeg::Error::Options(text.into()).into());
+    }
+    if arguments.watch {
+        return watch::run(&path, || arguments.source.reading.load(&path));
+    }
+    let scene = arguments.source.reading.load(&path)?;
+    let settings = arguments.options.fill_in(path, &scene)?;
+
+    // All that can be wrong with the settings or the places of the files is said before the first ray.
+    let _ = settings.encoder_config()?;
+    let files = arguments.files(&settings);
+    check_streams(&settings.output, arguments.progress_kind(), &files.also)?;
+    if arguments.print_config {
+        let more = files.options().into_iter().chain(arguments.options_of_program());
+        let text = print_config::text(&settings.scene, &arguments.options, &more.collect::<Vec<_>>())?;
+        say!("{}", text.trim_end());
+        return Ok(ExitCode::SUCCESS);
+    }
+    files.places(FilePlaces::of(&scene).reads("--config", arguments.source.config()), &settings).check()?;
+    let companion = |path: &PathBuf| Companion::new(path, &settings);
+    let companions = files.also.iter().map(companion).collect::<Result<Vec<_>, _>>()?;
+
+    // A film that is there is continued, finished already, or replaced.
+    let job = job_of(&scene, &settings)?;
+    if arguments.resume && files.is_finished(&job) {
+        if !arguments.quiet {
+            tell!("{} is finished: nothing is left to do", settings.output.display());
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
+    if !(arguments.resume && path_for(&settings.output).exists()) {
+        files.check_replaced(arguments.overwrite, arguments.resume, &settings)?;
+    }
+
+    arguments.memory.check(&scene, &settings)?;
+    settings.exr.iter().chain(&settings.png).try_for_each(|folder| make_folder(folder))?;
+    let checkpoints = arguments.checkpoints(&job)?;
+    answer.ready(&job)?;
+    if let Some(code) = arguments.make(&scene, &settings, (&files, answer.team), checkpoints)? {
+        return Ok(code);
+    }
+    for companion in &companions {
+        companion.make(&settings.output)?;
+        if !arguments.quiet {
+            tell!("also:   {}, by {}", companion.path().display(), companion.encoder());
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+impl Render {
+    /// Names the part of the program that is not built in.
+    fn check_features(&self) -> Result<()> {
+        parts::need("html", self.html.is_some())?;
+        parts::need("exr", self.options.exr.is_some() || !self.options.aov.is_empty())?;
+        parts::need("still", self.options.png.is_some())?;
+        parts::need("trace", self.trace.is_some() || self.verbose > 0)
+    }
+
+    /// The files beside the film.
+    fn files(&self, settings: &Settings) -> Files {
+        Files {
+            named_report: self.report.is_some(),
+            report: self.report.clone().or_else(|| report_beside(&settings.output)),
+            html: self.html.clone(),
+            trace: self.trace.clone(),
+            also: self.also.clone(),
+        }
+    }
+
+    fn progress_kind(&self) -> ProgressKind {
+        if self.json_progress { ProgressKind::Json } else { self.progress.unwrap_or(ProgressKind::Bar) }
+    }
+
+    /// Options that are none of the film's, as a file for `--config` has them.
+    fn options_of_program(&self) -> impl Iterator<Item = ProgramOption> {
+        let own = [
+            ProgramOption::text("checkpoint", self.checkpoint.map(|every| every.to_string())),
+            ProgramOption::text("threads", self.threads.map(|threads| threads.to_string())),
+        ];
+        own.into_iter().chain(self.source.reading.options())
+    }
+
+    /// Time between checkpoints; none for never.
+    fn checkpoint_every(&self) -> Option<Duration> {
+        self.checkpoint.map_or(Some(CHECKPOINT_EVERY), CheckpointEvery::duration)
+    }
+
+    /// The beginning of the film, and the place of its checkpoints.
+    fn checkpoints(&self, job: &FilmJob) -> Result<Checkpoints> {
+        let every = self.checkpoint_every();
+        let checkpoints = if self.resume { Checkpoints::resume(job, every)? } else { Checkpoints::new(job, every) };
+        if let Some(end) = job.end().filter(|_| self.keep_checkpoint) {
+            checkpoints.leave_at_end(end);
+        }
+        Ok(checkpoints)
+    }
+
+    /// Makes the film, and all that is told and written of it; gives the exit code of one that was interrupted.
+    fn make(
+        &self,
+        scene: &Scene,
+        settings: &Settings,
+        (files, team): (&Files, &Team),
+        checkpoints: Checkpoints,
+    ) -> Result<Option<ExitCode>> {
+        let plan = Plan::new(scene, &settings.renderer());
+        let mut film = Film::among(scene, settings, &plan, &checkpoints, team)?;
+        film.write_to(&settings.output)?;
+        files.try_out()?;
+        let log = Log::start(self.verbose, files.trace.clone());
+
+        // Progress, and what signals do.
+        let first = film.first_frame();
+        if !self.quiet {
+            notes::before(scene, settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
+        }
+        let progress = progress::Progress::new(settings, scene, first, self.quiet || self.verbose > 0);
+        // When a rank is gone the launcher ends all others, and waits for a second at most.
+        let is_hasty = team.count() > 1;
+        let interrupt = Interrupt::watch(Reactions { is_hasty, ..reactions(&film, &progress, settings) })?;
+        let lines = Lines::new(self.progress_kind(), settings, first);
+        lines.begin();
+        let frames = OnFrame::new(|frame: &FrameReport| {
+            progress.frame(frame);
+            lines.frame(frame);
+            checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
+        });
+        let brightest = AtomicU8::new(0);
+        let lightest = AtomicU32::new(0);
+        let page = files.html.as_ref().map(|_| keep_for_page(&mut film, settings));
+        let observer = Watching { frames, brightest, lightest, page };
+        let result = film.finish(Run { observer: &observer, stop: &interrupt.stop });
+        progress.clear();
+        let brightest = observer.brightest.load(Ordering::Relaxed);
+        let lightest = f32::from_bits(observer.lightest.load(Ordering::Relaxed));
+        checkpoints.take_warning().into_iter().for_each(|warning| progress.warn(&warning));
+
+        // Report, page and trace; then nothing is left to go on from.
+        let report = result?;
+        let interrupted = report.summary.interrupted;
+        files.report.as_deref().map_or(Ok(()), |path| report.write(path))?;
+        write_page(files.html.as_deref(), &report, observer.page, scene)?;
+        let traced = log.finish()?;
+        if !interrupted && !self.keep_checkpoint {
+            checkpoints.remove();
+        }
+        lines.end(&report);
+        if !self.quiet {
+            let before = first.saturating_sub(settings.frame_range().start);
+            progress::summary(&report, before, files.report.as_deref());
+            files.html.iter().for_each(|path| tell!("page:   {}", path.display()));
+            // A run that was ended before a frame was made has shown nothing.
+            let shown = (brightest > 0).then_some(brightest);
+            notes::on_darkness(shown, settings).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
+            notes::on_dimness(lightest, scene).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
+            notes::on_level(&report).into_iter().for_each(|note| tell!("note: {}", single_line(&note)));
+            if interrupted {
+                self.tell_of_early_end(settings);
+            }
+            traced.into_iter().for_each(|line| tell!("trace:  {line}"));
+        }
+        Ok(interrupted.then(|| interrupt.exit_code()))
+    }
+}
+
+impl Render {
+    /// Says how a film that was ended early may go on, and what was not made of it.
+    fn tell_of_early_end(&self, settings: &Settings) {
+        match self.checkpoint_every() {
+            _ if is_stream(&settings.output) => {}
+            Some(_) => tell!("ended early: the same command with --resume goes on after the last frame"),
+            None => tell!("ended early; it cannot go on, for --checkpoint off keeps nothing to go on from"),
+        }
+        self.also.iter().for_each(|path| tell!("{} was not made: the film is not whole", path.display()));
+    }
+}
+
+/// The answer of rank 0 to the others, who wait for it: what is to be made, or nothing.
+struct Answer<'a> {
+    team: &'a Team,
+    is_given: bool,
+}
+
+impl<'a> Answer<'a> {
+    fn of(team: &'a Team) -> Self {
+        Self { team, is_given: false }
+    }
+
+    /// Says that this film is to be made.
+    ///
+    /// # Errors
+    /// Another rank is not ready for it.
+    fn ready(&mut self, job: &FilmJob) -> render2mpeg::Result<()> {
+        self.is_given = true;
+        Ok(muster(&*self.team.shade, &Present::Ready(job.sum())).map(drop)?)
+    }
+}
+
+impl Drop for Answer<'_> {
+    fn drop(&mut self) {
+        if !self.is_given && !std::thread::panicking() {
+            // Nobody is ready for nothing: the result is known.
+            let _ = muster(&*self.team.shade, &Present::Idle);
+        }
+    }
+}
+
+/// Reactions to signals: the first lets the frames that are begun be finished, the second does not.
+fn reactions(film: &Film, progress: &progress::Progress, settings: &Settings) -> Reactions {
+    let (tell, end, output) = (progress.teller(), film.early_end(), settings.output.display().to_string());
+    let tell_again = progress.teller();
+    let first = move || tell("stopping after this frame; again to stop now");
+    let second = move || match end.as_ref().map(|end| end()) {
+        Some(Ok(true)) => tell_again(&format!("video:  {output}, as far as it was written")),
+        Some(Err(error)) => tell_again(&error.chain()),
+        Some(Ok(false)) | None => {}
+    };
+    Reactions { first: Box::new(first), second: Box::new(second), ..Reactions::default() }
+}

@@ -1,0 +1,70 @@
+//! Observers of a film while it is made: lines of progress, and the pictures of its page.
+
+use crate::notes;
+use anyhow::Result;
+use laboratory::page;
+use laboratory::page::{FilmWatch, Made};
+use perceptual::YCbCr;
+use pipeline::observe::{Observer, OnFrame};
+use pipeline::output::Output;
+use pipeline::parts::Shaded;
+use pipeline::report::FrameReport;
+use plane::{Picture, Plane};
+use render_core::scene::Scene;
+use render2mpeg::Options;
+use render2mpeg::settings::Settings;
+use render2mpeg::{Render as Film, Report};
+use std::path::Path;
+use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+
+/// Lines for each frame, the largest code of bright luma and mean of light, and what the page shows of the film.
+pub(super) struct Watching<F> {
+    pub frames: OnFrame<F>,
+    /// 0 before the first frame.
+    pub brightest: AtomicU8,
+    /// Bits of the largest mean luminance.
+    pub lightest: AtomicU32,
+    pub page: Option<FilmWatch>,
+}
+
+impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
+    fn frame(&self, report: &FrameReport) {
+        self.frames.frame(report);
+    }
+
+    fn picture(&self, _: u32, picture: &YCbCr) {
+        let bright = notes::bright_code(picture.picture.luma().samples().iter().copied());
+        self.brightest.fetch_max(bright, Ordering::Relaxed);
+    }
+
+    fn shaded(&self, index: u32, shaded: &Shaded) {
+        // Numbers that are not negative have the order of their bits.
+        let mean = notes::mean_luminance(&shaded.radiance).max(0.0);
+        self.lightest.fetch_max(mean.to_bits(), Ordering::Relaxed);
+        self.page.iter().for_each(|page| page.shaded(index, shaded));
+    }
+
+    fn importance(&self, index: u32, importance: &Plane<f32>) {
+        self.page.iter().for_each(|page| page.importance(index, importance));
+    }
+
+    fn decoded(&self, index: u32, picture: &Picture) {
+        self.page.iter().for_each(|page| page.decoded(index, picture));
+    }
+}
+
+/// Keeps of the film what its page shows.
+pub fn keep_for_page(film: &mut Film, settings: &Settings) -> FilmWatch {
+    film.watch(&page::WATCHED);
+    FilmWatch::new(settings)
+}
+
+/// Writes the page of the run, if one is wanted.
+pub fn write_page(path: Option<&Path>, report: &Report, watched: Option<FilmWatch>, scene: &Scene) -> Result<()> {
+    let Some((path, watched)) = path.zip(watched) else { return Ok(()) };
+    let usual = Settings::new(report.settings.scene.clone(), scene, &Options::default()).ok();
+    let made = Made { command: page::command_line(std::env::args_os()), usual };
+    let mut output = Output::create(path)?;
+    output.write(page::run_page(report, &watched, &made)?.as_bytes())?;
+    Ok(output.finish()?)
+}

@@ -1,0 +1,115 @@
+//! `render2mpeg still`.
+
+use crate::notes;
+use crate::overwrite::Overwrite;
+use crate::print::single_line;
+use crate::source::{MemoryLimit, Reading};
+use anyhow::Result;
+use clap::Args;
+use pipeline::output::Output;
+use render2mpeg::Options;
+use render2mpeg::picture_file::PictureFormat;
+use render2mpeg::places::FilePlaces;
+use render2mpeg::settings::{FrameList, Preset, parse_fps};
+use render2mpeg::still::Still;
+use renderer::settings::Size;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// The frame, and how good its picture is to be.
+#[derive(Args)]
+pub(crate) struct StillArguments {
+    /// A glTF 2.0 scene, .glb or .gltf
+    scene: PathBuf,
+    /// The picture: .png or .jpg as a display shows it, .exr with linear light [default: the scene's name with .png, here]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Number of the frame, counted from 0, or a list such as 2,4,10-20: the names of several pictures end in their numbers
+    #[arg(long, alias = "range", value_name = "K|LIST", default_value_t = FrameList::one(0))]
+    frame: FrameList,
+    /// How good and how slow: draft, good or final, as for films
+    #[arg(long, value_enum, value_name = "HOW")]
+    preset: Option<Preset>,
+    /// Size of the picture, in pixels [default: 512x512 pixels in the camera's shape, such as 682x384]
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+    /// Samples of visibility and light to the pixel: 4 smooths edges [default: 4]
+    #[arg(long, value_name = "N")]
+    samples: Option<u32>,
+    /// Pictures a second, which say when the frame is [default: as the TOML file says, else 25]
+    #[arg(long, value_parser = parse_fps)]
+    fps: Option<f64>,
+    /// Anchor lights that carry the indirect light [default: as for films]
+    #[arg(long, value_name = "N")]
+    vpls: Option<usize>,
+    /// Reading of the scene: folders, camera, animation, settings.
+    #[command(flatten)]
+    reading: Reading,
+    /// Bound on memory.
+    #[command(flatten)]
+    memory: MemoryLimit,
+    /// Whether a picture may be replaced.
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// Threads [default: one per processor]; the result is the same for any number
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Only errors are shown
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Samples to the pixel: a picture is looked at for longer than a frame.
+const SAMPLES: u32 = 4;
+
+/// Renders and writes.
+pub fn run(arguments: StillArguments) -> Result<ExitCode> {
+    let StillArguments { scene: path, output, frame, preset, size, samples, fps, vpls, .. } = arguments;
+    let StillArguments { reading, memory, overwrite, quiet, .. } = arguments;
+    let output = output.unwrap_or_else(|| PathBuf::from(path.file_stem().unwrap_or_default()).with_extension("png"));
+    let _ = PictureFormat::of(&output)?;
+    let scene = reading.load(&path)?;
+    FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
+    let pictures = named(&output, &frame);
+    pictures.iter().try_for_each(|(_, path)| overwrite.check(path))?;
+
+    // A film of enough frames, at a quantiser as fine as pictures are.
+    let samples = samples.or_else(|| preset.is_none().then_some(SAMPLES));
+    let (frames, qscale) = (Some(frame.last() + 1), Some(1));
+    let options = Options { preset, size, samples, fps, vpls, frames, qscale, ..Options::default() };
+    let settings = options.clone().fill_in(path, &scene)?;
+    memory.check(&scene, &settings)?;
+    // An output that cannot be written is told of before the work, not after it.
+    for (_, path) in &pictures {
+        drop(Output::create(path)?);
+    }
+    if !quiet {
+        notes::before(&scene, &settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
+    }
+    for (frame, path) in pictures {
+        let begin = std::time::Instant::now();
+        let still = Still::render(&scene, &settings, frame);
+        still.write(&path)?;
+        if !quiet {
+            // Codes of displays begin at 0, those of video at 16.
+            let bright = notes::bright_code(still.shown.samples().iter().flatten().copied()).saturating_add(16);
+            let dimness = notes::on_dimness(notes::mean_luminance(&still.radiance), &scene);
+            let notes = notes::on_darkness(Some(bright), &settings).into_iter().chain(dimness);
+            notes.for_each(|note| tell!("note: {}", single_line(&note)));
+            super::tell_of_picture(&path, settings.size, begin);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The files of these frames: `output` itself for one, with numbers of equal length for several.
+fn named(output: &Path, frames: &FrameList) -> Vec<(u32, PathBuf)> {
+    if let [frame] = frames.frames() {
+        return vec![(*frame, output.into())];
+    }
+    let digits = frames.last().to_string().len();
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let ending = output.extension().unwrap_or_default().to_string_lossy().into_owned();
+    let name = |frame: &u32| output.with_file_name(format!("{stem}_{frame:0digits$}.{ending}"));
+    frames.frames().iter().map(|frame| (*frame, name(frame))).collect()
+}

@@ -1,0 +1,121 @@
+//! The command line: arguments and files with options, a file for each command, and the lines that are shown meanwhile.
+//!
+//! [`main`] is all of the program `render2mpeg`.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+/// As `println!`; a reader that closes its end early is no failure.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stdout(), "{}", crate::print::printable(&format!($($text)*)));
+    }};
+}
+
+/// As `eprintln!`, likewise.
+macro_rules! tell {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stderr(), "{}", crate::print::printable(&format!($($text)*)));
+    }};
+}
+
+mod args;
+mod commands;
+mod config_file;
+mod examples;
+mod foreign;
+mod guesses;
+mod interrupt;
+mod lines;
+mod log;
+#[cfg(feature = "mpi")]
+pub mod mpi;
+mod notes;
+mod overwrite;
+mod parts;
+mod print;
+mod print_config;
+mod progress;
+mod ranks;
+mod source;
+mod trace;
+
+use anyhow::{Context, Result};
+use args::Command;
+use clap::CommandFactory;
+use print::single_line;
+use ranks::Ranks;
+use std::process::ExitCode;
+
+/// Exit code where the same arguments fail everywhere and always, as clap has it. All other failures are 1.
+const WRONG_ARGUMENTS: u8 = 2;
+
+/// The program `render2mpeg`: runs the command that the process was started with, prints errors, returns the exit code.
+#[must_use]
+pub fn main() -> ExitCode {
+    let result = config_file::parse(std::env::args_os().collect()).and_then(|arguments| {
+        ranks::check(matches!(arguments.command, Command::Render(_)))?;
+        Ok(arguments)
+    });
+    let result = result.map_err(|error| (error, WRONG_ARGUMENTS));
+    match result.and_then(|arguments| run(arguments.command).map_err(with_exit_code)) {
+        Ok(code) => code,
+        Err((error, code)) => {
+            // Other ranks say the same.
+            if !ranks::is_silent() {
+                tell!("render2mpeg: {}", single_line(&format!("{error:#}")));
+            }
+            ExitCode::from(code)
+        }
+    }
+}
+
+/// The error with the exit code of its kind.
+fn with_exit_code(error: anyhow::Error) -> (anyhow::Error, u8) {
+    let of_film = matches!(error.downcast_ref(), Some(render2mpeg::Error::Options(_) | render2mpeg::Error::Encoder(_)));
+    let of_part = matches!(error.downcast_ref(), Some(pipeline::Error::Options(_)));
+    let is_of_arguments = of_film || of_part;
+    (error, if is_of_arguments { WRONG_ARGUMENTS } else { 1 })
+}
+
+/// Runs the command that was typed.
+fn run(command: Command) -> Result<ExitCode> {
+    match command {
+        Command::Join(arguments) => commands::join::run(&arguments),
+        Command::Plan(arguments) => commands::plan::run(*arguments),
+        Command::Render(arguments) => {
+            use_threads(arguments.threads)?;
+            let ranks = Ranks::join()?;
+            commands::render::run_among(*arguments, &ranks)
+        }
+        #[cfg(feature = "bake")]
+        Command::Bake(arguments) => {
+            use_threads(arguments.threads)?;
+            commands::bake::run(arguments)
+        }
+        Command::Reference(arguments) => {
+            use_threads(arguments.threads)?;
+            commands::reference::run(arguments)
+        }
+        Command::Still(arguments) => {
+            use_threads(arguments.threads)?;
+            commands::still::run(*arguments)
+        }
+        Command::Completions { shell } => commands::shell::completions(args::Arguments::command(), shell),
+        Command::Man { command } => commands::shell::man(args::Arguments::command(), command.as_deref()),
+        Command::Sweep(arguments) => {
+            use_threads(arguments.threads)?;
+            commands::sweep::run(arguments)
+        }
+        Command::Compare(arguments) => commands::compare::run(&arguments),
+    }
+}
+
+fn use_threads(threads: Option<u16>) -> Result<()> {
+    if let Some(threads) = threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
+        pool.build_global().context("the threads cannot be started")?;
+    }
+    Ok(())
+}

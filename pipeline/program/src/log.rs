@@ -1,0 +1,46 @@
+//! Events of the stages: lines for people (`-v`), bars for `--trace`.
+
+use super::trace::Trace;
+use anyhow::Result;
+use std::path::PathBuf;
+
+/// Writes the log of the stages. Where it is off, it costs next to nothing.
+pub struct Log {
+    trace: Option<(PathBuf, Trace)>,
+}
+
+impl Log {
+    /// From now on: lines to standard error, once for frames and twice for every stage, and bars for the file `trace`.
+    pub fn start(verbose: u8, trace: Option<PathBuf>) -> Self {
+        let trace = trace.map(|path| (path, Trace::new()));
+        listen(verbose, trace.as_ref().map(|(_, trace)| trace.clone()));
+        Self { trace }
+    }
+
+    /// Writes the bars; what there is to say of them.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn finish(&self) -> Result<Option<String>> {
+        let Some((path, trace)) = &self.trace else { return Ok(None) };
+        trace.write(path)?;
+        let (wall, sum) = trace.overlap();
+        Ok(Some(format!("{}: {wall:.2} s by the clock for {sum:.2} s of stages", path.display())))
+    }
+}
+
+fn listen(verbose: u8, trace: Option<Trace>) {
+    use std::io::IsTerminal;
+    use tracing_subscriber::filter::LevelFilter;
+    use tracing_subscriber::fmt::format::FmtSpan;
+    use tracing_subscriber::prelude::*;
+    let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let lines = (verbose > 0).then(|| {
+        let level = if verbose > 1 { LevelFilter::DEBUG } else { LevelFilter::INFO };
+        let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(color).with_target(false);
+        lines.with_span_events(if verbose > 1 { FmtSpan::CLOSE } else { FmtSpan::NONE }).with_filter(level)
+    });
+    if lines.is_some() || trace.is_some() {
+        tracing_subscriber::registry().with(lines).with(trace.with_filter(LevelFilter::DEBUG)).init();
+    }
+}

@@ -1,0 +1,5 @@
+//! The program `render2mpeg`.
+
+fn main() -> std::process::ExitCode {
+    program::main()
+}

@@ -1,0 +1,208 @@
+//! Messages between two ranks by MPI \[MPI, 3.7 and 3.8\], carried beside the work of both.
+//!
+//! ```text
+//! send ──► letters ──► thread ═══ MPI ═══► thread of the other rank ──► inbox ──► receive
+//! ```
+//! A communicator stays on the thread that made it, so one thread sends and receives all messages of a rank. While a message is
+//! on its way it takes in what others send: two ranks that send much to each other at once do not wait for each other.
+//!
+//! On its way a message is its length, 8 bytes, and its bytes, in pieces. Pieces of one rank arrive in order \[MPI, 3.5\]. A rank
+//! that ends tells all others and waits for the same from them; so no message is lost, and MPI ends when nothing is on its way.
+
+use super::waiting::{PIECE, pause, rest, wait};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded, unbounded};
+use mpi::request::scope;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::{Communicator, Destination, Equivalence, Source};
+use render_core::ranks::{Inbox, Mail, Message};
+use render2mpeg::error::{Error, Result};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+/// Bytes before those of a message: their number.
+const HEAD: usize = 8;
+/// The number that tells of the sender's end.
+const END: u64 = u64::MAX;
+
+/// The mail of a rank that is a process.
+#[derive(Debug)]
+pub(super) struct Post {
+    rank: usize,
+    count: usize,
+    letters: Sender<Letter>,
+    inbox: Arc<Inbox>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+/// Something to be sent.
+enum Letter {
+    /// Bytes on their way to a rank, the head before them.
+    To(usize, Vec<u8>),
+    /// Nothing more.
+    End,
+}
+
+impl Post {
+    /// Starts the thread, with a communicator of its own. All ranks are to do so at the same place in the order of communicators.
+    pub fn open((rank, count): (usize, usize)) -> Result<Self> {
+        let (letters_out, letters_in) = unbounded();
+        let (ready_out, ready_in) = bounded(1);
+        let inbox = Arc::new(Inbox::new(count - 1));
+        let own_inbox = inbox.clone();
+        let carry = move || {
+            let mut carrier = Carrier::new(own_inbox);
+            let _ = ready_out.send(());
+            carrier.carry(&letters_in);
+            // Freed with all others at the end: to free one is an operation of all ranks.
+            std::mem::forget(carrier.line);
+        };
+        let thread = std::thread::Builder::new().name("mail of ranks".into()).spawn(carry);
+        let thread = thread.map_err(|error| Error::Ranks(format!("a thread cannot be started: {error}")))?;
+        let _ = ready_in.recv();
+        Ok(Self { rank, count, letters: letters_out, inbox, thread: Mutex::new(Some(thread)) })
+    }
+
+    /// Sends what is left, and returns when all ranks have called this. Messages sent later are lost.
+    pub fn close(&self) {
+        let _ = self.letters.send(Letter::End);
+        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(thread) = thread {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Mail for Post {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    fn send(&self, to: usize, bytes: Vec<u8>) {
+        assert!(to < self.count, "rank {to} of {}", self.count);
+        if to == self.rank {
+            self.inbox.put(Message { from: to, bytes });
+            return;
+        }
+        let mut framed = Vec::with_capacity(HEAD + bytes.len());
+        framed.extend((bytes.len() as u64).to_le_bytes());
+        framed.extend(bytes);
+        let _ = self.letters.send(Letter::To(to, framed));
+    }
+
+    fn receive(&self) -> Message {
+        self.inbox.take()
+    }
+
+    fn try_receive(&self) -> Option<Message> {
+        self.inbox.try_take()
+    }
+}
+
+/// A communicator on its thread, and what has come by it.
+struct Carrier {
+    line: SimpleCommunicator,
+    inbox: Arc<Inbox>,
+    /// Pieces of the next message of each rank.
+    begun: Vec<Vec<u8>>,
+    /// Other ranks that have ended.
+    ended: usize,
+    /// When a message was last sent or received.
+    last: Instant,
+}
+
+impl Carrier {
+    fn new(inbox: Arc<Inbox>) -> Self {
+        let line = SimpleCommunicator::world().duplicate();
+        let begun = vec![Vec::new(); line.size() as usize];
+        Self { line, inbox, begun, ended: 0, last: Instant::now() }
+    }
+
+    /// Sends and receives until all ranks have ended.
+    fn carry(&mut self, letters: &Receiver<Letter>) {
+        loop {
+            self.take_in();
+            match self.next(letters) {
+                Some(Letter::To(to, framed)) => self.send(to, &framed),
+                Some(Letter::End) => break,
+                None => {}
+            }
+        }
+
+        // Others may send until they end, too.
+        let (own, count) = (self.line.rank() as usize, self.begun.len());
+        for to in (0..count).filter(|&to| to != own) {
+            self.send(to, &END.to_le_bytes());
+        }
+        while self.ended + 1 < count {
+            self.take_in();
+            rest(self.last);
+        }
+    }
+
+    /// The next letter, if there is one within the pause before the next question for messages.
+    fn next(&self, letters: &Receiver<Letter>) -> Option<Letter> {
+        let Some(pause) = pause(self.last) else {
+            std::thread::yield_now();
+            return letters.try_recv().ok();
+        };
+        match letters.recv_timeout(pause) {
+            Ok(letter) => Some(letter),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => Some(Letter::End),
+        }
+    }
+
+    /// Sends to another rank, and takes in what comes meanwhile.
+    fn send(&mut self, to: usize, framed: &[u8]) {
+        for piece in framed.chunks(PIECE) {
+            let begin = Instant::now();
+            scope(|scope| {
+                let mut request = self.line.process_at_rank(to as i32).immediate_send(scope, piece);
+                while let Err(pending) = request.test() {
+                    request = pending;
+                    self.take_in();
+                    rest(begin.max(self.last));
+                }
+            });
+            self.last = Instant::now();
+        }
+    }
+
+    /// Takes in all pieces that others have sent so far.
+    fn take_in(&mut self) {
+        while let Some((message, status)) = self.line.any_process().immediate_matched_probe() {
+            let mut piece = vec![0u8; status.count(u8::equivalent_datatype()) as usize];
+            scope(|scope| wait(message.immediate_matched_receive_into(scope, &mut piece[..])));
+            self.add(status.source_rank() as usize, piece);
+            self.last = Instant::now();
+        }
+    }
+
+    /// Adds a piece to the message that a rank is sending, and hands over the message when it is whole.
+    fn add(&mut self, from: usize, piece: Vec<u8>) {
+        let begun = &mut self.begun[from];
+        match begun.is_empty() {
+            true => *begun = piece,
+            false => begun.extend(piece),
+        }
+        let head = begun.first_chunk::<HEAD>().expect("the first piece has the length");
+        match u64::from_le_bytes(*head) {
+            END => {
+                begun.clear();
+                self.ended += 1;
+                self.inbox.note_end();
+            }
+            length if begun.len() as u64 == HEAD as u64 + length => {
+                let mut bytes = std::mem::take(begun);
+                bytes.drain(..HEAD);
+                self.inbox.put(Message { from, bytes });
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! Ranks that are processes, joined by MPI \[MPI\].
+//!
+//! A communicator stays on the thread that made it. So each of the two whose operations a [`Team`] has is served by a thread: it
+//! takes one operation at a time, waits for it with little work meanwhile, and hands over its result. A third carries messages
+//! between two ranks, by `post.rs`.
+
+use super::Team;
+use super::post::Post;
+use super::waiting::{PIECE, wait};
+use crossbeam_channel::{Receiver, Sender, bounded};
+use mpi::Threading;
+use mpi::environment::Universe;
+use mpi::request::scope;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::{Communicator, CommunicatorCollectives, Root};
+use render_core::ranks::Ranks;
+use render2mpeg::error::{Error, Result};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Exit code of all ranks when one of them panics, as Rust has it.
+const PANICKED: i32 = 101;
+
+/// This process as one of those that `mpirun` has started. To be dropped last: all of them end together.
+pub struct Processes {
+    team: Team,
+    /// The mail of the team.
+    post: Arc<Post>,
+    _universe: Universe,
+}
+
+impl Processes {
+    /// Joins the others. From now on a panic of any thread ends all of them, with one line.
+    ///
+    /// # Errors
+    /// MPI was begun before, or does not serve several threads; a thread cannot be started.
+    pub fn join() -> Result<Self> {
+        let fail = |text: &str| Error::Ranks(text.into());
+        let (universe, granted) =
+            mpi::initialize_with_threading(Threading::Multiple).ok_or_else(|| fail("MPI has been begun before"))?;
+        if granted != Threading::Multiple {
+            return Err(fail("this MPI serves one thread only: take one with MPI_THREAD_MULTIPLE"));
+        }
+        let world = universe.world();
+        let (rank, count) = (world.rank() as usize, world.size() as usize);
+        end_all_at_panic(rank);
+
+        // One after the other: all ranks make their communicators in the same order.
+        let prepare = Process::served("ranks of prepare", (rank, count))?;
+        let shade = Process::served("ranks of shade", (rank, count))?;
+        let post = Arc::new(Post::open((rank, count))?);
+        let team = Team { prepare: Arc::new(prepare), shade: Arc::new(shade), mail: post.clone() };
+        Ok(Self { team, post, _universe: universe })
+    }
+
+    /// The ranks.
+    #[must_use]
+    pub fn team(&self) -> &Team {
+        &self.team
+    }
+}
+
+impl std::fmt::Debug for Processes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Processes").field("team", &self.team).finish_non_exhaustive()
+    }
+}
+
+/// Ends all ranks at once with this exit code. The file of a film is ended by the signal that rank 0 gets.
+pub fn abort(code: i32) -> ! {
+    SimpleCommunicator::world().abort(code)
+}
+
+/// A rank that panics says so in a line, and ends the others: they would wait for it for ever.
+fn end_all_at_panic(rank: usize) {
+    std::panic::set_hook(Box::new(move |panic| {
+        // Documents of scenes are read on the main thread, where what goes wrong in other libraries is caught.
+        let place = panic.location().map(|place| format!(" at {place}")).unwrap_or_default();
+        let is_main = std::thread::current().name() == Some("main");
+        if !is_main {
+            let payload = panic.payload();
+            let text = payload.downcast_ref::<&str>().copied().or(payload.downcast_ref::<String>().map(String::as_str));
+            let text = text.unwrap_or("no reason given").replace(char::is_control, " ");
+            eprintln!("render2mpeg: rank {rank} has failed{place}: {text}: a fault of this program");
+            abort(PANICKED);
+        }
+    }));
+}
+
+impl Drop for Processes {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            eprintln!("render2mpeg: rank {} has failed: a fault of this program", self.team.rank());
+            abort(PANICKED);
+        }
+        // MPI ends after all of its operations.
+        self.post.close();
+    }
+}
+
+/// An operation of all ranks.
+enum Operation {
+    AllGather(Vec<u8>),
+    Gather(Vec<u8>),
+    Broadcast(Vec<u8>),
+}
+
+/// One of the ranks, by a thread that does its operations.
+#[derive(Debug)]
+struct Process {
+    rank: usize,
+    count: usize,
+    thread: Mutex<Ends>,
+}
+
+/// Ends of the channels to and from a thread.
+#[derive(Debug)]
+struct Ends {
+    operations: Sender<Operation>,
+    results: Receiver<Vec<Vec<u8>>>,
+}
+
+impl Process {
+    /// Starts a thread with a communicator of its own.
+    fn served(name: &str, (rank, count): (usize, usize)) -> Result<Self> {
+        let (operations_out, operations_in) = bounded::<Operation>(1);
+        let (results_out, results_in) = bounded(1);
+        let serve = move || {
+            let line = Line(SimpleCommunicator::world().duplicate());
+            let _ = results_out.send(Vec::new());
+            for operation in operations_in {
+                let result = match operation {
+                    Operation::AllGather(own) => line.all_gather(&own),
+                    Operation::Gather(own) => line.gather(&own),
+                    Operation::Broadcast(own) => vec![line.broadcast(own)],
+                };
+                if results_out.send(result).is_err() {
+                    break;
+                }
+            }
+            // Freed with all others at the end: to free one is an operation of all ranks.
+            std::mem::forget(line);
+        };
+        let thread = std::thread::Builder::new().name(name.into()).spawn(serve);
+        thread.map_err(|error| Error::Ranks(format!("a thread cannot be started: {error}")))?;
+        let _ = results_in.recv();
+        Ok(Self { rank, count, thread: Mutex::new(Ends { operations: operations_out, results: results_in }) })
+    }
+
+    fn result(&self, operation: Operation) -> Vec<Vec<u8>> {
+        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner);
+        let _ = thread.operations.send(operation);
+        thread.results.recv().expect("the thread serves as long as there is somebody to be served")
+    }
+}
+
+impl Ranks for Process {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    fn all_gather(&self, own: Vec<u8>) -> Vec<Vec<u8>> {
+        self.result(Operation::AllGather(own))
+    }
+
+    fn gather(&self, own: Vec<u8>) -> Option<Vec<Vec<u8>>> {
+        let all = self.result(Operation::Gather(own));
+        (self.rank == 0).then_some(all)
+    }
+
+    fn broadcast(&self, own: Vec<u8>) -> Vec<u8> {
+        self.result(Operation::Broadcast(own)).pop().unwrap_or_default()
+    }
+}
+
+/// A communicator, on its thread.
+struct Line(SimpleCommunicator);
+
+impl Line {
+    fn count(&self) -> usize {
+        self.0.size() as usize
+    }
+
+    /// Lengths of what each rank gives, and the largest of them.
+    fn lengths(&self, own: usize) -> (Vec<u64>, usize) {
+        let (own, mut lengths) = ([own as u64], vec![0; self.count()]);
+        scope(|scope| wait(self.0.immediate_all_gather_into(scope, &own[..], &mut lengths[..])));
+        let longest = lengths.iter().copied().max().unwrap_or_default();
+        (lengths, longest as usize)
+    }
+
+    fn all_gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
+        let (lengths, longest) = self.lengths(own.len());
+        let mut all = Pieces::new(&lengths);
+        for (piece, mut received) in pieces(own, longest, self.count()) {
+            scope(|scope| wait(self.0.immediate_all_gather_into(scope, &piece[..], &mut received[..])));
+            all.add(&received, piece.len());
+        }
+        all.whole
+    }
+
+    fn gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
+        let (lengths, longest) = self.lengths(own.len());
+        if self.0.rank() != 0 {
+            for (piece, _) in pieces(own, longest, 0) {
+                let root = self.0.process_at_rank(0);
+                scope(|scope| wait(root.immediate_gather_into(scope, &piece[..])));
+            }
+            return Vec::new();
+        }
+        let mut all = Pieces::new(&lengths);
+        for (piece, mut received) in pieces(own, longest, self.count()) {
+            let root = self.0.this_process();
+            scope(|scope| wait(root.immediate_gather_into_root(scope, &piece[..], &mut received[..])));
+            all.add(&received, piece.len());
+        }
+        all.whole
+    }
+
+    fn broadcast(&self, mut bytes: Vec<u8>) -> Vec<u8> {
+        // Only the first rank knows the length.
+        let root = self.0.process_at_rank(0);
+        let mut length = [bytes.len() as u64];
+        scope(|scope| wait(root.immediate_broadcast_into(scope, &mut length[..])));
+        bytes.resize(length[0] as usize, 0);
+        for piece in bytes.chunks_mut(PIECE) {
+            scope(|scope| wait(root.immediate_broadcast_into(scope, piece)));
+        }
+        bytes
+    }
+}
+
+/// Pieces of what a rank gives, filled up to the `longest` that any rank has, each with room for those of `count` ranks.
+fn pieces(own: &[u8], longest: usize, count: usize) -> impl Iterator<Item = (Vec<u8>, Vec<u8>)> {
+    (0..longest).step_by(PIECE).map(move |begin| {
+        let length = PIECE.min(longest - begin);
+        let mut piece = own[begin.min(own.len())..(begin + length).min(own.len())].to_vec();
+        piece.resize(length, 0);
+        (piece, vec![0; length * count])
+    })
+}
+
+/// Values of all ranks, put together.
+struct Pieces {
+    whole: Vec<Vec<u8>>,
+    lengths: Vec<usize>,
+}
+
+impl Pieces {
+    fn new(lengths: &[u64]) -> Self {
+        let lengths: Vec<usize> = lengths.iter().map(|&length| length as usize).collect();
+        Self { whole: lengths.iter().map(|&length| Vec::with_capacity(length)).collect(), lengths }
+    }
+
+    /// Adds a piece of `length` bytes of each rank, without what filled it up.
+    fn add(&mut self, received: &[u8], length: usize) {
+        for ((whole, &end), piece) in self.whole.iter_mut().zip(&self.lengths).zip(received.chunks_exact(length)) {
+            let own = length.min(end - whole.len());
+            whole.extend_from_slice(&piece[..own]);
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! The parts of the program that a build can leave out: Cargo's features of the same names.
+
+use anyhow::{Result, bail};
+use std::sync::OnceLock;
+
+/// A part, and the commands that are gone without it.
+struct Part {
+    feature: &'static str,
+    is_built: bool,
+    commands: &'static [&'static str],
+}
+
+const PARTS: [Part; 7] = [
+    Part { feature: "textures", is_built: cfg!(feature = "textures"), commands: &[] },
+    Part { feature: "webp", is_built: cfg!(feature = "webp"), commands: &[] },
+    Part { feature: "basis", is_built: cfg!(feature = "basis"), commands: &[] },
+    Part { feature: "meshopt", is_built: cfg!(feature = "meshopt"), commands: &[] },
+    Part { feature: "draco", is_built: cfg!(feature = "draco"), commands: &[] },
+    Part { feature: "bake", is_built: cfg!(feature = "bake"), commands: &["bake"] },
+    Part { feature: "mpi", is_built: cfg!(feature = "mpi"), commands: &[] },
+];
+
+/// Names the missing part where something is requested that needs `feature`.
+///
+/// # Errors
+/// It is `requested`, and not built in.
+pub fn need(feature: &str, requested: bool) -> Result<()> {
+    match PARTS.iter().find(|part| part.feature == feature && !part.is_built) {
+        Some(_) if requested => {
+            bail!("this build has no {feature}; build it with cargo build --release --features {feature}")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The same of a command, which the build may not even know by name.
+///
+/// # Errors
+/// It is not built in.
+pub fn need_for(command: &str) -> Result<()> {
+    PARTS.iter().try_for_each(|part| need(part.feature, part.commands.contains(&command)))
+}
+
+/// The version, and which parts are there.
+pub fn version() -> &'static str {
+    static TEXT: OnceLock<String> = OnceLock::new();
+    let names = |built| PARTS.iter().filter(|part| part.is_built == built).map(|part| part.feature).collect::<Vec<_>>();
+    let list = |names: Vec<&str>| if names.is_empty() { "none".into() } else { names.join(", ") };
+    let text = |version| format!("{version}\nbuilt with: {}\nleft out: {}", list(names(true)), list(names(false)));
+    TEXT.get_or_init(|| text(env!("CARGO_PKG_VERSION")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_missing_is_named_with_its_remedy() {
+        for part in &PARTS {
+            assert!(need(part.feature, false).is_ok());
+            for needed in [need(part.feature, true), part.commands.iter().try_for_each(|command| need_for(command))] {
+                match needed {
+                    Ok(()) => assert!(part.is_built || part.commands.is_empty(), "{}", part.feature),
+                    Err(error) => {
+                        assert!(!part.is_built && error.to_string().contains(&format!("--features {}", part.feature)));
+                    }
+                }
+            }
+            assert_eq!(version().find(part.feature) < version().find("left out"), part.is_built);
+        }
+        assert!(need_for("render").is_ok());
+    }
+}

@@ -1,0 +1,193 @@
+//! Progress at a terminal while the frames are made, and a summary at the end.
+
+use crate::print::{counted, rough_time, single_line};
+use indicatif::{ProgressBar, ProgressStyle};
+use pipeline::report::FrameReport;
+use render_core::scene::Scene;
+use render2mpeg::Settings;
+use render2mpeg::report::Report;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// A line that shows how far the run is; nothing when standard error is not a terminal.
+pub(crate) struct Progress {
+    bar: ProgressBar,
+    pace: Mutex<Pace>,
+    is_quiet: bool,
+}
+
+/// Time that frames take. The first frame of a run is no measure of the others: it traces photons, builds trees and fills caches.
+#[derive(Clone, Copy, Default)]
+struct Pace {
+    /// The end of the run's first frame.
+    first: Option<Instant>,
+    /// The end of the last frame so far.
+    last: Option<Instant>,
+    /// Frames after the first.
+    others: u32,
+}
+
+impl Pace {
+    /// A frame ends `now`.
+    fn frame(&mut self, now: Instant) {
+        match self.first {
+            None => self.first = Some(now),
+            Some(_) => self.others += 1,
+        }
+        self.last = Some(now);
+    }
+
+    /// Seconds of a frame after the first, by the mean; none before the second.
+    fn seconds(&self) -> Option<f64> {
+        let (first, last) = (self.first?, self.last?);
+        (self.others > 0).then(|| (last - first).as_secs_f64() / f64::from(self.others))
+    }
+}
+
+/// The spinner of the line turns once in eight of these: it shows that a long frame is being made.
+const TICK: Duration = Duration::from_millis(250);
+
+impl Progress {
+    /// Says what is about to happen, and starts the line.
+    pub fn new(settings: &Settings, scene: &Scene, first_frame: u32, quiet: bool) -> Self {
+        // Lines of a verbose run take the place of this one.
+        if quiet {
+            return Self { bar: ProgressBar::hidden(), pace: Mutex::default(), is_quiet: quiet };
+        }
+        tell!(
+            "{}: {} triangles, {} of {}x{} at {} fps, quantiser_scale {}",
+            settings.scene.display(),
+            scene.triangle_count(),
+            settings.range.map_or_else(
+                || counted(settings.frames as usize, "frame"),
+                |range| format!("frames {range} of {}", settings.frames)
+            ),
+            settings.size.width,
+            settings.size.height,
+            settings.fps,
+            settings.qscale,
+        );
+        let style = ProgressStyle::with_template("{spinner} {bar:20} {pos}/{len} frames  {wide_msg}");
+        let style = style.expect("the template is correct");
+        let frames = settings.frame_range();
+        let bar = ProgressBar::new(frames.len() as u64).with_style(style);
+        if first_frame > frames.start {
+            tell!("goes on with frame {first_frame}");
+            bar.set_position((first_frame - frames.start).into());
+        }
+        bar.set_message("the first takes longest");
+        bar.enable_steady_tick(TICK);
+        Self { bar, pace: Mutex::default(), is_quiet: quiet }
+    }
+
+    /// Moves on by a frame.
+    pub fn frame(&self, frame: &FrameReport) {
+        self.bar.inc(1);
+        let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
+        pace.frame(Instant::now());
+
+        // Time by the frames after the first, size and quality of this one.
+        let left = self.bar.length().unwrap_or(0).saturating_sub(self.bar.position());
+        let time = match pace.seconds() {
+            Some(seconds) => format!("{seconds:.1} s a frame, {} left", rough_time(seconds * left as f64)),
+            None => "estimating the time left".into(),
+        };
+        let kilobytes = frame.bits as f64 / 8000.0;
+        let quality = frame.psnr_y.map_or("no loss".into(), |psnr| format!("quality {psnr:.1} dB"));
+        self.bar.set_message(format!("{time}  last {kilobytes:.1} kB, {quality}"));
+    }
+
+    /// Says above the line what went wrong and does not end the run.
+    pub fn warn(&self, warning: &str) {
+        self.bar.suspend(|| tell!("warning: {}", single_line(warning)));
+    }
+
+    /// Says something above the line, from any thread; nothing in a quiet run.
+    pub fn teller(&self) -> impl Fn(&str) + Send + 'static {
+        let (bar, is_quiet) = (self.bar.clone(), self.is_quiet);
+        move |text| {
+            if !is_quiet {
+                bar.suspend(|| tell!("{}", single_line(text)));
+            }
+        }
+    }
+
+    /// Takes the line away.
+    pub fn clear(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// A line for work of a length that is told later.
+pub fn of_work(quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{bar:30} {percent} %  {eta} left").expect("the template is correct");
+    ProgressBar::new(0).with_style(style)
+}
+
+/// A line for work of many parts, which says what is going on.
+pub fn of_long_work(quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  about {eta} left  {msg}");
+    ProgressBar::new(0).with_style(style.expect("the template is correct"))
+}
+
+/// The figures that matter most, and where everything is. The run has made all frames but those `before` it.
+pub fn summary(report: &Report, before: u32, report_path: Option<&Path>) {
+    let s = &report.summary;
+    let settings = &report.settings;
+    let rate = s.bits * report.settings.fps / 1000.0;
+    let psnr = s.psnr_y.map_or("equal to the source".into(), |psnr| format!("{psnr:.1} dB"));
+    let (all, made) = (s.frames, s.frames.saturating_sub(before));
+    let of_all = if before > 0 { format!(" ({all} in all)") } else { String::new() };
+    let ended = if s.interrupted { ", interrupted" } else { "" };
+    tell!("{} in {:.1} s{of_all}{ended}", counted(made as usize, "frame"), s.wall_seconds);
+    // The first frame has no thresholds of its own.
+    let threshold = match s.threshold_mean_relative {
+        0.0 => String::new(),
+        share => format!(", threshold {:.1} % of luminance", 100.0 * share),
+    };
+    tell!(
+        "  lighting  {:.2} s direct + {:.2} s cuts a frame, {:.0} lights a cut{}",
+        s.seconds.direct,
+        s.seconds.indirect,
+        s.cut_size_mean,
+        threshold,
+    );
+    tell!("  video     {rate:.0} kbit/s, luma PSNR {psnr}");
+    if let Some(bytes) = s.peak_memory_bytes {
+        tell!("  memory    {:.0} MB at most", bytes as f64 / 1e6);
+    }
+    let broken: usize = report.frames.iter().map(|frame| frame.non_finite_pixels).sum();
+    if broken > 0 {
+        tell!("  warning   {broken} pixels were not finite and are shown black");
+    }
+    tell!("video:  {}", settings.output.display());
+    let others = [("y4m:   ", &settings.y4m), ("frames:", &settings.exr), ("frames:", &settings.png)];
+    for (name, path) in others {
+        path.iter().for_each(|path| tell!("{name} {}", path.display()));
+    }
+    report_path.into_iter().for_each(|path| tell!("report: {}", path.display()));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_frame_is_no_measure_of_the_others() {
+        let begin = Instant::now();
+        let mut pace = Pace::default();
+        let ends = [30.0, 32.0, 33.0, 36.0];
+        let expected = [None, Some(2.0), Some(1.5), Some(2.0)];
+        for (end, expected) in ends.into_iter().zip(expected) {
+            pace.frame(begin + Duration::from_secs_f64(end));
+            assert_eq!(pace.seconds(), expected, "after {end} s");
+        }
+    }
+}

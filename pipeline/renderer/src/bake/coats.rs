@@ -1,0 +1,157 @@
+//! Light of coats at rest: for each texel of a coated surface, a map of directions.
+
+use super::inside::Places;
+use super::light::TexelLight;
+use crate::coat_fields::{CoatField, CoatFields};
+use crate::{BAKED_ROUGHNESS, TexelCoat};
+use glam::Vec3;
+use lightfield::{Field, LogScale, NearLossless, OctahedralMap, Samples, TILE_SIDE, TexelTiles, map_side};
+use lighttree::Scratch;
+use rayon::prelude::*;
+use render_core::{Atlas, AtlasPoint, Hit, ShadingPoint, Surface};
+use std::collections::BTreeMap;
+use std::f32::consts::PI;
+
+/// Largest error of a code: 0.5 % of the light, where steps are 1/256 of a factor of two.
+const DELTA: u16 = 2;
+/// The unit L₀ of the scale by the mean radiance of white texels: light that is as much darker has even steps.
+const UNIT: f32 = 1.0 / 64.0;
+
+/// Times 1/n, the largest way between directions of cells that touch, in radians: √6 · 2/n along each axis of the octahedral map.
+const LARGEST_STEP: f32 = 9.8;
+
+/// A texel whose coat is baked.
+struct CoatTexel {
+    texel: usize,
+    surface: Surface,
+    point: ShadingPoint,
+}
+
+/// The texels whose coats are rough enough to be baked, by the side of their maps.
+pub(super) struct CoatTexels(BTreeMap<usize, Vec<CoatTexel>>);
+
+impl CoatTexels {
+    /// Finds them among the texels of `places`, which are lit at `points`. Texels without a point have that of one beside them, or
+    /// are left out.
+    pub fn find(places: &Places, points: &[Option<ShadingPoint>]) -> Self {
+        let atlas = places.atlas;
+        let beside = |texel| {
+            let neighbors = atlas.neighbors(texel).into_iter().flatten();
+            neighbors.filter_map(|neighbor| points[neighbor as usize]).next()
+        };
+        let coated = (0..atlas.len()).into_par_iter().filter_map(|texel| {
+            let site = *atlas.sites(texel, places.surfaces).first()?;
+            let surface = atlas.surface(&site, places.surfaces);
+            let is_baked = surface.specular != Vec3::ZERO && surface.roughness >= BAKED_ROUGHNESS;
+            let point = points[texel].or_else(|| beside(texel)).filter(|_| is_baked)?;
+            Some(CoatTexel { texel, surface, point })
+        });
+        let mut by_side: BTreeMap<usize, Vec<CoatTexel>> = BTreeMap::new();
+        for texel in coated.collect::<Vec<CoatTexel>>() {
+            by_side.entry(map_side(texel.surface.roughness)).or_default().push(texel);
+        }
+        Self(by_side)
+    }
+
+    /// Their number.
+    pub fn len(&self) -> usize {
+        self.0.values().map(Vec::len).sum()
+    }
+}
+
+/// The scene that coats reflect, and the irradiance of its texels.
+pub(super) struct CoatBake<'a> {
+    pub places: &'a Places<'a>,
+    pub light: &'a TexelLight,
+    /// For each instance of the scene that light goes through its index in the scene of the atlas.
+    pub instances: &'a [u32],
+}
+
+impl CoatBake<'_> {
+    /// Bakes the light of coats; `done` is called with numbers of texels as they are.
+    pub fn fields(&self, coats: &CoatTexels, done: &(dyn Fn(usize) + Sync)) -> CoatFields {
+        let unit = (UNIT * self.light.mean() / PI).max(f32::MIN_POSITIVE);
+        let unit = LogScale::new(unit).expect("a normal number");
+        let mut fields = Vec::new();
+        for (&side, group) in &coats.0 {
+            fields.push(self.field(side, group, unit, done));
+        }
+        CoatFields::new(self.places.atlas, fields).expect("tiles are made of texels of the atlas")
+    }
+
+    /// The field of texels whose maps have n × n directions, n = `side`.
+    fn field(&self, side: usize, group: &[CoatTexel], scale: LogScale, done: &(dyn Fn(usize) + Sync)) -> CoatField {
+        // Tiles of the atlas, each with a mask of its texels, and texels in their order.
+        let (numbers, tiles, order) = tiled(self.places.atlas, group);
+
+        // Codes of each texel's light, in all directions.
+        let map = OctahedralMap { side };
+        let codes: Vec<Vec<u16>> = order
+            .par_iter()
+            .map_init(Scratch::default, |scratch, &index| {
+                let codes = self.codes(&group[index], map, scale, scratch);
+                done(1);
+                codes
+            })
+            .collect();
+        let samples = Samples::Logarithmic { scale, codes: codes.concat() };
+        let field = Field::new(tiles, map.len(), samples).expect("a map for each texel");
+        let light = NearLossless::encode(&field, DELTA).expect("the limit is small");
+        CoatField::new(side, numbers, light).expect("the field is of this map and these tiles")
+    }
+
+    /// Irradiance of a surface that a ray has met, by its texels.
+    fn irradiance(&self, hit: &Hit, surface: &Surface) -> Option<Vec3> {
+        let &Surface { position, geometric_normal, .. } = surface;
+        let instance = *self.instances.get(hit.instance as usize)?;
+        let at = AtlasPoint { instance, triangle: hit.triangle, position, geometric_normal };
+        let blend = self.places.atlas.bilinear(self.places.surfaces, &at)?;
+        let mut irradiance = Vec3::ZERO;
+        for (texel, weight) in blend.texels.into_iter().zip(blend.weights) {
+            irradiance += weight * self.light.irradiance(texel as usize);
+        }
+        Some(irradiance)
+    }
+
+    /// Codes of a texel's light: three for each direction.
+    fn codes(&self, texel: &CoatTexel, map: OctahedralMap, scale: LogScale, scratch: &mut Scratch) -> Vec<u16> {
+        let CoatTexel { surface, point, .. } = texel;
+        let known = |hit: &Hit, surface: &Surface| self.irradiance(hit, surface);
+        let coat = TexelCoat::trace((self.places.frame, &known), (*point, surface), map.len(), scratch);
+        let below = coat.as_ref().map_or(Vec3::ZERO, TexelCoat::mean_of_all);
+        let mut codes = Vec::with_capacity(3 * map.len());
+        for direction in 0..map.len() {
+            let mirrored = map.direction(direction % map.side, direction / map.side);
+            // Cells that no look-up above the horizon reads are alike, and take no room.
+            let is_read = point.normal.dot(mirrored.into()) >= -LARGEST_STEP / map.side as f32;
+            let light = match &coat {
+                Some(coat) if is_read => coat.mean_radiance(mirrored),
+                _ => below,
+            };
+            codes.extend(light.to_array().map(|light| scale.code(light).unwrap_or_default()));
+        }
+        codes
+    }
+}
+
+/// The tiles of the atlas that have a texel of a group: their numbers, by rows, and masks; and the group in the order of ranks.
+fn tiled(atlas: &Atlas, group: &[CoatTexel]) -> (Vec<u32>, TexelTiles, Vec<usize>) {
+    let (side, columns) = (TILE_SIDE as u32, atlas.size().0 / TILE_SIDE as u32);
+    let mut by_tile: BTreeMap<u32, BTreeMap<u32, usize>> = BTreeMap::new();
+    for (index, coated) in group.iter().enumerate() {
+        let (x, y) = atlas.place(coated.texel);
+        let tile = by_tile.entry(y / side * columns + x / side).or_default();
+        tile.insert(y % side * side + x % side, index);
+    }
+    let (mut numbers, mut masks, mut order) = (Vec::new(), Vec::new(), Vec::new());
+    for (number, texels) in by_tile {
+        let mut mask = [0u64; 4];
+        for (bit, index) in texels {
+            mask[bit as usize / 64] |= 1 << (bit % 64);
+            order.push(index);
+        }
+        numbers.push(number);
+        masks.push(mask);
+    }
+    (numbers, TexelTiles::new(masks), order)
+}

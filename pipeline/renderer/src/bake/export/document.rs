@@ -1,0 +1,111 @@
+//! A glTF document as JSON with its bytes, open to changes.
+
+use pipeline::error::{Error, Result};
+use render_core::scene::{GltfSource, Reach};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Target of a buffer view with attributes of vertices (glTF 2.0, 5.11.5).
+pub(super) const ARRAY_BUFFER: u32 = 34962;
+/// Target of one with indices.
+pub(super) const ELEMENT_ARRAY_BUFFER: u32 = 34963;
+
+/// A document and its buffers. Bytes that are added become a buffer of their own, until all are packed into one file.
+pub(super) struct Document {
+    path: PathBuf,
+    source: GltfSource,
+    pub json: Value,
+    buffers: Vec<Vec<u8>>,
+}
+
+impl Document {
+    /// Reads a scene file that was loaded before, with all of its buffers. Packed meshes and views are plain in it.
+    pub fn read(path: &Path, reach: Reach) -> Result<Self> {
+        let mut source = GltfSource::read(path, reach).map_err(Error::other)?;
+        let unpacked = source.unpack().map_err(Error::other)?;
+        let json: Value = serde_json::from_slice(&source.json)
+            .map_err(|error| Error::content(path, format!(": no JSON ({error}); export or copy it again")))?;
+        let mut binary = source.binary.take();
+        let mut document = Self { path: path.into(), json, buffers: Vec::new(), source };
+        if !document.json.is_object() {
+            return Err(document.damaged("the document"));
+        }
+        let buffers = document.list("buffers").to_vec();
+        for (index, buffer) in buffers.iter().take(buffers.len() - unpacked.len()).enumerate() {
+            let bytes = match buffer["uri"].as_str() {
+                Some(uri) => document.resource(&format!("buffer {index}"), uri)?,
+                // The place of a plain copy that the file lacks.
+                None if index > 0 => Vec::new(),
+                None => binary.take().ok_or_else(|| document.damaged(&format!("buffer {index}")))?,
+            };
+            document.buffers.push(bytes);
+        }
+        document.buffers.extend(unpacked);
+        Ok(document)
+    }
+
+    /// A list of the document; empty where it has none of that name.
+    pub fn list(&self, name: &str) -> &[Value] {
+        self.json[name].as_array().map_or(&[], Vec::as_slice)
+    }
+
+    /// Adds an object to a list, and returns its index there.
+    pub fn push(&mut self, name: &str, value: Value) -> usize {
+        match self.json[name].as_array_mut() {
+            Some(list) => {
+                list.push(value);
+                list.len() - 1
+            }
+            None => {
+                self.json[name] = json!([value]);
+                0
+            }
+        }
+    }
+
+    /// Adds bytes, and returns the index of their buffer view.
+    pub fn add_view(&mut self, bytes: Vec<u8>) -> usize {
+        let view = json!({ "buffer": self.buffers.len(), "byteLength": bytes.len() });
+        self.buffers.push(bytes);
+        self.push("bufferViews", view)
+    }
+
+    /// Adds numbers of vertices or indices, and returns the index of their accessor. `accessor` describes them, but for
+    /// their view.
+    pub fn add_accessor(&mut self, bytes: Vec<u8>, target: u32, mut accessor: Value) -> usize {
+        let view = self.add_view(bytes);
+        self.json["bufferViews"][view]["target"] = json!(target);
+        accessor["bufferView"] = json!(view);
+        self.push("accessors", accessor)
+    }
+
+    /// The bytes of a buffer view; `None` if it does not exist or lies outside of its buffer.
+    pub fn view(&self, index: usize) -> Option<&[u8]> {
+        let view = self.list("bufferViews").get(index)?;
+        let (first, length) = (offset(view)?, number(&view["byteLength"])?);
+        self.buffers.get(number(&view["buffer"])?)?.get(first..first.checked_add(length)?)
+    }
+
+    /// The bytes of a file that the document names.
+    pub fn resource(&self, name: &str, uri: &str) -> Result<Vec<u8>> {
+        self.source.resource(name, uri).map_err(Error::other)
+    }
+
+    /// The error that part of the document makes no sense.
+    pub fn damaged(&self, place: &str) -> Error {
+        Error::content(&self.path, format!(": {place} makes no sense; export the scene again"))
+    }
+}
+
+/// A whole number that is not negative.
+pub(super) fn number(value: &Value) -> Option<usize> {
+    value.as_u64().and_then(|number| usize::try_from(number).ok())
+}
+
+/// `byteOffset` of an object, 0 where it is not stated; `None` if it is no number.
+pub(super) fn offset(value: &Value) -> Option<usize> {
+    match &value["byteOffset"] {
+        Value::Null => Some(0),
+        stated => number(stated),
+    }
+}

@@ -1,0 +1,78 @@
+//! One file out of a document: all of its bytes in one buffer, images among them.
+
+use super::document::Document;
+use pipeline::error::{Error, Result};
+use serde_json::json;
+use std::path::Path;
+
+/// Chunks of a .glb file (glTF 2.0, 4.4.3).
+const JSON: [u8; 4] = *b"JSON";
+const BINARY: [u8; 4] = *b"BIN\0";
+/// Bytes before the first chunk, and before the bytes of each.
+const HEADER: usize = 12;
+const CHUNK_HEADER: usize = 8;
+
+/// Takes images that lie in other files, or in the text, into the buffers.
+pub(super) fn take_images_in(document: &mut Document) -> Result<()> {
+    for index in 0..document.list("images").len() {
+        let Some(uri) = document.list("images")[index]["uri"].as_str().map(str::to_owned) else { continue };
+        let bytes = document.resource(&format!("image {index}"), &uri)?;
+        let kind =
+            kind(&bytes).ok_or_else(|| document.damaged(&format!("image {index}, no PNG, JPEG, WebP or KTX2,")))?;
+        let view = document.add_view(bytes);
+        let mut image = document.list("images")[index].clone();
+        if let Some(fields) = image.as_object_mut() {
+            fields.remove("uri");
+            fields.insert("bufferView".into(), json!(view));
+            fields.insert("mimeType".into(), json!(kind));
+        }
+        document.json["images"][index] = image;
+    }
+    Ok(())
+}
+
+/// The media type of an image, by its first bytes.
+fn kind(bytes: &[u8]) -> Option<&'static str> {
+    match bytes {
+        [0x89, b'P', b'N', b'G', ..] => Some("image/png"),
+        [0xff, 0xd8, 0xff, ..] => Some("image/jpeg"),
+        [b'R', b'I', b'F', b'F', ..] => Some("image/webp"),
+        [0xab, b'K', b'T', b'X', ..] => Some("image/ktx2"),
+        _ => None,
+    }
+}
+
+/// The bytes of the file; `path` is for the message.
+pub(super) fn packed(mut document: Document, path: &Path) -> Result<Vec<u8>> {
+    // Views one after the other, each at a multiple of four bytes.
+    let mut binary = Vec::new();
+    for index in 0..document.list("bufferViews").len() {
+        let Some(bytes) = document.view(index) else { return Err(document.damaged(&format!("buffer view {index}"))) };
+        let first = binary.len();
+        binary.extend(bytes);
+        binary.resize(binary.len().next_multiple_of(4), 0);
+        let view = &mut document.json["bufferViews"][index];
+        (view["buffer"], view["byteOffset"]) = (json!(0), json!(first));
+    }
+    document.json["buffers"] = json!([{ "byteLength": binary.len() }]);
+    document.json["asset"]["generator"] = json!(concat!("render2mpeg ", env!("CARGO_PKG_VERSION")));
+    let mut text = document.json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+
+    let length = HEADER + 2 * CHUNK_HEADER + text.len() + binary.len();
+    let Ok(length) = u32::try_from(length) else {
+        let problem =
+            format!(" would have {length} bytes, and a .glb file has fewer than 2³²: choose a smaller --texture");
+        return Err(Error::content(path, problem));
+    };
+    let mut file = Vec::with_capacity(length as usize);
+    file.extend(*b"glTF");
+    file.extend(2u32.to_le_bytes());
+    file.extend(length.to_le_bytes());
+    for (kind, chunk) in [(JSON, &text), (BINARY, &binary)] {
+        file.extend((chunk.len() as u32).to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+    }
+    Ok(file)
+}

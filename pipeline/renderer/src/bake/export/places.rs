@@ -1,0 +1,65 @@
+//! Where the instances of a scene stand in its document.
+
+use super::document::{Document, number};
+use pipeline::error::Result;
+use render_core::scene::Scene;
+use serde_json::Value;
+use std::collections::BTreeSet;
+
+/// Modes of primitives that are triangles: a list, a strip, a fan.
+const TRIANGLES: std::ops::RangeInclusive<u64> = 4..=6;
+
+/// A primitive of the mesh of a node: all are indices into the document's lists.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Place {
+    pub node: usize,
+    pub mesh: usize,
+    pub primitive: usize,
+}
+
+/// The places of a scene's instances, in their order: that of nodes in the file, and of primitives in a mesh.
+pub(super) fn places(document: &Document, scene: &Scene) -> Result<Vec<Place>> {
+    let mut places = Vec::new();
+    for node in shown_nodes(document) {
+        let Some(mesh) = document.list("nodes").get(node).and_then(|node| number(&node["mesh"])) else { continue };
+        for (primitive, found) in primitives(document, mesh).iter().enumerate() {
+            if TRIANGLES.contains(&found["mode"].as_u64().unwrap_or(4)) {
+                places.push(Place { node, mesh, primitive });
+            }
+        }
+    }
+
+    // The scene was read by other code: both have found the same.
+    let vertices = |place: &Place| {
+        let position = number(&primitives(document, place.mesh)[place.primitive]["attributes"]["POSITION"])?;
+        number(&document.list("accessors").get(position)?["count"])
+    };
+    let is_same = |(place, mesh): (&Place, usize)| vertices(place) == Some(scene.meshes[mesh].positions.len());
+    let meshes = scene.instances.iter().map(|instance| instance.mesh);
+    if places.len() != scene.instances.len() || !places.iter().zip(meshes).all(is_same) {
+        return Err(document.damaged("its list of meshes"));
+    }
+    Ok(places)
+}
+
+/// The primitives of a mesh.
+pub(super) fn primitives(document: &Document, mesh: usize) -> &[Value] {
+    let list = document.list("meshes").get(mesh).and_then(|mesh| mesh["primitives"].as_array());
+    list.map_or(&[], Vec::as_slice)
+}
+
+/// The nodes of the scene that is shown, in the order of the file.
+fn shown_nodes(document: &Document) -> BTreeSet<usize> {
+    let children = |parent: &Value, name: &str| -> Vec<usize> {
+        parent[name].as_array().into_iter().flatten().filter_map(number).collect()
+    };
+    let shown = number(&document.json["scene"]).unwrap_or(0);
+    let mut open = document.list("scenes").get(shown).map_or_else(Vec::new, |scene| children(scene, "nodes"));
+    let mut found = BTreeSet::new();
+    while let Some(node) = open.pop() {
+        if let Some(value) = document.list("nodes").get(node).filter(|_| found.insert(node)) {
+            open.extend(children(value, "children"));
+        }
+    }
+    found
+}

@@ -1,0 +1,34 @@
+//! The tone curve that the picture of baked light is shown by: the film's.
+
+use crate::settings::{Lighting, RenderSettings, Size};
+use crate::texels::BakedTexels;
+use crate::{Shading, exposure_of_first_frame};
+use glam::Vec3;
+use perceptual::ToneMap;
+use pipeline::error::Result;
+use render_core::scene::Scene;
+use std::sync::Arc;
+
+/// Side of the frame that an exposure is found from \[pixels\].
+const SIDE: usize = 128;
+
+/// The tone curve of a film by `settings`. Where the scene states no exposure, it is that of the film's first frame: by the
+/// same rule, from a frame of 128×128 pixels in baked light.
+pub(super) fn tone_map(scene: &Scene, settings: &RenderSettings, baked: &Arc<BakedTexels>) -> Result<ToneMap> {
+    if !settings.auto_exposure {
+        return Ok(settings.tone_map);
+    }
+    let tone_map = settings.tone_map;
+    let size = Size { width: SIDE, height: SIDE };
+    let renderer = RenderSettings { lighting: Lighting::Baked, size, ..settings.clone() };
+    let exposure = exposure_of_first_frame(scene, &renderer, |settings, plan| {
+        Shading::new(settings, plan).with_baked(baked.clone())
+    });
+    Ok(tone_map.with_exposure(exposure))
+}
+
+/// The radiance that looks as `radiance` does by `tone_map`, where the display's own curve is the only one.
+pub(super) fn shown(tone_map: &ToneMap, radiance: Vec3) -> Vec3 {
+    let display = ToneMap::srgb();
+    Vec3::from(radiance.to_array().map(|light| display.decode(tone_map.encode(light))))
+}

@@ -1,0 +1,345 @@
+//! Light of texels: irradiance straight from its sources, and all other by cuts and final gather.
+//!
+//! ```text
+//! 1  of each texel, a point that is not within something
+//! 2  direct light, for blocks of texels together
+//! 3  one texel of four alone: its cut ends at 1 % of its own light
+//! 4  the others, for blocks together: their cuts end at 1 % of the light between those of step 3
+//! 5  texels unlike those around them: the mean over further points, as in step 4
+//! 6  texels without a point, from those around them
+//! ```
+//!
+//! Step 5 is antialiasing. On `nave` the middle of a row of texels falls into the gap behind a book rest, and the whole back of the
+//! pew would be as dark.
+//!
+//! Blocks are squares of 8×8 texels of one chart: they lie close together, and share the walk through the light tree and packets
+//! of shadow rays.
+
+use super::blocks::{Block, blocks};
+use super::inside::Places;
+use crate::Visibility;
+use crate::frame::Frame;
+use glam::{Vec3, Vec3A};
+use lighttree::{Cut, Lambert, Light, Receivers, Scratch, Stop};
+use rayon::prelude::*;
+use render_core::{Atlas, ShadingPoint, luminance};
+use std::f32::consts::PI;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Passes over all texels; progress counts each.
+pub(super) const PASSES: usize = 3;
+
+/// Share of its light that a cluster of a texel's cut may be wrong by, alone and where it is known beforehand. With 2 % alone, a box
+/// under an even sky is off by up to 1.2 %.
+const ALONE: f32 = 0.01;
+const TOGETHER: f32 = 0.01;
+
+/// Receivers that share a walk through the tree, at most.
+const TOGETHER_AT_MOST: usize = 64;
+
+/// A texel is unlike those around it if its luminance differs from their mean by this share of the larger of both. Tried on `nave`.
+const UNLIKE: f32 = 0.3;
+/// Points that a texel unlike those around it is lit at beside its own, at most.
+const FURTHER: usize = 4;
+
+/// Irradiance of the texels of an atlas \[W·m⁻²\], linear RGB.
+pub(super) struct TexelLight {
+    pub direct: Vec<[f32; 3]>,
+    pub indirect: Vec<[f32; 3]>,
+    /// Texels that no point was found for.
+    pub filled: usize,
+}
+
+impl TexelLight {
+    /// All irradiance of a texel \[W·m⁻²\].
+    pub fn irradiance(&self, texel: usize) -> Vec3 {
+        Vec3::from(self.direct[texel]) + Vec3::from(self.indirect[texel])
+    }
+
+    /// Mean luminance of the irradiance of all texels \[W·m⁻²\].
+    pub fn mean(&self) -> f32 {
+        let mut sum = 0.0;
+        for texel in 0..self.direct.len() {
+            sum += f64::from(luminance(self.irradiance(texel)));
+        }
+        (sum / self.direct.len().max(1) as f64) as f32
+    }
+}
+
+/// Light of a texel after the first pass.
+struct FirstLight {
+    texel: usize,
+    direct: [f32; 3],
+    indirect: Option<[f32; 3]>,
+}
+
+/// Light of a texel.
+#[derive(Clone, Copy)]
+struct TwoLights {
+    texel: usize,
+    direct: Vec3,
+    indirect: Vec3,
+}
+
+/// A texel, where it is lit.
+#[derive(Clone, Copy)]
+struct Receiver {
+    texel: usize,
+    point: ShadingPoint,
+}
+
+/// The scene that bakes, and what is known of its texels.
+struct Bake<'a> {
+    atlas: &'a Atlas,
+    frame: &'a Frame<'a>,
+    visibility: &'a Visibility<'a>,
+    points: &'a [Option<ShadingPoint>],
+    /// Whether final gather finds the light that softening takes.
+    compensates: bool,
+}
+
+/// Lights the texels of an atlas at `points`: for each texel one of `places`, if there is any. `progress` is called from any thread with the texels that are done, of [`PASSES`] times their number.
+pub(super) fn light(
+    places: &Places,
+    points: &[Option<ShadingPoint>],
+    compensates: bool,
+    progress: &(dyn Fn(usize) + Sync),
+) -> TexelLight {
+    let &Places { atlas, frame, visibility, .. } = places;
+    let bake = Bake { atlas, frame, visibility, points, compensates };
+    let blocks = blocks(atlas);
+    let done = AtomicUsize::new(0);
+    let tell = |texels: usize| progress(done.fetch_add(texels, Ordering::Relaxed) + texels);
+
+    // Direct light, and the indirect light of one texel of four.
+    let first: Vec<Vec<FirstLight>> = blocks
+        .par_iter()
+        .map_init(Scratch::default, |scratch, block| {
+            let lit = bake.first(block, scratch);
+            tell(block.texels.len());
+            lit
+        })
+        .collect();
+    let mut direct = vec![[0.0; 3]; atlas.len()];
+    let mut indirect: Vec<Option<[f32; 3]>> = vec![None; atlas.len()];
+    for lit in first.into_iter().flatten() {
+        (direct[lit.texel], indirect[lit.texel]) = (lit.direct, lit.indirect);
+    }
+
+    // The rest, as exact as the light around it requires.
+    let rest: Vec<Vec<(usize, [f32; 3])>> = blocks
+        .par_iter()
+        .map_init(<(Scratch, Vec<Cut>)>::default, |scratch, block| {
+            let lit = bake.rest(block, (&direct, &indirect), scratch);
+            tell(block.texels.len());
+            lit
+        })
+        .collect();
+    for (texel, light) in rest.into_iter().flatten() {
+        indirect[texel] = Some(light);
+    }
+
+    // Texels unlike their surroundings, over more of their area.
+    let finer: Vec<Vec<TwoLights>> = blocks
+        .par_iter()
+        .map_init(<(Scratch, Vec<Cut>)>::default, |scratch, block| {
+            let lit = bake.finer(block, places, (&direct, &indirect), scratch);
+            tell(block.texels.len());
+            lit
+        })
+        .collect();
+    for lit in finer.into_iter().flatten() {
+        (direct[lit.texel], indirect[lit.texel]) = (lit.direct.to_array(), Some(lit.indirect.to_array()));
+    }
+    let filled = points.iter().filter(|point| point.is_none()).count();
+    fill(atlas, points, &mut direct, &mut indirect);
+    TexelLight { direct, indirect: indirect.into_iter().map(Option::unwrap_or_default).collect(), filled }
+}
+
+impl Bake<'_> {
+    /// The texels of a block that have a point.
+    fn receivers(&self, block: &Block) -> Vec<Receiver> {
+        let mut receivers = Vec::new();
+        for &texel in &block.texels {
+            if let Some(point) = self.points[texel] {
+                receivers.push(Receiver { texel, point });
+            }
+        }
+        receivers
+    }
+
+    /// Direct light of a block, and the indirect light of one texel of four.
+    fn first(&self, block: &Block, scratch: &mut Scratch) -> Vec<FirstLight> {
+        let receivers = self.receivers(block);
+        let points: Vec<ShadingPoint> = receivers.iter().map(|receiver| receiver.point).collect();
+        let direct = self.frame.direct.irradiance_tile(&self.frame.accelerator, &points).value;
+        let mut lit = Vec::new();
+        for (receiver, direct) in receivers.iter().zip(direct) {
+            let (x, y) = self.atlas.place(receiver.texel);
+            let is_first = x % 2 == 0 && y % 2 == 0;
+            let indirect = is_first.then(|| self.alone(receiver, direct, scratch).to_array());
+            lit.push(FirstLight { texel: receiver.texel, direct: direct.to_array(), indirect });
+        }
+        lit
+    }
+
+    /// Indirect light of a block's texels that have none yet.
+    fn rest(
+        &self,
+        block: &Block,
+        (direct, indirect): (&[[f32; 3]], &[Option<[f32; 3]>]),
+        scratch: &mut (Scratch, Vec<Cut>),
+    ) -> Vec<(usize, [f32; 3])> {
+        let mut lit = Vec::new();
+
+        // Between texels that are known a threshold is; elsewhere texels are lit alone.
+        let (mut waiting, mut thresholds) = (Vec::new(), Vec::new());
+        for receiver in self.receivers(block) {
+            let texel = receiver.texel;
+            if indirect[texel].is_some() {
+                continue;
+            }
+            let of_direct = Vec3::from(direct[texel]);
+            match self.around(texel, indirect) {
+                Some(expected) => {
+                    thresholds.push(TOGETHER * luminance(expected + of_direct));
+                    waiting.push(receiver);
+                }
+                None => lit.push((texel, self.alone(&receiver, of_direct, &mut scratch.0).to_array())),
+            }
+        }
+
+        // Texels whose thresholds are known share the walk through the tree.
+        let lights = self.together(&waiting, &thresholds, scratch);
+        lit.extend(waiting.iter().zip(lights).map(|(receiver, light)| (receiver.texel, light.to_array())));
+        lit
+    }
+
+    /// Light of a block's texels that are unlike those around them: the mean over further points.
+    fn finer(
+        &self,
+        block: &Block,
+        places: &Places,
+        (direct, indirect): (&[[f32; 3]], &[Option<[f32; 3]>]),
+        scratch: &mut (Scratch, Vec<Cut>),
+    ) -> Vec<TwoLights> {
+        // Further points of texels unlike those around them, and the light at the point that each was lit at.
+        let (mut receivers, mut owners, mut sums) = (Vec::new(), Vec::new(), Vec::new());
+        for &texel in &block.texels {
+            let Some(own) = self.unlike(texel, indirect) else { continue };
+            for point in places.others(texel, FURTHER) {
+                receivers.push(Receiver { texel, point });
+                owners.push(sums.len());
+            }
+            sums.push((TwoLights { texel, direct: Vec3::from(direct[texel]), indirect: own }, 1.0));
+        }
+
+        // The light at these points is about as bright as at the own one.
+        for (receivers, owners) in receivers.chunks(TOGETHER_AT_MOST).zip(owners.chunks(TOGETHER_AT_MOST)) {
+            let points: Vec<ShadingPoint> = receivers.iter().map(|receiver| receiver.point).collect();
+            let of_direct = self.frame.direct.irradiance_tile(&self.frame.accelerator, &points).value;
+            let mut thresholds = Vec::new();
+            for (receiver, &of_direct) in receivers.iter().zip(&of_direct) {
+                let expected = indirect[receiver.texel].map_or(Vec3::ZERO, Vec3::from);
+                thresholds.push(TOGETHER * luminance(expected + of_direct));
+            }
+            let of_indirect = self.together(receivers, &thresholds, scratch);
+            for ((&owner, direct), indirect) in owners.iter().zip(of_direct).zip(of_indirect) {
+                let (sum, count) = &mut sums[owner];
+                (sum.direct, sum.indirect, *count) = (sum.direct + direct, sum.indirect + indirect, *count + 1.0);
+            }
+        }
+        for (sum, count) in &mut sums {
+            (sum.direct, sum.indirect) = (sum.direct / *count, sum.indirect / *count);
+        }
+        sums.into_iter().map(|(mean, _)| mean).collect()
+    }
+
+    /// The indirect light at the point of a texel, if it is unlike that around it.
+    fn unlike(&self, texel: usize, indirect: &[Option<[f32; 3]>]) -> Option<Vec3> {
+        self.points[texel]?;
+        let (own, around) = (Vec3::from(indirect[texel]?), self.around(texel, indirect)?);
+        let (of_own, of_around) = (luminance(own), luminance(around));
+        ((of_own - of_around).abs() > UNLIKE * of_own.max(of_around)).then_some(own)
+    }
+
+    /// Indirect irradiance of at most 64 receivers that are close together, with thresholds known beforehand.
+    fn together(
+        &self,
+        waiting: &[Receiver],
+        thresholds: &[f32],
+        (scratch, cuts): &mut (Scratch, Vec<Cut>),
+    ) -> Vec<Vec3> {
+        let whites: Vec<Lambert> = waiting.iter().map(|receiver| white(&receiver.point)).collect();
+        let positions: Vec<Vec3A> = waiting.iter().map(|receiver| receiver.point.position).collect();
+        let sees = |lamp: &Light, _: usize, rays: u64| {
+            let points = waiting.iter().map(|receiver| &receiver.point);
+            self.visibility.lit_among(lamp, points, &positions, rays)
+        };
+        self.frame.tree.lightcuts(Receivers { receivers: &whites, thresholds }, sees, scratch, cuts);
+        let light = |(receiver, cut): (&Receiver, &Cut)| cut.radiance + self.compensation(receiver);
+        waiting.iter().zip(&*cuts).map(light).collect()
+    }
+
+    /// Indirect irradiance of a texel alone, beside `direct` irradiance.
+    fn alone(&self, receiver: &Receiver, direct: Vec3, scratch: &mut Scratch) -> Vec3 {
+        let stop = Stop::Relative { fraction: ALONE, known_luminance: luminance(direct) };
+        let sees = |lamp: &Light, _: usize| self.visibility.sees(&receiver.point, lamp);
+        let cut = self.frame.tree.lightcut(&white(&receiver.point), stop, sees, scratch);
+        cut.radiance + self.compensation(receiver)
+    }
+
+    /// Irradiance from close by that softening of virtual lights takes.
+    fn compensation(&self, receiver: &Receiver) -> Vec3 {
+        if !self.compensates {
+            return Vec3::ZERO;
+        }
+        let found = self.visibility.final_gather(&receiver.point, receiver.texel as u64);
+        self.frame.gather.compensation(&found).irradiance
+    }
+
+    /// Mean of what is known around a texel.
+    fn around(&self, texel: usize, indirect: &[Option<[f32; 3]>]) -> Option<Vec3> {
+        let (mut sum, mut count) = (Vec3::ZERO, 0);
+        for neighbor in self.atlas.neighbors(texel).into_iter().flatten() {
+            if let Some(light) = indirect[neighbor as usize] {
+                (sum, count) = (sum + Vec3::from(light), count + 1);
+            }
+        }
+        (count > 0).then(|| sum / count as f32)
+    }
+}
+
+/// A surface whose radiance is its irradiance: it reflects by π.
+fn white(point: &ShadingPoint) -> Lambert {
+    Lambert { position: point.position.into(), normal: point.normal.into(), reflectance: Vec3::splat(PI) }
+}
+
+/// Gives texels without a point the mean of those around them in their chart, from the rims inwards.
+fn fill(atlas: &Atlas, points: &[Option<ShadingPoint>], direct: &mut [[f32; 3]], indirect: &mut [Option<[f32; 3]>]) {
+    let mut missing: Vec<usize> = (0..atlas.len()).filter(|&texel| points[texel].is_none()).collect();
+    while !missing.is_empty() {
+        let mut found = Vec::new();
+        for &texel in &missing {
+            let (mut sum, mut of_direct, mut count) = (Vec3::ZERO, Vec3::ZERO, 0);
+            for neighbor in atlas.neighbors(texel).into_iter().flatten() {
+                if let Some(light) = indirect[neighbor as usize] {
+                    sum += Vec3::from(light);
+                    of_direct += Vec3::from(direct[neighbor as usize]);
+                    count += 1;
+                }
+            }
+            if count > 0 {
+                found.push((texel, sum / count as f32, of_direct / count as f32));
+            }
+        }
+        // No surface has a chart without any point, unless it has no site at all.
+        if found.is_empty() {
+            return;
+        }
+        for (texel, light, of_direct) in found {
+            (indirect[texel], direct[texel]) = (Some(light.to_array()), of_direct.to_array());
+        }
+        missing.retain(|&texel| indirect[texel].is_none());
+    }
+}

@@ -1,0 +1,33 @@
+//! Scenes into linear frames, as exact as per-pixel thresholds ask.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+#[cfg(feature = "bake")]
+pub mod bake;
+#[cfg(feature = "bake")]
+pub mod coat_fields;
+mod exposure;
+pub mod frame;
+pub mod plan;
+mod prepare;
+pub mod reference;
+mod renderer;
+pub mod settings;
+mod shade;
+#[cfg(feature = "bake")]
+pub mod texels;
+
+pub use exposure::{exposure_of_first_frame, exposure_of_lit_frames};
+pub use frame::{Frame, PreparedFrame};
+pub use plan::Plan;
+pub use prepare::Preparation;
+pub use renderer::Renderer;
+pub use shade::{
+    Audits, Crew, CutCounts, FootprintPixel, Layer, Lit, PartSample, RecordCounts, Shading, SimulatedFrame,
+    SimulatedRanks, Tolerance, Visible,
+};
+#[cfg(feature = "bake")]
+pub(crate) use shade::{GATHER_RAYS, TexelCoat, Visibility};
+
+/// Perceptual roughness from which on the light of coats is baked: smoother ones show shapes that no texel holds.
+pub(crate) const BAKED_ROUGHNESS: f32 = 0.35;

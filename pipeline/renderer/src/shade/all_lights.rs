@@ -1,0 +1,71 @@
+//! Every light at every pixel: what cuts are measured against.
+
+use super::counts::Counts;
+use super::layer::{Layer, Lit, Visible};
+use super::macroblock::{by_macroblock, places};
+use super::pixel::{MattePixel, PixelLight, is_dark};
+use super::tolerance::Tolerance;
+use super::visibility::Visibility;
+use crate::frame::Frame;
+use glam::Vec3;
+use plane::Plane;
+use render_core::Busy;
+use std::cell::Cell;
+
+/// Rays of a final gather. The noise of 64, as films take them, would be a tenth of a reference's error, and the cost of these is
+/// small beside that of the lights.
+const GATHER_RAYS: usize = 256;
+
+/// The exhaustive sum over all lights of the tree.
+pub(super) struct AllLights {
+    /// Whether the light that softening takes is found by final gather.
+    compensates: bool,
+}
+
+impl AllLights {
+    /// With compensation, or without.
+    pub fn new(compensates: bool) -> Self {
+        Self { compensates }
+    }
+}
+
+impl Layer for AllLights {
+    fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, _: &Tolerance<'_>) -> Lit {
+        let (busy, counts) = (Busy::default(), Counts::default());
+        let size = (visible.matte.pixels.width(), visible.matte.pixels.height());
+        let visibility = Visibility::new(visible.frame, GATHER_RAYS);
+        let light = PixelLight { visible, visibility, counts: &counts, compensates: self.compensates };
+        let radiance = |(x, y): (usize, usize)| {
+            let is_wanted = wanted.is_none_or(|wanted| wanted.get(x, y));
+            match is_wanted.then(|| light.pixel((x, y))).flatten() {
+                Some(pixel) => exhaustive(&light, &pixel) + light.compensation(&pixel),
+                None => Vec3::ZERO,
+            }
+        };
+        let block = |(): &mut (), columns, rows| places(columns, rows).map(radiance).collect();
+        let radiance = by_macroblock(visible.ranks, size, &busy, || (), block);
+        Lit {
+            radiance: Some(radiance),
+            rays: counts.rays(),
+            seconds: busy.seconds(),
+            cuts: counts.cuts(),
+            ..Lit::default()
+        }
+    }
+
+    fn is_dark(&self, frame: &Frame<'_>) -> bool {
+        is_dark(frame)
+    }
+}
+
+/// Radiance that a pixel reflects of all lights.
+fn exhaustive(light: &PixelLight, pixel: &MattePixel) -> Vec3 {
+    let tree = &light.visible.frame.tree;
+    let rays = Cell::new(0);
+    let radiance = tree.exhaustive(&pixel.lambert, |lamp, _| {
+        rays.set(rays.get() + 1);
+        light.visibility.sees(&pixel.receiver, lamp)
+    });
+    light.counts.count(tree.len() as u32, rays.get());
+    radiance
+}

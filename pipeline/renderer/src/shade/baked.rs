@@ -1,0 +1,85 @@
+//! Indirect light that was baked: what stands still looks it up, what moves is lit as usual.
+
+use super::layer::{Layer, Lit, Visible};
+use super::macroblock::{by_macroblock, places};
+use super::tolerance::Tolerance;
+use crate::frame::Frame;
+use crate::settings::Aov;
+use crate::texels::BakedTexels;
+use pipeline::error::Result;
+use plane::Plane;
+use render_core::Busy;
+use render_core::ranks::Alone;
+use std::sync::Arc;
+
+/// Light of the texels of an atlas.
+pub(super) struct Baked {
+    texels: Arc<BakedTexels>,
+    /// Light of the surfaces that are not in the atlas; none where there are none.
+    others: Option<Box<dyn Layer>>,
+}
+
+impl Baked {
+    /// Light of `texels`, and for all other surfaces that of the layer `others`.
+    pub fn new(texels: Arc<BakedTexels>, others: Option<Box<dyn Layer>>) -> Self {
+        Self { texels, others }
+    }
+}
+
+impl Layer for Baked {
+    fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
+        let pixels = &visible.matte.pixels;
+        let size = (pixels.width(), pixels.height());
+        let is_lit = |x, y| pixels.get(x, y).reflects() && wanted.is_none_or(|wanted| wanted.get(x, y));
+
+        // Surfaces of the atlas look their light up; for others there is none.
+        let (busy, surfaces) = (Busy::default(), &visible.frame.surfaces);
+        let of_pixel = |(x, y): (usize, usize)| match is_lit(x, y) {
+            true => self.texels.indirect_at(&pixels.get(x, y), surfaces).map(Into::into),
+            false => Some([0.0; 3]),
+        };
+        let block = |(): &mut (), columns, rows| places(columns, rows).map(of_pixel).collect();
+        let looked_up: Plane<Option<[f32; 3]>> = by_macroblock(&Alone, size, &busy, || (), block);
+        let missing = looked_up.map(|light| light.is_none());
+
+        // The others are lit as usual. Without a layer for them they stay dark.
+        let mut lit = match &mut self.others {
+            Some(others) if missing.samples().contains(&true) => others.light(visible, Some(&missing), tolerance),
+            _ => Lit::default(),
+        };
+        let found = lit.irradiance.take();
+        let irradiance = Plane::from_fn(size.0, size.1, |x, y| {
+            let otherwise = || found.as_ref().map_or([0.0; 3], |found| found.get(x, y));
+            looked_up.get(x, y).unwrap_or_else(otherwise)
+        });
+        lit += Lit { seconds: busy.seconds(), ..Lit::of_irradiance(irradiance) };
+        lit
+    }
+
+    fn keep(&mut self, aov: Aov) {
+        if let Some(others) = &mut self.others {
+            others.keep(aov);
+        }
+    }
+
+    fn channel(&self, aov: Aov, frame: &Frame<'_>) -> Option<Vec<f32>> {
+        self.others.as_ref()?.channel(aov, frame)
+    }
+
+    fn forget(&mut self) {
+        if let Some(others) = &mut self.others {
+            others.forget();
+        }
+    }
+
+    fn state(&self) -> Vec<u8> {
+        self.others.as_ref().map_or_else(Vec::new, |others| others.state())
+    }
+
+    fn restore(&mut self, state: &[u8], last: &Frame<'_>) -> Result<()> {
+        match &mut self.others {
+            Some(others) => others.restore(state, last),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! Indirect light by an irradiance cache: cuts are made for records, and pixels interpolate between them.
+
+mod estimate;
+mod recipe;
+mod tree_light;
+
+use super::audits::Audits;
+use super::carried::{Carriable, Holding};
+use super::counts::{Counts, RecordCounts};
+use super::layer::{Layer, Lit, PartSample, Visible};
+use super::pixel::is_dark;
+use super::tolerance::Tolerance;
+use super::visibility::{GATHER_RAYS, Visibility};
+use crate::frame::Frame;
+use crate::plan::{Plan, Stage};
+use crate::settings::Aov;
+use glam::Vec3;
+use pipeline::error::{Error, Result};
+use pipeline::state::{NONSENSE, decode, encode};
+use plane::Plane;
+use recipe::Recipe;
+use render_core::cache::{Changes, IrradianceCache, Request, SharedRecord, Site};
+use render_core::ranks::Ranks;
+use render_core::scene::Projected;
+use render_core::{Busy, NOTHING, PACKET, Unseen};
+use std::sync::Arc;
+use tree_light::TreeLight;
+
+/// Light of the tree, and of anchors on what moves, by records that stay from frame to frame.
+pub(super) struct Cached {
+    records: IrradianceCache<Recipe>,
+    /// Whether lights and things stay as they are for the whole film: no record is ever lit again.
+    at_rest: bool,
+    /// Whether the light that softening takes is found by final gather.
+    compensates: bool,
+    /// Whether pixels may have several samples.
+    has_more: bool,
+    /// Intensities of the lights in the frame before; none before the first.
+    intensities: Vec<Vec3>,
+    /// Who shares the records: the recipe of each is kept by one rank.
+    ranks: Arc<dyn Ranks>,
+}
+
+impl Cached {
+    /// A cache without records, for a film of this plan; `most_samples` is the largest number of samples to the pixel.
+    pub fn new(plan: &Plan, most_samples: u32, ranks: Arc<dyn Ranks>) -> Self {
+        let changing = [Stage::ObjectPlacing, Stage::Deformation, Stage::Photons, Stage::TreeUpdate];
+        let at_rest = !changing.into_iter().any(|stage| plan.is_on(stage));
+        let compensates = plan.is_on(Stage::Compensation);
+        let has_more = most_samples > 1;
+        Self { records: IrradianceCache::default(), at_rest, compensates, has_more, intensities: Vec::new(), ranks }
+    }
+
+    /// The light of a frame's tree, for records.
+    fn tree_light<'a>(
+        &self,
+        visible: &'a Visible<'a>,
+        tolerance: &'a Tolerance<'a>,
+        counts: &'a Counts,
+    ) -> TreeLight<'a> {
+        // Records are brought up to date with the first sample of the pixels.
+        let Visible { frame, movement, sample, part, .. } = *visible;
+        let is_first = part.map_or(sample == 0, |part| part == PartSample::First);
+        TreeLight {
+            visible,
+            tolerance,
+            visibility: Visibility::new(frame, GATHER_RAYS),
+            counts,
+            swept: if is_first { &movement.swept } else { &[] },
+            standing: movement.standing(),
+            moving: frame.surfaces.moving(),
+            compensates: self.compensates,
+            at_rest: self.at_rest,
+        }
+    }
+
+    /// A picture that `mark` changes at the pixel of each record in use, given the size of the record's cut.
+    fn at_records(&self, frame: &Frame, mark: impl Fn(&mut f32, u32)) -> Vec<f32> {
+        let (width, height) = (frame.seen.pixels.width(), frame.seen.pixels.height());
+        let mut picture = vec![0.0; width * height];
+        for (position, size) in self.records.records_in_use() {
+            let Some(Projected { pixel: place, .. }) = frame.seen.view.project(position) else { continue };
+            if place.min_element() >= 0.0 && place.x < width as f32 && place.y < height as f32 {
+                mark(&mut picture[place.y as usize * width + place.x as usize], size);
+            }
+        }
+        picture
+    }
+}
+
+/// Intensities of a frame's lights.
+fn intensities(frame: &Frame) -> Vec<Vec3> {
+    frame.tree.lights().iter().map(|light| light.intensity).collect()
+}
+
+/// Whether the lights of the tree shine with these intensities.
+fn are_lit_by(intensities: &[Vec3], frame: &Frame) -> bool {
+    frame.tree.lights().iter().map(|light| light.intensity).eq(intensities.iter().copied())
+}
+
+/// The changes since the frame before, whose lights had these intensities.
+fn changes(before: &[Vec3], visible: &Visible) -> Changes {
+    Changes { light: !are_lit_by(before, visible.frame), geometry: visible.movement.is_any }
+}
+
+impl Layer for Cached {
+    fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
+        let Visible { frame, matte, sample, part, ranks, .. } = *visible;
+        let (busy, counts) = (Busy::default(), Counts::default());
+        let is_first_of_many = sample == 0 && self.has_more;
+        let request = Request { seen: matte, moving: frame.surfaces.moving(), wanted, is_first_of_many, ranks };
+        let (light, records) = (self.tree_light(visible, tolerance, &counts), &mut self.records);
+        let lit = busy.take(match part {
+            Some(PartSample::First) => records.light_part(request, &light),
+            Some(PartSample::Further) => records.light_more_of_part(request, &light),
+            None if sample == 0 => {
+                let changes = changes(&self.intensities, visible);
+                self.intensities = intensities(frame);
+                records.light(request, changes, &light)
+            }
+            None => records.light_more(request, &light),
+        });
+        Lit {
+            rays: counts.rays(),
+            seconds: busy.seconds(),
+            cuts: counts.cuts(),
+            records: RecordCounts { in_use: lit.in_use as u64, computed: lit.computed as u64 },
+            audits: Audits { cuts: counts.audits, ..Audits::default() },
+            ..Lit::of_irradiance(lit.irradiance)
+        }
+    }
+
+    fn begin_parts(&mut self, visible: &Visible<'_>, tolerance: &Tolerance<'_>) {
+        let counts = Counts::default();
+        let (light, changes) = (self.tree_light(visible, tolerance, &counts), changes(&self.intensities, visible));
+        let _ = self.records.begin_parts(visible.matte, changes, &light);
+        self.intensities = intensities(visible.frame);
+    }
+
+    fn end_parts(&mut self, visible: &Visible<'_>) {
+        self.records.end_parts(visible.matte, visible.frame.surfaces.moving());
+    }
+
+    fn take_records(&mut self) -> Vec<SharedRecord> {
+        self.records.take_new()
+    }
+
+    fn adopt(&mut self, records: Vec<SharedRecord>) {
+        self.records.adopt(records);
+    }
+
+    fn is_dark(&self, frame: &Frame<'_>) -> bool {
+        is_dark(frame)
+    }
+
+    fn channel(&self, aov: Aov, frame: &Frame<'_>) -> Option<Vec<f32>> {
+        match aov {
+            Aov::CutSize => Some(self.at_records(frame, |cell, size| *cell = cell.max(size as f32))),
+            Aov::Cache => Some(self.at_records(frame, |cell, _| *cell += 1.0)),
+            _ => None,
+        }
+    }
+
+    fn forget(&mut self) {
+        (self.records, self.intensities) = (IrradianceCache::default(), Vec::new());
+    }
+
+    /// On rank 0 with the recipes of all ranks; nothing on the others.
+    fn state(&self) -> Vec<u8> {
+        let state = encode(&self.records);
+        if self.ranks.count() == 1 {
+            return state;
+        }
+        let Some(kept) = self.ranks.gather(encode(&self.records.kept())) else { return Vec::new() };
+        let mut whole: IrradianceCache<Recipe> = decode(&state).expect("it was encoded here");
+        for kept in kept {
+            whole.complete(decode(&kept).expect("every rank gives its recipes"));
+        }
+        encode(&whole)
+    }
+
+    fn restore(&mut self, state: &[u8], last: &Frame<'_>) -> Result<()> {
+        let mut records: IrradianceCache<Recipe> = decode(state)?;
+        let intensities = intensities(last);
+
+        // Indices of a forged state lead nowhere.
+        let instances = last.surfaces.scene().instances.len();
+        let is_in_scene = |site: &Site| site.carrier == NOTHING || (site.carrier as usize) < instances;
+        let is_of_frame = |(_, recipe): (&Site, &Recipe)| {
+            recipe.clusters.iter().all(|&cluster| last.tree.may_hold(cluster))
+                && recipe.visible.len() == recipe.clusters.len().div_ceil(PACKET)
+                && last.gather.is_complete(&recipe.surroundings)
+        };
+        if !(records.sites().all(is_in_scene) && records.recipes().all(is_of_frame)) {
+            return Err(Error::Checkpoint(NONSENSE.into()));
+        }
+        records.keep_own(&*self.ranks);
+        (self.records, self.intensities) = (records, intensities);
+        Ok(())
+    }
+}
+
+impl Carriable for Cached {
+    /// Contrast of the light around a pixel.
+    const UNSEEN: Unseen = Unseen::Smooth;
+
+    /// Everywhere while no light and no thing in the scene changes.
+    fn holding<'a>(&mut self, visible: &Visible<'a>) -> Holding<'a> {
+        let is_unchanged = !visible.movement.is_any && are_lit_by(&self.intensities, visible.frame);
+        if is_unchanged { Holding::Everywhere } else { Holding::Nowhere }
+    }
+}
+
+#[cfg(test)]
+mod tests;

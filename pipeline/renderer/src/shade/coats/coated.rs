@@ -1,0 +1,145 @@
+//! A surface with a coat, as its viewer sees it.
+
+use crate::shade::visibility::receiver;
+use glam::{Vec2, Vec3, Vec3A};
+use render_core::sampling::{frame, owen_sobol_point};
+use render_core::{Bsdf, GBuffer, NOTHING, PixelSurface, ShadingPoint, Surface};
+
+/// Perceptual roughness from which on a coat shows no sharp shapes: half of its reflection is more than 2° off the mirrored
+/// direction.
+const ROUGH: f32 = 0.2;
+/// Roughness up to which a coat is a mirror: its lobe is hardly wider than a pixel.
+const MIRROR: f32 = 0.05;
+
+/// A surface with a coat, or that may have one, seen from somewhere.
+pub(super) struct Coated {
+    pub receiver: ShadingPoint,
+    /// World space axes of the shading frame; z is the normal.
+    axes: [Vec3; 3],
+    /// Towards the viewer, in the shading frame.
+    pub outgoing: Vec3,
+    pub bsdf: Bsdf,
+    roughness: f32,
+}
+
+impl Coated {
+    /// The surface that a pixel sees, if it has a coat; rays start `epsilon` meters off it.
+    pub fn of_pixel(pixel: &PixelSurface, seen: &GBuffer, epsilon: f32) -> Option<Self> {
+        if pixel.instance == NOTHING || pixel.specular == [0.0; 3] {
+            return None;
+        }
+        let place = seen.view.project(pixel.position.into())?.pixel;
+        let (_, direction) = seen.view.ray(place);
+        let bsdf = Bsdf::new(pixel.albedo.into(), pixel.specular.into(), pixel.roughness);
+        Some(Self::new(receiver(pixel, epsilon), bsdf, pixel.roughness, direction))
+    }
+
+    /// The surface that a ray in the unit `direction` has met.
+    pub fn of_surface(surface: &Surface, direction: Vec3A, epsilon: f32) -> Self {
+        let &Surface { position, geometric_normal, shading_normal, albedo, specular, roughness, .. } = surface;
+        let receiver = ShadingPoint::off_surface(position, [shading_normal, geometric_normal], epsilon);
+        Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, direction)
+    }
+
+    /// The `surface` at `receiver`, seen along its normal.
+    #[cfg(feature = "bake")]
+    pub fn at(receiver: ShadingPoint, surface: &Surface) -> Self {
+        let &Surface { albedo, specular, roughness, .. } = surface;
+        Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, -receiver.normal)
+    }
+
+    /// At `receiver`, for a ray that came in the unit `direction`.
+    fn new(receiver: ShadingPoint, bsdf: Bsdf, roughness: f32, direction: Vec3A) -> Self {
+        let normal = Vec3::from(receiver.normal);
+        let (x, y) = frame(normal);
+        let axes = [x, y, normal];
+        let mut coated = Self { receiver, axes, outgoing: Vec3::Z, bsdf, roughness };
+        coated.outgoing = coated.to_frame(-direction);
+        coated
+    }
+
+    /// Whether it shows no sharp shapes.
+    pub fn is_rough(&self) -> bool {
+        self.roughness >= ROUGH
+    }
+
+    /// Whether it reflects in one direction alone.
+    pub fn is_mirror(&self) -> bool {
+        self.roughness < MIRROR
+    }
+
+    /// GGX's α: the lobe is about as wide, in radians, on either side.
+    pub fn alpha(&self) -> f32 {
+        self.roughness * self.roughness
+    }
+
+    /// Share of even light that the coat's single scattering reflects towards the viewer.
+    pub fn albedo(&self) -> Vec3 {
+        self.bsdf.coat_albedo(self.outgoing.z)
+    }
+
+    /// Share of even light that is reflected towards the viewer otherwise: by the base, and after bounces within the coat.
+    pub fn diffuse_albedo(&self) -> Vec3 {
+        self.bsdf.diffuse_albedo(self.outgoing.z)
+    }
+
+    /// The components of a world space vector in the shading frame.
+    pub fn to_frame(&self, v: Vec3A) -> Vec3 {
+        Vec3::from_array(self.axes.map(|axis| axis.dot(v.into())))
+    }
+
+    /// World space direction of a direction of the shading frame, if it leads away from the triangle too.
+    pub fn to_world(&self, local: Vec3) -> Option<Vec3A> {
+        let direction = self.direction(local);
+        (direction.dot(self.receiver.geometric_normal) > 0.0).then_some(direction)
+    }
+
+    /// World space direction in which a mirror shows the viewer the world, if it leads away from the triangle too.
+    pub fn mirrored(&self) -> Option<Vec3A> {
+        self.to_world(self.mirrored_in_frame())
+    }
+
+    /// The middle of the lobe, in world space.
+    pub fn middle(&self) -> Vec3A {
+        self.direction(self.mirrored_in_frame())
+    }
+
+    fn mirrored_in_frame(&self) -> Vec3 {
+        Vec3::new(-self.outgoing.x, -self.outgoing.y, self.outgoing.z)
+    }
+
+    fn direction(&self, local: Vec3) -> Vec3A {
+        let [x, y, z] = self.axes;
+        Vec3A::from((x * local.x + y * local.y + z * local.z).normalize())
+    }
+}
+
+/// The points of a pixel: a piece of a sequence that it shares with the pixels around it. Each piece is even in itself, and so
+/// are all together: neighbors that share their rays have an even set.
+pub(super) struct Points {
+    seed: u64,
+    piece: u32,
+}
+
+impl Points {
+    /// Side of the squares of pixels that share a sequence.
+    const SIDE: usize = 4;
+    const PIECES: u32 = (Self::SIDE * Self::SIDE) as u32;
+
+    pub fn of_pixel(x: usize, y: usize) -> Self {
+        let (column, row) = (x / Self::SIDE, y / Self::SIDE);
+        Self { seed: (row as u64) << 32 | column as u64, piece: (y % Self::SIDE * Self::SIDE + x % Self::SIDE) as u32 }
+    }
+
+    /// The first `count` points, which is a power of two.
+    pub fn first(self, count: u32) -> impl Iterator<Item = Vec2> {
+        let seed = self.seed;
+        (self.piece * count..).take(count as usize).map(move |i| owen_sobol_point(i, seed))
+    }
+
+    /// As many points more as bring the [`first`](Self::first) `known` to `count`; both are powers of two.
+    pub fn rest(self, known: u32, count: u32) -> impl Iterator<Item = Vec2> {
+        let (seed, more) = (self.seed, count - known);
+        (Self::PIECES * known + self.piece * more..).take(more as usize).map(move |i| owen_sobol_point(i, seed))
+    }
+}

@@ -1,0 +1,163 @@
+//! Reflection rays that a pixel shares with its neighbors.
+//!
+//! Rays of a neighbor q count for pixel p as far as its lobe is the same:
+//!
+//! ```text
+//! k = tent · (1 − u²)           u² = (|m_p − m_q|² + |x_p − x_q|² n²) / (s α)² + ((α_p − α_q) / (r α))²
+//!   m  middle of the lobe       x  position      n  mean of 1/t over the rays      α  width of the lobe, GGX's
+//! ```
+//! and not at all from u = 1 on. The second term is the parallax of the surfaces that the rays have met. So a contact shadow, a
+//! bump and the border of a smoother part keep rays of their own.
+
+use super::coated::Coated;
+use super::reflections::{Brought, Typical};
+use glam::Vec3;
+use plane::Plane;
+use ranks::portable;
+
+/// Neighbors that share their rays are at most this far away, in pixels.
+const REACH: usize = 2;
+/// The same for those that tell how bright a pixel's rays may be.
+const NEXT: usize = 1;
+/// s. By α'² = α² (1 + s²/6), as discs of light widen a lobe (`Bsdf::evaluate_coat`), shared rays widen it by 4 % at most.
+const SAME_LOBE: f32 = 0.7;
+/// r.
+const SAME_ALPHA: f32 = 0.5;
+/// Effective number of rays, (Σ k r)² / Σ k² r, below which a pixel traces more.
+const ENOUGH: f32 = 16.0;
+
+/// The coat of a pixel and its own rays; no rays where there is no coat or one that needs none.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Lobe {
+    /// Radiance that is reflected of what needs no rays.
+    pub known: Vec3,
+    /// Share of even light that the coat reflects.
+    pub albedo: Vec3,
+    pub brought: Brought,
+    position: Vec3,
+    middle: Vec3,
+    alpha: f32,
+    is_rough: bool,
+    /// Mean of 1/t \[1/m\].
+    nearness: f32,
+}
+
+portable!(Lobe { known, albedo, brought, position, middle, alpha, is_rough, nearness });
+
+impl Lobe {
+    /// A coat without rays to share.
+    pub fn without_rays(known: Vec3) -> Self {
+        Self { known, ..Self::default() }
+    }
+
+    pub fn new(coated: &Coated, known: Vec3, brought: Brought) -> Self {
+        Self {
+            known,
+            albedo: coated.albedo(),
+            brought,
+            position: coated.receiver.position.into(),
+            middle: coated.middle().into(),
+            alpha: coated.alpha(),
+            is_rough: coated.is_rough(),
+            nearness: brought.nearness / brought.rays.max(1.0),
+        }
+    }
+
+    /// Whether it has rays to share.
+    pub fn has_rays(&self) -> bool {
+        self.brought.rays > 0.0
+    }
+
+    /// 1 − u², or 0.
+    fn likeness(&self, other: &Self) -> f32 {
+        let nearness = self.nearness.max(other.nearness);
+        let turned = self.middle.distance_squared(other.middle);
+        let moved = self.position.distance_squared(other.position) * nearness * nearness;
+        let width = SAME_LOBE * self.alpha;
+        let wider = (self.alpha - other.alpha) / (SAME_ALPHA * self.alpha);
+        (1.0 - (turned + moved) / (width * width) - wider * wider).max(0.0)
+    }
+}
+
+/// The part of the light of a pixel's own rays that is far from typical of those around it. In a smooth coat they are typical,
+/// too: its reflections have edges.
+pub(super) fn excess(lobes: &Plane<Lobe>, x: usize, y: usize) -> Vec3 {
+    let own = lobes.get(x, y);
+    let mut typical = Typical::default();
+    for_neighbors(lobes, (x, y), NEXT, |weight, (u, v)| {
+        let other = lobes.get(u, v);
+        if (u, v) != (x, y) || !own.is_rough {
+            typical.add(weight * other.brought.rays, other.brought.luminance());
+        }
+    });
+    match typical.luminance() {
+        Some(typical) => own.brought.excess_over(typical),
+        None => Vec3::ZERO,
+    }
+}
+
+/// Sums over the rays of a pixel and of those around it, and whether they are enough.
+pub(super) fn shared(lobes: &Plane<Lobe>, excess: &Plane<Vec3>, x: usize, y: usize) -> (Brought, bool) {
+    let mut sum = Brought::default();
+    // Σ k r and Σ k² r over pixels with r rays: (Σ k r)² / Σ k² r rays of equal weight have the same variance.
+    let mut squares = 0.0;
+    for_neighbors(lobes, (x, y), REACH, |weight, (u, v)| {
+        let brought = lobes.get(u, v).brought;
+        sum.add(weight, &brought.with_excess(excess.get(u, v)));
+        squares += weight * weight * brought.rays;
+    });
+    (sum, sum.rays * sum.rays >= ENOUGH * squares)
+}
+
+/// Calls `of` with k and the place of each pixel up to `reach` away whose rays count for (x, y), and of that itself.
+fn for_neighbors(lobes: &Plane<Lobe>, (x, y): (usize, usize), reach: usize, mut of: impl FnMut(f32, (usize, usize))) {
+    let around = |center: usize, end: usize| center.saturating_sub(reach)..(center + reach + 1).min(end);
+    let tent = |apart: usize| (reach + 1 - apart) as f32 / (reach + 1) as f32;
+    let own = &lobes.row(y)[x];
+    for v in around(y, lobes.height()) {
+        let row = lobes.row(v);
+        for u in around(x, lobes.width()) {
+            if row[u].has_rays() {
+                let weight = tent(u.abs_diff(x)) * tent(v.abs_diff(y)) * own.likeness(&row[u]);
+                if weight > 0.0 {
+                    of(weight, (u, v));
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A coat of α 0.25 that looks along +x and brings two rays of `light`.
+    fn lobe(light: f32) -> Lobe {
+        let brought = Brought::of(2, Vec3::splat(light));
+        Lobe { albedo: Vec3::ONE, brought, middle: Vec3::X, alpha: 0.25, is_rough: true, ..Lobe::default() }
+    }
+
+    #[test]
+    fn alike_pixels_have_enough_rays_together_and_a_single_one_has_not() {
+        let (x, y) = (2, 2);
+        let none = Plane::filled(5, 5, Vec3::ZERO);
+        let even = Plane::filled(5, 5, lobe(3.0));
+        let (brought, enough) = shared(&even, &none, x, y);
+        assert!(enough && (brought.mean().0 - 3.0).abs().max_element() < 1e-5);
+        let turned = Lobe { middle: Vec3::Y, ..lobe(100.0) };
+        let alone = Plane::from_fn(5, 5, |u, v| if (u, v) == (x, y) { lobe(3.0) } else { turned });
+        let (brought, enough) = shared(&alone, &none, x, y);
+        assert!(!enough && (brought.mean().0 - 3.0).abs().max_element() < 1e-5);
+    }
+
+    /// Light beyond the typical luminance becomes an excess, and none of it is lost.
+    #[test]
+    fn a_spark_becomes_an_excess() {
+        let spark = Plane::from_fn(5, 5, |x, y| lobe(if (x, y) == (2, 2) { 1000.0 } else { 1.0 }));
+        let excess = Plane::from_fn(5, 5, |x, y| excess(&spark, x, y));
+        let (light, beyond) = shared(&spark, &excess, 2, 2).0.mean();
+        // By the tent, (Σ k)² is 81/16 and the pixel's own share of Σ k one ninth.
+        assert!((light + beyond - (1000.0 + 8.0) / 9.0).abs().max_element() < 0.1, "{light} + {beyond}");
+        assert!(light.max_element() < 20.0, "{light}");
+    }
+}

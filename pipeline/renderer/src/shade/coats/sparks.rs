@@ -1,0 +1,87 @@
+//! Light that a single reflection ray brings in excess of the others, spread over the pixels around.
+//!
+//! Each pixel shares its light by a tent along its row, then along columns, among coats of the same instance. None is lost:
+//!
+//! ```text
+//! S(x) = Σ_u t(x − u) s(u) / T(u)          T(u) = Σ_x t(x − u)
+//! ```
+
+use crate::shade::macroblock::{by_macroblock, places};
+use glam::Vec3;
+use plane::Plane;
+use render_core::ranks::Alone;
+use render_core::{Busy, GBuffer, NOTHING};
+
+/// Reach of the tent, in pixels.
+const REACH: usize = 10;
+
+/// Share of each pixel in the `sparks` around it: radiance. Adds the work to `busy`.
+pub(super) fn spread(sparks: &Plane<Vec3>, seen: &GBuffer, busy: &Busy) -> Plane<Vec3> {
+    if sparks.samples().iter().all(|&spark| spark == Vec3::ZERO) {
+        return sparks.clone();
+    }
+    let carriers = seen.pixels.map(|pixel| if pixel.specular == [0.0; 3] { NOTHING } else { pixel.instance });
+    let in_rows = along(Line::Row, sparks, &carriers, busy);
+    along(Line::Column, &in_rows, &carriers, busy)
+}
+
+#[derive(Clone, Copy)]
+enum Line {
+    Row,
+    Column,
+}
+
+/// Spreads `light` along rows or columns.
+fn along(line: Line, light: &Plane<Vec3>, carriers: &Plane<u32>, busy: &Busy) -> Plane<Vec3> {
+    let size = (light.width(), light.height());
+    // Places in reach of the same coat, with their weights.
+    let alike = |(x, y): (usize, usize)| {
+        let own = carriers.get(x, y);
+        let (center, end) = match line {
+            Line::Row => (x, size.0),
+            Line::Column => (y, size.1),
+        };
+        let reach = center.saturating_sub(REACH)..(center + REACH + 1).min(end);
+        let place = move |k: usize| match line {
+            Line::Row => (k, y),
+            Line::Column => (x, k),
+        };
+        let with_weight = reach.map(move |k| (place(k), (REACH + 1 - k.abs_diff(center)) as f32));
+        with_weight.filter(move |&((u, v), _)| own != NOTHING && carriers.get(u, v) == own)
+    };
+    let picture = |of: &(dyn Fn((usize, usize)) -> Vec3 + Sync)| {
+        by_macroblock(&Alone, size, busy, || (), |(), columns, rows| places(columns, rows).map(of).collect())
+    };
+    let share = picture(&|(x, y)| match alike((x, y)).map(|(_, weight)| weight).sum::<f32>() {
+        0.0 => Vec3::ZERO,
+        whole => light.get(x, y) / whole,
+    });
+    picture(&|place| alike(place).map(|((u, v), weight)| weight * share.get(u, v)).sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Light at the border of two coats stays with its own, and all of it.
+    #[test]
+    fn no_light_is_lost() {
+        let (width, height) = (40, 30);
+        let carriers = Plane::from_fn(width, height, |x, y| match (x + y / 3, y) {
+            (30.., _) => NOTHING,
+            (12.., 0..20) => 1,
+            _ => 2,
+        });
+        let light = Plane::from_fn(width, height, |x, y| if (x, y) == (11, 4) { Vec3::splat(7.0) } else { Vec3::ZERO });
+        let busy = Busy::default();
+        let spread = along(Line::Column, &along(Line::Row, &light, &carriers, &busy), &carriers, &busy);
+        let of = |carrier| {
+            let lit = places(0..width, 0..height).filter(|&(x, y)| carriers.get(x, y) == carrier);
+            lit.map(|(x, y)| spread.get(x, y).x).sum::<f32>()
+        };
+        let own = carriers.get(11, 4);
+        assert!((of(own) - 7.0).abs() < 1e-4, "{} of 7", of(own));
+        assert_eq!(of(if own == 1 { 2 } else { 1 }) + of(NOTHING), 0.0);
+        assert!(spread.samples().iter().all(|light| light.x < 0.5));
+    }
+}

@@ -1,0 +1,252 @@
+//! Coats in scenes whose pictures are known: in even light, before a lamp, and where there are none.
+
+use super::*;
+use crate::plan::{Plan, State};
+use crate::settings::{RenderSettings, Size};
+use crate::{Preparation, Shading, plan};
+use glam::{Quat, Vec3A};
+use pipeline::parts::{LastThresholds, Shade};
+use render_core::Environment;
+use render_core::sampling::{concentric_disc, frame, sobol_point};
+use render_core::scene::{
+    Camera, Gradient, Instance, Material, Mesh, Node, Projection, PunctualKind, PunctualLight, Scene, Transform,
+};
+use std::f32::consts::PI;
+
+const SIDE: usize = 16;
+
+/// A scene seen by a camera at `eye` that looks down by `tilt` radians towards −z.
+struct Stage(Scene);
+
+impl Stage {
+    fn seen_from(eye: Vec3, tilt: f32) -> Self {
+        let mut scene = Scene::default();
+        let turned = Transform { translation: eye, rotation: Quat::from_rotation_x(-tilt), scale: Vec3::ONE };
+        let still = Transform { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
+        for rest in [still, turned] {
+            scene.nodes.push(Node { name: String::new(), parent: None, rest });
+        }
+        scene.cameras.push(Camera {
+            name: String::new(),
+            node: 1,
+            projection: Projection::Perspective { yfov: 0.5 },
+            ..Camera::default()
+        });
+        Self(scene)
+    }
+
+    /// A parallelogram that faces `a` × `b`.
+    fn with(mut self, [corner, a, b]: [Vec3; 3], material: Material) -> Self {
+        let scene = &mut self.0;
+        scene.instances.push(Instance { node: 0, mesh: scene.meshes.len() });
+        scene.meshes.push(Mesh {
+            positions: vec![corner, corner + a, corner + a + b, corner + b],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            material: scene.materials.len(),
+            ..Mesh::default()
+        });
+        scene.materials.push(material);
+        self
+    }
+
+    fn under_a_sky(mut self, radiance: f32) -> Self {
+        self.0.sky = Environment::gradient(Gradient::constant([radiance; 3]));
+        self
+    }
+
+    /// Light that coats reflect to each pixel, and the first hits.
+    fn reflected(&self) -> (Plane<Vec3>, GBuffer) {
+        let (settings, plan) = self.settings();
+        assert!(plan.is_on(plan::Stage::Gloss));
+        let prepared = Preparation::new(&self.0, &settings, &plan).frame(0).frame;
+        let radiance = Plane::filled(SIDE, SIDE, Vec3::ZERO);
+        let lit = Coats::default().light(
+            &Visible::alone(&prepared, &radiance),
+            None,
+            &Tolerance::of_shares(SIDE, SIDE, 0.02),
+        );
+        (lit.radiance.expect("coats send radiance"), (*prepared.seen).clone())
+    }
+
+    fn settings(&self) -> (RenderSettings, Plan) {
+        let size = Size { width: SIDE, height: SIDE };
+        let settings =
+            RenderSettings { size, vpls: 100, photons: 2000, frames: 1, end: 1, ..RenderSettings::default() };
+        let plan = Plan::new(&self.0, &settings);
+        (settings, plan)
+    }
+}
+
+/// A floor of 20 m.
+const FLOOR: [Vec3; 3] = [Vec3::new(-10.0, 0.0, -10.0), Vec3::new(0.0, 0.0, 20.0), Vec3::new(20.0, 0.0, 0.0)];
+
+fn metal(color: Vec3, roughness: f32) -> Material {
+    Material { base_color: color, metallic: 1.0, roughness, ..Material::default() }
+}
+
+fn glowing(radiance: f32) -> Material {
+    Material { base_color: Vec3::ZERO, emission: Vec3::splat(radiance), ..Material::default() }
+}
+
+/// A plate under a sky of the same radiance from everywhere: coat and what bounces in it reflect their albedo, which is 1 for
+/// F₀ = 1 at any roughness; the coat's part for a color is its albedo times the sky.
+#[test]
+fn a_plate_in_even_light_shows_its_albedo() {
+    for roughness in [0.0, 0.1, 0.25, 0.6, 1.0] {
+        for color in [Vec3::ONE, Vec3::new(0.9, 0.5, 0.1)] {
+            let stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8).with(FLOOR, metal(color, roughness));
+            let (light, seen) = stage.under_a_sky(2.0).reflected();
+            let below = below_coats(&seen);
+            for (x, y) in places(0..SIDE, 0..SIDE) {
+                let coated = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0).expect("the plate fills the picture");
+                let albedo = coated.albedo();
+                let got = light.get(x, y) / 2.0;
+                assert!((got - albedo).abs().max_element() < 1e-3, "{got} is not {albedo} at roughness {roughness}");
+                let whole = got + Vec3::from(below.pixels.get(x, y).albedo);
+                assert!(color != Vec3::ONE || (whole - 1.0).abs().max_element() < 0.02, "{whole}, {roughness}");
+            }
+        }
+    }
+}
+
+/// The picture of a lamp in a mirror is the lamp seen from the eye's own mirror image.
+#[test]
+fn a_mirror_shows_a_lamp_at_its_reflected_place() {
+    let eye = Vec3::new(0.0, 3.0, 3.0);
+    let (corner, a, b) = (Vec3::new(-0.6, 1.8, -2.2), Vec3::new(1.2, 0.0, 0.0), Vec3::new(0.0, 1.2, 0.0));
+    let lamp = Stage::seen_from(eye, 0.8).with([corner, a, b], glowing(5.0));
+    let (light, seen) = lamp.with(FLOOR, metal(Vec3::ONE, 0.0)).reflected();
+    let image = eye * Vec3::new(1.0, -1.0, 1.0);
+    let (mut inside, mut outside) = (0, 0);
+    for (x, y) in places(0..SIDE, 0..SIDE) {
+        let pixel = seen.pixels.get(x, y);
+        if pixel.specular == [0.0; 3] {
+            continue;
+        }
+        let way = Vec3::from(pixel.position) - image;
+        let at = image + way * ((corner.z - image.z) / way.z) - corner;
+        let depth = (at.x.min(a.x - at.x)).min(at.y.min(b.y - at.y));
+        let got = light.get(x, y).x;
+        if depth > 1e-3 {
+            inside += 1;
+            assert!((got - 5.0).abs() < 0.01, "{got} at {x}, {y}, {depth} m within the lamp");
+        } else if depth < -1e-3 {
+            outside += 1;
+            assert!(got < 1e-3, "{got} at {x}, {y}, {depth} m beside the lamp");
+        }
+    }
+    assert!(inside > 10 && outside > 30, "{inside} pixels show the lamp, {outside} do not");
+}
+
+/// BRDF without the part that even light leaves to other layers \[sr⁻¹\].
+fn reflectance(coated: &Coated, direction: Vec3A) -> Vec3 {
+    coated.bsdf.evaluate(coated.outgoing, coated.to_frame(direction)) - coated.diffuse_albedo() / PI
+}
+
+/// A lamp above metal against the integral over its surface: by the samples of its area where the metal is rough, by few rays
+/// where it is not, and these are held to the light that they bring in all.
+#[test]
+fn metal_shows_a_lamp_as_its_lobe_says() {
+    for (roughness, single, whole) in [(0.12, 0.3, 0.05), (0.25, 0.03, 0.01), (0.5, 0.01, 0.01), (0.9, 0.01, 0.01)] {
+        let [corner, a, b] = [Vec3::new(-0.5, 2.0, -2.5), Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 0.0, 1.0)];
+        let stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8)
+            .with(FLOOR, metal(Vec3::new(1.0, 0.7, 0.3), roughness))
+            .with([corner, a, b], glowing(5.0));
+        let (light, seen) = stage.reflected();
+        let (mut off, mut sum, mut expected_sum) = (0.0, 0.0, 0.0);
+        for (x, y) in places(0..SIDE, 0..SIDE) {
+            let Some(coated) = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0) else { continue };
+            let steps = 40;
+            let expected: Vec3 = places(0..steps, 0..steps)
+                .map(|(i, j)| {
+                    let share = |k: usize| (k as f32 + 0.5) / steps as f32;
+                    let way = Vec3A::from(corner + a * share(i) + b * share(j)) - coated.receiver.position;
+                    let direction = way.normalize();
+                    let f = reflectance(&coated, direction);
+                    // Lamp and floor are parallel: both cosines are the direction's y.
+                    f * (5.0 * direction.y * direction.y / way.length_squared() / (steps * steps) as f32)
+                })
+                .sum();
+            off += (light.get(x, y) - expected).abs().max_element();
+            sum += light.get(x, y).x;
+            expected_sum += expected.x;
+        }
+        let (off, in_all) = (off / expected_sum, sum / expected_sum - 1.0);
+        println!("roughness {roughness}: off by {off}, in all by {in_all}");
+        assert!(expected_sum > 1.0 && off < single && in_all.abs() < whole, "{roughness}: {off}, in all {in_all}");
+    }
+}
+
+/// A point light has no size: what a coat shows of it is intensity · f · cos θ / r².
+#[test]
+fn points_of_light_are_seen_by_their_lobe() {
+    let mut stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8).with(FLOOR, metal(Vec3::ONE, 0.4));
+    let place = Vec3::new(0.2, 2.0, -2.0);
+    let rest = Transform { translation: place, rotation: Quat::IDENTITY, scale: Vec3::ONE };
+    stage.0.nodes.push(Node { name: String::new(), parent: None, rest });
+    stage.0.punctual_lights.push(PunctualLight { node: 2, color: Vec3::splat(7.0), kind: PunctualKind::Point });
+    let (light, seen) = stage.reflected();
+    for (x, y) in places(0..SIDE, 0..SIDE) {
+        let coated = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0).expect("the plate fills the picture");
+        let way = Vec3A::from(place) - coated.receiver.position;
+        let direction = way.normalize();
+        let f = reflectance(&coated, direction);
+        let expected = f * (7.0 * direction.y / way.length_squared());
+        assert!((light.get(x, y) - expected).abs().max_element() < 1e-3 * expected.x + 1e-6, "{x}, {y}");
+    }
+}
+
+/// The sun is a disc: what a coat shows of it is the mean over that disc. Where its lobe is narrower the disc's rim is lost.
+#[test]
+fn the_sun_is_seen_as_a_disc() {
+    for (roughness, single) in [(0.2, 0.1), (0.4, 0.02)] {
+        let mut stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8).with(FLOOR, metal(Vec3::ONE, roughness));
+        // Opposite to the viewer and as high: its glint is in the middle of the picture.
+        let rest = Transform {
+            translation: Vec3::ZERO,
+            rotation: Quat::from_rotation_y(PI) * Quat::from_rotation_x(-0.8),
+            scale: Vec3::ONE,
+        };
+        stage.0.nodes.push(Node { name: String::new(), parent: None, rest });
+        let kind = PunctualKind::Directional;
+        stage.0.punctual_lights.push(PunctualLight { node: 2, color: Vec3::splat(3.0), kind });
+        stage.0.settings.sun.angular_diameter = 3.0;
+        let (light, seen) = stage.reflected();
+        let towards = rest.rotation * Vec3::Z;
+        let (x, y) = frame(towards);
+        let (mut off, mut sum) = (0.0, 0.0);
+        for (column, row) in places(0..SIDE, 0..SIDE) {
+            let coated =
+                Coated::of_pixel(&seen.pixels.get(column, row), &seen, 0.0).expect("the plate fills the picture");
+            let count = 512;
+            let disc = (0..count).map(|i| {
+                let p = concentric_disc(sobol_point(i)) * 1.5f32.to_radians().sin();
+                let direction = Vec3A::from((towards + x * p.x + y * p.y).normalize());
+                reflectance(&coated, direction).x * direction.y
+            });
+            let expected = 3.0 * disc.sum::<f32>() / count as f32;
+            off += (light.get(column, row).x - expected).abs();
+            sum += expected;
+        }
+        println!("roughness {roughness}: off by {} of {sum}", off / sum);
+        assert!(sum > 1.0 && off < single * sum, "roughness {roughness}: off by {off} in {sum}");
+    }
+}
+
+/// Where no coat is, nothing is computed and nothing changes.
+#[test]
+fn matte_scenes_stay_as_they_are_to_the_last_bit() {
+    let matte = Material { base_color: Vec3::new(0.7, 0.4, 0.2), ..Material::default() };
+    let stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8).with(FLOOR, matte).under_a_sky(1.0);
+    let (settings, plan) = stage.settings();
+    assert!(plan.is_off(plan::Stage::Gloss));
+    let lit = |gloss| {
+        let plan = plan.clone().with(plan::Stage::Gloss, gloss).with(plan::Stage::Cache, State::Off);
+        let prepared = Preparation::new(&stage.0, &settings, &plan).frame(0);
+        let mut shading = Shading::new(&settings, &plan);
+        shading.step(&prepared, LastThresholds::none()).radiance
+    };
+    let (without, with) = (lit(State::Off), lit(State::On));
+    assert!(without.samples().iter().all(|rgb| rgb[0] > 0.0));
+    assert_eq!(without, with);
+}

@@ -1,0 +1,133 @@
+//! Direct light: what arrives straight from its source.
+
+use super::carried::{Carriable, Holding};
+use super::layer::{Layer, Lit, Visible};
+use super::macroblock::{by_macroblock, places};
+use super::movement::Around;
+use super::tolerance::Tolerance;
+use super::visibility::receiver;
+use crate::frame::Frame;
+use glam::Vec3A;
+use pipeline::error::Result;
+use plane::Plane;
+use render_core::{Busy, DirectLights, PixelSurface, ShadingPoint, Source, Unseen};
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Distance of moving things and their shadows from a pixel up to which its light is not carried \[pixels\].
+const BESIDE: f32 = 2.0;
+/// Side of the squares of pixels that are lit together.
+const SQUARE: usize = 8;
+
+/// Light of glowing surfaces that are few and compact, of points, spots and suns.
+#[derive(Default)]
+pub(super) struct Direct {
+    /// The lamps of the frame before; none where nobody asks what of their light holds.
+    lamps: Option<Arc<DirectLights>>,
+}
+
+impl Layer for Direct {
+    fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, _: &Tolerance<'_>) -> Lit {
+        let (busy, rays) = (Busy::default(), AtomicU64::new(0));
+        let size = (visible.matte.pixels.width(), visible.matte.pixels.height());
+        let irradiance = by_macroblock(
+            visible.ranks,
+            size,
+            &busy,
+            || (),
+            |(), columns, rows| {
+                let (light, cast) = macroblock(visible, wanted, columns, rows);
+                rays.fetch_add(cast, Ordering::Relaxed);
+                light
+            },
+        );
+        Lit { rays: rays.into_inner(), seconds: busy.seconds(), ..Lit::of_irradiance(irradiance) }
+    }
+
+    fn forget(&mut self) {
+        self.lamps = None;
+    }
+
+    fn restore(&mut self, _: &[u8], last: &Frame<'_>) -> Result<()> {
+        self.lamps = Some(last.direct.clone());
+        Ok(())
+    }
+}
+
+/// Irradiance of a macroblock in raster order, zero where it is not wanted, and the shadow rays that it took.
+fn macroblock(
+    visible: &Visible,
+    wanted: Option<&Plane<bool>>,
+    columns: Range<usize>,
+    rows: Range<usize>,
+) -> (Vec<[f32; 3]>, u64) {
+    let width = columns.len();
+    let mut light = vec![[0.0; 3]; width * rows.len()];
+
+    // Lit pixels are taken together: the lights send their rays to all of them at once.
+    let mut reflects: Vec<(usize, PixelSurface)> = Vec::new();
+    for (place, (x, y)) in places(columns, rows).enumerate() {
+        let pixel = visible.matte.pixels.get(x, y);
+        if pixel.reflects() && wanted.is_none_or(|wanted| wanted.get(x, y)) {
+            reflects.push((place, pixel));
+        }
+    }
+    if reflects.is_empty() {
+        return (light, 0);
+    }
+
+    // Squares lie closer together than rows.
+    reflects.sort_by_key(|(place, _)| (place / width / SQUARE, place % width / SQUARE));
+    let frame = visible.frame;
+    let receivers: Vec<ShadingPoint> = reflects.iter().map(|(_, pixel)| receiver(pixel, frame.epsilon)).collect();
+    let arriving = frame.direct.irradiance_tile(&frame.accelerator, &receivers);
+    for ((place, _), arriving) in reflects.into_iter().zip(arriving.value) {
+        light[place] = arriving.to_array();
+    }
+    (light, arriving.shadow_rays)
+}
+
+impl Carriable for Direct {
+    /// Shadows begin and end anywhere.
+    const UNSEEN: Unseen = Unseen::Shadows;
+
+    /// Where nothing has moved between a surface at rest and the lamps, while these stay what they are.
+    fn holding<'a>(&mut self, visible: &Visible<'a>) -> Holding<'a> {
+        let now = visible.frame.direct.clone();
+        let before = self.lamps.replace(now.clone());
+        if !before.is_some_and(|before| before.has_lamps_of(&now)) {
+            return Holding::Nowhere;
+        }
+
+        let Visible { matte, movement, .. } = *visible;
+        let (sources, swept) = (now.sources(), &movement.swept);
+        let mut moves = vec![false; matte.world.len()];
+        for thing in swept {
+            moves[thing.instance as usize] = true;
+        }
+        Holding::Where(Box::new(move |x, y| {
+            let pixel = matte.pixels.get(x, y);
+            // The sample that a pixel keeps is beside it, and has to hold as well.
+            let margin = BESIDE * matte.view.pixel_width(pixel.depth);
+            let is_shaded_by = |thing: &Around| {
+                let thing = thing.grown(margin);
+                sources.iter().any(|source| shades(&thing, pixel.position.into(), source))
+            };
+            !moves[pixel.instance as usize] && !swept.iter().any(is_shaded_by)
+        }))
+    }
+}
+
+/// Whether `thing` may stand between a point and a light.
+fn shades(thing: &Around, point: Vec3A, source: &Source) -> bool {
+    match *source {
+        Source::Lamp { low, high } => thing.is_between(point, low, high),
+        Source::Sun { towards, angular_radius } => {
+            // Beyond the box there is nothing to cross.
+            let far = thing.farthest(point);
+            let (center, radius) = (point + towards * far, angular_radius.tan() * far);
+            thing.is_between(point, center - radius, center + radius)
+        }
+    }
+}

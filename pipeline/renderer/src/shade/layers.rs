@@ -1,0 +1,188 @@
+//! The list of layers that a frame's light consists of, as the plan of the scene needs it.
+
+use super::all_lights::AllLights;
+use super::cached::Cached;
+use super::carried::{Carriable, Carried};
+use super::coats::Coats;
+use super::direct::Direct;
+use super::layer::{Layer, Lit, Visible};
+use super::lit_frame::Sample;
+use super::per_pixel::PerPixel;
+use super::tolerance::Tolerance;
+use crate::frame::Frame;
+use crate::plan::{Plan, Stage};
+use crate::settings::{Aov, Lighting, RenderSettings};
+#[cfg(feature = "bake")]
+use crate::texels::BakedTexels;
+use glam::Vec3;
+use pipeline::error::{Error, Result};
+use pipeline::state::NONSENSE;
+use plane::Plane;
+use render_core::cache::SharedRecord;
+use render_core::ranks::Ranks;
+use std::sync::Arc;
+
+/// The light of a frame: the sum over these layers, in this order.
+pub(super) struct Layers {
+    /// Light that arrives straight from its source, and that coats reflect.
+    pub direct: Vec<Box<dyn Layer>>,
+    /// All other light.
+    pub indirect: Vec<Box<dyn Layer>>,
+}
+
+impl Layers {
+    /// Those that `plan` needs:
+    ///
+    /// | light | layers |
+    /// |---|---|
+    /// | direct | [`Direct`], carried where the plan says so; [`Coats`], but beside tiles |
+    /// | indirect | [`Cached`], carried where the plan says so; or [`PerPixel`]; or [`AllLights`] |
+    pub fn new(settings: &RenderSettings, plan: &Plan, ranks: &Arc<dyn Ranks>) -> Self {
+        let carries = plan.is_on(Stage::CarriedLight);
+        let mut direct = vec![carried_if(carries, Direct::default(), settings)];
+        if plan.is_on(Stage::Gloss) && settings.tiles.is_none() {
+            direct.push(Box::new(Coats::default()));
+        }
+
+        // Beside baked light a layer is for surfaces that move: their light changes, and none of it is carried.
+        let (is_baked, compensates) = (settings.lighting.is_baked(), plan.is_on(Stage::Compensation));
+        let is_needed = !plan.is_off(Stage::Indirect) && (!is_baked || plan.is_on(Stage::DynamicAnchors));
+        let mut indirect: Vec<Box<dyn Layer>> = Vec::new();
+        if is_needed {
+            indirect.push(match settings.lighting {
+                _ if plan.is_on(Stage::Cache) => {
+                    carried_if(carries && !is_baked, Cached::new(plan, settings.samples, ranks.clone()), settings)
+                }
+                Lighting::AllLights => Box::new(AllLights::new(compensates)),
+                // Each rank knows the cuts that it made: an observer of one may want those of all.
+                _ => Box::new(PerPixel::new(compensates, settings.aov.contains(&Aov::CutSize) || ranks.count() > 1)),
+            });
+        }
+        Self { direct, indirect }
+    }
+
+    /// Lets coats look their light up, where there are any.
+    #[cfg(feature = "bake")]
+    pub fn look_coats_up(&mut self, texels: &Arc<BakedTexels>) {
+        // Coats follow the layer of direct light.
+        if let [_, coats] = &mut self.direct[..] {
+            *coats = Box::new(Coats::baked(texels.clone()));
+        }
+    }
+
+    /// The light of `visible` surfaces, which only emit as yet: as pictures, and as the layers found it, direct and indirect. That
+    /// of pixels that are not `wanted` has no meaning.
+    pub fn sample(
+        &mut self,
+        visible: &Visible,
+        wanted: Option<&Plane<bool>>,
+        tolerance: &Tolerance,
+    ) -> (Sample, [Lit; 2]) {
+        let matte = visible.matte;
+        let (of_direct, direct) = sum_of(&mut self.direct, visible, wanted, tolerance);
+        let after_direct = Visible { radiance: &direct, ..*visible };
+        let (of_indirect, _) = sum_of(&mut self.indirect, &after_direct, wanted, tolerance);
+        let dark = Plane::filled(direct.width(), direct.height(), Vec3::ZERO);
+        let indirect = of_indirect.shown(matte, dark);
+        (Sample { direct, indirect }, [of_direct, of_indirect])
+    }
+
+    /// Begins a frame that is lit part by part.
+    pub fn begin_parts(&mut self, visible: &Visible, tolerance: &Tolerance) {
+        for layer in self.lit(visible.frame) {
+            layer.begin_parts(visible, tolerance);
+        }
+    }
+
+    /// Ends it.
+    pub fn end_parts(&mut self, visible: &Visible) {
+        for layer in self.lit(visible.frame) {
+            layer.end_parts(visible);
+        }
+    }
+
+    /// Records that these layers have made in parts.
+    pub fn take_records(&mut self) -> Vec<SharedRecord> {
+        let mut records = Vec::new();
+        for layer in &mut self.indirect {
+            records.extend(layer.take_records());
+        }
+        records
+    }
+
+    /// Adds records that other ranks have made.
+    pub fn adopt(&mut self, records: Vec<SharedRecord>) {
+        if let [first, ..] = &mut self.indirect[..] {
+            first.adopt(records);
+        }
+    }
+
+    /// Layers that have light of this frame.
+    fn lit(&mut self, frame: &Frame) -> impl Iterator<Item = &mut Box<dyn Layer>> {
+        self.direct.iter_mut().chain(&mut self.indirect).filter(|layer| !layer.is_dark(frame))
+    }
+
+    fn all(&self) -> impl Iterator<Item = &dyn Layer> {
+        self.direct.iter().chain(&self.indirect).map(|layer| &**layer)
+    }
+
+    /// The channel `aov` of the frame that was lit last, of the first layer that has it.
+    pub fn channel(&self, aov: Aov, frame: &Frame) -> Option<Vec<f32>> {
+        self.all().find_map(|layer| layer.channel(aov, frame))
+    }
+
+    /// Lets every layer keep what the channels `aov` need, from the next frame on.
+    pub fn keep(&mut self, aov: &[Aov]) {
+        for layer in self.direct.iter_mut().chain(&mut self.indirect) {
+            aov.iter().for_each(|&aov| layer.keep(aov));
+        }
+    }
+
+    /// Lets every layer forget the frames before.
+    pub fn forget(&mut self) {
+        self.direct.iter_mut().chain(&mut self.indirect).for_each(|layer| layer.forget());
+    }
+
+    /// The states of all layers, in order.
+    pub fn states(&self) -> Vec<Vec<u8>> {
+        self.all().map(|layer| layer.state()).collect()
+    }
+
+    /// Continues after the frame `last` from its [`states`](Layers::states).
+    pub fn restore(&mut self, states: &[Vec<u8>], last: &Frame) -> Result<()> {
+        if states.len() != self.direct.len() + self.indirect.len() {
+            return Err(Error::Checkpoint(NONSENSE.into()));
+        }
+        let all = self.direct.iter_mut().chain(&mut self.indirect);
+        for (layer, state) in all.zip(states) {
+            layer.restore(state, last)?;
+        }
+        Ok(())
+    }
+}
+
+/// Light of all `layers` together, and the radiance of the pixels with it. Each layer knows the light of those before it.
+fn sum_of(
+    layers: &mut [Box<dyn Layer>],
+    visible: &Visible,
+    wanted: Option<&Plane<bool>>,
+    tolerance: &Tolerance,
+) -> (Lit, Plane<Vec3>) {
+    let mut sum = Lit::default();
+    let mut radiance = visible.radiance.clone();
+    for layer in layers {
+        if !layer.is_dark(visible.frame) {
+            sum += layer.light(&Visible { radiance: &radiance, ..*visible }, wanted, tolerance);
+            radiance = sum.shown(visible.matte, visible.radiance.clone());
+        }
+    }
+    (sum, radiance)
+}
+
+/// `layer`, around which light is carried if `is_carried`.
+fn carried_if<L: Carriable + 'static>(is_carried: bool, layer: L, settings: &RenderSettings) -> Box<dyn Layer> {
+    match is_carried {
+        true => Box::new(Carried::new(layer, settings.qscale)),
+        false => Box::new(layer),
+    }
+}

@@ -1,0 +1,175 @@
+//! The light of a frame, kept while nothing changes.
+
+use super::importance::ImportanceMap;
+use super::layer::Lit;
+use crate::frame::Frame;
+use glam::Vec3;
+use lighttree::LightTree;
+use perceptual::PixelPart;
+use pipeline::parts::Outline;
+use plane::Plane;
+use render_core::{
+    Accelerator, Coverage, DirectLights, FinalGather, GBuffer, MixedPixel, reconstruct, reconstruct_counted,
+    sample_offsets,
+};
+use std::sync::Arc;
+
+/// The light that the pixels of a picture show through one place of each, before outlines are blended.
+#[derive(serde::Serialize, serde::Deserialize)]
+pub(super) struct Sample {
+    /// Emitted, and reflected straight from its source.
+    pub direct: Plane<Vec3>,
+    /// All else.
+    pub indirect: Plane<Vec3>,
+}
+
+impl Sample {
+    /// All light.
+    pub fn whole(&self) -> Plane<Vec3> {
+        let Self { direct, indirect } = self;
+        Plane::from_fn(direct.width(), direct.height(), |x, y| direct.get(x, y) + indirect.get(x, y))
+    }
+}
+
+/// Light of a frame, as a film that stands still goes on with it.
+#[derive(serde::Serialize, serde::Deserialize)]
+pub(super) struct Light {
+    pub samples: Vec<Sample>,
+    /// The surfaces of pixels that show several, where these are blended.
+    pub coverage: Option<Coverage>,
+    /// The layers of pixels that show several one behind the other, of each sample where all pixels have several samples.
+    pub layers: Vec<Coverage>,
+    pub cache_records: u64,
+    /// Where people look, and how many samples each pixel has for it; where none is stated all have the same number.
+    pub importance: Option<ImportanceMap>,
+}
+
+impl Light {
+    /// A picture of one kind of light, its samples blended at outlines by `blend` and put together.
+    pub fn picture(
+        &self,
+        of: impl Fn(&Sample) -> Plane<Vec3>,
+        blend: impl Fn(&Coverage, &Plane<Vec3>) -> Plane<Vec3>,
+    ) -> Plane<[f32; 3]> {
+        let triples = |light: Plane<Vec3>| light.map(|rgb| rgb.to_array());
+        let mut planes: Vec<Plane<[f32; 3]>> = Vec::new();
+        for (index, sample) in self.samples.iter().enumerate() {
+            let light = of(sample);
+            let layers = self.layers.get(index).filter(|layers| layers.mixed_pixels() > 0);
+            planes.push(triples(match layers {
+                Some(layers) => blend(layers, &light),
+                None => light,
+            }));
+        }
+        let places = sample_offsets(planes.len());
+
+        // Coverage is known of the first sample, and has a say where that is alone.
+        let blended = self.coverage.as_ref().map(|coverage| triples(blend(coverage, &of(&self.samples[0]))));
+        match (&self.importance, blended) {
+            (Some(map), blended) => {
+                let alone = blended.as_ref().unwrap_or(&planes[0]);
+                reconstruct_counted(alone, &planes, &places, &map.samples)
+            }
+            (None, Some(blended)) => blended,
+            (None, None) => reconstruct(&planes, &places),
+        }
+    }
+
+    /// The light of all parts of the pixels that show several. A display shows these also where there are further samples, whose
+    /// filter would let bright light cover what is thin before it.
+    pub fn outlines(&self) -> Vec<Outline> {
+        let Some(coverage) = &self.coverage else { return Vec::new() };
+        let light = self.samples[0].whole();
+        let of = |pixel: MixedPixel| {
+            let mut parts = Vec::new();
+            for part in pixel.parts {
+                parts.push(PixelPart { share: part.share, radiance: part.radiance(&light).to_array() });
+            }
+            Outline { pixel: pixel.index, parts }
+        };
+        // Layers are no outlines: a lamp behind glass outshines the glass.
+        coverage.pixels().filter(|pixel| !pixel.is_layered).map(of).collect()
+    }
+}
+
+/// Which of a frame's light was computed, and which was that of the frame before.
+#[derive(Default)]
+pub(super) struct Reused {
+    /// Pixels whose direct and whose indirect light was computed; none if none is ever carried.
+    computed: [Option<Plane<bool>>; 2],
+    /// Pixels that reflect light.
+    lit: usize,
+}
+
+impl Reused {
+    /// Of the direct and indirect light of `matte` surfaces.
+    pub fn new([direct, indirect]: [&Lit; 2], matte: &GBuffer) -> Self {
+        let computed = [direct.computed.clone(), indirect.computed.clone()];
+        let lit = if computed.iter().any(Option::is_some) {
+            matte.pixels.samples().iter().filter(|pixel| pixel.reflects()).count()
+        } else {
+            0
+        };
+        Self { computed, lit }
+    }
+
+    /// Share of the lit pixels for which some light was computed.
+    pub fn shaded_share(&self) -> f64 {
+        let [Some(first), others @ ..] = &self.computed else { return 1.0 };
+        let mut shaded = 0;
+        for (index, &direct) in first.samples().iter().enumerate() {
+            let indirect = others[0].as_ref().is_some_and(|computed| computed.samples()[index]);
+            shaded += usize::from(direct || indirect);
+        }
+        shaded as f64 / self.lit.max(1) as f64
+    }
+
+    /// [`Aov::Shading`](crate::settings::Aov::Shading) of a picture whose surfaces are `seen`.
+    pub fn channel(&self, seen: &GBuffer) -> Vec<f32> {
+        let [Some(direct), indirect] = &self.computed else { return vec![0.0; seen.pixels.samples().len()] };
+        // Where nothing shines but lamps, all light is direct light.
+        let indirect = indirect.as_ref().unwrap_or(direct);
+        let mut channel = Vec::new();
+        for (index, pixel) in seen.pixels.samples().iter().enumerate() {
+            let is_reused = |computed: &Plane<bool>| u8::from(pixel.reflects() && !computed.samples()[index]);
+            channel.push(f32::from(is_reused(direct) + 2 * is_reused(indirect)));
+        }
+        channel
+    }
+}
+
+/// A frame's light, and all that it was made from.
+pub(super) struct LitFrame {
+    accelerator: Arc<Accelerator>,
+    lights: Arc<DirectLights>,
+    tree: Arc<LightTree>,
+    gather: Arc<FinalGather>,
+    seen: Arc<GBuffer>,
+    pub light: Light,
+    pub reused: Reused,
+}
+
+impl LitFrame {
+    /// The light of `frame`.
+    pub fn new(frame: &Frame, light: Light, reused: Reused) -> Self {
+        let Frame { accelerator, direct, tree, gather, seen, .. } = frame;
+        Self {
+            accelerator: accelerator.clone(),
+            lights: direct.clone(),
+            tree: tree.clone(),
+            gather: gather.clone(),
+            seen: seen.clone(),
+            light,
+            reused,
+        }
+    }
+
+    /// Whether `frame` has the same parts, shared and not only equal.
+    pub fn is_of(&self, frame: &Frame) -> bool {
+        Arc::ptr_eq(&self.accelerator, &frame.accelerator)
+            && Arc::ptr_eq(&self.lights, &frame.direct)
+            && Arc::ptr_eq(&self.tree, &frame.tree)
+            && Arc::ptr_eq(&self.gather, &frame.gather)
+            && Arc::ptr_eq(&self.seen, &frame.seen)
+    }
+}

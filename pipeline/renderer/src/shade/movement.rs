@@ -1,0 +1,193 @@
+//! Where things are that move, and where they were: what may have changed between a record and its lights.
+
+use crate::frame::Frame;
+use glam::{Affine3A, BVec3A, Vec3, Vec3A};
+use render_core::scene::{DeformedMesh, Material};
+use render_core::{GBuffer, Surfaces};
+use std::sync::Arc;
+
+/// Place, shape and material of an instance that moves.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Place {
+    world: Affine3A,
+    /// The box around it in its own space.
+    low: Vec3A,
+    high: Vec3A,
+    /// Its vertices, where these are bent.
+    shape: Option<Arc<DeformedMesh>>,
+    /// Its material, where any is animated.
+    material: Option<Material>,
+}
+
+/// The box around an instance that moves.
+#[derive(Debug)]
+pub(super) struct Around {
+    pub instance: u32,
+    low: Vec3A,
+    high: Vec3A,
+}
+
+/// What has moved since the frame before.
+#[derive(Debug)]
+pub(super) struct Movement {
+    /// Where the instances that move are.
+    pub places: Vec<Option<Place>>,
+    /// Around all that has moved since the frame before, where it was and where it is; nothing in the first frame.
+    pub swept: Vec<Around>,
+    /// Whether anything moved; true of the first frame.
+    pub is_any: bool,
+}
+
+impl Movement {
+    /// Movement to `frame` from the frame before, where the instances were at these places.
+    pub fn to(frame: &Frame, before: &[Option<Place>]) -> Self {
+        let places = places(&frame.surfaces, &frame.seen, before);
+        Self { swept: swept(before, &places), is_any: before != places, places }
+    }
+
+    /// Around all that moves, where it is now.
+    pub fn standing(&self) -> Vec<Around> {
+        let mut standing = Vec::new();
+        for (index, place) in (0..).zip(&self.places) {
+            if let Some(place) = place {
+                standing.push(Around::all(index, [place]));
+            }
+        }
+        standing
+    }
+}
+
+/// Where the instances that move are in the picture `seen`; what keeps its shape keeps its box from `before`.
+fn places(surfaces: &Surfaces, seen: &GBuffer, before: &[Option<Place>]) -> Vec<Option<Place>> {
+    let scene = surfaces.scene();
+    let around = |positions: &[Vec3]| {
+        let empty = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        positions.iter().fold(empty, |(low, high), &p| (low.min(p.into()), high.max(p.into())))
+    };
+    let place = |(index, &moves): (usize, &bool)| {
+        let shape = seen.deformed.get(index).cloned().flatten();
+        let known = before.get(index).and_then(Option::as_ref).map(|place| (place.low, place.high));
+        let (low, high) = match (&shape, known) {
+            (Some(shape), _) => around(&shape.positions),
+            (None, Some(known)) => known,
+            (None, None) => around(&scene.meshes[scene.instances[index].mesh].positions),
+        };
+        let material = (!scene.material_channels.is_empty()).then(|| surfaces.material(index).clone());
+        moves.then_some(Place { world: seen.world[index], low, high, shape, material })
+    };
+    surfaces.moving().iter().enumerate().map(place).collect()
+}
+
+/// Around what is elsewhere, or otherwise, than before: at both places.
+fn swept(before: &[Option<Place>], now: &[Option<Place>]) -> Vec<Around> {
+    let mut swept = Vec::new();
+    for (index, (then, now)) in (0..).zip(before.iter().zip(now)) {
+        if let (Some(then), Some(now)) = (then, now)
+            && then != now
+        {
+            swept.push(Around::all(index, [then, now]));
+        }
+    }
+    swept
+}
+
+impl Around {
+    /// The box in the world around an instance at all of these places.
+    fn all<const N: usize>(instance: u32, places: [&Place; N]) -> Self {
+        let points = places.into_iter().flat_map(|Place { world, low, high, .. }| {
+            let select = |i: u32| Vec3A::select(BVec3A::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), *low, *high);
+            (0..8).map(move |i| world.transform_point3a(select(i)))
+        });
+        let empty = Self { instance, low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
+        points.fold(empty, |Self { low, high, .. }, p| Self { instance, low: low.min(p), high: high.max(p) })
+    }
+
+    /// Squared distance from a point to the box.
+    pub fn distance2(&self, point: Vec3A) -> f32 {
+        (self.low - point).max(point - self.high).max(Vec3A::ZERO).length_squared()
+    }
+
+    /// Distance from a point to the farthest corner of the box.
+    pub fn farthest(&self, point: Vec3A) -> f32 {
+        (point - self.low).abs().max((self.high - point).abs()).length()
+    }
+
+    /// Whether the segment between two points touches the box.
+    pub fn is_crossed(&self, from: Vec3A, to: Vec3A) -> bool {
+        self.is_between(from, to, to)
+    }
+
+    /// The box, larger by `margin` on all sides.
+    pub fn grown(&self, margin: f32) -> Self {
+        Self { low: self.low - margin, high: self.high + margin, ..*self }
+    }
+
+    /// Whether a segment from a point to any point of the box `low`…`high` touches this box.
+    ///
+    /// After the share t of the way, all segments together fill the box p + t (low − p) … p + t (high − p). Its sides and those
+    /// of this box overlap along an axis for an interval of t (slabs).
+    pub fn is_between(&self, point: Vec3A, low: Vec3A, high: Vec3A) -> bool {
+        // t (high − p) ≥ self.low − p and t (low − p) ≤ self.high − p
+        let (mut enter, mut leave) = (0f32, 1f32);
+        for axis in 0..3 {
+            let p = point[axis];
+            for (way, to) in [(high[axis] - p, self.low[axis] - p), (p - low[axis], p - self.high[axis])] {
+                // t · way ≥ to
+                if way > 0.0 {
+                    enter = enter.max(to / way);
+                } else if way < 0.0 {
+                    leave = leave.min(to / way);
+                } else if to > 0.0 {
+                    return false;
+                }
+            }
+        }
+        enter <= leave
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use render_core::sampling::hash;
+
+    /// A number in −1…1.
+    fn number(index: u64, dimension: u64) -> f32 {
+        (hash(7, index, dimension) >> 40) as f32 / (1 << 23) as f32 - 1.0
+    }
+
+    fn point(index: u64, dimension: u64) -> Vec3A {
+        Vec3A::from_array([0, 1, 2].map(|axis| number(index, 3 * dimension + axis)))
+    }
+
+    /// Against a thousand steps along the segments to the box, most of which come out the same.
+    #[test]
+    fn boxes_between_a_point_and_a_box_are_found() {
+        let mut agree = 0;
+        for k in 0..500 {
+            let boxed = |dimension: u64| {
+                let (center, half) = (2.0 * point(k, dimension), 0.3 * point(k, dimension + 1).abs());
+                (center - half, center + half)
+            };
+            let ((low, high), from, to) = (boxed(0), 2.0 * point(k, 2), boxed(3));
+            let thing = Around { instance: 0, low, high };
+            let touches = (0..=1000).any(|step| {
+                let t = step as f32 / 1000.0;
+                let (near, far) = (from.lerp(to.0, t), from.lerp(to.1, t));
+                near.cmple(high).all() && far.cmpge(low).all()
+            });
+            let found = thing.is_between(from, to.0, to.1);
+            assert!(found || !touches, "case {k}");
+            agree += usize::from(found == touches);
+        }
+        assert!(agree > 495, "{agree}");
+    }
+
+    #[test]
+    fn a_segment_in_the_plane_of_a_face_ends() {
+        let thing = Around { instance: 0, low: Vec3A::ZERO, high: Vec3A::ONE };
+        assert!(thing.is_crossed(Vec3A::new(-1.0, 0.5, 0.0), Vec3A::new(2.0, 0.5, 0.0)));
+        assert!(!thing.is_crossed(Vec3A::new(-1.0, 0.5, -0.1), Vec3A::new(2.0, 0.5, -0.1)));
+        assert!(!thing.is_crossed(Vec3A::new(-1.0, 0.5, 0.5), Vec3A::new(-0.1, 0.5, 0.5)));
+    }
+}

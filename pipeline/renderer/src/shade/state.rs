@@ -1,0 +1,62 @@
+//! The state of shading between two frames, for checkpoints.
+
+use super::Shading;
+use super::importance::Before;
+use super::lit_frame::{Light, LitFrame, Reused};
+use super::movement::Movement;
+use crate::frame::PreparedFrame;
+use lighttree::Calibration;
+use pipeline::error::{Error, Result};
+use pipeline::state::{NONSENSE, decode, encode};
+use serde::{Deserialize, Serialize};
+
+/// As it is written.
+#[derive(Serialize)]
+struct Written<'a> {
+    /// Of the layers, in their order.
+    layers: Vec<Vec<u8>>,
+    still: Option<&'a Light>,
+    calibration: Option<&'a Calibration>,
+    looking: Option<&'a Before>,
+}
+
+/// As it is read.
+#[derive(Deserialize)]
+struct Read {
+    layers: Vec<Vec<u8>>,
+    still: Option<Light>,
+    calibration: Option<Calibration>,
+    looking: Option<Before>,
+}
+
+pub(super) fn of(shading: &Shading) -> Vec<u8> {
+    let Shading { layers, still, calibration, looking, .. } = shading;
+    let still = still.as_ref().map(|frame| &frame.light);
+    let looking = looking.as_ref().and_then(|looking| looking.state());
+    encode(&Written { layers: layers.states(), still, calibration: calibration.as_ref(), looking })
+}
+
+/// Brings layers, still light and calibration to where they were after the frame `last`.
+pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame) -> Result<()> {
+    let Read { layers, still, calibration, looking } = decode(state)?;
+    shading.layers.restore(&layers, &last.frame)?;
+    shading.places = Movement::to(&last.frame, &[]).places;
+
+    // A forged picture has other pixels.
+    let pixels = &last.frame.seen.pixels;
+    let (size, count) = ((pixels.width(), pixels.height()), pixels.samples().len());
+    let fits = |light: &Light| {
+        light.coverage.as_ref().is_none_or(|coverage| coverage.fits(count))
+            && light.layers.iter().all(|layers| layers.fits(count))
+            && light.importance.as_ref().is_none_or(|map| map.fits(size))
+    };
+    if !still.iter().all(fits) {
+        return Err(Error::Checkpoint(NONSENSE.into()));
+    }
+    shading.still = still.map(|light| LitFrame::new(&last.frame, light, Reused::default()));
+    shading.calibration = calibration;
+    if let Some(own) = &mut shading.looking {
+        own.restore(looking, size)?;
+    }
+    Ok(())
+}

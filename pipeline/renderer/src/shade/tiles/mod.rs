@@ -1,0 +1,274 @@
+//! Tiles on demand: each rank lights a part of the picture by itself, and asks rank 0 for the next when it is done
+//! \[Debattista05, section 4\].
+//!
+//! ```text
+//! importance map ──► tiles of equal cost ──► rank 0 ──► next tile ──► rank r ──► its light ──► all ranks
+//!                                             ╚══════ records of irradiance caches ═════╝
+//! ```
+//! Each rank has an irradiance cache of its own. Its records go to the others never, by way of rank 0, or to each of them. So the
+//! light of a picture depends on who was faster; the work that all ranks share by turns (`render_core::ranks`) does not.
+//!
+//! | room | what |
+//! |---|---|
+//! | `cut` | tiles of equal cost |
+//! | `job` | the light of a tile |
+//! | `master` | rank 0: tiles and records to be handed out, and the messages |
+//! | `crew` | ranks at work, by messages |
+//! | `simulated` | ranks at work one after the other, in imagined time |
+
+mod crew;
+mod cut;
+mod job;
+mod master;
+mod simulated;
+
+pub use simulated::{SimulatedFrame, SimulatedRanks};
+
+use super::Shading;
+use super::coats::Coats;
+use super::counts::RecordCounts;
+use super::importance::ImportanceMap;
+use super::layer::{Layer, Lit, Visible};
+use super::layers::Layers;
+use super::lit_frame::{Reused, Sample};
+use super::movement::Movement;
+use super::samples::{SampleSurfaces, SamplesLight};
+use super::tolerance::Tolerance;
+use crate::frame::PreparedFrame;
+use crate::plan::{Plan, Stage};
+use crate::settings::{RenderSettings, TileCost, TileSettings};
+use crew::Team;
+use cut::equal_tiles;
+use glam::Vec3;
+use job::{Job, TileLight};
+use plane::{Correspondence, Plane};
+use render_core::ranks::{Alone, Mail, Ranks};
+use simulated::SimulatedTeam;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// The ranks that take tiles.
+#[derive(Clone, Debug)]
+pub enum Crew {
+    /// This process and others, of which each lights the same frames: their messages, and the results that go to all.
+    Ranks(Arc<dyn Mail>, Arc<dyn Ranks>),
+    /// This process in the place of all ranks.
+    Simulated(SimulatedRanks),
+}
+
+/// Ranks at work.
+trait Workers: Send {
+    /// The number of ranks.
+    fn count(&self) -> usize;
+
+    /// Begins a frame; this rank lights its tiles with these `layers`.
+    fn begin(&mut self, layers: &mut Layers, visible: &Visible, tolerance: &Tolerance);
+
+    /// Lights all tiles of a job. Adds times and counts of this rank's direct and indirect light to `counts`.
+    fn work(&mut self, layers: &mut Layers, job: &Job, counts: &mut [Lit; 2]) -> Vec<TileLight>;
+
+    /// Ends the frame.
+    fn end(&mut self, layers: &mut Layers, visible: &Visible);
+
+    /// Forgets the frames before.
+    fn forget(&mut self);
+}
+
+/// The tiles of frame after frame.
+pub(super) struct Tiling {
+    settings: TileSettings,
+    workers: Box<dyn Workers>,
+    /// Light of coats, where there are any.
+    coats: Option<Coats>,
+    /// CPU time that a sample of each pixel took in the frame before \[s\]; none before the first frame.
+    cost: Option<Plane<f32>>,
+}
+
+impl Tiling {
+    /// For a film from its beginning.
+    pub fn new(settings: TileSettings, crew: Crew, render: &RenderSettings, plan: &Plan) -> Self {
+        let workers: Box<dyn Workers> = match crew {
+            Crew::Ranks(mail, ranks) => Box::new(Team::new(settings, mail, ranks)),
+            Crew::Simulated(ranks) => {
+                let layers = || Layers::new(render, plan, &(Arc::new(Alone) as Arc<dyn Ranks>));
+                Box::new(SimulatedTeam::new(settings, ranks, layers))
+            }
+        };
+        let coats = plan.is_on(Stage::Gloss).then(Coats::default);
+        Self { settings, workers, coats, cost: None }
+    }
+
+    /// Forgets the frames before.
+    pub fn forget(&mut self) {
+        self.workers.forget();
+        self.cost = None;
+    }
+
+    /// The light of a frame through every place of a pixel.
+    pub fn light(
+        &mut self,
+        shading: &mut Shading,
+        prepared: &PreparedFrame,
+        tolerance: &Tolerance,
+        ahead: Option<ImportanceMap>,
+    ) -> SamplesLight {
+        let movement = Movement::to(&prepared.frame, &shading.places);
+        let mut lit = SamplesLight { importance: ahead, ..SamplesLight::default() };
+        let most = shading.settings.samples as usize;
+        let surfaces: Vec<SampleSurfaces> =
+            (0..most).map(|sample| shading.surfaces(&prepared.frame, sample, &lit.visibility)).collect();
+        let of_sample = |sample: usize| surfaces[sample].visible(prepared, sample, &movement, &Alone);
+        let frame = Samples { visible: (0..most).map(of_sample).collect(), tolerance };
+        self.workers.begin(&mut shading.layers, &frame.visible[0], tolerance);
+
+        // The importance of pixels is known, or found by the light of the first sample.
+        let mut counts = [Lit::default(), Lit::default()];
+        let mut seconds = Seconds::new(&frame.visible[0]);
+        let mut further = 0..most;
+        if lit.importance.is_none() && shading.looking.is_some() {
+            self.light_some(shading, (&frame, 0..1), &mut lit, (&mut counts, &mut seconds));
+            let whole = lit.samples[0].whole().map(|rgb| rgb.to_array());
+            let looking = shading.looking.as_mut().filter(|_| lit.importance.is_none());
+            lit.importance = looking.map(|looking| lit.visibility.measure(|| looking.at(prepared, &whole)));
+            further = 1..most;
+        }
+        self.light_some(shading, (&frame, further), &mut lit, (&mut counts, &mut seconds));
+        self.workers.end(&mut shading.layers, &frame.visible[0]);
+        for (sample, light) in std::mem::take(&mut lit.samples).into_iter().enumerate() {
+            shading.add_layers(prepared, &surfaces[sample], (sample, &light), &mut lit);
+            lit.samples.push(light);
+        }
+
+        // Costs of this frame tell those of the next.
+        self.cost = Some(seconds.by_sample());
+        let [direct, indirect] = counts;
+        lit.direct.add_counts(direct);
+        lit.indirect.add_counts(indirect);
+        lit.reused = Reused::default();
+        lit.places = movement.places;
+        lit
+    }
+
+    /// Lights some samples of a frame, all of each pixel at once.
+    fn light_some(
+        &mut self,
+        shading: &mut Shading,
+        (frame, samples): (&Samples, Range<usize>),
+        lit: &mut SamplesLight,
+        (counts, seconds): (&mut [Lit; 2], &mut Seconds),
+    ) {
+        // The pixels that have each sample.
+        let first = &frame.visible[0];
+        let (width, height) = (first.matte.pixels.width(), first.matte.pixels.height());
+        let mut count = Plane::filled(width, height, 0.0f32);
+        let mut wanted_by_sample = Vec::new();
+        for sample in samples.clone() {
+            let wanted = match lit.importance.as_ref().filter(|_| sample > 0) {
+                Some(map) => map.wanted(sample),
+                None => Plane::filled(width, height, true),
+            };
+            if !wanted.samples().contains(&true) {
+                break;
+            }
+            for (count, &own) in count.samples_mut().iter_mut().zip(wanted.samples()) {
+                *count += f32::from(u8::from(own));
+            }
+            wanted_by_sample.push(wanted);
+        }
+        if wanted_by_sample.is_empty() {
+            return;
+        }
+
+        // Coats share rays with the pixels around, whose tiles are others: all ranks find their light in turns.
+        let mut radiances = Vec::new();
+        for (sample, wanted) in samples.clone().zip(&wanted_by_sample) {
+            let visible = Visible { ranks: &*shading.ranks, ..frame.visible[sample] };
+            radiances.push(self.coats.as_mut().map(|coats| {
+                let lit = coats.light(&visible, Some(wanted), frame.tolerance);
+                let radiance = lit.shown(visible.matte, visible.radiance.clone());
+                counts[0].add_counts(lit);
+                radiance
+            }));
+        }
+        let mut job = Job { samples: Vec::new(), tolerance: frame.tolerance, tiles: Vec::new() };
+        for ((sample, wanted), radiance) in samples.zip(wanted_by_sample).zip(&radiances) {
+            let visible = frame.visible[sample];
+            let radiance = radiance.as_ref().unwrap_or(visible.radiance);
+            job.samples.push((Visible { radiance, ..visible }, wanted));
+        }
+
+        // Tiles of equal numbers of rays, or of what these took in the frame before.
+        let weight = match (self.settings.cost, &self.cost) {
+            (TileCost::Time, Some(cost)) => predicted(cost, &count, first.motion),
+            _ => count.clone(),
+        };
+        job.tiles = equal_tiles(&weight, self.settings.tiles_per_rank as usize * self.workers.count());
+
+        // The light of all tiles makes the pictures.
+        let results = self.workers.work(&mut shading.layers, &job, counts);
+        let dark = || Plane::filled(width, height, Vec3::ZERO);
+        let mut pictures: Vec<Sample> =
+            job.samples.iter().map(|_| Sample { direct: dark(), indirect: dark() }).collect();
+        let mut records = RecordCounts::default();
+        for result in &results {
+            job.put(result, &mut pictures);
+            seconds.add(&job, result, &count);
+            records.in_use += result.records_in_use;
+            records.computed += result.records_computed;
+        }
+
+        // Counts of records are those of all ranks. All others are added up later.
+        counts[1].records = RecordCounts::default();
+        lit.indirect.records += records;
+        lit.samples.extend(pictures);
+    }
+}
+
+/// The samples of a frame.
+struct Samples<'a> {
+    visible: Vec<Visible<'a>>,
+    tolerance: &'a Tolerance<'a>,
+}
+
+/// CPU time by pixel.
+struct Seconds {
+    spent: Plane<f32>,
+    /// Samples.
+    count: Plane<f32>,
+}
+
+impl Seconds {
+    fn new(visible: &Visible) -> Self {
+        let pixels = &visible.matte.pixels;
+        let zero = Plane::filled(pixels.width(), pixels.height(), 0.0);
+        Self { spent: zero.clone(), count: zero }
+    }
+
+    /// Spreads the time of a tile evenly over the samples of its pixels.
+    fn add(&mut self, job: &Job, lit: &TileLight, count: &Plane<f32>) {
+        let area = &job.tiles[lit.tile as usize];
+        let all: f32 = area.places().map(|(x, y)| count.get(x, y)).sum();
+        let each = lit.seconds as f32 / all.max(1.0);
+        for (x, y) in area.places() {
+            self.spent.row_mut(y)[x] += each * count.get(x, y);
+            self.count.row_mut(y)[x] += count.get(x, y);
+        }
+    }
+
+    /// Time of a sample of each pixel.
+    fn by_sample(&self) -> Plane<f32> {
+        let Self { spent, count } = self;
+        Plane::from_fn(spent.width(), spent.height(), |x, y| spent.get(x, y) / count.get(x, y).max(1.0))
+    }
+}
+
+/// Predicted CPU time of each pixel \[s\]: its `count` of samples times the time of a sample `before`, in the frame before, on the same
+/// surface. For a surface that was not seen then, the time at the same pixel is taken.
+fn predicted(before: &Plane<f32>, count: &Plane<f32>, motion: Option<&Correspondence>) -> Plane<f32> {
+    let samples = before.samples();
+    Plane::from_fn(count.width(), count.height(), |x, y| {
+        let own = y * count.width() + x;
+        let then = motion.and_then(|motion| motion.match_of(x, y)).map_or(own, |index| index as usize);
+        count.get(x, y) * samples[then]
+    })
+}

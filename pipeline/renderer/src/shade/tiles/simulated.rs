@@ -1,0 +1,262 @@
+//! Any number of ranks on one processor. Each lights its tiles with a cache of its own, which takes the time it takes; messages
+//! take the time of an imagined network. The rank that is behind all others in that time goes on first.
+
+use super::Workers;
+use super::job::{Job, TileLight};
+use super::master::{Master, Message, Outbox, Outgoing};
+use crate::settings::TileSettings;
+use crate::shade::layer::{Lit, Visible};
+use crate::shade::layers::Layers;
+use crate::shade::tolerance::Tolerance;
+use rayon::ThreadPool;
+use render_core::Busy;
+use render_core::cache::SharedRecord;
+use render_core::ranks::{Network, Portable};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Ranks that one process stands for, and what it finds out about them.
+#[derive(Clone, Debug)]
+pub struct SimulatedRanks {
+    /// The number of ranks.
+    pub count: usize,
+    /// The network between them.
+    pub network: Network,
+    frames: Arc<Mutex<Vec<SimulatedFrame>>>,
+}
+
+impl SimulatedRanks {
+    /// `count` ranks, at least one, before any frame.
+    #[must_use]
+    pub fn new(count: usize, network: Network) -> Self {
+        Self { count: count.max(1), network, frames: Arc::default() }
+    }
+
+    /// The frames so far.
+    #[must_use]
+    pub fn frames(&self) -> Vec<SimulatedFrame> {
+        self.frames.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+/// The tiles of a frame on several ranks.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SimulatedFrame {
+    /// Time from the first rank's begin to the end of the last, and until all have all light \[s\].
+    pub seconds: f64,
+    /// CPU time of all ranks \[s\].
+    pub all_busy: f64,
+    /// CPU time of the rank that worked most \[s\].
+    pub most_busy: f64,
+    /// Tiles.
+    pub tiles: u64,
+    /// Records that were computed.
+    pub records: u64,
+    /// Messages between ranks, but for the light of tiles.
+    pub messages: u64,
+    /// Bytes of these messages.
+    pub bytes: u64,
+}
+
+/// An imagined rank.
+struct Rank {
+    /// None for rank 0, whose layers are those of this process.
+    layers: Option<Layers>,
+    outbox: Outbox,
+    /// Records on their way, with the time at which they come.
+    coming: Vec<(f64, Vec<SharedRecord>)>,
+    /// Time since the begin of the job, and from which on its line is free \[s\].
+    clock: f64,
+    line_free: f64,
+    /// CPU time in this frame \[s\].
+    busy: f64,
+    is_done: bool,
+}
+
+/// The ranks of a film.
+pub(super) struct SimulatedTeam {
+    settings: TileSettings,
+    ranks: SimulatedRanks,
+    all: Vec<Rank>,
+    master: Master,
+    /// One thread of its own: no other work gets in between.
+    pool: ThreadPool,
+    frame: SimulatedFrame,
+}
+
+impl SimulatedTeam {
+    /// Ranks that light with the layers that `layers` makes.
+    pub fn new(settings: TileSettings, ranks: SimulatedRanks, layers: impl Fn() -> Layers) -> Self {
+        let rank = |number: usize| Rank {
+            layers: (number > 0).then(&layers),
+            outbox: Outbox::default(),
+            coming: Vec::new(),
+            clock: 0.0,
+            line_free: 0.0,
+            busy: 0.0,
+            is_done: false,
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be started");
+        let all = (0..ranks.count).map(rank).collect();
+        let master = Master::new(ranks.count);
+        Self { settings, ranks, all, master, pool, frame: SimulatedFrame::default() }
+    }
+
+    /// The time for which a message of `bytes` bytes occupies a network connection \[s\].
+    fn transfer(&self, bytes: usize) -> f64 {
+        bytes as f64 / self.ranks.network.bandwidth
+    }
+
+    /// Counts a message.
+    fn note(&mut self, bytes: usize) {
+        self.frame.messages += 1;
+        self.frame.bytes += bytes as u64;
+    }
+
+    /// Sends the records of a rank to each other one after the other, beside its work.
+    fn send_to_each(&mut self, from: usize, records: Vec<SharedRecord>) {
+        let bytes = Message::Records { records: records.clone() }.bytes().len();
+        let mut free = self.all[from].clock.max(self.all[from].line_free);
+        for to in (0..self.all.len()).filter(|&to| to != from) {
+            free += self.transfer(bytes);
+            self.note(bytes);
+            self.all[to].coming.push((free + self.ranks.network.latency, records.clone()));
+        }
+        self.all[from].line_free = free;
+    }
+
+    /// The next tile for a rank, whose clock goes on until it has it. The line of rank 0 serves one after the other.
+    fn ask(&mut self, rank: usize, records: Vec<SharedRecord>) -> Option<u32> {
+        let sent = Message::Ask { records: records.clone() }.bytes().len();
+        let others = if records.is_empty() { Vec::new() } else { self.master.exchange(rank, records) };
+        let tile = self.master.next_tile();
+        let answer = Message::Give { tile, records: others.clone() }.bytes().len();
+        if rank > 0 {
+            let latency = self.ranks.network.latency;
+            let begin = (self.all[rank].clock + latency).max(self.all[0].line_free);
+            let end = begin + self.transfer(sent) + self.transfer(answer);
+            self.all[0].line_free = end;
+            self.all[rank].clock = end + latency;
+            self.note(sent);
+            self.note(answer);
+        }
+        let now = self.all[rank].clock;
+        self.all[rank].coming.push((now, others));
+        tile
+    }
+
+    /// The records that a rank has got by now.
+    fn arrived(&mut self, rank: usize) -> Vec<SharedRecord> {
+        let Rank { coming, clock, .. } = &mut self.all[rank];
+        let mut arrived = Vec::new();
+        coming.retain_mut(|(time, records)| {
+            let is_there = *time <= *clock;
+            if is_there {
+                arrived.append(records);
+            }
+            !is_there
+        });
+        arrived
+    }
+
+    /// Lets a rank do something with its layers, or `own` if it is this process, and its clock go on by the time that takes.
+    fn timed<T: Send>(&mut self, rank: usize, own: &mut Layers, work: impl FnOnce(&mut Layers) -> T + Send) -> T {
+        let Rank { layers, clock, busy, .. } = &mut self.all[rank];
+        let layers = layers.as_mut().unwrap_or(own);
+        let measured = Busy::default();
+        let result = self.pool.install(|| measured.measure(|| work(layers)));
+        *clock += measured.seconds();
+        *busy += measured.seconds();
+        result
+    }
+
+    /// A step of a rank: its records go out, it takes a tile and lights it. None if there is no tile for it.
+    fn step(&mut self, rank: usize, own: &mut Layers, (job, counts): (&Job, &mut [Lit; 2])) -> Option<TileLight> {
+        let Outgoing { to_master, to_each } = self.all[rank].outbox.due(&self.settings);
+        if !to_each.is_empty() {
+            self.send_to_each(rank, to_each);
+        }
+        let tile = self.ask(rank, to_master)?;
+        let (arrived, before) = (self.arrived(rank), self.all[rank].busy);
+        let (mut lit, made) = self.timed(rank, own, |layers| {
+            layers.adopt(arrived);
+            (job.light(tile, layers, counts), layers.take_records())
+        });
+        lit.seconds = self.all[rank].busy - before;
+        self.all[rank].outbox.add(made);
+        Some(lit)
+    }
+}
+
+impl Workers for SimulatedTeam {
+    fn count(&self) -> usize {
+        self.all.len()
+    }
+
+    fn begin(&mut self, layers: &mut Layers, visible: &Visible, tolerance: &Tolerance) {
+        self.frame = SimulatedFrame::default();
+        for rank in 0..self.all.len() {
+            self.all[rank].busy = 0.0;
+            self.timed(rank, layers, |layers| layers.begin_parts(visible, tolerance));
+        }
+    }
+
+    fn work(&mut self, layers: &mut Layers, job: &Job, counts: &mut [Lit; 2]) -> Vec<TileLight> {
+        self.master.begin(job.tiles.len());
+        let (mut lit, mut sizes) = (Vec::new(), vec![0; self.all.len()]);
+        loop {
+            // The rank that is behind all others.
+            let mut next: Option<usize> = None;
+            for (rank, own) in self.all.iter().enumerate() {
+                if !own.is_done && next.is_none_or(|next| own.clock < self.all[next].clock) {
+                    next = Some(rank);
+                }
+            }
+            let Some(rank) = next else { break };
+            match self.step(rank, layers, (job, counts)) {
+                Some(tile) => {
+                    let mut bytes = Vec::new();
+                    tile.put(&mut bytes);
+                    sizes[rank] += bytes.len();
+                    lit.push(tile);
+                }
+                None => self.all[rank].is_done = true,
+            }
+        }
+
+        // All wait for the last, and get the light of all tiles.
+        let last = self.all.iter().map(|rank| rank.clock).fold(0.0, f64::max);
+        let gathered = self.ranks.network.all_gather(&sizes);
+        self.frame.seconds += last + gathered;
+        for rank in &mut self.all {
+            (rank.clock, rank.line_free, rank.is_done) = (0.0, 0.0, false);
+            // Records that are on their way have come by then.
+            rank.coming.iter_mut().for_each(|(time, _)| *time = 0.0);
+        }
+        self.frame.tiles += lit.len() as u64;
+        self.frame.records += lit.iter().map(|lit| lit.records_computed).sum::<u64>();
+        lit.sort_by_key(|lit| lit.tile);
+        lit
+    }
+
+    fn end(&mut self, layers: &mut Layers, visible: &Visible) {
+        for rank in 0..self.all.len() {
+            self.timed(rank, layers, |layers| layers.end_parts(visible));
+        }
+        let busy = self.all.iter().map(|rank| rank.busy);
+        self.frame.all_busy = busy.clone().sum();
+        self.frame.most_busy = busy.fold(0.0, f64::max);
+
+        // The end of the frame is the last thing on all clocks.
+        self.frame.seconds += self.all.iter().map(|rank| rank.clock).fold(0.0, f64::max);
+        self.all.iter_mut().for_each(|rank| rank.clock = 0.0);
+        self.ranks.frames.lock().unwrap_or_else(PoisonError::into_inner).push(self.frame);
+    }
+
+    fn forget(&mut self) {
+        for rank in &mut self.all {
+            rank.outbox.clear();
+            rank.coming.clear();
+            rank.layers.iter_mut().for_each(Layers::forget);
+        }
+    }
+}

@@ -1,5 +1,0 @@
-//! The program `render2mpeg`.
-
-fn main() -> std::process::ExitCode {
-    pipeline::command_line::main()
-}

@@ -1,0 +1,329 @@
+//! One picture, many processes: every rank keeps the same state, and the loops that cost most are shared among them.
+//!
+//! ```text
+//! items 0 … n−1 of a loop ──► one rank computes each, such as i mod R ──► results go to all ranks ──► all n, in order
+//! ```
+//! An item depends on nothing but the state that all ranks have, so the results are those of one rank, bit by bit, whatever the
+//! number of ranks is.
+//!
+//! [`Ranks`] is what that takes of a message-passing library: the collective operations of the same names in \[MPI\]. Here are
+//! those of a process [`Alone`], and of [`ThreadRanks`] in one process. [`LoggedAlone`] notes what its loops cost; from that,
+//! [`LoggedRun`] simulates what they cost on any number of ranks. [`Mail`] is messages between two ranks, for work that goes to
+//! whoever is idle.
+
+#![forbid(unsafe_code)]
+
+mod busy;
+mod log;
+mod mail;
+mod portable;
+mod simulation;
+mod threads;
+mod turn;
+
+pub use busy::{Busy, Timed, process_seconds};
+pub use log::{Laps, LoggedAlone, LoopLog, Meter, Parcel, WorkLog};
+pub use mail::{Inbox, Mail, Message, ThreadMail};
+pub use portable::Portable;
+pub use simulation::{LoggedRun, Network, Simulated};
+pub use threads::ThreadRanks;
+pub use turn::{Turn, in_order};
+
+use rayon::prelude::*;
+use std::fmt::Debug;
+
+/// Processes that compute the same together. Each has a number, its rank.
+///
+/// All ranks call the same operations in the same order, one at a time. An operation returns when it has what it gives, which
+/// may be long after the call: other ranks may be busy. Never call one inside of a rayon job.
+pub trait Ranks: Send + Sync + Debug {
+    /// The number of this process, from 0.
+    fn rank(&self) -> usize;
+
+    /// Processes in all, 1 at least.
+    fn count(&self) -> usize;
+
+    /// Gives every rank the bytes of all ranks, by rank.
+    fn all_gather(&self, own: Vec<u8>) -> Vec<Vec<u8>>;
+
+    /// Gives rank 0 the bytes of all ranks, by rank, and nothing to the others.
+    fn gather(&self, own: Vec<u8>) -> Option<Vec<Vec<u8>>>;
+
+    /// Gives every rank the bytes of rank 0; those of the others are not used.
+    fn broadcast(&self, own: Vec<u8>) -> Vec<u8>;
+
+    /// Costs of its shared loops, if it is the only rank and keeps them.
+    fn log(&self) -> Option<&WorkLog> {
+        None
+    }
+}
+
+/// The only rank.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Alone;
+
+impl Ranks for Alone {
+    fn rank(&self) -> usize {
+        0
+    }
+
+    fn count(&self) -> usize {
+        1
+    }
+
+    fn all_gather(&self, own: Vec<u8>) -> Vec<Vec<u8>> {
+        vec![own]
+    }
+
+    fn gather(&self, own: Vec<u8>) -> Option<Vec<Vec<u8>>> {
+        Some(vec![own])
+    }
+
+    fn broadcast(&self, own: Vec<u8>) -> Vec<u8> {
+        own
+    }
+}
+
+/// Shares a loop of items with these `turns`, the same on every rank.
+///
+/// `compute` is given the indices of this rank's own items, ascending, and returns a result for each. It tells the meter of every
+/// item that is done. Every rank gets the results of all items in order.
+///
+/// # Panics
+/// If `compute` does not give as many results as it has items, or ranks run different programs.
+pub fn share<T: Portable>(
+    ranks: &dyn Ranks,
+    turns: &[Turn],
+    compute: impl FnOnce(&[usize], &Meter) -> Vec<T>,
+) -> Vec<T> {
+    let (count, meter) = (ranks.count(), Meter::of(ranks.log()));
+    let own: Vec<usize> = (0..turns.len()).filter(|&item| turns[item].owner(count) == ranks.rank()).collect();
+    let computed = compute(&own, &meter);
+    assert_eq!(computed.len(), own.len(), "a result for each item");
+    if turns.is_empty() {
+        return computed;
+    }
+    if count == 1 {
+        if let Some(log) = ranks.log() {
+            log.add_results(meter, turns, &computed);
+        }
+        return computed;
+    }
+
+    // Bits that are sent are those that come, so a rank takes its own results from there, too. Ranks that share other loops have
+    // come apart, which nothing can mend.
+    let mut bytes = Vec::new();
+    (turns.len() as u64).put(&mut bytes);
+    for value in &computed {
+        value.put(&mut bytes);
+    }
+    let all = ranks.all_gather(bytes);
+    let mut left: Vec<&[u8]> = all.iter().map(Vec::as_slice).collect();
+    for (rank, left) in left.iter_mut().enumerate() {
+        let items = u64::take(left).unwrap_or_default();
+        assert!(items == turns.len() as u64, "{} items here and {items} on rank {rank}: ranks differ", turns.len());
+    }
+    let next =
+        |turn: &Turn| T::take(&mut left[turn.owner(count)]).expect("every rank gives a result for each of its items");
+    turns.iter().map(next).collect()
+}
+
+/// As [`share`], item by item: `compute` is given the index of one, and memory of its thread that `scratch` makes. A thread takes
+/// `at_once` items at a time, at least. The CPU time is that of this rank.
+///
+/// # Panics
+/// If ranks run different programs.
+pub fn share_each<T: Portable + Send, S>(
+    ranks: &dyn Ranks,
+    turns: &[Turn],
+    at_once: usize,
+    scratch: impl Fn() -> S + Sync + Send,
+    compute: impl Fn(&mut S, usize) -> T + Sync,
+) -> Timed<Vec<T>> {
+    Timed::of(|busy| {
+        share(ranks, turns, |own, meter| {
+            let some = |scratch: &mut S, items: &[usize]| {
+                busy.measure(|| {
+                    let mut laps = meter.laps();
+                    let mut results = Vec::with_capacity(items.len());
+                    for &item in items {
+                        results.push(compute(scratch, item));
+                        laps.note(turns[item]);
+                    }
+                    results
+                })
+            };
+            own.par_chunks(at_once).map_init(scratch, some).flatten_iter().collect()
+        })
+    })
+}
+
+/// The sum of what each rank finds by `compute`, of some loop whose items it computes in turns. Every rank gets it. `plus` adds two
+/// of them, exactly: in any order it gives the same bits.
+///
+/// # Panics
+/// If ranks run different programs.
+pub fn sum_of_all<T: Portable>(ranks: &dyn Ranks, compute: impl FnOnce(&Meter) -> T, plus: impl Fn(T, T) -> T) -> T {
+    let meter = Meter::of(ranks.log());
+    let own = compute(&meter);
+    if ranks.count() == 1 {
+        if let Some(log) = ranks.log() {
+            log.add_sum(meter, &own, plus);
+        }
+        return own;
+    }
+    let mut bytes = Vec::new();
+    own.put(&mut bytes);
+    let all = ranks.all_gather(bytes);
+    let of = |bytes: &Vec<u8>| T::take(&mut &bytes[..]).expect("every rank gives its sum");
+    all.iter().map(of).reduce(plus).expect("there is a rank")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Runs the same on `count` ranks, each a thread; what they return, by rank.
+    fn on_ranks<T: Send>(count: usize, run: impl Fn(&dyn Ranks) -> T + Sync) -> Vec<T> {
+        let run = &run;
+        std::thread::scope(|scope| {
+            let started: Vec<_> =
+                ThreadRanks::new(count).into_iter().map(|own| scope.spawn(move || run(&own))).collect();
+            started.into_iter().map(|thread| thread.join().expect("no rank fails")).collect()
+        })
+    }
+
+    /// A number whose bits follow from all bits of `k`, of any sign and size.
+    fn odd_number(k: usize) -> f32 {
+        f32::from_bits((k as u32).wrapping_mul(0x9e37_79b9) & 0xbfff_ffff)
+    }
+
+    #[test]
+    fn shared_loops_give_what_one_rank_gives() {
+        let bits = |values: Vec<(f32, Vec<u32>)>| -> Vec<(u32, Vec<u32>)> {
+            values.into_iter().map(|(number, list)| (number.to_bits(), list)).collect()
+        };
+        for items in [0, 1, 2, 7, 1000] {
+            let of = |&k: &usize| (odd_number(k), vec![k as u32; k % 4]);
+            let plain = bits((0..items).map(|k| of(&k)).collect());
+            for count in [1, 2, 3, 5] {
+                let shared = on_ranks(count, |ranks| {
+                    let compute = |own: &[usize], _: &Meter| own.par_iter().map(of).collect();
+                    bits(share(ranks, &in_order(items), compute))
+                });
+                assert!(shared.iter().all(|list| *list == plain), "{items} items on {count} ranks");
+                let one_by_one =
+                    on_ranks(count, |ranks| bits(share_each(ranks, &in_order(items), 3, || (), |(), k| of(&k)).value));
+                assert!(one_by_one == shared, "{items} items on {count} ranks");
+            }
+        }
+    }
+
+    /// Each rank adds up the squares of its own numbers.
+    #[test]
+    fn sums_are_those_of_all_ranks() {
+        for count in [1, 2, 3, 5] {
+            let sums = on_ranks(count, |ranks| {
+                let own = |_: &Meter| (0..100u64).filter(|k| *k as usize % count == ranks.rank()).map(|k| k * k).sum();
+                sum_of_all(ranks, own, |a: u64, b| a + b)
+            });
+            assert_eq!(sums, vec![99 * 100 * 199 / 6; count]);
+        }
+    }
+
+    #[test]
+    fn logs_have_every_item_and_its_bytes() {
+        let ranks = LoggedAlone::default();
+        let turns = [3, 3, 1, 8].map(Turn::Golden);
+        let lists = share_each(&ranks, &turns, 2, || (), |(), k| vec![k as u32; k]).value;
+        assert_eq!(lists, [vec![], vec![1], vec![2; 2], vec![3; 3]]);
+        let none: Vec<u8> = share(&ranks, &[], |_, _| Vec::new());
+        assert!(none.is_empty());
+        let sum = sum_of_all(
+            &ranks,
+            |meter| {
+                let mut laps = meter.laps();
+                laps.note_together([Turn::InOrder(4); 2].into_iter());
+                laps.note(Turn::InOrder(5));
+                [7.0f32; 6]
+            },
+            |_, other| other,
+        );
+        assert_eq!(sum, [7.0; 6]);
+
+        // Lists come with their length. Items one after the other with the same turn are one.
+        let [items, sums] = &ranks.log().expect("it keeps one").loops()[..] else { panic!("two loops") };
+        assert_eq!(items.results, [(turns[0], 8), (turns[1], 12), (turns[2], 16), (turns[3], 20)]);
+        assert_eq!((items.items.bytes, items.sums), (56, Parcel::default()));
+        let turns_of = |one: &LoopLog| one.work.iter().map(|&(turn, _)| turn).collect::<Vec<_>>();
+        let mut timed = turns_of(items);
+        timed.sort_unstable_by_key(|&turn| turns.iter().position(|&one| one == turn));
+        assert_eq!(timed, [turns[0], turns[2], turns[3]]);
+        assert_eq!(turns_of(sums), [Turn::InOrder(4), Turn::InOrder(5)]);
+        assert_eq!((sums.sums.bytes, sums.items, sums.results.len()), (24, Parcel::default(), 0));
+        assert!([items, sums].iter().all(|one| one.work.iter().all(|(_, seconds)| *seconds >= 0.0)));
+    }
+
+    /// Also where owners follow no turns, and some own nothing.
+    #[test]
+    fn items_are_computed_by_their_owners_alone() {
+        let owners = [2, 2, 0, 3, 2, 0];
+        let turns = owners.map(Turn::InOrder);
+        let results = on_ranks(4, |ranks| {
+            let mut seen = Vec::new();
+            let all = share(ranks, &turns, |own, _| {
+                seen = own.to_vec();
+                own.iter().map(|&k| (k as u32, ranks.rank() as u32)).collect()
+            });
+            (seen, all)
+        });
+        let expected: Vec<(u32, u32)> = owners.iter().zip(0..).map(|(&owner, k)| (k, owner)).collect();
+        let own: Vec<Vec<usize>> = results.iter().map(|(seen, _)| seen.clone()).collect();
+        assert_eq!(own, [vec![2, 5], vec![], vec![0, 1, 4], vec![3]]);
+        assert!(results.iter().all(|(_, all)| *all == expected));
+    }
+
+    #[test]
+    fn operations_of_threads_are_those_of_their_names() {
+        let given = |rank: usize| vec![rank as u8; 3 * rank];
+        let all: Vec<Vec<u8>> = (0..3).map(given).collect();
+        let results = on_ranks(3, |ranks| {
+            let own = || given(ranks.rank());
+            (ranks.all_gather(own()), ranks.gather(own()), ranks.broadcast(vec![ranks.rank() as u8 + 7]))
+        });
+        for (rank, (everywhere, at_first, of_first)) in results.into_iter().enumerate() {
+            assert_eq!((everywhere, of_first), (all.clone(), vec![7]));
+            assert_eq!(at_first, (rank == 0).then(|| all.clone()));
+        }
+        assert_eq!(Alone.gather(vec![1, 2]), Some(Alone.all_gather(vec![1, 2])));
+    }
+
+    /// Ranks whose states differ end, and none goes on with what is not meant for it.
+    #[test]
+    fn loops_of_different_length_are_not_shared() {
+        let results: Vec<bool> = std::thread::scope(|scope| {
+            let share_own = |ranks: ThreadRanks| {
+                let items = 5 + ranks.rank();
+                share(&ranks, &in_order(items), |own, _| vec![0u8; own.len()])
+            };
+            let started: Vec<_> =
+                ThreadRanks::new(2).into_iter().map(|own| scope.spawn(move || share_own(own))).collect();
+            started.into_iter().map(|thread| thread.join().is_err()).collect()
+        });
+        assert_eq!(results, [true, true]);
+    }
+
+    /// A rank that has ended cannot be waited for: the others end too.
+    #[test]
+    fn who_waits_for_a_rank_that_is_gone_fails() {
+        let mut ranks = ThreadRanks::new(2);
+        drop(ranks.pop());
+        let [first] = ranks.try_into().expect("one is left");
+        let waits = std::thread::spawn(move || first.all_gather(Vec::new()));
+        assert!(waits.join().is_err());
+    }
+}
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,71 @@
+//! Which crates may never depend on which others, directly or through crates between them.
+
+use super::{CRATES, root};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// A crate, and names that none of its dependencies may have, however far down.
+const NEVER: [(&str, &[&str]); 11] = [
+    ("support/lanes", &["glam", "rayon", "serde", "ranks", "plane"]),
+    ("support/plane", &["glam", "rayon", "ranks", "render-core"]),
+    ("support/ranks", &["plane", "serde", "render-core", "pipeline", "mpi"]),
+    ("support/lightfield", &["plane", "render-core", "gltf"]),
+    ("lighttree", &["render-core", "perceptual", "mpeg2enc", "pipeline", "gltf"]),
+    ("perceptual", &["render-core", "lighttree", "mpeg2enc", "pipeline"]),
+    ("mpeg2enc", &["render-core", "lighttree", "perceptual", "pipeline", "glam"]),
+    ("render-core", &["lighttree", "perceptual", "mpeg2enc", "pipeline"]),
+    ("pipeline/loop", &["render-core", "lighttree", "mpeg2enc", "renderer", "clap", "image", "gltf", "minijinja"]),
+    ("pipeline/renderer", &["mpeg2enc", "render2mpeg", "laboratory", "minijinja", "anyhow", "indicatif"]),
+    ("pipeline/film", &["laboratory", "program", "minijinja", "anyhow", "indicatif", "csv"]),
+];
+
+/// The names in a table of dependencies of a crate.
+fn dependencies(name: &str) -> BTreeSet<String> {
+    let text = std::fs::read_to_string(root().join(name).join("Cargo.toml")).expect("a manifest");
+    let mut names = BTreeSet::new();
+    let mut within = false;
+    for line in text.lines() {
+        if line.starts_with('[') {
+            within = line == "[dependencies]" || line.starts_with("[target.") && line.ends_with(".dependencies]");
+        } else if within && !line.starts_with('#') {
+            let name = line.split(['.', ' ', '=']).next().unwrap_or_default();
+            names.extend((!name.is_empty()).then(|| name.to_owned()));
+        }
+    }
+    names
+}
+
+/// The folder of each crate of the workspace, by the name that others give it in their manifests.
+fn folders() -> BTreeMap<&'static str, &'static str> {
+    let mut folders = BTreeMap::new();
+    for folder in CRATES {
+        let name = match folder {
+            "pipeline/loop" => "pipeline",
+            "pipeline/film" => "render2mpeg",
+            folder => folder.rsplit('/').next().expect("a name"),
+        };
+        folders.insert(name, folder);
+    }
+    folders
+}
+
+#[test]
+fn crates_keep_off_the_crates_above_them() {
+    let folders = folders();
+    let mut found = Vec::new();
+    for (of, never) in NEVER {
+        // All that is reached through crates of the workspace.
+        let (mut reached, mut open) = (BTreeSet::new(), vec![of]);
+        while let Some(folder) = open.pop() {
+            for name in dependencies(folder) {
+                let folder = folders.get(name.as_str());
+                if reached.insert(name) {
+                    open.extend(folder);
+                }
+            }
+        }
+        assert!(of == "support/lanes" || !reached.is_empty(), "{of} has dependencies");
+        found
+            .extend(never.iter().filter(|name| reached.contains(**name)).map(|name| format!("{of} depends on {name}")));
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
