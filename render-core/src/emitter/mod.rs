@@ -52,6 +52,26 @@ impl PointLight {
     }
 }
 
+/// A light among the [`Emitters`] and the sky, by its kind and its place among these.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LightId {
+    /// Index into [`Emitters::areas`].
+    Area(usize),
+    /// Index into [`Emitters::points`].
+    Point(usize),
+    /// Index into [`Emitters::suns`].
+    Sun(usize),
+    /// The scene's sky.
+    Sky,
+}
+
+impl LightId {
+    /// Whether the light is infinitely far away.
+    pub(crate) fn is_distant(self) -> bool {
+        matches!(self, Self::Sun(_) | Self::Sky)
+    }
+}
+
 /// All lights of the scene at one time.
 #[derive(Clone, Debug)]
 pub struct Emitters {
@@ -105,12 +125,25 @@ impl Emitters {
     pub fn photons<'a>(&'a self, scene: &'a Scene) -> Option<PhotonSource<'a>> {
         let (center, radius) = self.ball;
         let disc = std::f32::consts::PI * radius * radius;
-        let mut powers: Vec<Vec3> = self.areas.iter().map(AreaLight::power).collect();
-        powers.extend(self.points.iter().map(|light| light.intensity * cone_solid_angle(light.kind)));
-        powers.extend(self.suns.iter().map(|sun| sun.irradiance * disc));
-        powers.extend(scene.sky.iter().map(|sky| sky.fluence() * disc));
+        let (mut lights, mut powers) = (Vec::new(), Vec::new());
+        for (light, power) in self.powers(scene, disc) {
+            lights.push(light);
+            powers.push(power);
+        }
         let choice = Distribution::new(powers.iter().map(|&power| f64::from(luminance(power))))?;
-        Some(PhotonSource { emitters: self, scene, powers, choice, center, radius })
+        Some(PhotonSource { emitters: self, scene, lights, powers, choice, center, radius })
+    }
+
+    /// All lights, each with its radiant flux through a scene of the cross-section `disc` \[m²\].
+    fn powers(&self, scene: &Scene, disc: f32) -> impl Iterator<Item = (LightId, Vec3)> {
+        let areas = self.areas.iter().map(AreaLight::power);
+        let points = self.points.iter().map(|light| light.intensity * cone_solid_angle(light.kind));
+        let suns = self.suns.iter().map(move |sun| sun.irradiance * disc);
+        let sky = scene.sky.iter().map(move |sky| (LightId::Sky, sky.fluence() * disc));
+        let areas = areas.enumerate().map(|(index, power)| (LightId::Area(index), power));
+        let points = points.enumerate().map(|(index, power)| (LightId::Point(index), power));
+        let suns = suns.enumerate().map(|(index, power)| (LightId::Sun(index), power));
+        areas.chain(points).chain(suns).chain(sky)
     }
 }
 

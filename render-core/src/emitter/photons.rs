@@ -1,8 +1,8 @@
 //! Photons on their way out of lights, and the same ways backwards: how a light gets to a place.
 
-use super::Emitters;
 use super::area::Detail;
-use crate::environment::SkySample;
+use super::{Emitters, LightId};
+use crate::environment::{Environment, SkySample};
 use crate::sampling::{Distribution, concentric_disc, cosine_hemisphere, disc_to_square, frame, uniform_sphere};
 use crate::scene::{PunctualKind, Scene};
 use crate::surface::Surfaces;
@@ -29,6 +29,7 @@ pub const EMISSION_DIMENSIONS: usize = 5;
 /// How a photon starts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Start {
+    /// Index into [`PhotonSource::lights`].
     pub light: usize,
     /// Left of the number that chose the light, 0…1.
     pub rest: f64,
@@ -68,6 +69,8 @@ pub(super) fn cone_solid_angle(kind: PunctualKind) -> f32 {
 pub struct PhotonSource<'a> {
     pub(super) emitters: &'a Emitters,
     pub(super) scene: &'a Scene,
+    pub(super) lights: Vec<LightId>,
+    /// Of each of the lights \[W\].
     pub(super) powers: Vec<Vec3>,
     pub(super) choice: Distribution,
     pub(super) center: Vec3A,
@@ -94,7 +97,11 @@ impl PhotonSource<'_> {
 
     /// How many lights are not infinitely far away; these come first.
     pub(crate) fn near_lights(&self) -> usize {
-        self.emitters.areas.len() + self.emitters.points.len()
+        self.lights.iter().filter(|light| !light.is_distant()).count()
+    }
+
+    fn sky(&self) -> &Environment {
+        self.scene.sky.as_ref().expect("only a scene with a sky has its light")
     }
 
     /// The photon with this start, of `count`.
@@ -103,59 +110,57 @@ impl PhotonSource<'_> {
         let from_moving = self.emitters.moving.get(light).copied().unwrap_or(false);
         let share = 1.0 / (density * count as f32);
         let e = self.emitters;
-        if let Some(area) = e.areas.get(light) {
-            let sample = area.sample(surfaces, area.point(rest, place), way.x, Detail::Point);
-            // The same number chose the side; what it has left over is as good as new.
-            let way = if area.is_double_sided() { Vec2::new((way.x * 2.0).fract(), way.y) } else { way };
-            let direction = cosine_hemisphere(sample.normal.into(), way);
-            // Radiance · area · π is the flux; the point was chosen with density radiance/area-weighted.
-            let flux = sample.intensity * std::f32::consts::PI * share;
-            return EmittedPhoton {
-                origin: sample.position,
-                direction: direction.into(),
-                flux,
-                from_moving,
-                distant: false,
-            };
+        match self.lights[light] {
+            LightId::Area(index) => {
+                let area = &e.areas[index];
+                let sample = area.sample(surfaces, area.point(rest, place), way.x, Detail::Point);
+                // The same number chose the side; what it has left over is as good as new.
+                let way = if area.is_double_sided() { Vec2::new((way.x * 2.0).fract(), way.y) } else { way };
+                let direction = cosine_hemisphere(sample.normal.into(), way);
+                // Radiance · area · π is the flux; the point was chosen with density radiance/area-weighted.
+                let flux = sample.intensity * std::f32::consts::PI * share;
+                let origin = sample.position;
+                EmittedPhoton { origin, direction: direction.into(), flux, from_moving, distant: false }
+            }
+            LightId::Point(index) => {
+                let point = &e.points[index];
+                let solid_angle = cone_solid_angle(point.kind);
+                let (direction, weight) = match point.kind {
+                    PunctualKind::Spot { outer, .. } => {
+                        let cos = 1.0 - way.x * (1.0 - outer.cos());
+                        let (x, y) = frame(point.axis.into());
+                        let (sin, angle) = ((1.0 - cos * cos).max(0.0).sqrt(), std::f32::consts::TAU * way.y);
+                        let across = x * (sin * angle.cos()) + y * (sin * angle.sin());
+                        let cap = std::f32::consts::TAU * (1.0 - outer.cos());
+                        (across + Vec3::from(point.axis) * cos, point.kind.falloff(cos) * cap / solid_angle)
+                    }
+                    _ => (uniform_sphere(way), 1.0),
+                };
+                let flux = point.intensity * (solid_angle * weight * share);
+                let direction = direction.normalize().into();
+                EmittedPhoton { origin: point.position, direction, flux, from_moving, distant: false }
+            }
+            LightId::Sun(index) => {
+                let sun = &e.suns[index];
+                let photon = self.distant_photon(sun.direction(way), sun.irradiance, place, share);
+                EmittedPhoton { from_moving, ..photon }
+            }
+            LightId::Sky => {
+                let (towards, irradiance) = drawn_from(self.sky(), way);
+                self.distant_photon(towards, irradiance, place, share)
+            }
         }
-        let light = light - e.areas.len();
-        if let Some(point) = e.points.get(light) {
-            let solid_angle = cone_solid_angle(point.kind);
-            let (direction, weight) = match point.kind {
-                PunctualKind::Spot { outer, .. } => {
-                    let cos = 1.0 - way.x * (1.0 - outer.cos());
-                    let (x, y) = frame(point.axis.into());
-                    let (sin, angle) = ((1.0 - cos * cos).max(0.0).sqrt(), std::f32::consts::TAU * way.y);
-                    let direction = x * (sin * angle.cos()) + y * (sin * angle.sin()) + Vec3::from(point.axis) * cos;
-                    let cap = std::f32::consts::TAU * (1.0 - outer.cos());
-                    (direction, point.kind.falloff(cos) * cap / solid_angle)
-                }
-                _ => (uniform_sphere(way), 1.0),
-            };
-            let flux = point.intensity * (solid_angle * weight * share);
-            let direction = direction.normalize().into();
-            return EmittedPhoton { origin: point.position, direction, flux, from_moving, distant: false };
-        }
-        let light = light - e.points.len();
+    }
+
+    /// A photon of a light that is infinitely far away and has this irradiance \[W·m⁻²\]. It starts at `place` of a disc as
+    /// wide as the scene.
+    fn distant_photon(&self, towards: Vec3A, irradiance: Vec3, place: Vec2, share: f32) -> EmittedPhoton {
         let disc_area = std::f32::consts::PI * self.radius * self.radius;
-        let (towards, irradiance) = self.distant_light(light, way);
         let flux = irradiance * (disc_area * share);
         let (x, y) = frame(towards.into());
         let on_disc = concentric_disc(place) * self.radius;
         let origin = self.center + towards * (self.radius * 1.01) + Vec3A::from(x * on_disc.x + y * on_disc.y);
-        EmittedPhoton { origin, direction: -towards, flux, from_moving, distant: true }
-    }
-
-    /// A direction towards light number `light` of those infinitely far away, drawn with `way`, and the irradiance from it.
-    fn distant_light(&self, light: usize, way: Vec2) -> (Vec3A, Vec3) {
-        match self.emitters.suns.get(light) {
-            Some(sun) => (sun.direction(way), sun.irradiance),
-            None => {
-                let sky = self.scene.sky.as_ref().expect("the last power is the sky's");
-                let SkySample { direction, pdf } = sky.sample(way);
-                (direction.into(), sky.radiance(direction) / pdf)
-            }
-        }
+        EmittedPhoton { origin, direction: -towards, flux, from_moving: false, distant: true }
     }
 
     /// One of the lights close by with the chance that `which` (0…1) gives it, half by power and half evenly; and all lights
@@ -189,29 +194,43 @@ impl PhotonSource<'_> {
     ) -> Option<SeenLight> {
         let e = self.emitters;
         let facing = |towards: Vec3A| Some(towards.dot(normal)).filter(|cosine| *cosine > 0.0);
-        if let Some(area) = e.areas.get(light) {
-            let sample = area.sample(surfaces, area.point(f64::from(way.x), place), way.y, Detail::Point);
-            let (distance, towards) =
-                ((sample.position - position).length(), (sample.position - position).try_normalize()?);
-            let cosines = facing(towards)? * sample.normal.dot(-towards).max(0.0);
-            // Bounded, as a point close by would outshine all others.
-            let irradiance = sample.intensity * cosines / (distance * distance + area.area / std::f32::consts::PI);
-            return Some(SeenLight { irradiance, towards, end: Some(sample.position), start: Vec4::ZERO });
-        }
-        if let Some(point) = e.points.get(light - e.areas.len()) {
-            let way = point.position - position;
-            let towards = way.try_normalize()?;
-            let least = (1e-3 * self.radius).powi(2);
-            let irradiance = point.intensity_towards(position) * (facing(towards)? / (way.length_squared() + least));
-            return Some(SeenLight { irradiance, towards, end: Some(point.position), start: Vec4::ZERO });
-        }
-        let (towards, irradiance) = self.distant_light(light - self.near_lights(), way);
-        let irradiance = irradiance * facing(towards)?;
+        let (towards, irradiance) = match self.lights[light] {
+            LightId::Area(index) => {
+                let area = &e.areas[index];
+                let sample = area.sample(surfaces, area.point(f64::from(way.x), place), way.y, Detail::Point);
+                let (distance, towards) =
+                    ((sample.position - position).length(), (sample.position - position).try_normalize()?);
+                let cosines = facing(towards)? * sample.normal.dot(-towards).max(0.0);
+                // Bounded, as a point close by would outshine all others.
+                let irradiance = sample.intensity * cosines / (distance * distance + area.area / std::f32::consts::PI);
+                return Some(SeenLight { irradiance, towards, end: Some(sample.position), start: Vec4::ZERO });
+            }
+            LightId::Point(index) => {
+                let point = &e.points[index];
+                let way = point.position - position;
+                let towards = way.try_normalize()?;
+                let least = (1e-3 * self.radius).powi(2);
+                let irradiance =
+                    point.intensity_towards(position) * (facing(towards)? / (way.length_squared() + least));
+                return Some(SeenLight { irradiance, towards, end: Some(point.position), start: Vec4::ZERO });
+            }
+            LightId::Sun(index) => (e.suns[index].direction(way), e.suns[index].irradiance),
+            LightId::Sky => drawn_from(self.sky(), way),
+        };
+
         // The inverse of the way that a photon starts.
+        let irradiance = irradiance * facing(towards)?;
         let (x, y) = frame(towards.into());
         let to = position - self.center;
         let on_disc = Vec2::new(to.dot(x.into()), to.dot(y.into())) / self.radius;
         let place = disc_to_square(on_disc).clamp(Vec2::ZERO, Vec2::splat(1.0 - f32::EPSILON));
-        Some(SeenLight { irradiance, towards, end: None, start: Vec4::new(place.x, place.y, way.x, way.y) })
+        let start = Vec4::new(place.x, place.y, way.x, way.y);
+        Some(SeenLight { irradiance, towards, end: None, start })
     }
+}
+
+/// A direction towards the sky, drawn with `way`, and the irradiance from it \[W·m⁻²\].
+fn drawn_from(sky: &Environment, way: Vec2) -> (Vec3A, Vec3) {
+    let SkySample { direction, pdf } = sky.sample(way);
+    (direction.into(), sky.radiance(direction) / pdf)
 }
