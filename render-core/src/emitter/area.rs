@@ -15,6 +15,8 @@ const FEW_PANELS: usize = 4;
 pub struct AreaLight {
     /// Index into [`Scene::instances`](crate::scene::Scene::instances).
     pub instance: usize,
+    /// Whether the instance moves, or changes its shape or material, at any time.
+    pub moves: bool,
     patches: Vec<Patch>,
     panels: usize,
     choice: Distribution,
@@ -75,7 +77,17 @@ impl AreaLight {
         let choice = Distribution::new(patches.iter().map(|patch| f64::from(patch.power())))?;
         let area = patches.iter().map(|patch| patch.area).sum();
         let (emission, textured) = (material.emission, material.emission_texture.is_some());
-        Some(Self { instance, patches, panels, choice, area, double_sided: material.double_sided, emission, textured })
+        Some(Self {
+            instance,
+            moves: surfaces.moving()[instance],
+            patches,
+            panels,
+            choice,
+            area,
+            double_sided: material.double_sided,
+            emission,
+            textured,
+        })
     }
 
     /// Radiant flux of all its glowing sides \[W\], linear RGB.

@@ -14,7 +14,7 @@ pub use photons::{EMISSION_DIMENSIONS, EmittedPhoton, PhotonSource};
 
 use crate::environment::{Environment, SkySample};
 use crate::sampling::{Distribution, concentric_disc, frame};
-use crate::scene::{PunctualKind, PunctualLight, Scene};
+use crate::scene::{PunctualKind, Scene};
 use crate::surface::Surfaces;
 use crate::{Units, luminance};
 use glam::{Vec2, Vec3, Vec3A};
@@ -28,6 +28,8 @@ pub struct SunLight {
     pub irradiance: Vec3,
     /// Half the angle that its disc spans, radians.
     pub angular_radius: f32,
+    /// Whether it moves at any time.
+    pub moves: bool,
 }
 
 /// A point or spot light at one time.
@@ -41,6 +43,8 @@ pub struct PointLight {
     pub intensity: Vec3,
     /// Shape of the cone.
     pub kind: PunctualKind,
+    /// Whether it moves at any time.
+    pub moves: bool,
 }
 
 impl PointLight {
@@ -81,8 +85,6 @@ pub struct Emitters {
     pub points: Vec<PointLight>,
     /// Directional lights.
     pub suns: Vec<SunLight>,
-    /// For each of these in turn, whether it moves; the sky after them does not.
-    moving: Vec<bool>,
     /// Center and radius of a ball around the scene, for light from far away.
     ball: (Vec3A, f32),
 }
@@ -99,26 +101,23 @@ impl Emitters {
         let areas: Vec<AreaLight> =
             (0..scene.instances.len()).filter_map(|instance| AreaLight::new(surfaces, instance)).collect();
         let (mut points, mut suns) = (Vec::new(), Vec::new());
-        let nodes = scene.moving_nodes();
-        let punctual = |sun: bool| {
-            let of_kind = move |light: &&PunctualLight| (light.kind == PunctualKind::Directional) == sun;
-            scene.punctual_lights.iter().filter(of_kind).map(|light| nodes[light.node])
-        };
-        let moving = areas.iter().map(|area| surfaces.moving()[area.instance]);
-        let moving = moving.chain(punctual(false)).chain(punctual(true)).collect();
+        let moving = scene.moving_nodes();
         for light in pose.punctual_lights(scene) {
-            let world = &pose.world[light.node];
+            let (world, moves) = (&pose.world[light.node], moving[light.node]);
             let axis = world.transform_vector3a(-Vec3A::Z).try_normalize().unwrap_or(-Vec3A::Y);
             match light.kind {
                 PunctualKind::Directional => suns.push(SunLight {
                     towards: -axis,
                     irradiance: light.color,
                     angular_radius: scene.settings.sun.angular_diameter.to_radians() / 2.0,
+                    moves,
                 }),
-                kind => points.push(PointLight { position: world.translation, axis, intensity: light.color, kind }),
+                kind => {
+                    points.push(PointLight { position: world.translation, axis, intensity: light.color, kind, moves });
+                }
             }
         }
-        Self { areas, points, suns, moving, ball: (units.center, units.radius) }
+        Self { areas, points, suns, ball: (units.center, units.radius) }
     }
 
     /// A source of photons, the same for the same lights; `None` when nothing shines.

@@ -107,7 +107,6 @@ impl PhotonSource<'_> {
     /// The photon with this start, of `count`.
     pub(crate) fn emit(&self, surfaces: &Surfaces, start: Start, count: u64) -> EmittedPhoton {
         let Start { light, rest, place, way, density } = start;
-        let from_moving = self.emitters.moving.get(light).copied().unwrap_or(false);
         let share = 1.0 / (density * count as f32);
         let e = self.emitters;
         match self.lights[light] {
@@ -120,7 +119,7 @@ impl PhotonSource<'_> {
                 // Radiance · area · π is the flux; the point was chosen with density radiance/area-weighted.
                 let flux = sample.intensity * std::f32::consts::PI * share;
                 let origin = sample.position;
-                EmittedPhoton { origin, direction: direction.into(), flux, from_moving, distant: false }
+                EmittedPhoton { origin, direction: direction.into(), flux, from_moving: area.moves, distant: false }
             }
             LightId::Point(index) => {
                 let point = &e.points[index];
@@ -138,12 +137,12 @@ impl PhotonSource<'_> {
                 };
                 let flux = point.intensity * (solid_angle * weight * share);
                 let direction = direction.normalize().into();
-                EmittedPhoton { origin: point.position, direction, flux, from_moving, distant: false }
+                EmittedPhoton { origin: point.position, direction, flux, from_moving: point.moves, distant: false }
             }
             LightId::Sun(index) => {
                 let sun = &e.suns[index];
                 let photon = self.distant_photon(sun.direction(way), sun.irradiance, place, share);
-                EmittedPhoton { from_moving, ..photon }
+                EmittedPhoton { from_moving: sun.moves, ..photon }
             }
             LightId::Sky => {
                 let (towards, irradiance) = drawn_from(self.sky(), way);
