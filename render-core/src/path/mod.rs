@@ -16,8 +16,8 @@ pub use still::path_traced;
 
 use crate::accel::Hit;
 use crate::bsdf::Bsdf;
-use crate::emitter::Emitters;
 use crate::gbuffer::CameraRay;
+use crate::light::Emitters;
 use crate::sampling::{frame, hash, owen_sobol_point};
 use crate::scene::View;
 use crate::surface::Surface;

@@ -16,8 +16,8 @@
 use super::aims::{Aims, Cone, Edge};
 use super::boxes::Boxes;
 use crate::anchor::{Anchor, Anchors};
-use crate::emitter::{Emitters, PhotonSource, Start};
 use crate::gbuffer::CameraRay;
+use crate::light::{Emitters, Facing, PhotonSource, Start};
 use crate::sampling::{Distribution, Pick, cosine_hemisphere, hash, owen_sobol_point};
 use crate::scene::View;
 use crate::surface::Interaction;
@@ -237,9 +237,8 @@ impl Paths<'_> {
         let PosedScene { accelerator, surfaces } = self.scene;
         for (light, chance) in self.source.some_lights(points().x) {
             let (place, way) = (points(), points());
-            let Some(seen) = self.source.towards(surfaces, light, (at.origin, at.normal), (place, way)) else {
-                continue;
-            };
+            let facing = Facing { position: at.origin, normal: at.normal };
+            let Some(seen) = self.source.towards(surfaces, light, facing, [place, way]) else { continue };
             let hidden = match seen.end {
                 Some(end) => accelerator.occluded(at.origin, end),
                 None => accelerator.occluded_towards(at.origin, seen.towards),
