@@ -43,8 +43,8 @@ pub struct DomeLight {
 
 /// The sky beside its lamps as `count` points of a dome far outside of the scene; none without a sky.
 ///
-/// Each stands for about the same luminance: where the sky is bright they are dense, so that a sun in an image becomes
-/// many lights and not the luck of one.
+/// Each stands for about the same luminance: where the sky is bright they are dense, so that a bright spot of an image
+/// becomes many lights and not the luck of one.
 #[must_use]
 pub fn dome_lights(scene: &Scene, units: &Units, count: usize) -> Vec<DomeLight> {
     let Some(sky) = scene.sky.as_ref().and_then(Environment::beside_lamps) else { return Vec::new() };
