@@ -161,7 +161,7 @@ impl Anchors {
     }
 
     /// Splits fixed anchors whose `flux` is `BRIGHT` (8) times the mean or more into the surfels that they shine for. So a
-    /// lampshade or a patch of sun has as many lights as it is bright, where area alone would give it one or two. At most three
+    /// lampshade or a sunlit patch has as many lights as it is bright, where area alone would give it one or two. At most three
     /// in eight are added.
     pub fn split_bright(&mut self, flux: &[Vec3]) {
         // In f64: a few bright anchors are added to tens of thousands of dark ones.

@@ -124,7 +124,7 @@ impl Environment {
         }
     }
 
-    /// Small bright spots, a sun in an image for one: few enough to be sampled one by one.
+    /// Small bright spots of an image, few enough to be sampled one by one.
     pub(crate) fn lamps(&self) -> &[SkyLamp] {
         self.parts.as_ref().map_or(&[], |parts| &parts.lamps)
     }

@@ -17,7 +17,7 @@
 mod gap;
 
 use crate::anchor::{Anchors, Moved, Sight, Spot, SurfelMap};
-use crate::direct::{Lamps, ShadingPoint};
+use crate::light::{Lamps, ShadingPoint};
 use crate::photon::AnchorFlux;
 use crate::sampling::{centered_sobol, concentric_disc, frame, hash_unit};
 use crate::surface::{Interaction, Surface, Surfaces};

@@ -11,11 +11,10 @@ mod atlas;
 mod bsdf;
 pub mod cache;
 mod carried;
-mod direct;
-mod emitter;
 mod environment;
 mod gather;
 mod gbuffer;
+mod light;
 mod path;
 mod photon;
 mod polygon;
@@ -34,16 +33,15 @@ pub use anchor::{Anchor, Anchors, DynamicAnchor, Moved, ZoneSearch, Zones};
 pub use atlas::{Atlas, AtlasError, AtlasPoint, FinePoint, FineTexels, TexelBlend, TexelSite};
 pub use bsdf::{Bsdf, BsdfSample};
 pub use carried::{AuditCounts, Carried, CarriedLight, Completed, Destination, Reuse, Unseen};
-pub use direct::{DirectLights, DynamicLights, Lamps, ShadingPoint, Source, Traced};
-pub use emitter::{
-    AreaLight, AreaSample, DomeLight, EMISSION_DIMENSIONS, EmittedPhoton, Emitters, PhotonSource, PointLight, SunLight,
-    dome_lights,
-};
 pub use environment::{Environment, SkySample};
 pub use gather::{FinalGather, GatherDirections, Gathered};
 pub use gbuffer::{
     Coverage, GBuffer, InstanceShare, InstanceShares, LayeredPixel, MACROBLOCK, MixedPixel, NOTHING, PixelSample,
     PixelSurface, SurfacePart,
+};
+pub use light::{
+    AreaLight, AreaSample, DirectLights, DomeLight, DynamicLights, EMISSION_DIMENSIONS, EmittedPhoton, Emitters, Lamps,
+    PhotonSource, PointLight, ShadingPoint, Source, SunLight, Traced, dome_lights,
 };
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling, path_traced};
 pub use photon::{AnchorFlux, Guide, GuideSearch, Photons};

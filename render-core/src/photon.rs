@@ -16,7 +16,7 @@ mod quanta;
 pub use guide::{Guide, GuideSearch};
 
 use crate::anchor::{Anchors, Moved, Sight, SurfelMap};
-use crate::emitter::Emitters;
+use crate::light::Emitters;
 use crate::ranks::{Alone, Meter, Ranks, Turn, sum_of_all};
 use crate::swept::SweptVolume;
 use crate::{Busy, PosedScene, Timed, Units};

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Between texels an image is linear, so that the same holds for the radiance of every direction. Lamps are sampled one by one,
-//! as suns are; the rest is a dome of many lights.
+//! as discs (`light/distant.rs`); the rest is a dome of many lights.
 
 use super::{EquirectangularMap, cell_solid_angle, height};
 use crate::luminance;
@@ -21,9 +21,9 @@ const BRIGHT: f32 = 64.0;
 const LEAST_SHARE: f32 = 1.0 / 64.0;
 /// Half the angle across a lamp, at most \[rad\]: 6°. What is wider throws soft shadows, which the dome has too.
 const MOST_RADIUS: f32 = 0.1;
-/// Lamps of a sky, at most: each costs as much as a sun. The brightest are taken.
+/// Lamps of a sky, at most: each costs shadow rays at every pixel. The brightest are taken.
 const MOST_LAMPS: usize = 8;
-/// Times that the least radiance is doubled until a spot is small: the glare around a sun goes to the rest.
+/// Times that the least radiance is doubled until a spot is small: the glare around a spot goes to the rest.
 const DOUBLINGS: u32 = 12;
 /// Cells along a side of a texel, for drawing directions.
 const CELLS: usize = 4;
@@ -322,7 +322,7 @@ mod tests {
         }
     }
 
-    /// A window as wide as a room's stays in the dome; a sun before its glare does not.
+    /// A window as wide as a room's stays in the dome; a bright spot before its glare does not.
     #[test]
     fn wide_regions_are_no_lamps() {
         let of = |radiance: fn(f32) -> f32| {
@@ -333,8 +333,8 @@ mod tests {
             Environment::image(texels, 1.0, 0.0).expect("a sky")
         };
         assert!(of(|way| if way < 8.0 { 100.0 } else { 0.0 }).lamps().is_empty());
-        let sun = of(|way| if way < 1.0 { 50_000.0 } else { 200.0 / (1.0 + way * way) });
-        assert_eq!(sun.lamps().len(), 1);
-        assert!(sun.lamps()[0].angular_radius < 0.2, "{}", sun.lamps()[0].angular_radius);
+        let spot = of(|way| if way < 1.0 { 50_000.0 } else { 200.0 / (1.0 + way * way) });
+        assert_eq!(spot.lamps().len(), 1);
+        assert!(spot.lamps()[0].angular_radius < 0.2, "{}", spot.lamps()[0].angular_radius);
     }
 }

@@ -13,7 +13,7 @@
 
 use super::{Gathered, Seen};
 use crate::PosedScene;
-use crate::direct::Lamps;
+use crate::light::Lamps;
 use crate::sampling::cosine_hemisphere;
 use glam::Vec2;
 

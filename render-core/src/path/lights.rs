@@ -2,8 +2,7 @@
 
 use super::{Points, Vertex, power_heuristic};
 use crate::accel::{Accelerator, Hit};
-use crate::emitter::{Emitters, LightPoint, PointLight};
-use crate::environment::SkySample;
+use crate::light::{DistantSample, Emitters, LightPoint, PointLight};
 use crate::sampling::{Distribution, Pick};
 use crate::surface::{Surface, Surfaces};
 use crate::{PosedScene, luminance};
@@ -60,18 +59,12 @@ impl<'a> Lights<'a> {
         if !self.emitters.points.is_empty() {
             sum += self.point_light(accelerator, vertex, points);
         }
-        for sun in &self.emitters.suns {
-            let towards = sun.direction(points.next());
-            let (reflected, _) = vertex.reflect(towards);
+        for light in self.emitters.distant(surfaces.scene().sky.as_ref()) {
+            let DistantSample { towards, radiance, pdf } = light.draw(points.next());
+            let (reflected, other) = vertex.reflect(towards);
             if reflected != Vec3::ZERO && !accelerator.occluded_towards(vertex.position, towards) {
-                sum += reflected * sun.irradiance;
-            }
-        }
-        if let Some(sky) = &surfaces.scene().sky {
-            let SkySample { direction: towards, pdf } = sky.sample(points.next());
-            let (reflected, other) = vertex.reflect(towards.into());
-            if reflected != Vec3::ZERO && !accelerator.occluded_towards(vertex.position, towards.into()) {
-                sum += reflected * sky.radiance(towards) * (power_heuristic(pdf, other) / pdf);
+                // Directions of the path itself never meet a light without a density.
+                sum += reflected * radiance * pdf.map_or(1.0, |pdf| power_heuristic(pdf, other) / pdf);
             }
         }
         sum

@@ -1,10 +1,10 @@
 //! A path tracer that knows nothing of virtual lights: the truth that they are measured against.
 //!
-//! Paths start at the camera. At each surface one point of the glowing surfaces, one punctual light, every sun and one
-//! direction of the sky are sampled with shadow rays, and the path goes on in a direction drawn from the BSDF; where both ways lead to
+//! Paths start at the camera. At each surface one point of the glowing surfaces, one light without size, and one direction to
+//! each light that is infinitely far away are sampled with shadow rays, and the path goes on in a direction drawn from the BSDF; where both ways lead to
 //! the same light, they are weighted by the power heuristic \[Veach97, 9.2.4\]. Russian roulette ends paths without bias.
 //!
-//! Paths show what the rest of the program shows: the sun's disc and punctual lights are never seen themselves, an unlit
+//! Paths show what the rest of the program shows: punctual lights are never seen themselves, an unlit
 //! surface shines for the camera alone, and the back of a single-sided surface is not shown, but absorbs light.
 
 mod film;
@@ -16,8 +16,8 @@ pub use still::path_traced;
 
 use crate::accel::Hit;
 use crate::bsdf::Bsdf;
-use crate::emitter::Emitters;
 use crate::gbuffer::CameraRay;
+use crate::light::Emitters;
 use crate::sampling::{frame, hash, owen_sobol_point};
 use crate::scene::View;
 use crate::surface::Surface;

@@ -1,11 +1,12 @@
 //! Guided emission: photons start where their light gets to what the camera sees.
 //!
-//! Sky and sun shine on a whole scene. Where the camera is in a room with a window, few of their photons get in; and a small lamp has
-//! few next to the sky, though it may be all that a room has. So paths from the camera note which light their vertices get, and
+//! Light from infinitely far away shines on a whole scene. Where the camera is in a room with a window, few of its photons get in.
+//! A small lamp has few next to the sky, though it may be all that a room has. So paths from the camera note which light their
+//! vertices get, and
 //!
 //! ```text
 //! p(ℓ)     = μ P_ℓ / Σ P + (1 − μ) I_ℓ / Σ I          probability of light ℓ
-//! p(u | ℓ) = g_ℓ(u)                                   density of the start of a photon of sky or sun
+//! p(u | ℓ) = g_ℓ(u)                                   density of the start of a photon from infinitely far away
 //!   P_ℓ  power          I_ℓ  share of the light that the paths found
 //!   u    the four numbers in 0…1 that its place and its way follow from          g_ℓ  density of the paths' light over u
 //! ```
@@ -16,8 +17,8 @@
 use super::aims::{Aims, Cone, Edge};
 use super::boxes::Boxes;
 use crate::anchor::{Anchor, Anchors};
-use crate::emitter::{Emitters, PhotonSource, Start};
 use crate::gbuffer::CameraRay;
+use crate::light::{Emitters, Facing, PhotonSource, Start};
 use crate::sampling::{Distribution, Pick, cosine_hemisphere, hash, owen_sobol_point};
 use crate::scene::View;
 use crate::surface::Interaction;
@@ -38,9 +39,9 @@ const PARTS: usize = 8;
 /// Where the photons of a film start: more of them where their light gets to what the camera sees.
 #[derive(Clone, Debug)]
 pub struct Guide {
-    /// I_ℓ / Σ I for each light: glowing surfaces, point lights, suns, sky; empty where nothing was found.
+    /// I_ℓ / Σ I for each light of the [`PhotonSource`]; empty where nothing was found.
     shares: Vec<f64>,
-    /// g_ℓ of the lights that are infinitely far away: suns, then the sky.
+    /// g_ℓ of the lights that are infinitely far away, in the same order.
     distant: Vec<Option<Boxes>>,
     aims: Aims,
 }
@@ -237,9 +238,8 @@ impl Paths<'_> {
         let PosedScene { accelerator, surfaces } = self.scene;
         for (light, chance) in self.source.some_lights(points().x) {
             let (place, way) = (points(), points());
-            let Some(seen) = self.source.towards(surfaces, light, (at.origin, at.normal), (place, way)) else {
-                continue;
-            };
+            let facing = Facing { position: at.origin, normal: at.normal };
+            let Some(seen) = self.source.towards(surfaces, light, facing, [place, way]) else { continue };
             let hidden = match seen.end {
                 Some(end) => accelerator.occluded(at.origin, end),
                 None => accelerator.occluded_towards(at.origin, seen.towards),

@@ -4,7 +4,7 @@ use super::guide::Starts;
 use crate::accel::Accelerator;
 use crate::anchor::Spot;
 use crate::bsdf::Bsdf;
-use crate::emitter::{EMISSION_DIMENSIONS, EmittedPhoton, PhotonSource};
+use crate::light::{EMISSION_DIMENSIONS, EmittedPhoton, PhotonSource};
 use crate::luminance;
 use crate::sampling::{cosine_hemisphere, frame, halton, hash_unit};
 use crate::surface::Surfaces;

@@ -123,7 +123,7 @@ impl Carriable for Direct {
 fn shades(thing: &Around, point: Vec3A, source: &Source) -> bool {
     match *source {
         Source::Lamp { low, high } => thing.is_between(point, low, high),
-        Source::Sun { towards, angular_radius } => {
+        Source::Disc { towards, angular_radius } => {
             // Beyond the box there is nothing to cross.
             let far = thing.farthest(point);
             let (center, radius) = (point + towards * far, angular_radius.tan() * far);

@@ -1,11 +1,20 @@
 //! Glowing surfaces: their power, points drawn at random, and points that stand for a share of the light.
 
-use super::patch::{Patch, Pieces, pieces};
+mod balance;
+mod cell;
+mod order;
+mod patch;
+mod sampled;
+
+use super::distant::Ball;
+use super::emission::{Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
 use crate::accel::Hit;
 use crate::polygon::Polygon;
-use crate::sampling::{Distribution, Pick, centered_sobol, radical_inverse};
+use crate::sampling::{Distribution, Pick, centered_sobol, cosine_hemisphere, radical_inverse};
 use crate::surface::Surfaces;
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A, Vec4};
+use patch::{Patch, Pieces, pieces};
+use std::f32::consts::PI;
 
 /// A light of no more pieces has the same points on each.
 const FEW_PANELS: usize = 4;
@@ -15,6 +24,8 @@ const FEW_PANELS: usize = 4;
 pub struct AreaLight {
     /// Index into [`Scene::instances`](crate::scene::Scene::instances).
     pub instance: usize,
+    /// Whether the instance moves, or changes its shape or material, at any time.
+    pub moves: bool,
     patches: Vec<Patch>,
     panels: usize,
     choice: Distribution,
@@ -43,7 +54,7 @@ pub(crate) struct LightPoint {
 
 /// How exactly the texture is read at a point of a light.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Detail {
+enum Detail {
     /// At the point.
     Point,
     /// Averaged over this share of the light's area, or over the point's cell.
@@ -75,18 +86,28 @@ impl AreaLight {
         let choice = Distribution::new(patches.iter().map(|patch| f64::from(patch.power())))?;
         let area = patches.iter().map(|patch| patch.area).sum();
         let (emission, textured) = (material.emission, material.emission_texture.is_some());
-        Some(Self { instance, patches, panels, choice, area, double_sided: material.double_sided, emission, textured })
+        Some(Self {
+            instance,
+            moves: surfaces.moving()[instance],
+            patches,
+            panels,
+            choice,
+            area,
+            double_sided: material.double_sided,
+            emission,
+            textured,
+        })
     }
 
     /// Radiant flux of all its glowing sides \[W\], linear RGB.
     #[must_use]
     pub fn power(&self) -> Vec3 {
-        let one_side: Vec3 = self.patches.iter().map(|p| p.emission * p.area * std::f32::consts::PI).sum();
+        let one_side: Vec3 = self.patches.iter().map(|p| p.emission * p.area * PI).sum();
         if self.double_sided { one_side * 2.0 } else { one_side }
     }
 
     /// The sample at `point`, standing for the whole light. `side` (0…1) chooses one of two sides.
-    pub(super) fn sample(&self, surfaces: &Surfaces, point: LightPoint, side: f32, detail: Detail) -> AreaSample {
+    fn sample(&self, surfaces: &Surfaces, point: LightPoint, side: f32, detail: Detail) -> AreaSample {
         let LightPoint { triangle: t, u, v, density, cell_emission } = point;
         let [a, b, c] = surfaces.corners(self.instance, t);
         let mirrored = if surfaces.world(self.instance).matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
@@ -160,11 +181,6 @@ impl AreaLight {
         // Cells that do not glow are left out: nothing is drawn there.
         let Some(index) = self.patches.iter().position(has) else { return Some(0.0) };
         Some((self.choice.probability(index) / f64::from(self.patches[index].area)) as f32)
-    }
-
-    /// Whether it shines on both sides.
-    pub(super) fn is_double_sided(&self) -> bool {
-        self.double_sided
     }
 
     /// How many separate pieces glow: rectangles, or triangles that belong to none.
@@ -255,6 +271,32 @@ impl AreaLight {
             _ => rest / points as f64,
         };
         counts.iter().enumerate().map(share).map(|share| share as f32).collect()
+    }
+}
+
+impl Emission for AreaLight {
+    fn power(&self, _: &Ball) -> Vec3 {
+        Self::power(self)
+    }
+
+    fn emit(&self, Space { surfaces, .. }: Space, Start { rest, place, way, .. }: Start, share: f32) -> EmittedPhoton {
+        let sample = self.sample(surfaces, self.point(rest, place), way.x, Detail::Point);
+        // The same number chose the side; what it has left over is as good as new.
+        let way = if self.double_sided { Vec2::new((way.x * 2.0).fract(), way.y) } else { way };
+        let direction = cosine_hemisphere(sample.normal.into(), way).into();
+        // Radiance · area · π is the flux; the point was chosen with density radiance/area-weighted.
+        let flux = sample.intensity * PI * share;
+        EmittedPhoton { origin: sample.position, direction, flux, from_moving: self.moves, distant: false }
+    }
+
+    fn towards(&self, Space { surfaces, .. }: Space, at: Facing, [place, way]: [Vec2; 2]) -> Option<SeenLight> {
+        let sample = self.sample(surfaces, self.point(f64::from(way.x), place), way.y, Detail::Point);
+        let to_sample = sample.position - at.position;
+        let (distance, towards) = (to_sample.length(), to_sample.try_normalize()?);
+        let cosines = at.cosine(towards)? * sample.normal.dot(-towards).max(0.0);
+        // Bounded, as a point close by would outshine all others.
+        let irradiance = sample.intensity * cosines / (distance * distance + self.area / PI);
+        Some(SeenLight { irradiance, towards, end: Some(sample.position), start: Vec4::ZERO })
     }
 }
 

@@ -14,7 +14,7 @@
 //! 1 + (I/Iₛ − 1) · d² / (d² + R²)          d  distance to the middle of the light          R  radius around it
 //! ```
 
-use crate::emitter::AreaSample;
+use super::AreaSample;
 use crate::luminance;
 use crate::polygon::Polygon;
 use glam::{Vec2, Vec3A};

@@ -1,0 +1,191 @@
+//! Light that arrives straight from its source, with shadows.
+//!
+//! The sample points of a light are the same for all pixels and frames: penumbras come out smooth and still, where random
+//! points would leave noise that the encoder pays for. Shadow rays of a sample are traced to all pixels of a tile together.
+
+use super::emitters::Emitters;
+use super::receiver::{Disc, ShadingPoint};
+use super::sampled::{Lamps, Sampled, Source, Traced};
+use super::tile::Tile;
+use crate::accel::{Accelerator, PACKET, Shadows};
+use crate::anchor::{Anchor, Anchors};
+use crate::luminance;
+use crate::surface::Surfaces;
+use glam::{Vec3, Vec3A};
+use std::f32::consts::PI;
+
+/// Shadow rays are skipped for dynamic anchors that in sum give a receiver less than this share of its other direct light.
+const UNSHADOWED_SHARE: f32 = 1e-3;
+
+/// Lights of a frame that are sampled with shadow rays at every pixel.
+#[derive(Debug)]
+pub struct DirectLights {
+    lights: Vec<Box<dyn Sampled>>,
+    dynamic: Vec<(Anchor, Vec3)>,
+    dynamic_geometry_term_bound: f32,
+    dynamic_apart: bool,
+}
+
+/// Dynamic anchors as lights of a frame.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct DynamicLights<'a> {
+    /// Each with its intensity along the normal \[W·sr⁻¹\].
+    pub anchors: &'a [(Anchor, Vec3)],
+    /// [`Anchors::dynamic_geometry_term_bound`] \[m²\].
+    pub geometry_term_bound: f32,
+}
+
+impl DirectLights {
+    /// Prepares a frame. `areas` are the indices in [`Emitters::areas`] of the glowing surfaces that are sampled here;
+    /// `dynamic_flux` is that of [`Anchors::dynamic`] \[W\].
+    #[must_use]
+    pub fn new(
+        emitters: &Emitters,
+        surfaces: &Surfaces,
+        anchors: &Anchors,
+        dynamic_flux: &[Vec3],
+        areas: &[usize],
+    ) -> Self {
+        // A Lambertian emitter of flux Φ has the intensity Φ / π along its normal.
+        let mut dynamic = Vec::new();
+        for (anchor, &flux) in anchors.dynamic_in_world(surfaces).into_iter().zip(dynamic_flux) {
+            if flux.max_element() > 0.0 {
+                dynamic.push((anchor, flux / PI));
+            }
+        }
+        Self {
+            lights: emitters.sampled(surfaces, areas),
+            dynamic,
+            dynamic_geometry_term_bound: anchors.dynamic_geometry_term_bound(),
+            dynamic_apart: false,
+        }
+    }
+
+    /// Leaves out the dynamic anchors: their light has to be added from [`DirectLights::dynamic`].
+    #[must_use]
+    pub fn with_dynamic_apart(self) -> Self {
+        Self { dynamic_apart: true, ..self }
+    }
+
+    /// The dynamic anchors that shine, if they are left out here ([`DirectLights::with_dynamic_apart`]); none else.
+    #[must_use]
+    pub fn dynamic(&self) -> DynamicLights<'_> {
+        DynamicLights {
+            anchors: if self.dynamic_apart { &self.dynamic } else { &[] },
+            geometry_term_bound: self.dynamic_geometry_term_bound,
+        }
+    }
+
+    /// Irradiance \[W·m⁻²\] at `receiver`, linear RGB.
+    pub fn irradiance(&self, accelerator: &Accelerator, receiver: &ShadingPoint) -> Traced<Vec3> {
+        let Traced { value, shadow_rays } = self.irradiance_tile(accelerator, std::slice::from_ref(receiver));
+        Traced { value: value[0], shadow_rays }
+    }
+
+    /// As [`DirectLights::irradiance`], to the last bit, for each of the `receivers`; the nearer to each other they lie,
+    /// the faster.
+    pub fn irradiance_tile(&self, accelerator: &Accelerator, receivers: &[ShadingPoint]) -> Traced<Vec<Vec3>> {
+        let mut sums = vec![Vec3::ZERO; receivers.len()];
+        let mut shadow_rays = 0;
+        let shadows = Shadows::new(accelerator);
+        for (receivers, sums) in receivers.chunks(PACKET).zip(sums.chunks_mut(PACKET)) {
+            // Dynamic anchors come last: those that are faint beside the other lights get no shadow rays.
+            let tile = Tile::new(&shadows, receivers);
+            for light in &self.lights {
+                light.add_to(&tile, sums);
+            }
+            if !self.dynamic_apart {
+                self.add_dynamic(&tile, sums);
+            }
+            shadow_rays += tile.shadow_rays();
+        }
+        Traced { value: sums, shadow_rays }
+    }
+
+    /// A point of each light that is sampled here.
+    #[must_use]
+    pub fn lamps(&self) -> Lamps {
+        Lamps(self.lights.iter().map(|light| light.lamp()).collect())
+    }
+
+    /// Whether the lights are those of `other`, where they were; anchors aside.
+    #[must_use]
+    pub fn has_lamps_of(&self, other: &Self) -> bool {
+        let pairs = || self.lights.iter().zip(&other.lights);
+        self.lights.len() == other.lights.len() && pairs().all(|(light, other)| light.is_same(&**other))
+    }
+
+    /// Regions around the lights: all that shadow rays lead to.
+    #[must_use]
+    pub fn sources(&self) -> Vec<Source> {
+        self.lights.iter().map(|light| light.source()).collect()
+    }
+
+    /// Whether `instance` is a glowing surface that is sampled here.
+    #[must_use]
+    pub fn samples_instance(&self, instance: u32) -> bool {
+        self.lights.iter().any(|light| light.instance() == Some(instance))
+    }
+
+    /// Radiance that a surface with a BRDF of its own reflects of lights that no ray meets. If there is an `area_brdf`, that
+    /// reflects the glowing surfaces.
+    ///
+    /// `brdf(direction, half_angle)` is its BRDF \[sr⁻¹\] for light from a disc of `half_angle` radians around a direction. A
+    /// distant light is one disc, of which as much is seen as of its first points; an area light is a disc for each of its points.
+    pub fn reflected(
+        &self,
+        accelerator: &Accelerator,
+        receiver: &ShadingPoint,
+        brdf: impl Fn(Vec3A, f32) -> Vec3,
+        area_brdf: Option<impl Fn(Vec3A, f32) -> Vec3>,
+    ) -> Traced<Vec3> {
+        // A glowing surface needs a shadow ray for every sample that gives light, other lights one or two each.
+        let shadows = &Shadows::new(accelerator);
+        let mut whole = Traced::default();
+        for light in self.lights.iter().filter(|light| light.instance().is_none()) {
+            whole.add(light.reflected(shadows, receiver, &brdf));
+        }
+        if let Some(brdf) = area_brdf {
+            for light in self.lights.iter().filter(|light| light.instance().is_some()) {
+                whole.add(light.reflected(shadows, receiver, &brdf));
+            }
+        }
+        whole
+    }
+
+    /// Adds what the dynamic anchors give.
+    fn add_dynamic(&self, tile: &Tile, sums: &mut [Vec3]) {
+        // Luminance that each receiver may still take from anchors without asking whether these are hidden.
+        let mut unshadowed = [0.0; PACKET];
+        for (unshadowed, &sum) in unshadowed.iter_mut().zip(&*sums) {
+            *unshadowed = luminance(sum) * UNSHADOWED_SHARE;
+        }
+        for (anchor, intensity) in &self.dynamic {
+            // Shadow rays go to the receivers at which the anchor is too bright for that.
+            let terms = tile.terms(&disc_of(anchor, self.dynamic_geometry_term_bound));
+            let mut active = 0;
+            for i in 0..sums.len() {
+                let y = luminance(*intensity * terms[i]);
+                if y > unshadowed[i] {
+                    active |= 1 << i;
+                } else {
+                    unshadowed[i] -= y;
+                }
+            }
+
+            // Those that no ray was traced to are not hidden.
+            let hidden = tile.hidden_from(anchor.position, active, None);
+            for (i, sum) in sums.iter_mut().enumerate() {
+                if hidden >> i & 1 == 0 {
+                    let passed = if active >> i & 1 == 1 { tile.passed(anchor.position, i) } else { 1.0 };
+                    *sum += *intensity * terms[i] * passed;
+                }
+            }
+        }
+    }
+}
+
+fn disc_of(anchor: &Anchor, bound: f32) -> Disc {
+    Disc { position: anchor.position.to_array(), normal: anchor.normal.to_array(), bound }
+}

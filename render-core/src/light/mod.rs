@@ -1,0 +1,37 @@
+//! Lights: one file or folder for each kind, and the rays that all kinds share.
+//!
+//! ```text
+//! area/  point.rs  sun.rs  sky.rs      the kinds: photons, direct light, bounds
+//! emitters.rs                          the table of kinds
+//! emission.rs  sampled.rs              the traits of a kind: of photons, and of direct light
+//! distant.rs                           what lights share that are infinitely far away
+//! photons.rs  direct.rs                photons and direct light of all lights together
+//! tile.rs  receiver.rs                 points that are lit, alone and together
+//! ```
+
+mod area;
+mod direct;
+mod distant;
+mod emission;
+mod emitters;
+mod photons;
+mod point;
+mod receiver;
+mod sampled;
+mod sky;
+mod sun;
+mod tile;
+
+pub(crate) use area::LightPoint;
+pub use area::{AreaLight, AreaSample};
+pub use direct::{DirectLights, DynamicLights};
+pub(crate) use distant::DistantSample;
+pub use emission::{EMISSION_DIMENSIONS, EmittedPhoton};
+pub(crate) use emission::{Facing, Start};
+pub use emitters::Emitters;
+pub use photons::PhotonSource;
+pub use point::PointLight;
+pub use receiver::ShadingPoint;
+pub use sampled::{Lamps, Source, Traced};
+pub use sky::{DomeLight, dome_lights};
+pub use sun::SunLight;

@@ -1,0 +1,85 @@
+//! Photons of all lights together, and the same ways backwards.
+
+use super::distant::Ball;
+use super::emission::{Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
+use super::emitters::Emitters;
+use crate::luminance;
+use crate::sampling::Distribution;
+use crate::scene::Scene;
+use crate::surface::Surfaces;
+use glam::{Vec2, Vec3};
+
+/// Emits photons with probability in proportion to power.
+pub struct PhotonSource<'a> {
+    lights: Vec<&'a dyn Emission>,
+    /// Of each of the lights \[W\].
+    powers: Vec<Vec3>,
+    choice: Distribution,
+    ball: Ball,
+}
+
+impl std::fmt::Debug for PhotonSource<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("PhotonSource").field("powers", &self.powers).finish_non_exhaustive()
+    }
+}
+
+impl Emitters {
+    /// A source of photons, the same for the same lights; `None` when nothing shines.
+    pub fn photons<'a>(&'a self, scene: &'a Scene) -> Option<PhotonSource<'a>> {
+        let (lights, ball) = (self.emissions(scene.sky.as_ref()), self.ball);
+        let powers: Vec<Vec3> = lights.iter().map(|light| light.power(&ball)).collect();
+        let choice = Distribution::new(powers.iter().map(|&power| f64::from(luminance(power))))?;
+        Some(PhotonSource { lights, powers, choice, ball })
+    }
+}
+
+impl PhotonSource<'_> {
+    /// Radiant flux of each light \[W\].
+    #[must_use]
+    pub fn powers(&self) -> &[Vec3] {
+        &self.powers
+    }
+
+    /// Lights by power.
+    pub(crate) fn choice(&self) -> &Distribution {
+        &self.choice
+    }
+
+    /// How many lights are not infinitely far away; these come first.
+    pub(crate) fn near_lights(&self) -> usize {
+        self.lights.iter().filter(|light| !light.is_distant()).count()
+    }
+
+    /// The photon with this start, of `count`.
+    pub(crate) fn emit(&self, surfaces: &Surfaces, start: Start, count: u64) -> EmittedPhoton {
+        let share = 1.0 / (start.density * count as f32);
+        self.lights[start.light].emit(Space { surfaces, ball: self.ball }, start, share)
+    }
+
+    /// One of the lights close by with the chance that `which` (0…1) gives it, half by power and half evenly; and all lights
+    /// that are infinitely far away.
+    pub(crate) fn some_lights(&self, which: f32) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let near = self.near_lights();
+        let power: f64 = (0..near).map(|light| self.choice.probability(light)).sum();
+        let count = near as f64;
+        let chance = |light: usize| {
+            0.5 / count + if power > 0.0 { 0.5 * self.choice.probability(light) / power } else { 0.5 / count }
+        };
+        let (mut left, mut chosen) = (f64::from(which), None);
+        for light in 0..near {
+            chosen = Some((light, chance(light)));
+            left -= chance(light);
+            if left < 0.0 {
+                break;
+            }
+        }
+        chosen.into_iter().chain((near..self.lights.len()).map(|light| (light, 1.0)))
+    }
+
+    /// How the light of this index lights a place, by a point or direction drawn with two pairs of numbers in 0…1: the place
+    /// and way of a start. `None` if it does not.
+    pub(crate) fn towards(&self, surfaces: &Surfaces, light: usize, at: Facing, drawn: [Vec2; 2]) -> Option<SeenLight> {
+        self.lights[light].towards(Space { surfaces, ball: self.ball }, at, drawn)
+    }
+}

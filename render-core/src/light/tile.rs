@@ -1,0 +1,150 @@
+//! Receivers that are lit together: shadow rays of a light sample are traced to all of them.
+
+use super::receiver::{Disc, ShadingPoint, disc_term};
+use crate::accel::{Accelerator, PACKET, Shadows, Shaft};
+use glam::Vec3A;
+use std::cell::Cell;
+
+/// Least number of receivers for which a shaft to the light is worth its cost.
+const WORTH_A_SHAFT: usize = 8;
+
+/// The shafts between the receivers of a tile and a light, where they are worth their cost: to what hides it, and to what hides
+/// it in part.
+pub(super) struct Shafts {
+    pub opaque: Option<Shaft>,
+    pub blended: Option<Shaft>,
+}
+
+/// How a light, or a sample of one, is hidden from the receivers of a tile.
+pub(super) struct Hidden {
+    /// Receivers from which it is hidden as a whole, as bits.
+    pub whole: u64,
+    /// Share of it that arrives at each receiver; `None` where that is all or nothing.
+    pub passed: Option<[f32; PACKET]>,
+}
+
+impl Hidden {
+    /// Share of the light that arrives at a receiver.
+    pub fn share(&self, receiver: usize) -> f32 {
+        let whole = || if self.whole >> receiver & 1 == 1 { 0.0 } else { 1.0 };
+        self.passed.as_ref().map_or_else(whole, |passed| passed[receiver])
+    }
+}
+
+/// Up to [`PACKET`] receivers that are lit together.
+pub(super) struct Tile<'a> {
+    shadows: &'a Shadows<'a>,
+    receivers: &'a [ShadingPoint],
+    positions: [Vec3A; PACKET],
+    /// The same, and both normals, by axis.
+    columns: [[[f32; PACKET]; 3]; 3],
+    /// Shadow rays traced so far.
+    rays: Cell<u64>,
+}
+
+impl<'a> Tile<'a> {
+    pub(super) fn new(shadows: &'a Shadows<'a>, receivers: &'a [ShadingPoint]) -> Self {
+        // By axis, so that the terms of a disc are computed for many receivers at once.
+        // Places without a receiver repeat the last.
+        let mut columns = [[[0.0; PACKET]; 3]; 3];
+        for i in 0..PACKET {
+            let ShadingPoint { position, normal, geometric_normal } = receivers[i.min(receivers.len() - 1)];
+            for (columns, v) in columns.iter_mut().zip([position, normal, geometric_normal]) {
+                columns.iter_mut().zip(v.to_array()).for_each(|(column, x)| column[i] = x);
+            }
+        }
+        let positions = std::array::from_fn(|i| receivers.get(i).map_or(Vec3A::ZERO, |receiver| receiver.position));
+        Self { shadows, receivers, positions, columns, rays: Cell::new(0) }
+    }
+
+    /// At most [`PACKET`].
+    pub(super) fn receivers(&self) -> &[ShadingPoint] {
+        self.receivers
+    }
+
+    /// Share of the light from a direction that arrives at one of the receivers.
+    pub(super) fn visible_towards(&self, receiver: &ShadingPoint, towards: Vec3A) -> f32 {
+        self.rays.set(self.rays.get() + 1);
+        self.shadows.visible_towards(receiver.position, towards)
+    }
+
+    /// Shadow rays traced so far.
+    pub(super) fn shadow_rays(&self) -> u64 {
+        self.rays.get()
+    }
+
+    /// Irradiance from a disc at each receiver, per intensity \[m⁻²\].
+    pub(super) fn terms(&self, disc: &Disc) -> [f32; PACKET] {
+        let mut terms = [0.0; PACKET];
+        let [position, normal, geometric_normal] = &self.columns;
+        for i in 0..self.receivers.len().min(PACKET) {
+            let at = |columns: &[[f32; PACKET]; 3]| [columns[0][i], columns[1][i], columns[2][i]];
+            terms[i] = disc_term(at(position), [at(normal), at(geometric_normal)], disc);
+        }
+        terms
+    }
+
+    /// The shafts between the receivers and a light's points, if they are worth their cost.
+    pub(super) fn shafts(&self, light: &[Vec3A]) -> Shafts {
+        let receivers = &self.positions[..self.receivers.len()];
+        let is_worth = receivers.len() >= WORTH_A_SHAFT && !light.is_empty();
+        let opaque = is_worth.then(|| self.shadows.opaque().shaft(receivers, light));
+        let to = |blends: &Accelerator| is_worth.then(|| blends.shaft_if_near(receivers, light));
+        Shafts { opaque, blended: self.shadows.blends().and_then(to) }
+    }
+
+    /// All receivers, as bits.
+    pub(super) fn all(&self) -> u64 {
+        u64::MAX >> (PACKET - self.receivers.len())
+    }
+
+    /// Finds the receivers among `active` that `light` is hidden from. Its shadow rays start at the light, which they have in
+    /// common; it lies in the `shaft`, if there is one.
+    pub(super) fn hidden_from(&self, light: Vec3A, active: u64, shaft: Option<&Shaft>) -> u64 {
+        if active == 0 || shaft.is_some_and(Shaft::is_empty) {
+            return 0;
+        }
+
+        // All the rays of a packet share their origin, the light. Within a shaft they meet fewer boxes of the tree.
+        self.rays.set(self.rays.get() + u64::from(active.count_ones()));
+        match shaft {
+            Some(shaft) => self.shadows.opaque().occluded_packet_within(shaft, light, &self.columns[0], active),
+            None => self.shadows.opaque().occluded_packet(light, &self.positions[..self.receivers.len()], active),
+        }
+    }
+
+    /// How `light` is hidden from the receivers among `active`, as [`Tile::hidden_from`], with the shares that blended surfaces
+    /// let through.
+    pub(super) fn hidden(&self, light: Vec3A, active: u64, shafts: &Shafts) -> Hidden {
+        let whole = self.hidden_from(light, active, shafts.opaque.as_ref());
+        let left = active & !whole;
+        let partly = match (self.shadows.blends(), &shafts.blended) {
+            (None, _) => 0,
+            (Some(_), Some(shaft)) if shaft.is_empty() => 0,
+            (Some(blends), Some(shaft)) => blends.occluded_packet_within(shaft, light, &self.columns[0], left),
+            (Some(blends), None) => blends.occluded_packet(light, &self.positions[..self.receivers.len()], left),
+        };
+        if partly == 0 {
+            return Hidden { whole, passed: None };
+        }
+        let mut passed = std::array::from_fn(|i| if whole >> i & 1 == 1 { 0.0 } else { 1.0 });
+        bits(partly).for_each(|i| passed[i] = self.shadows.passed(light, self.positions[i]));
+        Hidden { whole, passed: Some(passed) }
+    }
+
+    /// As [`Tile::hidden`], where few receivers ask: share of `light` that blended surfaces let through to one.
+    pub(super) fn passed(&self, light: Vec3A, receiver: usize) -> f32 {
+        self.shadows.passed(light, self.positions[receiver])
+    }
+}
+
+/// Indices of the bits that are set.
+pub(super) fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = mask.trailing_zeros() as usize;
+        (mask != 0).then(|| {
+            mask &= mask - 1;
+            place
+        })
+    })
+}
