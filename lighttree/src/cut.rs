@@ -188,12 +188,19 @@ impl LightTree {
         mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
     ) -> Cut {
-        let visible_together = |lights: &[Light], rays: &mut [ShadowRay]| {
-            for ray in rays {
-                ray.visible = visible(&lights[ray.light as usize], ray.light as usize);
-            }
+        if self.nodes.is_empty() {
+            return Cut::default();
+        }
+        if let Stop::Absolute(threshold) = stop
+            && let Some(cut) = self.walk(receiver, threshold, scratch)
+        {
+            return self.evaluate_halves(receiver, visible, scratch, cut);
+        }
+        let threshold = |estimate: f32| match stop {
+            Stop::Absolute(threshold) => threshold,
+            Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + estimate),
         };
-        self.lightcut_batched(receiver, stop, visible_together, scratch)
+        self.best_first::<false, R>(receiver, threshold, &mut visible, scratch)
     }
 
     /// [`LightTree::lightcut`] whose clusters are kept: [`Scratch::kept`] has them afterwards, so that they can be summed
@@ -220,36 +227,6 @@ impl LightTree {
                 self.best_first::<true, R>(receiver, threshold, &mut visible, scratch)
             }
         }
-    }
-
-    /// As [`LightTree::lightcut`], with the shadow rays handed over together: `visible(lights, rays)` sets
-    /// [`ShadowRay::visible`] of each ray, all of which start at the receiver. An absolute cut calls it once, for all of its
-    /// rays; refinement best first has to know one before the next and hands over each alone.
-    pub fn lightcut_batched<R: Receiver>(
-        &self,
-        receiver: &R,
-        stop: Stop,
-        mut visible: impl FnMut(&[Light], &mut [ShadowRay]),
-        scratch: &mut Scratch,
-    ) -> Cut {
-        if self.nodes.is_empty() {
-            return Cut::default();
-        }
-        if let Stop::Absolute(threshold) = stop
-            && let Some(cut) = self.walk(receiver, threshold, scratch)
-        {
-            return self.evaluate_halves(receiver, visible, scratch, cut);
-        }
-        let mut alone = |_: &Light, index: usize| {
-            let mut ray = [ShadowRay { light: index as u32, visible: false }];
-            visible(&self.lights, &mut ray);
-            ray[0].visible
-        };
-        let threshold = |estimate: f32| match stop {
-            Stop::Absolute(threshold) => threshold,
-            Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + estimate),
-        };
-        self.best_first::<false, R>(receiver, threshold, &mut alone, scratch)
     }
 
     /// Whether a cluster may come from this tree: its node and its representative are there.
