@@ -14,10 +14,7 @@
 //! Its pseudocode compares a difference with the difference before, which bounds no error; its printed largest errors are
 //! those of [`SegmentRule::Checked`]. Its tables hold all colors of an object, ours those of keys.
 
-use crate::error::FieldError;
-use crate::field::{Field, Samples};
-use crate::look_up::LookUp;
-use crate::tiles::TexelTiles;
+use lightfield::{Field, LookUp, Samples, TexelTiles};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -69,11 +66,11 @@ struct Key {
 impl Segmented {
     /// Stores a field as segments with the threshold T.
     ///
-    /// # Errors
+    /// # Panics
     ///
-    /// [`FieldError::Logarithmic`] where codes are not 8-bit ones.
-    pub fn encode(field: &Field, threshold: u16, rule: SegmentRule) -> Result<Self, FieldError> {
-        let Samples::Bytes(codes) = field.samples() else { return Err(FieldError::Logarithmic) };
+    /// If codes are not 8-bit ones.
+    pub fn encode(field: &Field, threshold: u16, rule: SegmentRule) -> Self {
+        let Samples::Bytes(codes) = field.samples() else { panic!("segments hold 8-bit codes alone") };
         let directions = field.directions();
         let mut stored = Self {
             tiles: field.tiles().clone(),
@@ -93,7 +90,7 @@ impl Segmented {
                 stored.push(&texel, &mut numbers);
             }
         }
-        Ok(stored)
+        stored
     }
 
     /// Adds the keys of the next texel. `numbers` has the numbers of the colors of the last object.
