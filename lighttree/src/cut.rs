@@ -235,6 +235,27 @@ impl LightTree {
         (cluster.node as usize) < self.nodes.len() && (cluster.light as usize) < self.lights().len()
     }
 
+    /// The clusters that together hold all lights: none, one, or two where directional lights have a tree of their own.
+    pub fn root_clusters(&self) -> impl Iterator<Item = Cluster> {
+        self.roots().map(|node| self.cluster(node))
+    }
+
+    /// The two halves of a cluster; `None` for a single light.
+    ///
+    /// # Panics
+    ///
+    /// If the cluster comes from a larger tree.
+    #[must_use]
+    pub fn children(&self, cluster: Cluster) -> Option<[Cluster; 2]> {
+        let node = &self.nodes[cluster.node as usize];
+        (!node.is_leaf()).then(|| [0, 1].map(|k| self.cluster(node.children() + k)))
+    }
+
+    /// The cluster of a node, with its present representative.
+    fn cluster(&self, node: usize) -> Cluster {
+        Cluster { node: node as u32, light: self.nodes[node].representative }
+    }
+
     /// Intensity that a cluster has now, after any [`update`](LightTree::update) since the cut that it comes from
     /// \[W·sr⁻¹\].
     ///

@@ -23,7 +23,6 @@ mod exhaustive; // the sum over every light: the truth
 mod gradient; // how irradiance changes with place and normal
 mod lanes; // one number, four or eight
 mod light; // what is clustered
-mod method; // rivals of the cut
 mod node; // a cluster
 mod race; // who represents a cluster
 mod receiver; // where light arrives
@@ -44,7 +43,6 @@ pub use crate::exhaustive::exhaustive;
 pub use crate::gradient::{IrradianceTerm, irradiance_term};
 pub use crate::lanes::{Real, Vector3};
 pub use crate::light::{Emission, LUMINANCE_WEIGHTS, Light, luminance};
-pub use crate::method::Method;
 pub use crate::receiver::{Bundled, Ggx, GgxBundle, Lambert, LambertBundle, Receiver, ReflectBound};
 #[cfg(feature = "serde")]
 pub use crate::store::StoreError;
