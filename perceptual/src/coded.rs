@@ -23,7 +23,7 @@
 //! picture alike, the eye those of the block: D is taken half from the one and half from the other. An error in an intra
 //! picture is seen again in every picture that is predicted from it, as far as these do not send the block anew: N times in
 //! all. (With I pictures alone rendered coarser, of `cornell`, 1.05 times the error that they bring arrives over the film at
-//! quantiser 2, ten times at 48; of P pictures 0.93 times and none; `tests/examples/picture_types.rs`.)
+//! quantiser 2, ten times at 48; of P pictures 0.93 times and none.)
 //!
 //! The next picture may be coded in another way than this one. [`NextPicture`] says what is known: what an intra picture
 //! does to a block follows from its coefficients; what a predicted picture does after an intra one is to leave what is there.
