@@ -2,7 +2,6 @@
 //!
 //! `cargo run --release -p lighttree --example figures`
 
-mod plot;
 mod rivals;
 mod room;
 

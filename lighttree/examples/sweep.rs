@@ -5,7 +5,6 @@
 //! Shadow rays meet a ball and cost next to nothing. Where they cost more, look at their number as well.
 //! (Figures with times differ from one run to the next; those of `docs/`, by `examples/figures.rs`, do not.)
 
-mod plot;
 mod rivals;
 mod room;
 

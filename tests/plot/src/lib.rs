@@ -1,20 +1,25 @@
-//! Just enough of SVG for the figures.
-
-#![allow(dead_code, reason = "each example uses a part of it")]
+//! Just enough of SVG for the figures of the crates.
+#![forbid(unsafe_code)]
 
 use std::fmt::Write;
 
+/// Blue, as a color of SVG.
 pub const BLUE: &str = "#2060c0";
+/// Red.
 pub const RED: &str = "#c03028";
+/// Green.
 pub const GREEN: &str = "#208040";
+/// Gray.
 pub const GRAY: &str = "#909090";
 
 /// A drawing, y down, in pixels.
+#[derive(Debug)]
 pub struct Svg {
     body: String,
 }
 
 impl Svg {
+    /// A white drawing of this size \[pixels\].
     pub fn new(width: f32, height: f32) -> Self {
         let mut body = String::new();
         let size = format!(r#"width="{width}" height="{height}" viewBox="0 0 {width} {height}""#);
@@ -27,48 +32,57 @@ impl Svg {
         writeln!(self.body, "{element}").expect("memory");
     }
 
+    /// A line between two points, of a width \[pixels\].
     pub fn line(&mut self, (ax, ay): (f32, f32), (bx, by): (f32, f32), color: &str, width: f32) {
         let ends = format!(r#"x1="{ax:.1}" y1="{ay:.1}" x2="{bx:.1}" y2="{by:.1}""#);
         self.add(format_args!(r#"<line {ends} stroke="{color}" stroke-width="{width}"/>"#));
     }
 
+    /// Lines from point to point.
     pub fn path(&mut self, points: &[(f32, f32)], color: &str) {
         let points: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         let points = points.join(" ");
         self.add(format_args!(r#"<polyline points="{points}" fill="none" stroke="{color}" stroke-width="1.5"/>"#));
     }
 
+    /// A rounded rectangle from its upper left corner, of a size, filled faintly.
     pub fn rectangle(&mut self, (x, y): (f32, f32), (width, height): (f32, f32), color: &str) {
         let place = format!(r#"x="{x:.1}" y="{y:.1}" width="{width:.1}" height="{height:.1}""#);
         self.add(format_args!(r#"<rect {place} rx="6" fill="{color}" fill-opacity="0.12" stroke="{color}"/>"#));
     }
 
+    /// A filled rectangle from its upper left corner, of a size.
     pub fn bar(&mut self, (x, y): (f32, f32), (width, height): (f32, f32), color: &str) {
         let place = format!(r#"x="{x:.1}" y="{y:.1}" width="{width:.1}" height="{height:.1}""#);
         self.add(format_args!(r#"<rect {place} fill="{color}"/>"#));
     }
 
+    /// A filled circle.
     pub fn circle(&mut self, (x, y): (f32, f32), radius: f32, color: &str) {
         self.add(format_args!(r#"<circle cx="{x:.1}" cy="{y:.1}" r="{radius:.1}" fill="{color}"/>"#));
     }
 
+    /// Text at a point, of a size \[pixels\]; `anchor` is `start`, `middle` or `end`.
     pub fn text(&mut self, (x, y): (f32, f32), size: f32, anchor: &str, text: &str) {
         let place = format!(r#"x="{x:.1}" y="{y:.1}" font-size="{size}" text-anchor="{anchor}""#);
         self.add(format_args!("<text {place}>{text}</text>"));
     }
 
+    /// The file.
     pub fn finish(mut self) -> String {
         self.body.push_str("</svg>\n");
         self.body
     }
 }
 
+#[derive(Debug)]
 enum Shape {
     Line,
-    /// A plot of this width.
+    /// Bars of this width.
     Bars(f32),
 }
 
+#[derive(Debug)]
 struct Series {
     name: &'static str,
     color: &'static str,
@@ -77,6 +91,7 @@ struct Series {
 }
 
 /// A diagram of lines or bars with axes and a legend.
+#[derive(Debug)]
 pub struct Plot {
     title: String,
     labels: [&'static str; 2],
@@ -90,6 +105,7 @@ const WIDTH: f32 = 560.0;
 const HEIGHT: f32 = 300.0;
 
 impl Plot {
+    /// An empty diagram with the names of its axes.
     pub fn new(title: &str, x: &'static str, y: &'static str) -> Self {
         Self { title: title.into(), labels: [x, y], logarithmic: false, series: Vec::new() }
     }
@@ -99,14 +115,17 @@ impl Plot {
         self.logarithmic = true;
     }
 
+    /// Adds a line with its name in the legend.
     pub fn line(&mut self, name: &'static str, color: &'static str, points: Vec<(f32, f32)>) {
         self.series.push(Series { name, color, shape: Shape::Line, points });
     }
 
+    /// Adds bars around points, of a width in units of x.
     pub fn bars(&mut self, name: &'static str, color: &'static str, width: f32, points: Vec<(f32, f32)>) {
         self.series.push(Series { name, color, shape: Shape::Bars(width), points });
     }
 
+    /// The file.
     pub fn finish(self) -> String {
         let all = || self.series.iter().flat_map(|series| &series.points);
         let range = |of: fn(&(f32, f32)) -> f32| {
