@@ -1,5 +1,6 @@
 # render2mpeg in a container:
 #
+#     .ci/third_party                       writes THIRD-PARTY.txt, which the image contains
 #     docker build --tag render2mpeg .
 #     docker run --rm --user "$(id -u):$(id -g)" --volume "$PWD:/films" render2mpeg render scene.glb
 #
