@@ -1,6 +1,5 @@
 //! Records that several ranks make together are those of one.
 
-use super::tests::{even, floor_from};
 use super::*;
 use crate::PixelSurface;
 use crate::ranks::{Alone, LoggedAlone, ThreadRanks, Turn};

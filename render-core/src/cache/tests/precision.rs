@@ -1,12 +1,12 @@
 //! Weights, radii, fits and interpolation of the cache against the same definitions in `f64`: from contact to 10⁶ m, from the
 //! faintest light to the brightest, and for neighbors that lie on a needle, where the fit has hardly anything to go by.
 
-use super::group::weight_between;
-use super::illumination::{LocalIrradiance, Site};
-use super::predict::{Fit, Prediction};
-use super::radius::radius;
-use super::record::{Light, Record};
-use super::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
+use crate::cache::group::weight_between;
+use crate::cache::illumination::{LocalIrradiance, Site};
+use crate::cache::predict::{Fit, Prediction};
+use crate::cache::radius::radius;
+use crate::cache::record::{Light, Record};
+use crate::cache::tolerance::{ACROSS, NORMAL_TOLERANCE, OPENNESS_TOLERANCE};
 use crate::sampling::{hash_unit, uniform_sphere};
 use crate::scene::{Projection, View};
 use glam::{Affine3A, DMat3, DVec3, Mat3A, Quat, Vec2, Vec3, Vec3A};

@@ -1,6 +1,5 @@
 //! Pictures that are lit part by part, against the whole picture and the light that is known in closed form.
 
-use super::tests::{even, floor_from};
 use super::*;
 use crate::ranks::Portable;
 use glam::{Mat3A, Vec3};
