@@ -12,15 +12,8 @@ const CONTAINERS: [Container; 4] = [Container::Elementary, Container::Program, C
 
 /// Noise of half range, another one in each frame: nothing predicts it.
 fn noise(width: usize, height: usize, seed: u64) -> Picture {
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-    let mut plane = |width: usize, height: usize| {
-        Plane::from_fn(width, height, |_, _| {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            64 + (state >> 33) as u8 / 2
-        })
-    };
+    let mut random = fastrand::Rng::with_seed(seed);
+    let mut plane = |width: usize, height: usize| Plane::from_fn(width, height, |_, _| random.u8(64..192));
     let chroma = (width.div_ceil(2), height.div_ceil(2));
     Picture::new(plane(width, height), plane(chroma.0, chroma.1), plane(chroma.0, chroma.1)).unwrap()
 }
