@@ -1,4 +1,4 @@
-//! Building, updating and cutting trees of several sizes, and the rivals of cuts; lights on the walls of a box, receivers
+//! Building, updating and cutting trees of several sizes, and every light; lights on the walls of a box, receivers
 //! on its floor. `cargo bench -p lighttree`
 
 #[path = "../examples/walls/mod.rs"]
@@ -6,7 +6,7 @@ mod walls;
 
 use divan::{Bencher, black_box};
 use glam::Vec3;
-use lighttree::{BuildParams, Builder, Lambert, LightTree, Method, Receivers, Scratch, Stop};
+use lighttree::{BuildParams, Builder, Lambert, LightTree, Receivers, Scratch, Stop};
 use walls::{spread, walls};
 
 const SIZES: [usize; 3] = [2_000, 10_000, 100_000];
@@ -94,31 +94,6 @@ fn cut_shared(bencher: Bencher, count: usize) {
     };
     let visited = visit();
     bencher.counter(divan::counter::ItemsCount::new(visited)).bench_local(visit);
-}
-
-/// 256 receivers by a rival of the cut; the counter is of shadow rays.
-fn rival(bencher: Bencher, count: usize, method: impl Fn(u64) -> Method) {
-    let tree = LightTree::build(&walls(count), params(count));
-    let receivers = floor();
-    let mut scratch = Scratch::default();
-    let mut light = || {
-        let cuts = (0..)
-            .zip(&receivers)
-            .map(|(stream, receiver)| tree.illuminate(receiver, method(stream), |_, _| true, &mut scratch));
-        cuts.map(|cut| u64::from(cut.shadow_rays)).sum::<u64>()
-    };
-    let rays = light();
-    bencher.counter(divan::counter::ItemsCount::new(rays)).bench_local(light);
-}
-
-#[divan::bench(args = SIZES)]
-fn stochastic(bencher: Bencher, count: usize) {
-    rival(bencher, count, |stream| Method::Stochastic { stop: Stop::Absolute(2e-3), stream });
-}
-
-#[divan::bench(args = SIZES)]
-fn sampled(bencher: Bencher, count: usize) {
-    rival(bencher, count, |stream| Method::Sampled { samples: 64, stream });
 }
 
 #[divan::bench(args = SIZES)]

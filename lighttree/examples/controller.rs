@@ -5,8 +5,6 @@
 //!
 //! `cargo run --release -p lighttree --example controller`
 
-mod plot;
-
 use lighttree::{Audits, Calibration};
 use plot::{GRAY, Plot, RED};
 

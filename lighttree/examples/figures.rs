@@ -2,14 +2,13 @@
 //!
 //! `cargo run --release -p lighttree --example figures`
 
-mod plot;
+mod rivals;
 mod room;
 
 use glam::Vec3;
-use lighttree::{
-    BuildParams, Cluster, Emission, KeptCluster, Lambert, Light, LightTree, Method, Scratch, Stop, luminance,
-};
+use lighttree::{BuildParams, Cluster, Emission, KeptCluster, Lambert, Light, LightTree, Scratch, Stop, luminance};
 use plot::{BLUE, GRAY, GREEN, Plot, RED, Svg};
+use rivals::{Method, illuminate};
 use room::{floor, params, room, unblocked};
 
 const LIGHTS: usize = 20_000;
@@ -175,7 +174,7 @@ fn methods(tree: &LightTree) -> String {
         let (mut squares, mut rays) = (0.0, 0);
         for ((stream, receiver), all) in (0..).zip(&receivers).zip(&all) {
             let visible = |light: &Light, _| unblocked(receiver.position, light.position);
-            let cut = tree.illuminate(receiver, method(stream), visible, &mut scratch);
+            let cut = illuminate(tree, receiver, method(stream), visible, &mut scratch);
             squares += ((luminance(cut.radiance) - all) / all).powi(2);
             rays += cut.shadow_rays;
         }

@@ -2,8 +2,6 @@
 //!
 //! `cargo run --release -p lighttree --example limits`
 
-mod plot;
-
 use glam::{DVec3, Vec3};
 use lighttree::{Emission, Ggx, Lambert, Light, exhaustive};
 use plot::{BLUE, GREEN, Plot, RED};

@@ -5,12 +5,13 @@
 //! Shadow rays meet a ball and cost next to nothing. Where they cost more, look at their number as well.
 //! (Figures with times differ from one run to the next; those of `docs/`, by `examples/figures.rs`, do not.)
 
-mod plot;
+mod rivals;
 mod room;
 
 use glam::Vec3;
-use lighttree::{Lambert, Light, LightTree, Method, Scratch, Stop, luminance};
+use lighttree::{Lambert, Light, LightTree, Scratch, Stop, luminance};
 use plot::{BLUE, GRAY, GREEN, Plot, RED};
+use rivals::{Method, illuminate};
 use room::{floor, params, room, unblocked};
 
 const LIGHTS: usize = 100_000;
@@ -58,7 +59,7 @@ fn main() {
                 let each = (0..).zip(&receivers);
                 each.map(|(stream, receiver)| {
                     let sees = |light: &Light, _| visible(receiver, light);
-                    let cut = tree.illuminate(receiver, method(stream), sees, &mut scratch);
+                    let cut = illuminate(&tree, receiver, method(stream), sees, &mut scratch);
                     (cut.radiance, cut.shadow_rays)
                 })
                 .collect()

@@ -188,12 +188,19 @@ impl LightTree {
         mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
     ) -> Cut {
-        let visible_together = |lights: &[Light], rays: &mut [ShadowRay]| {
-            for ray in rays {
-                ray.visible = visible(&lights[ray.light as usize], ray.light as usize);
-            }
+        if self.nodes.is_empty() {
+            return Cut::default();
+        }
+        if let Stop::Absolute(threshold) = stop
+            && let Some(cut) = self.walk(receiver, threshold, scratch)
+        {
+            return self.evaluate_halves(receiver, visible, scratch, cut);
+        }
+        let threshold = |estimate: f32| match stop {
+            Stop::Absolute(threshold) => threshold,
+            Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + estimate),
         };
-        self.lightcut_batched(receiver, stop, visible_together, scratch)
+        self.best_first::<false, R>(receiver, threshold, &mut visible, scratch)
     }
 
     /// [`LightTree::lightcut`] whose clusters are kept: [`Scratch::kept`] has them afterwards, so that they can be summed
@@ -222,40 +229,31 @@ impl LightTree {
         }
     }
 
-    /// As [`LightTree::lightcut`], with the shadow rays handed over together: `visible(lights, rays)` sets
-    /// [`ShadowRay::visible`] of each ray, all of which start at the receiver. An absolute cut calls it once, for all of its
-    /// rays; refinement best first has to know one before the next and hands over each alone.
-    pub fn lightcut_batched<R: Receiver>(
-        &self,
-        receiver: &R,
-        stop: Stop,
-        mut visible: impl FnMut(&[Light], &mut [ShadowRay]),
-        scratch: &mut Scratch,
-    ) -> Cut {
-        if self.nodes.is_empty() {
-            return Cut::default();
-        }
-        if let Stop::Absolute(threshold) = stop
-            && let Some(cut) = self.walk(receiver, threshold, scratch)
-        {
-            return self.evaluate_halves(receiver, visible, scratch, cut);
-        }
-        let mut alone = |_: &Light, index: usize| {
-            let mut ray = [ShadowRay { light: index as u32, visible: false }];
-            visible(&self.lights, &mut ray);
-            ray[0].visible
-        };
-        let threshold = |estimate: f32| match stop {
-            Stop::Absolute(threshold) => threshold,
-            Stop::Relative { fraction, known_luminance } => fraction * (known_luminance + estimate),
-        };
-        self.best_first::<false, R>(receiver, threshold, &mut alone, scratch)
-    }
-
     /// Whether a cluster may come from this tree: its node and its representative are there.
     #[must_use]
     pub fn may_hold(&self, cluster: Cluster) -> bool {
         (cluster.node as usize) < self.nodes.len() && (cluster.light as usize) < self.lights().len()
+    }
+
+    /// The clusters that together hold all lights: none, one, or two where directional lights have a tree of their own.
+    pub fn root_clusters(&self) -> impl Iterator<Item = Cluster> {
+        self.roots().map(|node| self.cluster(node))
+    }
+
+    /// The two halves of a cluster; `None` for a single light.
+    ///
+    /// # Panics
+    ///
+    /// If the cluster comes from a larger tree.
+    #[must_use]
+    pub fn children(&self, cluster: Cluster) -> Option<[Cluster; 2]> {
+        let node = &self.nodes[cluster.node as usize];
+        (!node.is_leaf()).then(|| [0, 1].map(|k| self.cluster(node.children() + k)))
+    }
+
+    /// The cluster of a node, with its present representative.
+    fn cluster(&self, node: usize) -> Cluster {
+        Cluster { node: node as u32, light: self.nodes[node].representative }
     }
 
     /// Intensity that a cluster has now, after any [`update`](LightTree::update) since the cut that it comes from

@@ -17,17 +17,14 @@
 mod bounds; // box and cone of a cluster
 mod build;
 mod calibration; // how far bounds may be exceeded
-mod change; // lights that come and go
 mod cut; // the lightcut
 mod error_bound; // how wrong a cluster can be
 mod exhaustive; // the sum over every light: the truth
 mod gradient; // how irradiance changes with place and normal
 mod lanes; // one number, four or eight
 mod light; // what is clustered
-mod method; // rivals of the cut
 mod node; // a cluster
 mod race; // who represents a cluster
-mod rebuild; // a new tree, and the way to it
 mod receiver; // where light arrives
 mod sites; // where the lights of clusters are
 #[cfg(feature = "serde")]
@@ -46,11 +43,7 @@ pub use crate::exhaustive::exhaustive;
 pub use crate::gradient::{IrradianceTerm, irradiance_term};
 pub use crate::lanes::{Real, Vector3};
 pub use crate::light::{Emission, LUMINANCE_WEIGHTS, Light, luminance};
-pub use crate::method::Method;
-pub use crate::rebuild::{Handover, Rebuild};
-pub use crate::receiver::{
-    BrdfReceiver, Bundled, Ggx, GgxBundle, Lambert, LambertBundle, Phong, PhongBundle, Receiver, ReflectBound,
-};
+pub use crate::receiver::{Bundled, Ggx, GgxBundle, Lambert, LambertBundle, Receiver, ReflectBound};
 #[cfg(feature = "serde")]
 pub use crate::store::StoreError;
 pub use crate::tree::LightTree;

@@ -1,8 +1,6 @@
 //! The receiver: all that a cut needs to know of a surface.
 
-mod brdf;
 mod ggx;
-mod phong;
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -11,13 +9,11 @@ use glam::Vec3;
 use crate::bounds::{DirectionCone, Region};
 use crate::lanes::{Real, Vector3};
 
-pub use brdf::BrdfReceiver;
 pub use ggx::{Ggx, GgxBundle};
-pub use phong::{Phong, PhongBundle};
 
 /// A shading point: position, reflection, and an upper bound of the reflection. All in world space.
 ///
-/// [`BrdfReceiver`] makes one of a function. Implement this trait where the bound has to follow the direction. The two reflection functions must agree: for every point of a region, `reflect` of the direction to it stays
+/// The two reflection functions must agree: for every point of a region, `reflect` of the direction to it stays
 /// below `reflect_bound` of the region, in each channel. A cut's error bound rests on nothing else.
 ///
 /// Both are written for [`Real`] numbers, one or four at a time. A material that exists for one direction only comes in

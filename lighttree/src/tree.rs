@@ -28,7 +28,7 @@ pub struct LightTree {
     pub(crate) depth: usize,
     /// Cost of the tree per total luminance when it was built; zero for a dark tree.
     pub(crate) cost_at_build: f64,
-    /// Lights that are dark for ever, in ascending order: removed, or without a usable position or axis.
+    /// Lights without a usable position or axis, which stay dark, in ascending order.
     pub(crate) misplaced: Vec<u32>,
     pub(crate) rejected: usize,
     /// Seed of the draws of representatives.

@@ -19,11 +19,6 @@ use crate::tree::LightTree;
 /// C_I of \[Herzog08\]: the representative child may be this much dimmer than its sibling.
 const SWAP_RATIO: f32 = 0.7;
 
-/// Ours: cost growth from which a new tree pays. A spot that circles for a thousand frames makes the cost 11 times what
-/// it was at its furthest, and cuts 7 to 10 % larger than in a new tree; at up to 7 times they are 2 to 7 % larger
-/// (`examples/drift.rs`).
-const REBUILD_GROWTH: f64 = 10.0;
-
 /// Changes of an update, and how well the old clusters fit the new intensities.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
@@ -37,18 +32,10 @@ pub struct UpdateStats {
     /// Lights that went dark because their new intensity was negative, not finite or too large,
     /// or because they have no usable position.
     pub rejected: usize,
-    /// Cost of the clusters below the root per total luminance, relative to what it was when built: 1 is as good as
-    /// new. Intensity that moves into spread-out clusters makes it grow, and a rebuild then pays.
+    /// Cost of the clusters below the root per total luminance, relative to the cost at the build: 1 is as good as new.
+    /// It grows where intensity moves into spread-out clusters. At a growth of 7, cuts are 2 to 7 % larger than in a new
+    /// tree, at 11 they are 7 to 10 % larger (`examples/drift.rs`).
     pub cost_growth: f64,
-}
-
-impl UpdateStats {
-    /// Whether a new tree serves better: at a cost growth of 10 and more, where cuts are up to a tenth larger than in a new
-    /// tree.
-    #[must_use]
-    pub fn rebuild_pays(&self) -> bool {
-        self.cost_growth >= REBUILD_GROWTH
-    }
 }
 
 impl LightTree {
@@ -76,14 +63,9 @@ impl LightTree {
     /// If there is not one intensity per light.
     pub fn update_drawn(&mut self, intensities: &[Vec3]) -> UpdateStats {
         let rejected = self.accept(intensities);
-        UpdateStats { rejected, ..self.sum_upward_drawn() }
-    }
-
-    /// Sums and drawn representatives from the lights' present intensities.
-    pub(crate) fn sum_upward_drawn(&mut self) -> UpdateStats {
         let arrivals = arrivals(self.seed, &self.lights);
         let arrival = |node: &Node| arrivals[node.representative as usize];
-        self.sum_upward(|chosen, other| arrival(other) < arrival(chosen))
+        UpdateStats { rejected, ..self.sum_upward(|chosen, other| arrival(other) < arrival(chosen)) }
     }
 
     /// Takes over what is usable of the intensities and counts the rest.

@@ -2,8 +2,6 @@
 //!
 //! `cargo run --release -p render2mpeg-perceptual --example dynamics`
 
-mod plot;
-
 use perceptual::{Feedback, MaskingModel, ObservedFrame, ToneMap, WHITE_LUMA};
 use plane::{Correspondence, Plane};
 use plot::{BLUE, GRAY, GREEN, Plot, RED};

@@ -2,8 +2,6 @@
 //!
 //! `cargo run --release -p render2mpeg-perceptual --example limits`
 
-mod plot;
-
 use perceptual::{MaskingModel, Operator, ToneMap};
 use plot::{BLUE, GRAY, GREEN, Plot, RED};
 

@@ -2,8 +2,6 @@
 //!
 //! `cargo run --release -p render2mpeg-render-core --example limits`
 
-mod plot;
-
 use glam::{DVec3, Quat, Vec3, Vec3A};
 use plot::{BLUE, Plot, RED};
 use render_core::sampling::{concentric_disc, sobol_point};

@@ -1,4 +1,4 @@
-//! Writes what the fuzz targets begin with: `cargo run --release -p tests --example fuzz_seeds -- fuzz/corpus`.
+//! Writes what the fuzz targets begin with: `cargo run --release -p tests --example fuzz_seeds -- tests/fuzz/corpus`.
 
 use std::path::{Path, PathBuf};
 use tests::{Moving, checkered_room, render, textured_square};
@@ -11,7 +11,7 @@ fn seed(folder: &Path, target: &str, name: &str, kind: u8, bytes: &[u8]) {
 }
 
 fn main() {
-    let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "fuzz/corpus".into()));
+    let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "tests/fuzz/corpus".into()));
     for (name, glb) in [("square", textured_square()), ("room", checkered_room(Moving::Box))] {
         seed(&folder, "scene", &format!("{name}.glb"), 1, &glb.to_bytes());
         seed(&folder, "scene", &format!("{name}.gltf"), 0, glb.json.to_string().as_bytes());

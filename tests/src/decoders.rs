@@ -2,6 +2,8 @@
 
 use mpeg2enc::Picture;
 use plane::Plane;
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -78,38 +80,34 @@ fn pgm_header(bytes: &[u8]) -> ([usize; 2], usize) {
 
 /// The frames of a YUV4MPEG2 file of 4:2:0 pictures.
 pub fn read_y4m(path: &Path, size: (usize, usize)) -> Vec<Picture> {
-    let bytes = std::fs::read(path).expect("the y4m file is there");
-    let end = bytes.iter().position(|&byte| byte == b'\n').expect("a header line");
-    let header = std::str::from_utf8(&bytes[..end]).expect("a header in ASCII");
-    let (width, height) = size;
-    assert!(header.starts_with(&format!("YUV4MPEG2 W{width} H{height} ")) && header.contains(" C420"), "{header}");
-    let marker = b"FRAME\n";
-    let frames = bytes[end + 1..].chunks(marker.len() + picture_bytes(size));
-    frames
-        .map(|frame| {
-            assert!(frame.starts_with(marker), "each frame begins with its marker");
-            pictures(&frame[marker.len()..], size).pop().expect("a whole frame")
-        })
-        .collect()
+    let mut file = y4m::decode(BufReader::new(File::open(path).expect("the y4m file is there"))).expect("a header");
+    assert_eq!((file.get_width(), file.get_height()), size);
+    assert!(matches!(file.get_colorspace(), y4m::Colorspace::C420mpeg2), "{:?}", file.get_colorspace());
+    let mut frames = Vec::new();
+    loop {
+        match file.read_frame() {
+            Ok(frame) => frames.push(picture([frame.get_y_plane(), frame.get_u_plane(), frame.get_v_plane()], size)),
+            Err(y4m::Error::EOF) => return frames,
+            Err(error) => panic!("frame {}: {error}", frames.len()),
+        }
+    }
 }
 
-fn picture_bytes((width, height): (usize, usize)) -> usize {
-    width * height + 2 * width.div_ceil(2) * height.div_ceil(2)
+/// A picture of these samples of luma and chroma.
+fn picture(planes: [&[u8]; 3], (width, height): (usize, usize)) -> Picture {
+    let half = (width.div_ceil(2), height.div_ceil(2));
+    let plane = |k: usize, (width, height)| Plane::from_vec(width, height, planes[k].to_vec());
+    Picture::new(plane(0, (width, height)), plane(1, half), plane(2, half)).expect("planes that belong together")
 }
 
 /// Raw planar 4:2:0 pictures, one after the other.
 fn pictures(bytes: &[u8], (width, height): (usize, usize)) -> Vec<Picture> {
-    let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
-    let size = picture_bytes((width, height));
+    let (luma, chroma) = (width * height, width.div_ceil(2) * height.div_ceil(2));
+    let size = luma + 2 * chroma;
     assert_eq!(bytes.len() % size, 0, "whole pictures of {width}x{height}");
-    let plane = |bytes: &[u8], width, height| Plane::from_vec(width, height, bytes.to_vec());
-    bytes
-        .chunks_exact(size)
-        .map(|picture| {
-            let (luma, chroma) = picture.split_at(width * height);
-            let (cb, cr) = chroma.split_at(chroma_width * chroma_height);
-            let chroma = |bytes| plane(bytes, chroma_width, chroma_height);
-            Picture::new(plane(luma, width, height), chroma(cb), chroma(cr)).expect("planes that belong together")
-        })
-        .collect()
+    let planes = |bytes: &[u8]| {
+        let (y, rest) = bytes.split_at(luma);
+        picture([y, &rest[..chroma], &rest[chroma..]], (width, height))
+    };
+    bytes.chunks_exact(size).map(planes).collect()
 }

@@ -1,6 +1,7 @@
 //! Small scenes, written as .glb files: the shortest way from a few quads to a file that the loader has to read.
 
 use glam::{Vec3, vec3};
+use gltf::binary::Header;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -242,53 +243,22 @@ impl Glb {
     }
 }
 
-/// A square image of `side` × `side` gray codes as a PNG file, not compressed (RFC 1950, 1951; PNG, 5).
+/// A square image of `side` × `side` gray codes as a PNG file.
 fn gray_png(side: usize, codes: &[u8]) -> Vec<u8> {
-    // Rows, each after the number of its filter, in stored blocks of at most 65 535 bytes.
-    let rows: Vec<u8> = codes.chunks(side).flat_map(|row| [&[0], row].concat()).collect();
-    let mut data = vec![0x78, 0x01];
-    let blocks = rows.chunks(65_535);
-    let last = blocks.len() - 1;
-    for (k, block) in blocks.enumerate() {
-        let length = block.len() as u16;
-        data.push(u8::from(k == last));
-        data.extend(length.to_le_bytes());
-        data.extend((!length).to_le_bytes());
-        data.extend(block);
-    }
-    let (a, b) = rows.iter().fold((1u32, 0u32), |(a, b), &byte| {
-        let a = (a + u32::from(byte)) % 65_521;
-        (a, (b + a) % 65_521)
-    });
-    data.extend((b << 16 | a).to_be_bytes());
-
-    let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
-    let size = (side as u32).to_be_bytes();
+    let mut file = Vec::new();
     // 8 bits of gray.
-    let header = [&size[..], &size, &[8, 0, 0, 0, 0]].concat();
-    for (kind, chunk) in [(b"IHDR", header), (b"IDAT", data), (b"IEND", Vec::new())] {
-        let named = [&kind[..], &chunk].concat();
-        file.extend((chunk.len() as u32).to_be_bytes());
-        file.extend(&named);
-        file.extend(crc32fast::hash(&named).to_be_bytes());
-    }
+    let encoder = png::Encoder::new(&mut file, side as u32, side as u32);
+    let mut writer = encoder.write_header().expect("memory to write to");
+    writer.write_image_data(codes).expect("memory to write to");
+    writer.finish().expect("memory to write to");
     file
 }
 
 /// A .glb file of this document and this binary part: header, JSON chunk, binary chunk (glTF 2.0, 4.4).
 pub(crate) fn glb_file(document: &str, bin: &[u8]) -> Vec<u8> {
-    let mut text = document.as_bytes().to_vec();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    let mut bin = bin.to_vec();
-    bin.resize(bin.len().next_multiple_of(4), 0);
-    let mut file = b"glTF\x02\0\0\0".to_vec();
-    file.extend((12 + 8 + text.len() as u32 + 8 + bin.len() as u32).to_le_bytes());
-    for (kind, chunk) in [(b"JSON", text), (b"BIN\0", bin)] {
-        file.extend((chunk.len() as u32).to_le_bytes());
-        file.extend(kind);
-        file.extend(chunk);
-    }
-    file
+    let header = Header { magic: *b"glTF", version: 2, length: 0 };
+    let file = gltf::Glb { header, json: document.as_bytes().into(), bin: Some(bin.into()) };
+    file.to_vec().expect("memory to write to")
 }
 
 /// The moving part of [`checkered_room`].

@@ -9,6 +9,7 @@ mod exchange;
 pub mod fuzz;
 mod glb;
 mod hostile;
+pub mod killed;
 mod program;
 mod replay;
 mod tools;

@@ -207,15 +207,15 @@ impl LightTree {
     pub(super) fn evaluate_halves<R: Receiver>(
         &self,
         receiver: &R,
-        mut visible: impl FnMut(&[Light], &mut [ShadowRay]),
+        mut visible: impl FnMut(&Light, usize) -> bool,
         scratch: &mut Scratch,
         mut cut: Cut,
     ) -> Cut {
         scratch.begin_estimate();
         cut.nodes_visited += self.estimate_halves(receiver, scratch);
         let rays = &mut scratch.rays[..scratch.ray_count];
-        if !rays.is_empty() {
-            visible(&self.lights, rays);
+        for ray in &mut *rays {
+            ray.visible = visible(&self.lights[ray.light as usize], ray.light as usize);
         }
         cut.radiance = sum_of_seen(rays, &scratch.radiance).truncate();
         cut.shadow_rays = rays.len() as u32;

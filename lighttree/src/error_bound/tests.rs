@@ -3,7 +3,7 @@ use std::f32::consts::FRAC_1_PI;
 use super::*;
 use crate::build::BuildParams;
 use crate::light::{Light, luminance, unshadowed_by};
-use crate::receiver::{Bundled, Ggx, Lambert, Phong};
+use crate::receiver::{Bundled, Ggx, Lambert};
 use crate::testing::{self, Random, Scene};
 use crate::tree::LightTree;
 
@@ -71,19 +71,6 @@ fn no_cluster_is_wrong_by_more_than_its_bound() {
         checked += check(&build(&scene), &scene.receiver, scene.receiver.reflectance * FRAC_1_PI, random.bits());
     }
     assert!(checked as u64 > 4 * TREES, "{checked} clusters");
-}
-
-#[test]
-fn nor_for_a_phong_lobe() {
-    let mut random = Random(2);
-    for _ in 0..TREES / 5 {
-        let scene = random.scene(8);
-        let Lambert { position, normal, reflectance } = scene.receiver;
-        let exponent = random.within(0.0, 50.0);
-        let (mirror, specular) = (scene.direction, Vec3::splat(0.3));
-        let phong = Phong { position, normal, mirror, diffuse: reflectance, specular, exponent };
-        check(&build(&scene), &phong, phong.reflect_bound(&around()).into(), random.bits());
-    }
 }
 
 #[test]
@@ -189,18 +176,6 @@ fn bundles_are_bounded_together() {
             .map(|r| Ggx { position: r.position, normal: r.normal, ..rough(&mut random, &scene) })
             .collect();
         together(&tree, &metals, |r| r.reflect_bound(&around()).into());
-        let lobes: Vec<Phong> = metals
-            .iter()
-            .map(|r| Phong {
-                position: r.position,
-                normal: r.normal,
-                mirror: r.view,
-                diffuse: r.diffuse,
-                specular: r.specular,
-                exponent: 20.0 * r.alpha,
-            })
-            .collect();
-        together(&tree, &lobes, |r| r.reflect_bound(&around()).into());
     }
 }
 

@@ -27,20 +27,21 @@ fn light() -> impl Strategy<Value = Light> {
     (position, emission, intensity).prop_map(|(position, emission, intensity)| Light { position, emission, intensity })
 }
 
+/// Lights, and a receiver that some of them are hidden from.
 #[derive(Clone, Debug)]
-struct Scene {
+pub struct Scene {
     lights: Vec<Light>,
-    receiver: Lambert,
+    pub receiver: Lambert,
     geometry_term_bound: f32,
     shadow_seed: u64,
 }
 
 impl Scene {
-    fn build(&self, seed: u64) -> LightTree {
+    pub fn build(&self, seed: u64) -> LightTree {
         LightTree::build(&self.lights, BuildParams::bounded_by(self.geometry_term_bound).with_seed(seed))
     }
 
-    fn visible(&self, index: usize) -> bool {
+    pub fn visible(&self, index: usize) -> bool {
         (self.shadow_seed ^ (index as u64 + 1)).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 62 != 0
     }
 
@@ -48,7 +49,7 @@ impl Scene {
         tree.lightcut(&self.receiver, stop, |_, k| self.visible(k), &mut Scratch::with_max_size(max_size))
     }
 
-    fn truth(&self, tree: &LightTree) -> Vec3 {
+    pub fn truth(&self, tree: &LightTree) -> Vec3 {
         tree.exhaustive(&self.receiver, |_, k| self.visible(k))
     }
 
@@ -67,7 +68,7 @@ impl Scene {
     }
 }
 
-fn scene(count: std::ops::Range<usize>) -> impl Strategy<Value = Scene> {
+pub fn scene(count: std::ops::Range<usize>) -> impl Strategy<Value = Scene> {
     let on_light = prop::option::weighted(0.2, any::<prop::sample::Index>());
     let free = (vector(1.0), vector(1.0), on_light, any::<u64>());
     (prop::collection::vec(light(), count), free, -3.0..3.0f32, -3.0..3.0f32, -4.0..0.0f32).prop_map(

@@ -67,15 +67,8 @@ pub fn moving(width: usize, height: usize, time: usize) -> Picture {
 
 /// Noise of full range, seeded.
 pub fn noise(width: usize, height: usize, seed: u64) -> Picture {
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-    let mut plane = |width: usize, height: usize| {
-        Plane::from_fn(width, height, |_, _| {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 32) as u8
-        })
-    };
+    let mut random = fastrand::Rng::with_seed(seed);
+    let mut plane = |width: usize, height: usize| Plane::from_fn(width, height, |_, _| random.u8(..));
     let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));
     Picture::new(plane(width, height), plane(chroma_width, chroma_height), plane(chroma_width, chroma_height))
         .expect("planes that belong together")

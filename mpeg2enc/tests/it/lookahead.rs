@@ -1,23 +1,15 @@
 //! Streams with B pictures, varying quantisers and bounded rates: what decoders show, what a buffer holds.
 
 use crate::common::*;
+use fastrand::Rng;
 use mpeg2enc::{
     CoefficientTable, Config, Effort, FrameRate, KnownMotion, Packet, Passes, PictureType, Rate, RestoreError,
 };
 use plane::Plane;
 
-/// A small generator: each call gives a number below `below`.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, below: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) % below
-    }
-
-    fn choose<T: Copy>(&mut self, list: &[T]) -> T {
-        list[self.below(list.len() as u64) as usize]
-    }
+/// One of a list that is not empty.
+fn choose<T: Copy>(random: &mut Rng, list: &[T]) -> T {
+    list[random.usize(..list.len())]
 }
 
 /// Random settings, sizes and content. `MPEG2ENC_STREAMS` says how many, `MPEG2ENC_SEED` which first; a failure names its seed, and `--nocapture` shows how far
@@ -28,12 +20,15 @@ fn random_streams_are_understood() {
     let (first, count) = (number("MPEG2ENC_SEED").unwrap_or(0), number("MPEG2ENC_STREAMS").unwrap_or(12));
     let mut distances: [Distance; 2] = Default::default();
     for seed in first..first + count {
-        let mut random = Random(seed);
+        let mut random = Rng::with_seed(seed);
         let large = seed % 64 == 63;
         let (width, height) = if large {
             (1920, 1088)
         } else {
-            (random.choose(&[1, 2, 15, 16, 17, 33, 64, 97, 176]), random.choose(&[1, 3, 16, 31, 48, 66, 144]))
+            (
+                choose(&mut random, &[1, 2, 15, 16, 17, 33, 64, 97, 176]),
+                choose(&mut random, &[1, 3, 16, 31, 48, 66, 144]),
+            )
         };
         let rates = [
             Rate::ConstantQuantiser,
@@ -42,30 +37,30 @@ fn random_streams_are_understood() {
             Rate::Capped { bits_per_second: 500_000, buffer_bits: 300_000 },
         ];
         let matrix = std::array::from_fn(|i| if i == 0 { 8 } else { (16 + 2 * i) as u8 });
-        let mut config = Config::new(width, height, random.choose(&[FrameRate::FPS_25, FrameRate::FPS_30]))
-            .with_quantiser_scale(random.choose(&[1, 2, 5, 8, 24, 62, 112]))
-            .with_gop(random.choose(&[1, 2, 5, 15]))
-            .with_b_pictures(random.choose(&[0, 1, 2, 3, 7]))
-            .with_effort(random.choose(&[Effort::Fast, Effort::Balanced, Effort::Best]))
-            .with_closed_gop(random.below(2) == 0)
-            .with_scene_cuts(random.below(2) == 0)
-            .with_uniform_quantiser(random.below(3) == 0)
-            .with_adaptive_quantisation(random.below(3) == 0)
-            .with_alternate_scan(random.below(3) == 0)
-            .with_intra_table(random.choose(&[CoefficientTable::Zero, CoefficientTable::One]))
-            .with_intra_dc_precision(random.choose(&[8, 9, 10, 11]))
-            .with_rate(random.choose(&rates));
-        if random.below(4) == 0 {
+        let mut config = Config::new(width, height, choose(&mut random, &[FrameRate::FPS_25, FrameRate::FPS_30]))
+            .with_quantiser_scale(choose(&mut random, &[1, 2, 5, 8, 24, 62, 112]))
+            .with_gop(choose(&mut random, &[1, 2, 5, 15]))
+            .with_b_pictures(choose(&mut random, &[0, 1, 2, 3, 7]))
+            .with_effort(choose(&mut random, &[Effort::Fast, Effort::Balanced, Effort::Best]))
+            .with_closed_gop(random.bool())
+            .with_scene_cuts(random.bool())
+            .with_uniform_quantiser(random.u32(..3) == 0)
+            .with_adaptive_quantisation(random.u32(..3) == 0)
+            .with_alternate_scan(random.u32(..3) == 0)
+            .with_intra_table(choose(&mut random, &[CoefficientTable::Zero, CoefficientTable::One]))
+            .with_intra_dc_precision(choose(&mut random, &[8, 9, 10, 11]))
+            .with_rate(choose(&mut random, &rates));
+        if random.u32(..4) == 0 {
             config = config.with_matrices(matrix, matrix.map(|weight| weight + 5));
         }
-        if random.below(6) == 0 {
-            config = config.with_mean_quantiser_scale(1.0 + random.below(1200) as f64 / 10.0);
+        if random.u32(..6) == 0 {
+            config = config.with_mean_quantiser_scale(1.0 + f64::from(random.u32(..1200)) / 10.0);
         }
         let what = format!("seed {seed}: {config:?}");
-        let frames = if large { 4 } else { 4 + random.below(16) as usize };
-        let start = random.below(100) as usize;
-        let kind = random.below(5);
-        let motion = (random.below(2) == 0).then(|| uniform_motion(width, height, 1.7, -0.6));
+        let frames = if large { 4 } else { 4 + random.usize(..16) };
+        let start = random.usize(..100);
+        let kind = random.u32(..5);
+        let motion = (random.bool()).then(|| uniform_motion(width, height, 1.7, -0.6));
         let content = (start..start + frames).map(|time| match kind {
             0 => noise(width, height, time as u64),
             1 => pan(width, height, 5.5 * time as f64, 0.0),

@@ -171,15 +171,8 @@ fn noise_is_smoothed_as_a_filter_of_one_pole_does() {
         let mean = list.iter().sum::<f64>() / list.len() as f64;
         list.iter().map(|t| (t - mean).powi(2)).sum::<f64>() / list.len() as f64
     };
-    let mut state = 0x2545_f491_4f6c_dd1du64;
-    let drawn: Vec<(usize, f32)> = (0..3 * LONG)
-        .map(|_| {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            ((state >> 40) as usize % 64, 8.0)
-        })
-        .collect();
+    let mut random = fastrand::Rng::with_seed(1);
+    let drawn: Vec<(usize, f32)> = (0..3 * LONG).map(|_| (random.usize(..64), 8.0)).collect();
     for weight in [0.0, 0.25, 0.5, 0.75, 0.9] {
         let w = f64::from(weight);
         let found = response(weight, e[32] as f32, drawn.iter().copied(), &frames);

@@ -508,10 +508,4 @@ impl Update {
 }
 
 #[cfg(test)]
-mod precision;
-#[cfg(test)]
-mod shared;
-#[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod tiled;

@@ -1,5 +1,9 @@
 //! The cache against environments whose irradiance is known in closed form.
 
+mod precision;
+mod shared;
+mod tiled;
+
 use super::*;
 use crate::PixelSurface;
 use crate::ranks::Alone;
@@ -13,7 +17,7 @@ const SIDE: usize = 64;
 const HEIGHT: f32 = 1.0;
 
 /// Gray light that a record takes to be the same all around, with everything `distance` away.
-pub(super) fn even(irradiance: f32, distance: f32) -> LocalIrradiance {
+fn even(irradiance: f32, distance: f32) -> LocalIrradiance {
     LocalIrradiance {
         irradiance: Vec3::splat(irradiance),
         by_normal: Mat3A::ZERO,
@@ -30,7 +34,7 @@ fn floor(split: impl Fn(&mut PixelSurface)) -> GBuffer {
 }
 
 /// The same from straight above at `eye`.
-pub(super) fn floor_from(eye: Vec3, split: impl Fn(&mut PixelSurface)) -> GBuffer {
+fn floor_from(eye: Vec3, split: impl Fn(&mut PixelSurface)) -> GBuffer {
     let above = Affine3A::from_rotation_translation(glam::Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2), eye);
     let view = View::new(above, Projection::Orthographic { ymag: 1.0 }, SIDE, SIDE);
     let pixels = Plane::from_fn(SIDE, SIDE, |x, y| {

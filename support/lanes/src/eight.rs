@@ -163,7 +163,8 @@ pub trait Lanes: Copy + Debug {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Choice, Kernel, random::Random};
+    use crate::{Choice, Kernel};
+    use fastrand::Rng;
 
     /// Every operation on two sets of numbers.
     struct Everything<'a>(&'a [f32; LANES], &'a [f32; LANES]);
@@ -239,20 +240,20 @@ mod tests {
             return;
         }
         let special = [0.0, -0.0, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 1.0, f32::MIN_POSITIVE / 8.0, f32::MAX];
-        let mut random = Random(7);
+        let mut random = Rng::with_seed(7);
         let mut number = || {
-            let bits = random.next();
-            if bits.is_multiple_of(3) { special[bits as usize / 3 % 8] } else { f32::from_bits(random.next()) }
+            let bits = random.u32(..);
+            if bits.is_multiple_of(3) { special[bits as usize / 3 % 8] } else { f32::from_bits(random.u32(..)) }
         };
         for _ in 0..if cfg!(miri) { 20 } else { 2000 } {
             let (a, b) = (std::array::from_fn(|_| number()), std::array::from_fn(|_| number()));
             assert_eq!(best.run(Everything(&a, &b)), Choice::SCALAR.run(Everything(&a, &b)), "{a:?} {b:?}");
         }
         let special = [0, 1, -1, i32::MAX, i32::MIN, 255, 256, -32769];
-        let mut random = Random(8);
+        let mut random = Rng::with_seed(8);
         let mut number = || {
-            let bits = random.next();
-            if bits.is_multiple_of(3) { special[bits as usize / 3 % 8] } else { random.next() as i32 }
+            let bits = random.u32(..);
+            if bits.is_multiple_of(3) { special[bits as usize / 3 % 8] } else { random.i32(..) }
         };
         for _ in 0..if cfg!(miri) { 20 } else { 2000 } {
             let (a, b) = (std::array::from_fn(|_| number()), std::array::from_fn(|_| number()));

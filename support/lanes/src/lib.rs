@@ -7,8 +7,6 @@ mod bytes; // sixteen samples, on any processor
 mod choice; // which instructions there are
 mod eight; // the operations
 mod kernel; // work made of them
-#[cfg(test)]
-mod random;
 mod samples; // of pictures: blocks in a plane
 mod scalar; // the twin
 

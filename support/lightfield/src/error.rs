@@ -44,9 +44,6 @@ pub enum FieldError {
     /// The largest error asked for is too large.
     #[error("an error of {0} codes: expected at most {LARGEST_DELTA}")]
     Delta(u16),
-    /// Segments hold 8-bit colors alone.
-    #[error("segments hold 8-bit codes alone: store logarithmic codes near-losslessly")]
-    Logarithmic,
     /// The bytes do not begin like a stored field.
     #[error("these bytes are not a stored light field")]
     NotAField,

@@ -1,8 +1,8 @@
 //! Outgoing light of surfaces, for each texel and direction: how to hold it, and how to store it in a fraction of its bytes.
 //!
 //! A [`Field`] is the raw samples: texels in tiles of 16×16 ([`TexelTiles`]), directions by number, three channels.
-//! [`NearLossless`] stores them with an error that never exceeds a limit, [`Segmented`] as the thesis on precomputed surface
-//! radiance does \[LinkopingThesis\]. All of them are [`LookUp`]s. [`OctahedralMap`] numbers directions.
+//! [`NearLossless`] stores them with an error that never exceeds a limit. Both are [`LookUp`]s. [`OctahedralMap`] numbers
+//! directions.
 //!
 //! ```
 //! use lightfield::{Field, LookUp, NearLossless, Samples, TexelTiles};
@@ -21,7 +21,6 @@ mod look_up;
 mod near_lossless;
 mod octahedral;
 mod scale;
-mod segments;
 mod tiles;
 
 pub use crate::error::FieldError;
@@ -30,7 +29,6 @@ pub use crate::look_up::LookUp;
 pub use crate::near_lossless::NearLossless;
 pub use crate::octahedral::{DirectionCells, OctahedralMap, map_side};
 pub use crate::scale::LogScale;
-pub use crate::segments::{Bisection, LinearSearch, SegmentRule, Segmented};
 pub use crate::tiles::{TILE_SIDE, TILE_SLOTS, TexelTiles};
 
 #[cfg(doctest)]

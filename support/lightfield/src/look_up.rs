@@ -4,6 +4,6 @@
 pub trait LookUp {
     /// The three codes of the texel in a slot, as [`TexelTiles`](crate::TexelTiles) counts them, in a direction.
     ///
-    /// Codes are whole numbers, but for segments, which interpolate. `None` where there is no such texel or direction.
+    /// Codes of this crate's fields are whole numbers. `None` where there is no such texel or direction.
     fn codes(&self, slot: usize, direction: usize) -> Option<[f32; 3]>;
 }

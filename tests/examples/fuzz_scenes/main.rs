@@ -5,7 +5,7 @@
 //! cargo run -p tests --example fuzz_scenes -- --seed 7 --case 123       # one case again, and keep its files
 //! ```
 //!
-//! `fuzz/README.md` says what must hold. With findings the exit code is 1.
+//! `tests/fuzz/README.md` says what must hold. With findings the exit code is 1.
 
 mod arguments;
 

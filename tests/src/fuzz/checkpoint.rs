@@ -2,39 +2,20 @@
 
 use super::verdict::{Verdict, told};
 use super::{Film, Outcome};
+use crate::killed::{HEADER, KilledFilm, TREE, seal_tree};
 use crate::{Moving, Random, checkered_room};
-use pipeline::Run;
-use pipeline::checkpoint::{Checkpoints, path_for};
-use render_core::scene;
-use render2mpeg::job::job_of;
-use render2mpeg::{Options, Render, Settings};
-use renderer::plan::Plan;
+use render2mpeg::Options;
 use std::path::Path;
-use std::time::Duration;
 use std::{fs, io};
-
-/// As `pipeline/loop/src/checkpoint/file.rs` stores it: the job, the last frame that is done, the states of the parts.
-type Stored = ((String, String, u32), u32, Vec<Vec<u8>>);
-
-const CONFIG: bincode::config::Configuration = bincode::config::standard();
-const HEADER: usize = 20;
-/// The place of `Part::Prepare`, the light tree: it has a header with a check sum of its own.
-const TREE: usize = 0;
 
 /// What continues the film.
 const COMMAND: &str = "--frames 3 --size 8x8 --vpls 5 --photons 50 --bframes 1 --cache on --resume --quiet --threads 2";
 
-/// A film of three frames that was killed after its second.
+/// A killed film, and the program that continues it.
 #[derive(Debug)]
 pub struct Forger {
     film: Film,
-    /// Header of checkpoints: a magic number and the version.
-    begin: [u8; 8],
-    stored: Stored,
-    /// The film as it was left.
-    part: Vec<u8>,
-    /// The film that it has to become.
-    truth: Vec<u8>,
+    killed: KilledFilm,
 }
 
 /// A changed checkpoint.
@@ -59,34 +40,20 @@ impl Forger {
         let words = format!("render {} --output {} {COMMAND}", path.display(), output.display());
         film.arguments = words.split_whitespace().map(str::to_owned).collect();
 
-        // A film of two frames leaves what one of three has after its second, but for its length.
-        let scene = scene::load(&path).expect("a scene");
-        let [short, long] = [2, 3].map(|frames| {
-            let options = Options {
-                output: Some(output.clone()),
-                frames: Some(frames),
-                size: "8x8".parse().ok(),
-                vpls: Some(5),
-                photons: Some(50),
-                bframes: Some(1),
-                ..Options::default()
-            };
-            let settings = Settings::new(path.clone(), &scene, &options).expect("settings");
-            let plan = Plan::new(&scene, &settings.renderer());
-            let job = job_of(&scene, &settings).expect("a job");
-            let checkpoints = Checkpoints::new(&job, Some(Duration::ZERO));
-            let mut film = Render::new(&scene, &settings, &plan, &checkpoints).expect("a film");
-            film.write_to(&output).and_then(|()| film.finish(Run::default())).expect("a film");
-            let bytes = fs::read(path_for(&output)).expect("a checkpoint");
-            let (stored, _) = bincode::serde::decode_from_slice::<Stored, _>(&bytes[HEADER..], CONFIG).expect("a body");
-            (stored, fs::read(&output).expect("a film"), *bytes.first_chunk().expect("a header"))
-        });
-        let ((job, ..), truth, begin) = long;
-        let forger = Self { film, begin, stored: (job, 1, short.0.2), part: short.1, truth };
+        let options = Options {
+            output: Some(output),
+            size: "8x8".parse().ok(),
+            vpls: Some(5),
+            photons: Some(50),
+            bframes: Some(1),
+            ..Options::default()
+        };
+        let forger = Self { film, killed: KilledFilm::new(&path, &options) };
 
         // What nobody changed goes on.
-        let file = forger.file(&forger.stored);
-        let whole = Forged { name: "nothing", file, part: forger.part.clone(), is_noticed: true };
+        let KilledFilm { stored, part, .. } = &forger.killed;
+        let file = forger.killed.file(stored);
+        let whole = Forged { name: "nothing", file, part: part.clone(), is_noticed: true };
         let verdict = forger.continue_from(&whole)?;
         assert_eq!(verdict, Verdict::Rendered, "the film itself goes on");
         Ok(forger)
@@ -103,24 +70,11 @@ impl Forger {
         Ok((vec![forged.name], self.continue_from(&forged)?))
     }
 
-    /// The file of a checkpoint, with right sums.
-    fn file(&self, stored: &Stored) -> Vec<u8> {
-        self.sealed(&bincode::serde::encode_to_vec(stored, CONFIG).expect("bytes"))
-    }
-
-    /// The file with this body.
-    fn sealed(&self, body: &[u8]) -> Vec<u8> {
-        let mut file = self.begin.to_vec();
-        file.extend((body.len() as u64).to_le_bytes());
-        file.extend(crc32fast::hash(body).to_le_bytes());
-        file.extend(body);
-        file
-    }
-
     /// A changed checkpoint, or a changed film beside it.
     fn forged(&self, random: &mut Random) -> Forged {
-        let (mut stored, mut part) = (self.stored.clone(), self.part.clone());
-        let whole = self.file(&stored);
+        let killed = &self.killed;
+        let (mut stored, mut part) = (killed.stored.clone(), killed.part.clone());
+        let whole = killed.file(&stored);
         let (name, file, is_noticed) = match random.below(12) {
             0 => ("bytes", changed(&whole, random), true),
             1 => ("cut", whole[..random.below(whole.len())].to_vec(), true),
@@ -129,7 +83,7 @@ impl Forger {
                 file[random.below(HEADER)] ^= 1 << random.below(8);
                 ("header", file, true)
             }
-            3 => ("body", self.sealed(&changed(&whole[HEADER..], random)), false),
+            3 => ("body", killed.sealed(&changed(&whole[HEADER..], random)), false),
             4 => {
                 let (program, settings, inputs) = &mut stored.0;
                 match random.below(3) {
@@ -137,16 +91,16 @@ impl Forger {
                     1 => *settings = settings.replacen(['1', '2', '5', '8'], "3", 1),
                     _ => *inputs ^= 1 << random.below(32),
                 }
-                ("job", self.file(&stored), true)
+                ("job", killed.file(&stored), true)
             }
             5 => {
                 stored.1 = *random.pick(&[0, 2, 3, 1000, u32::MAX]);
-                ("frame", self.file(&stored), false)
+                ("frame", killed.file(&stored), false)
             }
             6 => {
                 let places = [random.below(stored.2.len()), random.below(stored.2.len())];
                 stored.2.swap(places[0], places[1]);
-                ("states change places", self.file(&stored), false)
+                ("states change places", killed.file(&stored), false)
             }
             7 => {
                 // The film was cut or has other bytes: what stands in it was summed up.
@@ -163,9 +117,9 @@ impl Forger {
                 let state = &mut stored.2[place];
                 change_state(state, random);
                 if place == TREE {
-                    seal(state);
+                    seal_tree(state);
                 }
-                ("state", self.file(&stored), false)
+                ("state", killed.file(&stored), false)
             }
         };
         Forged { name, file, part, is_noticed }
@@ -185,7 +139,7 @@ impl Forger {
         let film = fs::read(self.film.out().join("film.m2v"));
         match (told(outcome, true)?, film) {
             // Where states are others and all sums are right, no program can know the true film.
-            (true, Ok(film)) if film == self.truth || (!is_noticed && !film.is_empty()) => Ok(Verdict::Rendered),
+            (true, Ok(film)) if film == self.killed.truth || (!is_noticed && !film.is_empty()) => Ok(Verdict::Rendered),
             (true, Ok(_)) => Err("another film at exit code 0".into()),
             (true, Err(error)) => Err(format!("no film: {error}")),
             (false, Ok(_)) => Err("a film in spite of an error".into()),
@@ -219,13 +173,5 @@ fn change_state(state: &mut Vec<u8>, random: &mut Random) {
         }
         _ if state.is_empty() => state.push(1),
         _ => *state = changed(state, random),
-    }
-}
-
-/// Puts the right length and check sum into the header of a light tree.
-fn seal(tree: &mut [u8]) {
-    if let Some((header, body)) = tree.split_at_mut_checked(HEADER) {
-        header[8..16].copy_from_slice(&(body.len() as u64).to_le_bytes());
-        header[16..].copy_from_slice(&crc32fast::hash(body).to_le_bytes());
     }
 }

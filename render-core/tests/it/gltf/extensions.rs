@@ -85,7 +85,7 @@ fn the_page_of_extensions_is_the_table() {
     let page = std::fs::read_to_string(root.join("docs/reference/gltf.md")).unwrap();
     assert!(page == extension_table(), "write docs/reference/gltf.md again by its command");
     let mut tests = String::new();
-    for folder in ["render-core/tests/it/gltf", "tests/tests/it"] {
+    for folder in ["render-core/tests/it/gltf", "tests/it"] {
         for entry in std::fs::read_dir(root.join(folder)).unwrap() {
             let path = entry.unwrap().path();
             if path.is_file() {

@@ -89,16 +89,9 @@ impl File {
     pub fn bytes(&self) -> Vec<u8> {
         let mut json = self.json.clone();
         json["buffers"][0]["byteLength"] = json!(self.bin.len());
-        let mut text = json.to_string().into_bytes();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let mut bytes = b"glTF\x02\0\0\0".to_vec();
-        bytes.extend((28 + text.len() as u32 + self.bin.len() as u32).to_le_bytes());
-        for (kind, chunk) in [(b"JSON", &text), (b"BIN\0", &self.bin)] {
-            bytes.extend((chunk.len() as u32).to_le_bytes());
-            bytes.extend(kind);
-            bytes.extend(chunk);
-        }
-        bytes
+        let header = gltf::binary::Header { magic: *b"glTF", version: 2, length: 0 };
+        let file = gltf::Glb { header, json: json.to_string().into_bytes().into(), bin: Some((&self.bin).into()) };
+        file.to_vec().unwrap()
     }
 
     /// Loads the file with these settings.

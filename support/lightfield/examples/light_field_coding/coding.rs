@@ -2,7 +2,8 @@
 
 use crate::light::DIRECTIONS;
 use crate::scene::Object;
-use lightfield::{Field, FieldError, LookUp, NearLossless, Samples, SegmentRule, Segmented};
+use crate::segments::{SegmentRule, Segmented};
+use lightfield::{Field, FieldError, LookUp, NearLossless, Samples};
 use rayon::prelude::*;
 
 /// The codings of the tables, in their order.
@@ -63,9 +64,9 @@ impl Errors {
 }
 
 /// The thesis's coding.
-fn segments(field: &Field, threshold: u16, rule: SegmentRule) -> Result<Coded, FieldError> {
-    let stored = Segmented::encode(field, threshold, rule)?;
-    Ok(Coded { bytes: stored.size(), errors: Errors::of_field(field, &stored.bisection()) })
+fn segments(field: &Field, threshold: u16, rule: SegmentRule) -> Coded {
+    let stored = Segmented::encode(field, threshold, rule);
+    Coded { bytes: stored.size(), errors: Errors::of_field(field, &stored.bisection()) }
 }
 
 /// Our coding.
@@ -86,11 +87,11 @@ impl Row {
     pub fn of(name: &'static str, field: &Field) -> Result<Self, FieldError> {
         let others = || {
             Ok([
-                segments(field, 0, SegmentRule::Checked)?,
-                segments(field, 6, SegmentRule::Checked)?,
-                segments(field, 9, SegmentRule::Checked)?,
-                segments(field, 6, SegmentRule::FirstDifference)?,
-                segments(field, 9, SegmentRule::FirstDifference)?,
+                segments(field, 0, SegmentRule::Checked),
+                segments(field, 6, SegmentRule::Checked),
+                segments(field, 9, SegmentRule::Checked),
+                segments(field, 6, SegmentRule::FirstDifference),
+                segments(field, 9, SegmentRule::FirstDifference),
                 near_lossless(field, 0)?,
                 near_lossless(field, 2)?,
                 near_lossless(field, 3)?,

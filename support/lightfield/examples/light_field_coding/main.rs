@@ -7,6 +7,7 @@
 mod coding;
 mod light;
 mod scene;
+mod segments;
 mod sheet;
 mod timing;
 

@@ -2,7 +2,8 @@
 
 use crate::light::{self, DIRECTIONS, PLACES};
 use crate::scene::{Object, Scene};
-use lightfield::{LookUp, NearLossless, SegmentRule, Segmented};
+use crate::segments::{SegmentRule, Segmented};
+use lightfield::{LookUp, NearLossless};
 use std::fs::File;
 use std::io::BufWriter;
 
@@ -14,7 +15,7 @@ const MAGNIFIED: f32 = 24.0;
 /// Writes the sheet as PNG: above the light of `object` raw, as segments of T = 9 and near-lossless with δ = 3, below errors.
 pub fn write(path: &str, scene: &Scene, object: &Object) -> Result<(), Box<dyn std::error::Error>> {
     let field = light::field(scene, object, false)?;
-    let segmented = Segmented::encode(&field, 9, SegmentRule::Checked)?;
+    let segmented = Segmented::encode(&field, 9, SegmentRule::Checked);
     let (linear, near) = (segmented.linear(), NearLossless::encode(&field, 3)?);
     let ways: [&dyn LookUp; 3] = [&field, &linear, &near];
 

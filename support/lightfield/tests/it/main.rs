@@ -3,6 +3,8 @@
 mod damage;
 mod near_lossless;
 mod segments;
+#[path = "../../examples/light_field_coding/segments.rs"]
+mod thesis;
 
 use lightfield::{Field, LogScale, LookUp, Samples, TexelTiles};
 use proptest::prelude::*;

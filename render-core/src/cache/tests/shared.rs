@@ -1,0 +1,172 @@
+//! Records that several ranks make together are those of one.
+
+use super::*;
+use crate::PixelSurface;
+use crate::ranks::{Alone, LoggedAlone, ThreadRanks, Turn};
+use glam::Vec3;
+
+/// Light that no record foresees, and that its recipe knows again: where and how bright it was computed.
+struct Shimmer {
+    power: f32,
+}
+
+impl Illumination for Shimmer {
+    type Recipe = (Vec3A, f32);
+    type Scratch = ();
+
+    fn compute(&self, site: &Site, (): &mut ()) -> Computed<Self::Recipe> {
+        let light = self.power * (1.0 + 0.3 * (site.position.x * 23.0).sin() * (site.position.z * 11.0).cos());
+        Computed { light: even(light, 0.7), recipe: (site.position, light / self.power) }
+    }
+
+    /// By the recipe alone, so that a record without its own would have other light; every seventh one is to be computed.
+    fn relight(&self, site: &Site, (position, light): &mut Self::Recipe, _: LastUpdate) -> Option<LocalIrradiance> {
+        assert_eq!(*position, site.position, "the recipe is that of the record");
+        (!site.key.is_multiple_of(7)).then(|| even(*light * self.power, 0.6))
+    }
+
+    fn openness(&self, site: &Site, scale: f32) -> f32 {
+        (site.position.x * 9.0).sin().abs() * scale / (scale + 1.0)
+    }
+
+    fn note(&self, &(_, light): &Self::Recipe) -> u32 {
+        light.to_bits()
+    }
+}
+
+/// Grooves that places beside them rise above.
+fn grooved(pixel: &mut PixelSurface) {
+    if (9.0 * pixel.position[0]).sin() > 0.5 {
+        pixel.position[1] -= 0.05;
+    }
+}
+
+/// The parts of a frame that are seen from outside, bit by bit.
+#[derive(Debug, PartialEq)]
+struct Outcome {
+    irradiance: Vec<[u32; 3]>,
+    counts: [usize; 2],
+    /// Place of each record; its note, share and openness.
+    records: Vec<[[u32; 3]; 2]>,
+}
+
+/// Five pictures of a walk: light stays, light changes, things move, light changes again with further pictures of the frame.
+fn film(ranks: &dyn Ranks) -> (Vec<Outcome>, Vec<u32>) {
+    let mut cache = IrradianceCache::default();
+    let mut outcomes = Vec::new();
+    let mut note = |lit: CachedLight, cache: &IrradianceCache<(Vec3A, f32)>| {
+        let bits = |v: [f32; 3]| v.map(f32::to_bits);
+        let of =
+            |r: &Record<_>| [bits(r.site.position.to_array()), [r.note, r.share.to_bits(), r.site.openness.to_bits()]];
+        outcomes.push(Outcome {
+            irradiance: lit.irradiance.samples().iter().map(|&e| bits(e)).collect(),
+            counts: [lit.in_use, lit.computed],
+            records: cache.records.iter().map(of).collect(),
+        });
+    };
+    for frame in 0..5 {
+        let seen = floor_from(Vec3::new(0.05 * frame as f32, 5.0, 0.0), grooved);
+        let shimmer = Shimmer { power: [1.0, 1.0, 1.5, 1.5, 2.0][frame] };
+        let changes = Changes { light: frame.is_multiple_of(2), geometry: frame == 3 };
+        let is_first_of_many = frame == 4;
+        let request = Request { ranks, is_first_of_many, ..Request::whole(&seen, &[false; 2]) };
+        let lit = cache.light(request, changes, &shimmer).value;
+        note(lit, &cache);
+    }
+    let beside = floor_from(Vec3::new(0.21, 5.0, 0.01), grooved);
+    let request = Request { ranks, ..Request::whole(&beside, &[false; 2]) };
+    let lit = cache.light_more(request, &Shimmer { power: 2.0 }).value;
+    note(lit, &cache);
+    (outcomes, cache.kept().iter().map(|kept| kept.number).collect())
+}
+
+#[test]
+fn records_of_several_ranks_are_those_of_one() {
+    let (alone, all) = film(&Alone);
+    assert!(alone.iter().all(|frame| frame.counts[0] > 50), "records are in use");
+    assert!(
+        alone[4].records.iter().any(|[_, [.., openness]]| f32::from_bits(*openness) < 1.0),
+        "some are below others"
+    );
+    assert!(alone[2].counts[1] > 10 && alone[5].counts[1] > 0, "some are computed later on");
+    for count in [2, 3] {
+        let results: Vec<_> = std::thread::scope(|scope| {
+            let ranks = ThreadRanks::new(count);
+            let started: Vec<_> = ranks.into_iter().map(|ranks| scope.spawn(move || film(&ranks))).collect();
+            started.into_iter().map(|thread| thread.join().expect("no rank fails")).collect()
+        });
+        let mut kept = Vec::new();
+        for (rank, (outcomes, own)) in results.into_iter().enumerate() {
+            assert!(outcomes == alone, "rank {rank} of {count}");
+            // Each rank keeps the recipes of its own.
+            assert!(own.iter().all(|&number| Turn::Golden(number).owner(count) == rank));
+            kept.extend(own);
+        }
+        kept.sort_unstable();
+        assert_eq!(kept, all, "every recipe is kept by one rank");
+    }
+}
+
+/// With a log, too; there each item that has a result has been timed.
+#[test]
+fn records_are_the_same_with_a_log() {
+    let logged = LoggedAlone::default();
+    assert!(film(&logged) == film(&Alone));
+    let loops = logged.log().expect("it keeps one").loops();
+    let golden = |turn: &Turn| matches!(turn, Turn::Golden(_));
+    assert!(loops.iter().any(|one| one.results.iter().any(|(turn, _)| golden(turn))), "loops of records");
+    assert!(loops.iter().any(|one| one.results.iter().any(|(turn, _)| !golden(turn))), "loops of places");
+    for one in loops {
+        let sorted = |mut turns: Vec<Turn>| {
+            turns.sort_unstable_by_key(|turn| format!("{turn:?}"));
+            turns
+        };
+        let timed = one.work.iter().map(|&(turn, _)| turn).collect();
+        let sent = one.results.iter().map(|&(turn, _)| turn).collect();
+        assert_eq!(sorted(timed), sorted(sent));
+    }
+}
+
+/// Also those of one turn, and of any run of numbers.
+#[test]
+fn records_are_spread_evenly() {
+    for count in [1, 2, 3, 4, 16] {
+        for (step, begin) in [(1, 0), (1, 12_345), (TURN, 7), (2 * TURN, u32::MAX - 100)] {
+            let mut owned = vec![0; count];
+            for k in 0..1000u32 {
+                owned[Turn::Golden(begin.wrapping_add(k * step)).owner(count)] += 1;
+            }
+            let mean = 1000 / count;
+            assert!(
+                owned.iter().all(|&own| own > mean * 7 / 8 - 1 && own < mean * 9 / 8 + 2),
+                "{count} {step}: {owned:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn recipes_come_together_again() {
+    let seen = floor_from(Vec3::new(0.0, 5.0, 0.0), |_| ());
+    let lit = |ranks: &dyn Ranks| {
+        let mut cache = IrradianceCache::default();
+        let request = Request { ranks, ..Request::whole(&seen, &[false; 2]) };
+        let _ = cache.light(request, Changes { light: false, geometry: false }, &Shimmer { power: 1.0 });
+        cache
+    };
+    let alone = lit(&Alone);
+    let mut halves: Vec<_> = std::thread::scope(|scope| {
+        let started: Vec<_> = ThreadRanks::new(2).into_iter().map(|ranks| scope.spawn(move || lit(&ranks))).collect();
+        started.into_iter().map(|thread| thread.join().expect("no rank fails")).collect()
+    });
+    let own = |kept: KeptRecipe<&(Vec3A, f32)>| KeptRecipe { number: kept.number, recipe: *kept.recipe };
+    let other: Vec<_> = halves[1].kept().into_iter().map(own).collect();
+    assert_ne!(halves[0].kept(), alone.kept());
+    halves[0].complete(other);
+    assert_eq!(halves[0].kept(), alone.kept());
+
+    // A rank that gets all of them keeps its own.
+    let ranks = ThreadRanks::new(2);
+    halves[0].keep_own(&ranks[1]);
+    assert_eq!(halves[0].kept(), halves[1].kept());
+}

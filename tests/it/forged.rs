@@ -1,0 +1,97 @@
+//! Checkpoints whose check sums are right and whose parts are not of the film: a line and no panic.
+
+use pipeline::report::FrameReport;
+use render2mpeg::Options;
+use std::collections::BTreeMap;
+use tempfile::TempDir;
+use tests::killed::{CONFIG, KilledFilm, Stored};
+use tests::{Moving, checkered_room};
+
+/// The places of `Part::Shade` and `Part::Encode`.
+const SHADE: usize = 1;
+const ENCODE: usize = 3;
+
+/// As `pipeline/loop/src/log.rs` leaves it: bytes of the film and their sum, the report, figures of frames that wait (none, where
+/// each frame is coded as it comes), the encoder.
+type Encoding = ((u64, u32), Vec<FrameReport>, BTreeMap<u32, ()>, Vec<u8>);
+
+/// Three frames, lit by `vpls` anchor lights.
+fn film(vpls: usize) -> (TempDir, KilledFilm) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.glb");
+    checkered_room(Moving::Box).write(&path);
+    let options = Options {
+        output: Some(folder.path().join("film.m2v")),
+        size: "16x16".parse().ok(),
+        vpls: Some(vpls),
+        photons: Some(1000),
+        ..Options::default()
+    };
+    let film = KilledFilm::new(&path, &options);
+    (folder, film)
+}
+
+/// Goes on from what is said to have been stored.
+fn go_on(film: &KilledFilm, stored: &Stored) -> Result<(), String> {
+    film.go_on(&film.file(stored)).map_err(|error| error.chain())
+}
+
+/// The records of a film with more lights: their cuts refer to lights that are not there.
+#[test]
+fn records_of_lights_that_are_not_there_are_refused() {
+    let [(_folder, few), (_other, many)] = [10, 300].map(film);
+    let mut stored = few.stored.clone();
+    go_on(&few, &stored).expect("its own goes on");
+    stored.2[SHADE] = many.stored.2[SHADE].clone();
+    let error = go_on(&few, &stored).unwrap_err();
+    assert!(error.contains("makes no sense") && error.lines().count() == 1, "{error}");
+}
+
+/// States that no stage can read are refused before the film is cut to the length that it had.
+#[test]
+fn a_part_that_cannot_be_read_leaves_the_film_as_it_is() {
+    let (_folder, film) = film(10);
+    let before = std::fs::read(&film.settings.output).unwrap();
+    let whole = film.stored.clone();
+    for part in 0..whole.2.len() {
+        // One that is missing had the other stages wait for ever.
+        for forged in [vec![255; 40], Vec::new()] {
+            let mut stored = whole.clone();
+            stored.2[part] = forged;
+            let error = go_on(&film, &stored).unwrap_err();
+            assert!(error.lines().count() == 1, "{error}");
+            assert!(error.contains("film.m2v.checkpoint") && error.contains("start anew"), "{error}");
+            assert!(std::fs::read(&film.settings.output).unwrap() == before, "part {part}");
+        }
+    }
+}
+
+/// A frame whose line is missing in the report: the time of its masking was put into a line that was not there.
+#[test]
+fn a_report_that_leaves_a_frame_out_is_refused() {
+    let (_folder, film) = film(10);
+    let mut stored = film.stored.clone();
+    let (mut encoding, _): (Encoding, _) = bincode::serde::decode_from_slice(&stored.2[ENCODE], CONFIG).unwrap();
+    for lines in [&[0][..], &[0, 2], &[1, 1], &[0, 1, 2]] {
+        encoding.1 = lines.iter().map(|&index| FrameReport { index, ..encoding.1[0].clone() }).collect();
+        stored.2[ENCODE] = bincode::serde::encode_to_vec(&encoding, CONFIG).unwrap();
+        let error = go_on(&film, &stored).unwrap_err();
+        assert!(error.contains("makes no sense") && error.lines().count() == 1, "{error}");
+    }
+    encoding.1 = [1, 0].map(|index| FrameReport { index, ..encoding.1[0].clone() }).into();
+    stored.2[ENCODE] = bincode::serde::encode_to_vec(&encoding, CONFIG).unwrap();
+    go_on(&film, &stored).expect("the order is that of coding");
+}
+
+/// Frames beyond the end of the film, up to the last that can be counted: the number after that one was computed.
+#[test]
+fn a_last_frame_beyond_the_film_is_refused() {
+    let (_folder, film) = film(10);
+    for last in [2, 1000, u32::MAX] {
+        let mut stored = film.stored.clone();
+        stored.1 = last;
+        let error = go_on(&film, &stored).unwrap_err();
+        let word = if last == 2 { "makes no sense" } else { "more --frames" };
+        assert!(error.contains("film.m2v.checkpoint") && error.contains(word), "{last}: {error}");
+    }
+}

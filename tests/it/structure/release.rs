@@ -1,0 +1,24 @@
+//! Files that releases are made with name the versions of the workspace.
+
+use super::root;
+use std::fs;
+
+/// Text between the first `before` and the `after` that follows it, in a file of the workspace.
+fn value_in(file: &str, before: &str, after: &str) -> String {
+    let text = fs::read_to_string(root().join(file)).unwrap();
+    let found = text.split_once(before).and_then(|(_, rest)| rest.split_once(after));
+    found.unwrap_or_else(|| panic!("{file} has no {before:?}")).0.to_owned()
+}
+
+#[test]
+fn the_citation_is_of_this_version() {
+    assert_eq!(value_in("CITATION.cff", "\nversion: ", "\n"), value_in("Cargo.toml", "\nversion = \"", "\""));
+}
+
+#[test]
+fn containers_are_built_with_the_oldest_rust() {
+    assert_eq!(
+        value_in("packaging/Dockerfile", "FROM rust:", "-"),
+        value_in("Cargo.toml", "\nrust-version = \"", "\"")
+    );
+}

@@ -1,0 +1,129 @@
+//! A film that was killed after its second frame, and its checkpoint, for tests that damage it.
+
+use pipeline::Run;
+use pipeline::checkpoint::{Checkpoints, path_for};
+use render_core::scene::{self, Scene};
+use render2mpeg::error::Error;
+use render2mpeg::job::job_of;
+use render2mpeg::{Options, Render, Settings};
+use renderer::plan::Plan;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+/// The body of a checkpoint, as `pipeline/loop/src/checkpoint/file.rs` stores it: the job (program, settings, sum of
+/// the inputs), the last frame that is done, the states of the parts.
+pub type Stored = ((String, String, u32), u32, Vec<Vec<u8>>);
+
+/// How checkpoints and their parts are encoded.
+pub const CONFIG: bincode::config::Configuration = bincode::config::standard();
+/// Bytes before the body: magic number, version, length, check sum. Light trees begin alike.
+pub const HEADER: usize = 20;
+/// The place of `Part::Prepare`, the light tree: its header has a check sum of its own.
+pub const TREE: usize = 0;
+
+/// A film of three frames that was killed after its second.
+#[derive(Debug)]
+pub struct KilledFilm {
+    /// The scene.
+    pub scene: Scene,
+    /// Settings of all three frames.
+    pub settings: Settings,
+    /// The plan of the film.
+    pub plan: Plan,
+    /// The body of the checkpoint.
+    pub stored: Stored,
+    /// The video as it was left.
+    pub part: Vec<u8>,
+    /// The video of all three frames.
+    pub truth: Vec<u8>,
+    /// Magic number and version of checkpoints.
+    begin: [u8; 8],
+}
+
+impl KilledFilm {
+    /// Makes the film of a scene by `options`, whose number of frames is not read.
+    ///
+    /// # Panics
+    ///
+    /// If the film cannot be made.
+    #[must_use]
+    pub fn new(scene_path: &Path, options: &Options) -> Self {
+        let scene = scene::load(scene_path).expect("a scene");
+        // A film of two frames leaves what one of three has after its second, but for its length.
+        let [short, long] = [2, 3].map(|frames| {
+            let options = Options { frames: Some(frames), ..options.clone() };
+            let settings = Settings::new(scene_path.into(), &scene, &options).expect("settings");
+            let plan = Plan::new(&scene, &settings.renderer());
+            let checkpoints = Checkpoints::new(&job_of(&scene, &settings).expect("a job"), Some(Duration::ZERO));
+            finish(&scene, &settings, &plan, &checkpoints).expect("a film");
+            let bytes = fs::read(path_for(&settings.output)).expect("a checkpoint");
+            let (stored, _) = bincode::serde::decode_from_slice::<Stored, _>(&bytes[HEADER..], CONFIG).expect("a body");
+            let video = fs::read(&settings.output).expect("a video");
+            (settings, plan, stored, video, *bytes.first_chunk().expect("a header"))
+        });
+        let (settings, plan, (job, ..), truth, begin) = long;
+        Self { scene, settings, plan, stored: (job, 1, short.2.2), part: short.3, truth, begin }
+    }
+
+    /// The file of a checkpoint with this body, with the right sum.
+    #[must_use]
+    pub fn sealed(&self, body: &[u8]) -> Vec<u8> {
+        let mut file = self.begin.to_vec();
+        file.extend((body.len() as u64).to_le_bytes());
+        file.extend(crc32fast::hash(body).to_le_bytes());
+        file.extend(body);
+        file
+    }
+
+    /// The file of a checkpoint, with the right sum.
+    ///
+    /// # Panics
+    ///
+    /// If memory is short.
+    #[must_use]
+    pub fn file(&self, stored: &Stored) -> Vec<u8> {
+        self.sealed(&bincode::serde::encode_to_vec(stored, CONFIG).expect("bytes"))
+    }
+
+    /// Reads `file` as the checkpoint of the film.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] where the checkpoint is refused.
+    ///
+    /// # Panics
+    ///
+    /// If the file cannot be written.
+    pub fn checkpoints(&self, file: &[u8]) -> Result<Checkpoints, Error> {
+        fs::write(path_for(&self.settings.output), file).expect("a file");
+        Ok(Checkpoints::resume(&job_of(&self.scene, &self.settings)?, None)?)
+    }
+
+    /// Continues the film from `file` to its end.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] where the checkpoint is refused or a stage fails.
+    ///
+    /// # Panics
+    ///
+    /// If the file cannot be written.
+    pub fn go_on(&self, file: &[u8]) -> Result<(), Error> {
+        finish(&self.scene, &self.settings, &self.plan, &self.checkpoints(file)?)
+    }
+}
+
+fn finish(scene: &Scene, settings: &Settings, plan: &Plan, checkpoints: &Checkpoints) -> Result<(), Error> {
+    let mut film = Render::new(scene, settings, plan, checkpoints)?;
+    film.write_to(&settings.output)?;
+    film.finish(Run::default()).map(|_| ())
+}
+
+/// Puts the right length and check sum into the header of a light tree.
+pub fn seal_tree(tree: &mut [u8]) {
+    if let Some((header, body)) = tree.split_at_mut_checked(HEADER) {
+        header[8..16].copy_from_slice(&(body.len() as u64).to_le_bytes());
+        header[16..].copy_from_slice(&crc32fast::hash(body).to_le_bytes());
+    }
+}
