@@ -75,9 +75,7 @@ FILMS = [
     Film("all-lights", "cornell", "--lighting all-lights", side=48, frames=2),
     Film("calibrated", "cornell", "--stopping calibrated"),
     Film("fixed", "cornell", "--thresholds fixed:0.02"),
-    Film("uniform", "cornell", "--thresholds uniform:0.02"),
     Film("perceptual", "cornell", "--thresholds perceptual"),
-    Film("quantised", "cornell", "--thresholds quantised"),
     Film("fine", "cornell", "--qscale 2"),
     Film("coarse", "cornell", "--qscale 48"),
     Film("b-pictures", "cornell", "--bframes 2 --gop 6"),
@@ -162,7 +160,7 @@ def render_and_resume(command, film, video):
     """Renders with a checkpoint after each frame, is killed, and goes on."""
     if os.name != "posix":
         raise Failure("films that are killed and resumed need a system with signals; name others with --film")
-    command = [*map(str, command), "--checkpoint", "0", "--json-progress"]
+    command = [*map(str, command), "--checkpoint", "0", "--progress", "json"]
     render_and_kill(command, video.with_name(video.name + ".checkpoint"), film.killed_after)
     begin = json.loads(run([*command, "--resume"]).output.splitlines()[0])
     if not 0 < begin["first_frame"] < film.frames:

@@ -111,7 +111,7 @@ fn no_chunk_depends_on_another() {
         (Moving::Camera, 10, 4, "--bframes 3 --importance saliency:1 --aq masking"),
         (Moving::Box, 9, 3, "--stopping calibrated --cache off"),
         (Moving::Box, 9, 3, "--thresholds perceptual --mpeg1 --gop 2"),
-        (Moving::Camera, 6, 2, "--thresholds quantised --samples 2 --run-everything"),
+        (Moving::Camera, 6, 2, "--thresholds perceptual --samples 2 --run-everything"),
         (Moving::Nothing, 5, 2, "--lighting all-lights"),
         (Moving::Camera, 4, 1, ""),
     ] {

@@ -84,7 +84,6 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
             "verbose",
             "quiet",
             "progress",
-            "json-progress",
             "overwrite",
             "keep-checkpoint",
             "watch",
@@ -162,7 +161,7 @@ const SMALL: [&str; 12] =
 #[test]
 fn other_programs_can_follow_and_so_can_people() {
     let folder = folder_with_room();
-    let finished = run(folder.path(), &[&SMALL[..], &["--json-progress", "--quiet"]].concat());
+    let finished = run(folder.path(), &[&SMALL[..], &["--progress", "json", "--quiet"]].concat());
     assert_eq!(finished.stderr, "");
     let lines: Vec<Value> = finished.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let events: Vec<&str> = lines.iter().map(|line| line["event"].as_str().unwrap()).collect();

@@ -104,7 +104,6 @@ fn standard_output_takes_the_bytes_of_the_file() {
     assert!(made.stdout == truth);
     for (options, word) in [
         ("--progress json", "progress"),
-        ("--json-progress", "progress"),
         ("--progress openjd", "progress"),
         ("--report -", "--report"),
         ("--y4m /dev/stdout", "--y4m"),

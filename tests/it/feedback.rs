@@ -10,7 +10,7 @@ use render2mpeg::{Options, Settings};
 use renderer::plan::Plan;
 use renderer::{Preparation, Shading};
 use std::sync::Arc;
-use tests::{Moving, Rendered, assert_fails, checkered_room, cornell, load, render};
+use tests::{Moving, Rendered, checkered_room, cornell, load, render};
 
 const SIDE: usize = 48;
 
@@ -40,27 +40,6 @@ fn thresholds_open_after_the_first_frame_and_cuts_shrink() {
         assert!(shares(&coarse)[frame] > shares(&fine)[frame], "frame {frame}: a coarser quantiser hides more");
         assert!(cuts(&coarse)[frame] <= cuts(&fine)[frame], "frame {frame}: and needs smaller cuts");
     }
-}
-
-/// Masking from the decoded picture (the paper's first strategy) and from the one that was coded differ by what was lost.
-#[test]
-fn both_strategies_agree_where_little_is_lost() {
-    let folder = tempfile::tempdir().unwrap();
-    let film = |kind: &str, qscale: u32| {
-        let arguments = format!(
-            "--size 64x64 --frames 3 --vpls 300 --photons 20000 --cache off --kappa 1 --qscale {qscale} --thresholds {kind}"
-        );
-        let film = render(folder.path(), &format!("{kind}{qscale}"), &cornell(), &arguments);
-        film.figures(&["threshold_mean_relative"])[2]
-    };
-    let ratio = |qscale| film("quantised", qscale) / film("perceptual", qscale);
-    let (little, much) = (ratio(1), ratio(62));
-    println!("thresholds from decoded pictures by those from their sources: {little:.3} at 1, {much:.3} at 62");
-    assert!((little - 1.0).abs() < 0.05, "{little}");
-    assert!((much - 1.0).abs() > (little - 1.0).abs(), "{much}, {little}");
-    let scene = cornell();
-    let waiting = ["render", scene.to_str().unwrap(), "--thresholds", "quantised", "--bframes", "2"];
-    assert_fails(folder.path(), &waiting, &["--thresholds quantised", "--thresholds codec"]);
 }
 
 /// A cut for each pixel and frame: the effect of a threshold shows at once.

@@ -69,7 +69,7 @@ fn a_film_is_continued_with_the_files_it_was_begun_with() {
         let short: Vec<&str> = resumed.iter().map(|&word| if word == scene { &typed[..] } else { word }).collect();
         let mut child = Command::new(program())
             .args(&short)
-            .arg("--json-progress")
+            .args(["--progress", "json"])
             .current_dir(folder)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())

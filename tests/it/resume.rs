@@ -117,7 +117,7 @@ fn ended_by_ctrl_c_it_goes_on_after_its_last_frame() {
         let folder = folder.path();
         checkered_room(moving).write(&folder.join("room.glb"));
         let words = format!(
-            "render room.glb -o {film} --size 48x48 --vpls 60 --photons 1000 --json-progress --overwrite {more}"
+            "render room.glb -o {film} --size 48x48 --vpls 60 --photons 1000 --progress json --overwrite {more}"
         );
         let words: Vec<&str> = words.split_whitespace().collect();
         let whole = render2mpeg(folder, &words);

@@ -5,14 +5,27 @@ use glam::{DVec3, Vec3};
 use lighttree::{BuildParams, Builder, Emission, Ggx, Lambert, Light, LightTree, Scratch, Stop, exhaustive};
 use std::f64::consts::PI;
 
+/// A cheap generator that is the same everywhere (xorshift).
+struct Random(u64);
+
+impl Random {
+    /// From 0 to 1.
+    fn unit(&mut self) -> f32 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 40) as f32 / (1u64 << 24) as f32
+    }
+}
+
 /// Lights below the ceiling of a hall, whose strengths span four decades.
 fn hall(count: usize) -> Vec<Light> {
-    let mut random = fastrand::Rng::with_seed(1);
+    let mut random = Random(0x2545_f491_4f6c_dd1d);
     (0..count)
         .map(|_| Light {
-            position: Vec3::new(100.0 * random.f32(), 100.0 * random.f32(), 3.0 + random.f32()),
-            emission: Emission::Cosine(Vec3::new(random.f32() - 0.5, random.f32() - 0.5, -1.0).normalize()),
-            intensity: Vec3::new(1.0, 0.7, 0.4) * 10f32.powf(4.0 * random.f32() - 4.0),
+            position: Vec3::new(100.0 * random.unit(), 100.0 * random.unit(), 3.0 + random.unit()),
+            emission: Emission::Cosine(Vec3::new(random.unit() - 0.5, random.unit() - 0.5, -1.0).normalize()),
+            intensity: Vec3::new(1.0, 0.7, 0.4) * 10f32.powf(4.0 * random.unit() - 4.0),
         })
         .collect()
 }

@@ -2,6 +2,7 @@
 
 use super::checkpoint::Checkpoints;
 use super::observe::Observer;
+use super::pace::Pace;
 use super::stages::{Displaying, Encoding, Masking, Preparing, Shading};
 use super::start::{Parts, Start};
 use super::threads::{self, Stamped, stage, work};
@@ -9,9 +10,8 @@ use crate::error::Result;
 use crate::parts::{Display, Encode, LuminanceThresholds, Mask, Prepare, Prepared, Shade};
 use crate::report::FrameReport;
 use crate::team::Lead;
-use crossbeam_channel::{Receiver, bounded};
-use std::cell::Cell;
-use std::sync::atomic::{AtomicBool, Ordering};
+use crossbeam_channel::{Receiver, Sender, bounded};
+use std::sync::atomic::AtomicBool;
 
 /// The surroundings of a run.
 #[derive(Clone, Copy)]
@@ -60,37 +60,15 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
     let (shaded_out, shaded_in) = bounded(1);
     let (displayed_out, displayed_in) = bounded(1);
     let (coded_out, coded_in) = bounded(1);
-    // The feedback edge: it holds the thresholds of one frame. Shading frame n takes those of n−1 before it makes anything.
-    let (thresholds_out, thresholds_in) = bounded::<LuminanceThresholds>(1);
     let masks = mask.is_some();
-    let last_thresholds = move |frame: u32| match masks && frame > begin {
-        true => thresholds_in.recv().ok().map(Some),
-        false => Some(None),
-    };
-    if let Some(thresholds) = thresholds {
-        // A film that is continued: those of the last frame that is done.
-        let _ = thresholds_out.send(thresholds);
-    }
+    let (thresholds_out, last_thresholds) = feedback_edge(masks.then_some(begin), thresholds);
     let preparing = Preparing(prepare);
     let shading = Shading::new(shade, ranks.clone());
     let displaying = Displaying::new(display, observer)?;
     let encoding = Encoding::new(encode, &mut log, observer)?;
     let masking = mask.map(|mask| Masking::new(mask, &mut masking_seconds, observer)).transpose()?;
-    // Whether a frame is begun is asked as late as can be. Other ranks begin it at the same time, when the frame before is handed
-    // over; so where there are any, that is when it is decided.
-    let goes_on = |next: u32| {
-        let goes_on = !stop.load(Ordering::Relaxed);
-        if !goes_on {
-            checkpoints.end_before(next, first);
-        }
-        goes_on
-    };
-    let is_led = ranks.count() > 1;
-    let decided = Cell::new(is_led.then(|| goes_on(first)));
-    if let Some(goes_on) = decided.get() {
-        lead.begin(goes_on);
-    }
-
+    let pace = Pace::new(stop, checkpoints, first, ranks.count() > 1);
+    lead.begin(pace.decision().unwrap_or_default());
     // A failure is reported in this order.
     threads::run([
         stage("encode", move || {
@@ -114,17 +92,34 @@ pub fn couple<P: Prepare, S: Shade<P::Frame>, D: Display, M: Mask, E: Encode>(
         }),
         stage("prepare", move || {
             let begun = (first..).map_while(|index| {
-                let goes_on = decided.take().unwrap_or_else(|| goes_on(index));
-                goes_on.then(|| Stamped { index, marked: checkpoints.is_due(), content: () })
+                pace.begins(index).then(|| Stamped { index, marked: checkpoints.is_due(), content: () })
             });
             work(checkpoints, preparing, begun, |prepared| {
-                let next = is_led.then(|| goes_on(prepared.index + 1));
-                decided.set(next);
-                prepared_out.send((prepared, next.unwrap_or_default())).is_ok()
+                let goes_on = pace.hand_over(prepared.index);
+                prepared_out.send((prepared, goes_on)).is_ok()
             })
         }),
     ])?;
     log.finish(&masking_seconds)
+}
+
+/// The feedback edge, which holds the thresholds of one frame: shading frame n takes those of n−1 before it makes anything.
+///
+/// Gives the end that masking sends to, and the thresholds for a frame: none after masking has ended, and `Some(None)` where there
+/// are none. Masked films begin with frame `begin`, or go on with the `thresholds` of the last frame that is done.
+fn feedback_edge(
+    begin: Option<u32>,
+    thresholds: Option<LuminanceThresholds>,
+) -> (Sender<LuminanceThresholds>, impl Fn(u32) -> Option<Option<LuminanceThresholds>>) {
+    let (sender, receiver) = bounded(1);
+    if let Some(thresholds) = thresholds {
+        let _ = sender.send(thresholds);
+    }
+    let of_last = move |frame: u32| match begin.is_some_and(|begin| frame > begin) {
+        true => receiver.recv().ok().map(Some),
+        false => Some(None),
+    };
+    (sender, of_last)
 }
 
 /// A prepared frame on its way to shading, and whether the next one is begun.

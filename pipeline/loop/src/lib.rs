@@ -13,6 +13,7 @@ mod follow;
 mod log;
 pub mod observe;
 pub mod output;
+mod pace;
 pub mod parts;
 pub mod report;
 mod stages;

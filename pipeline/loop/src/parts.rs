@@ -329,12 +329,6 @@ impl<'a> LastThresholds<'a> {
         Self { thresholds, known }
     }
 
-    /// The same thresholds along `other` motion, where any is known.
-    #[must_use]
-    pub fn along(self, other: &'a Correspondence) -> Self {
-        Self { known: self.known.map(|_| other), ..self }
-    }
-
     /// ΔY along the motion; 2 % of luminance everywhere, for a picture of `width` × `height`, where nothing is known.
     #[must_use]
     pub fn map(&self, width: usize, height: usize) -> ThresholdMap {

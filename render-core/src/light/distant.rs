@@ -1,6 +1,6 @@
 //! What lights share that are infinitely far away: photons, and direct light of a disc.
 
-use super::emission::{Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
+use super::emission::{Ball, Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
 use super::receiver::ShadingPoint;
 use super::sampled::{Brdf, Lamp, Sampled, Source, Traced};
 use super::tile::Tile;
@@ -8,22 +8,6 @@ use crate::accel::Shadows;
 use crate::sampling::{concentric_disc, disc_to_square, frame};
 use glam::{Vec2, Vec3, Vec3A, Vec4};
 use std::any::Any;
-use std::f32::consts::PI;
-
-/// A ball around the scene: light from far away starts on discs of its size.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Ball {
-    pub center: Vec3A,
-    /// \[m\]
-    pub radius: f32,
-}
-
-impl Ball {
-    /// Its cross-section \[m²\].
-    pub fn disc_area(&self) -> f32 {
-        PI * self.radius * self.radius
-    }
-}
 
 /// A light that is infinitely far away.
 pub(crate) trait DistantLight: Sync {

@@ -1,8 +1,8 @@
 //! The light of a source as photons, and the same ways backwards: how it gets to a place.
 
-use super::distant::Ball;
 use crate::surface::Surfaces;
 use glam::{Vec2, Vec3, Vec3A, Vec4};
+use std::f32::consts::PI;
 
 /// Dimensions of the Halton sequence that an emission uses.
 pub const EMISSION_DIMENSIONS: usize = 5;
@@ -29,6 +29,21 @@ pub(super) trait Emission: Sync {
 pub(super) struct Space<'a> {
     pub surfaces: &'a Surfaces<'a>,
     pub ball: Ball,
+}
+
+/// A ball around the scene: light from far away starts on discs of its size.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ball {
+    pub center: Vec3A,
+    /// \[m\]
+    pub radius: f32,
+}
+
+impl Ball {
+    /// Its cross-section \[m²\].
+    pub fn disc_area(&self) -> f32 {
+        PI * self.radius * self.radius
+    }
 }
 
 /// A photon on its way out.

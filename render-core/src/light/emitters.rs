@@ -1,8 +1,8 @@
 //! The lights of a scene, as a table of their kinds.
 
 use super::area::AreaLight;
-use super::distant::{Ball, DistantLight};
-use super::emission::Emission;
+use super::distant::DistantLight;
+use super::emission::{Ball, Emission};
 use super::point::PointLight;
 use super::sampled::Sampled;
 use super::sky;

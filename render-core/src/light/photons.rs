@@ -1,7 +1,6 @@
 //! Photons of all lights together, and the same ways backwards.
 
-use super::distant::Ball;
-use super::emission::{Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
+use super::emission::{Ball, Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
 use super::emitters::Emitters;
 use crate::luminance;
 use crate::sampling::Distribution;

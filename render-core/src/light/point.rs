@@ -1,7 +1,6 @@
 //! Points and spots: lights without size.
 
-use super::distant::Ball;
-use super::emission::{Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
+use super::emission::{Ball, Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
 use super::receiver::ShadingPoint;
 use super::sampled::{Brdf, Lamp, Sampled, Source, Traced};
 use super::tile::{Tile, bits};

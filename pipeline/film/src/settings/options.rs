@@ -101,12 +101,11 @@ pub struct Options {
     /// Write MPEG-1, for players that know nothing else
     #[cfg_attr(feature = "clap", arg(long, help_heading = "Encoder", hide_short_help = true))]
     pub mpeg1: bool,
-    /// The error a pixel may have: "codec", by what the encoder really did; "perceptual", by the masking model, or "quantised",
-    /// by it from the decoded picture; "fixed:SHARE" of its luminance, or "uniform:SHARE" of what that was one frame before
-    /// [default: codec]
+    /// The error a pixel may have: "codec", by what the encoder really did; "perceptual", by the masking model; "fixed:SHARE" of its
+    /// luminance [default: codec]
     #[cfg_attr(feature = "clap", arg(long, value_name = "KIND", help_heading = "Research", hide_short_help = true))]
     pub thresholds: Option<Thresholds>,
-    /// Multiplier on what is allowed beyond 2 %: smaller is finer, 1 is the paper's [default: 1; 0.25 of "perceptual" and "quantised"]
+    /// Multiplier on what is allowed beyond 2 %: smaller is finer, 1 is the paper's [default: 1; 0.25 of "perceptual"]
     #[cfg_attr(feature = "clap", arg(long, value_name = "K", help_heading = "Research", hide_short_help = true))]
     pub kappa: Option<f32>,
     /// When a cut ends [default: bound]
@@ -183,7 +182,7 @@ pub struct Options {
             value_enum,
             value_name = "on|off",
             hide_possible_values = true,
-            help_heading = "Quality",
+            help_heading = "Research",
             hide_short_help = true
         )
     )]
@@ -203,7 +202,7 @@ pub struct Options {
     #[cfg_attr(feature = "clap", arg(long, help_heading = "Research", hide_short_help = true))]
     pub run_everything: bool,
     /// Keep the renderer's motion from the encoder, which then searches
-    #[cfg_attr(feature = "clap", arg(long, help_heading = "Encoder", hide_short_help = true))]
+    #[cfg_attr(feature = "clap", arg(long, help_heading = "Research", hide_short_help = true))]
     pub no_motion: bool,
     /// The video: .mpg, .mp4, .mkv, .ts, .vob, or .m2v without times; - is standard output [default: the scene's name with .mpg,
     /// in this folder; with _A-B.m2v for a --range]

@@ -216,12 +216,6 @@ impl Options {
         if !(0.0..=100.0).contains(&kappa) {
             fail!("--kappa {kappa} must lie in 0..=100; 1 is the paper's");
         }
-        let looks_ahead = self.bitrate.is_some() || self.bframes.is_some_and(|most| most > 0);
-        if thresholds == Thresholds::Quantised && looks_ahead {
-            fail!(
-                "--thresholds quantised needs pictures that are coded as they come: leave out --bitrate and --bframes, or take --thresholds codec"
-            );
-        }
         Ok((thresholds, kappa))
     }
 

@@ -6,7 +6,7 @@ use pipeline::chunks::begins_chunk;
 use pipeline::error::Result;
 use pipeline::parts::{Coding, Displayed, LuminanceThresholds, Mask};
 use pipeline::state::{decode, encode};
-use plane::{Correspondence, Plane};
+use plane::Plane;
 use renderer::settings::Thresholds;
 use std::sync::Arc;
 
@@ -65,14 +65,7 @@ impl Mask for Masking {
         let frame = ObservedFrame { luma, luminance, known };
         let &Coding { quantiser_scale, ref outcome, begins_group, next } = coding;
         match (*thresholds, outcome) {
-            (Thresholds::Uniform(share), _) => return Arc::new(luminance.map(|luminance| share * luminance)),
             (Thresholds::Codec, Some(coded)) => feedback.observe_coded(frame, steps, coded, next),
-            (Thresholds::Quantised, Some(coded)) => {
-                let quantised = coded.luma().map(|sample| f32::from(sample) - 16.0);
-                let still = Correspondence::still(luma.width(), luma.height());
-                let known = known.map(|_| &still);
-                feedback.observe(ObservedFrame { luma: &quantised, luminance, known }, quantiser_scale)
-            }
             // The encoder has not coded the picture yet.
             (Thresholds::Codec, None) => {
                 let expected = ExpectedCoding { quantiser_scale, begins_group };

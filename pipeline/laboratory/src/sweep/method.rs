@@ -51,8 +51,6 @@ pub const METHODS: &[Method] = &[
     })
     .steered(),
     film("lightcuts-cache", "2 %, cache", 12, |w| full(w).thresholds = Some(Thresholds::Fixed(0.02))).cached(),
-    film("uniform-cache", "2 % of the last frame, cache", 2, |w| w.thresholds = Some(Thresholds::Uniform(0.02)))
-        .cached(),
     film("paper-cache", "κ = 1, cache", 8, |w| masking(full(w)).kappa = Some(1.0)).cached().steered(),
     film("perceptual-cache", "κ = {κ}, cache", 14, |w| _ = masking(w)).cached().steered(),
     film("calibrated-cache", "calibrated, cache", 15, |w| masking(w).stopping = Some(Stopping::Calibrated))

@@ -5,6 +5,7 @@ mod tiles;
 mod values;
 
 pub use importance::Importance;
+pub(crate) use tiles::TILES_PER_RANK;
 pub use tiles::{RecordSharing, TileCost, TileSettings};
 pub use values::{Aov, Lighting, PixelShading, Size, Stopping, Thresholds, parsed};
 

@@ -10,7 +10,7 @@ use std::str::FromStr;
 /// within 0.5 % from 4 to 64, and a tenth more with 256.
 const BUFFER: u32 = 32;
 /// Tiles for each rank of a frame. Ours: with 4 the first frame of `nave` on 16 ranks took a tenth longer.
-const PER_RANK: u32 = 8;
+pub(crate) const TILES_PER_RANK: usize = 8;
 
 /// How ranks share a frame in tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,8 +21,6 @@ pub struct TileSettings {
     pub records: RecordSharing,
     /// Records that a rank has made when it sends them.
     pub buffer: u32,
-    /// Tiles of a frame for each rank.
-    pub tiles_per_rank: u32,
 }
 
 /// The cost that tiles have equal shares of.
@@ -52,11 +50,10 @@ impl FromStr for TileSettings {
 
     fn from_str(text: &str) -> Result<Self> {
         let wrong = || {
-            let known = "rays or time, with \"none\", \"central:N\" or \"each:N\" for records and \"per-rank:N\" tiles";
-            Error::Options(format!("\"{text}\" is not {known}, such as rays or time,each:32,per-rank:8"))
+            let known = "rays or time, with \"none\", \"central:N\" or \"each:N\" for records";
+            Error::Options(format!("\"{text}\" is not {known}, such as rays or time,each:32"))
         };
-        let mut tiles =
-            Self { cost: TileCost::Rays, records: RecordSharing::Each, buffer: BUFFER, tiles_per_rank: PER_RANK };
+        let mut tiles = Self { cost: TileCost::Rays, records: RecordSharing::Each, buffer: BUFFER };
         for part in text.split(',') {
             let (name, number) = match part.split_once(':') {
                 Some((name, number)) => {
@@ -73,7 +70,6 @@ impl FromStr for TileSettings {
                     (tiles.records, tiles.buffer) = (RecordSharing::Central, number.unwrap_or(BUFFER))
                 }
                 ("each", number) => (tiles.records, tiles.buffer) = (RecordSharing::Each, number.unwrap_or(BUFFER)),
-                ("per-rank", Some(number)) => tiles.tiles_per_rank = number,
                 _ => return Err(wrong()),
             }
         }
@@ -83,17 +79,16 @@ impl FromStr for TileSettings {
 
 impl fmt::Display for TileSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { cost, records, buffer, tiles_per_rank } = self;
+        let Self { cost, records, buffer } = self;
         let cost = match cost {
             TileCost::Rays => "rays",
             TileCost::Time => "time",
         };
         match records {
-            RecordSharing::None => write!(f, "{cost},none")?,
-            RecordSharing::Central => write!(f, "{cost},central:{buffer}")?,
-            RecordSharing::Each => write!(f, "{cost},each:{buffer}")?,
+            RecordSharing::None => write!(f, "{cost},none"),
+            RecordSharing::Central => write!(f, "{cost},central:{buffer}"),
+            RecordSharing::Each => write!(f, "{cost},each:{buffer}"),
         }
-        write!(f, ",per-rank:{tiles_per_rank}")
     }
 }
 
@@ -116,17 +111,17 @@ mod tests {
     #[test]
     fn texts_of_tiles_are_read_as_they_are_written() {
         for (text, whole) in [
-            ("rays", "rays,each:32,per-rank:8"),
-            ("time", "time,each:32,per-rank:8"),
-            ("none,rays", "rays,none,per-rank:8"),
-            ("time,central", "time,central:32,per-rank:8"),
-            ("each:7,per-rank:3", "rays,each:7,per-rank:3"),
+            ("rays", "rays,each:32"),
+            ("time", "time,each:32"),
+            ("none,rays", "rays,none"),
+            ("time,central", "time,central:32"),
+            ("each:7", "rays,each:7"),
         ] {
             let tiles: TileSettings = text.parse().unwrap();
             assert_eq!(tiles.to_string(), whole);
             assert_eq!(whole.parse::<TileSettings>().unwrap().to_string(), whole);
         }
-        for text in ["", "squares", "rays:3", "each:0", "central:x", "per-rank", "each:10001", "rays,,time"] {
+        for text in ["", "squares", "rays:3", "each:0", "central:x", "per-rank:8", "each:10001", "rays,,time"] {
             let message = text.parse::<TileSettings>().unwrap_err().to_string();
             assert!(message.contains("such as rays"), "{text}: {message}");
         }

@@ -77,14 +77,8 @@ pub enum Aov {
 pub enum Thresholds {
     /// From the masking model, one frame later.
     Perceptual,
-    /// The same from the picture as it was decoded, and not along the motion \[Herzog08, 5.3, first strategy\]: for films in
-    /// which little moves.
-    Quantised,
     /// From what the encoder really did, or will do where it looks ahead, one frame later.
     Codec,
-    /// A share of the luminance that each pixel had one frame before: as far as thresholds can rise if all rise
-    /// alike, with all that is gained by knowing them beforehand.
-    Uniform(f32),
     /// A fixed share of each pixel's luminance; 0.02 is the original Lightcuts.
     Fixed(f32),
 }
@@ -102,7 +96,7 @@ impl Thresholds {
 
     /// Whether masking wants to see what the encoder made of each picture.
     pub fn follow_coding(self) -> bool {
-        matches!(self, Self::Codec | Self::Quantised)
+        self == Self::Codec
     }
 }
 
@@ -113,15 +107,13 @@ impl FromStr for Thresholds {
         let share = |share: &str| share.parse::<f32>().ok().filter(|share| (0.0..=1.0).contains(share));
         let known = match text.split_once(':') {
             None if text == "perceptual" => Some(Self::Perceptual),
-            None if text == "quantised" => Some(Self::Quantised),
             None if text == "codec" => Some(Self::Codec),
             Some(("fixed", text)) => share(text).map(Self::Fixed),
-            Some(("uniform", text)) => share(text).map(Self::Uniform),
             _ => None,
         };
         known.ok_or_else(|| {
             Error::Options(format!(
-                "\"{text}\" is none of \"codec\", \"perceptual\" and \"quantised\", nor \"fixed:SHARE\" or \"uniform:SHARE\" with a share of 0 to 1, such as fixed:0.02"
+                "\"{text}\" is neither \"codec\" nor \"perceptual\", nor \"fixed:SHARE\" with a share of 0 to 1, such as fixed:0.02"
             ))
         })
     }
@@ -131,9 +123,7 @@ impl fmt::Display for Thresholds {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Perceptual => write!(f, "perceptual"),
-            Self::Quantised => write!(f, "quantised"),
             Self::Codec => write!(f, "codec"),
-            Self::Uniform(share) => write!(f, "uniform:{share}"),
             Self::Fixed(share) => write!(f, "fixed:{share}"),
         }
     }

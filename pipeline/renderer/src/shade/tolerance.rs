@@ -15,7 +15,7 @@ use glam::Vec3;
 use lighttree::{Calibration, Stop};
 use perceptual::{RELATIVE_FLOOR, ThresholdMap};
 use pipeline::parts::LastThresholds;
-use plane::{Correspondence, Plane};
+use plane::Plane;
 use render_core::{GBuffer, NOTHING, luminance};
 use std::f32::consts::PI;
 
@@ -63,16 +63,13 @@ impl<'a> Tolerance<'a> {
         calibration: Option<&'a Calibration>,
     ) -> Self {
         let Size { width, height } = size;
-        // Thresholds of the quantiser alone stay at their place in the picture.
-        let still = (policy == Thresholds::Quantised).then(|| Correspondence::still(width, height));
-        let last = still.iter().fold(thresholds, LastThresholds::along);
-        let thresholds = match policy {
+        let map = match policy {
             Thresholds::Fixed(_) => ThresholdMap::relative(width, height),
-            _ => last.map(width, height),
+            _ => thresholds.map(width, height),
         };
         let share = policy.share_elsewhere();
-        let luminance_before = calibration.and_then(|_| last.luminance());
-        Self { thresholds, share, luminance_before, calibration, gain: None }
+        let luminance_before = calibration.and_then(|_| thresholds.luminance());
+        Self { thresholds: map, share, luminance_before, calibration, gain: None }
     }
 
     /// Absolute errors of radiance for each pixel \[W·m⁻²·sr⁻¹\]; 2 % of its luminance where they are 0.
@@ -218,6 +215,7 @@ impl<'a> Tolerance<'a> {
 mod tests {
     use super::*;
     use pipeline::parts::LuminanceThresholds;
+    use plane::Correspondence;
     use std::sync::Arc;
 
     const SIZE: Size = Size { width: 2, height: 1 };

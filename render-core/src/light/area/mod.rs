@@ -6,8 +6,7 @@ mod order;
 mod patch;
 mod sampled;
 
-use super::distant::Ball;
-use super::emission::{Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
+use super::emission::{Ball, Emission, EmittedPhoton, Facing, SeenLight, Space, Start};
 use crate::accel::Hit;
 use crate::polygon::Polygon;
 use crate::sampling::{Distribution, Pick, centered_sobol, cosine_hemisphere, radical_inverse};

@@ -84,9 +84,6 @@ pub(crate) struct Render {
     /// Progress: as a line at a terminal, as lines of JSON on standard output, or as Open Job Description has it [default: bar]
     #[arg(long, value_enum, value_name = "KIND", help_heading = "Progress", hide_short_help = true)]
     progress: Option<ProgressKind>,
-    /// The same as --progress json: a line of JSON for the begin, each frame and the end, for other programs
-    #[arg(long, conflicts_with = "progress", help_heading = "Progress", hide_short_help = true)]
-    json_progress: bool,
     /// Say what happens, line by line: once for frames and checkpoints, twice for every stage
     #[arg(short, long, action = clap::ArgAction::Count, conflicts_with = "quiet", help_heading = "Progress", hide_short_help = true)]
     verbose: u8,
@@ -183,7 +180,7 @@ impl Render {
     }
 
     fn progress_kind(&self) -> ProgressKind {
-        if self.json_progress { ProgressKind::Json } else { self.progress.unwrap_or(ProgressKind::Bar) }
+        self.progress.unwrap_or(ProgressKind::Bar)
     }
 
     /// Options that are none of the film's, as a file for `--config` has them.

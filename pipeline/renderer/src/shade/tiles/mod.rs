@@ -36,7 +36,7 @@ use super::samples::{SampleSurfaces, SamplesLight};
 use super::tolerance::Tolerance;
 use crate::frame::PreparedFrame;
 use crate::plan::{Plan, Stage};
-use crate::settings::{RenderSettings, TileCost, TileSettings};
+use crate::settings::{RenderSettings, TILES_PER_RANK, TileCost, TileSettings};
 use crew::Team;
 use cut::equal_tiles;
 use glam::Vec3;
@@ -202,7 +202,7 @@ impl Tiling {
             (TileCost::Time, Some(cost)) => predicted(cost, &count, first.motion),
             _ => count.clone(),
         };
-        job.tiles = equal_tiles(&weight, self.settings.tiles_per_rank as usize * self.workers.count());
+        job.tiles = equal_tiles(&weight, TILES_PER_RANK * self.workers.count());
 
         // The light of all tiles makes the pictures.
         let results = self.workers.work(&mut shading.layers, &job, counts);
