@@ -73,9 +73,8 @@ fn a_sweep_says_what_single_commands_say() {
     for name in ["plots/decoded_psnr.svg", "maps/threshold_perceptual_32.png"] {
         assert!(folder.path().join("swept").join(name).is_file(), "{name}");
     }
-    let plot = laboratory::compare::png_file::read(&folder.path().join("swept/plots/decoded_psnr.png")).unwrap();
-    let dark = plot.samples().iter().filter(|pixel| pixel.iter().all(|&c| c < 100)).count();
-    assert!(dark > 1000, "a plot without text: {dark} dark pixels");
+    let plot = std::fs::read_to_string(folder.path().join("swept/plots/decoded_psnr.svg")).unwrap();
+    assert!(plot.matches("<text").count() > 10, "a plot without text");
 
     // Seven plots, and histograms of the two steered methods.
     check_page(&folder.path().join("swept/sweep.html"), 9);

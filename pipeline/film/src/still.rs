@@ -5,7 +5,7 @@ use crate::picture_file::{PictureFormat, shown, write_shown};
 use crate::settings::{ExrDepth, Settings};
 use crate::stages::linear::write_linear;
 use perceptual::luminance_plane;
-use pipeline::exposure::{blended, exposure_for};
+use pipeline::exposure::exposure_for;
 use pipeline::parts::{LastThresholds, Shade};
 use plane::Plane;
 use render_core::image_file::FrameHeader;
@@ -45,7 +45,7 @@ impl Still {
             (true, _) => exposure_of_first_frame(scene, &renderer, |settings, plan| Shading::new(settings, plan)),
         };
         let tone_map = settings.tone_map.with_exposure(exposure);
-        let shown = shown(&blended(&shaded, &tone_map), &tone_map);
+        let shown = shown(&shaded.blended(&tone_map), &tone_map);
         Self { radiance: shaded.radiance, shown, header: shaded.header }
     }
 

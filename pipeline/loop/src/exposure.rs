@@ -1,25 +1,11 @@
-//! The exposure of a film that states none, and pixels that show several surfaces.
+//! The exposure of a film that states none.
 
-use crate::parts::{Outline, Shaded};
-use perceptual::ToneMap;
 use plane::Plane;
-use std::borrow::Cow;
 
 /// Luminance that the middle of a picture is brought to when no exposure is set: photography's gray card.
 const MIDDLE_GRAY: f64 = 0.18;
 /// Share of a picture's mean luminance below which a pixel counts as black for the exposure: seventeen stops.
 const LEAST_LIT: f64 = 1.0 / 131_072.0;
-
-/// Radiance of which each pixel is shown as the mean of what is shown of its surfaces: a light far above white would cover what is
-/// thin before it, if it were blended before the curve.
-#[must_use]
-pub fn blended<'a>(shaded: &'a Shaded, tone_map: &ToneMap) -> Cow<'a, Plane<[f32; 3]>> {
-    let mut radiance = Cow::Borrowed(&shaded.radiance);
-    for Outline { pixel, parts } in &shaded.outlines {
-        radiance.to_mut().samples_mut()[*pixel] = tone_map.mean_shown(parts.iter().copied());
-    }
-    radiance
-}
 
 /// Brings the geometric mean of the lit pixels' luminance to middle gray; 1 for a black picture.
 #[must_use]

@@ -10,7 +10,6 @@
 //! an [`Encode`].
 
 use crate::error::Result;
-use crate::exposure::blended;
 use crate::figures::FrameFigures;
 use perceptual::{
     ColorMatrix, Feedback, NextPicture, ObservedFrame, PixelPart, ThresholdMap, ToneMap, YCbCr, luminance_plane,
@@ -18,6 +17,7 @@ use perceptual::{
 };
 use plane::{Coded, Correspondence, FrameHeader, Picture, PictureType, Plane};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -110,7 +110,7 @@ pub trait Display: Send {
 impl Display for ToneMap {
     fn show(&mut self, index: u32, shaded: &Shaded) -> Displayed {
         let tone_map = *self;
-        let radiance = blended(shaded, &tone_map);
+        let radiance = shaded.blended(&tone_map);
         Displayed {
             index,
             picture: Arc::new(YCbCr::with_matrix(&radiance, &tone_map, ColorMatrix::default())),
@@ -218,6 +218,19 @@ pub struct Shaded {
     pub watched: Channels,
     /// CPU seconds and counts, those of [`Prepared`] included.
     pub figures: FrameFigures,
+}
+
+impl Shaded {
+    /// Radiance of which each pixel is shown as the mean of its surfaces, each shown by `tone_map`. Blended before the curve, a light
+    /// far above white would cover thin things before it.
+    #[must_use]
+    pub fn blended(&self, tone_map: &ToneMap) -> Cow<'_, Plane<[f32; 3]>> {
+        let mut radiance = Cow::Borrowed(&self.radiance);
+        for Outline { pixel, parts } in &self.outlines {
+            radiance.to_mut().samples_mut()[*pixel] = tone_map.mean_shown(parts.iter().copied());
+        }
+        radiance
+    }
 }
 
 /// A frame as a picture.

@@ -5,7 +5,7 @@ use crate::picture_file::{shown, write_shown};
 use crate::settings::{CodedRate, ExrDepth, Settings};
 use perceptual::{ColorMatrix, ToneMap, YCbCr, luminance_plane};
 use pipeline::error::Result;
-use pipeline::exposure::{blended, exposure_for};
+use pipeline::exposure::exposure_for;
 use pipeline::output::{Output, Written};
 use pipeline::parts::{Displayed, Shaded};
 use pipeline::state::{decode, encode};
@@ -70,7 +70,7 @@ impl pipeline::parts::Display for Display {
             self.tone_map = self.tone_map.with_exposure(exposure_for(&luminance_plane(&shaded.radiance)));
         }
         let tone_map = self.tone_map;
-        let radiance = blended(shaded, &tone_map);
+        let radiance = shaded.blended(&tone_map);
         let luminance = luminance_plane(&radiance);
         let picture = Arc::new(YCbCr::with_matrix(&radiance, &tone_map, self.matrix));
         let (luminance, importance) = (Arc::new(luminance), shaded.importance.clone());
@@ -79,7 +79,7 @@ impl pipeline::parts::Display for Display {
 
     fn write(&mut self, index: u32, shaded: Shaded, picture: &YCbCr) -> Result<()> {
         if let Some(folder) = &self.png {
-            let shown = shown(&blended(&shaded, &self.tone_map), &self.tone_map);
+            let shown = shown(&shaded.blended(&self.tone_map), &self.tone_map);
             write_shown(&folder.join(format!("frame_{index:05}.png")), &shown)?;
         }
         if let Some(file) = &mut self.y4m {
@@ -87,7 +87,7 @@ impl pipeline::parts::Display for Display {
             match file.matrix == self.matrix {
                 true => file.write(&picture.picture)?,
                 false => {
-                    let radiance = blended(&shaded, &self.tone_map);
+                    let radiance = shaded.blended(&self.tone_map);
                     file.write(&YCbCr::with_matrix(&radiance, &self.tone_map, file.matrix).picture)?;
                 }
             }
