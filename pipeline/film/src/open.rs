@@ -51,7 +51,7 @@ impl Film {
     /// The options with every default filled in.
     ///
     /// # Errors
-    /// [`Error::Options`], [`Error::Content`] or [`Error::Encoder`]: an option or a setting of the scene is out of its range.
+    /// [`Error::Options`], [`Error::Loop`] or [`Error::Encoder`]: an option or a setting of the scene is out of its range.
     pub fn settings(&self) -> Result<Settings> {
         let settings = Settings::new(self.path.clone(), &self.scene, &self.options)?;
         let _ = settings.encoder_config()?;
@@ -61,7 +61,7 @@ impl Film {
     /// Renders into a file, `.mpg`, `.mp4`, `.mkv`, `.ts`, `.vob` or `.m2v`, and reports what it took. Blocks until the film is finished.
     ///
     /// # Errors
-    /// Errors of [`Film::settings`], an [`Error::File`] if the film cannot be written, and errors of [`render`](crate::render).
+    /// Errors of [`Film::settings`], an [`Error::Loop`] if the film cannot be written, and errors of [`render`](crate::render).
     pub fn render_to(&self, output: impl AsRef<Path>) -> Result<Report> {
         self.render_with(output, Run::default())
     }

@@ -6,8 +6,7 @@
 //!               └── ΔY(n−1), one frame late ◄───┘
 //! ```
 //! A part knows no channel, thread, checkpoint or observer: [`couple`](crate::couple) joins them. A renderer, masking model or
-//! encoder of one's own implements one of these traits; [`perceptual::Feedback`] is a [`Mask`], [`Video`](render2mpeg::stages::Video)
-//! an [`Encode`].
+//! encoder of one's own implements one of these traits; [`perceptual::Feedback`] is a [`Mask`], [`ToneMap`] a [`Display`].
 
 use crate::error::Result;
 use crate::figures::FrameFigures;
