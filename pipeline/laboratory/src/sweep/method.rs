@@ -62,7 +62,7 @@ pub const METHODS: &[Method] = &[
     film("codec-cache", "codec, cache", 1, |w| w.thresholds = Some(Thresholds::Codec)).cached().steered(),
     paths("paths-4", "4 paths", 4, 11),
     paths("paths-16", "16 paths", 16, 13),
-    paths("paths-64", "64 paths", 64, 16),
+    paths("paths-64", "64 paths", 64, 2),
 ];
 
 /// Thresholds from the masking model.

@@ -74,7 +74,7 @@ fn after(change: impl FnOnce(&mut Scene)) -> u64 {
 #[test]
 fn a_scene_has_one_fingerprint() {
     for name in ["cornell-box/cornell-box.glb", "nave/nave.glb"] {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(name);
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(name);
         let [first, second] = [(); 2].map(|()| fingerprint(&scene::load(&path).unwrap()));
         assert_eq!(first, second, "{name}");
     }
