@@ -11,12 +11,12 @@ use std::path::{Path, PathBuf};
 /// A scene with the options of its film.
 ///
 /// ```no_run
-/// use pipeline::{Film, Options};
+/// use render2mpeg::{Film, Options};
 ///
 /// let options = Options { frames: Some(25), qscale: Some(4), ..Options::default() };
 /// let report = Film::open("scene.glb")?.with_options(options).render_to("film.mpg")?;
 /// println!("{} frames, {} bits", report.summary.frames, report.summary.bits_total);
-/// # Ok::<(), pipeline::Error>(())
+/// # Ok::<(), render2mpeg::Error>(())
 /// ```
 #[derive(Debug)]
 pub struct Film {
