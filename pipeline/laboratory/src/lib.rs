@@ -1,4 +1,4 @@
-//! What measures films and shows the figures. No film needs any of it.
+//! Measurements of films, and pages of the figures. Films do not depend on this crate.
 //!
 //! - [`compare`]: how far pictures, folders of pictures and videos are from others.
 //! - [`sweep`]: the same frames by several methods beside a reference; error against run time.

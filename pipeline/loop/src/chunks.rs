@@ -1,4 +1,4 @@
-//! Films in chunks: every so many frames all state begins anew.
+//! Films in chunks: all state is reset every N frames.
 
 /// Whether frame `index` is the first of a chunk of `chunk` frames. Without chunks no frame is.
 #[must_use]

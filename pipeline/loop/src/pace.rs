@@ -6,8 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Decides before each frame whether it is begun, as late as possible.
 ///
-/// Other ranks begin a frame at the same time as this one. Where there are any, the decision is made when the frame before is
-/// handed over, and is kept until then.
+/// All ranks begin a frame together. With other ranks, the decision about it is therefore made when the frame before is handed over.
 pub(super) struct Pace<'a> {
     stop: &'a AtomicBool,
     checkpoints: &'a Checkpoints,
